@@ -8,10 +8,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wrenchbed.benchmark.sealed.entrants import Entrant
     from wrenchbed.benchmark.sealed.make import Family
     from wrenchbed.benchmark.sealed.make import make as blind_make
     from wrenchbed.benchmark.sealed.real import seal_real as blind_seal
+    from wrenchbed.benchmark.sealed.run import Entrant
     from wrenchbed.benchmark.sealed.run import run as blind_run
     from wrenchbed.benchmark.sealed.score import score as blind_score
     from wrenchbed.calibration.calibrate import CalibrationOptions as Options
@@ -63,10 +63,9 @@ if TYPE_CHECKING:
     __version__: str
 
 _PUBLIC = {
-    "benchmark.sealed.entrants": ("Entrant",),
     "benchmark.sealed.make": ("Family", "make as blind_make"),
     "benchmark.sealed.real": ("seal_real as blind_seal",),
-    "benchmark.sealed.run": ("run as blind_run",),
+    "benchmark.sealed.run": ("Entrant", "run as blind_run"),
     "benchmark.sealed.score": ("score as blind_score",),
     "calibration.calibrate": ("CalibrationOptions as Options", "calibrate"),
     "calibration.fit": ("Fit",),

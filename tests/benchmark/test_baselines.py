@@ -5,8 +5,8 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
-from wrenchbed.benchmark.scoring.baselines import BASELINES, descend
-from wrenchbed.benchmark.scoring.linear_problem import Claim, linear
+from wrenchbed.benchmark.scoring.baselines import BASELINES, descend, linear
+from wrenchbed.benchmark.scoring.case_rows import Claim
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 

@@ -2,27 +2,29 @@
 
 import ast
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
+from itertools import count
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson, solve_ivp
 
 from wrenchbed import registry
-from wrenchbed.benchmark.efforts import alike, case, claims, run, score, world
-from wrenchbed.benchmark.efforts.arm import TrueArm
-from wrenchbed.benchmark.efforts.bristles import bouc_wen, lugre
+from wrenchbed.benchmark.efforts import alike, case, entrants, score, world
+from wrenchbed.benchmark.efforts.arm import Path as Motion
+from wrenchbed.benchmark.efforts.arm import TrueArm, draw, of_values
 from wrenchbed.benchmark.efforts.faults import FAMILIES
 from wrenchbed.benchmark.efforts.outside import OUTSIDE
-from wrenchbed.benchmark.efforts.path import Path as Motion
-from wrenchbed.benchmark.efforts.path import draw, of_values
-from wrenchbed.benchmark.efforts.robots import arms
+from wrenchbed.benchmark.efforts.world import bouc_wen, lugre
+from wrenchbed.benchmark.scoring.case_rows import OURS
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 
 UR5 = registry.load("robots", "ur5")
+NUMBERS = count()
 SOURCE = Path(case.__file__).parent
 FILES = Path(__file__).parents[1] / "data" / "robots"
 FORBIDDEN = ("wrenchbed.drives", "wrenchbed.effects", "wrenchbed.diagnosis",
@@ -82,7 +84,13 @@ def test_links_keep_the_balance_of_energy(number):
     arm = TrueArm(UR5, setting.theta, setting.edits)
     power = (arm.torque(part) * part.qd).sum(axis=1)
     work = cumulative_simpson(power, x=part.t, initial=0.0)
-    energy = arm.energy(part)
+    model = arm.model()
+    model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    data, energy = mujoco.MjData(model), np.empty(len(part.t))
+    for k, place in enumerate(UR5.qpos(part.q, setting.theta)):
+        data.qpos[:], data.qvel[:] = place, part.qd[k]
+        mujoco.mj_forward(model, data)
+        energy[k] = data.energy.sum()
     assert np.ptp(energy) > 5.0
     assert np.abs(work - (energy - energy[0])).max() < 1e-3 * np.ptp(energy)
 
@@ -126,7 +134,7 @@ def test_an_asymmetry_without_reversal_is_like_an_offset_and_a_coulomb_fault_is_
     setting = setting_of(5)
     fault = FAMILIES["drive.coulomb"](setting, 1, np.random.default_rng(6))
     added = world.simulate(setting, fault) - setting.healthy
-    rest = alike.left(setting, fault, added)
+    rest = alike.remaining(setting, fault, added)
     assert rest["drive.coulomb", 2] < 0.1 * rest["drive.offset", 2]
     path = setting.path
     one = np.abs(path.qd[:, 1]) + 0.05
@@ -134,7 +142,7 @@ def test_an_asymmetry_without_reversal_is_like_an_offset_and_a_coulomb_fault_is_
     q[:, 1] = q[0, 1] + np.cumsum(one) * path.step * 0.05
     oneway = replace(setting, path=of_values("oneway", path.rate, path.t, q))
     added = world.simulate(oneway, fault) - oneway.healthy
-    size, rest = alike.gap(oneway, added), alike.left(oneway, fault, added)
+    size, rest = alike.gap(oneway, added), alike.remaining(oneway, fault, added)
     assert ("drive.offset", 2) in alike.classed(fault, size, rest)
 
 
@@ -143,7 +151,7 @@ def test_an_asymmetry_without_reversal_is_like_an_offset_and_a_coulomb_fault_is_
 
 @pytest.fixture(scope="module")
 def robots(tmp_path_factory):
-    return arms(FILES, tmp_path_factory.mktemp("arms"))
+    return entrants.arms(FILES, tmp_path_factory.mktemp("arms"))
 
 
 def test_a_seed_makes_the_same_case_again(robots):
@@ -185,7 +193,7 @@ def test_an_oracle_closes_what_it_knows(robots):
 
 def test_the_referee_imports_nothing_of_what_it_judges():
     for file in SOURCE.glob("*.py"):
-        if file.stem == "run":  # asks the diagnosis
+        if file.stem == "entrants":  # asks the diagnosis
             continue
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
@@ -203,11 +211,14 @@ def truth(kind="library", family="drive.coulomb", joint=2, alike_=()):
 
 
 def answered(kind, claim, **more):
-    return score.Answered(truth(kind, **more), claim)
+    """A case and the claim about it, as rows of the scorer."""
+    made = more.pop("truth", None) or truth(kind, **more)
+    row = {"id": str(next(NUMBERS)), "truth": asdict(made), "claims": {"me": asdict(claim)}}
+    return score.case_rows([row], "me")[0]
 
 
 def claim(*causes, verdict="identified", p=0.95, closed=0.95):
-    return claims.EffortClaim(verdict, tuple(causes), (p,) * len(causes), closed=closed)
+    return entrants.EffortClaim(verdict, tuple(causes), (p,) * len(causes), closed=closed)
 
 
 def test_a_cause_must_be_named_with_its_joint():
@@ -215,7 +226,8 @@ def test_a_cause_must_be_named_with_its_joint():
     other = answered("library", claim((("drive.coulomb", 3),)))
     rival = answered("library", claim((("drive.load", 2), ("drive.coulomb", 2))))
     same = answered("library", claim((("drive.offset", 2),)), alike_=(("drive.offset", 2),))
-    assert [score.isolated(r) for r in (good, other, rival, same)] == [True, False, True, True]
+    rows = (good, other, rival, same)
+    assert [score.isolated(r, r.answers[OURS]) for r in rows] == [True, False, True, True]
 
 
 def test_figures_of_answers_counted_by_hand():
@@ -236,10 +248,9 @@ def test_figures_of_answers_counted_by_hand():
 
 
 def test_causes_that_the_oracle_cannot_show_count_apart():
-    shown = answered("library", claim((("drive.coulomb", 2),)))
-    hidden = answered("library", claim(verdict="none"))
-    hidden = replace(hidden, truth=replace(hidden.truth, background=0.6, oracle=0.55))
-    shown = replace(shown, truth=replace(shown.truth, background=0.6, oracle=0.1))
+    known = {k: replace(truth(), background=0.6, oracle=k) for k in (0.1, 0.55)}
+    shown = answered("library", claim((("drive.coulomb", 2),)), truth=known[0.1])
+    hidden = answered("library", claim(verdict="none"), truth=known[0.55])
     found = {f.name: f for f in score.figures([shown, hidden])}
     assert found["cause named, with its joint"].value == 0.5
     own = found["… unless ordinary errors imitate it"]
@@ -252,7 +263,7 @@ def test_a_claim_is_read_from_the_contract():
            "which": [{"effect": "drive.load", "probability": 0.8, "rivals": ["drive.coulomb"],
                       "parameters": {"joint": {"value": 4, "rivals": [5]}}},
                      {"effect": "tool.mass", "probability": 0.6, "parameters": {}}]}  # fmt: skip
-    found = claims.of_json(raw, 1.5)
+    found = entrants.of_json(raw, 1.5)
     assert found.causes == (
         (("drive.load", 4), ("drive.load", 5), ("drive.coulomb", 4), ("drive.coulomb", 5)),
         (("tool.mass", None),),
@@ -261,14 +272,14 @@ def test_a_claim_is_read_from_the_contract():
 
 
 def test_seeds_of_development_and_of_the_final_score_are_apart():
-    assert run.check_seed(999) == "development" and run.check_seed(10000) == "final"
+    assert entrants.check_seed(999) == "development" and entrants.check_seed(10000) == "final"
     with pytest.raises(ParameterError, match="development"):
-        run.check_seed(5000)
+        entrants.check_seed(5000)
 
 
 def test_a_row_survives_json(robots, tmp_path):
-    job = run.EffortJob(5, 2, False, tuple(claims.TRIVIAL), FILES, tmp_path)
-    row = json.loads(json.dumps(run.answer(job)))
-    for name in claims.TRIVIAL:
-        (back,) = run.answered([row], name)
-        assert back.truth == case.make(robots, 5, 2).truth
+    job = entrants.EffortJob(5, 2, False, tuple(entrants.TRIVIAL), FILES, tmp_path)
+    made = entrants.answer(job)
+    row = json.loads(json.dumps(made))
+    for name in entrants.TRIVIAL:
+        assert score.case_rows([row], name) == score.case_rows([made], name)

@@ -11,15 +11,16 @@ from scipy.integrate import solve_ivp
 
 import wrenchbed
 from wrenchbed import registry
-from wrenchbed.benchmark.referee import arm, case, outside, sensor, tool
+from wrenchbed.benchmark.frame import KINDS, NEEDED, ROWS_NEEDED, STATED
+from wrenchbed.benchmark.referee import arm, case, sensor, tool
 from wrenchbed.benchmark.referee import scenario as settings
 from wrenchbed.benchmark.referee import signatures as columns
 from wrenchbed.benchmark.referee.case import FaultyRobot
-from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED, background, possible
-from wrenchbed.benchmark.referee.equivalence import SAME, Usual, bench
+from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES, background, possible
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal, total
+from wrenchbed.benchmark.referee.machine import Mechanics
 from wrenchbed.benchmark.referee.memory import after, bouc_wen, lowpass
-from wrenchbed.benchmark.referee.true_robot import Mechanics
+from wrenchbed.benchmark.referee.signatures import SAME, Usual, bench
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
 
@@ -47,18 +48,25 @@ def files(module):
     return [f for f in (folder.with_suffix(".py"), folder / "__init__.py") if f.is_file()]
 
 
-def test_the_referee_shares_no_effect_code_even_indirectly():
-    reached, todo = (
-        set(),
-        {f"benchmark.referee.{f.stem}" for f in SOURCE.glob("benchmark/referee/*.py")},
-    )
+def reached(room):
+    """Modules that the files of a room of the benchmark import, even indirectly."""
+    every, todo = set(), {f"benchmark.{room}.{f.stem}" for f in SOURCE.glob(f"benchmark/{room}/*")}
     while todo:
         module = todo.pop()
-        if module not in reached and files(module):
-            reached.add(module)
+        if module not in every and files(module):
+            every.add(module)
             todo |= {m for f in files(module) for m in modules(f)}
-    assert {"robots.base", "data.recording", "data.metadata"} < reached
-    assert not [m for m in reached if m.startswith(FORBIDDEN)]
+    return every
+
+
+def test_the_referee_shares_no_effect_code_even_indirectly():
+    assert {"robots.base", "data.recording", "data.metadata"} < reached("referee")
+    assert not [m for m in reached("referee") if m.startswith(FORBIDDEN)]
+
+
+def test_referee_and_look_alikes_share_the_frame_of_cases_only():
+    both = reached("referee") & reached("lookalikes")
+    assert {m for m in both if m.startswith("benchmark.")} == {"benchmark.frame"}
 
 
 def test_the_library_does_not_know_the_referee():
@@ -115,7 +123,7 @@ def test_true_numbers_mean_what_the_library_publishes(world, name):
     """The library's formula with the referee's numbers gives what the referee's machine reads."""
     setting = world.setting
     fault = SAME_NUMBERS[name](setting, np.random.default_rng(3), 4.0)
-    found = case.measured(world, fault).signature
+    found = world.measured(fault).signature
     q, t = setting.mean(setting.path.q), setting.mean(setting.path.t)
     held = np.ones(len(q), dtype=bool)
     gravity = np.array(setting.robot.gravity)
@@ -124,7 +132,7 @@ def test_true_numbers_mean_what_the_library_publishes(world, name):
         scene
     )
     usual = world.usual
-    configured = name in case.STATED or name == "sensor.drift"
+    configured = name in STATED or name == "sensor.drift"
     size = usual.gap(found, configured)
     assert size > 0.1
     assert usual.gap(found - wanted, configured) < 0.02 * size
@@ -150,15 +158,13 @@ def world(small):
 def test_every_effect_changes_what_is_read(world, name):
     fault = EFFECTS[name].draw(world.setting, np.random.default_rng(6), 4.0)
     assert fault.name == name
-    found = case.measured(world, fault)
+    found = world.measured(fault)
     assert max(found.gap, found.rows) > 1e-3
 
 
-@pytest.mark.parametrize("name", list(outside.FAMILIES))
+@pytest.mark.parametrize("name", list(FAMILIES))
 def test_every_family_outside_changes_what_is_read(world, name):
-    found = case.measured(
-        world, outside.FAMILIES[name](world.setting, np.random.default_rng(2), 2.0)
-    )
+    found = world.measured(FAMILIES[name](world.setting, np.random.default_rng(2), 2.0))
     assert found.fault.name == name
     assert name not in EFFECTS
     assert found.gap > 0.1
@@ -192,7 +198,7 @@ def test_a_temperature_is_a_cause_only_where_it_is_recorded(world):
 
 
 def test_a_turned_last_joint_is_a_turned_sensor(world):
-    found = case.measured(world, arm.offset(world.setting, np.random.default_rng(1), 4.0, j=5))
+    found = world.measured(arm.offset(world.setting, np.random.default_rng(1), 4.0, j=5))
     signatures = bench(world.setting, world.way, world.usual)
     left = signatures.imitated(found.signature, configured=False)
     assert found.gap > 1.0
@@ -203,7 +209,7 @@ def test_a_turned_last_joint_is_a_turned_sensor(world):
 
 
 def test_a_wrong_mass_is_a_gain_of_everything(world):
-    found = case.measured(world, tool.mass(world.setting, np.random.default_rng(1), 1.0))
+    found = world.measured(tool.mass(world.setting, np.random.default_rng(1), 1.0))
     signatures = bench(world.setting, world.way, world.usual)
     assert "sensor.gain" in signatures.alike("tool.mass", found.signature)
     assert signatures.shows(found.signature, found.signature, configured=True)
@@ -241,7 +247,7 @@ def test_the_background_has_many_families_and_grows_with_its_scale(world):
     assert 0.0 < gaps[0] < gaps[1]
 
 
-@pytest.mark.parametrize("kind", case.KINDS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_case_holds_what_its_kind_promises(small, kind):
     found = case.make("ur5", "static", kind, (3, 1))
     assert found.kind == kind
@@ -249,14 +255,16 @@ def test_a_case_holds_what_its_kind_promises(small, kind):
     assert len(found.causes) == {"none": 0, "single": 1, "pair": 2, "outside": 1}[kind]
     for cause in found.causes:
         between = kind != "outside" and EFFECTS[cause.fault.name].between
-        needed = case.ROWS_NEEDED if between else case.NEEDED
+        needed = ROWS_NEEDED if between else NEEDED
         assert (cause.rows if between else cause.gap) >= needed[kind]
         assert 0.5 <= cause.fault.size <= 4.0
     if kind == "pair":
         subsystems = {c.fault.name.split(".")[0] for c in found.causes}
         assert len(subsystems) == 2
     if kind == "outside":
-        left = found.bench.imitated(found.causes[0].signature, configured=False, bounded=False)
+        left = found.world.signatures.imitated(
+            found.causes[0].signature, configured=False, bounded=False
+        )
         assert min(left.values()) >= case.LIBRARY_LEAVES
     again = case.make("ur5", "static", kind, (3, 1))
     for name, column in found.recording.columns.items():
@@ -276,53 +284,6 @@ def test_mechanics_collects_the_faults_of_the_body(world):
     q = np.zeros((2, 6))
     assert truth.driven(q)[:, 1] == pytest.approx(faults[1].true["offset.q2"])
     assert np.array_equal(signal(world.way, []), world.way.load)
-
-
-def pose_means(recording):
-    """Mean wrench of each pose (H, 6)."""
-    segment = recording.columns["segment"]
-    return np.array([recording.wrench[segment == k].mean(axis=0) for k in np.unique(segment)])
-
-
-def visited(found):
-    """Joint values of a case's poses (H, J)."""
-    segment = found.recording.columns["segment"]
-    first = [np.flatnonzero(segment == k)[0] for k in np.unique(segment)]
-    return found.recording.q[first]
-
-
-def without_its_causes(found):
-    names = {id(c.fault) for c in found.causes}
-    return replace(found, faults=tuple(f for f in found.faults if id(f) not in names))
-
-
-def test_a_later_recording_is_of_the_same_robot_with_the_same_faults(small):
-    found = case.make("ur5", "static", "single", (3, 6))  # crosstalk
-    poses = visited(found)
-    before, later = pose_means(found.recording), case.again(found, poses, (3, 60))
-    healthy = case.again(without_its_causes(found), poses, (3, 60))
-    noise = found.recording.metadata.sensor.noise_std
-
-    def apart(a, b):
-        return float(np.sqrt((((a - b) / noise) ** 2).mean()))
-
-    assert apart(pose_means(later), before) < 0.7
-    assert apart(pose_means(healthy), before) > 2.0
-    heavy = case.again(found, poses, (3, 60), payload=(0.5, np.array([0.0, 0.0, 0.05])))
-    assert heavy.metadata.tool.mass == pytest.approx(later.metadata.tool.mass + 0.5)
-    more = pose_means(heavy)[:, :3] - pose_means(later)[:, :3]
-    assert np.linalg.norm(more, axis=1) == pytest.approx(np.full(len(poses), 4.9), rel=0.1)
-
-
-def test_what_happened_once_has_happened_in_a_later_recording(small):
-    found = case.make("ur5", "static", "single", (3, 4))  # a jump
-    poses = visited(found)
-    later, healthy = (
-        pose_means(case.again(c, poses, (3, 60))) for c in (found, without_its_causes(found))
-    )
-    shift = (later - healthy) / found.recording.metadata.sensor.noise_std
-    assert np.abs(shift).max() > 3.0
-    assert np.ptp(shift, axis=0).max() < 0.2 * np.abs(shift).max()
 
 
 def test_numbers_of_a_tenth_joint_are_compared():

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.benchmark.referee.forward_dynamics import ride
-from wrenchbed.benchmark.referee.path import through
-from wrenchbed.benchmark.referee.true_robot import (
+from wrenchbed.benchmark.referee.machine import (
     Backlash,
     Hose,
     LoosePart,
     Mechanics,
     Pad,
     build,
+    ride,
 )
+from wrenchbed.benchmark.referee.scenario import through
 
 POSES = 6
 

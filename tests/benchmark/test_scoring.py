@@ -7,9 +7,16 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseFile, CaseRow, Number, read, write
+from wrenchbed.benchmark.scoring.case_rows import (
+    OURS,
+    CaseFile,
+    CaseRow,
+    Claim,
+    Number,
+    read,
+    write,
+)
 from wrenchbed.benchmark.scoring.cases import BenchmarkSetting, Job, jobs, truth
-from wrenchbed.benchmark.scoring.linear_problem import Claim
 from wrenchbed.benchmark.scoring.metrics import (
     METRICS,
     by_effect,

@@ -2,15 +2,28 @@
 
 import json
 import os
+import sys
+from importlib.machinery import SourceFileLoader
+from importlib.util import module_from_spec, spec_from_loader
+from pathlib import Path
 
 import pytest
 
 from sealed_family import COUNT, SEED, small, truthful
-from wrenchbed.benchmark.sealed import answer, commitments, make, score
-from wrenchbed.benchmark.sealed import commitments as case_files
-from wrenchbed.benchmark.sealed.attack import attack
+from wrenchbed.benchmark.sealed import commitments, make, score
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError, ParameterError
+
+
+@pytest.fixture(scope="module")
+def attack():
+    """The attack of `scripts/attack_sealed`."""
+    script = Path(__file__).parents[2] / "scripts" / "attack_sealed"
+    loader = SourceFileLoader("attack_sealed", str(script))
+    module = module_from_spec(spec_from_loader(loader.name, loader))
+    sys.modules[loader.name] = module  # its dataclass looks itself up there
+    loader.exec_module(module)
+    return module.attack
 
 
 def test_shares_of_kinds_are_as_promised():
@@ -26,7 +39,7 @@ def test_cases_hold_recordings_and_commitments_only(family):
     assert len(list(cases.iterdir())) == COUNT + 1
     assert commitments.digest((cases / commitments.COMMITMENTS).read_bytes()) == root
     assert len(commitments.verify(cases, answers)) == COUNT
-    data = Recording.read(case_files.recording_of(cases, "0001"))
+    data = Recording.read(commitments.recording_of(cases, "0001"))
     assert data.metadata.extra == {}
     text = (cases / commitments.COMMITMENTS).read_text()
     assert "salt" not in text and "effect" not in text
@@ -34,7 +47,7 @@ def test_cases_hold_recordings_and_commitments_only(family):
 
 def test_a_salt_hides_what_few_answers_there_are(family):
     _, answers, _ = family
-    salts = {answer.read(p).salt for p in answers.glob("0*.json")}
+    salts = {commitments.read_answer(p).salt for p in answers.glob("0*.json")}
     assert len(salts) == COUNT
     assert all(len(s) == 64 for s in salts)
 
@@ -51,7 +64,7 @@ def test_the_same_seed_makes_the_same_bytes(family, tmp_path, monkeypatch):
 
 def test_files_bear_one_time(family):
     cases, _, _ = family
-    assert {p.stat().st_mtime for p in cases.iterdir()} == {case_files.EPOCH}
+    assert {p.stat().st_mtime for p in cases.iterdir()} == {commitments.EPOCH}
 
 
 @pytest.mark.parametrize("which", ["recording", "answer", "commitments", "root"])
@@ -60,8 +73,8 @@ def test_what_was_tampered_with_is_refused(copied, which, tmp_path):
     truthful(cases, answers, tmp_path / "claims" / "me")
     score.score(cases, tmp_path / "claims", answers)
     path = {
-        "recording": case_files.recording_of(cases, "0002"),
-        "answer": case_files.answer_of(answers, "0002"),
+        "recording": commitments.recording_of(cases, "0002"),
+        "answer": commitments.answer_of(answers, "0002"),
         "commitments": cases / commitments.COMMITMENTS,
         "root": answers / commitments.FAMILY,
     }[which]
@@ -71,7 +84,7 @@ def test_what_was_tampered_with_is_refused(copied, which, tmp_path):
     elif which == "root":
         data = bytearray(json.dumps(json.loads(data) | {"commitments": "0" * 64}).encode())
     elif which == "commitments":  # of a case and its commitment together
-        recording = case_files.recording_of(cases, "0002")
+        recording = commitments.recording_of(cases, "0002")
         recording.write_bytes(recording.read_bytes() + b" ")
         told = json.loads(data)
         told["cases"]["0002"]["recording"] = commitments.digest(recording.read_bytes())
@@ -87,7 +100,7 @@ def test_what_was_sealed_is_not_sealed_again(copied):
     cases, answers = copied
     told = make.Family("ur5", "static", COUNT, SEED)
     root = make.make(told, cases, answers)
-    path = case_files.answer_of(answers, "0003")
+    path = commitments.answer_of(answers, "0003")
     path.write_bytes(path.read_bytes().replace(b'"minor": 0', b'"minor": 1', 1))
     with pytest.raises(BenchmarkError, match=r"0003\.json: was changed"):
         make.make(told, cases, answers)
@@ -100,7 +113,7 @@ def test_all_files_together_cannot_be_changed_behind_what_was_published(copied, 
     root = commitments.digest((cases / commitments.COMMITMENTS).read_bytes())
     score.score(cases, tmp_path / "claims", answers, published=root)
     told = json.loads((cases / commitments.COMMITMENTS).read_bytes())
-    path = case_files.answer_of(answers, "0003")
+    path = commitments.answer_of(answers, "0003")
     path.write_bytes(path.read_bytes().replace(b'"minor": 0', b'"minor": 1', 1))
     told["cases"]["0003"]["answer"] = commitments.digest(path.read_bytes())
     text = json.dumps(told).encode()
@@ -126,7 +139,7 @@ def test_a_case_cannot_be_called_a_path(copied):
 def test_a_missing_answer_is_refused(copied, tmp_path):
     cases, answers = copied
     truthful(cases, answers, tmp_path / "claims" / "me")
-    case_files.answer_of(answers, "0005").unlink()
+    commitments.answer_of(answers, "0005").unlink()
     with pytest.raises(BenchmarkError, match=r"0005\.json: is missing"):
         score.score(cases, tmp_path / "claims", answers)
 
@@ -147,23 +160,23 @@ def test_answers_lie_apart_and_families_do_not_mix(tmp_path, family):
         make.Family("ur5", "static", 0, 1)
 
 
-def test_nothing_but_wrench_and_joints_tells_the_answer(family):
+def test_nothing_but_wrench_and_joints_tells_the_answer(family, attack):
     cases, answers, _ = family
     for found in attack(cases, answers):
         assert found.p_value > 0.01, found
         assert abs(found.accuracy - found.chance) < 0.3, found
 
 
-def test_the_attack_finds_a_leak(copied):
+def test_the_attack_finds_a_leak(copied, attack):
     cases, answers = copied
     for name in commitments.read(cases):
-        kind = answer.read(case_files.answer_of(answers, name)).kind
-        path = case_files.recording_of(cases, name)
-        when = case_files.EPOCH + 1000 * ("none", "single", "pair", "outside").index(kind)
+        kind = commitments.read_answer(commitments.answer_of(answers, name)).kind
+        path = commitments.recording_of(cases, name)
+        when = commitments.EPOCH + 1000 * ("none", "single", "pair", "outside").index(kind)
         os.utime(path, (when, when))
         data = Recording.read(path)
         columns = dict(data.columns) | {kind: data.t}
-        case_files.write_recording(Recording(data.metadata, columns, name), path)
+        commitments.write_recording(Recording(data.metadata, columns, name), path)
         os.utime(path, (when, when))
     assert attack(cases, answers)[0].p_value < 0.05
 
@@ -174,10 +187,10 @@ def test_workers_make_cases_and_a_stopped_make_goes_on(tmp_path, robot, mode):
     told, told_again = make.Family(robot, mode, 2, 6), make.Family(robot, mode, 2, 6)
     cases, answers = tmp_path / "c", tmp_path / "a"
     root = make.make(told, cases, answers)
-    case_files.recording_of(cases, "0002").unlink()  # as if it had not come so far
+    commitments.recording_of(cases, "0002").unlink()  # as if it had not come so far
     family = json.loads((answers / commitments.FAMILY).read_bytes()) | {"commitments": None}
     (answers / commitments.FAMILY).write_text(json.dumps(family))
     assert make.make(told_again, cases, answers) == root
     assert len(commitments.verify(cases, answers)) == 2
-    data = Recording.read(case_files.recording_of(cases, "0001"))
+    data = Recording.read(commitments.recording_of(cases, "0001"))
     assert (data.metadata.robot, data.metadata.mode) == (robot, mode)

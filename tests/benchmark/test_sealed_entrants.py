@@ -12,10 +12,10 @@ import pytest
 
 from sealed_family import COUNT, SAYS_NONE, script
 from wrenchbed.benchmark.referee import scenario as settings
-from wrenchbed.benchmark.scoring.linear_problem import Claim
+from wrenchbed.benchmark.scoring.case_rows import Claim
 from wrenchbed.benchmark.sealed import make, report, run, score
 from wrenchbed.benchmark.sealed import score as claims
-from wrenchbed.benchmark.sealed.entrants import CLAIM, Entrant, contract, enter
+from wrenchbed.benchmark.sealed.run import CLAIM, Entrant, contract, enter
 from wrenchbed.cli import main
 from wrenchbed.effects.chain import effects
 from wrenchbed.errors import BenchmarkError, ParameterError

@@ -5,8 +5,8 @@ import json
 import pytest
 
 from sealed_family import SAYS_NONE, script
-from wrenchbed.benchmark.sealed import answer, commitments, make, run, score
-from wrenchbed.benchmark.sealed.entrants import CLAIM, RUN, Entrant
+from wrenchbed.benchmark.sealed import commitments, make, run, score
+from wrenchbed.benchmark.sealed.run import CLAIM, RUN, Entrant
 from wrenchbed.errors import BenchmarkError, ParameterError
 from wrenchbed.jobs.parts import Journal, check_folders
 from wrenchbed.robots.described import read as read_robot
@@ -40,7 +40,7 @@ def test_files_of_a_sealed_benchmark_are_refused_where_they_are_too_deep(tmp_pat
     with pytest.raises(BenchmarkError, match="nested more than 100 levels"):
         commitments.read(tmp_path)
     with pytest.raises(BenchmarkError, match="nested more than 100 levels"):
-        answer.read(tmp_path / "0001.json")
+        commitments.read_answer(tmp_path / "0001.json")
     assert make.resumed(tmp_path / "answers") is None
     with pytest.raises(BenchmarkError, match="nested more than 100 levels"):
         check_folders(tmp_path / "0001.json", {"a": 1}, (tmp_path,), BenchmarkError)

@@ -8,8 +8,8 @@ import pytest
 
 from sealed_family import small, truthful
 from wrenchbed import registry
-from wrenchbed.benchmark.sealed import answer, commitments, entrants, planned, report, score
-from wrenchbed.benchmark.sealed.entrants import CLAIM
+from wrenchbed.benchmark.sealed import commitments, report, run, score
+from wrenchbed.benchmark.sealed.run import CLAIM
 from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
@@ -66,8 +66,8 @@ def test_the_diagnosis_gets_what_was_learnt_once(cases, tmp_path, monkeypatch):
         given.append(reliability)
         raise RuntimeError("not needed here")
 
-    monkeypatch.setattr(planned, "reliability_at_design", learn)
-    monkeypatch.setattr(entrants, "diagnose", diagnose)
+    monkeypatch.setattr(run, "reliability_at_design", learn)
+    monkeypatch.setattr(run, "diagnose", diagnose)
     monkeypatch.setattr("wrenchbed.benchmark.sealed.run.in_workers", _here)
     line = ["blind", "run", str(cases / "cases"), "--out", str(tmp_path / "claims"), "--method",
             "diagnose", "--look-alikes", "50"]  # fmt: skip
@@ -123,7 +123,7 @@ def test_sets_of_answers_count_where_they_hold_the_truth(family, tmp_path):
     for who, right in (("right", True), ("wrong", False)):
         truthful(cases, answers, tmp_path / "claims" / who)
         for name in commitments.read(cases):
-            truth = answer.read(commitments.answer_of(answers, name))
+            truth = commitments.read_answer(commitments.answer_of(answers, name))
             path = tmp_path / "claims" / who / name / CLAIM
             told = json.loads(path.read_bytes())
             own = truth.effects[-1:] or ("unknown" if truth.kind == "outside" else "none",)

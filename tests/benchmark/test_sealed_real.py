@@ -7,7 +7,6 @@ import pytest
 
 from sealed_family import truthful
 from wrenchbed.benchmark.sealed import commitments, report
-from wrenchbed.benchmark.sealed import commitments as case_files
 from wrenchbed.benchmark.sealed import score as scoring
 from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
@@ -31,7 +30,7 @@ def measured(family, tmp_path):
     """Two recordings whose columns and metadata tell more than they should."""
     cases, _, _ = family
     for name, source in (("tilted", "0001"), ("plain", "0002")):
-        data = Recording.read(case_files.recording_of(cases, source))
+        data = Recording.read(commitments.recording_of(cases, source))
         columns = dict(data.columns) | {"shim": data.t * 0.0 + 3.0}
         extra = {"operator": "put a shim under the base"}
         meta = type(data.metadata)(**{**vars(data.metadata), "extra": extra})
@@ -47,7 +46,7 @@ def test_real_recordings_are_sealed_under_numbers_and_scored(measured, capsys):
     sealed = commitments.verify(measured / "c", measured / "a")
     assert list(sealed) == ["0001", "0002"]
     for name in sealed:
-        found = Recording.read(case_files.recording_of(measured / "c", name))
+        found = Recording.read(commitments.recording_of(measured / "c", name))
         assert "shim" not in found.columns
         assert found.metadata.extra == {} and found.metadata.source is None
     truthful(measured / "c", measured / "a", measured / "claims" / "me")

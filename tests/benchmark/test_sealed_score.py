@@ -10,12 +10,11 @@ from scipy.stats import binom
 
 from sealed_family import COUNT, SEED, truthful
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
-from wrenchbed.benchmark.scoring.linear_problem import Claim
+from wrenchbed.benchmark.scoring.case_rows import Claim
 from wrenchbed.benchmark.scoring.metrics import Metric, ScoredMetric, exact_interval
-from wrenchbed.benchmark.sealed import answer, commitments, report, score
-from wrenchbed.benchmark.sealed import commitments as case_files
+from wrenchbed.benchmark.sealed import commitments, report, score
 from wrenchbed.benchmark.sealed import make as making
-from wrenchbed.benchmark.sealed.entrants import CLAIM
+from wrenchbed.benchmark.sealed.run import CLAIM
 from wrenchbed.cli import main
 
 
@@ -63,7 +62,7 @@ def test_numbers_are_held_against_true_ones(family, tmp_path):
     truthful(cases, answers, tmp_path / "claims" / "me")
     changed = 0
     for name in commitments.read(cases):
-        truth = answer.read(case_files.answer_of(answers, name))
+        truth = commitments.read_answer(commitments.answer_of(answers, name))
         path = tmp_path / "claims" / "me" / name / CLAIM
         told = json.loads(path.read_bytes())
         for cause, said in zip(truth.causes, told["which"], strict=False):

@@ -12,8 +12,8 @@ from ntnu import GRAVITY, STD, motion, static
 from sealed_family import truthful
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.referee.fault import total
-from wrenchbed.benchmark.scoring.linear_problem import Claim
-from wrenchbed.benchmark.sealed import answer, commitments, report
+from wrenchbed.benchmark.scoring.case_rows import Claim
+from wrenchbed.benchmark.sealed import commitments, report
 from wrenchbed.benchmark.sealed import score as scoring
 from wrenchbed.benchmark.sealed.real_setting import setting_of
 from wrenchbed.benchmark.sealed.semi_real import HostRecording, SemiRealFamily
@@ -29,12 +29,12 @@ COUNT, SEED = 14, 8
 
 @pytest.fixture(scope="module")
 def at_rest():
-    return HostRecording(setting_of(static()), (1, 2))
+    return HostRecording(setting_of(static()), noise_seed=(1, 2))
 
 
 @pytest.fixture(scope="module")
 def moving():
-    return HostRecording(setting_of(motion(1)), (1, 2))
+    return HostRecording(setting_of(motion(1)), noise_seed=(1, 2))
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +57,7 @@ def drawn(host, name, size=2.0, seed=0):
 
 
 def change(host, fault):
-    return host.recording([fault]).wrench - host.setting.recording.wrench
+    return host.recorded([fault]).wrench - host.setting.recording.wrench
 
 
 def load(recording):
@@ -96,7 +96,7 @@ def test_a_tilt_turns_gravity_in_the_wrench_and_in_the_accelerometer(at_rest):
     fit = load(real)[1]
     by_hand = fit.mass * np.concatenate([pull, np.cross(fit.cog, pull)], axis=1)
     assert change(at_rest, fault) == pytest.approx(by_hand, abs=1e-9)
-    found = at_rest.recording([fault])
+    found = at_rest.recorded([fault])
     read, was = (np.stack([r.columns[a] for a in ("ax", "ay", "az")], 1) for r in (found, real))
     assert np.abs(pull).max() > 0.02
     assert read - was == pytest.approx(-pull, abs=1e-12)
@@ -106,7 +106,7 @@ def test_a_heavier_tool_weighs_more_than_is_stated(at_rest):
     fault = drawn(at_rest, "tool.mass")
     weight, fit = load(static())
     assert change(at_rest, fault) == pytest.approx(weight * fault.true["mass"] / fit.mass, abs=1e-9)
-    stated = at_rest.recording([fault]).metadata.tool
+    stated = at_rest.recorded([fault]).metadata.tool
     assert stated.mass == pytest.approx(fit.mass, abs=1e-4)
 
 
@@ -138,9 +138,9 @@ def test_more_noise_is_a_multiple_of_the_rows_own_scatter(moving):
 
 def test_the_gap_is_the_mean_square_in_the_recordings_noise(at_rest):
     fault = drawn(at_rest, "tool.mass", 4.0)
-    cause = at_rest.cause(fault)
+    cause = at_rest.measured(fault)
     assert cause.gap == pytest.approx(np.mean((change(at_rest, fault) / STD) ** 2))
-    both = at_rest.two(np.random.default_rng(3))
+    both = at_rest.causes("pair", np.random.default_rng(3))
     assert all(c.gap >= 1.5 for c in both)
     assert len({c.fault.name.split(".")[0] for c in both}) == 2
 
@@ -164,7 +164,10 @@ def test_nothing_is_made_of_a_recording_without_noise():
 
 def test_cases_differ_in_what_a_fault_changes_only(semi_real):
     cases, answers, _ = semi_real
-    told = {n: answer.read(commitments.answer_of(answers, n)) for n in commitments.read(cases)}
+    told = {
+        n: commitments.read_answer(commitments.answer_of(answers, n))
+        for n in commitments.read(cases)
+    }
     kinds = [a.kind for a in told.values()]
     assert (kinds.count("none"), len(kinds)) == (1, COUNT)
     assert {"single", "pair", "outside"} < set(kinds)

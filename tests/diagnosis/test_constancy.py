@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.benchmark.referee import outside
-from wrenchbed.benchmark.referee.case import as_case, measured, robot_with_minor
-from wrenchbed.benchmark.referee.catalogue import EFFECTS
+from wrenchbed.benchmark.referee.case import as_case, robot_with_minor
+from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES
 from wrenchbed.diagnosis.diagnose import settle
 from wrenchbed.diagnosis.explain.own_rest import weighed_again
 from wrenchbed.diagnosis.explain.reliability import shipped
@@ -71,14 +70,14 @@ def of_referee(draw):
     rng = np.random.default_rng(SEED)
     poses = registry.load("robots", "ur5").sample(30, rng)
     world, minor = robot_with_minor("ur5", "static", (SEED, 0, 0), rng, poses)
-    cause = measured(world, draw(world.setting, rng, 2.0))
+    cause = world.measured(draw(world.setting, rng, 2.0))
     assert cause.gap > 6.0
     return analyse(prepare(as_case("outside", world, [cause], minor, rng).recording, 0))
 
 
 @pytest.fixture(scope="module")
 def sinking():
-    return of_referee(outside.FAMILIES["sinking"])
+    return of_referee(FAMILIES["sinking"])
 
 
 @pytest.fixture(scope="module")

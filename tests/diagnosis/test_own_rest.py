@@ -26,7 +26,7 @@ from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
 @pytest.fixture(scope="module")
 def host():
-    return HostRecording(setting_of(static()), (1, 2))
+    return HostRecording(setting_of(static()), noise_seed=(1, 2))
 
 
 @pytest.fixture(scope="module")
@@ -41,13 +41,13 @@ def named(found):
 def first(host, draw, least):
     """The first of twenty draws that adds a gap beyond the robot's own."""
     faults = (draw(np.random.default_rng(k)) for k in range(20))
-    return next(f for f in faults if host.cause(f).gap > least)
+    return next(f for f in faults if host.measured(f).gap > least)
 
 
 @pytest.mark.parametrize("name", ["sensor.jump", "sensor.crosstalk", "tool.mass"])
 def test_a_fault_is_named_beside_what_the_robot_leaves_unexplained(host, name):
     fault = first(host, lambda rng: host.drawn(name, rng, 2.0), 12.0)
-    found = diagnose(host.recording([fault]))
+    found = diagnose(host.recorded([fault]))
     assert name in named(found)
     assert found.diagnosis.gap.with_effects.value > 5.0  # the robot's own rest remains
 
@@ -55,7 +55,7 @@ def test_a_fault_is_named_beside_what_the_robot_leaves_unexplained(host, name):
 @pytest.mark.parametrize("family", ["knock", "bursts", "popcorn"])
 def test_a_fault_that_the_library_lacks_is_not_named(host, family):
     fault = first(host, lambda rng: FAMILIES[family](host.setting, rng, 1.5), 4.0)
-    assert named(diagnose(host.recording([fault]))) <= {"base.tilt"}
+    assert named(diagnose(host.recorded([fault]))) <= {"base.tilt"}
 
 
 def test_the_rest_is_measured_channel_by_channel(real):

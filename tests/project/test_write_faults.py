@@ -23,7 +23,8 @@ from failing_disk import failing
 from rest_noise import Rest
 from wrenchbed import cli, reports
 from wrenchbed.benchmark.referee import scenario
-from wrenchbed.benchmark.sealed import entrants, make
+from wrenchbed.benchmark.sealed import make
+from wrenchbed.benchmark.sealed import run as entrants
 from wrenchbed.cli import blind, main
 from wrenchbed.cli import diagnose as diagnose_verb
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare

@@ -491,7 +491,7 @@ def parameters_json() -> FileTarget:
 
 def sealed_json() -> FileTarget:
     """Answers, claims and commitments of the sealed benchmark, which others write."""
-    from wrenchbed.benchmark.sealed import answer, commitments, score
+    from wrenchbed.benchmark.sealed import commitments, score
 
     def read(path: Path) -> None:
         for name in (score.CLAIM, score.RUN, commitments.COMMITMENTS):
@@ -499,7 +499,7 @@ def sealed_json() -> FileTarget:
         score.read(path.parent)
         (path.parent / score.RUN).unlink()
         score.read(path.parent)
-        for reader, at in ((answer.read, path), (commitments.read, path.parent)):
+        for reader, at in ((commitments.read_answer, path), (commitments.read, path.parent)):
             with contextlib.suppress(WrenchbedError):
                 reader(at)
 

@@ -6,10 +6,9 @@ import sys
 import pytest
 
 from wrenchbed.benchmark.referee import scenario as settings
-from wrenchbed.benchmark.scoring.linear_problem import Claim
-from wrenchbed.benchmark.sealed import answer, commitments, make
-from wrenchbed.benchmark.sealed import commitments as case_files
-from wrenchbed.benchmark.sealed.entrants import CLAIM, RUN, contract
+from wrenchbed.benchmark.scoring.case_rows import Claim
+from wrenchbed.benchmark.sealed import commitments, make
+from wrenchbed.benchmark.sealed.run import CLAIM, RUN, contract
 
 COUNT, SEED = 32, 20
 
@@ -37,7 +36,7 @@ def made(folder):
 def truthful(cases, answers, folder, twist=lambda truth, claim: claim):
     """Claims of one who knows."""
     for name in commitments.read(cases):
-        truth = answer.read(case_files.answer_of(answers, name))
+        truth = commitments.read_answer(commitments.answer_of(answers, name))
         if truth.kind == "outside":
             claim = Claim("unknown", (), {"unknown": 1.0})
         elif truth.kind == "none":

@@ -42,8 +42,7 @@ class FamilyArguments:
 
     def family(self, seed: int) -> "Family":
         """Cases that follow from a seed."""
-        from wrenchbed.benchmark.sealed.make import Family
-        from wrenchbed.benchmark.sealed.planned import PlannedFamily
+        from wrenchbed.benchmark.sealed.make import Family, PlannedFamily
         from wrenchbed.benchmark.sealed.semi_real import SemiRealFamily
 
         if self.plan is not None:
@@ -118,19 +117,16 @@ def run(
     from wrenchbed.benchmark.scoring.baselines import BASELINES
     from wrenchbed.benchmark.sealed import commitments as seal
     from wrenchbed.benchmark.sealed import run as running
-    from wrenchbed.benchmark.sealed.entrants import OURS
 
     if not limit > 0:
         raise ParameterError(f"--limit {limit:g} s must be above 0")
-    entrants = [running.Entrant.of(m) for m in method or (OURS, *BASELINES)]
+    entrants = [running.Entrant.of(m) for m in method or (running.OURS, *BASELINES)]
     total = len(seal.read(cases))
     console.check_folder(out)
     console.check_positive("--processes", processes)
     if look_alikes:
-        from wrenchbed.benchmark.sealed.planned import taught
-
         with console.progress("look-alikes", look_alikes) as report:
-            entrants = taught(entrants, cases, look_alikes, processes, report)
+            entrants = running.taught(entrants, cases, look_alikes, processes, report)
     with console.progress("answering sealed cases", total) as report:
         failed = running.run(cases, out, entrants, processes, limit, report)
     result = {"claims": str(out), "cases": total, "failed": failed}

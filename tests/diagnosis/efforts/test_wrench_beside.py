@@ -7,8 +7,7 @@ import pytest
 from arm_gaps import COG, MASS, Gap, case
 from arm_torques import UR5, fourier
 
-from wrenchbed.benchmark.efforts.arm import TrueArm
-from wrenchbed.benchmark.efforts.path import Path
+from wrenchbed.benchmark.efforts.arm import Path, TrueArm
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.errors import DiagnosisError

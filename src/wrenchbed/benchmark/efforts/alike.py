@@ -10,11 +10,9 @@ import mujoco
 import numpy as np
 from scipy import signal
 
-from wrenchbed.benchmark.efforts.arm import TrueArm
-from wrenchbed.benchmark.efforts.bristles import bouc_wen
+from wrenchbed.benchmark.efforts.arm import FINE, Path, TrueArm
 from wrenchbed.benchmark.efforts.faults import WHOLE, since_reversal
-from wrenchbed.benchmark.efforts.path import FINE, Path
-from wrenchbed.benchmark.efforts.world import EffortFault, EffortSetting
+from wrenchbed.benchmark.efforts.world import EffortFault, EffortSetting, bouc_wen
 
 SAME, SHARE = 0.1, 0.02
 """Gap that is left, alone and over the cause's own, up to which two causes are alike: estimates,
@@ -40,7 +38,7 @@ def _seen(setting: EffortSetting, added: np.ndarray) -> np.ndarray:
     return np.asarray(added * setting.scale / setting.noise * setting.moving)
 
 
-def left(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> dict[Key, float]:
+def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> dict[Key, float]:
     """Gap at the worst joint that each family's best imitation leaves of a cause (N, J)."""
     unit = _seen(setting, added)[::_EVERY]
     energy = (unit**2).mean(axis=0)

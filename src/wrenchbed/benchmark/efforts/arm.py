@@ -1,21 +1,174 @@
-"""The true arm: MuJoCo's inverse dynamics of links that are a little off the stated ones."""
+"""The true arm and its motions: MuJoCo's inverse dynamics of links a little off the stated ones.
 
-from collections.abc import Callable
+Motions are as users have them: multisine, Fourier series, point to point with pauses, one way.
+Ranges are estimates of what ordinary recordings of arms hold.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from wrenchbed.benchmark.efforts.path import Path
-from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.benchmark.frame import Rng
+from wrenchbed.robots.base import Joint, SimulatedRobot
 
 Edit = Callable[[mujoco.MjModel], None]
 """Changes a compiled model in place."""
 LINK_MASS, LINK_COG, LINK_INERTIA = 0.01, 0.01, 0.03
-"""Standard deviations of links over stated: mass, centre of gravity, inertia; estimates."""
+"""Standard deviations of links over stated: mass, centre of gravity, inertia."""
 SENSOR = "ft"
 """Name of the sensor's site in every robot's model."""
+KINDS = ("multisine", "fourier", "points", "oneway")
+SHARES = (0.35, 0.3, 0.27, 0.08)
+"""Shares of the kinds of motions."""
+FINE = 4
+"""Steps of the physics between two rows."""
+SECONDS = (30.0, 60.0)
+"""Range of durations [s]."""
+RATES = (100.0, 125.0)
+"""Rows a second [Hz]: usual rates of logs."""
+_REACH = 0.9
+"""Largest excursion from the middle pose [rad]."""
+_SPEED = (0.25, 0.6)
+"""Range of top speeds over the joint's limit."""
+_MOST_SPEED = 1.5
+"""Top speed of any joint [rad/s], as users dare."""
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """A motion on a grid finer than the recording's.
+
+    Attributes:
+        kind: of `KINDS`.
+        rate: rows a second [Hz].
+        t: instants (T,) [s].
+        q, qd, qdd: joint values, speeds, accelerations (T, J) [rad, rad/s, rad/s²].
+    """
+
+    kind: str
+    rate: float
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+
+    @property
+    def step(self) -> float:
+        """Of the fine grid [s]."""
+        return 1.0 / (self.rate * FINE)
+
+    @property
+    def rows(self) -> np.ndarray:
+        """Fine instants that are recorded (N,)."""
+        return np.arange(0, len(self.t), FINE)
+
+
+def of_values(kind: str, rate: float, t: np.ndarray, q: np.ndarray) -> Path:
+    """A path through joint values (T, J) at even fine instants, a quintic spline."""
+    spline = make_interp_spline(t, q, k=5)
+    return Path(kind, rate, t, q, spline.derivative(1)(t), spline.derivative(2)(t))
+
+
+def draw(robot: SimulatedRobot, rng: Rng) -> Path:
+    """A motion of an arm."""
+    kind = str(rng.choice(KINDS, p=SHARES))
+    rate = float(rng.choice(RATES))
+    t = np.arange(round(rng.uniform(*SECONDS) * rate) * FINE) / (rate * FINE)
+    joints = robot.joints
+    middle, reach = _middle(joints, robot.sample(1, rng)[0])
+    top = np.array([min(j.speed, _MOST_SPEED) for j in joints]) * rng.uniform(*_SPEED)
+    return of_values(kind, rate, t, _MAKERS[kind](rng, t, (middle, reach), top))
+
+
+def _middle(joints: Sequence[Joint], pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A pose around which every joint can move, and how far."""
+    half = np.array([(j.upper - j.lower) / 2.0 for j in joints])
+    centre = np.array([(j.upper + j.lower) / 2.0 for j in joints])
+    reach = np.minimum(_REACH, 0.45 * half)
+    return np.clip(pose, centre - half + reach, centre + half - reach), reach
+
+
+_Room = tuple[np.ndarray, np.ndarray]
+
+
+def _sines(
+    rng: Rng, t: np.ndarray, room: _Room, top: np.ndarray, frequencies: np.ndarray
+) -> np.ndarray:
+    """Sines of random phase, scaled to the room and the top speed (T, J)."""
+    middle, reach = room
+    phase = rng.uniform(0.0, 2.0 * np.pi, (len(frequencies), len(middle)))
+    weight = rng.uniform(0.4, 1.0, phase.shape) / frequencies[:, None] ** 0.7
+    angle = 2.0 * np.pi * frequencies[:, None, None] * t[:, None] + phase[:, None]
+    value = (weight[:, None] * np.sin(angle)).sum(axis=0)
+    speed = np.abs(np.gradient(value, t[1] - t[0], axis=0)).max(axis=0)
+    scale = np.minimum(reach / np.abs(value).max(axis=0), top / speed)
+    return np.asarray(middle + scale * value)
+
+
+def _multisine(rng: Rng, t: np.ndarray, room: _Room, top: np.ndarray) -> np.ndarray:
+    frequencies = np.geomspace(0.05, rng.uniform(0.6, 1.5), 8)  # [Hz]
+    value = _sines(rng, t, room, top, frequencies)
+    ramp = np.clip(np.minimum(t, t[-1] - t) / 2.0, 0.0, 1.0)
+    return np.asarray(room[0] + _smooth(ramp)[:, None] * (value - room[0]))
+
+
+def _fourier(rng: Rng, t: np.ndarray, room: _Room, top: np.ndarray) -> np.ndarray:
+    base = rng.uniform(0.06, 0.12)  # [Hz], estimate after Swevers 1997, doi 10.1109/70.631234
+    return _sines(rng, t, room, top, base * np.arange(1, 6))
+
+
+def _points(
+    rng: Rng,
+    t: np.ndarray,
+    room: _Room,
+    top: np.ndarray,
+    order: Callable[[np.ndarray], np.ndarray] = lambda x: x,
+) -> np.ndarray:
+    """Minimum-jerk moves between random poses, with pauses (T, J)."""
+    middle, reach = room
+    poses = order(middle + reach * rng.uniform(-1.0, 1.0, (max(4, int(t[-1] / 2.0)), len(middle))))
+    q, now, here = np.empty((len(t), len(middle))), 0, poses[0]
+    dt = t[1] - t[0]
+    for pose in poses[1:]:
+        peak = 1.875  # of a minimum-jerk move over its mean speed, by definition
+        seconds = max(0.4, float((np.abs(pose - here) * peak / top).max()))
+        move = np.arange(max(2, int(seconds / dt))) * dt / seconds
+        part = here + _smooth(np.minimum(move, 1.0))[:, None] * (pose - here)
+        pause = np.repeat(pose[None], int(rng.uniform(0.2, 1.2) / dt), axis=0)  # [s]
+        both = np.concatenate([part, pause])[: len(t) - now]
+        q[now : now + len(both)] = both
+        now, here = now + len(both), pose
+        if now == len(t):
+            return q
+    q[now:] = here
+    return q
+
+
+def _oneway(rng: Rng, t: np.ndarray, room: _Room, top: np.ndarray) -> np.ndarray:
+    """Point to point, some joints in one direction only: gantry-like cycles cut out of a log."""
+    ways = rng.random(len(room[0])) < 0.5
+    ways[rng.integers(len(ways))] = True
+    count = max(6, int(t[-1] / 4.0))
+
+    def order(poses: np.ndarray) -> np.ndarray:
+        kept = poses[:count].copy()
+        kept[:, ways] = np.sort(kept[:, ways], axis=0)
+        return kept
+
+    return _points(rng, t, room, top / 2.0, order)
+
+
+def _smooth(x: np.ndarray) -> np.ndarray:
+    """Minimum-jerk step from 0 to 1."""
+    return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x * x))
+
+
+_MAKERS: dict[str, Callable[..., np.ndarray]] = {
+    "multisine": _multisine, "fourier": _fourier, "points": _points, "oneway": _oneway,
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,48 +193,32 @@ class TrueArm:
     def torque(self, path: Path) -> np.ndarray:
         """Torque of the rigid links (T, J) [N·m]."""
         model = self.model()
-        data, found = mujoco.MjData(model), np.empty_like(path.q)
-        places = self.robot.qpos(path.q, self.theta)
-        for k, place in enumerate(places):
+        data, torque = mujoco.MjData(model), np.empty_like(path.q)
+        for k, place in enumerate(self.robot.qpos(path.q, self.theta)):
             data.qpos[:], data.qvel[:], data.qacc[:] = place, path.qd[k], path.qdd[k]
             mujoco.mj_inverse(model, data)
-            found[k] = data.qfrc_inverse
-        return found
+            torque[k] = data.qfrc_inverse
+        return torque
 
-    def energy(self, path: Path) -> np.ndarray:
-        """Kinetic and potential energy (T,) [J]."""
-        model = self.model()
-        model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
-        data, found = mujoco.MjData(model), np.empty(len(path.t))
-        for k, place in enumerate(self.robot.qpos(path.q, self.theta)):
-            data.qpos[:], data.qvel[:] = place, path.qd[k]
-            mujoco.mj_forward(model, data)
-            found[k] = data.energy.sum()
-        return found
-
-    def pulled(self, path: Path, link: int, point: np.ndarray, anchor: np.ndarray) -> np.ndarray:
-        """How the length of a line from the world to a link follows the joints (T, 1 + J).
-
-        The first column is the length [m], the others its slopes by the joints [m/rad].
+    def pull_slopes(self, path: Path, link: int, anchor: np.ndarray) -> np.ndarray:
+        """Slopes (T, J) [m/rad] by the joints of a line's length from the world to a link's origin.
 
         Args:
             link: 0-based joint that carries the link.
-            point: on the link, in its body's axes (3,) [m].
-            anchor: in the world (3,) [m].
+            anchor: of the line in the world (3,) [m].
         """
         model = self.model()
         data, body = mujoco.MjData(model), int(model.jnt_bodyid[link])
-        found, slope = np.empty((len(path.t), 1 + model.nv)), np.zeros((3, model.nv))
+        slopes, jacobian = np.empty((len(path.t), model.nv)), np.zeros((3, model.nv))
         for k, place in enumerate(self.robot.qpos(path.q, self.theta)):
             data.qpos[:] = place
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
-            at = data.xpos[body] + data.xmat[body].reshape(3, 3) @ point
-            mujoco.mj_jac(model, data, slope, None, at, body)
-            way = at - anchor
-            found[k, 0] = np.linalg.norm(way)
-            found[k, 1:] = way @ slope / found[k, 0]
-        return found
+            origin = data.xpos[body] + np.zeros(3)
+            mujoco.mj_jac(model, data, jacobian, None, origin, body)
+            line = origin - anchor
+            slopes[k] = line @ jacobian / np.linalg.norm(line)
+        return slopes
 
     def wrench(self, path: Path) -> np.ndarray:
         """Load of the tool on the sensor (T, 6) [N, N·m], by differentiated poses of the sensor."""
@@ -111,7 +248,7 @@ class TrueArm:
         return np.concatenate(both, axis=1)
 
 
-def manufactured(rng: np.random.Generator) -> Edit:
+def manufactured(rng: Rng) -> Edit:
     """Links off the stated ones as castings are; the tool and what weighs nothing stay."""
     seed = int(rng.integers(2**31))  # of a generator, by definition
 

@@ -1,13 +1,19 @@
-"""One case: a robot, its cause, its recording, and the truth that is kept apart from it."""
+"""One case: a robot, its cause, its recording, and the truth that is kept apart from it.
+
+Current and encoder boards add coloured noise, commutation ripple and quantisation. Shares of kinds,
+thresholds beyond the contract's and sizes of noise are estimates.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
+from scipy import signal
 
 from wrenchbed import registry
-from wrenchbed.benchmark.efforts import alike, instrument
+from wrenchbed.benchmark.efforts import alike
 from wrenchbed.benchmark.efforts.arm import TrueArm
 from wrenchbed.benchmark.efforts.faults import FAMILIES, WARMING, WHOLE
 from wrenchbed.benchmark.efforts.outside import OUTSIDE
@@ -20,6 +26,7 @@ from wrenchbed.benchmark.efforts.world import (
     state_of,
     warmed,
 )
+from wrenchbed.benchmark.frame import NEEDED, Rng
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
@@ -29,16 +36,23 @@ from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
 
 KINDS = ("none", "library", "outside")
 SHARES = (0.25, 0.5, 0.25)
-"""Of the kinds of cases; estimate."""
-NEEDED = {"library": 1.0, "outside": 2.0}
-"""Least gap that a cause adds at some joint; outside as in the wrench referee: estimate."""
+"""Shares of the kinds of cases."""
+LEAST = {"library": NEEDED["single"], "outside": NEEDED["outside"]}
+"""Least gap that a cause adds at some joint."""
 LARGEST = 400.0
-"""Largest gap of a library cause: beyond it nobody needs a diagnosis; estimate."""
+"""Largest gap of a library cause: beyond it nobody needs a diagnosis."""
 IMITATED = 1.0
 """Gap that the best imitation by a library family leaves of a fault outside, at least."""
+SENSOR_STD = np.array([0.25, 0.25, 0.4, 0.02, 0.02, 0.015])
+"""Noise of a row of an ATI Gamma (6,) [N, N·m]."""
 _TRIES, _SIZES = 20, 8
-"""Robots that are drawn before giving up, and causes of each: estimates."""
-_NONE: tuple[alike.Key, ...] = (("none", None),)
+"""Robots that are drawn before giving up, and causes of each."""
+_ENCODER = 2.0 * np.pi / 2**17
+"""Resolution of a joint's encoder [rad], of 17 bits."""
+_PER_TURN = 42.0
+"""Commutation ripples a motor turn: 6 of each of 7 pole pairs."""
+_FORGOTTEN = 200
+"""Rows until the filter that colours noise has forgotten its start."""
 
 
 @dataclass(frozen=True)
@@ -109,30 +123,30 @@ def make(
         family = _family(kind, number, wrench)
         if family == "drive.temperature":
             setting = warmed(setting, rng.uniform(*WARMING), rng)
+        record = partial(_recorded, setting, rng=rng, number=(number, seed), wrench=wrench)
         if kind == "none":
-            return _recorded(setting, HEALTHY, rng, (seed, number, kind, 0.0, _NONE, wrench))
+            return record(HEALTHY, kind)
         for _ in range(_SIZES):
             joint = int(rng.integers(len(robot.joints)))
-            table = FAMILIES if kind == "library" else OUTSIDE
-            fault = table[family](setting, joint, rng)
-            found = _counted(setting, fault, kind)
-            if found is not None:
-                return _recorded(setting, fault, rng, (seed, number, kind, *found, wrench))
+            fault = (FAMILIES if kind == "library" else OUTSIDE)[family](setting, joint, rng)
+            gap, equivalents = _counted(setting, fault, kind)
+            if equivalents:
+                return record(fault, kind, gap=gap, equivalents=equivalents)
     raise ParameterError(f"seed {seed}, case {number}: no {family} that counts was found")
 
 
 def _counted(
     setting: EffortSetting, fault: EffortFault, kind: str
-) -> tuple[float, tuple[alike.Key, ...]] | None:
-    """Gap and equivalents of a fault; None where it does not count."""
+) -> tuple[float, tuple[alike.Key, ...]]:
+    """Gap and equivalents of a fault; none where it does not count."""
     added = simulate(setting, fault) - setting.healthy
     gap = alike.gap(setting, added)
-    if gap < NEEDED[kind] or (kind == "library" and gap > LARGEST):
-        return None
-    left = alike.left(setting, fault, added)
+    if gap < LEAST[kind] or (kind == "library" and gap > LARGEST):
+        return gap, ()
+    remaining = alike.remaining(setting, fault, added)
     if kind == "library":
-        return gap, alike.classed(fault, gap, left)
-    return (gap, ((fault.family, fault.joint),)) if min(left.values()) >= IMITATED else None
+        return gap, alike.classed(fault, gap, remaining)
+    return gap, ((fault.family, fault.joint),) if min(remaining.values()) >= IMITATED else ()
 
 
 def _family(kind: str, number: int, wrench: bool) -> str:
@@ -143,53 +157,73 @@ def _family(kind: str, number: int, wrench: bool) -> str:
     return names[(number // 2 if wrench else number) % len(names)]
 
 
-def _temperatures(setting: EffortSetting, rng: np.random.Generator) -> dict[str, np.ndarray]:
-    """Temperature of each joint's drive (N,) [°C] as a controller reports it."""
-    warm = setting.temperature[setting.path.rows]
-    offsets = rng.normal(0.0, 1.5, len(setting.rated))  # [K], estimate
-    noise = 0.05 * rng.normal(size=(len(warm), len(offsets)))  # [K], estimate
-    told = np.round(warm[:, None] + offsets + noise, 2)
-    return {f"joint_temperature{j + 1}": told[:, j] for j in range(len(offsets))}
-
-
 def _recorded(
     setting: EffortSetting,
     fault: EffortFault,
-    rng: np.random.Generator,
-    drawn: tuple[int, int, str, float, tuple[alike.Key, ...], bool],
+    kind: str,
+    rng: Rng,
+    number: tuple[int, int],
+    wrench: bool,
+    gap: float = 0.0,
+    equivalents: tuple[alike.Key, ...] = (("none", None),),
 ) -> EffortCase:
-    seed, number, kind, gap, same, wrench = drawn
+    """The recording and the truth of case ``number``, of the case and its seed."""
     joints, rows = len(setting.rated), setting.path.rows
     clean = simulate(setting, fault)
-    effort = instrument.quantised(setting, clean + instrument.noise(setting, rng))
-    q = instrument.encoder(setting, rng)
+    step = setting.noise / setting.scale / 3.0
+    effort = np.round((clean + _noise(setting, rng)) / step) * step
+    q = setting.path.q[rows]
+    q = np.round((q + 0.3 * _ENCODER * rng.normal(size=q.shape)) / _ENCODER) * _ENCODER
     columns = {"t": setting.path.t[rows] - setting.path.t[0]}
     columns |= {f"q{j + 1}": q[:, j] for j in range(joints)}
     columns |= {f"{setting.prefix}{j + 1}": effort[:, j] for j in range(joints)}
-    columns |= _temperatures(setting, rng)
-    sensor = {}
-    if wrench:
-        state = state_of(setting, fault)
-        load = TrueArm(setting.robot, state.arm.theta, state.arm.edits).wrench(state.path)[rows]
-        std = np.array([0.25, 0.25, 0.4, 0.02, 0.02, 0.015])  # [N, N·m] of an ATI Gamma, estimate
-        load = load + std * rng.normal(size=load.shape)
-        columns |= {c: load[:, k] for k, c in enumerate(CHANNELS)}
-        sensor = {"sensor": {"noise_std": std.tolist()}}
+    offsets = rng.normal(0.0, 1.5, joints)  # [K]
+    noise = 0.05 * rng.normal(size=(len(rows), joints))  # [K]
+    warm = np.round(setting.temperature[rows][:, None] + offsets + noise, 2)
+    columns |= {f"joint_temperature{j + 1}": warm[:, j] for j in range(joints)}
     robot = setting.robot
     registry.remember("robots", robot.name, getattr(robot, "record", None) or {})
     tool = robot.tool(setting.stated)
     inertia = np.asarray(tool.inertia)
-    stated = {"mass": float(tool.mass), "cog": [float(c) for c in np.asarray(tool.cog)],
-              "inertia": [float(inertia["xyz".index(a[0]), "xyz".index(a[1])])
-                          for a in INERTIA_AXES]}  # fmt: skip
-    raw = {"format": 1, "robot": robot.name, "source": "sim", "mode": "dynamic",
-           "rate_hz": setting.path.rate, "tool": stated, "configured": dict(setting.configured),
-           "gravity": [float(g) for g in robot.gravity]} | sensor  # fmt: skip
-    recording = Recording(parse(raw, "case"), columns, f"case{number:04d}.parquet")
+    six = [float(inertia["xyz".index(a[0]), "xyz".index(a[1])]) for a in INERTIA_AXES]
+    stated = {
+        "mass": float(tool.mass), "cog": [float(c) for c in np.asarray(tool.cog)], "inertia": six,
+    }  # fmt: skip
+    raw = {
+        "format": 1, "robot": robot.name, "source": "sim", "mode": "dynamic",
+        "rate_hz": setting.path.rate, "tool": stated, "configured": dict(setting.configured),
+        "gravity": [float(g) for g in robot.gravity],
+    }  # fmt: skip
+    if wrench:
+        state = state_of(setting, fault)
+        load = TrueArm(robot, state.arm.theta, state.arm.edits).wrench(state.path)[rows]
+        load = load + SENSOR_STD * rng.normal(size=load.shape)
+        columns |= {c: load[:, k] for k, c in enumerate(CHANNELS)}
+        raw["sensor"] = {"noise_std": SENSOR_STD.tolist()}
+    recording = Recording(parse(raw, "case"), columns, f"case{number[0]:04d}.parquet")
     gaps = alike.oracle(setting, fault, effort, clean - setting.healthy)
     truth = EffortTruth(
-        number, seed, kind, robot.name, setting.path.kind, setting.prefix, fault.family,
-        fault.joint, {k: float(v) for k, v in fault.parameters.items()}, float(gap), same, wrench,
-        *gaps,
+        *number, kind, robot.name, setting.path.kind, setting.prefix, fault.family,
+        fault.joint, {k: float(v) for k, v in fault.parameters.items()}, float(gap), equivalents,
+        wrench, *gaps,
     )  # fmt: skip
     return EffortCase(recording, truth)
+
+
+def _noise(setting: EffortSetting, rng: Rng) -> np.ndarray:
+    """Noise of a recording (N, J) [effort's unit], without quantisation."""
+    rows, joints = len(setting.path.rows), len(setting.rated)
+    pole = rng.uniform(0.3, 0.75)
+    a = np.poly([pole, rng.uniform(-0.3, 0.3)])
+    heavy = rng.standard_t(6.0, (rows + _FORGOTTEN, joints))
+    coloured = signal.lfilter([1.0], a, heavy, axis=0)[_FORGOTTEN:]
+    coloured /= coloured.std(axis=0)
+    slow = np.cumsum(rng.normal(size=(rows, joints)), axis=0)
+    slow = signal.detrend(slow, axis=0)
+    slow /= slow.std(axis=0)
+    angle = setting.gear * _PER_TURN * setting.path.q[setting.path.rows]
+    ripple = np.sin(angle + rng.uniform(0.0, 2.0 * np.pi, joints))
+    parts = np.array([1.0, rng.uniform(0.05, 0.2), rng.uniform(0.1, 0.4)])
+    total = parts[0] * coloured + parts[1] * slow + parts[2] * ripple
+    total /= np.sqrt(parts[0] ** 2 + parts[1] ** 2 + 0.5 * parts[2] ** 2)
+    return np.asarray(total * setting.noise / setting.scale)

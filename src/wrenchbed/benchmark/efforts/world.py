@@ -4,27 +4,73 @@ Ranges of friction, rotors and noise follow data sheets of collaborative arms ro
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy import signal
 
-from wrenchbed.benchmark.efforts.arm import Edit, TrueArm, manufactured
-from wrenchbed.benchmark.efforts.bristles import lugre
-from wrenchbed.benchmark.efforts.path import Path, draw
+from wrenchbed.benchmark.efforts.arm import Edit, Path, TrueArm, draw, manufactured
+from wrenchbed.benchmark.frame import Rng
 from wrenchbed.robots.base import SimulatedRobot
 
 UNITS = ("tau", "i")
 """Prefixes of recorded efforts: torques [N·m] or currents [A]."""
 OFF = (0.05, 0.1)
-"""How far true friction is off the configured values, as a share; estimate."""
+"""How far true friction is off the configured values, as a share."""
 _LEAST_RATED = 0.12
-"""Rated torque of a wrist over that of the strongest joint, at least; estimate."""
+"""Rated torque of a wrist over that of the strongest joint, at least."""
 _MOVING = 0.03
-"""Share of a joint's top speed below which it counts as at rest; estimate."""
+"""Share of a joint's top speed below which it counts as at rest."""
 _SIDE_FILTER = 0.3
-"""Cutoff of the controller's own filter over the rate of rows; estimate."""
+"""Cutoff of the controller's own filter over the rate of rows."""
+
+
+def lugre(
+    speed: np.ndarray, step: float, level: np.ndarray, stiffness: np.ndarray, damping: np.ndarray
+) -> np.ndarray:
+    """Friction (T, J) [N·m] of LuGre bristles, without the viscous part.
+
+    ż = v − σ₀ |v| z / g(v), F = σ₀ z + σ₁ ż. Each step is exact for a speed that stays.
+    Canudas de Wit et al. 1995, doi 10.1109/9.376053, Eqs. 2 to 6.
+
+    Args:
+        speed: v (T, J) [rad/s].
+        step: from one instant to the next [s].
+        level: g(v) (T, J) [N·m], friction in steady motion.
+        stiffness: σ₀ (J,) [N·m/rad].
+        damping: σ₁ (J,) [N·m·s/rad].
+    """
+    rate = stiffness * np.abs(speed) / level
+    share = -np.expm1(-rate * step)
+    target = np.sign(speed) * level / stiffness
+    bristle, z = np.empty_like(speed), np.zeros(speed.shape[1])
+    for k in range(len(speed)):
+        z = z + share[k] * (target[k] - z)
+        bristle[k] = z
+    return np.asarray(stiffness * bristle + damping * (speed - rate * bristle))
+
+
+def bouc_wen(
+    speed: np.ndarray, step: float, width: float, sharpness: float = 1.0, loop: float = 0.6
+) -> np.ndarray:
+    """Hysteretic state (T,) in −1 … 1 of a spring that yields over ``width`` [rad].
+
+    ż = v (1 − |z|ⁿ (γ + β sgn(v z))) / width with β + γ = 1, in Heun's steps. Wen 1976,
+    doi 10.1061/JMCEA3.0002106.
+    """
+    beta, gamma = loop, 1.0 - loop
+
+    def rate(v: float, z: float) -> float:
+        turn = beta if v * z > 0.0 else -beta
+        return v * (1.0 - abs(z) ** sharpness * (gamma + turn)) / width
+
+    state, z = np.empty_like(speed), 0.0
+    for k, v in enumerate(speed.tolist()):
+        first = rate(v, z)
+        z = z + 0.5 * step * (first + rate(v, z + step * first))
+        state[k] = z
+    return state
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +93,15 @@ class TrueDrives:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What a fault may depend on, on the fine grid: the motion, the links' torque (T, J) [N·m],
-    the drives' temperature (T,) [°C], rated torques (J,) [N·m] and the drives."""
+    """What a fault may depend on, on the fine grid.
+
+    Attributes:
+        path: the motion.
+        rigid: the links' torque (T, J) [N·m].
+        temperature: of the drives (T,) [°C].
+        rated: torques (J,) [N·m].
+        joint: 0-based, of the fault; 0 for a fault without a joint.
+    """
 
     path: Path
     rigid: np.ndarray
@@ -56,6 +109,32 @@ class State:
     rated: np.ndarray
     drives: TrueDrives
     arm: TrueArm
+    joint: int = 0
+
+    @property
+    def q(self) -> np.ndarray:
+        """Values of the fault's joint (T,) [rad]."""
+        return self.path.q[:, self.joint]
+
+    @property
+    def qd(self) -> np.ndarray:
+        """Speeds of the fault's joint (T,) [rad/s]."""
+        return self.path.qd[:, self.joint]
+
+    @property
+    def load(self) -> np.ndarray:
+        """The links' torque at the fault's joint (T,) [N·m]."""
+        return self.rigid[:, self.joint]
+
+    @property
+    def coulomb(self) -> float:
+        """Coulomb friction of the fault's joint [N·m]."""
+        return float(self.drives.coulomb[self.joint])
+
+    @property
+    def viscous(self) -> float:
+        """Viscous friction of the fault's joint [N·m·s/rad]."""
+        return float(self.drives.viscous[self.joint])
 
 
 Hook = Callable[[State], np.ndarray]
@@ -65,23 +144,24 @@ Hook = Callable[[State], np.ndarray]
 class EffortFault:
     """A fault, as the stages at which it acts; each that is None leaves its stage alone.
 
+    ``level``, ``torque`` and ``reading`` concern the column (T,) of the fault's joint, and all
+    columns (T, J) of a fault without a joint.
+
     Attributes:
-        family: name of the effect, or of the family outside the library.
-        joint: 1-based joint or link; None of faults of tool and base.
         parameters: true values by name, SI.
         theta: changes the true parameters (P,).
         edit: changes the compiled true model.
         drives: changes the drives.
-        level: further Coulomb friction (T, J) [N·m].
-        torque: further torque of the drives (T, J) [N·m].
-        reading: changes the effort (T, J) [effort's unit].
+        level: further Coulomb friction [N·m].
+        torque: further torque of the drives [N·m].
+        reading: changes the effort [effort's unit].
         rows: changes recorded rows (N, J).
         motion: changes the true motion against the one that encoders report.
+        family: name of the effect, or of the family outside the library.
+        joint: 1-based joint or link; None of faults of tool and base.
     """
 
-    family: str
-    joint: int | None
-    parameters: Mapping[str, float] = field(default_factory=dict)
+    parameters: Mapping[str, float]
     theta: Callable[[np.ndarray], np.ndarray] | None = None
     edit: Edit | None = None
     drives: Callable[[TrueDrives], TrueDrives] | None = None
@@ -90,9 +170,19 @@ class EffortFault:
     reading: Callable[[State, np.ndarray], np.ndarray] | None = None
     rows: Callable[[np.ndarray], np.ndarray] | None = None
     motion: Callable[[Path], Path] | None = None
+    family: str = "none"
+    joint: int | None = None
+
+    def changed(self, matrix: np.ndarray, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """A matrix (T, J) whose column of the fault's joint was changed; all of them without."""
+        if self.joint is None:
+            return change(matrix)
+        result = matrix.copy()
+        result[:, self.joint - 1] = change(matrix[:, self.joint - 1])
+        return result
 
 
-HEALTHY = EffortFault("none", None)
+HEALTHY = EffortFault({})
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,30 +258,27 @@ def state_of(setting: EffortSetting, fault: EffortFault) -> State:
     rigid_fault = fault.theta is not None or fault.edit is not None or fault.motion is not None
     rigid = arm.torque(path) if rigid_fault else setting.healthy_torque
     drives = setting.drives if fault.drives is None else fault.drives(setting.drives)
-    return State(path, rigid, setting.temperature, setting.rated, drives, arm)
-
-
-def friction_level(state: State) -> np.ndarray:
-    """Friction in steady motion (T, J) [N·m], with its Stribeck dip and its temperature."""
-    d, speed = state.drives, state.path.qd
-    warmer = (state.temperature - state.temperature[0])[:, None]
-    dip = 1.0 + d.dip * np.exp(-((speed / d.dip_speed) ** 2))
-    return np.asarray(d.coulomb * dip * np.exp(-d.per_kelvin * warmer))
+    joint = 0 if fault.joint is None else fault.joint - 1
+    return State(path, rigid, setting.temperature, setting.rated, drives, arm, joint)
 
 
 def drive_torque(state: State, gear: float, fault: EffortFault) -> np.ndarray:
-    """Torque that the drives make (T, J) [N·m]."""
+    """Torque that the drives make (T, J) [N·m]: friction is Stribeck's, thinner when warm."""
     d, path = state.drives, state.path
-    level = friction_level(state)
+    thin = np.exp(-d.per_kelvin * (state.temperature - state.temperature[0])[:, None])
+    dip = 1.0 + d.dip * np.exp(-((path.qd / d.dip_speed) ** 2))
+    level = np.asarray(d.coulomb * dip * thin)
     if fault.level is not None:
-        level = np.maximum(level + fault.level(state), 0.05 * d.coulomb)  # estimate: stays friction
-    damping = 0.4 * np.sqrt(d.stiffness)  # estimate
-    friction = lugre(path.qd, path.step, level, d.stiffness, damping)
-    warmer = (state.temperature - state.temperature[0])[:, None]
-    thin = np.exp(-d.per_kelvin * warmer)
+        more = fault.level(state)
+        level = fault.changed(level, lambda x: x + more)
+        level = np.maximum(level, 0.05 * d.coulomb)  # it stays friction
+    friction = lugre(path.qd, path.step, level, d.stiffness, 0.4 * np.sqrt(d.stiffness))
     torque = state.rigid + d.rotor * path.qdd + friction + d.viscous * thin * path.qd + d.offset
     torque = torque + d.cogging * np.sin(gear * path.q)
-    return np.asarray(torque if fault.torque is None else torque + fault.torque(state))
+    if fault.torque is not None:
+        added = fault.torque(state)
+        torque = fault.changed(torque, lambda x: x + added)
+    return np.asarray(torque)
 
 
 def simulate(setting: EffortSetting, fault: EffortFault) -> np.ndarray:
@@ -200,7 +287,8 @@ def simulate(setting: EffortSetting, fault: EffortFault) -> np.ndarray:
     torque = drive_torque(state, setting.gear, fault)
     current = torque / (state.drives.constant if setting.prefix == "i" else 1.0)
     if fault.reading is not None:
-        current = fault.reading(state, current)
+        reading = fault.reading
+        current = fault.changed(current, lambda x: reading(state, x))
     corner = min(_SIDE_FILTER * setting.path.rate, 0.4 / setting.path.step)
     b, a = signal.butter(1, corner, fs=1.0 / setting.path.step)
     start = signal.lfilter_zi(b, a)[:, None] * current[:1]
@@ -211,18 +299,18 @@ def simulate(setting: EffortSetting, fault: EffortFault) -> np.ndarray:
     return rows if fault.rows is None else np.asarray(fault.rows(rows))
 
 
-def draw_setting(robot: SimulatedRobot, rng: np.random.Generator) -> EffortSetting:
+def draw_setting(robot: SimulatedRobot, rng: Rng) -> EffortSetting:
     """A healthy robot with ordinary imperfections, in motion."""
     path, joints = draw(robot, rng), len(robot.joints)
     stated = _stated(robot, rng)
     tool = robot.tool(stated)
     theta = robot.theta_of_tool(
         stated,
-        float(tool.mass) * (1.0 + 0.003 * rng.normal()),  # estimate
+        float(tool.mass) * (1.0 + 0.003 * rng.normal()),
         [float(c) + 3e-4 * rng.normal() for c in np.asarray(tool.cog)],  # [m], estimate
     )
     rated = rated_torques(robot, stated, rng)
-    size = rated * rng.uniform(0.75, 1.3, joints)  # estimates from here on, after UR5 fits
+    size = rated * rng.uniform(0.75, 1.3, joints)  # from here on after fits of a UR5
     known = {
         "coulomb": 0.05 * size * rng.uniform(0.7, 1.4, joints),
         "viscous": 0.06 * size * rng.uniform(0.6, 1.5, joints),
@@ -261,29 +349,29 @@ def draw_setting(robot: SimulatedRobot, rng: np.random.Generator) -> EffortSetti
     )  # fmt: skip
 
 
-def warmed(setting: EffortSetting, rise: float, rng: np.random.Generator) -> EffortSetting:
+def warmed(setting: EffortSetting, rise: float, rng: Rng) -> EffortSetting:
     """The same with drives that warm up by so much [K]."""
     return replace(setting, temperature=_temperature(setting.path, rng, rise))
 
 
-def _temperature(path: Path, rng: np.random.Generator, rise: float) -> np.ndarray:
-    """A start-up's warming (T,) [°C] with two time constants [s]; estimates."""
+def _temperature(path: Path, rng: Rng, rise: float) -> np.ndarray:
+    """A start-up's warming (T,) [°C] with two time constants [s]."""
     fast, slow = rng.uniform(12.0, 40.0), rng.uniform(100.0, 400.0)
     share = 0.7 * -np.expm1(-path.t / fast) + 0.3 * -np.expm1(-path.t / slow)
     wave = 0.1 * np.sin(2.0 * np.pi * path.t / rng.uniform(20.0, 50.0))
     return np.asarray(rng.uniform(22.0, 32.0) + rise * share / share[-1] + wave)
 
 
-def _stated(robot: SimulatedRobot, rng: np.random.Generator) -> np.ndarray:
-    """Parameters (P,) with a tool that users would hang there; estimate."""
+def _stated(robot: SimulatedRobot, rng: Rng) -> np.ndarray:
+    """Parameters (P,) with a tool that users would hang there."""
     mass = float(f"{rng.uniform(0.4, 2.5):.3g}")
     cog = [round(float(c), 4) for c in rng.normal(0.0, 0.015, 2)]
     start = robot.parameters.nominal
     return robot.theta_of_tool(start, mass, [*cog, round(float(rng.uniform(0.03, 0.09)), 4)])
 
 
-def rated_torques(robot: SimulatedRobot, theta: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Torques (J,) [N·m] that joints hold at random poses, and a bit; estimate."""
+def rated_torques(robot: SimulatedRobot, theta: np.ndarray, rng: Rng) -> np.ndarray:
+    """Torques (J,) [N·m] that joints hold at random poses, and a bit."""
     poses = robot.sample(40, rng)
     still = Path("rest", 1.0, np.arange(40.0), poses, 0.0 * poses, 0.0 * poses)
     peak = 1.7 * np.abs(TrueArm(robot, theta).torque(still)).max(axis=0)

@@ -7,10 +7,8 @@ constants, exponents and time constants are jittered. Every case has small imper
 families, and noise with heavy tails, memory and correlation.
 """
 
-from wrenchbed.benchmark.lookalikes.case import LookalikeCase, draw
-from wrenchbed.benchmark.lookalikes.catalogue import effects
+from wrenchbed.benchmark.lookalikes.case import LookalikeCase, draw, recording
+from wrenchbed.benchmark.lookalikes.catalogue import effects, families
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.outside import families
-from wrenchbed.benchmark.lookalikes.recordings import means, recording
 
-__all__ = ["ExperimentDesign", "LookalikeCase", "draw", "effects", "families", "means", "recording"]
+__all__ = ["ExperimentDesign", "LookalikeCase", "draw", "effects", "families", "recording"]

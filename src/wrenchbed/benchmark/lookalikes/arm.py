@@ -9,11 +9,11 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from wrenchbed.benchmark.frame import Rng
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
     Imperfection,
     ImperfectRobot,
-    Rng,
     RowImperfection,
     gap,
     lookalike,

@@ -1,39 +1,58 @@
-"""One test case: what is wrong with the robot, how much it shows, and the reading without noise.
+"""One look-alike: what is wrong with the robot, how much it shows, and its recording.
 
-Thresholds with a margin and the growth of sizes are estimates; see docs/explanation/benchmark.md.
+Noise of rows has heavy tails, memory, correlation between channels and a slow wander. Thresholds
+with a margin, the growth of sizes and ranges of noise are estimates; see
+docs/explanation/benchmark.md.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.signal import lfilter
 
-from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS, LARGEST, background, effects
+from wrenchbed.benchmark.frame import (
+    KINDS,
+    NEEDED,
+    ROWS_NEEDED,
+    SIZES,
+    STATED,
+    Rng,
+    log_uniform,
+    subsystem,
+)
+from wrenchbed.benchmark.lookalikes.catalogue import (
+    EFFECTS,
+    FAMILIES,
+    LARGEST,
+    background,
+    effects,
+    families,
+)
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
-    STATED,
     Imperfection,
     ImperfectRobot,
     Scaled,
     gap,
+    held_rows,
     raised_variance,
+    slow_noise,
 )
-from wrenchbed.benchmark.lookalikes.outside import FAMILIES, families
+from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.errors import ParameterError
+from wrenchbed.physics.wrench import CHANNELS
 
-KINDS = ("none", "single", "pair", "outside")
-NEEDED = {"none": 0.0, "single": 1.0, "pair": 1.5, "outside": 2.0}
-"""Least gap of each cause."""
-ROWS_NEEDED = {"single": 0.5, "pair": 0.75}
-"""Least rise of a channel's row variance, for causes that show only between rows."""
-SIZES = (0.5, 4.0)
-"""Sizes are drawn log-uniformly between these multiples of typical and grow until they show."""
 _TRIES = 10
 """Draws of one effect."""
 _EFFECT_TRIES = 12
 """Effects that are tried."""
 _MARGIN = 1.25
 """Aim above what is needed when a size grows."""
+WANDER = 0.3
+"""Largest rms of the wander between holds in noises of one row: a gap below 0.1."""
+_ENCODER = 4e-6
+"""Scatter of joint readings at rest, in motion a hundredth of it [rad or m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +171,7 @@ class _Drawing:
         for _ in range(_EFFECT_TRIES):
             first = self.any_of(known, effect)
             self._surround([*around, (first.item, 1.0)])
-            others = [e for e in known if _subsystem(e) != _subsystem(first.item.name)]
+            others = [e for e in known if subsystem(e) != subsystem(first.item.name)]
             second = self.any_of(others, None)
             self._surround([*around, (second.item, 1.0)])
             again = self._measure(first.item)
@@ -169,7 +188,7 @@ class _Drawing:
         for _ in range(_EFFECT_TRIES):
             name = family if family is not None else str(self.rng.choice(known))
             item = FAMILIES[name](self.design, self.rng)
-            target = float(np.exp(self.rng.uniform(np.log(2.5), np.log(40.0))))
+            target = log_uniform(self.rng, 2.5, 40.0)
             amount = 1.0
             for _ in range(5):
                 items = [*self.around, (item, amount)]
@@ -208,8 +227,7 @@ class _Drawing:
 
     def _grown(self, name: str) -> _Measured | None:
         """An effect that shows enough, None if it does not within the tries."""
-        low, high = np.log(SIZES)
-        now = self.size if self.size is not None else float(np.exp(self.rng.uniform(low, high)))
+        now = self.size if self.size is not None else log_uniform(self.rng, *SIZES)
         for _ in range(_TRIES):
             cause = self._measure(EFFECTS[name].draw(self.design, self.rng, now))
             if (self.size is not None and np.isfinite(cause.gap)) or cause.enough(self.kind):
@@ -237,5 +255,134 @@ class _Drawing:
         return _Measured(item, size, reading)
 
 
-def _subsystem(name: str) -> str:
-    return name.split(".")[0]
+def recording(design: ExperimentDesign, case: LookalikeCase) -> Recording:
+    """All rows of a case, with noise, clock jitter and everything that happens between rows."""
+    rng = np.random.default_rng([case.seed, 3])
+    rows = _rows(design, case)
+    count, samples = rows.shape[:2]
+    offset = (np.arange(samples) - (samples - 1) / 2.0) / design.rate
+    if design.moving:
+        t = design.t
+    else:
+        jitter = np.clip(rng.normal(0.0, 0.04, (count, samples)), -0.3, 0.3) / design.rate
+        t = (design.t[:, None] + offset + jitter).ravel()
+        least = 1e-3 / design.rate * np.arange(len(t))  # holds of uneven length may touch
+        t = np.maximum.accumulate(t - least) + least
+        t = t - min(0.0, float(t[0]))
+    q = np.repeat(design.q, samples, axis=0)
+    q = q + rng.normal(0.0, _ENCODER * (0.01 if design.moving else 1.0), q.shape)
+    names: tuple[str, ...] = QUATERNION
+    if design.has_joints:
+        names = tuple(f"q{j + 1}" for j in range(q.shape[1]))
+    else:
+        q = q / np.linalg.norm(q, axis=1, keepdims=True)
+    y = rows.reshape(-1, 6)
+    segment = np.zeros(count) if design.moving else np.arange(count)
+    columns = {"t": t, "segment": np.repeat(segment.astype(np.int64), samples)}
+    columns |= {name: q[:, j] for j, name in enumerate(names)}
+    columns |= {c: y[:, k] for k, c in enumerate(CHANNELS)}
+    if design.temperature is not None:
+        warm = np.repeat(design.temperature, samples)
+        columns["temperature"] = np.round(warm + rng.normal(0.0, 0.02, len(warm)), 2)
+    return Recording(design.metadata, columns, f"lookalike-{case.seed}")
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseLaw:
+    """How one robot's rows scatter, in units of ``noise_std``.
+
+    Attributes:
+        level: per channel (6,), about 1.
+        tails: share of rows that are Student-t with ``freedom`` degrees of freedom.
+        freedom: 4 to 8.
+        memory: share of the variance that is AR(1) with coefficient ``keep``.
+        keep: 0 to 0.6.
+        mixing: (6, 6) root of the correlation between channels.
+        wander: rms of the wander per channel (6,).
+    """
+
+    level: np.ndarray
+    tails: float
+    freedom: float
+    memory: float
+    keep: float
+    mixing: np.ndarray
+    wander: np.ndarray
+
+
+def noise_law(rng: Rng) -> NoiseLaw:
+    """A random law."""
+    lean = 0.25 * rng.standard_normal((6, 6))
+    root = np.eye(6) + lean
+    root = root / np.linalg.norm(root, axis=1, keepdims=True)
+    return NoiseLaw(
+        level=rng.uniform(0.95, 1.05, 6),
+        tails=rng.uniform(0.0, 0.7),
+        freedom=rng.uniform(4.0, 8.0),
+        memory=rng.uniform(0.0, 0.6),
+        keep=rng.uniform(0.0, 0.6),
+        mixing=root,
+        wander=rng.uniform(0.0, WANDER) * rng.uniform(0.6, 1.0, 6),
+    )
+
+
+def row_noise(design: ExperimentDesign, law: NoiseLaw, rng: Rng, samples: int) -> np.ndarray:
+    """Noise (H, samples, 6) [N, N·m], without the wander; in motion one run of all rows."""
+    count = len(design)
+    shape = (1, count, 6) if design.moving else (count, samples, 6)
+    white = rng.standard_normal(shape)
+    heavy = rng.uniform(size=shape[:2]) < law.tails
+    spread = np.sqrt((law.freedom - 2.0) / rng.chisquare(law.freedom, shape[:2]))
+    white *= np.where(heavy, spread, 1.0)[..., None]
+    kicks = rng.standard_normal(shape) * np.sqrt(1.0 - law.keep**2)
+    initial = law.keep * rng.standard_normal((shape[0], 1, 6))
+    slow = lfilter([1.0], [1.0, -law.keep], kicks, axis=1, zi=initial)[0]
+    unit = np.sqrt(1.0 - law.memory) * white + np.sqrt(law.memory) * slow
+    mixed = unit @ law.mixing.T * (law.level * design.noise_std)
+    return mixed.reshape(count, -1, 6)
+
+
+def wander(design: ExperimentDesign, law: NoiseLaw, rng: Rng) -> np.ndarray:
+    """1/f wander (N, 6) [N, N·m] over the run."""
+    return slow_noise(rng, len(design), 6) * law.wander * design.noise_std
+
+
+def _rows(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
+    """Rows (N, samples, 6) [N, N·m]."""
+    rng = np.random.default_rng([case.seed, 2])
+    law = noise_law(rng)
+    samples = 1 if design.moving else design.samples
+    slow = wander(design, law, rng)
+    scatter = row_noise(design, law, rng, samples)
+    load = case.unclipped
+    if design.moving:  # the clock of the sensor jitters
+        late = np.clip(rng.normal(0.0, 1.5e-4, len(load)), -5e-4, 5e-4)
+        load = load + late[:, None] * np.gradient(load, design.t, axis=0)
+    y = (load + slow)[:, None, :]
+    changed = [i.rows for i, _ in case.items if i.rows is not None]
+    for r in changed:
+        scatter = scatter * r.gain
+    y = y + scatter
+    when = design.t[:, None] + np.arange(samples) / design.rate
+    for r in changed:
+        if r.shake is not None:
+            y = y + r.shake[:, None, :] * _shaking(when, r.frequency, rng)[..., None]
+    for r in changed:
+        step = np.where(r.step > 0.0, r.step, 1.0)
+        y = np.where(r.step > 0.0, np.round(y / step) * step, y)
+    for r in changed:
+        y = np.clip(y, -r.limit, r.limit)
+    for r in changed:
+        if r.stale[0] > 0.0:
+            flat = y.reshape(-1, 6)
+            y = flat[held_rows(len(flat), r.stale, rng)].reshape(y.shape)
+    return y
+
+
+def _shaking(t: np.ndarray, frequency: float, rng: Rng) -> np.ndarray:
+    """A signal of unit rms at times (N, n) [s]: a line whose amplitude breathes, or broad."""
+    if frequency <= 0.0:
+        return rng.standard_normal(t.shape)
+    breath = 0.3 * np.sin(0.11 * frequency * t + rng.uniform(0.0, 6.28))
+    wave = np.sin(2.0 * np.pi * frequency * t + rng.uniform(0.0, 6.28))
+    return np.asarray(np.sqrt(2.0) * (1.0 + breath) * wave / np.sqrt(1.0 + 0.045))

@@ -1,35 +1,39 @@
-"""The effects that a design can show, and the small imperfections that every case has.
+"""The effects that a design can show, faults of no library, and what every case has a little of.
 
-Typical sizes and ranges are estimates.
+A diagnosis must call a fault outside the library unknown. Typical sizes and ranges are estimates.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
+from wrenchbed.benchmark.frame import STATED, Rng, by_subsystem, log_uniform
 from wrenchbed.benchmark.lookalikes import arm, sensor, tool
-from wrenchbed.benchmark.lookalikes import sensor as timing
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
     DRAWN,
-    STATED,
     Imperfection,
     ImperfectRobot,
     LookalikeEffect,
-    Rng,
     RowImperfection,
     Scaled,
     gap,
+    relax,
 )
+from wrenchbed.benchmark.lookalikes.loads import rotate_back, wrench_at
 
-FILES = (arm, sensor, timing, tool)
+FILES = (arm, sensor, tool)
 """Modules whose draws are registered by importing them."""
-_SUBSYSTEMS = (
-    "sensor", "mount", "tool", "cable", "joint", "link", "base", "timing", "environment",
-)  # fmt: skip
-"""Order in which effects are drawn: cases follow from it and the seed."""
-EFFECTS = dict(sorted(DRAWN.items(), key=lambda e: _SUBSYSTEMS.index(e[0].partition(".")[0])))
+EFFECTS = by_subsystem(DRAWN)
 """Every effect by name."""
+Family = Callable[[ExperimentDesign, Rng], Imperfection]
+FAMILIES: dict[str, Family] = {}
+"""Families outside every library, by name."""
+_BY_JOINTS = ("gas_spring", "magnet")
+"""Families that only robots with joints have."""
+_G = 9.81
+"""Gravity to scale by [m/s²]."""
 LARGEST = 8.0
 """Largest size of a cause in multiples of typical."""
 _PROBES = 4
@@ -72,9 +76,7 @@ def _shows(design: ExperimentDesign, effect: LookalikeEffect) -> bool:
 def background(robot: ImperfectRobot, rng: Rng) -> list[Scaled]:
     """Most effects at once, small, within a random total gap; and errors within tolerance."""
     design = robot.design
-    target = float(
-        np.exp(rng.uniform(np.log(SMALLEST_BACKGROUND), np.log(0.9 * LARGEST_BACKGROUND)))
-    )
+    target = log_uniform(rng, SMALLEST_BACKGROUND, 0.9 * LARGEST_BACKGROUND)
     around = _within_tolerance(design, rng)
     drawn = []
     for effect in EFFECTS.values():
@@ -120,3 +122,150 @@ def _between_rows(design: ExperimentDesign, rng: Rng) -> Imperfection:
     shake = min(1.0, float(np.sqrt(MOST_RISE / max(rise, 1e-12)))) * drawn.shake
     rows = RowImperfection(np.ones(6), step, shake, drawn.frequency)
     return Imperfection(name="background", rows=rows)
+
+
+def families(design: ExperimentDesign) -> tuple[str, ...]:
+    """Names of the families outside every library that a design can show."""
+    return tuple(n for n in FAMILIES if design.has_joints or n not in _BY_JOINTS)
+
+
+def family(draw: Family) -> Family:
+    """Register a function as the draw of a family of its name."""
+
+    def named_draw(design: ExperimentDesign, rng: Rng) -> Imperfection:
+        return replace(draw(design, rng), name=draw.__name__)
+
+    FAMILIES[draw.__name__] = named_draw
+    return named_draw
+
+
+def _zero(shift: np.ndarray) -> Imperfection:
+    """A zero that shifts by (N, 6) [N, N·m]."""
+    return Imperfection(sensor=lambda y: y + shift)
+
+
+def _cog(shift: np.ndarray) -> Imperfection:
+    """A centre of gravity that shifts by (N, 3) [m]."""
+    return Imperfection(tool=lambda load, _: replace(load, cog=load.cog + shift))
+
+
+def _some_channels(design: ExperimentDesign, rng: Rng) -> np.ndarray:
+    return 5.0 * design.noise_std * sensor.channels(rng, one=0.4)
+
+
+@family
+def seating(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """Something settles anew at each pose: offsets with heavy tails."""
+    count = len(design)
+    which = np.arange(count)
+    if design.moving:
+        change = np.cumsum(rng.exponential(2.5, count))
+        which = np.searchsorted(change, design.t - design.t[0])
+    offsets = np.clip(rng.standard_t(2.2, (int(which.max()) + 1, 6)), -8.0, 8.0)
+    return _zero(offsets[which] * _some_channels(design, rng))
+
+
+@family
+def gas_spring(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """A hinge or a dress pack pushes in proportion to the angle of joint 2."""
+    j = min(1, design.q.shape[1] - 1)
+    angle = design.q[:, j] - design.q[:, j].mean()
+    axis = rng.standard_normal(3)
+    push = 0.5 * angle[:, None] * axis
+    wrench = wrench_at(rng.normal(0.0, 0.05, 3), push)
+    return Imperfection(load=lambda motion, load: wrench)
+
+
+@family
+def magnet(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """A magnet near one spot of the workspace, or near one angle of joint 4, pulls."""
+    if design.has_joints and rng.uniform() < 0.4 and design.q.shape[1] > 3:
+        angle = design.q[:, 3]
+        away = ((angle - rng.choice(angle)) / max(0.35 * float(np.std(angle)), 1e-3)) ** 2
+    else:
+        place = design.motion.position
+        centre = place[rng.integers(len(place))] + rng.normal(0.0, 0.02, 3)
+        wide = max(0.6 * float(np.linalg.norm(place.std(axis=0))), 1e-3)
+        away = ((place - centre) ** 2).sum(axis=1) / wide**2
+    pull = np.exp(-0.5 * away)[:, None] * rng.standard_normal(3)
+    lever = rng.normal(0.0, 0.05, 3)
+    return Imperfection(
+        load=lambda motion, load: wrench_at(lever, rotate_back(motion.rotation, pull))
+    )
+
+
+@family
+def product(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """Two channels multiply into a force; into a torque it would be a flexing tool."""
+    into = int(rng.integers(3))
+    a, b = (int(k) for k in rng.choice(np.delete(np.arange(6), into), 2, replace=False))
+    factor = 6.0 * design.noise_std[into] / (design.swing[a] * design.swing[b])
+    channel = np.eye(6)[into]
+    return Imperfection(sensor=lambda y: y + np.outer(factor * y[:, a] * y[:, b], channel))
+
+
+@family
+def compressor(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """The zero shifts whenever a compressor runs: a square wave in time."""
+    period = float(np.ptp(design.t)) / rng.uniform(3.0, 9.0)
+    phase = ((design.t - design.t[0]) / period + rng.uniform()) % 1.0
+    on = phase < rng.uniform(0.3, 0.6)
+    return _zero(on[:, None] * _some_channels(design, rng))
+
+
+@family
+def bursts(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """Again and again, for a moment, the reading is far off."""
+    count, n = int(rng.integers(5, 10)), len(design)
+    shift = np.zeros((n, 6))
+    for _ in range(count):
+        first = int(rng.integers(n))
+        length = int(rng.integers(1, max(2, n // 25)))
+        shift[first : first + length] = rng.standard_t(3.0, 6)
+    return _zero(3.0 * shift * _some_channels(design, rng))
+
+
+@family
+def third_harmonic(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """A zero that varies three times per turn of the wrist."""
+    if design.has_joints:
+        angle = design.q[:, -1]
+    else:
+        specific = design.motion.specific_force
+        angle = np.arctan2(specific[:, 1], specific[:, 0])
+    phase = rng.uniform(0.0, 2.0 * np.pi, 6)
+    wave = np.sin(3.0 * angle[:, None] + phase)
+    return _zero(wave * _some_channels(design, rng))
+
+
+@family
+def rectified(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """A channel reads the size of another, whatever its sign: a plate that lifts off both ways."""
+    to, of = rng.permutation(6)[:2]
+    gain = 0.3 * rng.choice([-1.0, 1.0]) * design.full_scale[to] / design.full_scale[of]
+
+    def read(y: np.ndarray) -> np.ndarray:
+        result = y.copy()
+        result[:, to] += gain * np.abs(y[:, of])
+        return result
+
+    return Imperfection(sensor=read)
+
+
+@family
+def sunbeam(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """The zero shifts while the sensor faces a window."""
+    down = design.motion.specific_force
+    down = down / np.linalg.norm(down, axis=1, keepdims=True)
+    facing = down @ down[rng.integers(len(down))]
+    return _zero(np.exp(6.0 * (facing - 1.0))[:, None] * 2.0 * _some_channels(design, rng))
+
+
+@family
+def slow_liquid(design: ExperimentDesign, rng: Rng) -> Imperfection:
+    """A thick liquid follows gravity with a lag of several poses."""
+    path = design.path
+    lag = max(float(np.ptp(path.t)), 1e-9) * rng.uniform(0.02, 0.1)
+    level = relax(path.t, path.specific_force, lag)[path.at] / _G
+    shift = 4e-3 * (level**2 - level.mean(axis=0) ** 2) * rng.standard_normal(3)
+    return _cog(shift)

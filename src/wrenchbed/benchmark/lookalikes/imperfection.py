@@ -12,8 +12,14 @@ from typing import Any
 import numpy as np
 from scipy.linalg import solve_banded
 
+from wrenchbed.benchmark.frame import Rng
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, load_wrench
+
+LEAST_REPEATS = 4
+"""Rows of a hold from which the scatter of rows shows: an estimate."""
+Act = Callable[[np.ndarray], np.ndarray]
+"""Changes a wrench (N, 6) [N, N·m]."""
 
 
 def relay(signal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -30,9 +36,7 @@ def relay(signal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(last_up == last_down, initial, state))
 
 
-def preisach(
-    signal: np.ndarray, rng: np.random.Generator, reach: float, relays: int = 96
-) -> np.ndarray:
+def preisach(signal: np.ndarray, rng: Rng, reach: float, relays: int = 96) -> np.ndarray:
     """Hysteresis (T, C) of signals (T, C), about ±1 wide at its widest, without its linear part.
 
     Relays (centre, half width) are spread at random over the signal's range: the loop's shape
@@ -65,7 +69,7 @@ def relax(t: np.ndarray, signal: np.ndarray, time: float) -> np.ndarray:
     return np.asarray(solve_banded((1, 0), bands, driven, check_finite=False))
 
 
-def slow_noise(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
+def slow_noise(rng: Rng, rows: int, columns: int) -> np.ndarray:
     """1/f noise (rows, columns) of unit rms about a zero mean."""
     spectrum = np.fft.rfft(rng.standard_normal((max(rows, 4), columns)), axis=0)
     frequency = np.arange(len(spectrum), dtype=float)
@@ -73,15 +77,6 @@ def slow_noise(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
     wave = np.fft.irfft(spectrum / np.sqrt(frequency)[:, None], n=max(rows, 4), axis=0)[:rows]
     wave = wave - wave.mean(axis=0)
     return np.asarray(wave / np.maximum(wave.std(axis=0), 1e-12))
-
-
-STATED = ("sensor.bias", "tool.mass", "tool.cog")
-"""Causes that count on the configured gap: a fit of bias, mass and CoG would hide them."""
-LEAST_REPEATS = 4
-"""Rows of a hold from which the scatter of rows shows: an estimate."""
-Rng = np.random.Generator
-Act = Callable[[np.ndarray], np.ndarray]
-"""Changes a wrench (N, 6) [N, N·m]."""
 
 
 def gap(design: ExperimentDesign, difference: np.ndarray, *, configured: bool = False) -> float:
@@ -325,7 +320,7 @@ def raised_variance(design: ExperimentDesign, item: Imperfection, base: np.ndarr
     return np.asarray(rise)
 
 
-def held_rows(rows: int, stale: tuple[float, float], rng: np.random.Generator) -> np.ndarray:
+def held_rows(rows: int, stale: tuple[float, float], rng: Rng) -> np.ndarray:
     """Index (N,) of the row that is shown at each row: itself, or the one before a repeat."""
     chance, length = stale
     fresh = np.ones(rows, dtype=bool)

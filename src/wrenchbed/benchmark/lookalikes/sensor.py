@@ -10,11 +10,11 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
+from wrenchbed.benchmark.frame import Rng, log_uniform
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
     Imperfection,
     Names,
-    Rng,
     RowImperfection,
     in_motion,
     lookalike,
@@ -291,7 +291,7 @@ def creep(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """About 1 % of a change of load appears late, within 20 s to 10 min: two rates."""
     share = 0.01 * size * np.abs(channels(rng, one=0.3))
     path = design.path
-    slow = float(np.exp(rng.uniform(np.log(20.0), np.log(600.0))))
+    slow = log_uniform(rng, 20.0, 600.0)
     mix = rng.uniform(0.6, 1.0)
     late = mix * relax(path.t, path.wrench, slow)
     late += (1.0 - mix) * relax(path.t, path.wrench, slow * rng.uniform(0.1, 0.4))

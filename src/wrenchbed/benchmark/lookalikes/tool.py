@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
+from wrenchbed.benchmark.frame import Rng
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
     Imperfection,
-    Rng,
     in_motion,
     lookalike,
     named,

@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from wrenchbed.benchmark.frame import Rng
 from wrenchbed.benchmark.referee.fault import (
     RefereeFault,
-    Rng,
     RowFault,
     about,
     direction,
     drawn,
     sign,
 )
+from wrenchbed.benchmark.referee.machine import Backlash, Mechanics
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.referee.true_robot import Backlash, Mechanics
 
 _TONE = 0.9
 """Share of the lowest tone in the vibration of a machine nearby: an estimate."""

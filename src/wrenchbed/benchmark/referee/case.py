@@ -3,6 +3,7 @@
 Shares, thresholds beyond the contract's and ranges of sizes are estimates.
 """
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -10,37 +11,176 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.benchmark.referee import outside
-from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED, background, possible
-from wrenchbed.benchmark.referee.equivalence import Bench, Usual, bench
+from wrenchbed.benchmark.frame import KINDS, NEEDED, ROWS_NEEDED, SIZES, STATED, log_uniform
+from wrenchbed.benchmark.frame import subsystem as subsystem_of
+from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES, background, possible
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal
-from wrenchbed.benchmark.referee.forward_dynamics import Ride, ride
+from wrenchbed.benchmark.referee.machine import Mechanics, Ride, ride
 from wrenchbed.benchmark.referee.noise import held, rows, shaken
-from wrenchbed.benchmark.referee.path import through
-from wrenchbed.benchmark.referee.scenario import RATE_HZ, SAMPLES, RefereeSetting, draw
-from wrenchbed.benchmark.referee.signatures import thin
-from wrenchbed.benchmark.referee.true_robot import Mechanics
+from wrenchbed.benchmark.referee.scenario import SAMPLES, RefereeSetting, draw
+from wrenchbed.benchmark.referee.signatures import Bench, Usual, bench, thin
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
 
+SHARES = (0.25, 0.4, 0.15, 0.2)
+"""Shares of the kinds in a family of cases."""
+LIBRARY_LEAVES = 1.0
+"""Gap that the best imitation by any effect of the library leaves of a fault outside it."""
+LARGEST_MINOR = 0.42
+"""Gap of all minor imperfections together, at most."""
+
 
 @dataclass(frozen=True, eq=False)
-class FaultyRobot:
-    """A setting with all faults around a cause.
+class TrueCause:
+    """A fault that counts.
+
+    Attributes:
+        fault: the fault.
+        signature: what it adds to a clean reading where readings are compared (n, 6).
+        gap: that it adds; of a cause between rows the mean rise of a row's variance.
+        world: what it was added to, with it.
+        rows: largest rise of a channel's row variance, 0 for a cause that shows in means.
+    """
+
+    fault: RefereeFault
+    signature: np.ndarray
+    gap: float
+    world: "World"
+    rows: float = 0.0
+
+    def enough(self, kind: str) -> bool:
+        """Whether it counts (contract, "When a cause counts"), with a margin in pairs."""
+        if between(self.fault.name):
+            return self.rows >= ROWS_NEEDED[kind]
+        return self.gap >= NEEDED[kind]
+
+
+def between(name: str) -> bool:
+    """Whether only the scatter of rows shows an effect of this name."""
+    return name in EFFECTS and EFFECTS[name].between
+
+
+@dataclass(frozen=True, eq=False)
+class World(ABC):
+    """A setting that faults are added to: a simulated robot, or a real recording.
 
     Attributes:
         setting: what is stated and commanded.
-        around: its faults.
-        way: its ride.
-        usual: what every fit removes.
+        around: faults that are there already.
     """
 
     setting: RefereeSetting
     around: tuple[RefereeFault, ...]
+
+    draws = 40
+    """Causes that are drawn before giving up."""
+    pairs = 4
+    """Second causes that are drawn before giving up."""
+    draws_outside = 160
+    """Faults outside the library that are drawn before giving up."""
+    families = FAMILIES
+    """Draws of faults outside the library by name."""
+
+    @property
+    @abstractmethod
+    def usual(self) -> Usual:
+        """What every fit removes."""
+
+    @property
+    @abstractmethod
+    def signatures(self) -> Bench:
+        """Signatures of the library here."""
+
+    @abstractmethod
+    def possible(self) -> list[str]:
+        """Names of the effects that can show here."""
+
+    @abstractmethod
+    def measured(self, fault: RefereeFault) -> TrueCause:
+        """What a fault adds to this world.
+
+        Raises:
+            ParameterError: it is too much for the machine.
+        """
+
+    @abstractmethod
+    def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
+        """What the first of two causes adds beside the second, which was measured beside it."""
+
+    def drawn(self, name: str, rng: np.random.Generator, size: float) -> RefereeFault:
+        """An effect of a size in multiples of typical."""
+        return EFFECTS[name].draw(self.setting, rng, size)
+
+    def causes(self, kind: str, rng: np.random.Generator) -> list[TrueCause]:
+        """Causes that show, as many as the kind has.
+
+        Raises:
+            ParameterError: nothing that was drawn shows enough.
+        """
+        if kind == "none":
+            return []
+        if kind == "outside":
+            return [self._outside(rng)]
+        first = self._one(kind, self.possible(), rng)
+        return [first] if kind == "single" else self._two(first, rng)
+
+    def _one(self, kind: str, names: list[str], rng: np.random.Generator) -> TrueCause:
+        """A cause that shows; where it is too small, once more and larger, then another one."""
+        for _ in range(self.draws):
+            name = str(rng.choice(names))
+            size = log_uniform(rng, *SIZES)
+            for _ in range(2):
+                try:
+                    cause = self.measured(self.drawn(name, rng, size))
+                except ParameterError:  # too much for the machine
+                    break
+                if cause.enough(kind):
+                    return cause
+                shown = cause.rows if between(name) else cause.gap
+                wanted = 1.2 * (ROWS_NEEDED if between(name) else NEEDED)[kind]
+                least = size * float(np.sqrt(wanted / max(shown, 1e-9)))
+                if least > SIZES[1]:
+                    break
+                size = log_uniform(rng, least, SIZES[1])
+        raise ParameterError("nothing that was drawn shows enough")
+
+    def _two(self, first: TrueCause, rng: np.random.Generator) -> list[TrueCause]:
+        """The first cause and one of another subsystem that leaves it visible."""
+        subsystem = subsystem_of(first.fault.name)
+        others = [n for n in self.possible() if subsystem_of(n) != subsystem]
+        for _ in range(self.pairs):
+            second = first.world._one("pair", others, rng)
+            again = self.again(first, second)
+            if again.enough("pair"):
+                return [again, second]
+        raise ParameterError("no second cause leaves the first one visible")
+
+    def _outside(self, rng: np.random.Generator) -> TrueCause:
+        """A fault that shows, and that no effect of the library could make."""
+        for _ in range(self.draws_outside):
+            family = self.families[str(rng.choice(list(self.families)))]
+            cause = self.measured(family(self.setting, rng, log_uniform(rng, 0.5, 2.0)))
+            if cause.gap < NEEDED["outside"]:
+                continue
+            remaining = self.signatures.imitated(cause.signature, configured=False, bounded=False)
+            if min(remaining.values()) >= LIBRARY_LEAVES:
+                return cause
+        raise ParameterError("no fault outside the library shows")
+
+
+@dataclass(frozen=True, eq=False)
+class FaultyRobot(World):
+    """A simulated robot.
+
+    Attributes:
+        way: its ride.
+        removed: what every fit removes.
+    """
+
     way: Ride
-    usual: Usual
+    removed: Usual
 
     @classmethod
     def of(
@@ -48,6 +188,16 @@ class FaultyRobot:
     ) -> "FaultyRobot":
         """A robot of a setting with some faults."""
         return cls(setting, tuple(around), _ride(setting, around), usual)
+
+    @property
+    def usual(self) -> Usual:
+        """What every fit removes."""
+        return self.removed
+
+    @cached_property
+    def signatures(self) -> Bench:
+        """Signatures of the library on this robot."""
+        return bench(self.setting, self.way, self.removed)
 
     @property
     def stride(self) -> int:
@@ -68,11 +218,33 @@ class FaultyRobot:
                 y = np.clip(y, -fault.rows.limit, fault.rows.limit)
         return y
 
+    def possible(self) -> list[str]:
+        """Names of the effects that make sense for the robot and its mode."""
+        return possible(self.setting)
+
     def with_(self, fault: RefereeFault) -> "FaultyRobot":
         """The same with a further fault; a fault of the machine needs another ride."""
         around = (*self.around, fault)
         way = self.way if fault.body is None else _ride(self.setting, around)
         return replace(self, around=around, way=way)
+
+    def measured(self, fault: RefereeFault) -> TrueCause:
+        """What a fault adds to this robot."""
+        return self._difference(fault, self.with_(fault))
+
+    def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
+        """What the first of two causes adds beside the second."""
+        assert isinstance(second.world, FaultyRobot)
+        return self.with_(second.fault)._difference(first.fault, second.world)
+
+    def _difference(self, fault: RefereeFault, other: "FaultyRobot") -> TrueCause:
+        if between(fault.name):
+            rise = self.risen(fault)
+            none = np.zeros_like(other.base)
+            return TrueCause(fault, none, float(rise.mean()), other, float(rise.max()))
+        signature = other.base - self.base
+        gap = other.usual.gap(signature, fault.name in STATED)
+        return TrueCause(fault, signature, gap, other)
 
     def compared(self, wrench: np.ndarray) -> np.ndarray:
         """Recorded rows (N, 6) minus what is stated, where readings are compared (n, 6)."""
@@ -102,48 +274,9 @@ class FaultyRobot:
 
 
 def _ride(setting: RefereeSetting, faults: Sequence[RefereeFault]) -> Ride:
-    start = Mechanics(
-        setting.theta,
-        np.array(setting.robot.gravity, dtype=float),
-        np.zeros(len(setting.robot.joints)),
-    )
+    gravity, joints = np.array(setting.robot.gravity, dtype=float), len(setting.robot.joints)
+    start = Mechanics(setting.theta, gravity, np.zeros(joints))
     return ride(setting.robot, mechanics(start, faults), setting.path)
-
-
-KINDS = ("none", "single", "pair", "outside")
-SHARES = (0.25, 0.4, 0.15, 0.2)
-"""Of the kinds in a family of cases."""
-NEEDED = {"single": 1.0, "pair": 1.5, "outside": 2.0}
-"""Least gap that a cause adds beside all else."""
-ROWS_NEEDED = {"single": 0.5, "pair": 0.75}
-"""Least rise of a channel's row variance, of causes that show only there."""
-SIZES = (0.5, 4.0)
-"""Multiples of typical that sizes are drawn from, log-uniformly."""
-LIBRARY_LEAVES = 1.0
-"""Gap that the best imitation by any effect of the library leaves of a fault outside it."""
-LARGEST_MINOR = 0.42
-"""Gap of all minor imperfections together, at most."""
-_TRIES = 40
-"""Causes that are drawn before giving up."""
-
-
-@dataclass(frozen=True, eq=False)
-class TrueCause:
-    """A fault that counts.
-
-    Attributes:
-        fault: the fault.
-        signature: what it adds to a clean reading where readings are compared (n, 6).
-        gap: that it adds; of a cause between rows the mean rise of a row's variance.
-        world: the robot with it.
-        rows: largest rise of a channel's row variance, 0 for a cause that shows in means.
-    """
-
-    fault: RefereeFault
-    signature: np.ndarray
-    gap: float
-    world: FaultyRobot
-    rows: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +290,6 @@ class RefereeCase:
         faults: causes and background.
         minor: gap of the background.
         measured: minus what is stated, where readings are compared (n, 6).
-        setting: what is stated and commanded.
         world: the robot without the causes.
     """
 
@@ -167,13 +299,7 @@ class RefereeCase:
     faults: tuple[RefereeFault, ...]
     minor: float
     measured: np.ndarray
-    setting: RefereeSetting
     world: FaultyRobot
-
-    @cached_property
-    def bench(self) -> Bench:
-        """Signatures of the library on this robot."""
-        return bench(self.setting, self.world.way, self.world.usual)
 
 
 def make(
@@ -190,13 +316,7 @@ def make(
     """
     rng = np.random.default_rng([*seed, KINDS.index(kind)])
     world, minor = robot_with_minor(robot, mode, seed, rng, poses)
-    if kind == "none":
-        causes: list[TrueCause] = []
-    elif kind == "outside":
-        causes = [_outside(world, bench(world.setting, world.way, world.usual), rng)]
-    else:
-        causes = _caused(world, kind, rng)
-    return as_case(kind, world, causes, minor, rng)
+    return as_case(kind, world, world.causes(kind, rng), minor, rng)
 
 
 def robot_with_minor(
@@ -215,7 +335,18 @@ def robot_with_minor(
     if not isinstance(arm, SimulatedRobot):
         raise ParameterError(f"robot {robot!r} has no model to make cases with")
     of_setting = seed if poses is None else seed[:1]
-    return _ordinary(draw(arm, mode, np.random.default_rng([*of_setting, 99]), poses), rng)
+    setting = draw(arm, mode, np.random.default_rng([*of_setting, 99]), poses)
+    scale = log_uniform(rng, 0.1, 0.5)
+    around = int(rng.integers(2**62))
+    usual = Usual.of(setting)
+    for _ in range(8):
+        faults = background(setting, np.random.default_rng(around), scale)
+        world = FaultyRobot.of(setting, faults, usual)
+        minor = usual.gap(world.base - setting.nominal[:: world.stride], configured=False)
+        if minor <= LARGEST_MINOR:
+            return world, minor
+        scale *= float(np.sqrt(rng.uniform(0.3, 0.85) * LARGEST_MINOR / minor))
+    raise ParameterError("the minor imperfections do not become minor")
 
 
 def as_case(
@@ -226,152 +357,18 @@ def as_case(
     rng: np.random.Generator,
 ) -> RefereeCase:
     """The recording of a robot with causes, and what a referee knows of it."""
-    setting = world.setting
+    setting, path = world.setting, world.setting.path
     last = causes[-1].world if causes else world
+    assert isinstance(last, FaultyRobot)
     data = rows(setting, last.way, last.clean, last.around, rng)
-    return RefereeCase(
-        kind, _recording(setting, data.wrench, data.q, rng), tuple(causes), last.around, minor,
-        world.compared(data.wrench), setting, world,
-    )  # fmt: skip
-
-
-def again(
-    case: RefereeCase,
-    poses: np.ndarray,
-    seed: tuple[int, ...],
-    payload: tuple[float, np.ndarray] | None = None,
-) -> Recording:
-    """A later recording of a case's robot at rest, with the same faults.
-
-    What happened once (a jump, a loss, a slide) has happened; a drift goes on; the room does again
-    what it did.
-
-    Args:
-        case: at rest.
-        poses: (H, J) [rad, m].
-        seed: of its noise.
-        payload: stated load beside the stated tool: mass [kg] and CoG in sensor axes (3,) [m].
-
-    Raises:
-        ParameterError: the simulation diverged.
-    """
-    rng, old = np.random.default_rng([*seed, 7]), case.setting
-    path = through(old.robot, poses, SAMPLES, RATE_HZ, rng.gamma(1.0, 0.4, len(poses)))
-    warm = old.temperature
-    if warm is not None:
-        warm = np.interp(path.t, old.path.t, warm)
-    theta, stated = old.theta, old.metadata
-    if payload is not None:
-        tool = old.robot.tool(theta)
-        mass = float(tool.mass) + payload[0]
-        cog = (float(tool.mass) * np.asarray(tool.cog) + payload[0] * payload[1]) / mass
-        theta = old.robot.theta_of_tool(theta, mass, cog.tolist())
-        known = replace(stated.tool, mass=mass, cog=tuple(float(c) for c in cog))
-        stated = replace(stated, tool=known)
-    setting = replace(old, path=path, metadata=stated, theta=theta, temperature=warm)
-    way = _ride(setting, case.faults)
-    data = rows(setting, way, signal(way, case.faults), case.faults, rng)
-    return replace(_recording(setting, data.wrench, data.q, rng), name="again")
-
-
-def _ordinary(setting: RefereeSetting, rng: np.random.Generator) -> tuple[FaultyRobot, float]:
-    """A robot with nothing but minor imperfections, and their gap."""
-    scale = float(np.exp(rng.uniform(np.log(0.1), np.log(0.5))))
-    seed = int(rng.integers(2**62))
-    usual = Usual.of(setting)
-    for _ in range(8):
-        around = background(setting, np.random.default_rng(seed), scale)
-        world = FaultyRobot.of(setting, around, usual)
-        minor = usual.gap(world.base - setting.nominal[:: world.stride], configured=False)
-        if minor <= LARGEST_MINOR:
-            return world, minor
-        scale *= float(np.sqrt(rng.uniform(0.3, 0.85) * LARGEST_MINOR / minor))
-    raise ParameterError("the minor imperfections do not become minor")
-
-
-def _caused(world: FaultyRobot, kind: str, rng: np.random.Generator) -> list[TrueCause]:
-    first = _one(world, kind, possible(world.setting), rng)
-    if kind == "single":
-        return [first]
-    subsystem = first.fault.name.split(".")[0]
-    others = [n for n in possible(world.setting) if n.split(".")[0] != subsystem]
-    for _ in range(4):
-        second = _one(first.world, kind, others, rng)
-        without = world.with_(second.fault)
-        again = _difference(first.fault, without, second.world)
-        if enough(again, kind):
-            return [again, second]
-    raise ParameterError("no second cause leaves the first one visible")
-
-
-def _one(world: FaultyRobot, kind: str, names: list[str], rng: np.random.Generator) -> TrueCause:
-    """A cause that shows; where it is too small, once more and larger, then another one."""
-    for _ in range(_TRIES):
-        name = str(rng.choice(names))
-        size = float(np.exp(rng.uniform(*np.log(SIZES))))
-        for _ in range(2):
-            try:
-                cause = measured(world, EFFECTS[name].draw(world.setting, rng, size))
-            except ParameterError:  # too much for the machine
-                break
-            if enough(cause, kind):
-                return cause
-            between = EFFECTS[name].between
-            shown = cause.rows if between else cause.gap
-            wanted = 1.2 * (ROWS_NEEDED if between else NEEDED)[kind]
-            least = size * float(np.sqrt(wanted / max(shown, 1e-9)))
-            if least > SIZES[1]:
-                break
-            size = float(np.exp(rng.uniform(np.log(least), np.log(SIZES[1]))))
-    raise ParameterError("nothing that was drawn shows enough")
-
-
-def measured(world: FaultyRobot, fault: RefereeFault) -> TrueCause:
-    """What a fault adds to a world."""
-    return _difference(fault, world, world.with_(fault))
-
-
-def _difference(fault: RefereeFault, without: FaultyRobot, with_: FaultyRobot) -> TrueCause:
-    if fault.name in EFFECTS and EFFECTS[fault.name].between:
-        rise = without.risen(fault)
-        return TrueCause(
-            fault, np.zeros_like(with_.base), float(rise.mean()), with_, float(rise.max())
-        )
-    signature = with_.base - without.base
-    return TrueCause(fault, signature, with_.usual.gap(signature, fault.name in STATED), with_)
-
-
-def enough(cause: TrueCause, kind: str) -> bool:
-    """Whether a cause counts (contract, "When a cause counts"), with a margin in pairs."""
-    if cause.fault.name in EFFECTS and EFFECTS[cause.fault.name].between:
-        return cause.rows >= ROWS_NEEDED[kind]
-    return cause.gap >= NEEDED[kind]
-
-
-def _outside(world: FaultyRobot, signatures: Bench, rng: np.random.Generator) -> TrueCause:
-    """A fault that shows, and that no effect of the library could make."""
-    for _ in range(4 * _TRIES):
-        family = outside.FAMILIES[str(rng.choice(list(outside.FAMILIES)))]
-        size = float(np.exp(rng.uniform(np.log(0.5), np.log(2.0))))
-        fault = measured(world, family(world.setting, rng, size))
-        if fault.gap < NEEDED["outside"]:
-            continue
-        remaining = signatures.imitated(fault.signature, configured=False, bounded=False)
-        if min(remaining.values()) >= LIBRARY_LEAVES:
-            return fault
-    raise ParameterError("no fault outside the library shows")
-
-
-def _recording(
-    setting: RefereeSetting, wrench: np.ndarray, q: np.ndarray, rng: np.random.Generator
-) -> Recording:
-    path = setting.path
     t = path.t[path.rows] - path.t[path.rows][0]
     t[1:] += np.clip(2e-5 * rng.standard_normal(len(t) - 1), -6e-5, 6e-5)
     columns = {"t": t, "segment": path.hold.astype(np.int64)}
-    columns |= {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
-    columns |= {c: wrench[:, k] for k, c in enumerate(CHANNELS)}
+    columns |= {f"q{j + 1}": data.q[:, j] for j in range(data.q.shape[1])}
+    columns |= {c: data.wrench[:, k] for k, c in enumerate(CHANNELS)}
     if setting.temperature is not None:
         warm = setting.temperature[path.rows]
         columns["temperature"] = np.round(warm + 0.03 * rng.standard_normal(len(t)), 2)
-    return Recording(setting.metadata, columns, "case")
+    recording = Recording(setting.metadata, columns, "case")
+    measured = world.compared(data.wrench)
+    return RefereeCase(kind, recording, tuple(causes), last.around, minor, measured, world)

@@ -1,35 +1,38 @@
-"""Every effect that the referee can make, and the minor imperfections that every robot has.
+"""Every effect that the referee can make, faults that are in no library, minor imperfections.
 
-Typical sizes and ranges are estimates.
+A diagnosis must call a fault outside the library unknown. Typical sizes and ranges are estimates.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from wrenchbed.benchmark.frame import Rng, by_subsystem
 from wrenchbed.benchmark.referee import arm, sensor, tool
-from wrenchbed.benchmark.referee import sensor as timing
 from wrenchbed.benchmark.referee.fault import (
     DRAWN,
     RefereeFault,
-    Rng,
     RowFault,
     by_channel,
     direction,
+    elapsed,
+    named,
+    sign,
+    touched,
 )
+from wrenchbed.benchmark.referee.machine import Mechanics, Ride
+from wrenchbed.benchmark.referee.memory import dahl, ornstein
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.referee.true_robot import Mechanics
 
-FILES = (arm, sensor, timing, tool)
+FILES = (arm, sensor, tool)
 """Modules whose draws are registered by importing them."""
-_SUBSYSTEMS = (
-    "sensor", "mount", "tool", "cable", "joint", "link", "base", "timing", "environment",
-)  # fmt: skip
-"""Order in which effects are drawn: cases follow from it and the seed."""
-EFFECTS = dict(sorted(DRAWN.items(), key=lambda e: _SUBSYSTEMS.index(e[0].partition(".")[0])))
+EFFECTS = by_subsystem(DRAWN)
 """By name; `tool.self_weight` is exactly a mass and a CoG, so it is only in the background."""
-STATED = ("sensor.bias", "tool.mass", "tool.cog")
-"""Wrong stated numbers: they count on the gap of the robot as stated."""
+Family = Callable[[RefereeSetting, Rng, float], RefereeFault]
+FAMILIES: dict[str, Family] = {}
+"""Faults outside every library, by name; probabilities were learnt on none of them."""
 _ALWAYS = (
     "sensor.drift", "sensor.gain", "sensor.crosstalk", "sensor.hysteresis", "sensor.temperature",
     "sensor.nonlinearity", "sensor.creep", "mount.rotation", "tool.flexure", "base.tilt",
@@ -66,7 +69,7 @@ def background(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeF
             faults.append(arm.compliance(setting, _stream(rng), small(), j))
             faults.append(arm.gear_error(setting, _stream(rng), small(), j))
     if setting.mode == "dynamic":
-        faults.append(timing.delay(setting, _stream(rng), small()))
+        faults.append(sensor.delay(setting, _stream(rng), small()))
     return [
         *faults,
         *_geometry(setting, rng, scale),
@@ -138,3 +141,128 @@ def _between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
     shake = arm.vibration(setting, _stream(rng), float(rng.uniform(0.02, 0.15))).rows
     assert shake is not None
     return RefereeFault(name="background", rows=RowFault(step=step, shake=shake.shake))
+
+
+def family(draw: Family) -> Family:
+    """Register a function as the draw of a family of its name."""
+    FAMILIES[draw.__name__] = named(draw.__name__, draw)
+    return FAMILIES[draw.__name__]
+
+
+def _telegraph(setting: RefereeSetting, rng: Rng, flips: float) -> np.ndarray:
+    """Random on and off (T,), about so many changes in a run."""
+    t = setting.path.t
+    gaps = rng.exponential((t[-1] - t[0]) / flips, int(20 * flips))
+    return np.asarray(np.searchsorted(np.cumsum(gaps), t - t[0]) % 2, dtype=float)
+
+
+@family
+def boot(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A rubber boot over one wrist joint drags at the tool in the direction of its last motion."""
+    j = int(rng.integers(3, setting.path.q.shape[1]))
+    drag = dahl(setting.path.q[:, j], rng.uniform(0.05, 0.2))
+    push = 4.0 * size * setting.noise * touched(rng)
+    return RefereeFault(load=lambda ride, y: y + np.outer(drag, push))
+
+
+@family
+def popcorn(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A gauge whose zero hops between two levels at random moments."""
+    on = _telegraph(setting, rng, rng.uniform(6.0, 25.0))
+    hop = 4.0 * size * setting.noise * touched(rng)
+    return RefereeFault(gauge=lambda ride, y: y + np.outer(on, hop), stage=5)
+
+
+@family
+def triple(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """One channel reads the square of a second times a third."""
+    a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
+    swing = setting.swing
+    amount = 10.0 * size * setting.noise[into] * sign(rng)
+
+    def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
+        out = y.copy()
+        out[:, into] += amount * (y[:, a] / swing[a]) ** 2 * y[:, b] / swing[b]
+        return out
+
+    return RefereeFault(gauge=gauge, stage=2)
+
+
+@family
+def snag(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A dress pack catches behind a screw as one joint passes it and springs off further on."""
+    j = int(rng.integers(1, setting.path.q.shape[1]))
+    angle = setting.path.q[:, j]
+    low, high = np.quantile(angle[setting.path.rows], np.sort(rng.uniform(0.15, 0.85, 2)))
+    caught = np.zeros(len(angle))
+    state = 0.0
+    for i, x in enumerate(angle):
+        if x > high:
+            state = 1.0
+        elif x < low:
+            state = 0.0
+        caught[i] = state
+    pull = 5.0 * size * setting.noise * touched(rng)
+    return RefereeFault(load=lambda ride, y: y + np.outer(caught, pull))
+
+
+@family
+def gusts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A fan blows at the tool from one side of the room, in gusts of some seconds."""
+    wind = ornstein(setting.path.t, rng.uniform(3.0, 12.0), 1, rng)[:, 0] + 0.7
+    axis = direction(rng) * [1.0, 1.0, 0.2]
+    force = 4.0 * size * float(setting.noise[:3].mean()) * np.outer(wind, axis)
+    lever = np.array([0.0, 0.0, 0.1]) + rng.normal(0.0, 0.02, 3)
+
+    def load(ride: Ride, y: np.ndarray) -> np.ndarray:
+        push = ride.in_sensor(force)
+        return y + np.concatenate([push, np.cross(lever, push)], axis=1)
+
+    return RefereeFault(load=load)
+
+
+@family
+def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """A bad plug: at times one channel reads only part of its load."""
+    off = _telegraph(setting, rng, rng.uniform(6.0, 25.0))
+    k = int(rng.integers(6))
+    part = min(0.9, 0.15 * size)
+
+    def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
+        out = y.copy()
+        out[:, k] *= 1.0 - part * off
+        return out
+
+    return RefereeFault(gauge=gauge, stage=5)
+
+
+@family
+def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """The sensor's bolts work loose: it rotates further and further on its flange."""
+    share = elapsed(setting)
+    angle = np.deg2rad(0.8) * size * sign(rng) * share ** rng.uniform(0.7, 2.0)
+    turn = Rotation.from_rotvec(angle[:, None] * (np.array([0, 0, 1.0]) + 0.1 * direction(rng)))
+
+    def load(ride: Ride, y: np.ndarray) -> np.ndarray:
+        return np.concatenate([turn.apply(y[:, :3]), turn.apply(y[:, 3:])], axis=1)
+
+    return RefereeFault(load=load)
+
+
+@family
+def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+    """The floor settles to one side while the run goes on."""
+    heading = rng.uniform(-np.pi, np.pi)
+    share = elapsed(setting)
+    angle = np.deg2rad(0.8) * size * share ** rng.uniform(0.7, 2.0)
+    turn = Rotation.from_rotvec(np.outer(angle, [np.cos(heading), np.sin(heading), 0.0]))
+
+    tool = setting.metadata.tool
+    assert tool.mass is not None and tool.cog is not None
+    mass, cog = tool.mass, np.array(tool.cog)
+
+    def load(ride: Ride, y: np.ndarray) -> np.ndarray:
+        force = mass * ride.in_sensor(turn.apply(ride.gravity) - ride.gravity)
+        return y + np.concatenate([force, np.cross(cog, force)], axis=1)
+
+    return RefereeFault(load=load)

@@ -10,12 +10,11 @@ from typing import Any, Concatenate, ParamSpec
 
 import numpy as np
 
-from wrenchbed.benchmark.referee.forward_dynamics import Ride
+from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.referee.machine import Mechanics, Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.referee.true_robot import Mechanics
 from wrenchbed.physics.wrench import CHANNELS
 
-Rng = np.random.Generator
 P = ParamSpec("P")
 CHANNEL = "[ft][xyz]"
 """Pattern of a channel's name."""
@@ -48,6 +47,12 @@ def touched(rng: Rng) -> np.ndarray:
         chosen[rng.choice(6, few, replace=False)] = True
     weight = chosen * rng.uniform(0.4, 1.0, 6) * rng.choice([-1.0, 1.0], 6)
     return np.asarray(weight / np.abs(weight).max())
+
+
+def elapsed(setting: RefereeSetting) -> np.ndarray:
+    """Fraction of the run that is over at each instant (T,)."""
+    t = setting.path.t
+    return np.asarray(np.clip((t - t[0]) / (t[-1] - t[0]), 0.0, 1.0))
 
 
 def by_channel(values: np.ndarray, stem: str) -> dict[str, float]:

@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 
 from wrenchbed import registry
 from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault
-from wrenchbed.benchmark.referee.forward_dynamics import Ride
+from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.memory import ornstein
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 

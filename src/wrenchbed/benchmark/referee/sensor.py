@@ -8,10 +8,10 @@ saturation and quantization have the same formula there; here only their sizes a
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from wrenchbed.benchmark.frame import Rng, log_uniform
 from wrenchbed.benchmark.referee.fault import (
     CHANNEL,
     RefereeFault,
-    Rng,
     RowFault,
     about,
     by_channel,
@@ -19,11 +19,15 @@ from wrenchbed.benchmark.referee.fault import (
     sign,
     touched,
 )
-from wrenchbed.benchmark.referee.forward_dynamics import Ride
+from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.memory import after, bouc_wen, lowpass
-from wrenchbed.benchmark.referee.path import DrivePath
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.physics.wrench import CHANNELS
+
+GAIN, MIX, BEND, LOOP, CREEP, ZERO = range(6)
+"""Order in which the sensor's faults act."""
+_ARM = 0.05
+"""Typical lever of crosstalk between forces and torques [m]."""
 
 
 @drawn("timing.delay", motion=True, compared="delay")
@@ -69,12 +73,6 @@ def _at(ride: Ride, y: np.ndarray, shift: np.ndarray | float) -> np.ndarray:
     return np.asarray(CubicSpline(t, y)(np.clip(t + shift, t[0], t[-1])))
 
 
-GAIN, MIX, BEND, LOOP, CREEP, ZERO = range(6)
-"""Order in which the sensor's faults act."""
-_ARM = 0.05
-"""Typical lever of crosstalk between forces and torques [m]."""
-
-
 @drawn("sensor.bias", compared=rf"bias\.{CHANNEL}")
 def bias(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A zero that is off by about 0.4 % of full scale."""
@@ -94,7 +92,7 @@ def drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     shape = share + curl * share * (1.0 - share)
     rate = span / (t[-1] - t[0])
     true = by_channel(rate, "rate")
-    return _zero(true, np.outer(shape, span), setting.path, rate)
+    return _zero(true, np.outer(shape, span))
 
 
 @drawn("sensor.gain", compared=rf"gain\.{CHANNEL}")
@@ -190,8 +188,7 @@ def temperature(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     gain = 2e-3 * size * rng.normal(0.0, 1.0, 6)
 
     def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
-        now = level if ride.path is setting.path else np.interp(ride.path.t, t, level)
-        return y * (1.0 + np.outer(now, gain)) + np.outer(now, zero)
+        return y * (1.0 + np.outer(level, gain)) + np.outer(level, zero)
 
     return RefereeFault(gauge=gauge, stage=ZERO)
 
@@ -217,7 +214,7 @@ def nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
 def creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """After a change of load about 0.8 % of it comes late: a chain of three time constants."""
     share = about(rng, 8e-3 * size) * np.abs(touched(rng))
-    first = float(np.exp(rng.uniform(np.log(8.0), np.log(60.0))))
+    first = log_uniform(rng, 8.0, 60.0)
     times = first * np.array([1.0, 3.0, 9.0])
     part = rng.dirichlet([2.0, 2.0, 1.0])
 
@@ -237,23 +234,9 @@ def jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     ramp = np.clip((t - when) / 0.5, 0.0, 1.0)
     first = float(t[setting.path.rows[0]])
     true = {"time": when - first} | by_channel(step, "step")
-    return _zero(true, np.outer(ramp, step), setting.path, np.zeros(6))
+    return _zero(true, np.outer(ramp, step))
 
 
-def _zero(
-    true: dict[str, float],
-    shift: np.ndarray,
-    path: DrivePath | None = None,
-    rate: float | np.ndarray = 0.0,
-) -> RefereeFault:
-    """A zero that shifts by (6,), or on a path by (T, 6) [N, N·m].
-
-    On a later path it goes on from where it was, at a rate (6,) [N/s, N·m/s].
-    """
-
-    def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
-        if path is None or ride.path is path:
-            return y + shift
-        return np.asarray(y + shift[-1] + np.outer(ride.path.t - ride.path.t[0], rate))
-
-    return RefereeFault(true, gauge=gauge, stage=ZERO)
+def _zero(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
+    """A zero that shifts by (6,), or instant by instant by (T, 6) [N, N·m]."""
+    return RefereeFault(true, gauge=lambda ride, y: y + shift, stage=ZERO)

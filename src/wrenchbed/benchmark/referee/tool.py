@@ -8,11 +8,18 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.referee.fault import RefereeFault, Rng, about, direction, drawn, sign
-from wrenchbed.benchmark.referee.forward_dynamics import Ride
+from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.referee.fault import (
+    RefereeFault,
+    about,
+    direction,
+    drawn,
+    elapsed,
+    sign,
+)
+from wrenchbed.benchmark.referee.machine import Hose, LoosePart, Mechanics, Pad, Ride
 from wrenchbed.benchmark.referee.memory import dahl
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.referee.true_robot import Hose, LoosePart, Mechanics, Pad
 from wrenchbed.robots.base import INERTIA_AXES
 
 _G = 9.81
@@ -72,8 +79,7 @@ def loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 @drawn("tool.leak")
 def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """About 1.5 % of the tool's mass is lost: by an exponential, in two stages, or in drops."""
-    share = _share(setting)
-    path = setting.path
+    share = elapsed(setting)
     law = rng.choice(["exponential", "two stages", "drops"])
     if law == "exponential":
         gone = -np.expm1(-share / rng.uniform(0.2, 2.0))
@@ -92,8 +98,7 @@ def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     place = _stated(setting)[1] + 0.02 * rng.standard_normal(3)
 
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
-        gone = lost if ride.path is path else np.full(len(y), lost[-1])
-        pull = -gone[:, None] * _pull(ride, place)
+        pull = -lost[:, None] * _pull(ride, place)
         return y + np.concatenate([pull, np.cross(place, pull)], axis=1)
 
     return RefereeFault({"lost": float(lost[-1])}, load=load)
@@ -102,7 +107,7 @@ def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 @drawn("tool.slide")
 def slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The CoG moves by about 2 mm: a clamp creeps (Kohlrausch), or it sticks and slips."""
-    share = _share(setting)
+    share = elapsed(setting)
     if rng.uniform() < 0.5:
         law = -np.expm1(-((share / rng.uniform(0.1, 1.0)) ** rng.uniform(0.4, 1.0)))
     else:
@@ -111,11 +116,9 @@ def slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     way = about(rng, 2e-3 * size) * direction(rng)
     moved = np.outer(law / law[-1], way)
     mass, cog = _stated(setting)
-    path = setting.path
 
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
-        off = moved if ride.path is path else np.tile(moved[-1], (len(y), 1))
-        torque = np.cross(off, mass * _pull(ride, cog))
+        torque = np.cross(moved, mass * _pull(ride, cog))
         return y + np.concatenate([np.zeros_like(torque), torque], axis=1)
 
     true = {f"moved.{a}": float(m) for a, m in zip("xyz", moved[-1], strict=True)}
@@ -205,12 +208,6 @@ def _stated(setting: RefereeSetting) -> tuple[float, np.ndarray]:
     tool = setting.metadata.tool
     assert tool.mass is not None and tool.cog is not None
     return tool.mass, np.array(tool.cog)
-
-
-def _share(setting: RefereeSetting) -> np.ndarray:
-    """Of the run that is over at each instant (T,)."""
-    t = setting.path.t
-    return np.asarray(np.clip((t - t[0]) / (t[-1] - t[0]), 0.0, 1.0))
 
 
 def _pull(ride: Ride, place: np.ndarray) -> np.ndarray:

@@ -1,34 +1,33 @@
-"""Baselines that fit many effects at once: LASSO, and everything free.
+"""Baselines: simple ways to name a cause, which every benchmark of the diagnosis prints beside it.
 
-Simple ways to name a cause, which every benchmark of the diagnosis prints beside it.
-
-All start from the same calibrated simulator and the same dictionary of effects as the diagnosis;
-none has a background of small imperfections, a refit, or an answer for what no effect makes.
+All start from the same calibrated simulator and the same dictionary of effects as the diagnosis,
+with noise and tolerances only: no background of small imperfections, no refit, and no answer for
+what no effect makes. That is what a careful user without them sees.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from math import copysign
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.linalg.blas import daxpy
 from scipy.special import logsumexp
 
-from wrenchbed.benchmark.scoring.linear_problem import (
-    COUNTS,
-    Claim,
-    Linear,
-    LinearFit,
-    certain,
-    linear,
-    nothing,
-    reuse_dictionary,
-)
-from wrenchbed.diagnosis.evidence.dictionary import LARGEST
-from wrenchbed.diagnosis.evidence.likelihood import LARGE, gains
+from wrenchbed.benchmark.scoring.case_rows import Claim
+from wrenchbed.diagnosis.evidence.dictionary import LARGEST, EffectDictionary, Hypothesis, build
+from wrenchbed.diagnosis.evidence.likelihood import LARGE, BackgroundLevel, gains
 from wrenchbed.diagnosis.evidence.search import NONE
+from wrenchbed.diagnosis.explain.structures import Analysis, case
+from wrenchbed.diagnosis.prepare.baseline import calibrate
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
+COUNTS = 1.0
+"""A cause must add this gap (contract, "When a cause counts")."""
+_RANK = 1e-10
 FOLDS = 5
 PATH = 25
 """Penalties that are tried, from the largest that lets anything in down to `LEAST` of it."""
@@ -39,6 +38,114 @@ _STEP = 0.02
 """Columns that move by less than so many σ have come to rest."""
 _WORSE = 3
 """So many penalties in a row that predict worse than the best end the search."""
+
+
+class LinearFit(NamedTuple):
+    """A hypothesis fitted alone: coefficients (k,), fall of χ², and how many numbers it took."""
+
+    hypothesis: Hypothesis
+    x: np.ndarray
+    gain: float
+    freedom: int
+
+
+@dataclass(frozen=True, eq=False)
+class Linear:
+    """Readings against the dictionary's columns, at the calibrated baseline.
+
+    Attributes:
+        d: the dictionary.
+        y: readings (6 R,) against the baseline, stated numbers as stated, whitened.
+        block: of each entry of ``y`` (6 R,).
+    """
+
+    d: EffectDictionary
+    y: np.ndarray
+    block: np.ndarray
+
+    @cached_property
+    def named(self) -> int:
+        """The first so many columns are effects', the others the flexible unknown's."""
+        return sum(bool(parameter) for _, parameter in self.d.label)
+
+    def level(self, rows: np.ndarray | slice = slice(None)) -> BackgroundLevel:
+        """Noise, and the stated numbers within their tolerances, of some rows."""
+        variance = np.tile(self.d.prepared.variance, self.d.rows)[rows]
+        allowed = np.minimum(self.d.tolerance**2, LARGE)
+        return BackgroundLevel(self.d.E[rows][:, self.d.stated], variance, allowed)
+
+    @cached_property
+    def problem(self) -> tuple[np.ndarray, np.ndarray]:
+        """P = EᵀK⁻¹E (n, n) and w = EᵀK⁻¹y (n,) of the effects' columns."""
+        return self.normal(slice(None))
+
+    def normal(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
+        """The same of some rows."""
+        E = self.d.E[rows][:, : self.named]
+        solved = self.level(rows).solve(E)
+        P = E.T @ solved
+        return (P + P.T) / 2, solved.T @ self.y[rows]
+
+    @cached_property
+    def singles(self) -> tuple[LinearFit, ...]:
+        """Every hypothesis alone."""
+        P, w = self.problem
+        result = []
+        for h in self.d.hypotheses:
+            own = h.columns
+            values, vectors = np.linalg.eigh(P[np.ix_(own, own)])
+            kept = values > _RANK * max(float(values[-1]), 1e-300)
+            turned = vectors[:, kept].T @ w[own]
+            x = vectors[:, kept] @ (turned / values[kept])
+            count = int(kept.sum()) + len(h.variant.shape)
+            result.append(LinearFit(h, x, float(turned @ (turned / values[kept])), count))
+        return tuple(result)
+
+    @cached_property
+    def residual(self) -> np.ndarray:
+        """What a fit of bias, mass and CoG leaves (R, 6)."""
+        basis = self.d.fitted_away
+        return np.asarray(self.y - basis @ (basis.T @ self.y)).reshape(-1, 6)
+
+    @property
+    def noise(self) -> float:
+        """Gap of noise alone."""
+        return float(self.d.prepared.variance.mean())
+
+    def added(self, name: str, columns: np.ndarray, x: np.ndarray) -> float:
+        """Gap that columns of an effect add with coefficients (k,)."""
+        return self.d.gap(self.d.E[:, columns] @ x, configured=name in STATED)
+
+
+_made: "WeakKeyDictionary[Prepared, Linear]" = WeakKeyDictionary()
+
+
+def linear(prepared: Prepared) -> Linear:
+    """The linear problem of a recording, made once."""
+    if prepared not in _made:
+        baseline = calibrate(prepared)
+        d = build(prepared, baseline.robot_theta, baseline.tolerance)
+        _made[prepared] = Linear(d, case(d, prepared, baseline), np.repeat(prepared.block_rows, 6))
+    return _made[prepared]
+
+
+def reuse_dictionary(analysis: Analysis) -> None:
+    """Let the baselines use the dictionary of an analysis instead of building it again."""
+    p = analysis.prepared
+    block = np.repeat(p.block_rows, 6)
+    _made[p] = Linear(analysis.dictionary, analysis.refitter.y, block)
+
+
+def nothing() -> Claim:
+    """No cause, and sure of it."""
+    return Claim(NONE, (), {NONE: 1.0})
+
+
+def certain(names: Sequence[str]) -> Claim:
+    """Causes by a method that knows no doubt; none if there are no names."""
+    if not names:
+        return nothing()
+    return Claim("identified", tuple((n,) for n in names), {names[0]: 1.0})
 
 
 def lasso_claim(problem: Linear) -> Claim:
@@ -181,9 +288,6 @@ def _fullest(problem: Linear) -> np.ndarray:
             best[s.hypothesis.name] = s
     chosen = [problem.d.stated, *(s.hypothesis.columns for s in best.values())]
     return np.unique(np.concatenate(chosen))
-
-
-__all__ = ["BASELINES", "Claim", "reuse_dictionary"]
 
 
 def none(prepared: Prepared) -> Claim:

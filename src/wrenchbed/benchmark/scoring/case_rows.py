@@ -1,6 +1,7 @@
 """Cases of a benchmark on disk: the truth of each case, and what each method answered."""
 
 import json
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -8,13 +9,47 @@ from typing import Any
 
 import pyarrow as pa
 
-from wrenchbed.benchmark.scoring.linear_problem import Claim
+from wrenchbed.effects.chain import effects
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.parts import Journal, read_table, write_table
 
 OURS = "wrenchbed"
 """Name of the diagnosis among the methods."""
 _TEXT = ("truth", "size", "detectability", "answers", "numbers", "seconds")
+"""Columns of the Parquet file that hold JSON text."""
+_SCHEMA = pa.schema(
+    [(name, pa.string()) for name in ("id", "kind", "outside", "where", "error", "raw", *_TEXT)]
+    + [(name, pa.list_(pa.string())) for name in ("between", "lead", "alike")]
+    + [("features", pa.list_(pa.float64())), ("variant", pa.bool_())]
+    + [(name, pa.float64()) for name in ("closed", "oracle", "real_gap")]
+)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """What a method says of a recording.
+
+    Attributes:
+        verdict: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
+        causes: claimed classes, largest first, each its first choice and then its rivals.
+        probabilities: over the leading answer; a class's key is its members joined by ``|``.
+        presence: probability of each class to be there, where that is not its share as leading.
+        set90: names that are said to hold the truth in 90 % of cases, none of who does not say.
+    """
+
+    verdict: str
+    causes: tuple[tuple[str, ...], ...]
+    probabilities: dict[str, float]
+    presence: tuple[float, ...] = ()
+    set90: tuple[str, ...] = ()
+
+    @property
+    def sure(self) -> float:
+        """Stated probability of the first answer: its class, none or unknown."""
+        if self.presence:
+            return self.presence[0]
+        first = "|".join(self.causes[0]) if self.causes else self.verdict
+        return self.probabilities.get(first, 0.0)
 
 
 @dataclass(frozen=True)
@@ -25,6 +60,24 @@ class Number:
     value: float
     std: float
     truth: float
+
+
+def numbers(
+    effect: str, published: Mapping[str, Mapping[str, Any]], true: Mapping[str, float]
+) -> list[Number]:
+    """Published parameters of an effect with an uncertainty, beside the true ones, 0 if unlisted.
+
+    Args:
+        effect: its name.
+        published: ``value`` and ``std`` by the parameter's name.
+        true: SI.
+    """
+    given = effects()[effect].amplitudes(published) or {}
+    return [
+        Number(f"{effect}:{name}", float(p["value"]), float(p["std"]), true.get(name, 0.0))
+        for name, p in given.items()
+        if p.get("std") is not None and math.isfinite(p["value"])
+    ]
 
 
 @dataclass(frozen=True)
@@ -50,6 +103,8 @@ class CaseRow:
         raw: verdict on the means before reliability was weighed in.
         lead: class that it named first.
         features: of that claim, see ``reliability``.
+        alike: effects that this very data cannot tell from the true ones.
+        real_gap: calibrated gap of the recording that the cause was added to; None of other cases.
     """
 
     id: str
@@ -70,6 +125,8 @@ class CaseRow:
     raw: str = ""
     lead: tuple[str, ...] = ()
     features: tuple[float, ...] = ()
+    alike: tuple[str, ...] = ()
+    real_gap: float | None = None
 
 
 def unique(rows: Sequence[CaseRow]) -> None:
@@ -85,25 +142,18 @@ def unique(rows: Sequence[CaseRow]) -> None:
         seen.add(row.id)
 
 
-def to_json(row: CaseRow) -> dict[str, Any]:
-    """A row as JSON holds it."""
-    return asdict(row)
+def from_json(raw: Mapping[str, Any]) -> CaseRow:
+    """The row that ``dataclasses.asdict`` made ``raw`` of."""
+    lists = {k: tuple(raw.get(k) or ()) for k in ("truth", "between", "lead", "features", "alike")}
+    answers = {k: _claim(v) for k, v in raw["answers"].items()}
+    parameters = tuple(Number(**n) for n in raw["numbers"])
+    return CaseRow(**{**raw, **lists, "answers": answers, "numbers": parameters})
 
 
-def from_json(told: Mapping[str, Any]) -> CaseRow:
-    """The row of ``to_json``."""
-    answers = {k: _claim(v) for k, v in told["answers"].items()}
-    numbers = tuple(Number(**n) for n in told["numbers"])
-    names = {k: tuple(told[k]) for k in ("truth", "between", "lead", "features")}
-    return CaseRow(**{**told, **names, "answers": answers, "numbers": numbers})
-
-
-def _claim(told: Mapping[str, Any]) -> Claim:
-    causes = tuple(tuple(c) for c in told["causes"])
-    return Claim(
-        told["verdict"], causes, dict(told["probabilities"]), tuple(told["presence"]),
-        tuple(told.get("set90", ())),
-    )  # fmt: skip
+def _claim(raw: Mapping[str, Any]) -> Claim:
+    lists = {k: tuple(raw.get(k, ())) for k in ("presence", "set90")}
+    causes = tuple(tuple(c) for c in raw["causes"])
+    return Claim(**{**raw, **lists, "causes": causes, "probabilities": dict(raw["probabilities"])})
 
 
 class CaseFile:
@@ -124,7 +174,7 @@ class CaseFile:
 
     def append(self, row: CaseRow) -> None:
         """Write a row so that it survives a kill."""
-        self.journal.append(to_json(row))
+        self.journal.append(asdict(row))
 
     def finish(self) -> None:
         """Write all rows to the Parquet file, and delete the journal."""
@@ -134,7 +184,7 @@ class CaseFile:
 
 def write(path: Path, rows: Iterable[CaseRow]) -> None:
     """Write rows as Parquet; nested values are JSON text."""
-    flat = [to_json(row) for row in rows]
+    flat = [asdict(row) for row in rows]
     text = [{k: json.dumps(row[k], ensure_ascii=False) for k in _TEXT} for row in flat]
     table = pa.Table.from_pylist([f | t for f, t in zip(flat, text, strict=True)], schema=_SCHEMA)
     write_table(path, table)
@@ -144,11 +194,3 @@ def read(path: Path) -> list[CaseRow]:
     """Rows of a Parquet file of ``write``."""
     table = read_table(path).to_pylist()
     return [from_json(r | {k: json.loads(r[k]) for k in _TEXT}) for r in table]
-
-
-_SCHEMA = pa.schema(
-    [(name, pa.string()) for name in ("id", "kind", "outside", "where", "error", "raw", *_TEXT)]
-    + [(name, pa.list_(pa.string())) for name in ("between", "lead")]
-    + [("features", pa.list_(pa.float64())), ("variant", pa.bool_())]
-    + [("closed", pa.float64()), ("oracle", pa.float64())]
-)

@@ -8,19 +8,19 @@ truth: the robot has it.
 import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.benchmark.frame import STATED, attempts
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, LookalikeCase, draw, recording
 from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS
 from wrenchbed.benchmark.lookalikes.loads import RigidLoad
 from wrenchbed.benchmark.scoring.baselines import BASELINES, reuse_dictionary
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Number
-from wrenchbed.benchmark.scoring.linear_problem import Claim
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number, numbers
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
 from wrenchbed.diagnosis.explain import reliability
@@ -28,11 +28,23 @@ from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.gap import closure
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
-from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.chain import effects
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning import choose
+
+KINDS = ("single", "none", "outside", "pair")
+"""Kinds in the order that seeds of cases follow from."""
+POSES = (60, 100)
+"""Fewest and most poses of a design at rest."""
+SAMPLES, MOTION_S, RATE_HZ = 60, 60.0, 125.0
+"""Rows of a pose; length of a motion [s] and its rate [Hz]."""
+DESIGNS = {"static": 6, "dynamic": 3}
+"""Designs that cases of a mode are spread over."""
+VARIANTS = 3
+"""Variants of a true effect that the oracle refits, best of its linear evidence first."""
+_TRIES = 8
+"""Draws of a case before giving up."""
 
 
 def truth(design: ExperimentDesign, case: LookalikeCase, effect: str) -> dict[str, float] | None:
@@ -50,25 +62,20 @@ def truth(design: ExperimentDesign, case: LookalikeCase, effect: str) -> dict[st
     return total
 
 
-def numbers(
+def compared(
     design: ExperimentDesign,
     case: LookalikeCase,
     effect: str,
     published: Mapping[str, Mapping[str, Any]],
-) -> tuple[tuple[Number, ...], bool]:
+) -> tuple[list[Number], bool]:
     """Published parameters beside the true ones, and whether they hold all of the cause's."""
     true = truth(design, case, effect)
     if true is None:
-        return (), False
-    given = effects()[effect].amplitudes(published) or {}
-    found = [
-        Number(f"{effect}:{name}", float(p["value"]), float(p["std"]), true.get(name, 0.0))
-        for name, p in given.items()
-        if p.get("std") is not None and np.isfinite(p["value"])
-    ]
+        return [], False
     names = EFFECTS[effect].published
-    needed = true if names is None else names(case.sizes[effect])
-    return tuple(found), set(needed) <= set(given)
+    needed = set(true if names is None else names(case.sizes[effect]))
+    given = effects()[effect].amplitudes(published) or {}
+    return numbers(effect, published, true), needed <= set(given)
 
 
 def _stated(design: ExperimentDesign, case: LookalikeCase, effect: str) -> dict[str, float]:
@@ -87,17 +94,6 @@ def _stated(design: ExperimentDesign, case: LookalikeCase, effect: str) -> dict[
         return {"mass": load.mass - design.load.mass}
     shift = load.cog - design.load.cog
     return {f"cog.{a}": float(v) for a, v in zip("xyz", shift, strict=True)}
-
-
-KINDS = ("single", "none", "outside", "pair")
-POSES = (60, 100)
-"""Fewest and most poses of a design at rest."""
-SAMPLES, MOTION_S, RATE_HZ = 60, 60.0, 125.0
-"""Rows of a pose; length of a motion [s] and its rate [Hz]."""
-DESIGNS = {"static": 6, "dynamic": 3}
-VARIANTS = 3
-"""Variants of a true effect that the oracle refits, best of its linear evidence first."""
-_TRIES = 8
 
 
 @dataclass(frozen=True)
@@ -154,13 +150,7 @@ def of_job(job: Job) -> tuple[ExperimentDesign, LookalikeCase]:
         ParameterError: nothing that was drawn shows enough.
     """
     place = design(job.setting, job.index % DESIGNS[job.setting.mode])
-    for attempt in range(_TRIES):
-        try:
-            return place, draw(place, job.seed + attempt, job.kind)
-        except ParameterError:
-            if attempt == _TRIES - 1:
-                raise
-    raise AssertionError
+    return place, attempts(_TRIES, lambda k: draw(place, job.seed + k, job.kind), ParameterError)
 
 
 def run(job: Job) -> CaseRow:
@@ -168,110 +158,104 @@ def run(job: Job) -> CaseRow:
     place, case = of_job(job)
     rows = recording(place, case)
     answers, seconds, errors = {}, {}, []
-    found: Findings | None = None
-    begun = time.perf_counter()
-    try:
-        found = diagnose(rows)
-        answers[OURS] = claim_of(found)
-    except Exception:  # a benchmark goes on, and counts it
-        errors.append(traceback.format_exc())
-        answers[OURS] = Claim("error", (), {})
-    seconds[OURS] = time.perf_counter() - begun
-    for name, baseline in BASELINES.items() if found is not None else ():
-        answers[name], seconds[name], error = _asked(baseline, found)
-        errors += error
-    answers |= {n: Claim("error", (), {}) for n in BASELINES if n not in answers}
-    between = tuple(case.rows)
-    told: tuple[tuple[Number, ...], bool, str | None] = ((), False, None)
-    shares: tuple[float | None, float | None] = (None, None)
-    if found is not None:
-        where = found.diagnosis.where
-        told = (*_numbers(place, case, found), where[0]["subsystem"] if where else None)
-        if case.causes and not between:
-            shares = _closed(found, case.causes)
-    return CaseRow(
+    results: list[Findings] = []
+
+    def asked(name: str, method: Callable[[], Claim]) -> None:
+        begun = time.perf_counter()
+        try:
+            answers[name] = method()
+        except Exception:  # a benchmark goes on, and counts it
+            errors.append(traceback.format_exc())
+            answers[name] = Claim("error", (), {})
+        seconds[name] = time.perf_counter() - begun
+
+    def ours() -> Claim:
+        results.append(diagnose(rows))
+        return claim_of(results[0])
+
+    asked(OURS, ours)
+    if not results:
+        answers |= {n: Claim("error", (), {}) for n in BASELINES}
+    for name, baseline in BASELINES.items() if results else ():
+        reuse_dictionary(results[0].analysis)
+        asked(name, partial(baseline, results[0].analysis.prepared))
+    row = CaseRow(
         id=job.id,
         kind=case.kind,
         truth=case.causes,
         outside=case.outside,
         size=dict(case.gaps),
         detectability=_detectability(place, case),
-        between=between,
+        between=tuple(case.rows),
         answers=answers,
-        where=told[2],
-        numbers=told[0],
-        variant=told[1],
-        closed=shares[0],
-        oracle=shares[1],
         seconds=seconds,
         error="\n".join(errors),
-        **_raw(found),
+    )
+    return _with_findings(row, place, case, results[0]) if results else row
+
+
+def _with_findings(
+    row: CaseRow, place: ExperimentDesign, case: LookalikeCase, findings: Findings
+) -> CaseRow:
+    """A row with what the diagnosis says beside its claim, and what reliability is learnt from."""
+    raw, diagnosis = findings.untempered, findings.diagnosis
+    gap = diagnosis.gap.closed
+    features = reliability.features(
+        findings.analysis.ranking, raw, 0.0 if gap is None else gap.value
+    )
+    parameters, variant = _numbers(place, case, findings)
+    closed, best = None, None
+    if case.causes and not case.rows:
+        closed, best = _closed(findings, case.causes)
+    return replace(
+        row,
+        where=diagnosis.where[0]["subsystem"] if diagnosis.where else None,
+        numbers=parameters,
+        variant=variant,
+        closed=closed,
+        oracle=best,
+        raw=raw.verdict,
+        lead=raw.causes[0].names if raw.causes else (),
+        features=features,
     )
 
 
-def _raw(found: Findings | None) -> dict[str, Any]:
-    """What reliability is learnt from."""
-    if found is None:
-        return {}
-    raw = found.untempered
-    lead = raw.causes[0].names if raw.causes else ()
-    closed = found.diagnosis.gap.closed
-    told = reliability.features(
-        found.analysis.ranking, raw, 0.0 if closed is None else closed.value
-    )
-    return {"raw": raw.verdict, "lead": lead, "features": told}
-
-
-def claim_of(found: Findings) -> Claim:
+def claim_of(findings: Findings) -> Claim:
     """What the diagnosis says, in the form that all methods share."""
-    told = found.diagnosis
-    causes = tuple((w["effect"], *w["rivals"]) for w in told.which)
-    presence = tuple(float(w["probability"]) for w in told.which)
-    return Claim(told.verdict, causes, dict(told.probabilities), presence)
-
-
-def _asked(
-    baseline: Callable[[Any], Claim], found: Findings | None
-) -> tuple[Claim, float, list[str]]:
-    """Claim and seconds of a baseline; it shares calibration and dictionary with the diagnosis."""
-    assert found is not None
-    reuse_dictionary(found.analysis)
-    begun = time.perf_counter()
-    try:
-        claim, errors = baseline(found.analysis.prepared), []
-    except Exception:
-        claim, errors = Claim("error", (), {}), [traceback.format_exc()]
-    return claim, time.perf_counter() - begun, errors
+    said = findings.diagnosis
+    causes = tuple((w["effect"], *w["rivals"]) for w in said.which)
+    presence = tuple(float(w["probability"]) for w in said.which)
+    return Claim(said.verdict, causes, dict(said.probabilities), presence)
 
 
 def _detectability(place: ExperimentDesign, case: LookalikeCase) -> dict[str, float]:
     """Of each cause [σ]: norm of its signature, of a raised variance by its own scatter √(2/n)."""
     n = len(place)
-    told = {k: float(np.sqrt(6 * n * g)) for k, g in case.gaps.items()}
-    return told | {k: r * float(np.sqrt(n * place.samples / 2)) for k, r in case.rows.items()}
+    means = {k: float(np.sqrt(6 * n * g)) for k, g in case.gaps.items()}
+    return means | {k: r * float(np.sqrt(n * place.samples / 2)) for k, r in case.rows.items()}
 
 
 def _numbers(
-    place: ExperimentDesign, case: LookalikeCase, found: Findings
+    place: ExperimentDesign, case: LookalikeCase, findings: Findings
 ) -> tuple[tuple[Number, ...], bool]:
     """Parameters of every true effect that the diagnosis names first in a class."""
-    told: list[Number] = []
+    parameters: list[Number] = []
     variant = True
-    for cause in found.diagnosis.which:
+    for cause in findings.diagnosis.which:
         if cause["effect"] in case.causes:
-            own, fits = numbers(place, case, cause["effect"], cause["parameters"])
-            told += own
+            own, fits = compared(place, case, cause["effect"], cause["parameters"])
+            parameters += own
             variant = variant and (fits or not own)
-    return tuple(told), variant and bool(told)
+    return tuple(parameters), variant and bool(parameters)
 
 
-def _closed(found: Findings, causes: tuple[str, ...]) -> tuple[float | None, float | None]:
+def _closed(findings: Findings, causes: tuple[str, ...]) -> tuple[float | None, float | None]:
     """Share of the held-out gap that the diagnosis closes, and that an oracle closes.
 
     Of causes that are only wrong stated numbers, from the configured simulator on, else from the
     calibrated one.
     """
-    a, gap = found.analysis, found.diagnosis.gap
+    a, gap = findings.analysis, findings.diagnosis.gap
     start = gap.configured if set(causes) <= set(STATED) else gap.calibrated.value
     whole = start - gap.floor
     best = oracle(a, causes)

@@ -10,21 +10,39 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from scipy.stats import beta
 
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, unique
-from wrenchbed.benchmark.scoring.linear_problem import Claim
+from wrenchbed.benchmark.frame import subsystem
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, unique
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.errors import DiagnosisError
 
 VISIBLE = 3.0
 """Effects that a perfect detector would miss do not count for isolation [σ]."""
 SURE = 0.9
+"""Probability above which a claim counts as sure."""
 BINS = 10
 """Of the expected calibration error, equally wide."""
 NORMAL_90 = 1.6448536269514722
+"""Half the width of the 90 % interval of a normal distribution [σ]."""
 LEAST = 1e-4
 """Least probability that a log score counts."""
 DRAWS = 2000
+"""Draws of the bootstrap: its percentiles are then good to about 1 % of the interval."""
+EDGES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, np.inf)
+"""Of the sizes that detection is shown against, in gap."""
+
+Parts = Callable[[CaseRow, str], Sequence[float] | None]
+"""Sums that one case adds for a method, None where it does not count."""
+Test = Callable[[CaseRow, Claim], bool]
+"""Whether something holds of a case and a claim about it."""
+Cells = tuple[list[str], list[list[str]]]
+"""Heads and rows of a table."""
+
+
+def ratio(s: np.ndarray) -> np.ndarray:
+    """First sum over the last one."""
+    return np.asarray(s[..., 0] / s[..., -1])
 
 
 @dataclass(frozen=True)
@@ -55,17 +73,39 @@ class Metric:
         title: for a table.
         target: what it should be; empty where nobody stated a figure.
         parts: sums of one case, None where it does not count.
-        combine: sums (…, k) → figure (…).
+        combine: sums (…, k) → figure (…); None: the median of the parts, without an interval.
         ours: only the diagnosis states it.
         percent: a share.
+        exact: a share of several trials a case, each of which counts as one.
     """
 
     title: str
     target: str
-    parts: Callable[[CaseRow, str], Sequence[float] | None]
-    combine: Callable[[np.ndarray], np.ndarray]
+    parts: Parts
+    combine: Callable[[np.ndarray], np.ndarray] | None = ratio
     ours: bool = False
     percent: bool = True
+    exact: bool = False
+
+
+def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = False) -> Metric:
+    """The share of the counted cases in which something holds."""
+
+    def parts(row: CaseRow, method: str) -> Sequence[float] | None:
+        claim = row.answers[method]
+        return (held(row, claim), 1.0) if counts(row, claim) else None
+
+    return Metric(title, target, parts, ours=ours)
+
+
+def median(title: str, target: str, value: Callable[[CaseRow, str], float | None]) -> Metric:
+    """The median of a value over the cases that have it."""
+
+    def parts(row: CaseRow, method: str) -> Sequence[float] | None:
+        x = value(row, method)
+        return None if x is None else (x,)
+
+    return Metric(title, target, parts, combine=None, percent=False)
 
 
 def figure(
@@ -77,15 +117,17 @@ def figure(
         DiagnosisError: a case is there twice.
     """
     unique(rows)
-    found = [p for row in rows if (p := metric.parts(row, method)) is not None]
-    if not found:
+    every = [p for row in rows if (p := metric.parts(row, method)) is not None]
+    if not every:
         return None
-    sums = np.array(found, dtype=float)
+    sums = np.array(every, dtype=float)
     n = len(sums)
-    if metric.percent and metric.combine is _share and np.isin(sums, (0.0, 1.0)).all():
-        hits = int(sums[:, 0].sum())
-        if sums.shape[1] == 2 and sums[:, 1].all():
-            return ScoredMetric(hits / n, *exact_interval(hits, n), n, hits)
+    if metric.combine is None:
+        return ScoredMetric(float(np.median(sums)), np.nan, np.nan, n)
+    whole = metric.percent and metric.combine is ratio and sums.shape[1] == 2
+    if metric.exact or (whole and np.isin(sums, (0.0, 1.0)).all() and sums[:, 1].all()):
+        hits, trials = (int(x) for x in sums.sum(axis=0))
+        return ScoredMetric(hits / trials, *exact_interval(hits, trials), trials, hits)
     weights = np.random.default_rng([seed, 50]).multinomial(n, np.full(n, 1.0 / n), size=draws)
     with np.errstate(invalid="ignore", divide="ignore"):
         drawn = metric.combine(weights @ sums)
@@ -102,8 +144,6 @@ def figure(
 
 def exact_interval(hits: int, count: int) -> tuple[float, float]:
     """95 % interval of a share (Clopper & Pearson 1934, 10.1093/biomet/26.4.404)."""
-    from scipy.stats import beta
-
     low = 0.0 if hits == 0 else float(beta.ppf(0.025, hits, count - hits + 1))
     high = 1.0 if hits == count else float(beta.ppf(0.975, hits + 1, count - hits))
     return low, high
@@ -136,81 +176,53 @@ def probability(row: CaseRow, claim: Claim) -> float:
     """What a claim gives the right first answer."""
     if row.kind in ("none", "outside"):
         return claim.probabilities.get(NONE if row.kind == "none" else UNKNOWN, 0.0)
-    told = claim.probabilities.items()
-    return float(sum(p for k, p in told if set(k.split("|")) & set(row.truth)))
+    odds = claim.probabilities.items()
+    return float(sum(p for k, p in odds if set(k.split("|")) & set(row.truth)))
 
 
 def matched(row: CaseRow, claim: Claim) -> tuple[int, int, int]:
     """True effects that are claimed, claims of nothing true, and true effects that are missed."""
-    found = sum(any(t in c for c in claim.causes) for t in row.truth)
+    hits = sum(any(t in c for c in claim.causes) for t in row.truth)
     wrong = sum(not set(c) & set(row.truth) for c in claim.causes)
-    return found, wrong, len(row.truth) - found
+    return hits, wrong, len(row.truth) - hits
 
 
-# ---- sums of one case ----------------------------------------------------------------------------
+def of_kind(*kinds: str) -> Test:
+    """Whether a case is of one of these kinds."""
+    return lambda row, claim: row.kind in kinds
 
 
-def _visible(row: CaseRow) -> bool:
+def said(verdict: str) -> Test:
+    """Whether a claim has a verdict."""
+    return lambda row, claim: claim.verdict == verdict
+
+
+def isolated(row: CaseRow, claim: Claim) -> bool:
+    """Whether any claimed class holds the true effect."""
+    return holds(claim, row.truth)
+
+
+def _visible(row: CaseRow, claim: Claim) -> bool:
     return row.kind == "single" and all(row.detectability[t] > VISIBLE for t in row.truth)
 
 
-def _isolation(row: CaseRow, method: str) -> Sequence[float] | None:
-    return (holds(row.answers[method], row.truth), 1.0) if _visible(row) else None
-
-
-def _isolation_means(row: CaseRow, method: str) -> Sequence[float] | None:
-    return None if row.between else _isolation(row, method)
-
-
-def _alone(row: CaseRow, method: str) -> Sequence[float] | None:
-    claim = row.answers[method]
-    if not _visible(row):
-        return None
-    return (len(claim.causes) == 1 and row.truth[0] in claim.causes[0], 1.0)
-
-
-def _certain(row: CaseRow, method: str) -> Sequence[float] | None:
-    return ((row.truth[0],) in row.answers[method].causes, 1.0) if _visible(row) else None
-
-
-def _first(row: CaseRow, method: str) -> Sequence[float] | None:
-    causes = row.answers[method].causes
-    return (any(c[0] == row.truth[0] for c in causes[:1]), 1.0) if _visible(row) else None
-
-
-def _alarm(row: CaseRow, method: str) -> Sequence[float] | None:
-    return (row.answers[method].verdict != NONE, 1.0) if row.kind == "none" else None
-
-
-def _sure_alarm(row: CaseRow, method: str) -> Sequence[float] | None:
-    return (_named(row.answers[method]), 1.0) if row.kind == "none" else None
-
-
-def _named(claim: Claim) -> bool:
+def named(row: CaseRow, claim: Claim) -> bool:
+    """Whether a cause is named for sure."""
     return bool(claim.causes) and claim.sure > SURE
-
-
-def _unknown(row: CaseRow, method: str) -> Sequence[float] | None:
-    if row.kind != "outside":
-        return None
-    return (row.answers[method].verdict == UNKNOWN, 1.0)
-
-
-def _misnamed(row: CaseRow, method: str) -> Sequence[float] | None:
-    return (_named(row.answers[method]), 1.0) if row.kind == "outside" else None
-
-
-def _sure(row: CaseRow, method: str) -> Sequence[float] | None:
-    claim = row.answers[method]
-    return (right(row, claim), 1.0) if _named(claim) else None
 
 
 def _bins(row: CaseRow, method: str) -> Sequence[float]:
     claim = row.answers[method]
-    told = np.zeros((BINS, 2))
+    sums = np.zeros((BINS, 2))
     k = min(int(claim.sure * BINS), BINS - 1)
-    told[k] = claim.sure, right(row, claim)
-    return [*told.ravel(), 1.0]
+    sums[k] = claim.sure, right(row, claim)
+    return [*sums.ravel(), 1.0]
+
+
+def _calibration(s: np.ndarray) -> np.ndarray:
+    """Σ_b |Σ stated − Σ right| / n (Naeini, Cooper & Hauskrecht 2015)."""
+    bins = s[..., :-1].reshape(*s.shape[:-1], BINS, 2)
+    return np.asarray(np.abs(bins[..., 0] - bins[..., 1]).sum(axis=-1) / s[..., -1])
 
 
 def _log_score(row: CaseRow, method: str) -> Sequence[float]:
@@ -221,21 +233,21 @@ def _pairs(row: CaseRow, method: str) -> Sequence[float] | None:
     return matched(row, row.answers[method]) if row.kind == "pair" else None
 
 
+def _f1(s: np.ndarray) -> np.ndarray:
+    return np.asarray(2 * s[..., 0] / (2 * s[..., 0] + s[..., 1] + s[..., 2]))
+
+
 def _where(row: CaseRow, method: str) -> Sequence[float] | None:
     """The first subsystem is that of a true effect, or of a rival in a class that holds one."""
     if not row.truth:
         return None
     causes = row.answers[method].causes
-    first = row.where if method == OURS else next((_subsystem(c[0]) for c in causes), None)
-    allowed = {_subsystem(t) for t in row.truth}
+    first = row.where if method == OURS else next((subsystem(c[0]) for c in causes), None)
+    allowed = {subsystem(t) for t in row.truth}
     for c in causes:
         if set(c) & set(row.truth):
-            allowed |= {_subsystem(n) for n in c}
+            allowed |= {subsystem(n) for n in c}
     return (first in allowed, 1.0)
-
-
-def _subsystem(name: str) -> str:
-    return name.partition(".")[0]
 
 
 def _coverage(row: CaseRow, method: str) -> Sequence[float] | None:
@@ -245,87 +257,72 @@ def _coverage(row: CaseRow, method: str) -> Sequence[float] | None:
     return (sum(inside), len(inside))
 
 
-def _coverage_right(row: CaseRow, method: str) -> Sequence[float] | None:
-    return _coverage(row, method) if row.variant else None
-
-
 def _closed(row: CaseRow, method: str) -> Sequence[float] | None:
     if row.closed is None or row.oracle is None:
         return None
     return (float(np.clip(row.closed, -1, 1)), float(np.clip(row.oracle, -1, 1)), 1.0)
 
 
-def _seconds(row: CaseRow, method: str) -> Sequence[float] | None:
-    return (row.seconds[method], 1.0) if method in row.seconds else None
-
-
-def _failed(row: CaseRow, method: str) -> Sequence[float]:
-    return (row.answers[method].verdict == "error", 1.0)
-
-
-# ---- what sums say -------------------------------------------------------------------------------
-
-
-def _share(s: np.ndarray) -> np.ndarray:
-    return np.asarray(s[..., 0] / s[..., -1])
-
-
-def _second(s: np.ndarray) -> np.ndarray:
-    return np.asarray(s[..., 1] / s[..., -1])
-
-
-def _of_oracle(s: np.ndarray) -> np.ndarray:
-    return np.asarray(s[..., 0] / s[..., 1])
-
-
-def _f1(s: np.ndarray) -> np.ndarray:
-    return np.asarray(2 * s[..., 0] / (2 * s[..., 0] + s[..., 1] + s[..., 2]))
-
-
-def _calibration(s: np.ndarray) -> np.ndarray:
-    """Σ_b |Σ stated − Σ right| / n (Naeini, Cooper & Hauskrecht 2015)."""
-    bins = s[..., :-1].reshape(*s.shape[:-1], BINS, 2)
-    return np.asarray(np.abs(bins[..., 0] - bins[..., 1]).sum(axis=-1) / s[..., -1])
-
-
 METRICS = {
-    "isolation": Metric(
-        "isolation: a claimed class holds the effect", "≥ 95 %", _isolation, _share
+    "isolation": share(
+        "isolation: a claimed class holds the effect", "≥ 95 %", _visible, isolated
     ),
-    "isolation_means": Metric(
-        "… effects that show in means only", "≥ 95 %", _isolation_means, _share
+    "isolation_means": share(
+        "… effects that show in means only", "≥ 95 %",
+        lambda row, claim: not row.between and _visible(row, claim), isolated,
     ),
-    "alone": Metric("… and nothing else is claimed", "", _alone, _share),
-    "first": Metric("… as first choice", "> 66 %", _first, _share),
-    "certain": Metric("… without a rival", "", _certain, _share),
-    "false_alarm": Metric("no gap: any verdict but none", "≤ 3 %", _alarm, _share),
-    "sure_alarm": Metric("no gap: named with p > 0.9", "≤ 2 %", _sure_alarm, _share),
-    "unknown": Metric("outside the library: unknown", "≥ 95 %", _unknown, _share),
-    "misnamed": Metric("outside the library: named with p > 0.9", "≤ 2 %", _misnamed, _share),
-    "sure": Metric("right when it says p > 0.9", "≥ 97 %", _sure, _share),
+    "alone": share(
+        "… and nothing else is claimed", "", _visible,
+        lambda row, claim: len(claim.causes) == 1 and row.truth[0] in claim.causes[0],
+    ),
+    "first": share(
+        "… as first choice", "> 66 %", _visible,
+        lambda row, claim: any(c[0] == row.truth[0] for c in claim.causes[:1]),
+    ),
+    "certain": share(
+        "… without a rival", "", _visible, lambda row, claim: (row.truth[0],) in claim.causes
+    ),
+    "false_alarm": share(
+        "no gap: any verdict but none", "≤ 3 %", of_kind("none"),
+        lambda row, claim: claim.verdict != NONE,
+    ),
+    "sure_alarm": share("no gap: named with p > 0.9", "≤ 2 %", of_kind("none"), named),
+    "unknown": share(
+        "outside the library: unknown", "≥ 95 %", of_kind("outside"), said(UNKNOWN)
+    ),
+    "misnamed": share(
+        "outside the library: named with p > 0.9", "≤ 2 %", of_kind("outside"), named
+    ),
+    "sure": share("right when it says p > 0.9", "≥ 97 %", named, right),
     "ece": Metric("expected calibration error", "≤ 5 %", _bins, _calibration),
-    "log_score": Metric("log score (lower is better)", "< 0.79", _log_score, _share, percent=False),
+    "log_score": Metric("log score (lower is better)", "< 0.79", _log_score, percent=False),
     "pairs": Metric("two effects: F1", "≥ 85 %", _pairs, _f1),
-    "where": Metric("first subsystem right", "≥ 97 %", _where, _share),
-    "coverage": Metric("90 % intervals hold the truth", "87–93 %", _coverage, _share, ours=True),
+    "where": Metric("first subsystem right", "≥ 97 %", _where),
+    "coverage": Metric("90 % intervals hold the truth", "87–93 %", _coverage, ours=True),
     "coverage_right": Metric(
-        "… where the variant is right", "90 %", _coverage_right, _share, ours=True
+        "… where the variant is right", "90 %",
+        lambda row, method: _coverage(row, method) if row.variant else None, ours=True,
     ),
-    "closed": Metric("held-out gap closed", "", _closed, _share, ours=True),
-    "oracle": Metric("… by an oracle told the effects", "", _closed, _second, ours=True),
-    "of_oracle": Metric("… as a share of the oracle's", "≥ 98 %", _closed, _of_oracle, ours=True),
-    "seconds": Metric("seconds a case", "", _seconds, _share, percent=False),
-    "failed": Metric("cases that end in an error", "0 %", _failed, _share),
-}
-"""Every figure by name, with the project's targets."""
+    "closed": Metric("held-out gap closed", "", _closed, ours=True),
+    "oracle": Metric(
+        "… by an oracle told the effects", "", _closed, lambda s: ratio(s[..., 1:]), ours=True
+    ),
+    "of_oracle": Metric(
+        "… as a share of the oracle's", "≥ 98 %", _closed, lambda s: ratio(s[..., :2]), ours=True
+    ),
+    "seconds": Metric(
+        "seconds a case", "",
+        lambda row, method: (row.seconds[method], 1.0) if method in row.seconds else None,
+        percent=False,
+    ),
+    "failed": share(
+        "cases that end in an error", "0 %", lambda row, claim: True, said("error")
+    ),
+}  # fmt: skip
+"""Every figure of look-alikes by name, with the project's targets."""
 
 
-EDGES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, np.inf)
-"""Of the sizes that detection is shown against, in gap."""
-
-
-Cells = tuple[list[str], list[list[str]]]
-"""Heads and rows of a table."""
+# ---- tables --------------------------------------------------------------------------------------
 
 
 def markdown(cells: Cells) -> str:

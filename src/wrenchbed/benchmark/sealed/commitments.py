@@ -1,4 +1,4 @@
-"""Files of sealed cases, and commitments: SHA-256 of each case and answer, published beforehand.
+"""Files of sealed cases, answers, and commitments: SHA-256 of all of them, published beforehand.
 
 Files are written without traces of how they were made.
 """
@@ -7,12 +7,18 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pyarrow.parquet as pq
 
+from wrenchbed.benchmark.frame import STATED
+from wrenchbed.benchmark.referee.case import RefereeCase, TrueCause, World
+from wrenchbed.benchmark.referee.catalogue import EFFECTS
+from wrenchbed.benchmark.referee.fault import total
 from wrenchbed.data import parquet
 from wrenchbed.data.checked import load, parsed
 from wrenchbed.data.parquet import FORMAT
@@ -22,6 +28,11 @@ from wrenchbed.files import atomic_write, write_bytes
 
 EPOCH = 946684800
 """Time stamp of every file of a family: 2000-01-01 [s]."""
+COMMITMENTS = "commitments.json"
+FAMILY = "family.json"
+_NAME = re.compile(r"\d{4,9}")
+MOST = 5
+"""Members of a class that may be named; a larger one is unknown (contract)."""
 
 
 def recording_of(cases: Path, name: str) -> Path:
@@ -65,11 +76,6 @@ def check_separate(out: Path, answers: Path) -> None:
     a, b = out.resolve(), answers.resolve()
     if a == b or a in b.parents or b in a.parents:
         raise BenchmarkError(f"{answers}: answers must lie apart from the cases in {out}")
-
-
-COMMITMENTS = "commitments.json"
-FAMILY = "family.json"
-_NAME = re.compile(r"\d{4,9}")
 
 
 @dataclass(frozen=True)
@@ -136,8 +142,8 @@ def read(cases: Path) -> dict[str, Commitment]:
         raw = parsed(path.read_bytes(), f"{path}:", BenchmarkError)
         if raw["format"] != FORMAT:
             raise BenchmarkError(f"{path}: format {raw['format']!r}, this version reads {FORMAT}")
-        found = {str(k): Commitment(**v) for k, v in raw["cases"].items()}
-        strange = next((k for k in found if not _NAME.fullmatch(k)), None)
+        sealed = {str(k): Commitment(**v) for k, v in raw["cases"].items()}
+        strange = next((k for k in sealed if not _NAME.fullmatch(k)), None)
         if strange is not None:
             raise BenchmarkError(f"{path}: {strange!r} is no name of a case")
     except FileNotFoundError as cause:
@@ -146,9 +152,9 @@ def read(cases: Path) -> dict[str, Commitment]:
         ) from cause
     except (ValueError, KeyError, TypeError, AttributeError) as cause:
         raise BenchmarkError(f"{path}: is not a file of commitments: {cause}") from cause
-    if not found:
+    if not sealed:
         raise BenchmarkError(f"{path}: commits to no case")
-    return found
+    return sealed
 
 
 def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str, Commitment]:
@@ -188,3 +194,179 @@ def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str
                     f"committed {committed[:16]}…"
                 )
     return sealed
+
+
+# ---- answers -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Fact:
+    """One true cause.
+
+    Attributes:
+        effect: the contract's name, or of an outside case the family's.
+        size: in multiples of typical, None on a real robot.
+        gap: that it adds; between rows the mean rise of a row's variance; None on a real robot.
+        rows: largest rise of a channel's row variance, 0 where means show it.
+        true: its numbers as a diagnosis publishes them, SI, with what minor imperfections add.
+        alike: effects that this very data cannot tell from it.
+    """
+
+    effect: str
+    size: float | None
+    gap: float | None
+    rows: float
+    true: Mapping[str, float]
+    alike: tuple[str, ...]
+
+    @classmethod
+    def of(cls, world: World, cause: TrueCause, kind: str, numbers: Mapping[str, float]) -> "Fact":
+        """A cause of a world with its true numbers."""
+        fault, alike = cause.fault, list[str]()
+        if kind != "outside" and not cause.rows:
+            alike = world.signatures.alike(fault.name, cause.signature)
+        true = {k: float(v) for k, v in numbers.items()}
+        return cls(fault.name, fault.size, cause.gap, cause.rows, true, tuple(alike))
+
+
+@dataclass(frozen=True)
+class Oracle:
+    """What one says that is told the form and size of all that may be there.
+
+    Attributes:
+        verdict: as the contract's.
+        causes: its classes.
+        closed: share of the gap that the true effects close.
+    """
+
+    verdict: str
+    causes: tuple[tuple[str, ...], ...]
+    closed: float | None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The truth of a case; its salt makes the hash of the file impossible to guess.
+
+    Of a real robot nobody knows the minor imperfections, and no oracle can be asked. ``real_gap``
+    is the calibrated gap of the recording that the cause was added to, None of other cases.
+    """
+
+    case: str
+    robot: str
+    mode: str
+    kind: str
+    causes: tuple[Fact, ...]
+    minor: float | None
+    rows: int
+    oracle: Oracle | None
+    salt: str
+    format: int = FORMAT
+    real_gap: float | None = None
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the effects of the library that are there."""
+        return () if self.kind == "outside" else tuple(c.effect for c in self.causes)
+
+    def to_bytes(self) -> bytes:
+        """The file; what is committed to is its SHA-256."""
+        raw = asdict(self)
+        if self.real_gap is None:
+            del raw["real_gap"]
+        return (json.dumps(raw, indent=1, ensure_ascii=False) + "\n").encode()
+
+
+def read_answer(path: Path) -> Answer:
+    """An answer from its file.
+
+    Raises:
+        BenchmarkError: it is not one.
+    """
+    try:
+        raw: dict[str, Any] = load(path, BenchmarkError)
+        if raw["format"] != FORMAT:
+            raise BenchmarkError(f"{path}: format {raw['format']!r}, this version reads {FORMAT}")
+        causes = [Fact(**{**c, "alike": tuple(c["alike"])}) for c in raw["causes"]]
+        known = raw["oracle"]
+        oracle = known and Oracle(
+            known["verdict"], tuple(tuple(c) for c in known["causes"]), known["closed"]
+        )
+        return Answer(**{**raw, "causes": tuple(causes), "oracle": oracle})
+    except (ValueError, KeyError, TypeError) as cause:
+        raise BenchmarkError(f"{path}: is not a sealed answer: {cause}") from cause
+
+
+def of_case(case: RefereeCase, name: str, salt: str) -> Answer:
+    """The answer of a case."""
+    meta = case.world.setting.metadata
+    per_pose = 1 if meta.mode == "dynamic" else len(case.recording) // len(case.measured)
+    return Answer(
+        case=name,
+        robot=meta.robot,
+        mode=meta.mode,
+        kind=case.kind,
+        causes=tuple(Fact.of(case.world, c, case.kind, _numbers(case, c)) for c in case.causes),
+        minor=case.minor,
+        rows=len(case.measured) * per_pose,
+        oracle=_oracle(case),
+        salt=salt,
+    )
+
+
+def _numbers(case: RefereeCase, cause: TrueCause) -> Mapping[str, float]:
+    """True numbers of a cause with what minor imperfections of the same name add."""
+    fault = cause.fault
+    sums = total(case.faults, fault.name)
+    effect = EFFECTS.get(fault.name)
+    if fault.name in STATED[1:]:
+        return _with_own_weight(case, sums)
+    return sums if effect is None or effect.adds else fault.true
+
+
+def _with_own_weight(case: RefereeCase, sums: Mapping[str, float]) -> dict[str, float]:
+    """What gauges load by the sensor's own weight looks like mass at the sensor's origin."""
+    weight = total(case.faults, "tool.self_weight").get("mass", 0.0)
+    tool = case.world.setting.metadata.tool
+    assert tool.mass is not None and tool.cog is not None
+    if "mass" in sums:
+        return {"mass": sums["mass"] + weight}
+    shift = dict(zip("xyz", tool.cog, strict=True))
+    return {k: v - weight / tool.mass * shift[k[-1]] for k, v in sums.items()}
+
+
+def _oracle(case: RefereeCase) -> Oracle:
+    """It names what it was told, once the data holds it, and whatever could not be told from it."""
+    if not case.causes:
+        return Oracle("none", (), None)
+    means = [c for c in case.causes if not c.rows]
+    seen: list[tuple[str, ...]] = []
+    for cause in case.causes:
+        name, configured = cause.fault.name, cause.fault.name in STATED
+        others: np.ndarray = sum((c.signature for c in means if c is not cause), np.zeros(1))
+        if cause.rows:
+            seen.append((name,))
+        elif case.world.signatures.shows(case.measured - others, cause.signature, configured):
+            known = case.kind != "outside"
+            seen.append(
+                (name, *(case.world.signatures.alike(name, cause.signature) if known else ()))
+            )
+    closed = _closed(case, means)
+    if not seen:
+        return Oracle("none", (), closed)
+    if case.kind == "outside" or any(len(c) > MOST for c in seen):
+        return Oracle("unknown", (), closed)
+    certain = all(len(c) == 1 for c in seen)
+    return Oracle("identified" if certain else "ambiguous", tuple(seen), closed)
+
+
+def _closed(case: RefereeCase, causes: Sequence[TrueCause]) -> float | None:
+    """Share of the gap that vanishes with the exact signatures of the true causes."""
+    if not causes:
+        return None
+    configured = all(c.fault.name in STATED for c in causes)
+    usual, noise = case.world.usual, case.world.row_noise
+    start = usual.gap(case.measured, configured) - noise
+    known: np.ndarray = sum((c.signature for c in causes), np.zeros(1))
+    after = usual.gap(case.measured - known, configured) - noise
+    return (start - after) / start if start > 0 else None

@@ -6,17 +6,19 @@ A case is complete when both of its files exist, so a stopped run makes the miss
 import secrets
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.benchmark.frame import KINDS, attempts
 from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.benchmark.sealed import commitments
-from wrenchbed.benchmark.sealed.answer import Answer, of_case
+from wrenchbed.benchmark.sealed.commitments import Answer, of_case
 from wrenchbed.data.checked import load
+from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError, ParameterError
 from wrenchbed.files import write_bytes
@@ -52,11 +54,14 @@ class Family:
 
     def kinds(self) -> list[str]:
         """Kind of each case: shares of `referee.SHARES`, in random order."""
-        counts = np.floor(np.array(referee.SHARES) * self.cases + 1e-9).astype(int)
-        counts[referee.KINDS.index("single")] += self.cases - int(counts.sum())
+        counts = np.floor(np.array(referee.SHARES) * self.cases + 1e-9)
+        return self.shuffled(counts.astype(int))
+
+    def shuffled(self, counts: np.ndarray) -> list[str]:
+        """So many of each kind (4,) in random order; what lacks is filled up by single effects."""
+        counts[KINDS.index("single")] += self.cases - int(counts.sum())
         every = np.repeat(np.arange(len(counts)), counts)
-        order = np.random.default_rng([self.seed, 1]).permutation(every)
-        return [referee.KINDS[k] for k in order]
+        return [KINDS[k] for k in np.random.default_rng([self.seed, 1]).permutation(every)]
 
     def check(self) -> None:
         """Refuse a robot that cannot be simulated.
@@ -78,12 +83,59 @@ class Family:
             ParameterError: this attempt finds none.
         """
         kind, name = self.kinds()[index], self.names()[index]
-        case = referee.make(self.robot, self.mode, kind, (self.seed, index, attempt))
+        seed = (self.seed, index, attempt)
+        case = referee.make(self.robot, self.mode, kind, seed, self.poses_of_all)
         return of_case(case, name, commitments.salt(self.seed, name)), case.recording
+
+    @property
+    def poses_of_all(self) -> np.ndarray | None:
+        """Poses (H, J) [rad or m] that all cases share; None: each has its own."""
+        return None
 
     def names(self) -> list[str]:
         """Names of the cases: numbers."""
         return [f"{k:04d}" for k in range(1, self.cases + 1)]
+
+
+@dataclass(frozen=True)
+class PlannedFamily(Family):
+    """Cases at the poses of a plan; stated tool, path and weather are the same for all.
+
+    Attributes:
+        plan: SHA-256 of its file.
+        poses: (H, J) [rad or m].
+    """
+
+    plan: str = ""
+    poses: np.ndarray = field(default_factory=lambda: np.empty((0, 0)), compare=False)
+
+    @classmethod
+    def at(cls, source: Path, robot: str, cases: int, seed: int) -> "PlannedFamily":
+        """A family at a plan's poses.
+
+        Raises:
+            PlanError: the file is no plan, or the robot cannot take its poses.
+            ParameterError: the plan is of another robot, or a motion.
+        """
+        plan = Plan.read(source)
+        name = registry.known_as("robots", robot)
+        if plan.robot != name:
+            raise ParameterError(f"{source}: is a plan for {plan.robot!r}, not for {name!r}")
+        if plan.mode != "static":
+            raise ParameterError(f"{source}: is a motion; cases share the poses of a plan only")
+        arm = registry.load("robots", robot)
+        arm.check(plan.q, arm.parameters.nominal, str(source))
+        digest = commitments.digest(source.read_bytes())
+        return cls(robot, "static", cases, seed, digest, plan.q)
+
+    def about(self) -> dict[str, object]:
+        """Without the poses, which the plan's SHA-256 stands for."""
+        return {k: v for k, v in asdict(self).items() if k != "poses"}
+
+    @property
+    def poses_of_all(self) -> np.ndarray | None:
+        """Poses (H, J) [rad or m] that all cases share."""
+        return self.poses
 
 
 def drawn_seed() -> int:
@@ -153,12 +205,6 @@ def _complete(name: str, out: Path, answers: Path) -> bool:
 def make_case(family: Family, out: Path, answers: Path, index: int) -> None:
     """Make one case; its files are written atomically."""
     name = family.names()[index]
-    for attempt in range(_TRIES):
-        try:
-            answer, recording = family.case(index, attempt)
-            break
-        except ParameterError:
-            if attempt == _TRIES - 1:
-                raise
+    answer, recording = attempts(_TRIES, lambda k: family.case(index, k), ParameterError)
     write_bytes(commitments.answer_of(answers, name), answer.to_bytes())
     commitments.write_recording(recording, commitments.recording_of(out, name))

@@ -7,11 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchbed.benchmark.referee.case import KINDS
+from wrenchbed.benchmark.frame import KINDS
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.sealed import commitments, make
-from wrenchbed.benchmark.sealed import commitments as case_files
-from wrenchbed.benchmark.sealed.answer import Answer, Fact
+from wrenchbed.benchmark.sealed.commitments import Answer, Fact
 from wrenchbed.data.checked import Fields, is_number, load
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
@@ -23,6 +22,8 @@ _KEPT = re.compile(
     r"t|segment|status|temperature|f[xyz]|t[xyz]|a[xyz]|q[wxyz]|q\d+|qd\d+|q_target\d+|tau\d+"
 )
 """Columns of the contract; others may tell more than they should."""
+_UNSAID = ("source",)
+"""Fields of the metadata that tell where a recording is from."""
 
 
 def seal_real(truth: Path, out: Path, answers: Path) -> str:
@@ -38,7 +39,7 @@ def seal_real(truth: Path, out: Path, answers: Path) -> str:
         RecordingError: a recording cannot be trusted.
     """
     cases = list(_cases(truth))
-    case_files.check_separate(out, answers)
+    commitments.check_separate(out, answers)
     for folder in (out, answers):
         folder.mkdir(parents=True, exist_ok=True)
         other = next(folder.iterdir(), None)
@@ -54,8 +55,8 @@ def seal_real(truth: Path, out: Path, answers: Path) -> str:
             name, meta.robot, meta.mode, kind, causes, None, len(recording), None,
             commitments.salt(seed, name),
         )  # fmt: skip
-        case_files.write_recording(recording, case_files.recording_of(out, name))
-        write_bytes(case_files.answer_of(answers, name), answer.to_bytes())
+        commitments.write_recording(recording, commitments.recording_of(out, name))
+        write_bytes(commitments.answer_of(answers, name), answer.to_bytes())
     robots, modes = ("|".join(sorted({getattr(m, k) for m in names.values()}))
                      for k in ("robot", "mode"))  # fmt: skip
     about = {"source": truth.name, "cases": len(cases), "salt": secrets.token_hex(16)}
@@ -101,6 +102,3 @@ def plain(recording: Recording) -> Recording:
     columns = {k: v for k, v in recording.columns.items() if _KEPT.fullmatch(k)}
     known = {k: meta[k] for k in meta if k not in recording.metadata.extra}
     return Recording(parse(known, recording.name), columns, recording.name)
-
-
-_UNSAID = ("source",)

@@ -14,11 +14,9 @@ from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal
-from wrenchbed.benchmark.referee.forward_dynamics import Ride
+from wrenchbed.benchmark.referee.machine import Mechanics, Ride
 from wrenchbed.benchmark.referee.noise import held, shaken
-from wrenchbed.benchmark.referee.path import MOVE_S, DrivePath
-from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.referee.true_robot import Mechanics
+from wrenchbed.benchmark.referee.scenario import MOVE_S, DrivePath, RefereeSetting
 from wrenchbed.calibration.calibrate import identify_from_gravity
 from wrenchbed.data.holds import gather
 from wrenchbed.data.recording import Recording

@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wrenchbed.benchmark.frame import subsystem
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
 from wrenchbed.benchmark.scoring.metrics import (
     SURE,
@@ -23,7 +24,7 @@ from wrenchbed.benchmark.scoring.metrics import (
     shares,
     sized,
 )
-from wrenchbed.benchmark.sealed.score import ORACLE, Score, first
+from wrenchbed.benchmark.sealed.score import ORACLE, Score
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series
 from wrenchbed.pages.document import Card, Document, Figure, Section, Table
 from wrenchbed.pages.provenance import provenance
@@ -136,7 +137,7 @@ def page(score: Score, command: str = "") -> Document:
         "size of all that may be there; it names what the same data holds, with every effect "
         "that could imitate it there."
     )
-    if score.semi_real:
+    if score.is_semi_real:
         title = title.replace(f"{len(rows)} robots", f"{len(rows)} cases of a real recording")
         about = (
             f"The recording alone has a calibrated gap of {some.real_gap:.2f}. What is wrong in it "
@@ -276,12 +277,13 @@ def _truth(row: CaseRow, answer: str) -> str:
     """True subsystem; of two, the one that was answered."""
     if row.kind in ("none", "outside"):
         return "none" if row.kind == "none" else "unknown"
-    own = [t.partition(".")[0] for t in row.truth]
+    own = [subsystem(t) for t in row.truth]
     return answer if answer in own else own[0]
 
 
 def _confusion(rows: Sequence[CaseRow]) -> Table:
-    answers = [first(r.answers[OURS]) for r in rows]
+    claims = [r.answers[OURS] for r in rows]
+    answers = [subsystem(c.causes[0][0]) if c.causes else c.verdict for c in claims]
     counts = Counter((_truth(r, a), a) for r, a in zip(rows, answers, strict=True))
     said = [s for s in _ORDER if any(k[1] == s for k in counts)]
     told = [

@@ -1,23 +1,213 @@
-"""Run entrants on every case of a family; a stopped run continues where it stopped."""
+"""Entrants answer every case of a family; a stopped run continues where it stopped.
 
-from collections.abc import Sequence
+Who may enter: wrenchbed's diagnosis, its baselines, or any program that writes the contract.
+"""
+
+import os
+import re
+import shlex
+import shutil
+import signal
+import subprocess
+import time
+import traceback
+import warnings
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+
+from wrenchbed.benchmark.lookalikes.design import STILL, ExperimentDesign
+from wrenchbed.benchmark.scoring.baselines import BASELINES, reuse_dictionary
+from wrenchbed.benchmark.scoring.case_rows import Claim
+from wrenchbed.benchmark.scoring.reliability_at_design import reliability_at_design
 from wrenchbed.benchmark.sealed import commitments
-from wrenchbed.benchmark.sealed.entrants import RUN, Entrant, enter
 from wrenchbed.data.checked import load
-from wrenchbed.errors import BenchmarkError, WorkerError
-from wrenchbed.files import TEMPORARY, remove, write_json
+from wrenchbed.data.parquet import FORMAT
+from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.explain.reliability import Reliability
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.diagnosis.prepare.prepared import Prepared
+from wrenchbed.errors import BenchmarkError, ParameterError, WorkerError
+from wrenchbed.files import TEMPORARY, atomic_folder, remove, write_json
+from wrenchbed.jobs.ending import with_group
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 
-__all__ = ["Case", "Entrant", "Failures", "run"]
+OURS = "diagnose"
+RUN = "run.json"
+CLAIM = "diagnosis.json"
+RESERVED = ("wrenchbed", "oracle")
+"""Names that a score uses itself."""
 Failures = dict[str, int]
 """Number of failures by entrant."""
-Case = tuple[str, Sequence[Entrant]]
-"""A case's name, and the entrants that are to answer it."""
+
+
+class OverTimeError(BaseException):
+    """An entrant used up its time: a signal raises it anywhere, so no reader may catch it."""
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """One method.
+
+    Attributes:
+        name: of its folder.
+        command: that is called as ``COMMAND RECORDING --out DIR``, None for a method of our own.
+        learnt: how often claims are right at the cases' common design, of `OURS` only.
+    """
+
+    name: str
+    command: str | None = None
+    learnt: Reliability | None = None
+
+    @classmethod
+    def of(cls, method: str) -> "Entrant":
+        """``diagnose``, the name of a baseline, or a command.
+
+        Raises:
+            ParameterError: an empty command.
+        """
+        if method == OURS or method in BASELINES:
+            return cls(method)
+        known = f"give {OURS}, {', '.join(BASELINES)} or a command"
+        try:
+            words = shlex.split(method)
+        except ValueError as cause:
+            raise ParameterError(f"--method {method!r}: {cause}; {known}") from cause
+        if not words:
+            raise ParameterError(f"--method {method!r}: {known}")
+        slug = re.sub(r"[^A-Za-z0-9]+", "-", Path(words[0]).stem + " " + " ".join(words[1:]))
+        return cls(f"{slug.strip('-')[:40]}-{commitments.digest(method.encode())[:6]}", method)
+
+
+def enter(
+    entrants: Sequence[Entrant], cases: Path, name: str, claims: Path, limit: float
+) -> list[str]:
+    """Let entrants answer one case; a crash or a timeout counts as a wrong answer.
+
+    Args:
+        limit: of one entrant [s].
+
+    Returns:
+        Names of the entrants that failed.
+    """
+    case = _Case(commitments.recording_of(cases, name))
+    failed = []
+    for entrant in sorted(entrants, key=lambda e: e.name != OURS):
+        folder = claims / entrant.name / name
+        shutil.rmtree(folder, ignore_errors=True)  # of a run that was killed
+        with atomic_folder(folder) as partial:
+            begun, error = time.perf_counter(), ""
+            try:
+                case.answer(entrant, partial, limit)
+            except OverTimeError:
+                error = f"took longer than {limit:g} s"
+            except Exception as problem:  # an entrant's crash is its answer
+                if isinstance(problem, OSError) and entrant.command is None:  # our disk
+                    raise
+                error = traceback.format_exc()
+            if not error and not (partial / CLAIM).is_file():
+                error = f"wrote no {CLAIM}"
+            if error:
+                failed.append(entrant.name)
+            about = {
+                "seconds": time.perf_counter() - begun, "error": error, "recording": case.digest,
+                "command": entrant.command,
+            }  # fmt: skip
+            partial.mkdir(exist_ok=True)  # an entrant may have deleted it
+            write_json(partial / RUN, about)
+    return failed
+
+
+class _Case:
+    """A case that entrants answer; wrenchbed's methods share what was prepared of it."""
+
+    def __init__(self, recording: Path) -> None:
+        self.recording = recording
+        self.digest = commitments.digest(recording.read_bytes())
+        self._prepared: Prepared | None = None
+
+    def answer(self, entrant: Entrant, out: Path, limit: float) -> None:
+        """Write an entrant's claim to ``out``."""
+        if entrant.command is not None:
+            _call(entrant.command, self.recording, out, limit)
+            return
+        with _at_most(limit), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if entrant.name == OURS:
+                result = diagnose(Recording.read(self.recording), reliability=entrant.learnt)
+                reuse_dictionary(result.analysis)
+                self._prepared = result.analysis.prepared
+                result.diagnosis.write(out)
+                return
+            if self._prepared is None:
+                self._prepared = prepare(Recording.read(self.recording))
+            claim = BASELINES[entrant.name](self._prepared)
+            robot = self._prepared.scene.robot.name
+            write_json(out / CLAIM, contract(claim, self.recording.name, robot))
+
+
+def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
+    """A baseline's claim as the contract's ``diagnosis.json``."""
+    which: list[dict[str, Any]] = [
+        {
+            "effect": c[0],
+            "probability": claim.probabilities.get("|".join(c), claim.sure if k == 0 else 1.0),
+            "rivals": list(c[1:]),
+            "parameters": {},
+            "closed_share": None,
+        }
+        for k, c in enumerate(claim.causes)
+    ]
+    return {
+        "format": FORMAT, "recording": recording, "robot": robot, "verdict": claim.verdict,
+        "gap": {}, "where": [], "which": which, "probabilities": claim.probabilities,
+        "cannot_tell": [], "next": [],
+    }  # fmt: skip
+
+
+def _call(command: str, recording: Path, out: Path, limit: float) -> None:
+    """Run a program in its own process group, so that all of it can be stopped."""
+    call = [*shlex.split(command), str(recording.resolve()), "--out", str(out.resolve())]
+    with (out / "output.txt").open("x") as log:
+        process = subprocess.Popen(
+            call, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
+            start_new_session=True,
+        )  # fmt: skip
+        with with_group(process.pid):
+            try:
+                code = process.wait(timeout=limit)
+            except subprocess.TimeoutExpired as cause:
+                raise OverTimeError from cause
+            finally:
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
+    if code != 0:
+        output = (out / "output.txt").read_text(errors="replace")[-2000:]
+        raise RuntimeError(f"exit code {code}: {output}")
+
+
+@contextmanager
+def _at_most(seconds: float) -> Iterator[None]:
+    """Raise `OverTimeError` in this thread when the time is up."""
+
+    def ring(*_: object) -> None:
+        raise OverTimeError
+
+    before = signal.signal(signal.SIGALRM, ring)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def run(
@@ -55,7 +245,7 @@ def run(
             remove(remainder)
     failed, done = dict.fromkeys(names, 0), set()
 
-    def finished(item: Case, future: Future[list[str]]) -> None:
+    def finished(item: tuple[str, list[Entrant]], future: Future[list[str]]) -> None:
         for entrant in future.result():
             failed[entrant] += 1
         done.add(item[0])
@@ -77,7 +267,7 @@ def run(
     return failed
 
 
-def _answer(cases: Path, claims: Path, limit: float, case: Case) -> list[str]:
+def _answer(cases: Path, claims: Path, limit: float, case: tuple[str, list[Entrant]]) -> list[str]:
     return enter(case[1], cases, case[0], claims, limit)
 
 
@@ -109,3 +299,39 @@ def _remaining(
 
 def _write_crash(folder: Path) -> None:
     write_json(folder / RUN, {"seconds": 0.0, "error": "the process died"})
+
+
+def taught(
+    entrants: list[Entrant],
+    cases: Path,
+    count: int,
+    processes: int = 2,
+    report: Progress = silent,
+) -> list[Entrant]:
+    """Entrants of which the diagnosis has learnt from look-alikes of the cases' common design.
+
+    Args:
+        cases: folder of recordings and commitments.
+        count: look-alikes; those of this design that are kept are not made again.
+        report: called with the number of further look-alikes that are done.
+
+    Raises:
+        ParameterError: the cases have no common design.
+        DiagnosisError: too few look-alikes.
+    """
+    paths = [commitments.recording_of(cases, name) for name in sorted(commitments.read(cases))]
+    first = Recording.read(paths[0])
+    common = ExperimentDesign.of(first)
+    for path in paths[1:]:
+        if not _same(common, ExperimentDesign.of(Recording.read(path))):
+            raise ParameterError(
+                f"{path}: its poses or its stated numbers are not those of {paths[0].name}: "
+                "--look-alikes needs cases of one plan (wrenchbed blind make --plan)"
+            )
+    known = reliability_at_design(first, count, processes=processes, report=report)
+    return [replace(e, learnt=known) if e.name == OURS else e for e in entrants]
+
+
+def _same(one: ExperimentDesign, other: ExperimentDesign) -> bool:
+    stated = one.metadata.to_json() == other.metadata.to_json()
+    return stated and one.q.shape == other.q.shape and np.allclose(one.q, other.q, 0.0, STILL)

@@ -5,29 +5,33 @@ and what the data itself allows.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Number
-from wrenchbed.benchmark.scoring.linear_problem import Claim
-from wrenchbed.benchmark.scoring.metrics import METRICS, SURE, Metric, holds
-from wrenchbed.benchmark.sealed import answer as answers_
-from wrenchbed.benchmark.sealed import commitments, semi_real_score
-from wrenchbed.benchmark.sealed.answer import MOST, Answer, Oracle
-from wrenchbed.benchmark.sealed.entrants import CLAIM, RESERVED, RUN
+from wrenchbed.benchmark.frame import STATED, subsystem
+from wrenchbed.benchmark.referee.catalogue import EFFECTS
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number, numbers
+from wrenchbed.benchmark.scoring.metrics import Metric
+from wrenchbed.benchmark.sealed import commitments
+from wrenchbed.benchmark.sealed.commitments import MOST, Answer, Fact, Oracle
+from wrenchbed.benchmark.sealed.metrics import SEALED, semi_real
+from wrenchbed.benchmark.sealed.run import CLAIM, RESERVED, RUN
 from wrenchbed.data.checked import is_number, load
-from wrenchbed.effects.chain import effects
 from wrenchbed.errors import BenchmarkError
 
 VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
 COUNTED = 4
 """Causes of a claim that count, the first ones: naming everything is no diagnosis."""
 WRONG = Claim("error", (), {})
+"""What counts where there is no claim that can be read."""
+ORACLE = "oracle"
+"""Name of the method that is told what is there."""
+_BROKEN = (BenchmarkError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
+"""What a hostile file raises: numbers of 400 digits among others."""
 
 
 @dataclass(frozen=True)
@@ -62,25 +66,19 @@ def read(folder: Path, recording: str | None = None) -> EntrantClaim:
     seconds, error = None, ""
     if (folder / RUN).is_file():
         try:
-            told = load(folder / RUN, BenchmarkError)
-            seconds, error = float(told["seconds"]), str(told["error"])
-            if recording is not None and told.get("recording", recording) != recording:
+            about = load(folder / RUN, BenchmarkError)
+            seconds, error = float(about["seconds"]), str(about["error"])
+            if recording is not None and about.get("recording", recording) != recording:
                 error = "the claim is about another case"
-        except (BenchmarkError, ValueError, LookupError, TypeError, AttributeError, *_HOSTILE):
+        except _BROKEN:
             error = f"{folder / RUN}: is broken"
     if error:
         return EntrantClaim(seconds=seconds, error=error)
     try:
-        raw = load(folder / CLAIM, BenchmarkError)
-        return _said(raw, seconds)
-    except (BenchmarkError, ValueError, LookupError, TypeError, AttributeError, *_HOSTILE) as cause:
-        return EntrantClaim(
-            seconds=seconds, error=f"{folder / CLAIM}: breaks the contract: {cause!r}"
-        )
-
-
-_HOSTILE = (ArithmeticError,)
-"""Numbers of 400 digits."""
+        return _said(load(folder / CLAIM, BenchmarkError), seconds)
+    except _BROKEN as cause:
+        error = f"{folder / CLAIM}: breaks the contract: {cause!r}"
+        return EntrantClaim(seconds=seconds, error=error)
 
 
 def _said(raw: Mapping[str, Any], seconds: float | None) -> EntrantClaim:
@@ -92,36 +90,37 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> EntrantClaim:
         raise ValueError(f"verdict {verdict!r} with {len(which)} causes")
     causes = tuple((str(w["effect"]), *map(str, w.get("rivals", ()))) for w in which)
     presence = tuple(_probability(w["probability"]) for w in which)
-    told = {str(k): _probability(v) for k, v in raw["probabilities"].items()}
-    crowded = [c for c in (*causes, *(k.split("|") for k in told)) if len(c) > MOST]
+    odds = {str(k): _probability(v) for k, v in raw["probabilities"].items()}
+    crowded = [c for c in (*causes, *(k.split("|") for k in odds)) if len(c) > MOST]
     if crowded:
         raise ValueError(f"the class of {crowded[0][0]} has more than {MOST} members")
     causes, presence = causes[:COUNTED], presence[:COUNTED]
     names = [n for c in causes for n in c]
     if len(set(names)) != len(names):
         raise ValueError(f"{max(names, key=names.count)} is named twice")
-    if abs(sum(told.values()) - 1.0) > 0.02:
-        raise ValueError(f"probabilities sum to {sum(told.values()):.3f}")
+    if abs(sum(odds.values()) - 1.0) > 0.02:
+        raise ValueError(f"probabilities sum to {sum(odds.values()):.3f}")
     where = raw.get("where") or []
     first = str(where[0]["subsystem"]) if where else None
     if first is None and causes:
-        first = causes[0][0].partition(".")[0]
+        first = subsystem(causes[0][0])
     parameters = {str(w["effect"]): _numbers(w.get("parameters")) for w in which[:COUNTED]}
     gap = {k: x for k, v in _items(raw.get("gap")) if (x := _finite(v)) is not None}
     set90 = tuple(str(n) for n in raw.get("set90") or ())
-    claim = Claim(verdict, causes, told, presence, set90)
+    claim = Claim(verdict, causes, odds, presence, set90)
     return EntrantClaim(claim, first, parameters, gap, seconds)
 
 
 def _numbers(raw: Any) -> dict[str, dict[str, float | None]]:
     """Published parameters that are numbers; others are for people."""
-    told = {}
+    parameters = {}
     for name, p in _items(raw):
         value = _finite(dict(_items(p)).get("value"))
         if value is not None:
             std = _finite(dict(_items(p)).get("std"))
-            told[name] = {"value": value, "std": std if std is not None and std >= 0 else None}
-    return told
+            known = std is not None and std >= 0
+            parameters[name] = {"value": value, "std": std if known else None}
+    return parameters
 
 
 def _items(raw: Any) -> list[tuple[str, Any]]:
@@ -145,85 +144,18 @@ def entrants(claims: Path, main: str | None = None) -> list[str]:
     Raises:
         BenchmarkError: there is none, or not the one that was asked for.
     """
-    found = []
+    names: list[str] = []
     if claims.is_dir():
-        found = sorted(f.name for f in claims.iterdir() if f.is_dir() and f.name[0] != ".")
-    taken = sorted(set(found) & set(RESERVED))
+        names = sorted(f.name for f in claims.iterdir() if f.is_dir() and f.name[0] != ".")
+    taken = sorted(set(names) & set(RESERVED))
     if taken:
         raise BenchmarkError(f"{claims / taken[0]}: {taken[0]!r} is no name for an entrant")
-    if not found:
+    if not names:
         raise BenchmarkError(f"{claims}: holds no claims; `wrenchbed blind run` writes them")
-    if main is not None and main not in found:
-        raise BenchmarkError(f"{claims}: no entrant {main!r}; there are {', '.join(found)}")
-    first = main or ("diagnose" if "diagnose" in found else found[0])
-    return [first, *(f for f in found if f != first)]
-
-
-def metrics(answers: Mapping[str, Answer]) -> dict[str, Metric]:
-    """Every figure by name, those up to what data cannot tell beside the strict ones."""
-
-    def alike(row: CaseRow) -> tuple[str, ...]:
-        """True effects and those that this very data cannot tell from them."""
-        return tuple(n for c in answers[row.id].causes for n in (c.effect, *c.alike))
-
-    def isolated(row: CaseRow, method: str) -> Sequence[float] | None:
-        return (holds(row.answers[method], alike(row)), 1.0) if row.kind == "single" else None
-
-    def unlike(row: CaseRow, method: str) -> Sequence[float] | None:
-        if row.kind != "single" or len(alike(row)) > 1:
-            return None
-        return (holds(row.answers[method], row.truth), 1.0)
-
-    def sure(row: CaseRow, method: str) -> Sequence[float] | None:
-        claim = row.answers[method]
-        if not claim.causes or claim.sure <= SURE:
-            return None
-        allowed = alike(row) if row.truth else ()
-        return (bool(set(claim.causes[0]) & set(allowed)), 1.0)
-
-    share = METRICS["isolation"].combine
-    extra = {
-        "isolation_alike": Metric(
-            "… or one that this data cannot tell from it",
-            "≥ 95 %",
-            isolated,
-            share,
-        ),
-        "isolation_unlike": Metric("… effects that nothing imitates", "≥ 95 %", unlike, share),
-    }
-    told: dict[str, Metric] = {}
-    for name, metric in METRICS.items():
-        if name == "coverage_right":  # whose variant is right is not sealed
-            continue
-        told[name] = metric
-        if name == "isolation":
-            told |= extra
-        if name == "coverage":
-            title = "90 % sets of answers hold the truth"
-            told["sets"] = Metric(title, "87–93 %", _covered, share, ours=True)
-        if name == "sure":
-            told["sure_alike"] = Metric(
-                "… or as good as right, by what this data can tell",
-                "≥ 97 %",
-                sure,
-                share,
-            )
-    return told
-
-
-def _covered(row: CaseRow, method: str) -> Sequence[float] | None:
-    """Whether the likeliest answers together hold the truth, of a pair one of both."""
-    told = row.answers[method].set90
-    truth = set(row.truth) or {"unknown" if row.outside else "none"}
-    return (bool(truth & set(told)), 1.0) if told else None
-
-
-def first(claim: Claim) -> str:
-    """Subsystem of the first cause, or the verdict."""
-    return claim.causes[0][0].partition(".")[0] if claim.causes else claim.verdict
-
-
-ORACLE = "oracle"
+    if main is not None and main not in names:
+        raise BenchmarkError(f"{claims}: no entrant {main!r}; there are {', '.join(names)}")
+    first = main or ("diagnose" if "diagnose" in names else names[0])
+    return [first, *(n for n in names if n != first)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,16 +179,14 @@ class Score:
     unclaimed: int
 
     @property
-    def semi_real(self) -> bool:
+    def is_semi_real(self) -> bool:
         """Whether faults were added to a recording of which nobody knows all truth."""
         return any(a.real_gap is not None for a in self.answers.values())
 
     @property
     def metrics(self) -> dict[str, Metric]:
         """The figures of this family by name."""
-        if self.semi_real:
-            return semi_real_score.metrics(self.rows, self.answers)
-        return metrics(self.answers)
+        return semi_real(self.rows) if self.is_semi_real else SEALED
 
     @property
     def beside(self) -> tuple[str, ...]:
@@ -286,19 +216,18 @@ def score(
     """
     sealed = commitments.verify(cases, answers, published)
     names = entrants(claims, main)
-    told = {n: answers_.read(commitments.answer_of(answers, n)) for n in sealed}
-    wrong = next((n for n, a in told.items() if a.case != n), None)
+    truths = {n: commitments.read_answer(commitments.answer_of(answers, n)) for n in sealed}
+    wrong = next((n for n, a in truths.items() if a.case != n), None)
     if wrong is not None:
-        raise BenchmarkError(
-            f"{commitments.answer_of(answers, wrong)}: answers case {told[wrong].case}"
-        )
+        path = commitments.answer_of(answers, wrong)
+        raise BenchmarkError(f"{path}: answers case {truths[wrong].case}")
     rows, unclaimed = [], 0
-    for name, truth in told.items():
+    for name, truth in truths.items():
         said = {n: read(claims / n / name, sealed[name].recording) for n in names}
         unclaimed += not (claims / names[0] / name).is_dir()
         rows.append(_row(truth, said[names[0]], {n: said[n] for n in names[1:]}))
     root = commitments.digest((cases / commitments.COMMITMENTS).read_bytes())
-    return Score(names[0], tuple(names[1:]), tuple(rows), told, root, unclaimed)
+    return Score(names[0], tuple(names[1:]), tuple(rows), truths, root, unclaimed)
 
 
 def _row(truth: Answer, own: EntrantClaim, others: dict[str, EntrantClaim]) -> CaseRow:
@@ -307,22 +236,23 @@ def _row(truth: Answer, own: EntrantClaim, others: dict[str, EntrantClaim]) -> C
     answers = {k: s.claim for k, s in every.items()}
     if truth.oracle is not None:
         answers[ORACLE] = _certain(truth.oracle)
-    effects = truth.effects
     return CaseRow(
         id=truth.case,
         kind=truth.kind,
-        truth=effects,
+        truth=truth.effects,
         outside=truth.causes[0].effect if truth.kind == "outside" else None,
         size={c.effect: float("nan") if c.gap is None else c.gap for c in truth.causes},
         detectability={c.effect: _sigmas(truth, c) for c in truth.causes},
         between=tuple(c.effect for c in truth.causes if c.rows),
         answers=answers,
         where=own.where,
-        numbers=_score_numbers(truth, own),
+        numbers=_compared(truth, own),
         closed=closed,
         oracle=None if closed is None or truth.oracle is None else truth.oracle.closed,
         seconds={k: s.seconds for k, s in every.items() if s.seconds is not None},
         error=own.error,
+        alike=tuple(n for c in truth.causes for n in c.alike),
+        real_gap=truth.real_gap,
     )
 
 
@@ -331,7 +261,7 @@ def _certain(oracle: Oracle) -> Claim:
     return Claim(oracle.verdict, oracle.causes, {first: 1.0}, ())
 
 
-def _sigmas(truth: Answer, cause: answers_.Fact) -> float:
+def _sigmas(truth: Answer, cause: Fact) -> float:
     """Norm of a signature in noises; of a raised variance by its own scatter √(2/n)."""
     if cause.gap is None:
         return float("inf")  # who makes a fault on a real robot makes it visible
@@ -358,21 +288,19 @@ def closed_by_entrant(truth: Answer, said: EntrantClaim) -> float | None:
     return (gap[start] - after) / whole if whole > 0 else 0.0
 
 
-def _score_numbers(truth: Answer, said: EntrantClaim) -> tuple[Number, ...]:
+def _compared(truth: Answer, said: EntrantClaim) -> tuple[Number, ...]:
     """Published numbers of every true effect that is named first, beside the true ones.
 
     Of a simulated robot every number is known, 0 where none is listed; of a real one those listed.
     """
-    found: list[Number] = []
+    compared: list[Number] = []
     for cause in truth.causes if truth.effects else ():
-        published = said.parameters.get(cause.effect, {})
-        known = EFFECTS[cause.effect].compared if cause.effect in EFFECTS else ""
-        told = effects()[cause.effect].amplitudes(published) if known else None
-        found += [
-            Number(f"{cause.effect}:{n}", p["value"], p["std"], cause.true.get(n, 0.0))
-            for n, p in (told or {}).items()
-            if re.fullmatch(known, n)
-            and p["std"] is not None
-            and (truth.oracle is not None or n in cause.true)
-        ]
-    return tuple(found)
+        pattern = EFFECTS[cause.effect].compared if cause.effect in EFFECTS else ""
+        if pattern:
+            compared += [
+                n
+                for n in numbers(cause.effect, said.parameters.get(cause.effect, {}), cause.true)
+                if re.fullmatch(pattern, name := n.name.partition(":")[2])
+                and (truth.oracle is not None or name in cause.true)
+            ]
+    return tuple(compared)

@@ -12,24 +12,22 @@ from pathlib import Path
 
 import numpy as np
 
+from wrenchbed.benchmark.frame import KINDS, STATED, Rng
 from wrenchbed.benchmark.referee import case as referee
-from wrenchbed.benchmark.referee import outside, sensor
-from wrenchbed.benchmark.referee.case import KINDS, NEEDED, ROWS_NEEDED, SIZES
-from wrenchbed.benchmark.referee.catalogue import EFFECTS, STATED
-from wrenchbed.benchmark.referee.equivalence import Bench, Usual, bench
-from wrenchbed.benchmark.referee.fault import RefereeFault, Rng, named, touched
+from wrenchbed.benchmark.referee import sensor
+from wrenchbed.benchmark.referee.case import TrueCause, World, between
+from wrenchbed.benchmark.referee.catalogue import EFFECTS
+from wrenchbed.benchmark.referee.catalogue import FAMILIES as OF_REFEREE
+from wrenchbed.benchmark.referee.fault import RefereeFault, named, touched
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.referee.signatures import blocks_of_orientations
+from wrenchbed.benchmark.referee.signatures import Bench, Usual, bench, blocks_of_orientations
 from wrenchbed.benchmark.sealed import commitments, make
-from wrenchbed.benchmark.sealed.answer import Answer, Fact
+from wrenchbed.benchmark.sealed.commitments import Answer, Fact
 from wrenchbed.benchmark.sealed.real import plain
 from wrenchbed.benchmark.sealed.real_setting import ACCELEROMETER, RealSetting, setting_of
 from wrenchbed.data.recording import Recording
-from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 
-_TRIES = 60
-"""Causes that are drawn before giving up."""
 _BY_JOINTS = ("joint.", "link.", "cable.", "environment.", "base.compliance", "tool.inertia",
               "tool.loose", "tool.flexure", "tool.self_weight")  # fmt: skip
 """Beginnings of names of effects that a rigid tool in known orientations cannot show."""
@@ -63,7 +61,7 @@ def knock(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 
 FAMILIES = {
-    **{name: outside.FAMILIES[name] for name in _OUTSIDE},
+    **{name: OF_REFEREE[name] for name in _OUTSIDE},
     "bursts": named("bursts", bursts),
     "knock": named("knock", knock),
 }
@@ -71,24 +69,7 @@ FAMILIES = {
 
 
 @dataclass(frozen=True, eq=False)
-class AddedCause:
-    """A fault with what it adds to a recording.
-
-    Attributes:
-        fault: the fault.
-        signature: change of the means that are compared (n, 6) [N, N·m].
-        gap: that it adds; of a cause between rows the mean rise of a row's variance.
-        rows: largest rise of a channel's row variance, 0 for a cause that shows in means.
-    """
-
-    fault: RefereeFault
-    signature: np.ndarray
-    gap: float
-    rows: float
-
-
-@dataclass(frozen=True, eq=False)
-class HostRecording:
+class HostRecording(World):
     """A recording that faults are added to.
 
     Attributes:
@@ -97,7 +78,12 @@ class HostRecording:
     """
 
     setting: RealSetting
+    around: tuple[RefereeFault, ...] = ()
     noise_seed: tuple[int, ...] = ()
+
+    draws = draws_outside = 60
+    pairs = 1
+    families = FAMILIES
 
     @cached_property
     def usual(self) -> Usual:
@@ -109,8 +95,7 @@ class HostRecording:
     @cached_property
     def signatures(self) -> Bench:
         """Of the library, as far as orientations show them."""
-        ride = self.setting.ride()
-        return bench(self.setting, ride, self.usual, blocks_of_orientations)
+        return bench(self.setting, self.setting.ride(), self.usual, blocks_of_orientations)
 
     @property
     def real_gap(self) -> float:
@@ -125,14 +110,20 @@ class HostRecording:
         rng = np.random.default_rng([*self.noise_seed, 7])
         return self.setting.with_faults(self.setting.recording.wrench, faults, rng)
 
-    def cause(self, fault: RefereeFault, beside: Sequence[RefereeFault] = ()) -> AddedCause:
-        """What a fault adds beside others."""
-        change = self.with_faults([*beside, fault]) - self.with_faults(beside)
-        if fault.name in EFFECTS and EFFECTS[fault.name].between:
+    def measured(self, fault: RefereeFault) -> TrueCause:
+        """What a fault adds beside the faults that are there."""
+        world = replace(self, around=(*self.around, fault))
+        change = self.with_faults(world.around) - self.with_faults(self.around)
+        if between(fault.name):
             rise = np.mean((change / self.setting.scatter) ** 2, axis=0)
-            return AddedCause(fault, np.zeros((1, 6)), float(rise.mean()), float(rise.max()))
+            none = np.zeros((1, 6))
+            return TrueCause(fault, none, float(rise.mean()), world, float(rise.max()))
         signature = self.setting.means(change)
-        return AddedCause(fault, signature, self.usual.gap(signature, fault.name in STATED), 0.0)
+        return TrueCause(fault, signature, self.usual.gap(signature, fault.name in STATED), world)
+
+    def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
+        """What the first of two causes adds beside the second."""
+        return replace(self, around=(*self.around, second.fault)).measured(first.fault)
 
     def possible(self) -> list[str]:
         """Effects that this recording can show."""
@@ -152,70 +143,13 @@ class HostRecording:
     def drawn(self, name: str, rng: Rng, size: float) -> RefereeFault:
         """A fault; sizes between rows follow the scatter of rows, a range the reading itself."""
         setting = self.setting
-        if EFFECTS[name].between:
+        if between(name):
             setting = replace(setting, own=setting.scatter)
         elif name == "sensor.saturation":
             setting = replace(setting, offset=setting.bias)
         return EFFECTS[name].draw(setting, rng, size)
 
-    def one(
-        self, kind: str, names: Sequence[str], rng: Rng, beside: Sequence[RefereeFault] = ()
-    ) -> AddedCause:
-        """A cause that shows; where it is too small, once more and larger, then another one.
-
-        Raises:
-            ParameterError: nothing that was drawn shows enough.
-        """
-        for _ in range(_TRIES):
-            name = str(rng.choice(names))
-            between = EFFECTS[name].between
-            needed = (ROWS_NEEDED if between else NEEDED)[kind]
-            size = float(np.exp(rng.uniform(*np.log(SIZES))))
-            for _ in range(2):
-                cause = self.cause(self.drawn(name, rng, size), beside)
-                shown = cause.rows if between else cause.gap
-                if shown >= needed:
-                    return cause
-                least = size * float(np.sqrt(1.2 * needed / max(shown, 1e-9)))
-                if least > SIZES[1]:
-                    break
-                size = float(np.exp(rng.uniform(np.log(least), np.log(SIZES[1]))))
-        raise ParameterError("nothing that was drawn shows enough")
-
-    def two(self, rng: Rng) -> list[AddedCause]:
-        """Two causes of different subsystems that both show.
-
-        Raises:
-            ParameterError: none were found.
-        """
-        names = self.possible()
-        first = self.one("pair", names, rng).fault
-        others = [n for n in names if n.split(".")[0] != first.name.split(".")[0]]
-        second = self.one("pair", others, rng, [first])
-        again = self.cause(first, [second.fault])
-        needed = ROWS_NEEDED if again.rows else NEEDED
-        if (again.rows or again.gap) < needed["pair"]:
-            raise ParameterError("no second cause leaves the first one visible")
-        return [again, second]
-
-    def outside(self, rng: Rng) -> AddedCause:
-        """A fault that shows, and that no effect of the library could make.
-
-        Raises:
-            ParameterError: none was found.
-        """
-        for _ in range(_TRIES):
-            family = FAMILIES[str(rng.choice(list(FAMILIES)))]
-            size = float(np.exp(rng.uniform(np.log(0.5), np.log(2.0))))
-            cause = self.cause(family(self.setting, rng, size))
-            if cause.gap < NEEDED["outside"]:
-                continue
-            left = self.signatures.imitated(cause.signature, configured=False, bounded=False)
-            if min(left.values()) >= referee.LIBRARY_LEAVES:
-                return cause
-        raise ParameterError("no fault outside the library shows")
-
-    def recording(self, faults: Sequence[RefereeFault]) -> Recording:
+    def recorded(self, faults: Sequence[RefereeFault]) -> Recording:
         """The recording with some faults; what shakes or turns the tool shows in accelerations."""
         s = self.setting
         columns = dict(s.recording.columns)
@@ -223,14 +157,6 @@ class HostRecording:
         if s.accelerated:
             columns |= dict(zip(ACCELEROMETER, s.accelerations(faults).T, strict=True))
         return Recording(s.metadata, columns, "case")
-
-    def fact(self, kind: str, cause: AddedCause) -> Fact:
-        """A cause as an answer states it."""
-        fault, alike = cause.fault, list[str]()
-        if kind != "outside" and not cause.rows:
-            alike = self.signatures.alike(fault.name, cause.signature)
-        true = {k: float(v) for k, v in fault.true.items()}
-        return Fact(fault.name, fault.size, cause.gap, cause.rows, true, tuple(alike))
 
 
 @dataclass(frozen=True)
@@ -277,10 +203,8 @@ class SemiRealFamily(make.Family):
     def kinds(self) -> list[str]:
         """Kind of each case: one is the recording as it is, since more would be copies of it."""
         shares = np.array(referee.SHARES[1:]) / sum(referee.SHARES[1:])
-        counts = np.concatenate([[1], np.floor(shares * (self.cases - 1) + 1e-9)]).astype(int)
-        counts[KINDS.index("single")] += self.cases - int(counts.sum())
-        order = np.random.default_rng([self.seed, 1]).permutation(np.repeat(range(4), counts))
-        return [KINDS[k] for k in order]
+        counts = np.concatenate([[1], np.floor(shares * (self.cases - 1) + 1e-9)])
+        return self.shuffled(counts.astype(int))
 
     def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
         """One case.
@@ -290,16 +214,11 @@ class SemiRealFamily(make.Family):
         """
         kind, name = self.kinds()[index], self.names()[index]
         rng = np.random.default_rng([self.seed, index, attempt, KINDS.index(kind)])
-        host = HostRecording(self.setting, (self.seed, index, attempt))
-        causes: list[AddedCause] = []
-        if kind == "single":
-            causes = [host.one(kind, host.possible(), rng)]
-        elif kind == "pair":
-            causes = host.two(rng)
-        elif kind == "outside":
-            causes = [host.outside(rng)]
+        host = HostRecording(self.setting, noise_seed=(self.seed, index, attempt))
+        causes = host.causes(kind, rng)
+        facts = tuple(Fact.of(host, c, kind, c.fault.true) for c in causes)
         answer = Answer(
-            name, self.robot, self.mode, kind, tuple(host.fact(kind, c) for c in causes), None,
-            host.setting.points, None, commitments.salt(self.seed, name), real_gap=host.real_gap,
+            name, self.robot, self.mode, kind, facts, None, host.setting.points, None,
+            commitments.salt(self.seed, name), real_gap=host.real_gap,
         )  # fmt: skip
-        return answer, host.recording([c.fault for c in causes])
+        return answer, host.recorded([c.fault for c in causes])
