@@ -9,7 +9,7 @@ from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim
 from wrenchbed.benchmark.scoring.metrics import SURE, Metric, figure, markdown, median, share
 
 OF_ORACLE = 0.95
-"""Share of what the oracle closes that is asked for."""
+"""Share of what the oracle closes that is asked for, by definition."""
 _KINDS = {"library": "single"}
 """Kinds of efforts' cases by other names in a row."""
 

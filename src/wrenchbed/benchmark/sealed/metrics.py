@@ -84,8 +84,9 @@ def semi_real(rows: Sequence[CaseRow]) -> dict[str, Metric]:
         return row.kind == "single" and row.truth[0] not in own(method)
 
     def larger(row: CaseRow, method: str) -> bool:
-        above = not row.between and row.size[row.truth[0]] > (row.real_gap or 0.0)
-        return new(row, method) and above
+        if not new(row, method) or row.between:
+            return False
+        return row.size[row.truth[0]] > (row.real_gap or 0.0)
 
     def held(row: CaseRow, method: str) -> bool:
         return holds(row.answers[method], row.truth)
