@@ -1,6 +1,7 @@
 """`import --guess`: recordings in random conventions, real ones, and refusals."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,7 +12,9 @@ from scipy.spatial.transform import Rotation
 import wrenchbed as wb
 from wrenchbed.cli import main
 from wrenchbed.data import column_map
+from wrenchbed.data.guess import candidates
 from wrenchbed.data.guess.guess import Guess, guess
+from wrenchbed.data.guess.poses import gather
 from wrenchbed.data.guess.stated import Stated
 from wrenchbed.data.import_files import import_files, merged, sensor_by_joints
 from wrenchbed.errors import MapError
@@ -269,3 +272,30 @@ def test_a_log_has_names_and_needs_no_guess(tmp_path):
     wb.write_mcap(wb.Recording.read(tmp_path / "r.parquet"), tmp_path / "r.mcap")
     with pytest.raises(MapError, match="these ready maps read it: --map ros-ur5"):
         guess([tmp_path / "r.mcap"])
+
+
+def test_a_load_is_found_among_46_columns_without_names_and_the_search_is_bounded(
+    tmp_path, monkeypatch
+):
+    rng = np.random.default_rng(1)
+    turn = Rotation.random(120, rng=rng)
+    force = turn.inv().apply([0.0, 0.0, -12.0])
+    columns = rng.normal(size=(120, 46))
+    columns[:, 5:8] = turn.as_rotvec()
+    load = np.hstack([force, np.cross([0.01, 0.02, 0.06], force)])
+    columns[:, 20:26] = load + rng.normal(size=load.shape) * np.repeat([0.05, 0.002], 3)
+    np.savetxt(tmp_path / "log.csv", columns, delimiter=",", fmt="%.6f")
+    fitted, tried = candidates._fitted, []
+    monkeypatch.setattr(candidates, "_fitted", lambda *pair: tried.append(pair) or fitted(*pair))
+    found = guess([tmp_path / "log.csv"])
+    assert found.conventions[0].reading.names == ("6", "7", "8")
+    assert [*found.conventions[0].wrench.values()] == [str(k) for k in range(21, 27)]
+    assert found.conventions[0].mass == pytest.approx(12.0 / 9.80665, rel=0.01)
+    assert len(tried) <= candidates.MOST_TRIED
+    assert re.search(r"of 2\d,\d{3} pairs of .* the 100 that agree best", found.lines[-1])
+
+
+def test_a_slow_move_of_many_rows_is_not_taken_for_few_poses():
+    t = np.arange(20_000) / 500.0
+    turn = np.stack([np.mod(t / 7.0 + k, 1.0) for k in range(3)], axis=1)  # jumps, then creeps
+    assert gather(t, turn, np.zeros((len(t), 6))).mode == "dynamic"

@@ -48,10 +48,10 @@ def test_a_table_in_any_order_is_read_by_the_joints_names(digger, tmp_path):
     lines = [",".join(head), *(",".join(f"{v:.9f}" for v in row) for row in rows)]
     (tmp_path / "log.csv").write_text("\n".join(lines))
     found = guess([tmp_path / "log.csv"], Stated(robot=str(folder / "my.toml")))
-    assert found.conventions[0].joints == NAMES
+    assert found.conventions[0].reading.names == NAMES
     (sheet,) = sheets([tmp_path / "log.csv"])
-    assert [*joints(sheet, ("turret", "boom"))] == [("turret", "boom")]
-    assert ("turret", "nobody") not in [*joints(sheet, ("turret", "nobody"))]
+    assert {r.names for r in joints(sheet, "r", ("turret", "boom"))} == {("turret", "boom")}
+    assert ("turret", "nobody") not in {r.names for r in joints(sheet, "r", ("turret", "nobody"))}
 
 
 def test_a_guessed_map_names_the_robots_file_as_seen_from_itself(digger, tmp_path, monkeypatch):

@@ -9,10 +9,9 @@ import pytest
 import wrenchbed as wb
 from continuous_log import TRUTH, How, log, random_how
 from wrenchbed.cli import main
-from wrenchbed.data.holds import gather
+from wrenchbed.data.holds import check_at_rest, gather, noise_at_rest, split
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
-from wrenchbed.data.rests import check_at_rest, noise_at_rest, split
 from wrenchbed.errors import RecordingError
 from wrenchbed.physics.wrench import CHANNELS
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from wrenchbed.data.holds import split
 from wrenchbed.data.recording import Recording
-from wrenchbed.data.rests import split
 from wrenchbed.errors import CalibrationError, RecordingError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.sensors.base import STATUS_SATURATED

@@ -15,15 +15,15 @@ import pyarrow as pa
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
+from wrenchbed.data.clocks import at_times, even_clock, since
 from wrenchbed.data.column_map import ANGLES, AUTO, ROTATION, ColumnMap, FileMap, Source
-from wrenchbed.data.even_clock import at_times, even_clock
 from wrenchbed.data.file_names import natural, values_in_name
+from wrenchbed.data.holds import Split, check_at_rest, split, with_noise
 from wrenchbed.data.log_files import is_log
 from wrenchbed.data.logs import table as log_table
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.orientation_columns import columns_of, of_sensor, turned, wrench_in_sensor
 from wrenchbed.data.recording import Recording, joint_columns
-from wrenchbed.data.rests import Split, check_at_rest, split, with_noise
 from wrenchbed.data.text_table import BLANKS, column_numbers, read_text
 from wrenchbed.errors import MapError, NotFoundError
 from wrenchbed.physics.wrench import CHANNELS
@@ -95,7 +95,8 @@ def _even(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str
     clock = even_clock(data["t"]) if joint_columns(data) else None
     if clock is None:
         return data, ()
-    return {"t": clock.t} | at_times(data, clock.t), (clock.sentence,)
+    t, sentence = clock
+    return {"t": t} | at_times(data, t), (sentence,)
 
 
 def merged(
@@ -116,14 +117,14 @@ def merged(
     parts = [_part(hits, m, column_map) for hits, m in groups]
     names = [hits[0] for hits, _ in groups]
     first = parts[0] | {"t": _clock(parts[0], names[0], column_map)}
-    t = _since(first["t"], first["t"][0])
+    t = since(first["t"], first["t"][0])
     data = {k: v for k, v in first.items() if k != "t"}
     inside = np.ones(len(t), dtype=bool)
     for part, path in zip(parts[1:], names[1:], strict=True):
         if "t" not in part:
             data |= _beside(part, path, len(t), names[0])
             continue
-        part["t"] = _since(part["t"], first["t"][0])
+        part["t"] = since(part["t"], first["t"][0])
         inside &= (t >= part["t"][0]) & (t <= part["t"][-1])
         data |= at_times(part, t)
     if not inside.any():
@@ -156,7 +157,7 @@ def _part(paths: list[Path], file_map: FileMap, column_map: ColumnMap) -> dict[s
         part = _columns(path, file_map, column_map)
         rows = len(next(iter(part.values())))
         rate = column_map.rate_hz or _POSES_PER_SECOND
-        own = _since(part["t"], part["t"][0]) if "t" in part else np.arange(rows) / rate
+        own = since(part["t"], part["t"][0]) if "t" in part else np.arange(rows) / rate
         part["t"] = own + begin
         begin = float(part["t"][-1]) + _BETWEEN_POSES_S
         if "segment" not in part:
@@ -223,15 +224,6 @@ def _times(path: Path, table: pa.Table, file_map: FileMap, scaled: np.ndarray) -
         row = bad[0] + 1
         raise MapError(f"{path}: column {clock.column!r}, row {row}: the clock does not advance")
     return t
-
-
-def _since(t: np.ndarray, origin: "np.int64 | np.float64") -> np.ndarray:
-    """Seconds (N,) since an origin of either kind of clock."""
-    if t.dtype.kind == "i" and isinstance(origin, np.int64):
-        return np.asarray((t - origin) / 1e9)
-    seconds = t / 1e9 if t.dtype.kind == "i" else t
-    start = float(origin) / 1e9 if isinstance(origin, np.int64) else float(origin)
-    return np.asarray(seconds - start)
 
 
 def _clock(part: dict[str, np.ndarray], path: Path, column_map: ColumnMap) -> np.ndarray:

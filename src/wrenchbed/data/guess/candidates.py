@@ -2,7 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -10,12 +11,12 @@ from wrenchbed import registry
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.column_map import Conventions
 from wrenchbed.data.guess.convention import Convention
-from wrenchbed.data.guess.gravity_fit import fits
+from wrenchbed.data.guess.gravity_fit import HOPELESS, fits
 from wrenchbed.data.guess.poses import Poses, gather
 from wrenchbed.data.guess.sheets import (
-    Columns,
+    MOST_UNNAMED,
+    Reading,
     Sheet,
-    clock_unit,
     joints,
     orientations,
     wrenches,
@@ -24,17 +25,14 @@ from wrenchbed.data.guess.stated import Stated
 from wrenchbed.data.orientation_columns import turned
 from wrenchbed.errors import WrenchbedError
 
-_STEADY = 0.9
-"""Share of a clock's steps that are within half of the usual one; estimate."""
-
-
-@dataclass(frozen=True)
-class Clock:
-    """Column of a clock, its times (N,) [s] and its unit."""
-
-    column: str
-    t: np.ndarray
-    unit: str
+MOST_TRIED = 100
+"""Pairs of a wrench and a reading of the orientation that are fitted in full: a right one and what
+fits as well lie among the first twenty; 100 pairs take some seconds."""
+_FEW_ROWS = 300
+"""Rows by which pairs are compared before: a wrong orientation explains a share of about 9/300 of a
+noise by chance, far less than `HOPELESS` asks for."""
+_AT_ONCE = 256
+"""Readings that are compared at once with all wrenches; bounds the memory (80 MB)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +52,9 @@ class Pairing:
     wrench: Mapping[str, str]
 
     @cached_property
-    def taken(self) -> frozenset[str]:
-        """Columns of the other table that are no orientation: its clock, the wrench."""
-        own = clock(self.tables[self.sheet])
-        used = set() if own is None else {own.column}
-        return frozenset(used | (set(self.wrench.values()) if self.load == self.sheet else set()))
+    def readings(self) -> np.ndarray:
+        """The wrench (N, 6) in the file's units."""
+        return self.tables[self.load].block(list(self.wrench.values())).astype(float)
 
     @cached_property
     def at(self) -> np.ndarray | None:
@@ -66,140 +62,215 @@ class Pairing:
         return rows_at(self.tables[self.load], self.tables[self.sheet])
 
     @cached_property
-    def readings(self) -> np.ndarray:
-        """The wrench (N, 6) in the file's units."""
-        return self.tables[self.load].block(list(self.wrench.values())).astype(float)
+    def _known(self) -> dict[tuple[str, ...], Poses]:
+        return {}
 
-    def columns(self, names: Sequence[str]) -> np.ndarray:
-        """Columns of the other table (N, K) at the rows of the wrench."""
+    def may_use(self, reading: Reading) -> bool:
+        """Whether a reading's columns are neither the clock nor this wrench."""
+        sheet = self.tables[self.sheet]
+        taken = set() if sheet.clock is None else {sheet.clock.column}
+        if self.load == self.sheet:
+            taken |= set(self.wrench.values())
+        return not taken & set(reading.names)
+
+    def poses(self, names: Sequence[str]) -> Poses:
+        """The poses that columns of an orientation or of joints mean."""
+        key = tuple(sorted(names))
+        if key not in self._known:
+            self._known[key] = self._gathered(key)
+        return self._known[key]
+
+    def _gathered(self, names: Sequence[str]) -> Poses:
         load, sheet = self.tables[self.load], self.tables[self.sheet]
-        ours, its = clock(load), clock(sheet)
-        if sheet is load or ours is None or its is None:
-            return sheet.block(names)[self.at].astype(float)
-        return np.stack([np.interp(ours.t, its.t, sheet.values[n].astype(float)) for n in names], 1)
-
-    def poses(self, turn: np.ndarray) -> Poses:
-        """The poses that columns (N, K) of an orientation or of joints mean."""
-        load = self.tables[self.load]
         if len(load.rows) > 1:
             ends = np.cumsum(load.rows)
             return Poses("static", np.stack([ends - load.rows, ends], axis=1))
-        own = clock(load)
-        return gather(None if own is None else own.t, turn, self.readings)
+        if sheet is load or load.clock is None or sheet.clock is None:
+            turn = sheet.block(names)[self.at].astype(float)
+        else:
+            columns = [sheet.values[n].astype(float) for n in names]
+            turn = np.stack([np.interp(load.clock.t, sheet.clock.t, c) for c in columns], 1)
+        return gather(None if load.clock is None else load.clock.t, turn, self.readings)
 
 
-def candidates(tables: Sequence[Sheet], stated: Stated) -> Iterator[Convention]:
-    """Every convention that leaves less than most of the force."""
+def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention], str]:
+    """Every convention that leaves less than most of the force; and what was not tried, in words.
+
+    Args:
+        tables: of one recording.
+        stated: what is known besides.
+    """
+    pairs = [*_pairs(tables, stated)]
+    notes = [
+        f"of {len(sheet.values)} columns the first {MOST_UNNAMED} without a name that says what "
+        "they are were tried"
+        for sheet in tables
+        if len(sheet.free) == MOST_UNNAMED
+    ]
+    if len(pairs) > MOST_TRIED:
+        notes.append(
+            f"of {len(pairs):,} pairs of a wrench and an orientation the {MOST_TRIED} that agree "
+            "best were tried in full; columns with names leave fewer"
+        )
+        pairs = _most_promising(pairs, 1.0 if stated.fit is not None else HOPELESS)
+    found = [c for pairing, reading in pairs for c in _fitted(pairing, reading, stated)]
+    return found, "; ".join(notes)
+
+
+def _pairs(tables: Sequence[Sheet], stated: Stated) -> Iterator[tuple[Pairing, Reading]]:
+    """Every wrench with every reading of an orientation or of joints."""
+    readings = [[*orientations(sheet), *_of_joints(sheet, stated)] for sheet in tables]
     for load, sheet in enumerate(tables):
-        for wrench in wrenches(sheet):
-            for k in range(len(tables)):
-                pairing = Pairing(tables, load, k, wrench)
-                if pairing.at is not None:
-                    yield from _of_orientations(pairing, stated)
-                    yield from _of_joints(pairing, stated)
+        beside = [k for k, other in enumerate(tables) if rows_at(sheet, other) is not None]
+        for wrench, k in product(wrenches(sheet), beside):
+            pairing = Pairing(tables, load, k, wrench)
+            yield from ((pairing, r) for r in readings[k] if pairing.may_use(r))
         if sheet.loads:
             return
 
 
+def _of_joints(sheet: Sheet, stated: Stated) -> Iterator[Reading]:
+    """Columns that might be the joints of the stated robot, else of any."""
+    for name in registry.names("robots") if stated.robot is None else [stated.robot]:
+        if registry.is_known("robots", name):
+            robot = registry.load("robots", name)
+            yield from joints(sheet, name, robot.joint_names) if robot.joints else ()
+
+
 def rows_at(load: Sheet, sheet: Sheet) -> np.ndarray | None:
     """Row of a table (N,) at each row of the wrench's; None if they do not belong together."""
+    rows = sum(load.rows)
     if sheet is load:
-        return np.arange(sum(load.rows))
-    ours, its = clock(load), clock(sheet)
-    if ours is not None and its is not None:
-        return np.asarray(np.clip(np.searchsorted(its.t, ours.t), 0, len(its.t) - 1))
-    same = sum(load.rows) == sum(sheet.rows)
-    return np.arange(sum(load.rows)) if same and its is None else None
+        return np.arange(rows)
+    if load.clock is not None and sheet.clock is not None:
+        nearest = np.searchsorted(sheet.clock.t, load.clock.t)
+        return np.asarray(np.clip(nearest, 0, len(sheet.clock.t) - 1))
+    return np.arange(rows) if rows == sum(sheet.rows) and sheet.clock is None else None
 
 
-def clock(sheet: Sheet) -> Clock | None:
-    """The clock of a table, by name or by its steady steps."""
-    if len(sheet.rows) > 1:
-        return None
-    named = [sheet.roles["t"]] if "t" in sheet.roles else []
-    for name in named or sheet.free():
-        values = sheet.values[name]
-        unit = clock_unit(values, sheet.units.get(name))
-        if unit is not None and (named or _steady(values)):
-            return Clock(name, values * SIZES[unit][1], unit)
-    return None
-
-
-def _steady(values: np.ndarray) -> bool:
-    """Whether a column without a name looks like a clock and not like a counter or a signal."""
-    step = np.diff(values)
-    usual = np.median(step)
-    counter = values.dtype.kind == "i" and (step == 1).all()
-    return bool(not counter and (np.abs(step - usual) < 0.5 * usual).mean() > _STEADY)
-
-
-def _of_orientations(pairing: Pairing, stated: Stated) -> Iterator[Convention]:
-    sheet = pairing.tables[pairing.sheet]
-    known: dict[tuple[str, ...], Poses] = {}
-    for columns in orientations(sheet):
-        names = tuple(sorted(columns.targets.values()))
-        if pairing.taken & set(names):
-            continue
-        if names not in known:
-            known[names] = pairing.poses(pairing.columns(names))
-        poses = known[names]
-        turn = _turn(pairing, columns, poses)
-        if turn is None:
-            continue
-        y = poses.mean(pairing.readings)
-        for inverse in (False, True):
-            body = np.swapaxes(turn, 1, 2) if inverse else turn
-            for in_base in (False, True):
-                for fit in fits(body, y, in_base, stated.fit is not None):
-                    yield Convention(
-                        columns, (), "rad", "my-robot", pairing.sheet, pairing.load, pairing.wrench,
-                        inverse, in_base, fit, poses, body,
-                    )  # fmt: skip
-
-
-def _turn(pairing: Pairing, columns: Columns, poses: Poses) -> np.ndarray | None:
-    """The orientation (G, 3, 3) in the middle of each pose; None if the columns are none."""
-    sheet = pairing.tables[pairing.sheet]
-    assert pairing.at is not None  # of every pairing that is looked at
-    rows = pairing.at[poses.middle]
-    size = 1.0 if columns.unit is None else SIZES[columns.unit][1]
-    data = {t: sheet.values[n][rows] * size for t, n in columns.targets.items()}
+def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | None:
+    """The orientation (G, 3, 3) at some rows of the wrench; None if the columns are none."""
+    sheet, at = pairing.tables[pairing.sheet], pairing.at
+    assert at is not None  # of every pair
+    size = 1.0 if reading.unit is None else SIZES[reading.unit][1]
+    columns = {t: sheet.values[n][at[rows]] for t, n in reading.targets.items()}
+    if reading.robot is not None:
+        robot = registry.load("robots", reading.robot)
+        sizes = [size if j.unit == "rad" else 1.0 for j in robot.joints]
+        q, theta = np.stack([*columns.values()], axis=1) * sizes, robot.parameters.nominal
+        return None if robot.infeasible(q, theta) else np.asarray(robot.sensor_pose(q, theta)[0])
     try:
-        given = turned(data, str(sheet.paths[0]), Conventions(order=columns.order))
+        scaled = {t: values * size for t, values in columns.items()}
+        orientation = turned(scaled, str(sheet.paths[0]), Conventions())
     except WrenchbedError:
         return None
-    return None if given is None else given.as_matrix()
+    return None if orientation is None else orientation.as_matrix()
 
 
-def _of_joints(pairing: Pairing, stated: Stated) -> Iterator[Convention]:
-    known = registry.names("robots") if stated.robot is None else [stated.robot]
-    for name in filter(partial(registry.is_known, "robots"), known):
-        robot = registry.load("robots", name)
-        mounted = "mount.rotation.x" in robot.parameters.names
-        sheet = pairing.tables[pairing.sheet]
-        for columns in joints(sheet, robot.joint_names) if robot.joints else ():
-            if pairing.taken & set(columns):
-                continue
-            raw = pairing.columns(columns)
-            poses = pairing.poses(raw)
-            y = poses.mean(pairing.readings)
-            for angle in _joint_units(sheet, columns, raw):
-                size = [SIZES[angle][1] if j.unit == "rad" else 1.0 for j in robot.joints]
-                q, theta = raw[poses.middle] * size, robot.parameters.nominal
-                if robot.infeasible(q, theta):
-                    continue
-                turn = robot.sensor_pose(q, theta)[0]
-                for in_base in (False, True):
-                    for fit in fits(turn, y, in_base, stated.fit is not None):
-                        if fit.mount is None or mounted:  # others have no pose_flange
-                            yield Convention(
-                                None, columns, angle, name, pairing.sheet, pairing.load,
-                                pairing.wrench, False, in_base, fit, poses, turn,
-                            )  # fmt: skip
+def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Convention]:
+    """Both directions of an orientation, wrenches in both axes, and every mount that fits."""
+    poses = pairing.poses(reading.names)
+    turn = _turn(pairing, reading, poses.middle)
+    if turn is None:
+        return
+    y = poses.mean(pairing.readings)
+    mounted = reading.robot is None or (
+        "mount.rotation.x" in registry.load("robots", reading.robot).parameters.names
+    )
+    for inverse, in_base in product((False, True), repeat=2):
+        if inverse and reading.robot is not None:
+            continue
+        body = np.swapaxes(turn, 1, 2) if inverse else turn
+        for fit in fits(body, y, in_base, stated.fit is not None):
+            if fit.mount is None or mounted:  # others have no pose_flange
+                yield Convention(
+                    reading, pairing.sheet, pairing.load, pairing.wrench,
+                    inverse, in_base, fit, poses, body,
+                )  # fmt: skip
 
 
-def _joint_units(sheet: Sheet, columns: Sequence[str], raw: np.ndarray) -> tuple[str, ...]:
-    stated = sheet.units.get(columns[-1])
-    if stated in ("rad", "deg"):
-        return (stated,)
-    return ("deg",) if np.abs(raw).max() > 4.0 * np.pi else ("rad", "deg")
+Pairs = Sequence[tuple[Pairing, Reading]]
+
+
+def _most_promising(pairs: Pairs, most_left: float) -> list[tuple[Pairing, Reading]]:
+    """The pairs whose force is best explained by the weight of a load, by few of their rows.
+
+    Args:
+        pairs: all of them.
+        most_left: share of the force that a pair may leave.
+    """
+    left = np.full(len(pairs), np.inf)
+    of_tables: dict[tuple[int, int], list[int]] = {}
+    for k, (pairing, _) in enumerate(pairs):
+        of_tables.setdefault((pairing.load, pairing.sheet), []).append(k)
+    for members in of_tables.values():
+        readings = {_key(pairs[k][1]): pairs[k][1] for k in members}
+        forces = dict.fromkeys(_force(pairs[k][0]) for k in members)
+        shares = _shares(pairs[members[0]][0], [*readings.values()], [*forces])
+        place = {names: column for column, names in enumerate(forces)}
+        row = {key: number for number, key in enumerate(readings)}
+        for k in members:
+            left[k] = shares[row[_key(pairs[k][1])], place[_force(pairs[k][0])]]
+    best = np.argsort(left, kind="stable")[:MOST_TRIED]
+    return [pairs[k] for k in sorted(best) if left[k] < most_left]
+
+
+def _key(reading: Reading) -> tuple[str, tuple[str, ...]]:
+    return reading.kind, reading.names
+
+
+def _force(pairing: Pairing) -> tuple[str, ...]:
+    return tuple(pairing.wrench.values())[:3]
+
+
+def _shares(
+    pairing: Pairing, readings: Sequence[Reading], forces: Sequence[tuple[str, ...]]
+) -> np.ndarray:
+    """`unexplained` (R, W) of readings and columns of forces; infinite where one is no rotation."""
+    load = pairing.tables[pairing.load]
+    rows = np.unique(np.linspace(0, sum(load.rows) - 1, _FEW_ROWS).astype(int))
+    force = np.stack([load.block(names)[rows].astype(float) for names in forces])
+    shares = np.full((len(readings), len(forces)), np.inf)
+    for first in range(0, len(readings), _AT_ONCE):
+        turns = [_turn(pairing, r, rows) for r in readings[first : first + _AT_ONCE]]
+        known = [first + k for k, turn in enumerate(turns) if turn is not None]
+        if known:
+            shares[known] = unexplained(np.stack([t for t in turns if t is not None]), force)
+    return shares
+
+
+def unexplained(turn: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Share of each force's rms (R, W) that no weight with any mount explains in an orientation.
+
+    The best mount of a body explains the nuclear norm of the product of force and direction of
+    gravity (orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451); a wrench in
+    the base's axes has no mount.
+
+    Args:
+        turn: orientations (R, N, 3, 3), of the body in the base or of the base in the body.
+        force: readings (W, N, 3).
+    """
+    rows = turn.shape[1]
+    flat = turn.transpose(0, 2, 3, 1).reshape(-1, rows)
+    # Σ over rows of turn_ij force_k / N, as (R, W, i, j, k)
+    cross = (flat @ force.transpose(1, 0, 2).reshape(rows, -1) / rows).reshape(
+        len(turn), 3, 3, len(force), 3
+    ).transpose(0, 3, 1, 2, 4)  # fmt: skip
+    mean_force, mean_turn = force.mean(axis=1), turn.mean(axis=1)
+    square = (force**2).sum(axis=2).mean(axis=1)  # of a force (W,)
+    variance = square - (mean_force**2).sum(axis=1)
+    share = np.zeros(cross.shape[:2])
+    for matrix, mean in ((cross, mean_turn), (cross.swapaxes(2, 3), mean_turn.swapaxes(1, 2))):
+        # matrix[r, w, a, i, k]: gravity along axis a of the base is row a of the body's orientation
+        power = np.maximum(1.0 - (mean**2).sum(axis=2), 1e-4)  # of gravity's direction (R, 3)
+        mixed = matrix - mean[:, None, :, :, None] * mean_force[None, :, None, None, :]
+        values = np.linalg.eigvalsh(mixed.swapaxes(-1, -2) @ mixed)
+        nuclear = np.sqrt(np.maximum(values, 0.0)).sum(axis=-1)  # (R, W, 3)
+        share = np.maximum(
+            share, (nuclear**2 / power[:, None]).max(axis=2) / np.maximum(variance, 1e-300)
+        )
+        in_body = np.einsum("rwjij->rwi", matrix)  # mean of the force turned into the body
+        rest = np.maximum(square - (in_body**2).sum(axis=2), 1e-12 * square + 1e-300)
+        along = mean_force[None] - np.einsum("rai,rwi->rwa", mean, in_body)
+        share = np.maximum(share, (along**2 / power[:, None]).max(axis=2) / rest)
+    return np.sqrt(np.maximum(1.0 - share, 0.0))

@@ -8,7 +8,7 @@ import numpy as np
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.guess.gravity_fit import GravityFit, right_angles
 from wrenchbed.data.guess.poses import Poses
-from wrenchbed.data.guess.sheets import Columns
+from wrenchbed.data.guess.sheets import Reading
 
 _COST = {"inverse": 0.3, "base": 0.3, "quarter": 1.0, "free": 2.0, "axis": 0.5}
 """How unusual a convention is; of those that fit alike the most usual is taken."""
@@ -19,9 +19,7 @@ class Convention:
     """One way to read the files that fits.
 
     Attributes:
-        columns: of the orientation, or none for joints.
-        joints: of a robot, with the unit of its angles.
-        robot: whose joints these are.
+        reading: columns of the orientation or of joints.
         sheet: number of the table with the orientation, and ``load`` of that with the wrench.
         wrench: channel → column.
         inverse: whether the orientation is the base's in the body.
@@ -34,10 +32,7 @@ class Convention:
         units: of force and torque.
     """
 
-    columns: Columns | None
-    joints: tuple[str, ...]
-    angle: str
-    robot: str
+    reading: Reading
     sheet: int
     load: int
     wrench: Mapping[str, str]
@@ -53,7 +48,7 @@ class Convention:
     @property
     def cost(self) -> float:
         """How unusual it is."""
-        cost = 0.0 if self.columns is None else self.columns.cost
+        cost = self.reading.cost
         cost += _COST["inverse"] * self.inverse + _COST["base"] * self.in_base
         if self.fit.mount is not None:
             cost += _COST["quarter" if self.fit.quarter else "free"]
@@ -81,11 +76,9 @@ class Convention:
         )
 
     @property
-    def reading(self) -> str:
+    def words(self) -> str:
         """Which columns are what, and in whose axes, in words."""
-        what = f"joints of {self.robot} in {self.angle}"
-        if self.columns is not None:
-            what = self.columns.kind + (" of the base in the sensor" if self.inverse else "")
+        what = self.reading.kind + (" of the base in the sensor" if self.inverse else "")
         parts = [what, f"wrench in {'base' if self.in_base else 'sensor'} axes"]
         parts.append(f"gravity along {'xyz'[self.fit.axis]}")
         if self.fit.mount is not None:
@@ -98,7 +91,7 @@ class Convention:
     def sentence(self) -> str:
         """The convention in words."""
         down = "-" if self.gravity[self.fit.axis] < 0 else "+"
-        parts = [self.reading.replace("gravity along ", f"gravity along {down}")]
+        parts = [self.words.replace("gravity along ", f"gravity along {down}")]
         if self.sign < 0:
             parts.append("the wrench turned about (sign = -1)")
         return ", ".join([*parts, f"{self.units[0]} and {self.units[1]}"])

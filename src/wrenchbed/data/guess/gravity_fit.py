@@ -15,7 +15,7 @@ _SNAP = np.deg2rad(5.0)
 """A mount nearer than this to right angles is at right angles; a calibration finds the rest."""
 _ENOUGH = 50
 """So many poses count; more share their errors; estimate."""
-_HOPELESS = 0.8
+HOPELESS = 0.8
 """A convention that leaves so much of the force is no candidate; estimate."""
 _FLOOR = 1e-3
 """Errors below this share of what turns with gravity count as none; estimate."""
@@ -33,6 +33,7 @@ class GravityFit:
         lever: CoG in sensor axes (3,) in the file's torque per force.
         force_rms: and ``torque_rms`` of what is left, file units.
         share: of the force that turns with the body, how much is left.
+        torque_share: the same of the torque.
         poses: number of rows.
     """
 
@@ -44,6 +45,7 @@ class GravityFit:
     force_rms: float
     torque_rms: float
     share: float
+    torque_share: float
     poses: int
 
     def against(self, other: "GravityFit") -> float:
@@ -88,7 +90,7 @@ def fits(
         for mount, quarter in mounts:
             m = np.eye(3) if mount is None else mount.as_matrix()
             weight = float((m * mixed).sum()) / power
-            if not every and total - weight**2 * power > _HOPELESS**2 * total:
+            if not every and total - weight**2 * power > HOPELESS**2 * total:
                 continue
             yield _finished(axis, (mount, quarter), weight, u @ m.T, wrench)
 
@@ -135,11 +137,11 @@ def _finished(
     turning = float(np.sqrt((force**2).mean()))
     force_rms = float(np.sqrt((left**2).mean()))
     torque_scale = float(np.sqrt((torque**2).mean()))
+    torque_rms = max(float(np.sqrt((rest**2).mean())), _FLOOR * torque_scale, 1e-12)
     return GravityFit(
         weight, axis, mount[0], mount[1], lever,
-        max(force_rms, _FLOOR * turning, 1e-12),
-        max(float(np.sqrt((rest**2).mean())), _FLOOR * torque_scale, 1e-12),
-        force_rms / max(turning, 1e-12), len(wrench),
+        max(force_rms, _FLOOR * turning, 1e-12), torque_rms,
+        force_rms / max(turning, 1e-12), torque_rms / max(torque_scale, 1e-12), len(wrench),
     )  # fmt: skip
 
 

@@ -16,10 +16,10 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data.checked import Fields
-from wrenchbed.data.column_map import EULER, ColumnMap, from_fields, read, ready, seen_from
 from wrenchbed.data.column_map import UNITS as SIZES
+from wrenchbed.data.column_map import ColumnMap, from_fields, read, ready, seen_from
 from wrenchbed.data.guess.accelerometer import match_axes, match_on_clocks
-from wrenchbed.data.guess.candidates import candidates, clock, rows_at
+from wrenchbed.data.guess.candidates import candidates, rows_at
 from wrenchbed.data.guess.convention import Convention
 from wrenchbed.data.guess.sheets import (
     Sheet,
@@ -60,11 +60,13 @@ class Guess:
         conventions: those that fit alike, the most usual first.
         maps: raw column map of each.
         others: the next best that fit worse.
+        untried: what was not tried, in words; empty if all was.
     """
 
     conventions: tuple[Convention, ...]
     maps: tuple[dict[str, Any], ...]
     others: tuple[Convention, ...]
+    untried: str = ""
 
     def column_map(self, k: int = 0) -> ColumnMap:
         """A map, checked."""
@@ -93,8 +95,9 @@ class Guess:
             told = ", ".join(f"{f} and {t} ({masses[f, t]:.3g} kg)" for f, t in units)
             lines.append(f"units fit equally well: {told}; --tool-mass KG decides")
         lines += [
-            f"fits worse: {c.reading}; leaves {c.fit.share:.0%} of the force" for c in self.others
+            f"fits worse: {c.words}; leaves {c.fit.share:.0%} of the force" for c in self.others
         ]
+        lines += [self.untried] if self.untried else []
         return tuple(lines)
 
 
@@ -114,10 +117,12 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     if logs := [path for path in paths if is_log(path)]:
         raise MapError(_ready_instead(logs[0]))
     tables = sheets(paths, stated.name_pattern)
-    found = list(candidates(tables, stated))
+    found, untried = candidates(tables, stated)
+    more = f" ({untried})" if untried else ""
     if not found:
-        raise MapError(_nothing(tables))
-    clearest = min(found, key=lambda c: c.fit.share)  # of several wrenches in the files
+        raise MapError(f"{_nothing(tables)}{more}")
+    # of several wrenches in the files; six columns in a row share their forces with others
+    clearest = min(found, key=lambda c: c.fit.share * c.fit.torque_share)
     found = [c for c in found if (c.load, c.wrench) == (clearest.load, clearest.wrench)]
     if len(clearest.poses.groups) < _LEAST_POSES:
         raise MapError(
@@ -133,7 +138,7 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
         raise MapError(
             f"{tables[0].paths[0]}: no convention makes the wrench the weight of one rigid load: "
             f"the best ({best.sentence}) leaves {best.fit.share:.0%} of what changes. Is the "
-            "weight already compensated, or did something touch the tool?"
+            f"weight already compensated, or did something touch the tool?{more}"
         )
     alike = [c for c in found if c.fit.against(best.fit) < _SAME]
     others = [c for c in found if c.fit.against(best.fit) >= _SAME][:3]
@@ -147,7 +152,7 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     whole.sort(key=lambda pair: pair[0])
     chosen = [c for _, c in whole]
     maps = tuple(raw_map(c, tables, stated) for c in chosen)
-    return Guess(tuple(chosen), maps, tuple(others))
+    return Guess(tuple(chosen), maps, tuple(others), untried)
 
 
 def _ready_instead(log: Path) -> str:
@@ -178,8 +183,8 @@ def _without_doubles(alike: Sequence[Convention]) -> list[Convention]:
     seen: set[tuple[Any, ...]] = set()
     kept = []
     for c in alike:
-        reading = None if c.columns is None else c.columns.kind
-        key = (reading, c.joints, c.angle, c.robot, c.inverse, c.in_base, tuple(c.wrench.values()))
+        joints = c.reading.names if c.reading.robot else ()
+        key = (c.reading.kind, joints, c.inverse, c.in_base, tuple(c.wrench.values()))
         if key not in seen:
             seen.add(key)
             kept.append(c)
@@ -248,7 +253,7 @@ def raw_map(c: Convention, tables: Sequence[Sheet], stated: Stated) -> dict[str,
     """The column map of a convention, as TOML would hold it."""
     load = tables[c.load]
     recording: dict[str, Any] = {
-        "robot": stated.robot or c.robot, "mode": stated.mode or c.poses.mode,
+        "robot": stated.robot or c.reading.robot or "my-robot", "mode": stated.mode or c.poses.mode,
         "gravity": [float(x) for x in c.gravity],
     }  # fmt: skip
     wrench: dict[str, dict[str, Any]] = {}
@@ -266,7 +271,7 @@ def raw_map(c: Convention, tables: Sequence[Sheet], stated: Stated) -> dict[str,
         columns = dict(wrench) if sheet is load else {}
         if k == c.sheet:
             columns |= _turn_columns(c)
-        time = clock(sheet)
+        time = sheet.clock
         if time is not None and time.column not in {x["column"] for x in columns.values()}:
             columns = {"t": {"column": time.column, "unit": time.unit}} | columns
         columns |= _besides(c, tables, k, load)
@@ -305,15 +310,12 @@ def _escaped(name: str) -> str:
 
 
 def _turn_columns(c: Convention) -> dict[str, dict[str, Any]]:
-    if c.columns is None:
-        robot = registry.load("robots", c.robot)
-        units = [c.angle if j.unit == "rad" else "m" for j in robot.joints]
-        return {
-            f"q{j + 1}": {"column": n, "unit": u}
-            for j, (n, u) in enumerate(zip(c.joints, units, strict=True))
-        }
-    unit = {} if c.columns.unit is None else {"unit": c.columns.unit}
-    return {t: {"column": n} | unit for t, n in c.columns.targets.items() if t not in EULER}
+    targets, unit = c.reading.targets, c.reading.unit
+    units = dict.fromkeys(targets, unit)
+    if c.reading.robot is not None:
+        joints = registry.load("robots", c.reading.robot).joints
+        units = {t: unit if j.unit == "rad" else "m" for t, j in zip(targets, joints, strict=True)}
+    return {t: {"column": n} | ({"unit": units[t]} if unit else {}) for t, n in targets.items()}
 
 
 def _besides(
@@ -336,7 +338,7 @@ def _accelerometer(c: Convention, sheet: Sheet, load: Sheet) -> dict[str, dict[s
         return {}
     force = c.sign * load.block([c.wrench[f] for f in CHANNELS[:3]]) * SIZES[c.units[0]][1]
     names = [sheet.roles[a] for a in ("ax", "ay", "az")]
-    ours, its = clock(load), clock(sheet)
+    ours, its = load.clock, sheet.clock
     if sheet is load or ours is None or its is None:
         at = rows_at(load, sheet)
         found = None if at is None else match_axes(-force / c.mass, sheet.block(names)[at])

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.data.column_map import AUTO
+from wrenchbed.data.holds import split
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
-from wrenchbed.data.rests import split
 from wrenchbed.errors import RecordingError
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -15,7 +15,7 @@ _LEAST_HOLDS = 4
 _BINS = 300
 """Parts into which a motion is cut."""
 _MOST_POSES = 5000
-"""Rows that may all be poses of their own."""
+"""Rows that may all be poses of their own; of more, some are chosen."""
 _STILL = 1e-3
 """Share of a column's range below which it did not change."""
 _JUMP = 0.01
@@ -60,11 +60,13 @@ def gather(t: np.ndarray | None, turn: np.ndarray, wrench: np.ndarray) -> Poses:
     moved = change > _STILL
     edges = np.concatenate([[0], np.flatnonzero(moved) + 1, [n]])
     groups = np.stack([edges[:-1], edges[1:]], axis=1)
-    long = groups[:, 1] - groups[:, 0] > 1
     if t is None or (n <= _MOST_POSES and len(change) and np.median(change) > _JUMP):
-        return Poses("static", groups)
+        return Poses("static", groups[:: 1 + len(groups) // _MOST_POSES])
+    long = groups[:, 1] - groups[:, 0] > 1
     if long.all() and len(groups) >= _LEAST_HOLDS:
-        return Poses("static", groups)
+        highest, lowest = (f.reduceat(turn, edges[:-1]) for f in (np.maximum, np.minimum))
+        if ((highest - lowest) / reach).max() < _JUMP:  # else they creep on from row to row
+            return Poses("static", groups)
     columns = {"t": t - t[0]} | {f"q{k + 1}": turn[:, k] for k in range(turn.shape[1])}
     columns |= dict(zip(CHANNELS, wrench.T, strict=True))
     try:

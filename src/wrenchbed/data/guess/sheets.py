@@ -1,8 +1,9 @@
 """Which column of a table is what: by its name, and where names say nothing by its values."""
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -42,6 +43,23 @@ _NORM = 1e-2
 """Largest error of a unit length by which columns are taken for an orientation; estimate."""
 _MOST_ANGLE = 400.0
 """No column of angles exceeds this, in degrees [°]."""
+MOST_UNNAMED = 160
+"""Columns without a role that are looked through: the number of pairs of a wrench and an
+orientation grows with its square, and 160 columns take some ten seconds."""
+_FEW = 300
+"""Rows, evenly spread, on which a reading is tried before it is tried on all of them."""
+_STEADY = 0.9
+"""Share of the steps of a column without a name that lie within half of the usual one, if it is a
+clock: less than one frame in ten is lost in a log of use; a signal's steps change their sign."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Column of a clock, its times (N,) [s] and its unit."""
+
+    column: str
+    t: np.ndarray
+    unit: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,34 +84,69 @@ class Sheet:
     loads: tuple[Mapping[str, str], ...] = ()
     unread: tuple[str, ...] = ()
 
+    @cached_property
     def free(self) -> list[str]:
-        """Columns without a role."""
+        """Columns without a role, the first `MOST_UNNAMED` of them."""
         taken = {*self.roles.values(), *(c for load in self.loads for c in load.values())}
-        return [name for name in self.values if name not in taken]
+        return [name for name in self.values if name not in taken][:MOST_UNNAMED]
 
-    def block(self, names: Sequence[str]) -> np.ndarray:
-        """Columns (N, K)."""
-        return np.stack([self.values[n] for n in names], axis=1)
+    @cached_property
+    def clock(self) -> Clock | None:
+        """The clock, by name or by its steady steps; None of files of one pose each."""
+        if len(self.rows) > 1:
+            return None
+        named = [self.roles["t"]] if "t" in self.roles else []
+        for name in named or self.free:
+            values = self.values[name]
+            unit = clock_unit(values, self.units.get(name))
+            if unit is not None and (named or _steady(values)):
+                return Clock(name, values * UNITS[unit][1], unit)
+        return None
+
+    @cached_property
+    def largest(self) -> Mapping[str, float]:
+        """Largest absolute value of each column."""
+        return {name: float(np.abs(values).max()) for name, values in self.values.items()}
+
+    def block(self, names: Sequence[str], every: int = 1) -> np.ndarray:
+        """Columns (N, K), or one row of so many."""
+        return np.stack([self.values[n][::every] for n in names], axis=1)
+
+    def holds(self, names: Sequence[str], rule: Callable[[np.ndarray], bool]) -> bool:
+        """Whether columns (N, K) obey a rule, first in few of their rows."""
+        every = max(1, sum(self.rows) // _FEW)
+        return rule(self.block(names, every)) and rule(self.block(names))
+
+    def windows(self, width: int) -> Iterator[list[str]]:
+        """Columns that stand side by side and have no role."""
+        free, names = set(self.free), list(self.values)
+        for k in range(len(names) - width + 1):
+            if free.issuperset(names[k : k + width]):
+                yield names[k : k + width]
 
 
 @dataclass(frozen=True)
-class Columns:
-    """Columns that might be an orientation, and how they would be read.
+class Reading:
+    """Columns that might be an orientation or a robot's joints, and how they would be read.
 
     Attributes:
         kind: in words.
         targets: column by target of a map.
         unit: of angles; none of numbers.
-        order: of e1 e2 e3.
         cost: how unusual it is; of readings that fit alike the least costly is taken.
-        inverse: whether the order of the columns already says that it is turned about.
+        robot: whose joints these are; none of an orientation.
     """
 
     kind: str
     targets: Mapping[str, str]
     unit: str | None = None
-    order: str | None = None
     cost: float = 0.0
+    robot: str | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The columns."""
+        return tuple(self.targets.values())
 
 
 def sheets(paths: Sequence[Path], name_pattern: str | None = None) -> list[Sheet]:
@@ -147,11 +200,10 @@ def _sheet(members: Sequence[tuple[Path, Mapping[str, np.ndarray]]]) -> Sheet:
     values = {n: np.concatenate([v[n] for _, v in members]) for n in members[0][1]}
     rows = tuple(len(next(iter(v.values()))) for _, v in members)
     units = {name: unit for name in values if (unit := unit_of(name)) is not None}
-    bare = Sheet(tuple(p for p, _ in members), values, rows)
     roles = _roles(values)
     loads = [{c: roles[c] for c in CHANNELS}] if "fx" in roles else []
     loads += [load for load in _indexed_wrenches(values) if load not in loads]
-    return Sheet(bare.paths, values, rows, roles, units, tuple(loads))
+    return Sheet(tuple(p for p, _ in members), values, rows, roles, units, tuple(loads))
 
 
 def plain(name: str) -> str:
@@ -192,11 +244,11 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
             roles |= dict(zip(CHANNELS, names, strict=True))
         elif _JOINT_STEM.match(stem) and not _NO_JOINT.search(stem) and "q1" not in roles:
             roles |= {f"q{k + 1}": n for k, n in enumerate(names)} if len(names) > 4 else {}
-    for start, end in ((0, 3), (1, 4)):
-        part = {(c, k): f"{c}_{k + start}" for c in ("force", "torque") for k in range(3)}
-        found = {plain(n): n for n in values}
-        if "fx" not in roles and all(p in found for p in part.values()) and end:
-            roles |= {CHANNELS[k + 3 * (c == "torque")]: found[p] for (c, k), p in part.items()}
+    called = {plain(n): n for n in values}
+    for first in (0, 1):
+        parts = [f"{c}_{k + first}" for c in ("force", "torque") for k in range(3)]
+        if "fx" not in roles and all(part in called for part in parts):
+            roles |= {c: called[part] for c, part in zip(CHANNELS, parts, strict=True)}
     _ur_joints(values, roles)
     return _whole(roles)
 
@@ -269,59 +321,79 @@ def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
     return "ms" if step < 200.0 else "us" if step < 2e5 else "ns"
 
 
+def _steady(values: np.ndarray) -> bool:
+    """Whether a column without a name looks like a clock and not like a counter or a signal."""
+    step = np.diff(values)
+    usual = np.median(step)
+    counter = values.dtype.kind == "i" and (step == 1).all()
+    return bool(not counter and (np.abs(step - usual) < 0.5 * usual).mean() > _STEADY)
+
+
 def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
     """Channel → column: by name, else every six columns in a row that nothing else claims."""
     if sheet.loads:
         yield from sheet.loads
         return
-    for names in _windows(sheet, 6):
-        if (np.ptp(sheet.block(names), axis=0) > 0).all():
+    for names in sheet.windows(6):
+        if all(np.ptp(sheet.values[name]) > 0 for name in names):
             yield dict(zip(CHANNELS, names, strict=True))
             yield dict(zip(CHANNELS, [*names[3:], *names[:3]], strict=True))  # torques first
 
 
-def orientations(sheet: Sheet) -> Iterator[Columns]:
+def orientations(sheet: Sheet) -> Iterator[Reading]:
     """Every way to read columns as an orientation: by name, else by value."""
     roles = sheet.roles
     if "qw" in roles:
-        yield Columns("quaternion", {r: roles[r] for r in ("qw", "qx", "qy", "qz")})
+        yield Reading("quaternion", {r: roles[r] for r in ("qw", "qx", "qy", "qz")})
     if "r11" in roles:
-        yield Columns("matrix", {r: roles[r] for r in ROTATION})
+        yield Reading("matrix", {r: roles[r] for r in ROTATION})
     if "rx" in roles:
         yield from _angles(sheet, [roles[r] for r in ROTATION_VECTOR])
     if "roll" in roles:
         names = [roles[r] for r in ROLL_PITCH_YAW]
         for unit, cost in _angle_units(sheet, names):
-            text = f"roll pitch yaw in {unit}"
-            yield Columns(text, dict(zip(ROLL_PITCH_YAW, names, strict=True)), unit, None, cost)
+            targets = dict(zip(ROLL_PITCH_YAW, names, strict=True))
+            yield Reading(f"roll pitch yaw in {unit}", targets, unit, cost)
     if not {"qw", "r11", "rx", "roll"} & set(roles):
         yield from _by_value(sheet)
 
 
-def _by_value(sheet: Sheet) -> Iterator[Columns]:
-    told = False
-    for names in _windows(sheet, 16):
-        m = sheet.block(names).reshape(-1, 4, 4)
-        for at, what in ((m[:, 3], "by rows"), (m[:, :, 3], "by columns")):
-            if np.abs(at - [0, 0, 0, 1]).max() < _NORM and _turns(m[:, :3, :3]):
-                by = [3 * i + j for i in range(3) for j in range(3)]
-                place = [4 * (k // 3) + k % 3 if what == "by rows" else 4 * (k % 3) + k // 3
-                         for k in by]  # fmt: skip
-                columns = {r: names[p] for r, p in zip(ROTATION, place, strict=True)}
-                yield Columns(f"pose {what}", columns)
-                told = True
-    for names in () if told else _windows(sheet, 9):
-        if _turns(sheet.block(names).reshape(-1, 3, 3)):
-            yield Columns("matrix", dict(zip(ROTATION, names, strict=True)))
-            told = True
-    for names in () if told else _windows(sheet, 4):
-        if np.abs(np.linalg.norm(sheet.block(names), axis=1) - 1.0).max() < _NORM:
+def _by_value(sheet: Sheet) -> Iterator[Reading]:
+    """Poses (4, 4), else matrices (3, 3), else unit quaternions, else any three angles."""
+    found = [*_poses(sheet)]
+    if not found:
+        for names in sheet.windows(9):
+            if sheet.holds(names, lambda m: _turns(m.reshape(-1, 3, 3))):
+                found.append(Reading("matrix", dict(zip(ROTATION, names, strict=True))))
+    for names in () if found else sheet.windows(4):
+        if sheet.holds(names, _unit):
             for order, cost in (("wxyz", 0.0), ("xyzw", 0.1)):
                 targets = {f"q{c}": n for c, n in zip(order, names, strict=True)}
-                yield Columns(f"quaternion {order}", targets, None, None, cost)
-            told = True
-    for names in () if told else _windows(sheet, 3):
-        yield from _angles(sheet, names)
+                found.append(Reading(f"quaternion {order}", targets, None, cost))
+    for names in () if found else sheet.windows(3):
+        found += _angles(sheet, names)
+    yield from found
+
+
+def _poses(sheet: Sheet) -> Iterator[Reading]:
+    """Matrices (4, 4) of a pose, by rows or by columns."""
+    for names in sheet.windows(16):
+        for what, order in (("by rows", (0, 1, 2)), ("by columns", (0, 2, 1))):
+
+            def is_pose(m: np.ndarray, order: tuple[int, ...] = order) -> bool:
+                pose = m.reshape(-1, 4, 4).transpose(order)
+                last = np.abs(pose[:, 3] - [0, 0, 0, 1]).max() < _NORM
+                return bool(last and _turns(pose[:, :3, :3]))
+
+            if sheet.holds(names, is_pose):
+                place = np.arange(16).reshape(1, 4, 4).transpose(order)[0, :3, :3].ravel()
+                columns = {r: names[p] for r, p in zip(ROTATION, place, strict=True)}
+                yield Reading(f"pose {what}", columns)
+
+
+def _unit(q: np.ndarray) -> bool:
+    """Whether all rows of (N, 4) have length 1."""
+    return bool(np.abs(np.linalg.norm(q, axis=1) - 1.0).max() < _NORM)
 
 
 def _turns(m: np.ndarray) -> bool:
@@ -330,7 +402,7 @@ def _turns(m: np.ndarray) -> bool:
     return bool(near and (np.linalg.det(m) > 0).all())
 
 
-def _angles(sheet: Sheet, names: Sequence[str]) -> Iterator[Columns]:
+def _angles(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
     """Three numbers as rotation vector, roll pitch yaw, or KUKA's A B C."""
     for unit, cost in _angle_units(sheet, names):
         for what, targets, more in (
@@ -339,48 +411,59 @@ def _angles(sheet: Sheet, names: Sequence[str]) -> Iterator[Columns]:
             ("yaw pitch roll", ROLL_PITCH_YAW[::-1], 0.2),
         ):
             columns = dict(zip(targets, names, strict=True))
-            yield Columns(f"{what} in {unit}", columns, unit, None, cost + more)
+            yield Reading(f"{what} in {unit}", columns, unit, cost + more)
 
 
 def _angle_units(sheet: Sheet, names: Sequence[str]) -> list[tuple[str, float]]:
+    """Units in which columns may be angles, and how unusual they are."""
     stated = sheet.units.get(names[0])
     if stated in ("rad", "deg"):
         return [(stated, 0.0)]
-    most = float(np.abs(sheet.block(names)).max())
-    if most > _MOST_ANGLE:
+    largest = max(sheet.largest[name] for name in names)
+    if largest > _MOST_ANGLE:
         return []
-    return [("deg", 0.0)] if most > 7.0 else [("rad", 0.0), ("deg", 0.5)]
+    return [("deg", 0.0)] if largest > 7.0 else [("rad", 0.0), ("deg", 0.5)]
 
 
-def joints(sheet: Sheet, called: Sequence[str]) -> Iterator[tuple[str, ...]]:
-    """Columns that might be joint values: by a robot's own names, as q1 …, else by value."""
+def joints(sheet: Sheet, robot: str, called: Sequence[str]) -> Iterator[Reading]:
+    """Columns that might be a robot's joint values: by their names, as q1 …, else by value.
+
+    Args:
+        sheet: the table.
+        robot: name of the robot.
+        called: names of its joints.
+    """
+    for names in _joint_columns(sheet, called):
+        stated = sheet.units.get(names[-1])
+        units: tuple[str, ...] = ("rad", "deg")
+        if stated in units:
+            units = (stated,)
+        elif max(sheet.largest[name] for name in names) > 4.0 * np.pi:
+            units = ("deg",)
+        for unit in units:
+            targets = {f"q{j}": name for j, name in enumerate(names, 1)}
+            yield Reading(f"joints of {robot} in {unit}", targets, unit, robot=robot)
+
+
+def _joint_columns(sheet: Sheet, called: Sequence[str]) -> Iterator[Sequence[str]]:
+    """Columns, one for each of some joints."""
     count = len(called)
-    own = [_of_joint(sheet, name) for name in called]
-    if all(len(hits) == 1 for hits in own):
-        yield tuple(hits[0] for hits in own)
+    of_joints = [_of_joint(sheet, name) for name in called]
+    if all(len(hits) == 1 for hits in of_joints):
+        yield [hits[0] for hits in of_joints]
         return
     named = [sheet.roles[f"q{j}"] for j in range(1, count + 1) if f"q{j}" in sheet.roles]
     if "q1" in sheet.roles:
         if len(named) == count and f"q{count + 1}" not in sheet.roles:
-            yield tuple(named)
+            yield named
         return
-    for names in _windows(sheet, count):
-        if np.abs(sheet.block(names)).max() < _MOST_ANGLE:
-            yield tuple(names)
+    for names in sheet.windows(count):
+        if max(sheet.largest[name] for name in names) < _MOST_ANGLE:
+            yield names
 
 
 def _of_joint(sheet: Sheet, name: str) -> list[str]:
     """Columns that are called after a joint, and are not its speed or torque."""
     word = re.compile(rf"(?:^|_){re.escape(plain(name))}(?:_|$)")
-    found = [n for n in sheet.values if word.search(plain(n))]
-    return [n for n in found if not _NO_JOINT.search(word.sub("_", plain(n)))]
-
-
-def _windows(sheet: Sheet, width: int) -> Iterator[list[str]]:
-    """Columns that stand side by side and have no role."""
-    free = set(sheet.free())
-    names = list(sheet.values)
-    for k in range(len(names) - width + 1):
-        some = names[k : k + width]
-        if free.issuperset(some):
-            yield some
+    hits = [n for n in sheet.values if word.search(plain(n))]
+    return [n for n in hits if not _NO_JOINT.search(word.sub("_", plain(n)))]
