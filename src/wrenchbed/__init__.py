@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from wrenchbed.data.guess.guess import guess as guess_map
     from wrenchbed.data.guess.stated import Stated
     from wrenchbed.data.import_files import import_files
-    from wrenchbed.data.log_export import write_mcap
+    from wrenchbed.data.logs import write_mcap
     from wrenchbed.data.plan import Plan
     from wrenchbed.data.plan import read as read_points
     from wrenchbed.data.recording import Recording
@@ -78,7 +78,7 @@ _PUBLIC = {
     "data.guess.guess": ("guess as guess_map",),
     "data.guess.stated": ("Stated",),
     "data.import_files": ("import_files",),
-    "data.log_export": ("write_mcap",),
+    "data.logs": ("write_mcap",),
     "data.plan": ("Plan", "read as read_points"),
     "data.recording": ("Recording",),
     "diagnosis.diagnose": ("Findings", "diagnose"),

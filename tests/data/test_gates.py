@@ -6,7 +6,6 @@ import random
 import resource
 import struct
 import sys
-import zlib
 
 import lz4.frame
 import numpy as np
@@ -19,7 +18,7 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
-from test_logs import COUNT, LOGS, bag1, bag2, bag2_mcap, mcap_json, messages
+from test_logs import COUNT, LOGS, bag1, bag2, mcap_json, messages
 
 import wrenchbed as wb
 from wrenchbed.data import checked, parquet, unpacking
@@ -77,7 +76,7 @@ def test_a_cut_or_flipped_log_is_read_right_or_refused_in_one_line(make, tmp_pat
     files = [log] if log.is_file() else sorted(log.iterdir())
     true = table(log, "/wrench", WANTED)
     refusals = 0
-    for k in range(60):
+    for k in range(30):
         file = files[k % len(files)]
         whole = file.read_bytes()
         data = bytearray(whole[: dice.randrange(len(whole))] if k % 4 < 2 else whole)
@@ -94,7 +93,7 @@ def test_a_cut_or_flipped_log_is_read_right_or_refused_in_one_line(make, tmp_pat
             if make is mcap_json:
                 assert found.equals(true)
         file.write_bytes(whole)
-    assert refusals > 20
+    assert refusals > 10
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))
@@ -189,10 +188,11 @@ def test_many_good_parts_that_are_a_bomb_together(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("kind", ["zstd", "lz4", "bz2"])
-def test_what_is_unpacked_is_what_was_packed(kind, tmp_path):
-    content = np.random.default_rng(1).integers(0, 9, 9 * MB, dtype=np.uint8).tobytes()
+def test_what_is_unpacked_is_what_was_packed(kind, tmp_path, monkeypatch):
+    monkeypatch.setattr(unpacking, "_STEP", MB // 16)
+    content = np.random.default_rng(1).integers(0, 9, MB // 4, dtype=np.uint8).tobytes()
     pack = {"zstd": zstd.compress, "lz4": lz4.frame.compress, "bz2": bz2.compress}[kind]
-    data = pack(content[: 5 * MB]) + pack(content[5 * MB :])  # two streams, one behind the other
+    data = pack(content[: MB // 7]) + pack(content[MB // 7 :])  # two streams, one behind the other
     (tmp_path / "f").write_bytes(data)
     unpacker = Unpacker(tmp_path / "f")
     assert unpacker.unpack(data, kind, len(content), "f") == content
@@ -204,35 +204,35 @@ def test_what_is_unpacked_is_what_was_packed(kind, tmp_path):
         unpacker.unpack(data, "rar", None, "f")
 
 
-@pytest.mark.parametrize("mode", [CompressionMode.FILE, CompressionMode.MESSAGE])
-def test_compressed_bags_of_ros_2_come_in(mode, tmp_path):
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    writer = Writer2(tmp_path / "log", version=9)
-    writer.set_compression(mode, CompressionFormat.ZSTD)
-    with writer:
-        topic = writer.add_connection("/wrench", "geometry_msgs/msg/WrenchStamped", typestore=store)
-        for name, kind, message, at in messages(store):
-            if name == "/wrench":
-                writer.write(topic, at, store.serialize_cdr(message, kind))
-    plain = table(bag2(tmp_path / "plain"), "/wrench", WANTED)
-    assert table(tmp_path / "log", "/wrench", WANTED).equals(plain)
+def compressed1(path, way):
+    writer = Writer1(path / "log.bag")
+    writer.set_compression(way)
+    return writer, Stores.ROS1_NOETIC, "log.bag"
+
+
+def compressed2(path, way):
+    writer = Writer2(path / "log", version=9)
+    writer.set_compression(way, CompressionFormat.ZSTD)
+    return writer, Stores.ROS2_HUMBLE, "log"
 
 
 @pytest.mark.parametrize(
-    "compression", [Writer1.CompressionFormat.BZ2, Writer1.CompressionFormat.LZ4]
+    ("make", "way"),
+    [(compressed1, way) for way in (Writer1.CompressionFormat.BZ2, Writer1.CompressionFormat.LZ4)]
+    + [(compressed2, way) for way in (CompressionMode.FILE, CompressionMode.MESSAGE)],
 )
-def test_compressed_bags_of_ros_1_come_in_and_are_checked(compression, tmp_path):
-    store = get_typestore(Stores.ROS1_NOETIC)
-    (tmp_path / "plain").mkdir()
-    path = tmp_path / "log.bag"
-    writer = Writer1(path)
-    writer.set_compression(compression)
+def test_compressed_bags_come_in(make, way, tmp_path):
+    writer, known, name = make(tmp_path, way)
+    store, ros1 = get_typestore(known), make is compressed1
+    serialized = store.serialize_ros1 if ros1 else store.serialize_cdr
     with writer:
         topic = writer.add_connection("/wrench", "geometry_msgs/msg/WrenchStamped", typestore=store)
-        for name, kind, message, at in messages(store, ros1=True):
-            if name == "/wrench":
-                writer.write(topic, at, store.serialize_ros1(message, kind))
-    assert table(path, "/wrench", WANTED).equals(table(bag1(tmp_path / "plain"), "/wrench", WANTED))
+        for on, kind, message, at in messages(store, ros1=ros1):
+            if on == "/wrench":
+                writer.write(topic, at, serialized(message, kind))
+    (tmp_path / "plain").mkdir()
+    plain = table((bag1 if ros1 else bag2)(tmp_path / "plain"), "/wrench", WANTED)
+    assert table(tmp_path / name, "/wrench", WANTED).equals(plain)
 
 
 def test_a_bag_whose_index_or_definition_is_another_is_refused(tmp_path):
@@ -254,7 +254,7 @@ def test_counts_of_a_bag_of_ros_2_must_agree(tmp_path):
     about.write_text(text.replace(f"message_count: {COUNT}", f"message_count: {COUNT + 1}"))
     told = f"states {COUNT + 1} messages", f"the files hold {COUNT}"
     refused(log, *told, wanted=WANTED)
-    about.write_text("a: " + "[" * 3000)
+    about.write_text("a: " + "[" * 1200)
     refused(log, "metadata.yaml: not a log that can be read")
     about.write_text("x" * 2 * MB)
     refused(log, "metadata.yaml: has 2,097,152 bytes")
@@ -309,7 +309,7 @@ def test_a_flipped_number_of_a_recording_is_refused(tmp_path):
     whole = path.read_bytes()
     assert len(Recording.read(path)) == 50
     changed = []
-    for at in range(4, 2500, 7):
+    for at in range(4, 2500, 21):
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 8]) + whole[at + 1 :])
         try:
             found = Recording.read(path)
@@ -360,17 +360,6 @@ def test_hostile_metadata_of_a_recording(text, tmp_path):
     pq.write_table(plain.replace_schema_metadata({"wrenchbed": text}), tmp_path / "rec.parquet")
     with pytest.raises(RecordingError, match="key 'wrenchbed'"):
         Recording.read(tmp_path / "rec.parquet")
-
-
-def test_a_file_read_in_parts_is_that_read_at_once(tmp_path, monkeypatch):
-    path = recording(tmp_path / "rec.parquet")
-    whole = Recording.read(path)
-    monkeypatch.setattr(parquet, "ROWS_AT_ONCE", 7)
-    parts = Recording.read(path)
-    assert parts.columns.keys() == whole.columns.keys() and len(whole) > 7
-    for name, column in whole.columns.items():
-        assert np.array_equal(parts.columns[name], column)
-        assert parts.columns[name].dtype == column.dtype
 
 
 @pytest.mark.parametrize(("way", "at_once"), [("read", 2**18), ("iter_batches", 7)])
@@ -429,19 +418,6 @@ def test_a_file_whose_columns_names_are_no_text_is_no_plan(tmp_path):
     assert not is_plan(path)
     with pytest.raises(RecordingError, match="not a complete Parquet file"):
         Recording.read(path)
-
-
-def test_the_checksum_of_a_chunk_is_that_of_the_format(tmp_path):
-    """By hand: CRC-32 of the chunk's content before compression, behind two times and the size."""
-    data = mcap_of(tmp_path / "a.mcap").read_bytes()
-    at = data.index(b"\x06")
-    while struct.unpack_from("<Q", data, at + 1)[0] > 2500:
-        at = data.index(b"\x06", at + 1)
-    length, _, _, size, crc, name = struct.unpack_from("<QQQQII", data, at + 1)
-    begin = at + 9 + 28 + 4 + name + 8
-    assert begin + size == at + 9 + length
-    assert zlib.crc32(data[begin : begin + size]) == crc
-    assert bag2_mcap(tmp_path).is_dir()
 
 
 @pytest.mark.parametrize(

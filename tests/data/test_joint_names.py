@@ -10,8 +10,7 @@ from wrenchbed.data import column_map
 from wrenchbed.data.guess.guess import guess
 from wrenchbed.data.guess.sheets import joints, sheets
 from wrenchbed.data.guess.stated import Stated
-from wrenchbed.data.log_export import write_mcap
-from wrenchbed.data.logs import table
+from wrenchbed.data.logs import table, write_mcap
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import CHANNELS

@@ -14,8 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 import wrenchbed as wb
 from wrenchbed.cli import main
 from wrenchbed.data.import_files import import_files
-from wrenchbed.data.log_export import write_mcap
-from wrenchbed.data.logs import MessageRows, table
+from wrenchbed.data.logs import MessageRows, table, write_mcap
 from wrenchbed.errors import MapError
 
 RATE, COUNT = 100.0, 60
@@ -167,13 +166,6 @@ def test_files_of_another_kind_are_refused(tmp_path, name):
     (tmp_path / name).write_bytes(b"nothing of the kind" * 9)
     with pytest.raises(MapError, match="that can be read"):
         table(tmp_path / name, "/wrench", ["x"])
-
-
-def test_a_log_that_was_cut_off_is_told(tmp_path):
-    whole = mcap_json(tmp_path).read_bytes()
-    (tmp_path / "cut.mcap").write_bytes(whole[: len(whole) * 2 // 3])
-    with pytest.raises(MapError, match=r"cut\.mcap"):
-        table(tmp_path / "cut.mcap", "/wrench", ["wrench.force.x"])
 
 
 def test_the_clients_of_universal_robots_write_files_that_come_in(tmp_path):

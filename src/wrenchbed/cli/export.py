@@ -72,7 +72,7 @@ def export(
 
 
 def _export_log(file: Path, mcap: Path, force: bool, as_json: bool) -> None:
-    from wrenchbed.data.log_export import write_mcap
+    from wrenchbed.data.logs import write_mcap
 
     console.check_out(mcap, Kind.LOG, file, force=force)
     recording = wb.Recording.read(file)

@@ -67,7 +67,7 @@ def import_(
     """
     if guessing.guess == (map is not None):
         raise ParameterError("give either --map MAP or --guess")
-    told: dict[str, list[str]] = {}
+    guessed: dict[str, list[str]] = {}
     inputs = (*files, map, guessing.fit, guessing.rest)
     whole = out.with_suffix(".motion.parquet")
     console.check_out(out, Kind.RECORDING, *inputs, force=force)
@@ -75,7 +75,7 @@ def import_(
         _no_guess(guessing)
         column_map = wb.read_map(map)
     else:
-        column_map, told = _guessed(
+        column_map, guessed = _guessed(
             files, guessing, out, wb.Stated(mode=mode, name_pattern=name_pattern)
         )
     imported = wb.import_files(files, _changed(column_map, mode, name_pattern))
@@ -83,8 +83,8 @@ def import_(
         console.check_out(whole, Kind.RECORDING, *inputs, out, force=force)
     keeping(out, imported.recording.write)
     rows, excluded = len(imported.recording), imported.left_out
-    result = {"recording": str(out), "rows": rows, "rows_left_out": excluded} | told
-    lines = [*told.get("guess", []), *imported.notes]
+    result = {"recording": str(out), "rows": rows, "rows_left_out": excluded} | guessed
+    lines = [*guessed.get("guess", []), *imported.notes]
     if imported.motion is not None and imported.split is not None:
         keeping(whole, imported.motion.write)
         holds, moves = len(imported.split.seconds), imported.split.moves

@@ -241,7 +241,7 @@ def _conventions(raw: Fields, metadata: Metadata) -> Conventions:
     return Conventions(axes, body, inverse, order, constant)
 
 
-def _one_orientation(name: str, files: tuple[FileMap, ...], told: Conventions) -> None:
+def _one_orientation(name: str, files: tuple[FileMap, ...], conventions: Conventions) -> None:
     """Refuse a part of an orientation, or two of them."""
     seen = {c.target for f in files for c in f.columns}
     kinds = (_QUATERNION, ROTATION, *ANGLES)
@@ -253,12 +253,12 @@ def _one_orientation(name: str, files: tuple[FileMap, ...], told: Conventions) -
             whole = f"{kind[0]}…{kind[-1]}" if kind == ROTATION else " ".join(kind)
             count = len(kind) - len(missing)
             raise MapError(f"{name}: {what} needs all of {whole}, found {count}")
-    if len(found) + (told.constant is not None) > 1:
+    if len(found) + (conventions.constant is not None) > 1:
         raise MapError(
             f"{name}: one orientation is needed, found "
             + " and ".join([" ".join(k) for k in found] + ["orientation.constant"])
         )
-    if (EULER in found) != (told.order is not None):
+    if (EULER in found) != (conventions.order is not None):
         raise MapError(f'{name}: e1 e2 e3 need [orientation] order = "ZYX", and only they')
 
 

@@ -6,6 +6,7 @@ files without a clock are laid beside it row by row.
 """
 
 import fnmatch
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +18,6 @@ from scipy.spatial.transform import Rotation
 from wrenchbed import registry
 from wrenchbed.data.clocks import at_times, even_clock, since
 from wrenchbed.data.column_map import ANGLES, AUTO, ROTATION, ColumnMap, FileMap, Source
-from wrenchbed.data.file_names import natural, values_in_name
 from wrenchbed.data.holds import Split, check_at_rest, split, with_noise
 from wrenchbed.data.log_files import is_log
 from wrenchbed.data.logs import table as log_table
@@ -35,6 +35,8 @@ _BETWEEN_POSES_S = 1.0
 """Time between the last row of a pose's file and the first of the next [s]."""
 _GIVEN = {*ROTATION, *(name for three in ANGLES for name in three)}
 """Columns that become a quaternion."""
+_VALUE = re.compile(r"\{(\w+)\}")
+_NUMBER = r"([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,22 +256,22 @@ def _in_sensor_axes(
     data: dict[str, np.ndarray], column_map: ColumnMap, path: Path
 ) -> dict[str, np.ndarray]:
     """The orientation made the sensor's, and the wrench turned into its axes."""
-    told, stated = column_map.conventions, column_map.metadata
+    conventions, stated = column_map.conventions, column_map.metadata
     pose = stated.sensor.pose_flange
     rows = len(data["t"])
-    if told.constant is not None:
-        still = np.tile(np.asarray(told.constant), (rows, 1))
+    if conventions.constant is not None:
+        still = np.tile(np.asarray(conventions.constant), (rows, 1))
         data |= dict(zip(("qw", "qx", "qy", "qz"), still.T, strict=True))
-    given = turned(data, str(path), told)
-    rotation = None if given is None else of_sensor(given, told, pose)
+    given = turned(data, str(path), conventions)
+    rotation = None if given is None else of_sensor(given, conventions, pose)
     if rotation is not None:
         data |= columns_of(rotation)
-    if told.wrench_axes == "sensor":
+    if conventions.wrench_axes == "sensor":
         return data
-    if told.wrench_axes == "base" and rotation is None:
+    if conventions.wrench_axes == "base" and rotation is None:
         rotation = sensor_by_joints(data, stated, str(path))
     wrench = np.stack([data[c] for c in CHANNELS], axis=1)
-    wrench = wrench_in_sensor(wrench, told, rotation, pose)
+    wrench = wrench_in_sensor(wrench, conventions, rotation, pose)
     return data | dict(zip(CHANNELS, wrench.T, strict=True))
 
 
@@ -300,3 +302,26 @@ def sensor_by_joints(data: Mapping[str, np.ndarray], metadata: Metadata, where: 
     q = np.stack([data[c] for c in joints], axis=1)
     rotation, _ = robot.sensor_pose(q, robot.parameters.vector(mount))
     return Rotation.from_matrix(rotation)
+
+
+def natural(path: Path) -> list[tuple[int, str]]:
+    """Key of an order in which pose_2 comes before pose_10."""
+    return [(int(p), "") if p.isdecimal() else (-1, p) for p in re.split(r"(\d+)", path.name)]
+
+
+def values_in_name(path: Path, pattern: str | None) -> dict[str, float]:
+    """Values that stand in a file's name.
+
+    Raises:
+        MapError: the name does not fit the pattern.
+    """
+    if pattern is None:
+        return {}
+    pieces = _VALUE.split(pattern)
+    text = "".join(_NUMBER if k % 2 else re.escape(p) for k, p in enumerate(pieces))
+    found = re.fullmatch(text.replace(r"\*", ".*"), path.name) or re.fullmatch(
+        text.replace(r"\*", ".*"), path.stem
+    )
+    if found is None:
+        raise MapError(f"{path}: the name does not fit name_pattern = {pattern!r}")
+    return {name: float(v) for name, v in zip(pieces[1::2], found.groups(), strict=True)}

@@ -17,7 +17,7 @@ ROBOT_MODEL, SENSOR_MODEL = "robot_model", "sensor_model"
 _UNIT_LENGTH = 1e-3
 """Largest error of a unit quaternion's length: four digits are enough."""
 _LEAST_GRAVITY, _MOST_GRAVITY = 1.0, 30.0
-"""Range of a plausible gravity [m/s²], an estimate: it excludes g and other units."""
+"""Range of a plausible gravity [m/s²]: the Moon's is inside, 1 g and 9,807 mm/s² are not."""
 
 
 @dataclass(frozen=True)

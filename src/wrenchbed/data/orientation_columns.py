@@ -21,13 +21,13 @@ UNIT = 1e-2
 """Largest error of a quaternion's length: two digits are enough to see that it is one."""
 
 
-def turned(data: Mapping[str, np.ndarray], where: str, told: Conventions) -> Rotation | None:
+def turned(data: Mapping[str, np.ndarray], where: str, conventions: Conventions) -> Rotation | None:
     """The orientation (N,) that a file's columns give, as the file means it; None without one.
 
     Args:
         data: columns (N,), angles in rad.
         where: name of the file, for messages.
-        told: order of Euler angles.
+        conventions: order of Euler angles.
 
     Raises:
         MapError: a matrix or quaternion that is no rotation; names the row.
@@ -46,7 +46,7 @@ def turned(data: Mapping[str, np.ndarray], where: str, told: Conventions) -> Rot
         return Rotation.from_matrix(_matrices(data, where))
     if ROTATION_VECTOR[0] in data:
         return Rotation.from_rotvec(np.stack([data[c] for c in ROTATION_VECTOR], axis=-1))
-    for names, order in ((ROLL_PITCH_YAW, "xyz"), (EULER, told.order)):
+    for names, order in ((ROLL_PITCH_YAW, "xyz"), (EULER, conventions.order)):
         if names[0] in data and order is not None:
             return Rotation.from_euler(order, np.stack([data[c] for c in names], axis=-1))
     return None
@@ -65,11 +65,11 @@ def _matrices(data: Mapping[str, np.ndarray], where: str) -> np.ndarray:
 
 
 def of_sensor(
-    given: Rotation, told: Conventions, pose_flange: tuple[float, ...] | None
+    given: Rotation, conventions: Conventions, pose_flange: tuple[float, ...] | None
 ) -> Rotation:
     """The sensor in the base, from the orientation (N,) as a file means it."""
-    rotation = given.inv() if told.inverse else given
-    if told.of == "flange" and pose_flange is not None:
+    rotation = given.inv() if conventions.inverse else given
+    if conventions.of == "flange" and pose_flange is not None:
         rotation = rotation * Rotation.from_quat(pose_flange[3:], scalar_first=True)
     return rotation
 
@@ -82,23 +82,24 @@ def columns_of(rotation: Rotation) -> dict[str, np.ndarray]:
 
 def wrench_in_sensor(
     wrench: np.ndarray,
-    told: Conventions,
+    conventions: Conventions,
     rotation: Rotation | None,
     pose_flange: tuple[float, ...] | None,
 ) -> np.ndarray:
     """A wrench (N, 6) [N, N·m] in the sensor's axes about its origin.
 
     Args:
-        wrench: in the axes that ``told`` names: of the base about the sensor's origin, of the
-            flange about the flange's origin.
+        wrench: in the axes that the conventions name: of the base about the sensor's origin, of
+            the flange about the flange's origin.
+        conventions: of the file.
         rotation: sensor in base (N,), for a wrench in the base's axes.
         pose_flange: of the sensor, x y z qw qx qy qz, for a wrench in the flange's axes.
     """
     force, torque = wrench[:, :3], wrench[:, 3:]
-    if told.wrench_axes == "base" and rotation is not None:
+    if conventions.wrench_axes == "base" and rotation is not None:
         back = rotation.inv()
         return np.concatenate([back.apply(force), back.apply(torque)], axis=1)
-    if told.wrench_axes == "flange" and pose_flange is not None:
+    if conventions.wrench_axes == "flange" and pose_flange is not None:
         back = Rotation.from_quat(pose_flange[3:], scalar_first=True).inv()
         about = torque - np.cross(np.asarray(pose_flange[:3]), force)
         return np.concatenate([back.apply(force), back.apply(about)], axis=1)

@@ -1,4 +1,4 @@
-"""The one rule of what an output may replace: results of its kind; recordings when told to."""
+"""The one rule of what an output may replace: results of its kind; recordings with --force."""
 
 import json
 import stat

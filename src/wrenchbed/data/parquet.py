@@ -22,8 +22,8 @@ FORMAT = 1
 ROWS_AT_ONCE = 2**18
 """Rows of a column that are unpacked together."""
 FREE, RATIO = 2**28, 200
-"""A file may unpack to the larger of this size [bytes] and this multiple of its own: estimates, a
-recording with noise reaches a multiple of 2."""
+"""A file may unpack to the larger of this size [bytes] and this multiple of its own: a recording
+with noise reaches a multiple of 2, one of constant columns more."""
 
 
 def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

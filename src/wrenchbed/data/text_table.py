@@ -21,7 +21,8 @@ from wrenchbed.errors import MapError, raise_shortage
 _SAMPLE = 200
 """Lines that are looked at to find out how a file is written."""
 _LONGEST = 100_000
-"""Of a line [characters]: estimate, 5,000 numbers."""
+"""Longest line that is read [characters], some 5,000 numbers: a longer one is hardly a table, and
+to split it in all ways takes seconds."""
 _SAMPLE_SIZE = 500_000
 """Characters that are looked at, at most: splitting a line in all ways is slow."""
 _LARGE = 1_000_000
@@ -108,7 +109,7 @@ def column_numbers(
     column = table.column(name)
     if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
         for row, cell in enumerate(column.to_pylist()):
-            if cell is not None and not isinstance(cell, int | float) and not _is_number(str(cell)):
+            if cell is not None and not isinstance(cell, int | float) and not is_number(str(cell)):
                 raise wrong(row, f"{str(cell)!r} is no number")
         column = pa.chunked_array([pa.array(map(_float, column.to_pylist()), pa.float64())])
     values = column.to_numpy().astype(float)
@@ -168,7 +169,7 @@ def _streamed(path: Path, separator: str | None) -> TextTable | None:
         table = _parsed(path, layout, lines[layout.skipped])
     except (OSError, UnicodeDecodeError, MapError, pa.ArrowException) as cause:
         raise_shortage(cause, path)
-        return None  # told in words by whoever reads it line by line
+        return None  # whoever reads it line by line names the line
     plain = all(pa.types.is_floating(c.type) or pa.types.is_integer(c.type) for c in table.columns)
     if not plain or any(c.null_count for c in table.columns):
         return None
@@ -331,10 +332,6 @@ def is_number(cell: str, decimal: str = ".") -> bool:
         if "." in cell or not _COMMA_NUMBER.match(cell):
             return False
         cell = cell.replace(",", ".")
-    return _is_number(cell)
-
-
-def _is_number(cell: str) -> bool:
     try:
         float(cell)
     except ValueError:

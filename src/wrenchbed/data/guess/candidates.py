@@ -10,9 +10,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.column_map import Conventions
-from wrenchbed.data.guess.convention import Convention
-from wrenchbed.data.guess.gravity_fit import HOPELESS, fits
-from wrenchbed.data.guess.poses import Poses, gather
+from wrenchbed.data.guess.convention import HOPELESS, Convention, Poses, fits, gather
 from wrenchbed.data.guess.sheets import (
     MOST_UNNAMED,
     Reading,

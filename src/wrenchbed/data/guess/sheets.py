@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.data.column_map import ROLL_PITCH_YAW, ROTATION, ROTATION_VECTOR, UNITS
-from wrenchbed.data.file_names import natural, values_in_name
+from wrenchbed.data.import_files import natural, values_in_name
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS
@@ -40,7 +40,8 @@ _UNIT_NAMES = {unit.lower(): unit for unit in UNITS} | {
     "kgf*m": "kgf·m", "kgf-mm": "kgf·mm", "kgf*mm": "kgf·mm", "gf-cm": "gf·cm", "lbf*in": "lbf-in",
 }  # fmt: skip
 _NORM = 1e-2
-"""Largest error of a unit length by which columns are taken for an orientation; estimate."""
+"""Largest error of a unit length by which columns are taken for an orientation: two digits are
+printed at least, and columns of other things do not stay so near to 1."""
 _MOST_ANGLE = 400.0
 """No column of angles exceeds this, in degrees [°]."""
 MOST_UNNAMED = 160

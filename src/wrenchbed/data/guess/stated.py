@@ -9,7 +9,7 @@ import numpy as np
 
 from wrenchbed.data.checked import Fields, is_number, load
 from wrenchbed.data.column_map import UNITS
-from wrenchbed.data.guess.gravity_fit import GravityFit, in_body
+from wrenchbed.data.guess.convention import GravityFit, in_body
 from wrenchbed.data.guess.sheets import Sheet, sheets, wrenches
 from wrenchbed.errors import MapError
 from wrenchbed.physics.rotations import cross
