@@ -237,11 +237,11 @@ def test_joint_limits_stop_the_robot():
     assert np.abs(bench.arm.q).max() <= 6.2832
 
 
-def test_a_pose_out_of_reach_ends_the_program():
+def test_a_pose_out_of_reach_is_a_protective_stop():
     bench = Bench().script()
     bench.command(3, 2.0, 0, 0, 0, 0, 0, 0.25, 1.0)
     bench.run(2 * CYCLE)
-    assert bench.controller.modes.runtime is Runtime.STOPPED
+    assert bench.controller.modes.safety is SafetyMode.PROTECTIVE_STOP
 
 
 def test_a_way_through_the_column_is_unreachable():

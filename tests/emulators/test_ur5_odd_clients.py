@@ -14,15 +14,14 @@ import pytest
 
 from robot_emulators.errors import EmulatorError
 from robot_emulators.kinematic_plant import known_arm
-from robot_emulators.ur.commands import COMMANDS
 from robot_emulators.ur.dashboard import Dashboard
 from robot_emulators.ur.kinematics import NO_TOOL, Kinematics, UnreachableError
 from robot_emulators.ur.messages import RuntimeFault
 from robot_emulators.ur.modes import Runtime
 from robot_emulators.ur.outputs import Outputs
 from robot_emulators.ur.packets import Recipe
-from robot_emulators.ur.script import Collector, Script
-from ur5_bench import CYCLE, Bench
+from robot_emulators.ur.script import Collector
+from ur5_bench import CONTROL, CYCLE, Bench
 from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 HOST = "127.0.1.33"
@@ -45,7 +44,11 @@ def answers_and_packs(bench: Bench) -> None:
     assert np.isfinite(bench.arm.q).all()
 
 
-@pytest.mark.parametrize("number", sorted(COMMANDS))
+COMMANDS = (1, 3, 6, 9, 12, 17, 24, 29, 30, 41, 51, 59, 62, 65)
+"""Of the control script: those that take numbers, one of each sort."""
+
+
+@pytest.mark.parametrize("number", COMMANDS)
 def test_registers_that_hold_no_quantity_end_a_program_at_most(bench, number):
     for odd, at in itertools.product(ODD, (0, 3, 8)):
         bench.write(i0=0, i1=0, **{f"d{k}": 0.0 for k in range(18)})
@@ -94,42 +97,6 @@ def test_where_no_joint_speeds_can_be_found_the_way_ends(monkeypatch):
     assert kinematics.follow(np.ones(6), NO_TOOL, np.zeros(6)) is None
 
 
-def control(line: str, offset: str = "0") -> bytes:
-    """A text that is taken for the control script, with a line in its path."""
-    return (
-        "def control():\n  reg_offset_int = # int register offset\n"
-        f"{offset}\n  def exec_move_path():\n    # inject move path\n{line}\n  end\n"
-        "  def signal_done_with_cmd():\n  end\n  def rtde_cmd():\n  end\nend\n"
-    ).encode()
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        control("movej([1,2,3],a=1,v=1,r=0)"),
-        control("movej([a,b,c,d,e,f],a=1,v=1,r=0)"),
-        control("movej([1,2,3,4,5,inf],a=1,v=1,r=0)"),
-        control("movel(p[1,2,3,4,5,nan],a=1,v=1,r=0)"),
-        control("movel(p[1,2,3,4,5,1e300],a=1,v=1,r=0)"),
-        control("movej([1,2,3,4,5,6],a=--,v=1,r=0)"),
-        control("movej([1,2,3,4,5,6],a=1,v=1e999,r=0)"),
-        control("movej([],a=1,v=1,r=0)"),
-        control("", "9" * 5000),
-        control("", "99999999999"),
-    ],
-    ids=range(10),
-)
-def test_a_script_with_impossible_numbers_is_ended_at_once(bench, text):
-    bench.controller.reboot()
-    bench.script()
-    (script,) = Collector().feed(text)
-    assert script.faulty
-    bench.controller.upload([script])
-    assert bench.controller.modes.runtime is Runtime.STOPPED and bench.controller.program is None
-    bench.run(5 * CYCLE)
-    answers_and_packs(bench)
-
-
 @pytest.mark.parametrize(
     "text",
     [
@@ -158,29 +125,20 @@ def test_an_interpreted_script_with_impossible_values_ends_with_its_reason(bench
     answers_and_packs(bench)
 
 
-def test_the_same_scripts_with_possible_numbers_play(bench):
+def test_the_same_script_with_a_possible_number_plays(bench):
     bench.controller.reboot()
-    for text in (control("movej([1,2,3,4,5,6],a=1,v=1,r=0)"),
-                 b"write_output_integer_register(0 +0, -2147483648)\n"):  # fmt: skip
-        (script,) = Collector().feed(text)
-        assert not script.faulty
-        bench.controller.upload([script])
-        assert bench.controller.modes.runtime is Runtime.PLAYING
-        bench.run(CYCLE)
-        answers_and_packs(bench)
+    bench.controller.upload(["write_output_integer_register(0 +0, -2147483648)\n"])
+    assert bench.controller.modes.runtime is Runtime.PLAYING
+    bench.run(CYCLE)
+    answers_and_packs(bench)
     assert bench.said(0) == -(2**31)
 
 
-@pytest.mark.parametrize("offset", [1000, 47, 30, -5])
-def test_registers_that_do_not_exist_end_the_program(bench, offset):
+@pytest.mark.parametrize("number", [1000, 48, -5])
+def test_registers_that_do_not_exist_end_the_program(bench, number):
     bench.controller.reboot()
-    bench.controller.upload([Script(control=True, offset=offset)])
-    bench.run(2 * CYCLE)
-    name = f"input_int_register_{offset}"
-    if name in bench.controller.inputs.values:
-        assert bench.controller.modes.runtime is Runtime.PLAYING
-        bench.controller.inputs.write("test", {name: (3,)}, bench.now)
-        bench.run(2 * CYCLE)
+    bench.controller.upload([f"x = read_input_integer_register({number})\nsync()\nsync()\n"])
+    bench.run(CYCLE)
     assert bench.controller.modes.runtime is Runtime.STOPPED
 
 
@@ -269,9 +227,9 @@ def test_odd_clients_one_after_the_other_leave_the_emulator_serving():
     ):
         reader.stream("timestamp,actual_TCP_pose,output_int_register_0,runtime_state")
         with sockets.create_connection((HOST, 30003), 2.0) as script, Client(HOST) as writer:
-            script.sendall(control("movej([1,2,3],a=1,v=1,r=0)"))
+            script.sendall(b"movej([1,2,3],a=1,v=1,r=0)\n")
             script.sendall(b"write_output_integer_register(0 +0, 99999999999)\n")
-            script.sendall(control(""))
+            script.sendall(CONTROL.encode())
             reader.until(lambda s: s[-1] == 2)
             names = [f"input_double_register_{k}" for k in range(6)]
             writer.ask("I", ",".join(["input_int_register_0", *names]).encode())

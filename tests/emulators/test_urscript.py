@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_emulators.ur.urscript.faults import ProgramEndsError, ScriptFaultError
 from robot_emulators.ur.urscript.functions import Table
 from robot_emulators.ur.urscript.machine import Machine, compiled
-from robot_emulators.ur.urscript.parser import parse
+from robot_emulators.ur.urscript.translation import translated
+from robot_emulators.ur.urscript.values import ProgramEndsError, ScriptFaultError
 
 TABLE = Table()
 
@@ -137,18 +137,18 @@ def test_halt_ends_all():
     [
         ("def f():\n  nowhere()\nend", 2, 3, "compile_error_name_not_found:nowhere:"),
         ("def f():\n  say(nobody)\nend", 2, 7, "compile_error_name_not_found:nobody:"),
-        ("def f():\n  x = \nend", 2, 7, "syntax_error_on_line:2:"),
+        ("def f():\n  x = \nend", 3, 1, "syntax_error_on_line:3:"),
         ("def f():\n  x = 1 $ 2\nend", 2, 9, "syntax_error_on_line:2:"),
         ("def f():\n  say(1)", 3, 1, "syntax_error_on_line:3:"),
         ("def f():\n  x = [1, 2][2]\nend", 2, 13, "index 2 of a list of 2"),
         ("def f():\n  x = 1 / 0\nend", 2, 9, "division by zero"),
         ("def f():\n  x = [1] + [1, 2]\nend", 2, 11, "lists of 1 and 2"),
         ('def f():\n  if "a":\n  end\nend', 2, 3, "true or false"),
-        ("def f():\n  say()\nend", 2, 3, "needs an argument value"),
-        ("def f():\n  say(1, 2, 3)\nend", 2, 3, "2 arguments at most"),
-        ("def f():\n  say(1, other=2)\nend", 2, 3, "cannot take an argument other"),
+        ("def f():\n  say()\nend", 2, 3, "missing a required argument: 'value'"),
+        ("def f():\n  say(1, 2, 3)\nend", 2, 3, "too many positional arguments"),
+        ("def f():\n  say(1, other=2)\nend", 2, 3, "unexpected keyword argument 'other'"),
         ("def f():\n  while True:\n    x = 1\n  end\nend", 2, 3, "lacks a sync()"),
-        ("def f():\n  def g():\n    g()\n  end\n  g()\nend", 3, 5, "too many calls"),
+        ("def f():\n  def g():\n    g()\n  end\n  g()\nend", 2, 3, "too many calls"),
         ("def f():\n  x = p[1, 2]\nend", 2, 7, "six elements"),
         ("def f():\n  thread t():\n    while True:\n      sync()\n    end\n  end\n"
          "  while True:\n    run t()\n  end\nend", 8, 5, "50 threads"),
@@ -185,7 +185,7 @@ def test_an_endless_loop_that_waits_takes_no_longer_than_its_cycles():
 @given(st.text(string.printable, max_size=200))
 def test_arbitrary_text_is_a_program_or_says_where_it_is_none(text):
     try:
-        parse(text)
+        translated(text, TABLE)
     except ScriptFaultError as found:
         assert found.line >= 1 and found.column >= 1
 

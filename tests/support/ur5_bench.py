@@ -1,10 +1,11 @@
 """The UR5 emulator's controller in this process, whose time is its own: nothing waits."""
 
+from pathlib import Path
+
 import numpy as np
 
 from robot_emulators.plant import PlantRequest
 from robot_emulators.ur.controller import Controller
-from robot_emulators.ur.script import Script
 from robot_emulators.ur.settings import ControllerSettings
 from wrenchbed import registry
 from wrenchbed.plant.body import BodyOptions
@@ -13,6 +14,8 @@ from wrenchbed.plant.mujoco_plant import MujocoPlant
 ROBOT = registry.load("robots", "ur5")
 NOMINAL = ROBOT.parameters.nominal
 CYCLE = 0.008
+CONTROL = (Path(__file__).parent / "rtde_control.script").read_text(encoding="utf-8")
+"""The control script of ur_rtde, as its client uploads it."""
 
 
 class Bench:
@@ -51,7 +54,12 @@ class Bench:
         return self.controller.values[f"output_int_register_{number}"][0]
 
     def script(self) -> "Bench":
-        self.controller.upload([Script(control=True)])
+        return self.play(CONTROL)
+
+    def play(self, text: str) -> "Bench":
+        """Upload a program, and let its first cycles pass."""
+        self.controller.upload([text])
+        if self.controller._uploaded is not None:
+            self.controller._uploaded.exception()  # it is compiled in another thread
         self.run(2 * CYCLE)
-        assert self.said(0) == 1
         return self

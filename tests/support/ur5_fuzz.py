@@ -3,6 +3,7 @@
 import contextlib
 import struct
 from collections.abc import Callable
+from pathlib import Path
 from types import SimpleNamespace
 
 Target = Callable[[bytes], None]
@@ -61,45 +62,26 @@ def rtde() -> tuple[Target, list[bytes]]:
     ]
 
 
-_CONTROL = (
-    b"def control():\n  reg_offset_int = # int register offset\n%s\n  def exec_move_path():\n"
-    b"    # inject move path\n%s\n  end\n  def signal_done_with_cmd():\n  end\n"
-    b"  def rtde_cmd():\n  end\nend\n"
-)
-
-
 def script() -> tuple[Target, list[bytes]]:
-    """Programs on their way to the controller, and moves that are put into its control script."""
-    import numpy as np
+    """Programs on their way to the controller: each is translated, or says why not."""
+    from robot_emulators.ur.script import Collector
+    from robot_emulators.ur.script_functions import functions
+    from robot_emulators.ur.urscript.machine import compiled
+    from robot_emulators.ur.urscript.values import ScriptFaultError
 
-    from robot_emulators.ur.script import MOST, Collector
-    from robot_emulators.ur.urscript.faults import ScriptFaultError
-    from robot_emulators.ur.urscript.parser import parse
-
-    def check(data: bytes, size: int) -> list:
-        collector, found = Collector(), []
-        for at in range(0, len(data), size):
-            scripts = collector.feed(data[at : at + size])
-            assert scripts is not None and collector.held <= len(data)
-            found += scripts
-        for one in found:
-            assert -(2**31) <= one.offset < 2**31
-            for leg in one.path:
-                numbers = np.array([*leg.goal, leg.speed, leg.acceleration])
-                assert numbers.shape == (8,) and (np.abs(numbers) <= MOST).all()
-            assert not one.faulty or one.path == ()
-            with contextlib.suppress(ScriptFaultError):
-                parse(one.text)
-        return found
+    table = functions((5, 11, 1, 0))
 
     def run(data: bytes) -> None:
-        check(data, 1 + len(data) % 7)
-        offset, _, moves = data.partition(b"\n")
-        check(_CONTROL % (offset, moves), 512)
+        collector, size = Collector(), 1 + len(data) % 7
+        for at in range(0, len(data), size):
+            programs = collector.feed(data[at : at + size])
+            assert programs is not None and collector.held <= len(data)
+            for text in programs:
+                with contextlib.suppress(ScriptFaultError):
+                    compiled(text, table)
 
-    moves = b"0\nmovej([0,1,2,3,4,5],a=1.4,v=1.05,r=0.02)\nsignal_async_progress(1)\n"
     return run, [
-        moves + b"movel(p[0.1,0.2,0.3,0,3,0],a=1.2,v=0.25,r=0)\n",
+        b"movej([0,1,2,3,4,5],a=1.4,v=1.05,r=0.02)\nmovel(p[0.1,0.2,0.3,0,3,0],a=1.2,v=0.25)\n",
         b"sec s():\n  set_digital_out(0, True)\nend\n# words\nstopj(2)\n",
         b"def f():\n  write_output_integer_register(0 +24, -2)\n  if x:\n  end\nend\n",
     ]
@@ -150,12 +132,13 @@ def registers() -> tuple[Target, list[bytes]]:
 
     from robot_emulators.ur.outputs import Outputs
     from robot_emulators.ur.packets import Recipe
-    from robot_emulators.ur.script import Script, ScriptMove
 
     controller = _controller()
     outputs, home = Outputs(controller, shared=False), controller.arm.q.copy()
     everything = Recipe(1, list(controller.fields.items()))
-    path = (ScriptMove(False, False, home + 0.1, 1.0, 2.0), ScriptMove(True, True, home, 0.2, 1.0))
+    path = f"movej({(home + 0.1).tolist()}, a=2, v=1)\nmovel(p{home.tolist()}, a=1, v=0.2)\n"
+    text = (Path(__file__).parent / "rtde_control.script").read_text(encoding="utf-8")
+    text = text.replace("# inject move path\n", f"# inject move path\n{path}")
     warnings.simplefilter("ignore", RuntimeWarning)  # a tool a thousand kilometres away overflows
 
     def write(piece: bytes) -> None:
@@ -172,15 +155,20 @@ def registers() -> tuple[Target, list[bytes]]:
         )
         controller.inputs.write("test", {"input_int_register_0": (command,)}, controller.now)
 
+    def upload() -> None:
+        controller.upload([text])
+        assert controller._uploaded is None or controller._uploaded.result()
+        controller.cycle(controller.now + 0.008)
+
     def run(data: bytes) -> None:
         controller.reboot()
-        controller.upload([Script(control=True, offset=0, path=path)])
+        upload()
         for piece in chunks(data)[:24]:
             write(piece)
             for _ in range(3):
                 controller.cycle(controller.now + 0.008)
             if controller.program is None:
-                controller.upload([Script(control=True)])
+                upload()
         outputs.update(1.0, set(controller.fields))
         everything.pack(controller.values)
         arm = controller.arm

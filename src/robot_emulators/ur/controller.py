@@ -2,14 +2,13 @@
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 
 from robot_emulators.plant import Plant
 from robot_emulators.ur.arm import SAFE_DECELERATION, ControlledArm
-from robot_emulators.ur.commands import commands_of
 from robot_emulators.ur.external_control import ExternalControl
 from robot_emulators.ur.inputs import Inputs, Terminals
 from robot_emulators.ur.messages import (
@@ -26,10 +25,10 @@ from robot_emulators.ur.messages import (
     stopped_because,
 )
 from robot_emulators.ur.modes import Modes, Runtime
-from robot_emulators.ur.packets import Values, inputs, outputs, zero
-from robot_emulators.ur.program import ControlProgram, Program, ProgramError
+from robot_emulators.ur.packets import Values, Version, inputs, outputs, zero
+from robot_emulators.ur.program import Program, ProgramError
 from robot_emulators.ur.programs import Loaded, Programs
-from robot_emulators.ur.script import Script
+from robot_emulators.ur.script import is_secondary
 from robot_emulators.ur.script_functions import functions
 from robot_emulators.ur.script_program import ScriptProgram, program_code
 from robot_emulators.ur.settings import ControllerSettings
@@ -79,8 +78,7 @@ class Controller:
         self.announce: Callable[[Event], None] = lambda event: None
         self.address = ""
         self.now = 0.0
-        table = functions(settings.version)
-        self._code = lru_cache(_KEPT)(lambda text: program_code(text, table))
+        self._code = partial(_code, settings.version)
         self._compiler = ThreadPoolExecutor(1, "urscript")
         self._uploaded: Future[Code] | None = None
         self._programs = Programs(Path(settings.programs) if settings.programs else None)
@@ -106,19 +104,15 @@ class Controller:
             self.protective_stop(stopped_because(violation))
         self._say_safety()
 
-    def upload(self, scripts: Iterable[Script]) -> None:
+    def upload(self, programs: Iterable[str]) -> None:
         """Take programs; each but a secondary one ends the one that plays."""
-        for script in scripts:
-            if self.now < self.script_denied_until or not (script.secondary or self.modes.ready):
+        for text in programs:
+            secondary = is_secondary(text)
+            if self.now < self.script_denied_until or not (secondary or self.modes.ready):
                 continue
-            if not script.secondary:
+            if not secondary:
                 self.stop_program()
-            if script.faulty:
-                continue
-            if script.control or script.secondary or len(script.text) < _LONG:
-                self._start(script)
-            else:
-                self._uploaded = self._compiled(script.text)
+            self._start(text, at_once=secondary)
 
     def load(self, name: str) -> bool:
         """Take a program by its file's name, stopped; False where there is none.
@@ -144,7 +138,7 @@ class Controller:
         if self.loaded is None:
             return False
         if self.loaded.text:
-            return self._start(Script(text=self.loaded.text))
+            return self._start(self.loaded.text)
         self._begin(ExternalControl(self, self.settings.computer, self._compiled, self._playing))
         return True
 
@@ -228,19 +222,12 @@ class Controller:
         self.script_denied_until = 0.0
         self._tolerated = self.settings.protective_force
 
-    def set_output(self, kind: str, number: int, value: float) -> None:
-        """Write an output register."""
-        name = f"output_{kind}_register_{number}"
-        if name in self.fields:
-            self.values[name] = (int(value) if kind == "int" else float(value),)
-
-    def _start(self, script: Script) -> bool:
-        """Begin a program; False where its text is none, which is announced."""
-        if script.control:
-            commands = commands_of(self.settings)
-            self._begin(ControlProgram(self, commands, script.offset, script.path))
-            return True
-        return self._attempt(lambda: self._code(script.text))
+    def _start(self, text: str, at_once: bool = False) -> bool:
+        """Begin a program; a long one once it is compiled. False where its text is none."""
+        if at_once or len(text) < _LONG:
+            return self._attempt(lambda: self._code(text))
+        self._uploaded = self._compiled(text)
+        return True
 
     def _attempt(self, code: Callable[[], Code]) -> bool:
         """Begin an interpreted program; False where its text is none, which is announced."""
@@ -319,3 +306,8 @@ class Controller:
                 self.values[name] = value
         self.terminals.take(values)
         self.arm.slider = self.terminals.slider
+
+
+@lru_cache(_KEPT)
+def _code(version: Version, text: str) -> Code:
+    return program_code(text, functions(version))

@@ -9,7 +9,7 @@ from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.messages import Error, Event, Safety, Version
 from robot_emulators.ur.modes import Runtime
 from robot_emulators.ur.network import Peer
-from robot_emulators.ur.script import Collector, Script
+from robot_emulators.ur.script import Collector
 
 PERIOD_S = 0.1
 """Between two robot states [s]."""
@@ -160,17 +160,17 @@ class ScriptClient:
         scripts = self._collector.feed(data)
         if scripts is None:
             return False
-        for script in scripts:
-            self._take(script)
+        for text in scripts:
+            self._take(text)
         return True
 
     def end(self) -> None:
         """The client is gone; an unfinished program with it."""
         self._collector = Collector()
 
-    def _take(self, script: Script) -> None:
-        command = self._commands.get(script.text.strip())
+    def _take(self, text: str) -> None:
+        command = self._commands.get(text.strip())
         if command is not None:
             command()
         else:
-            self._controller.upload([script])
+            self._controller.upload([text])

@@ -11,12 +11,12 @@ from robot_emulators.ur.kinematics import matrix, rotation_vector
 from robot_emulators.ur.kinematics import pose_trans as compose_poses
 from robot_emulators.ur.kinematics import vector as pose_of
 from robot_emulators.ur.script_program import vector
-from robot_emulators.ur.urscript.faults import ScriptFaultError
 from robot_emulators.ur.urscript.functions import Table
 from robot_emulators.ur.urscript.values import (
     LONGEST_LIST,
     LONGEST_TEXT,
     Pose,
+    ScriptFaultError,
     kind,
     real,
     shown,

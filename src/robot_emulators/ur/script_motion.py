@@ -22,9 +22,8 @@ from robot_emulators.ur.motions import (
 )
 from robot_emulators.ur.script_program import ScriptProgram, number, vector
 from robot_emulators.ur.script_state import solve
-from robot_emulators.ur.urscript.faults import ScriptFaultError
 from robot_emulators.ur.urscript.functions import Steps, Table
-from robot_emulators.ur.urscript.values import Pose, truth
+from robot_emulators.ur.urscript.values import Pose, ScriptFaultError, truth
 
 TABLE = Table()
 _FAR = "the goal of a straight move is out of the robot's reach"

@@ -9,16 +9,18 @@ import numpy as np
 from robot_emulators.ur.messages import Error, Event
 from robot_emulators.ur.motions import ArmMotion
 from robot_emulators.ur.program import Host, ProgramError
-from robot_emulators.ur.script import MOST
 from robot_emulators.ur.script_links import Links
-from robot_emulators.ur.urscript.faults import ProgramEndsError, ScriptFaultError
 from robot_emulators.ur.urscript.functions import Builtin
 from robot_emulators.ur.urscript.machine import Code, Machine, compiled
-from robot_emulators.ur.urscript.values import real, reals
+from robot_emulators.ur.urscript.values import ProgramEndsError, ScriptFaultError, real, reals
 
 _HISTORY = 512
 """Control cycles whose joint values a program can ask for."""
 PAUSE, STOP = "PAUSE", "STOP"
+MOST = 1e6
+"""Largest number that any quantity of the robot has, SI."""
+_AT_ONCE = "rtde_control"
+"""ur_rtde's control script: clients that stream targets count on being heard in the same cycle."""
 
 
 class ScriptProgram:
@@ -31,15 +33,15 @@ class ScriptProgram:
     Attributes:
         name: of the program.
         secondary: it runs beside the program that plays.
+        direct: what it commands is done in the same control cycle, else in the next.
         links: its TCP connections.
     """
-
-    direct = False
 
     def __init__(self, controller: Host, code: Code) -> None:
         self.controller, self.arm = controller, controller.arm
         self._machine = Machine(code, self)
         self.name, self.secondary = code.name, code.secondary
+        self.direct = code.name == _AT_ONCE
         self.links = Links(controller.address)
         self.history: deque[np.ndarray] = deque(maxlen=_HISTORY)
         self._mover: int | None = None
@@ -98,7 +100,7 @@ class ScriptProgram:
         Raises:
             ScriptFaultError: another thread moves the arm.
         """
-        thread = self._machine.threads.current
+        thread = self._machine.current
         if self._mover is not None and self._mover != thread:
             raise ScriptFaultError("another thread is already controlling the robot")
         self._mover = thread

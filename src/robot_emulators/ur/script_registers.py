@@ -3,9 +3,8 @@
 from typing import Any
 
 from robot_emulators.ur.script_program import ScriptProgram, number
-from robot_emulators.ur.urscript.faults import ScriptFaultError
 from robot_emulators.ur.urscript.functions import Table
-from robot_emulators.ur.urscript.values import real, truth
+from robot_emulators.ur.urscript.values import ScriptFaultError, real, truth
 
 TABLE = Table()
 

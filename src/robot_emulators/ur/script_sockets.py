@@ -6,9 +6,8 @@ from typing import Any
 
 from robot_emulators.ur.script_links import Link
 from robot_emulators.ur.script_program import ScriptProgram, number
-from robot_emulators.ur.urscript.faults import ScriptFaultError
 from robot_emulators.ur.urscript.functions import Steps, Table
-from robot_emulators.ur.urscript.values import real, shown
+from robot_emulators.ur.urscript.values import ScriptFaultError, real, shown
 
 TABLE = Table()
 _DIAL_S = 2.0

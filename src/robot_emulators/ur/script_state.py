@@ -9,13 +9,14 @@ from robot_emulators.ur.messages import PROTECTIVE_STOP, Popup, Said
 from robot_emulators.ur.program import touching
 from robot_emulators.ur.script_math import made
 from robot_emulators.ur.script_program import ScriptProgram, number, vector
-from robot_emulators.ur.urscript.faults import ScriptFaultError
 from robot_emulators.ur.urscript.functions import Steps, Table
-from robot_emulators.ur.urscript.values import Pose, real, shown, truth
+from robot_emulators.ur.urscript.values import Pose, ScriptFaultError, real, shown, truth
 
 TABLE = Table()
 _ACTIVE = "active_tcp"
 _LONGEST_SAID = 1023
+_NEAR = 0.5
+"""How far a solution that is followed to may be from where it began [rad]."""
 
 
 @TABLE.add()
@@ -157,6 +158,18 @@ def get_target_tcp_speed(program: ScriptProgram) -> list[float]:
 
 
 @TABLE.add()
+def get_target_waypoint(program: ScriptProgram) -> Pose:
+    """Target pose of the TCP: moves stop at each waypoint."""
+    return get_target_tcp_pose(program)
+
+
+@TABLE.add()
+def get_freedrive_status(program: ScriptProgram) -> int:
+    """Never off its limits: nobody pushes the arm."""
+    return 0
+
+
+@TABLE.add()
 def get_tcp_offset(program: ScriptProgram) -> Pose:
     """The TCP in flange axes."""
     return made(program.arm.tcp)
@@ -193,7 +206,10 @@ def solve(program: ScriptProgram, pose: Any, near: Any = None, tcp: Any = _ACTIV
     """
     goal, kinematics = vector(pose, 6, "a pose"), program.arm.kinematics
     start = program.arm.q if near is None else vector(near, 6, "joint values")
-    found = kinematics.inverse(goal, _tcp(program, tcp), start)
+    active = _tcp(program, tcp)
+    found = kinematics.follow(goal, active, start)
+    if found is None or np.abs(found - start).max() > _NEAR or not kinematics.within(found):
+        found = kinematics.inverse(goal, active, start)
     if found is None or not kinematics.within(found):
         raise ScriptFaultError("get_inverse_kin: no solution for this pose")
     return found

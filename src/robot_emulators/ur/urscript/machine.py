@@ -1,19 +1,41 @@
-"""A program from its text to its end: parsed, compiled, and run one control cycle at a time."""
+"""A program from its text to its end: translated, compiled, and run one control cycle at a time.
 
-from collections.abc import Mapping
+A thread runs until it waits, so that nothing interrupts it between two waits. How much it may do
+before it waits is bounded, as are threads, calls inside calls, and what values may become.
+"""
+
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
+from types import CodeType
 from typing import Any
 
-from robot_emulators.ur.urscript.compiler import Compiler
-from robot_emulators.ur.urscript.faults import ScriptFaultError
-from robot_emulators.ur.urscript.functions import Builtin
-from robot_emulators.ur.urscript.parser import parse
-from robot_emulators.ur.urscript.syntax import Function
-from robot_emulators.ur.urscript.threads import Body, Threads
+from robot_emulators.ur.urscript.functions import Act, Builtin, Steps
+from robot_emulators.ur.urscript.translation import OPERATORS, translated
+from robot_emulators.ur.urscript.values import (
+    ACTS,
+    NO_NAME,
+    Pose,
+    ProgramEndsError,
+    ScriptFaultError,
+    copied,
+    get,
+    negative,
+    put,
+    truth,
+)
 
 LONGEST = 1 << 18
 """Characters of a program."""
-UNNAMED = "unnamed"
+MOST_IN_A_CYCLE = 20_000
+"""Loops and calls that a program may take in one control cycle before it waits."""
+_MOST_THREADS = 50
+_FILE = "<urscript>"
+_MISTAKES = (ArithmeticError, LookupError, NameError, TypeError, ValueError)
+_HELPERS = {
+    "ProgramEndsError": ProgramEndsError, "Pose": Pose, "copied": copied, "get": get, "put": put,
+    "truth": truth, "o_negative": negative,
+} | {f"o_{name}": ACTS[sign] for sign, name in OPERATORS.items()}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,12 +45,14 @@ class Code:
     Attributes:
         name: of the program.
         secondary: it runs beside the program that plays.
-        body: what it does.
+        code: of a module with the generator function ``program``.
+        builtins: functions of the controller by the names under which it calls them.
     """
 
     name: str
     secondary: bool
-    body: Body
+    code: CodeType
+    builtins: Mapping[str, Act]
 
 
 def compiled(text: str, table: Mapping[str, Builtin]) -> Code:
@@ -46,18 +70,25 @@ def compiled(text: str, table: Mapping[str, Builtin]) -> Code:
     if len(text) > LONGEST:
         raise ScriptFaultError(f"a program of more than {LONGEST} characters")
     try:
-        block = parse(text)
-        whole = block[0] if len(block) == 1 and isinstance(block[0], Function) else None
-        body = Compiler(block if whole is None else whole.body, table).program
+        program = translated(text, table)
+        code = compile(program.module, _FILE, "exec")
     except RecursionError:
         raise ScriptFaultError("the program is nested too deeply") from None
-    if whole is None:
-        return Code(UNNAMED, False, body)
-    return Code(whole.name, whole.kind == "sec", body)
+    except SyntaxError as error:
+        raise ScriptFaultError(
+            f"syntax_error_on_line:{error.lineno}:", error.lineno or 1, error.offset or 1
+        ) from None
+    acts = {f"b_{name}": table[name].act for name in program.called}
+    return Code(program.name, program.secondary, code, acts)
+
+
+class _Thread:
+    def __init__(self, number: int, steps: Iterator[None]) -> None:
+        self.number, self.steps = number, steps
 
 
 class Machine:
-    """One program that runs.
+    """One program that runs, with its threads, one slice a control cycle each.
 
     Args:
         code: of the program.
@@ -65,13 +96,97 @@ class Machine:
     """
 
     def __init__(self, code: Code, context: Any) -> None:
-        self.threads = Threads(code.body, context)
+        mine = {"context": context, "spend": self._spend, "run": self._run, "kill": self._kill,
+                "join": self._join, "__builtins__": {}}  # fmt: skip
+        names: dict[str, Any] = _HELPERS | mine | dict(code.builtins)
+        exec(code.code, names)
+        main = _Thread(0, names["program"]())
+        self._threads, self._count = {0: main}, 0
+        self._running, self._left = main, MOST_IN_A_CYCLE
+
+    @property
+    def current(self) -> int:
+        """Number of the thread that runs now."""
+        return self._running.number
 
     def cycle(self) -> bool:
-        """Run until every thread waits; False at the end.
+        """Run until every thread waits; False at the program's end.
 
         Raises:
             ScriptFaultError: the program cannot go on.
             ProgramEndsError: it ends itself.
         """
-        return self.threads.cycle()
+        self._left = MOST_IN_A_CYCLE
+        done: set[int] = set()
+        while 0 in self._threads:
+            waiting = [t for n, t in self._threads.items() if n not in done]
+            if not waiting:
+                return True
+            for thread in waiting:
+                done.add(thread.number)
+                if thread.number in self._threads:
+                    self._slice(thread)
+        return False
+
+    def _slice(self, thread: _Thread) -> None:
+        self._running = thread
+        try:
+            next(thread.steps)
+        except StopIteration:
+            self._threads.pop(thread.number, None)
+        except ProgramEndsError:
+            raise
+        except ScriptFaultError as error:
+            raise error.at(*_place(error)) from None
+        except RecursionError as error:
+            raise ScriptFaultError("too many calls inside one another", *_place(error)) from None
+        except _MISTAKES as error:
+            raise ScriptFaultError(_in_words(error), *_place(error)) from error
+
+    def _spend(self) -> None:
+        """Count a loop or a call."""
+        self._left -= 1
+        if self._left < 0:
+            raise ScriptFaultError("infinite loop: the thread takes no time, it lacks a sync()")
+
+    def _run(self, steps: Steps) -> int:
+        """Begin a thread; its number."""
+        if len(self._threads) >= _MOST_THREADS:
+            raise ScriptFaultError(f"more than {_MOST_THREADS} threads")
+        self._count += 1
+        self._threads[self._count] = _Thread(self._count, steps)
+        return self._count
+
+    def _kill(self, number: Any) -> None:
+        """End a thread, if there is one of this number."""
+        thread = self._threads.get(number) if isinstance(number, int) else None
+        if thread is not None and thread is not self._running:
+            del self._threads[thread.number]
+            thread.steps.close()  # type: ignore[attr-defined]
+
+    def _join(self, number: Any) -> Steps:
+        """Wait for a thread's end."""
+        while isinstance(number, int) and number != self.current and number in self._threads:
+            yield
+
+
+def _place(error: BaseException) -> tuple[int, int]:
+    """Line and column of a program's text, from 1, at which an error came up; (0, 0): nowhere."""
+    place, trace = (0, 0), error.__traceback__
+    while trace is not None:
+        code = trace.tb_frame.f_code
+        if code.co_filename == _FILE:
+            at = next(islice(code.co_positions(), trace.tb_lasti // 2, None), (0, 0, 0, 0))
+            place = (at[0] or 0, (at[2] or 0) + 1)
+        trace = trace.tb_next
+    return place
+
+
+def _in_words(error: Exception) -> str:
+    """What went wrong, as a controller says it."""
+    if isinstance(error, NameError):  # the name as it stands in Python is quoted
+        return NO_NAME.format(str(error).split("'")[1][2:])
+    text = str(error)
+    for prefix in ("f_", "v_"):
+        text = text.replace(f"'{prefix}", "'").removeprefix(prefix)
+    return f"a value that cannot be: {text}"

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass
 
-from robot_emulators.ur.urscript.faults import ScriptFaultError
+from robot_emulators.ur.urscript.values import ScriptFaultError
 
 KEYWORDS = frozenset(
     """def sec thread end if elif else while break continue return global local and or xor not

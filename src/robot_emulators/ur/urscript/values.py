@@ -8,7 +8,30 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from robot_emulators.ur.urscript.faults import ScriptFaultError
+NO_NAME = "compile_error_name_not_found:{}:"
+"""How a controller reports a name that it does not know."""
+
+
+class ScriptFaultError(Exception):
+    """A program cannot go on.
+
+    Attributes:
+        text: what is wrong.
+        line, column: where, from 1; 0 where nobody knows.
+    """
+
+    def __init__(self, text: str, line: int = 0, column: int = 0) -> None:
+        super().__init__(text)
+        self.text, self.line, self.column = text, line, column
+
+    def at(self, line: int, column: int) -> "ScriptFaultError":
+        """The same with a place, unless it has one."""
+        return self if self.line else ScriptFaultError(self.text, line, column)
+
+
+class ProgramEndsError(Exception):
+    """The program ends here as its author wants: ``halt``."""
+
 
 Value = Any
 """float, int, bool, str, list, `Pose` or dict."""
@@ -82,15 +105,6 @@ def reals(value: Value, count: int, what: str = "an argument") -> list[float]:
     raise ScriptFaultError(f"{what} must be a list of {count} numbers")
 
 
-def binary(operator: str, left: Value, right: Value) -> Value:
-    """The value of an operator.
-
-    Raises:
-        ScriptFaultError: there is none for these operands.
-    """
-    return OPERATORS[operator](left, right)
-
-
 def negative(value: Value) -> Value:
     """``-value``."""
     return _arithmetic("-", lambda a, b: a - b)(0, value)
@@ -144,7 +158,7 @@ def _power(a: float, b: float) -> float:
     return float(value)
 
 
-OPERATORS: dict[str, Callable[[Value, Value], Value]] = {
+ACTS: dict[str, Callable[[Value, Value], Value]] = {
     "+": _arithmetic("+", lambda a, b: a + b),
     "-": _arithmetic("-", lambda a, b: a - b),
     "*": _arithmetic("*", lambda a, b: a * b),
@@ -155,10 +169,47 @@ OPERATORS: dict[str, Callable[[Value, Value], Value]] = {
     ">": _ordered(">", lambda a, b: a > b),
     "<=": _ordered("<=", lambda a, b: a <= b),
     ">=": _ordered(">=", lambda a, b: a >= b),
-    "==": lambda a, b: bool(a == b),
-    "!=": lambda a, b: bool(a != b),
-    "<>": lambda a, b: bool(a != b),
-    "and": lambda a, b: truth(a) and truth(b),
-    "or": lambda a, b: truth(a) or truth(b),
     "xor": lambda a, b: truth(a) != truth(b),
 }
+"""Sign of an operator → what it makes of its operands."""
+
+
+def _at(holder: list[Value], index: Value) -> int:
+    if isinstance(index, bool) or not isinstance(index, int | float) or index != int(index):
+        raise ScriptFaultError(f"an index must be a whole number, not {shown(index)}")
+    if not 0 <= index < len(holder):
+        raise ScriptFaultError(f"index {int(index)} of a list of {len(holder)} elements")
+    return int(index)
+
+
+def get(holder: Value, key: Value) -> Value:
+    """An element of a list by its index, or of a struct by its name.
+
+    Raises:
+        ScriptFaultError: there is none.
+    """
+    if isinstance(holder, list):
+        return holder[_at(holder, key)]
+    if isinstance(holder, dict) and key in holder:
+        return holder[key]
+    raise _without(holder, key)
+
+
+def put(value: Value, holder: Value, key: Value) -> None:
+    """Change an element of a list or struct.
+
+    Raises:
+        ScriptFaultError: there is none.
+    """
+    if isinstance(holder, list):
+        holder[_at(holder, key)] = value
+    elif isinstance(holder, dict) and key in holder:
+        holder[key] = value
+    else:
+        raise _without(holder, key)
+
+
+def _without(holder: Value, key: Value) -> ScriptFaultError:
+    if isinstance(holder, dict):
+        return ScriptFaultError(f"the struct has no {shown(key)}")
+    return ScriptFaultError(f"{kind(holder)} has no elements")
