@@ -16,7 +16,7 @@ from robot_emulators.errors import EmulatorError
 from robot_emulators.kinematic_plant import known_arm
 from robot_emulators.ur.dashboard import Dashboard
 from robot_emulators.ur.kinematics import NO_TOOL, Kinematics, UnreachableError
-from robot_emulators.ur.messages import RuntimeFault
+from robot_emulators.ur.messages import FAULT
 from robot_emulators.ur.modes import Runtime
 from robot_emulators.ur.outputs import Outputs
 from robot_emulators.ur.packets import Recipe
@@ -116,12 +116,12 @@ def test_an_interpreted_script_with_impossible_values_ends_with_its_reason(bench
     bench.controller.announce = said.append
     bench.controller.upload(Collector().feed(text))
     deadline = time.monotonic() + 10.0
-    while time.monotonic() < deadline and not any(isinstance(e, RuntimeFault) for e in said):
+    while time.monotonic() < deadline and not any(event.kind == FAULT for event in said):
         bench.run(2 * CYCLE)  # a long program is compiled in another thread, in real time
     bench.controller.announce = lambda event: None
     assert bench.controller.modes.runtime is Runtime.STOPPED and bench.controller.program is None
-    (fault,) = [event for event in said if isinstance(event, RuntimeFault)]
-    assert fault.text and fault.line == 1
+    (fault,) = [event for event in said if event.kind == FAULT]
+    assert fault.text and fault.place[0] == 1
     answers_and_packs(bench)
 
 

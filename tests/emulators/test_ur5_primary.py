@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from robot_emulators.ur.messages import Error, Key, Popup, RuntimeFault, Safety, Said
+from robot_emulators.ur import messages
 from robot_emulators.ur.modes import RobotMode, Runtime, SafetyMode
 from robot_emulators.ur.outputs import Outputs
 from robot_emulators.ur.primary import Primary
@@ -176,8 +176,9 @@ def test_a_runtime_exception_has_line_and_column(listener):
 
 @pytest.mark.parametrize(
     "event, kind",
-    [(Said("x"), 0), (Popup("a", "b", True, False, True), 2), (Safety(3), 5), (Key("K", "n"), 7),
-     (Error(1, 2, 3, "t"), 6), (RuntimeFault(1, 2, "t"), 10)],
+    [(messages.said("x"), 0), (messages.popup_shown("a", "b", (True, False, True)), 2),
+     (messages.safety(3), 5), (messages.key("K", "n"), 7), (messages.error(1, 2, "t"), 6),
+     (messages.runtime_fault(1, 2, "t"), 10)],
 )  # fmt: skip
 def test_messages_state_their_size(event, kind):
     packed = event.packed(1.0)

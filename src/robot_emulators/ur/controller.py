@@ -8,26 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from robot_emulators.plant import Plant
+from robot_emulators.ur import messages, programs
 from robot_emulators.ur.arm import SAFE_DECELERATION, ControlledArm
 from robot_emulators.ur.external_control import ExternalControl
 from robot_emulators.ur.inputs import Inputs, Terminals
-from robot_emulators.ur.messages import (
-    PAUSED,
-    PROTECTIVE_STOP,
-    RESUMED,
-    STARTED,
-    STOPPED,
-    Error,
-    Event,
-    Key,
-    RuntimeFault,
-    Safety,
-    stopped_because,
-)
+from robot_emulators.ur.messages import PROTECTIVE_STOP, Event
 from robot_emulators.ur.modes import Modes, Runtime
 from robot_emulators.ur.packets import Values, Version, inputs, outputs, zero
 from robot_emulators.ur.program import Program, ProgramError
-from robot_emulators.ur.programs import Loaded, Programs
+from robot_emulators.ur.programs import Loaded
 from robot_emulators.ur.script import is_secondary
 from robot_emulators.ur.script_functions import functions
 from robot_emulators.ur.script_program import ScriptProgram, program_code
@@ -81,7 +70,6 @@ class Controller:
         self._code = partial(_code, settings.version)
         self._compiler = ThreadPoolExecutor(1, "urscript")
         self._uploaded: Future[Code] | None = None
-        self._programs = Programs(Path(settings.programs) if settings.programs else None)
         self._secondary: list[ScriptProgram] = []
         self._said = int(self.modes.safety)
         self._forget()
@@ -101,7 +89,7 @@ class Controller:
         if violation is None and self._pressed_too_hard():
             violation = "the force at the tool exceeds its limit"
         if violation is not None and self.modes.ready:
-            self.protective_stop(stopped_because(violation))
+            self.protective_stop(messages.stopped_because(violation))
         self._say_safety()
 
     def upload(self, programs: Iterable[str]) -> None:
@@ -120,7 +108,8 @@ class Controller:
         Raises:
             ProgramFileError: it cannot be played.
         """
-        found = self._programs.load(name)
+        folder = Path(self.settings.programs) if self.settings.programs else None
+        found = programs.load(folder, name)
         if found is not None:
             self.stop_program()
             self.loaded = found
@@ -132,7 +121,7 @@ class Controller:
             return False
         if self.modes.runtime is Runtime.PAUSED and self.program is not None:
             self.modes.runtime = Runtime.PLAYING
-            self.announce(Key(RESUMED, self.program.name))
+            self.announce(messages.key(messages.RESUMED, self.program.name))
             self.arm.thaw(go_on=True)
             return True
         if self.loaded is None:
@@ -154,7 +143,7 @@ class Controller:
         self._uploaded = None
         if self.program is not None:
             self.program.close()
-            self.announce(Key(STOPPED, self.program.name))
+            self.announce(messages.key(messages.STOPPED, self.program.name))
             self.program = None
             self.popup = self.freedrive = False
             self.modes.runtime = Runtime.STOPPED
@@ -163,7 +152,7 @@ class Controller:
             self.arm.end_force_mode()
             self.arm.brake(SAFE_DECELERATION / 3)
 
-    def protective_stop(self, error: Error = PROTECTIVE_STOP) -> None:
+    def protective_stop(self, error: Event = PROTECTIVE_STOP) -> None:
         """Brake at once; the program is paused until someone unlocks and plays."""
         before = self.modes.protective
         self.modes.protective_stop(self.now)
@@ -252,7 +241,7 @@ class Controller:
     def _begin(self, program: Program) -> None:
         self.arm.thaw(go_on=False)
         self.program, self.modes.runtime = program, Runtime.PLAYING
-        self.announce(Key(STARTED, program.name))
+        self.announce(messages.key(messages.STARTED, program.name))
 
     def _play(self) -> None:
         self._secondary = [p for p in self._secondary if self._goes_on(p)]
@@ -271,10 +260,10 @@ class Controller:
     def _say_safety(self) -> None:
         if self._said != int(self.modes.safety):
             self._said = int(self.modes.safety)
-            self.announce(Safety(self._said))
+            self.announce(messages.safety(self._said))
 
     def _report(self, error: ProgramError) -> None:
-        self.announce(RuntimeFault(error.line, error.column, str(error)))
+        self.announce(messages.runtime_fault(error.line, error.column, str(error)))
 
     def _load(self) -> np.ndarray:
         """The load that the robot measures (6,), or what a client sends instead."""
@@ -288,7 +277,7 @@ class Controller:
     def _hold(self) -> None:
         if self.modes.runtime is Runtime.PLAYING and self.program is not None:
             self.modes.runtime = Runtime.PAUSED
-            self.announce(Key(PAUSED, self.program.name))
+            self.announce(messages.key(messages.PAUSED, self.program.name))
         self.arm.freeze()
 
     def _pressed_too_hard(self) -> bool:

@@ -4,9 +4,10 @@ import zlib
 from collections.abc import Callable
 from typing import Protocol
 
+from robot_emulators.ur import messages
 from robot_emulators.ur import primary_state as state
 from robot_emulators.ur.controller import Controller
-from robot_emulators.ur.messages import Error, Event, Safety, Version
+from robot_emulators.ur.messages import Event
 from robot_emulators.ur.modes import Runtime
 from robot_emulators.ur.network import Peer
 from robot_emulators.ur.script import Collector
@@ -59,7 +60,7 @@ class Primary:
     def secondary(self, peer: Peer) -> "ScriptClient":
         """A client of port 30002: states."""
         series = self._controller.settings.series
-        version = Version(self._controller.settings.version, DATES[series])
+        version = messages.version(self._controller.settings.version, DATES[series])
         peer.send(version.packed(self._clock.now()))
         self._readers.add(peer)
         return ScriptClient(self._controller)
@@ -71,9 +72,9 @@ class Primary:
         hears of a stop finds it in the state, too.
         """
         packed = event.packed(self._clock.now())
-        if isinstance(event, Safety):
+        if event.kind == messages.SAFETY:
             self._before.append(packed)
-        elif isinstance(event, Error):
+        elif event.kind == messages.ERROR:
             self._after.append(packed)
         else:
             self._send([packed])

@@ -7,7 +7,7 @@ import numpy as np
 
 from robot_emulators.ur.arm import ControlledArm
 from robot_emulators.ur.inputs import Inputs, Terminals
-from robot_emulators.ur.messages import PROTECTIVE_STOP, Error, Event
+from robot_emulators.ur.messages import PROTECTIVE_STOP, Event
 from robot_emulators.ur.packets import Values
 from robot_emulators.ur.settings import ControllerSettings
 from robot_emulators.ur.tool_wrench import ExternalWrench, WrenchEstimate
@@ -60,7 +60,7 @@ class Host(Protocol):
     popup: bool
     freedrive: bool
 
-    def protective_stop(self, error: Error = PROTECTIVE_STOP) -> None:
+    def protective_stop(self, error: Event = PROTECTIVE_STOP) -> None:
         """Brake at once."""
         ...
 

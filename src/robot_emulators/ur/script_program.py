@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_emulators.ur.messages import Error, Event
+from robot_emulators.ur.messages import Event
 from robot_emulators.ur.motions import ArmMotion
 from robot_emulators.ur.program import Host, ProgramError
 from robot_emulators.ur.script_links import Links
@@ -72,10 +72,6 @@ class ScriptProgram:
         """Its connections end with it."""
         self.links.close()
 
-    def announce(self, event: Event) -> None:
-        """Tell clients of the primary interface."""
-        self.controller.announce(event)
-
     def watch(self, name: str, frequency: float, action: str) -> None:
         """Pause or stop where an input is written less often [Hz].
 
@@ -127,7 +123,7 @@ class ScriptProgram:
         for _ in range(max(1, round(seconds / self.controller.settings.cycle))):
             yield
 
-    def refuse(self, error: Error, why: str) -> Iterator[None]:
+    def refuse(self, error: Event, why: str) -> Iterator[None]:
         """A protective stop; the program cannot go on after it.
 
         Raises:

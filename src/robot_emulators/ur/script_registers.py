@@ -1,5 +1,6 @@
 """Registers, inputs and outputs of URScript."""
 
+from collections.abc import Callable
 from typing import Any
 
 from robot_emulators.ur.script_program import ScriptProgram, number
@@ -7,147 +8,92 @@ from robot_emulators.ur.urscript.functions import Table
 from robot_emulators.ur.urscript.values import ScriptFaultError, real, truth
 
 TABLE = Table()
-
-
-def _named(way: str, kind: str, address: Any) -> str:
-    where = real(address, "an address")
-    if where != int(where):
-        raise ScriptFaultError(f"an address must be a whole number, not {where:g}")
-    return f"{way}_{kind}_register_{int(where)}"
-
-
-def _input(program: ScriptProgram, kind: str, address: Any) -> Any:
-    name = _named("input", kind, address)
-    if name not in program.controller.inputs.values:
-        raise ScriptFaultError(f"there is no {name}")
-    return program.controller.inputs.values[name][0]
-
-
-def _output(program: ScriptProgram, kind: str, address: Any) -> str:
-    name = _named("output", kind, address)
-    if name not in program.controller.fields:
-        raise ScriptFaultError(f"there is no {name}")
-    return name
-
-
-@TABLE.add()
-def read_input_integer_register(program: ScriptProgram, address: Any) -> int:
-    """An input register."""
-    return int(_input(program, "int", address))
-
-
-@TABLE.add("read_input_float_register", "read_input_double_register")
-def read_input_float_register(program: ScriptProgram, address: Any) -> float:
-    """An input register."""
-    return float(_input(program, "double", address))
-
-
-@TABLE.add()
-def read_input_boolean_register(program: ScriptProgram, address: Any) -> bool:
-    """An input register; the lower 64 are bits of words."""
-    where = int(real(address, "an address"))
-    if 0 <= where < 64:
-        word = "0_to_31" if where < 32 else "32_to_63"
-        bits = program.controller.inputs.values[f"input_bit_registers{word}"][0]
-        return bool(bits >> where % 32 & 1)
-    return bool(_input(program, "bit", address))
-
-
-@TABLE.add()
-def read_output_integer_register(program: ScriptProgram, address: Any) -> int:
-    """An output register."""
-    return int(program.controller.values[_output(program, "int", address)][0])
-
-
-@TABLE.add("read_output_float_register", "read_output_double_register")
-def read_output_float_register(program: ScriptProgram, address: Any) -> float:
-    """An output register."""
-    return float(program.controller.values[_output(program, "double", address)][0])
-
-
-@TABLE.add()
-def read_output_boolean_register(program: ScriptProgram, address: Any) -> bool:
-    """An output register."""
-    return bool(program.controller.values[_output(program, "bit", address)][0])
-
-
-@TABLE.add()
-def write_output_integer_register(program: ScriptProgram, address: Any, value: Any) -> None:
-    """An output register."""
-    name, whole = _output(program, "int", address), int(real(value, "a value"))
-    if not -(2**31) <= whole < 2**31:
-        raise ScriptFaultError(f"{whole} is no 32 bit integer")
-    program.controller.values[name] = (whole,)
-
-
-@TABLE.add("write_output_float_register", "write_output_double_register")
-def write_output_float_register(program: ScriptProgram, address: Any, value: Any) -> None:
-    """An output register."""
-    program.controller.values[_output(program, "double", address)] = (real(value, "a value"),)
-
-
-@TABLE.add()
-def write_output_boolean_register(program: ScriptProgram, address: Any, value: Any) -> None:
-    """An output register."""
-    program.controller.values[_output(program, "bit", address)] = (truth(value),)
-
-
+_KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "integer": ("int", int), "float": ("double", float), "boolean": ("bit", bool),
+}  # fmt: skip
+"""Kind of register in URScript → in RTDE, and the type of its values."""
 _GROUPS = {"standard": (0, 8), "configurable": (8, 8), "tool": (16, 2)}
 """First bit and number of each group of digital outputs."""
 
 
+def _register(way: str, kind: str, address: Any, known: Any) -> str:
+    where = real(address, "an address")
+    if where != int(where):
+        raise ScriptFaultError(f"an address must be a whole number, not {where:g}")
+    name = f"{way}_{kind}_register_{int(where)}"
+    if name not in known:
+        raise ScriptFaultError(f"there is no {name}")
+    return name
+
+
+def _reads(way: str, kind: str, as_value: Callable[[Any], Any]) -> Callable[..., Any]:
+    def read(program: ScriptProgram, address: Any) -> Any:
+        controller = program.controller
+        values = controller.inputs.values if way == "input" else controller.values
+        return as_value(values[_register(way, kind, address, values)][0])
+
+    return read
+
+
+def _writes(kind: str) -> Callable[..., None]:
+    def write(program: ScriptProgram, address: Any, value: Any) -> None:
+        fields, values = program.controller.fields, program.controller.values
+        name = _register("output", kind, address, fields)
+        if kind == "bit":
+            values[name] = (truth(value),)
+        elif kind == "double":
+            values[name] = (real(value, "a value"),)
+        else:
+            values[name] = (int32(value),)
+
+    return write
+
+
+def int32(value: Any) -> int:
+    """A whole number of 32 bits.
+
+    Raises:
+        ScriptFaultError: it is none.
+    """
+    whole = int(real(value, "a value"))
+    if not -(2**31) <= whole < 2**31:
+        raise ScriptFaultError(f"{whole} is no 32 bit integer")
+    return whole
+
+
+for _word, (_kind, _type) in _KINDS.items():
+    for _way in ("input", "output"):
+        TABLE.add(f"read_{_way}_{_word}_register")(_reads(_way, _kind, _type))
+    TABLE.add(f"write_output_{_word}_register")(_writes(_kind))
+
+
 def _bit(group: str, n: Any) -> int:
-    first, count = _GROUPS[group]
+    """Number of an output's bit; standard outputs from 8 on are the tool's."""
     k = number(n, "a number of an output")
+    if group == "standard" and k >= 8:
+        group, k = "tool", k - 8
+    first, count = _GROUPS[group]
     if not 0 <= k < count or k != int(k):
         raise ScriptFaultError(f"there is no {group} digital output {k:g}")
     return first + int(k)
 
 
-def _set(program: ScriptProgram, bit: int, value: Any) -> None:
-    bits = program.controller.terminals.bits & ~(1 << bit)
-    program.controller.terminals.bits = bits | truth(value) << bit
+def _sets(group: str) -> Callable[..., None]:
+    def set_output(program: ScriptProgram, n: Any, b: Any) -> None:
+        bit, terminals = _bit(group, n), program.controller.terminals
+        terminals.bits = terminals.bits & ~(1 << bit) | truth(b) << bit
+
+    return set_output
 
 
-@TABLE.add("set_standard_digital_out", "set_digital_out")
-def set_standard_digital_out(program: ScriptProgram, n: Any, b: Any) -> None:
-    """A standard output; of set_digital_out also the tool's, from 8 on."""
-    tool = isinstance(n, int | float) and n >= 8
-    _set(program, _bit("tool", n - 8) if tool else _bit("standard", n), b)
+def _gets(group: str) -> Callable[..., bool]:
+    return lambda program, n: bool(program.controller.terminals.bits >> _bit(group, n) & 1)
 
 
-@TABLE.add()
-def set_configurable_digital_out(program: ScriptProgram, n: Any, b: Any) -> None:
-    """A configurable output."""
-    _set(program, _bit("configurable", n), b)
-
-
-@TABLE.add()
-def set_tool_digital_out(program: ScriptProgram, n: Any, b: Any) -> None:
-    """An output of the tool."""
-    _set(program, _bit("tool", n), b)
-
-
-def _is_on(program: ScriptProgram, bit: int) -> bool:
-    return bool(program.controller.terminals.bits >> bit & 1)
-
-
-@TABLE.add("get_standard_digital_out", "get_digital_out")
-def get_standard_digital_out(program: ScriptProgram, n: Any) -> bool:
-    """A standard output."""
-    return _is_on(program, _bit("standard", n))
-
-
-@TABLE.add()
-def get_configurable_digital_out(program: ScriptProgram, n: Any) -> bool:
-    """A configurable output."""
-    return _is_on(program, _bit("configurable", n))
-
-
-@TABLE.add()
-def get_tool_digital_out(program: ScriptProgram, n: Any) -> bool:
-    """An output of the tool."""
-    return _is_on(program, _bit("tool", n))
+for _group in _GROUPS:
+    _names = [f"{_group}_digital_out", *(["digital_out"] if _group == "standard" else [])]
+    TABLE.add(*(f"set_{name}" for name in _names))(_sets(_group))
+    TABLE.add(*(f"get_{name}" for name in _names))(_gets(_group))
 
 
 @TABLE.add(
@@ -160,7 +106,7 @@ def digital_in(program: ScriptProgram, n: Any) -> bool:
     return False
 
 
-@TABLE.add("get_standard_analog_in", "get_analog_in", "get_tool_analog_in")
+@TABLE.add("get_standard_analog_in", "get_analog_in")
 def analog_in(program: ScriptProgram, n: Any) -> float:
     """Nothing is wired to the inputs."""
     number(n, "a number of an input")
@@ -169,8 +115,8 @@ def analog_in(program: ScriptProgram, n: Any) -> float:
 
 @TABLE.add("set_standard_analog_out", "set_analog_out")
 def set_standard_analog_out(program: ScriptProgram, n: Any, f: Any) -> None:
-    """An analog output, as a share of its range."""
+    """An analog output, as a fraction of its range."""
     which = int(number(n, "a number of an output"))
     if which not in (0, 1):
         raise ScriptFaultError(f"there is no analog output {which}")
-    program.controller.terminals.analog[which] = min(max(number(f, "a share"), 0.0), 1.0)
+    program.controller.terminals.analog[which] = min(max(number(f, "a fraction"), 0.0), 1.0)

@@ -6,6 +6,7 @@ from typing import Any
 
 from robot_emulators.ur.script_links import Link
 from robot_emulators.ur.script_program import ScriptProgram, number
+from robot_emulators.ur.script_registers import int32
 from robot_emulators.ur.urscript.functions import Steps, Table
 from robot_emulators.ur.urscript.values import ScriptFaultError, real, shown
 
@@ -15,13 +16,10 @@ _DIAL_S = 2.0
 _NAME = "socket_0"
 _MOST = 255
 """Numbers that one call can read."""
-_NAN = float("nan")
 
 
 @TABLE.add()
-def socket_open(
-    program: ScriptProgram, address: str, port: float, socket_name: str = _NAME
-) -> Steps:
+def socket_open(program: ScriptProgram, address: Any, port: Any, socket_name: Any = _NAME) -> Steps:
     """True once it is connected, False after 2 s."""
     link = program.links.dial(str(address), int(number(port, "a port")), str(socket_name))
     end = program.controller.now + _DIAL_S
@@ -35,7 +33,7 @@ def socket_open(
 
 
 @TABLE.add()
-def socket_close(program: ScriptProgram, socket_name: str = _NAME) -> None:
+def socket_close(program: ScriptProgram, socket_name: Any = _NAME) -> None:
     """End a connection."""
     program.links.hang_up(str(socket_name))
 
@@ -51,9 +49,9 @@ def _waited(
     end = program.controller.now + patience if patience > 0.0 else float("inf")
     while True:
         link = program.links.of(str(name))
-        found = None if link is None else read(link)
-        if found is not None:
-            return found
+        data = None if link is None else read(link)
+        if data is not None:
+            return data
         if link is None or link.lost or program.controller.now >= end:
             yield
             return None
@@ -69,112 +67,72 @@ def _count(value: Any) -> int:
 
 @TABLE.add()
 def socket_read_binary_integer(
-    program: ScriptProgram, number: Any, socket_name: str = _NAME, timeout: float = 2.0
+    program: ScriptProgram, number: Any, socket_name: Any = _NAME, timeout: Any = 2.0
 ) -> Steps:
     """How many, then so many 32 bit integers; 0 and not-a-number where they do not come."""
     count = _count(number)
     data = yield from _waited(program, socket_name, timeout, lambda link: link.read(4 * count))
     if data is None:
-        return [0] + [_NAN] * count
+        return [0] + [float("nan")] * count
     return [count, *struct.unpack(f">{count}i", data)]
 
 
 @TABLE.add()
 def socket_read_byte_list(
-    program: ScriptProgram, number: Any, socket_name: str = _NAME, timeout: float = 2.0
+    program: ScriptProgram, number: Any, socket_name: Any = _NAME, timeout: Any = 2.0
 ) -> Steps:
-    """How many, then so many bytes."""
+    """How many, then so many bytes; 0 and −1 where they do not come."""
     count = _count(number)
     data = yield from _waited(program, socket_name, timeout, lambda link: link.read(count))
     return [0] + [-1] * count if data is None else [count, *data]
 
 
 @TABLE.add()
-def socket_read_ascii_float(
-    program: ScriptProgram, number: Any, socket_name: str = _NAME, timeout: float = 2.0
-) -> Steps:
-    """How many, then so many numbers of a text ``(1.2, 3)`` that ends with a line."""
-    count = _count(number)
-    data = yield from _waited(program, socket_name, timeout, lambda link: link.until(b")"))
-    words: list[str] = [] if data is None else data.decode("latin-1").strip().lstrip("(").split(",")
-    try:
-        found = [float(word) for word in words]
-    except ValueError:
-        found = []
-    return [count, *found] if len(found) == count else [0] + [_NAN] * count
-
-
-@TABLE.add()
-def socket_read_line(
-    program: ScriptProgram, socket_name: str = _NAME, timeout: float = 2.0
-) -> Steps:
+def socket_read_line(program: ScriptProgram, socket_name: Any = _NAME, timeout: Any = 2.0) -> Steps:
     """A line without its end; empty where none comes."""
     data = yield from _waited(program, socket_name, timeout, lambda link: link.until(b"\n"))
     return "" if data is None else data.decode("latin-1").rstrip("\r")
 
 
 @TABLE.add()
-def socket_read_string(
-    program: ScriptProgram, socket_name: str = _NAME, prefix: str = "", suffix: str = "",
-    interpret_escape: bool = False, timeout: float = 2.0,
-) -> Steps:  # fmt: skip
-    """What has come, or what stands between a prefix and a suffix."""
-    end = str(suffix).encode("latin-1", "replace")
-    if interpret_escape:
-        end = end.replace(b"\\n", b"\n").replace(b"\\r", b"\r").replace(b"\\t", b"\t")
-    data = yield from _waited(
-        program, socket_name, timeout, lambda link: link.until(end) if end else link.all()
-    )
-    text = "" if data is None else data.decode("latin-1")
-    return text.partition(str(prefix))[2] if prefix and prefix in text else text
-
-
-@TABLE.add()
 def socket_get_var(
-    program: ScriptProgram, name: str, socket_name: str = _NAME, timeout: float = 2.0
+    program: ScriptProgram, name: Any, socket_name: Any = _NAME, timeout: Any = 2.0
 ) -> Steps:
     """Ask ``GET name``; the whole number of the answer ``name value``, 0 without one."""
-    link = program.links.of(str(socket_name))
-    if link is None or not link.send(f"GET {name}\n".encode()):
+    if not _send(program, socket_name, f"GET {shown(name)}\n".encode()):
         yield
         return 0
-    data = yield from _waited(program, socket_name, timeout, lambda link: link.until(b"\n"))
-    words: list[str] = [] if data is None else data.decode("latin-1").split()
-    try:
-        return int(words[1]) if len(words) == 2 and words[0] == name else 0
-    except ValueError:
-        return 0
+    words = str((yield from socket_read_line(program, socket_name, timeout))).split()
+    answered = len(words) == 2 and words[0] == name and words[1].lstrip("-").isdecimal()
+    return int(words[1][:16]) if answered else 0
 
 
 @TABLE.add()
-def socket_set_var(program: ScriptProgram, name: str, value: Any, socket_name: str = _NAME) -> bool:
+def socket_set_var(program: ScriptProgram, name: Any, value: Any, socket_name: Any = _NAME) -> bool:
     """Send ``SET name value``."""
     return _send(program, socket_name, f"SET {name} {int(number(value, 'a value'))}\n".encode())
 
 
 @TABLE.add()
-def socket_send_int(program: ScriptProgram, value: Any, socket_name: str = _NAME) -> bool:
+def socket_send_int(program: ScriptProgram, value: Any, socket_name: Any = _NAME) -> bool:
     """Send a 32 bit integer."""
-    whole = int(real(value, "a value"))
-    if not -(2**31) <= whole < 2**31:
-        raise ScriptFaultError(f"{whole} is no 32 bit integer")
-    return _send(program, socket_name, struct.pack(">i", whole))
+    return _send(program, socket_name, struct.pack(">i", int32(value)))
 
 
 @TABLE.add()
-def socket_send_byte(program: ScriptProgram, value: Any, socket_name: str = _NAME) -> bool:
+def socket_send_byte(program: ScriptProgram, value: Any, socket_name: Any = _NAME) -> bool:
     """Send a byte."""
     return _send(program, socket_name, bytes([int(real(value, "a value")) & 0xFF]))
 
 
 @TABLE.add()
-def socket_send_string(program: ScriptProgram, str: Any, socket_name: str = _NAME) -> bool:
+def socket_send_string(program: ScriptProgram, str: Any, socket_name: Any = _NAME) -> bool:
     """Send a text."""
     return _send(program, socket_name, shown(str).encode("latin-1", "replace"))
 
 
 @TABLE.add()
-def socket_send_line(program: ScriptProgram, str: Any, socket_name: str = _NAME) -> bool:
+def socket_send_line(program: ScriptProgram, str: Any, socket_name: Any = _NAME) -> bool:
     """Send a text and a line's end."""
     return _send(program, socket_name, shown(str).encode("latin-1", "replace") + b"\n")
 

@@ -1,11 +1,12 @@
 """Functions of URScript that read the robot, or set what changes without time."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from robot_emulators.ur.kinematics import vector as pose_of
-from robot_emulators.ur.messages import PROTECTIVE_STOP, Popup, Said
+from robot_emulators.ur.messages import PROTECTIVE_STOP, popup_shown, said
 from robot_emulators.ur.program import touching
 from robot_emulators.ur.script_math import made
 from robot_emulators.ur.script_program import ScriptProgram, number, vector
@@ -19,10 +20,67 @@ _NEAR = 0.5
 """How far a solution that is followed to may be from where it began [rad]."""
 
 
+def _speed(program: ScriptProgram, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
+    """Velocity (6,) of the TCP [m/s, rad/s] at joint values and speeds (6,)."""
+    arm = program.arm
+    return np.asarray(arm.kinematics.jacobian(q, arm.tcp) @ qd)
+
+
+_LISTS: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
+    "get_actual_joint_positions": lambda p: p.arm.plant.q,
+    "get_joint_positions": lambda p: p.arm.plant.q,
+    "get_target_joint_positions": lambda p: p.arm.q,
+    "get_actual_joint_speeds": lambda p: p.arm.plant.qd,
+    "get_target_joint_speeds": lambda p: p.arm.qd,
+    "get_joint_torques": lambda p: np.array(p.controller.values["target_moment"]),
+    "get_actual_tcp_speed": lambda p: _speed(p, p.arm.plant.q, p.arm.plant.qd),
+    "get_target_tcp_speed": lambda p: _speed(p, p.arm.q, p.arm.qd),
+    "get_tcp_force": lambda p: p.controller.estimate.wrench,
+    "get_target_payload_cog": lambda p: p.controller.estimate.payload.cog,
+    "get_target_payload_inertia": lambda p: p.controller.estimate.payload.inertia,
+}
+"""Function → the numbers that it returns, SI."""
+_POSES: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
+    "get_actual_tcp_pose": lambda p: p.arm.kinematics.pose(p.arm.plant.q, p.arm.tcp),
+    "get_target_tcp_pose": lambda p: p.arm.kinematics.pose(p.arm.q, p.arm.tcp),
+    "get_target_waypoint": lambda p: p.arm.kinematics.pose(p.arm.q, p.arm.tcp),
+    "get_actual_tool_flange_pose": lambda p: pose_of(*p.arm.kinematics.flange(p.arm.plant.q)),
+    "get_tcp_offset": lambda p: p.arm.tcp,
+}
+"""Function → the pose that it returns."""
+_NUMBERS: dict[str, Callable[[ScriptProgram], Any]] = {
+    "get_steptime": lambda p: p.controller.settings.cycle,
+    "get_target_payload": lambda p: float(p.controller.estimate.payload.mass),
+    "get_payload": lambda p: float(p.controller.estimate.payload.mass),
+    "force": lambda p: float(np.linalg.norm(p.controller.estimate.wrench[:3])),
+    "is_steady": lambda p: not p.arm.moving and float(np.abs(p.arm.plant.qd).max()) < 1e-3,
+    "get_freedrive_status": lambda p: 0,  # never off its limits: nobody pushes the arm
+    "zero_ftsensor": lambda p: p.controller.estimate.zero(),
+    "protective_stop": lambda p: p.controller.protective_stop(PROTECTIVE_STOP),
+}
+"""Function without arguments → what it returns or does."""
+
+
+def _as_list(read: Callable[[ScriptProgram], np.ndarray]) -> Callable[[ScriptProgram], list[float]]:
+    return lambda program: [float(v) for v in read(program)]
+
+
+def _as_pose(read: Callable[[ScriptProgram], np.ndarray]) -> Callable[[ScriptProgram], Pose]:
+    return lambda program: made(read(program))
+
+
+for _name, _read in _LISTS.items():
+    TABLE.add(_name)(_as_list(_read))
+for _name, _read in _POSES.items():
+    TABLE.add(_name)(_as_pose(_read))
+for _name, _act in _NUMBERS.items():
+    TABLE.add(_name)(_act)
+
+
 @TABLE.add()
 def textmsg(program: ScriptProgram, s1: Any, s2: Any = "") -> None:
     """A text message to clients of the primary interface."""
-    program.announce(Said((shown(s1) + shown(s2))[:_LONGEST_SAID]))
+    program.controller.announce(said((shown(s1) + shown(s2))[:_LONGEST_SAID]))
 
 
 @TABLE.add()
@@ -32,9 +90,8 @@ def popup(
 ) -> Steps:  # fmt: skip
     """Show a text; a blocking one waits until someone closes it."""
     blocks = truth(blocking)
-    program.announce(
-        Popup(shown(s)[:_LONGEST_SAID], shown(title), truth(warning), truth(error), blocks)
-    )
+    flags = (truth(warning), truth(error), blocks)
+    program.controller.announce(popup_shown(shown(s)[:_LONGEST_SAID], shown(title), flags))
     program.controller.popup = blocks
     while blocks and program.controller.popup:
         yield
@@ -54,12 +111,6 @@ def sleep(program: ScriptProgram, t: Any) -> Steps:
 
 
 @TABLE.add()
-def protective_stop(program: ScriptProgram) -> None:
-    """As the safety system does."""
-    program.controller.protective_stop(PROTECTIVE_STOP)
-
-
-@TABLE.add()
 def rtde_set_watchdog(
     program: ScriptProgram, variable_name: Any, min_frequency: Any, action: Any = "pause"
 ) -> None:
@@ -68,123 +119,10 @@ def rtde_set_watchdog(
 
 
 @TABLE.add()
-def get_steptime(program: ScriptProgram) -> float:
-    """Control cycle [s]."""
-    return program.controller.settings.cycle
-
-
-def _plain(values: np.ndarray) -> list[float]:
-    return [float(v) for v in values]
-
-
-@TABLE.add("get_actual_joint_positions", "get_joint_positions")
-def get_actual_joint_positions(program: ScriptProgram) -> list[float]:
-    """Joint values [rad]."""
-    return _plain(program.arm.plant.q)
-
-
-@TABLE.add()
-def get_target_joint_positions(program: ScriptProgram) -> list[float]:
-    """Target joint values [rad]."""
-    return _plain(program.arm.q)
-
-
-@TABLE.add("get_actual_joint_speeds", "get_joint_speeds")
-def get_actual_joint_speeds(program: ScriptProgram) -> list[float]:
-    """Joint speeds [rad/s]."""
-    return _plain(program.arm.plant.qd)
-
-
-@TABLE.add()
-def get_target_joint_speeds(program: ScriptProgram) -> list[float]:
-    """Target joint speeds [rad/s]."""
-    return _plain(program.arm.qd)
-
-
-@TABLE.add()
-def get_target_joint_accelerations(program: ScriptProgram) -> list[float]:
-    """Target joint accelerations [rad/s²]."""
-    return _plain(program.arm.qdd)
-
-
-@TABLE.add()
 def get_actual_joint_positions_history(program: ScriptProgram, steps: Any = 0) -> list[float]:
     """Joint values some control cycles ago, as far back as is known."""
-    back = int(number(steps, "steps"))
-    history = program.history
-    return _plain(history[min(max(back, 0), len(history) - 1)])
-
-
-@TABLE.add()
-def get_joint_torques(program: ScriptProgram) -> list[float]:
-    """Torques [N·m]."""
-    return [float(v) for v in program.controller.values["target_moment"]]
-
-
-def _pose_at(program: ScriptProgram, q: np.ndarray) -> Pose:
-    return made(program.arm.kinematics.pose(q, program.arm.tcp))
-
-
-@TABLE.add()
-def get_actual_tcp_pose(program: ScriptProgram) -> Pose:
-    """Pose of the TCP."""
-    return _pose_at(program, program.arm.plant.q)
-
-
-@TABLE.add()
-def get_target_tcp_pose(program: ScriptProgram) -> Pose:
-    """Target pose of the TCP."""
-    return _pose_at(program, program.arm.q)
-
-
-@TABLE.add()
-def get_actual_tool_flange_pose(program: ScriptProgram) -> Pose:
-    """Pose of the flange."""
-    return made(pose_of(*program.arm.kinematics.flange(program.arm.plant.q)))
-
-
-@TABLE.add()
-def get_actual_tcp_speed(program: ScriptProgram) -> list[float]:
-    """Velocity of the TCP [m/s, rad/s]."""
-    arm = program.arm
-    return _plain(arm.kinematics.jacobian(arm.plant.q, arm.tcp) @ arm.plant.qd)
-
-
-@TABLE.add()
-def get_target_tcp_speed(program: ScriptProgram) -> list[float]:
-    """Target velocity of the TCP [m/s, rad/s]."""
-    arm = program.arm
-    return _plain(arm.kinematics.jacobian(arm.q, arm.tcp) @ arm.qd)
-
-
-@TABLE.add()
-def get_target_waypoint(program: ScriptProgram) -> Pose:
-    """Target pose of the TCP: moves stop at each waypoint."""
-    return get_target_tcp_pose(program)
-
-
-@TABLE.add()
-def get_freedrive_status(program: ScriptProgram) -> int:
-    """Never off its limits: nobody pushes the arm."""
-    return 0
-
-
-@TABLE.add()
-def get_tcp_offset(program: ScriptProgram) -> Pose:
-    """The TCP in flange axes."""
-    return made(program.arm.tcp)
-
-
-@TABLE.add()
-def get_tcp_force(program: ScriptProgram) -> list[float]:
-    """Wrench at the tool, base axes [N, N·m]."""
-    return _plain(program.controller.estimate.wrench)
-
-
-@TABLE.add()
-def force(program: ScriptProgram) -> float:
-    """Size of the force at the tool [N]."""
-    return float(np.linalg.norm(program.controller.estimate.wrench[:3]))
+    back, history = int(number(steps, "steps")), program.history
+    return [float(v) for v in history[min(max(back, 0), len(history) - 1)]]
 
 
 def _tcp(program: ScriptProgram, tcp: Any) -> np.ndarray:
@@ -207,12 +145,12 @@ def solve(program: ScriptProgram, pose: Any, near: Any = None, tcp: Any = _ACTIV
     goal, kinematics = vector(pose, 6, "a pose"), program.arm.kinematics
     start = program.arm.q if near is None else vector(near, 6, "joint values")
     active = _tcp(program, tcp)
-    found = kinematics.follow(goal, active, start)
-    if found is None or np.abs(found - start).max() > _NEAR or not kinematics.within(found):
-        found = kinematics.inverse(goal, active, start)
-    if found is None or not kinematics.within(found):
+    q = kinematics.follow(goal, active, start)
+    if q is None or np.abs(q - start).max() > _NEAR or not kinematics.within(q):
+        q = kinematics.inverse(goal, active, start)
+    if q is None or not kinematics.within(q):
         raise ScriptFaultError("get_inverse_kin: no solution for this pose")
-    return found
+    return q
 
 
 @TABLE.add()
@@ -221,7 +159,7 @@ def get_inverse_kin(
     maxOrientationError: Any = 1e-10, tcp: Any = _ACTIVE,
 ) -> list[float]:  # fmt: skip
     """Joint values for a pose."""
-    return _plain(solve(program, x, qnear, tcp))
+    return [float(v) for v in solve(program, x, qnear, tcp)]
 
 
 @TABLE.add()
@@ -247,17 +185,11 @@ def is_within_safety_limits(program: ScriptProgram, pose: Any) -> bool:
 
 
 @TABLE.add()
-def is_steady(program: ScriptProgram) -> bool:
-    """Whether the arm is at rest."""
-    return not program.arm.moving and float(np.abs(program.arm.plant.qd).max()) < 1e-3
-
-
-@TABLE.add()
 def tool_contact(program: ScriptProgram, direction: Any = None) -> int:
     """Control cycles since something began to push against a direction; 0 where nothing does."""
     way = None if direction is None else vector(direction, 6, "a direction")
     if way is None or not way.any():
-        way = np.array(get_actual_tcp_speed(program))
+        way = _speed(program, program.arm.plant.q, program.arm.plant.qd)
     return touching(program.controller.estimate.wrench, way)
 
 
@@ -282,18 +214,6 @@ def set_payload(program: ScriptProgram, m: Any, cog: Any = None) -> None:
 
 
 @TABLE.add()
-def set_payload_mass(program: ScriptProgram, m: Any) -> None:
-    """Mass [kg]."""
-    set_payload(program, m)
-
-
-@TABLE.add()
-def set_payload_cog(program: ScriptProgram, cog: Any) -> None:
-    """Centre of gravity [m]."""
-    set_payload(program, program.controller.estimate.payload.mass, cog)
-
-
-@TABLE.add()
 def set_target_payload(
     program: ScriptProgram, m: Any, cog: Any, inertia: Any = None, transition_time: Any = 0.0
 ) -> None:
@@ -304,39 +224,17 @@ def set_target_payload(
     program.controller.estimate.carry(number(m, "a mass"), place, turning)
 
 
-@TABLE.add("get_target_payload", "get_payload")
-def get_target_payload(program: ScriptProgram) -> float:
-    """Mass [kg]."""
-    return float(program.controller.estimate.payload.mass)
-
-
-@TABLE.add("get_target_payload_cog", "get_payload_cog")
-def get_target_payload_cog(program: ScriptProgram) -> list[float]:
-    """Centre of gravity [m]."""
-    return _plain(program.controller.estimate.payload.cog)
-
-
-@TABLE.add()
-def get_target_payload_inertia(program: ScriptProgram) -> list[float]:
-    """Inertia [kg·m²]."""
-    return _plain(program.controller.estimate.payload.inertia)
-
-
-@TABLE.add()
-def zero_ftsensor(program: ScriptProgram) -> None:
-    """Make the present wrench read as zero."""
-    program.controller.estimate.zero()
-
-
 @TABLE.add("ft_rtde_input_enable", "enable_external_ft_sensor")
 def ft_rtde_input_enable(
     program: ScriptProgram, enable: Any, sensor_mass: Any = 0.0,
     sensor_measuring_offset: Any = None, sensor_cog: Any = None,
 ) -> None:  # fmt: skip
     """Take the wrench from the input external_force_torque instead of the robot's own sensor."""
-    zero = [0.0, 0.0, 0.0]
-    offset = vector(zero if sensor_measuring_offset is None else sensor_measuring_offset, 3, "it")
-    place = vector(zero if sensor_cog is None else sensor_cog, 3, "a centre of gravity")
+    offset, place = (
+        np.zeros(3) if value is None else vector(value, 3, what)
+        for value, what in ((sensor_measuring_offset, "an offset"),
+                            (sensor_cog, "a centre of gravity"))
+    )  # fmt: skip
     mass = number(sensor_mass, "a mass")
     program.controller.external.enable(truth(enable), mass, offset, place)
 
