@@ -10,9 +10,8 @@ from contextlib import suppress
 import pytest
 
 from emulator_process import running
-from robot_emulators.base.emulator import Emulator, Options
+from robot_emulators.base.emulator import Emulator
 from robot_emulators.errors import EmulatorError, SettingError
-from robot_emulators.plant import PlantMaker
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError
 from wrenchbed.plant.serving import EmulatorOptions, emulated
@@ -129,48 +128,3 @@ def test_a_process_says_ready_serves_and_ends_when_it_is_asked_to(name):
         emulator.process.send_signal(signal.SIGTERM)
         assert emulator.process.wait(10) == 0
     assert not answers(emulator.addresses)
-
-
-class Broken(Emulator):
-    """An emulator that does nothing but raise."""
-
-    name = title = "broken"
-    settings = {}  # noqa: RUF012
-
-    def __init__(self, options: Options, make_plant: PlantMaker) -> None:
-        raise NotImplementedError
-
-    def serve(self) -> dict[str, str]:
-        raise NotImplementedError
-
-    def stop(self) -> None:
-        raise NotImplementedError
-
-
-class Silent(Broken):
-    """One that can be made and starts, but serves nothing."""
-
-    def __init__(self, options: Options, make_plant: PlantMaker) -> None:
-        Emulator.__init__(self, options, make_plant)
-
-    def serve(self) -> dict[str, str]:
-        return {}
-
-    def stop(self) -> None:
-        pass
-
-
-@pytest.mark.parametrize("clause", CONTRACT, ids=lambda clause: clause.__name__)
-def test_an_emulator_that_only_raises_breaks_every_clause(clause):
-    with pytest.raises(BaseException) as broken:
-        clause(Broken, HOST.format(41))
-    assert not isinstance(broken.value, KeyboardInterrupt | SystemExit)
-
-
-@pytest.mark.parametrize(
-    "clause", [c for c in CONTRACT if c is not refuses_other_addresses], ids=lambda c: c.__name__
-)
-def test_an_emulator_that_serves_nothing_breaks_what_it_does_not_do(clause):
-    with pytest.raises(BaseException) as broken:
-        clause(Silent, HOST.format(42))
-    assert not isinstance(broken.value, KeyboardInterrupt | SystemExit)

@@ -10,9 +10,7 @@ from robot_emulators.ur.kinematics import (
     NO_TOOL,
     Kinematics,
     matrix,
-    pose_trans,
     rotation_vector,
-    vector,
 )
 from robot_emulators.ur.modes import Runtime, SafetyMode
 from robot_emulators.ur.motions import Pace, Profile, ToPose
@@ -77,12 +75,6 @@ def test_rotation_vectors_there_and_back(angle):
         assert matrix(np.concatenate([np.zeros(3), found]))[0] == pytest.approx(rotation, abs=1e-7)
 
 
-def test_pose_trans_is_a_product_of_transforms():
-    first, second = np.array([1, 2, 3, 0, 0, np.pi / 2]), np.array([0.1, 0, 0, 0, 0, 0.5])
-    assert pose_trans(first, second) == pytest.approx([1, 2.1, 3, 0, 0, np.pi / 2 + 0.5])
-    assert vector(*matrix(DOWN)) == pytest.approx(DOWN)
-
-
 @pytest.mark.parametrize("length", [1.0, 0.01, 0.0])
 def test_a_profile_keeps_speed_and_acceleration(length):
     speed, rate = 0.5, 1.0
@@ -107,18 +99,6 @@ def test_a_joint_move_arrives_within_its_limits():
     assert np.abs(np.diff(speed, axis=0)).max() <= 1.5 * CYCLE + 1e-9
 
 
-def test_a_straight_move_is_straight():
-    bench = Bench().script()
-    start = bench.arm.kinematics.pose(bench.arm.q, NO_TOOL)
-    goal = start + np.array([0.1, -0.05, 0.08, 0.0, 0.0, 0.0])
-    bench.command(3, *goal, 0.25, 1.0)
-    way = np.array([bench.arm.kinematics.pose(q, NO_TOOL)[:3] for q in bench.run(1.2)])
-    along = (goal - start)[:3] / np.linalg.norm((goal - start)[:3])
-    off = (way - start[:3]) - np.outer((way - start[:3]) @ along, along)
-    assert np.abs(off).max() < 1e-6
-    assert way[-1] == pytest.approx(goal[:3], abs=1e-6)
-
-
 def test_servoj_lags_by_its_lookahead_time():
     bench = Bench().script()
     start, speed, lookahead = bench.arm.q.copy(), 0.2, 0.1
@@ -141,35 +121,6 @@ def test_servoj_beyond_the_speed_limit_is_a_protective_stop():
     assert bench.controller.modes.safety is SafetyMode.PROTECTIVE_STOP
     assert bench.controller.modes.runtime is Runtime.PAUSED
     assert bench.arm.q == pytest.approx(start, abs=1e-9)
-
-
-def test_speedj_goes_on_until_it_is_stopped():
-    bench = Bench().script()
-    bench.write(d0=0.1, d6=0.5, d7=0.1, i0=9)
-    way = bench.run(2.0)
-    assert (way[-1] - way[-2])[0] / CYCLE == pytest.approx(0.1)
-    bench.command(15, 2.0)
-    bench.run(0.5)
-    assert not bench.arm.moving
-
-
-def test_speedl_follows_the_tool():
-    bench = Bench().script()
-    bench.write(d0=0.0, d1=0.0, d2=0.05, d6=0.5, i0=10)
-    bench.run(0.5)
-    twist = bench.arm.kinematics.jacobian(bench.arm.q, NO_TOOL) @ bench.arm.qd
-    assert twist == pytest.approx([0, 0, 0.05, 0, 0, 0], abs=1e-3)
-
-
-def test_a_move_while_another_thread_drives_the_arm_ends_the_program():
-    bench = Bench().script()
-    bench.write(d0=0.1, d6=0.5, d7=0.1, i0=9)
-    bench.run(0.1)
-    bench.command(1, *bench.arm.q, 1.0, 1.0)
-    bench.run(2 * CYCLE)
-    assert bench.controller.modes.runtime is Runtime.STOPPED
-    bench.run(0.5)
-    assert not bench.arm.moving
 
 
 def test_an_asynchronous_move_reports_its_progress_and_can_be_stopped():
@@ -206,42 +157,12 @@ def test_a_paused_move_goes_on_to_its_goal():
     assert bench.body.q == pytest.approx(goal, abs=1e-4)
 
 
-def test_a_protective_stop_brakes_and_unlocks_after_five_seconds():
-    bench = Bench().script()
-    bench.command(1, *(bench.arm.q + 0.5), 1.0, 3.0)
-    bench.run(0.3)
-    bench.controller.protective_stop()
-    bench.run(0.2)
-    assert not bench.arm.moving
-    assert not bench.controller.unlock() and not bench.controller.play()
-    bench.run(5.0)
-    assert bench.controller.unlock() and bench.controller.play()
-
-
-def test_an_emergency_stop_takes_the_power():
-    bench = Bench().script()
-    bench.controller.emergency_stop(bench.now + 0.5)
-    bench.run(0.2)
-    assert bench.controller.modes.safety is SafetyMode.ROBOT_EMERGENCY_STOP
-    assert bench.controller.modes.safety_bits & 1 << 7
-    bench.run(0.5)
-    assert bench.controller.modes.safety is SafetyMode.NORMAL
-    assert bench.controller.modes.robot.name == "POWER_OFF"
-
-
 def test_joint_limits_stop_the_robot():
     bench = Bench().script()
     bench.write(**{f"d{k}": 0.0 for k in range(5)}, d5=3.0, d6=5.0, i0=9)
     bench.run(4.0)
     assert bench.controller.modes.safety is SafetyMode.PROTECTIVE_STOP
     assert np.abs(bench.arm.q).max() <= 6.2832
-
-
-def test_a_pose_out_of_reach_is_a_protective_stop():
-    bench = Bench().script()
-    bench.command(3, 2.0, 0, 0, 0, 0, 0, 0.25, 1.0)
-    bench.run(2 * CYCLE)
-    assert bench.controller.modes.safety is SafetyMode.PROTECTIVE_STOP
 
 
 def test_a_way_through_the_column_is_unreachable():

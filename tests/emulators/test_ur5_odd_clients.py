@@ -125,15 +125,6 @@ def test_an_interpreted_script_with_impossible_values_ends_with_its_reason(bench
     answers_and_packs(bench)
 
 
-def test_the_same_script_with_a_possible_number_plays(bench):
-    bench.controller.reboot()
-    bench.controller.upload(["write_output_integer_register(0 +0, -2147483648)\n"])
-    assert bench.controller.modes.runtime is Runtime.PLAYING
-    bench.run(CYCLE)
-    answers_and_packs(bench)
-    assert bench.said(0) == -(2**31)
-
-
 @pytest.mark.parametrize("number", [1000, 48, -5])
 def test_registers_that_do_not_exist_end_the_program(bench, number):
     bench.controller.reboot()

@@ -360,11 +360,6 @@ def test_only_files_of_the_folder_can_be_loaded(tmp_path):
         assert programs.load(tmp_path / "inside", name) is None
 
 
-def test_nothing_plays_that_is_not_there(bench):
-    assert not bench.controller.load("nonsense.urp")
-    assert not bench.controller.play() and not bench.plays
-
-
 def test_a_wrench_can_be_sent_instead_of_the_arms_own():
     """Weights and arms by hand: 2 kg before the measuring point, 0.1 m out on the flange's z."""
     bench = Played("e")
