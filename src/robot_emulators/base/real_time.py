@@ -1,7 +1,6 @@
-"""Real time for an emulator's cycle: deadlines on an absolute grid, real-time scheduling."""
+"""Real time for an emulator's cycle: deadlines on an absolute grid, and threads that give way."""
 
 import gc
-import os
 import sys
 import threading
 import time
@@ -119,12 +118,3 @@ def objects_kept() -> Iterator[None]:
         yield
     finally:
         gc.unfreeze()
-
-
-def take_priority(priority: int = 50) -> bool:
-    """Give the calling thread the real-time policy SCHED_FIFO; whether the system allowed it."""
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
-    except (OSError, AttributeError):
-        return False
-    return True

@@ -48,6 +48,11 @@ class Controller:
         freedrive: the arm may be pushed by hand.
     """
 
+    settings: ControllerSettings
+    arm: ControlledArm
+    estimate: WrenchEstimate
+    inputs: Inputs
+
     def __init__(
         self,
         settings: ControllerSettings,

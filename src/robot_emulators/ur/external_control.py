@@ -6,10 +6,14 @@ The text has no length; it ends with a marker, with the connection, or with sile
 
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future
+from typing import TYPE_CHECKING
 
-from robot_emulators.ur.program import Host, Program, ProgramError
+from robot_emulators.ur.program import Program, ProgramError
 from robot_emulators.ur.script_links import Links
 from robot_emulators.ur.urscript.machine import LONGEST, Code
+
+if TYPE_CHECKING:
+    from robot_emulators.ur.controller import Controller
 
 REQUEST = b"request_program\n"
 _END = b"# NODE_CONTROL_LOOP_ENDS"
@@ -34,7 +38,7 @@ class ExternalControl:
 
     def __init__(
         self,
-        controller: Host,
+        controller: "Controller",
         address: tuple[str, int],
         compiled: Callable[[str], Future[Code]],
         play: Callable[[Code], Program],

@@ -1,16 +1,8 @@
-"""What a program is to the controller that plays it, and the controller to a program."""
+"""What a program is to the controller that plays it."""
 
-from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
-
-from robot_emulators.ur.arm import ControlledArm
-from robot_emulators.ur.inputs import Inputs, Terminals
-from robot_emulators.ur.messages import PROTECTIVE_STOP, Event
-from robot_emulators.ur.packets import Values
-from robot_emulators.ur.settings import ControllerSettings
-from robot_emulators.ur.tool_wrench import ExternalWrench, WrenchEstimate
 
 CONTACT_FORCE = 10.0
 """Force against the direction of motion from which the tool touches something [N]."""
@@ -41,32 +33,6 @@ class ProgramError(Exception):
     def __init__(self, text: str, line: int = 0, column: int = 0) -> None:
         super().__init__(text)
         self.line, self.column = line, column
-
-
-class Host(Protocol):
-    """What a program reads and does on the controller that plays it."""
-
-    settings: ControllerSettings
-    arm: ControlledArm
-    estimate: WrenchEstimate
-    inputs: Inputs
-    fields: dict[str, str]
-    values: dict[str, Values]
-    terminals: Terminals
-    external: ExternalWrench
-    announce: Callable[[Event], None]
-    address: str
-    now: float
-    popup: bool
-    freedrive: bool
-
-    def protective_stop(self, error: Event = PROTECTIVE_STOP) -> None:
-        """Brake at once."""
-        ...
-
-    def pause(self) -> bool:
-        """Brake and hold the program."""
-        ...
 
 
 class Program(Protocol):

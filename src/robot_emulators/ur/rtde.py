@@ -15,20 +15,6 @@ from robot_emulators.ur.packets import Recipe, Values
 _MOST_RECIPES = 255
 
 
-@dataclass
-class Denials:
-    """What the server refuses for a while, by `time.monotonic` at which that ends [s]."""
-
-    start: float = 0.0
-    inputs: float = 0.0
-    outputs: dict[str, float] = field(default_factory=dict)
-
-    def clear(self) -> None:
-        """Refuse nothing."""
-        self.start = self.inputs = 0.0
-        self.outputs.clear()
-
-
 @dataclass(frozen=True)
 class Offer:
     """What a session may hand out.
@@ -38,14 +24,15 @@ class Offer:
         rate: of its control cycle [Hz].
         outputs: name → type of what it sends.
         inputs: what it takes.
-        denials: what it refuses at present.
+        denials: until when it refuses ``start``, ``inputs``, or an output by its name, on
+            `time.monotonic` [s].
     """
 
     version: tuple[int, int, int, int]
     rate: float
     outputs: Mapping[str, str]
     inputs: Inputs
-    denials: Denials = field(default_factory=Denials)
+    denials: dict[str, float] = field(default_factory=dict)
 
 
 class RtdeSession:
@@ -143,7 +130,7 @@ class RtdeSession:
         self._answer(wire.OUTPUTS, head + ",".join(types).encode())
 
     def _output_type(self, name: str) -> str:
-        if self._offer.denials.outputs.get(name, 0.0) > self._now:
+        if self._offer.denials.get(name, 0.0) > self._now:
             return NOT_FOUND
         return self._offer.outputs.get(name, NOT_FOUND)
 
@@ -152,7 +139,7 @@ class RtdeSession:
         if asked is None or len(self.inputs) >= _MOST_RECIPES:
             self._answer(wire.INPUTS, bytes([0]) + NOT_FOUND.encode())
             return
-        if self._offer.denials.inputs > self._now:
+        if self._offer.denials.get("inputs", 0.0) > self._now:
             types = [IN_USE] * len(asked)
         else:
             types = self._offer.inputs.claim(id(self), asked)
@@ -163,7 +150,7 @@ class RtdeSession:
         self._answer(wire.INPUTS, bytes([number]) + ",".join(types).encode())
 
     def _start(self, payload: bytes) -> None:
-        accepted = self._offer.denials.start <= self._now
+        accepted = self._offer.denials.get("start", 0.0) <= self._now
         self.started = self.started or accepted
         self._answer(wire.START, bytes([accepted]))
 

@@ -2,17 +2,20 @@
 
 from collections import deque
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.motions import ArmMotion
-from robot_emulators.ur.program import Host, ProgramError
+from robot_emulators.ur.program import ProgramError
 from robot_emulators.ur.script_links import Links
 from robot_emulators.ur.urscript.functions import Builtin
 from robot_emulators.ur.urscript.machine import Code, Machine, compiled
 from robot_emulators.ur.urscript.values import ProgramEndsError, ScriptFaultError, real, reals
+
+if TYPE_CHECKING:
+    from robot_emulators.ur.controller import Controller
 
 _HISTORY = 512
 """Control cycles whose joint values a program can ask for."""
@@ -37,7 +40,7 @@ class ScriptProgram:
         links: its TCP connections.
     """
 
-    def __init__(self, controller: Host, code: Code) -> None:
+    def __init__(self, controller: "Controller", code: Code) -> None:
         self.controller, self.arm = controller, controller.arm
         self._machine = Machine(code, self)
         self.name, self.secondary = code.name, code.secondary

@@ -4,7 +4,7 @@ import struct
 import time
 import traceback
 from collections.abc import Callable, Mapping
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from robot_emulators.base.arguments import Argument, described, read
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.event_loop import LoopThread
 from robot_emulators.base.faults import Faults, Handler, TimedFault
-from robot_emulators.base.real_time import CycleClock, take_priority
+from robot_emulators.base.real_time import CycleClock
 from robot_emulators.errors import EmulatorError
 from robot_emulators.netft_box import Box, BoxSettings
 from robot_emulators.plant import PlantMaker, PlantRequest
@@ -45,24 +45,7 @@ _ARGUMENTS: dict[tuple[str, str], dict[str, Argument]] = {
 """Arguments of a kind of fault, besides its time."""
 
 
-class Target(Protocol):
-    """What the faults act on."""
-
-    controller: Controller
-    rtde: Rtde
-    ports: dict[str, Port]
-    timestamp: Timestamp
-
-    def soon(self, task: Callable[[], None]) -> None:
-        """Run a task in the loop's thread."""
-        ...
-
-    def restart(self, seconds: float) -> None:
-        """Cut the power of the control box for a time [s]."""
-        ...
-
-
-def register(emulator: Target, faults: Faults) -> None:
+def register(emulator: "UREmulator", faults: Faults) -> None:
     """Register every fault of the emulator; each runs in the loop's thread."""
     outputs = emulator.controller.fields
     field = Argument(lambda v: isinstance(v, str) and v in outputs, "an output's name")
@@ -84,7 +67,7 @@ def register(emulator: Target, faults: Faults) -> None:
             faults.on(link, kind, _in_loop(emulator, handler), known.get((link, kind)))
 
 
-def _in_loop(emulator: Target, handler: Handler) -> Handler:
+def _in_loop(emulator: "UREmulator", handler: Handler) -> Handler:
     return lambda fault: emulator.soon(lambda: handler(fault))
 
 
@@ -99,16 +82,16 @@ def _port(port: Port) -> dict[str, Handler]:
     }
 
 
-def _rtde(emulator: Target) -> dict[str, Handler]:
+def _rtde(emulator: "UREmulator") -> dict[str, Handler]:
     rtde, denials = emulator.rtde, emulator.rtde.offer.denials
     controller, timestamp = emulator.controller, emulator.timestamp
     return {
         "freeze": lambda f: rtde.freeze(_end(f), controller.values),
         "drop": lambda f: setattr(rtde, "silent_until", _end(f)),
         "burst": lambda f: setattr(rtde, "held_until", _end(f)),
-        "refuse_start": lambda f: setattr(denials, "start", _end(f)),
-        "in_use": lambda f: setattr(denials, "inputs", _end(f)),
-        "not_found": lambda f: denials.outputs.update({f.values["field"]: _end(f)}),
+        "refuse_start": lambda f: denials.update(start=_end(f)),
+        "in_use": lambda f: denials.update(inputs=_end(f)),
+        "not_found": lambda f: denials.update({f.values["field"]: _end(f)}),
         "malformed": lambda f: rtde.inject(_BROKEN[f.values["how"]]),
         "text": lambda f: rtde.say(f.values["message"], packets.WARNING),
         "timestamp_jump": lambda f: timestamp.jump(float(f.values["by"])),
@@ -116,7 +99,7 @@ def _rtde(emulator: Target) -> dict[str, Handler]:
     }
 
 
-def _robot(emulator: Target) -> dict[str, Handler]:
+def _robot(emulator: "UREmulator") -> dict[str, Handler]:
     controller = emulator.controller
     return {
         "protective_stop": lambda f: controller.protective_stop(),
@@ -246,8 +229,6 @@ class UREmulator(Emulator):
         self.timestamp.restart(until)
 
     def _begin(self) -> None:
-        if self._settings.realtime:
-            take_priority()
         self._clock = CycleClock(self._settings.cycle)
         self._wait()
 

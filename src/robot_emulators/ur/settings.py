@@ -72,9 +72,6 @@ class ControllerSettings(Settings):
     power: bool = setting(
         True, flag(), "on or off: whether the arm is on with its brakes free at first; default on"
     )
-    realtime: bool = setting(
-        False, flag(), "on or off: ask the system for real-time scheduling; default off"
-    )
     box: bool = setting(
         True, flag(), "on or off: a Net F/T box that serves the arm's sensor; default on. Without "
         "it ft_raw_wrench reports that sensor, with it the wrench that the arm measures",
