@@ -23,8 +23,7 @@ from wrenchbed.pages.chart import (
     thinned,
 )
 from wrenchbed.pages.draw import svg
-from wrenchbed.reports import diagnosis_page
-from wrenchbed.reports.diagnosis_page import _of_causes
+from wrenchbed.reports.diagnosis_page import _of_causes, diagnosis_page
 from wrenchbed.reports.residual_charts import everywhere
 from wrenchbed.reports.simulators import Evidence
 

@@ -15,7 +15,7 @@ from wrenchbed.calibration.fit_words import fit_words
 from wrenchbed.cli import main
 from wrenchbed.cli.calibrate import fit_table
 from wrenchbed.pages.numbers import HUMAN
-from wrenchbed.reports import fit_page
+from wrenchbed.reports.fit_page import fit_page
 
 
 @pytest.fixture(scope="module")

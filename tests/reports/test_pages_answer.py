@@ -20,7 +20,9 @@ from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import bars, components, histograms, lines
 from wrenchbed.pages.provenance import provenance
-from wrenchbed.reports import diagnosis_page, fit_page, recording_page
+from wrenchbed.reports.diagnosis_page import diagnosis_page
+from wrenchbed.reports.fit_page import fit_page
+from wrenchbed.reports.recording_page import recording_page
 
 pytestmark = unless(BINARY is not None, "chromium is not installed")
 

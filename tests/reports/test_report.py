@@ -24,7 +24,8 @@ from wrenchbed.diagnosis.gap.closure import Interval
 from wrenchbed.errors import MissingExtraError
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.pages import numbers
-from wrenchbed.reports import diagnosis_page, sentences
+from wrenchbed.reports import sentences
+from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.simulators import along
 
 MOST_BYTES = 2_000_000

@@ -12,8 +12,8 @@ import pytest
 import wrenchbed as wb
 from wrenchbed.cli import main
 from wrenchbed.errors import ParameterError
-from wrenchbed.reports import recording_page
 from wrenchbed.reports.agreement import agreement
+from wrenchbed.reports.recording_page import recording_page
 from wrenchbed.twin.comparison import noise_of, simulators
 
 

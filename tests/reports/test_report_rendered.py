@@ -10,7 +10,7 @@ from chromium import BINARY, tab
 from pictures import unless
 from wrenchbed.pages.document import Document as Study
 from wrenchbed.pages.document import Figure, Section, Table
-from wrenchbed.reports import diagnosis_page
+from wrenchbed.reports.diagnosis_page import diagnosis_page
 
 pytestmark = unless(BINARY is not None, "chromium is not installed")
 

@@ -9,19 +9,19 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future
 from typing import Any
 
 from rich.console import Console
 
-from wrenchbed.cli.diagnose import diagnosis as on_terminal
+from wrenchbed.cli.diagnose import answer_display
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
 from wrenchbed.diagnosis.gap.closure import Interval
 from wrenchbed.errors import CalibrationError, DiagnosisError, RecordingError
 from wrenchbed.pages import Drawn, numbers
-from wrenchbed.pages.chart import Chart
-from wrenchbed.reports import diagnosis_page, sentences, tables
+from wrenchbed.reports import sentences, tables
+from wrenchbed.reports.answer import of_wrench
 from wrenchbed.reports.claim import title
+from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.viewer.diagnoses import answers, blame
 
 REFUSALS = (CalibrationError, DiagnosisError, RecordingError)
@@ -86,22 +86,13 @@ def _names(entry: Told) -> tuple[str, ...]:
 def terminal(found: Findings) -> str:
     """What the terminal prints."""
     console = Console(width=80, file=io.StringIO(), color_system=None)
-    console.print(on_terminal(found))
+    console.print(answer_display(of_wrench(found)))
     return flat(console.file.getvalue())
-
-
-class _NoFigures:
-    """Draws nothing: a page's words do not depend on its figures."""
-
-    def draw(self, chart: Chart) -> "Future[Drawn]":
-        drawn: Future[Drawn] = Future()
-        drawn.set_result(Drawn(chart, "<svg></svg>"))
-        return drawn
 
 
 def page(found: Findings) -> str:
     """The words of the HTML page."""
-    text = diagnosis_page(found, artist=_NoFigures()).html()
+    text = diagnosis_page(found, artist=lambda chart: lambda: Drawn(chart, "<svg></svg>")).html()
     text = re.sub(r"<(style|script|svg)\b.*?</\1>", " ", text, flags=re.DOTALL)
     return flat(html.unescape(re.sub(r"<[^>]*>", " ", text)))
 

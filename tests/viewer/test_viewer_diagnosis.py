@@ -12,12 +12,11 @@ from on_screen import screen
 from pictures import unless
 from rrd_file import Rrd
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.errors import ParameterError
 from wrenchbed.pages import numbers
 from wrenchbed.reports.claim import joints
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer import calibration_view, diagnoses, diagnosis_view
-from wrenchbed.viewer.diagnoses import blame, painted, part_of
+from wrenchbed.viewer import diagnoses
+from wrenchbed.viewer.diagnoses import blame, diagnosis_view, painted, part_of
 from wrenchbed.viewer.elements import heat
 from wrenchbed.viewer.show import free_port
 
@@ -196,31 +195,3 @@ def test_the_answers_are_read_on_the_screen(found):
         assert tab in text
     assert "residual / noise, with the effects" in text and "gap of channel" in text
     assert d.gap.configured is not None and numbers.gap(d.gap.configured) in text
-
-
-def test_a_calibration_colours_the_workspace(tmp_path):
-    robot = wb.load("robots", "medrue")
-    options = wb.SimOptions("medrue", parameters={"L11": 0.408}, seed=4)
-    with wb.SimDriver(options) as driver:
-        wb.record(driver, wb.poses(robot, 60, seed=4), tmp_path / "rec.parquet", samples=20)
-    recording = wb.Recording.read(tmp_path / "rec.parquet")
-    fit = wb.calibrate(recording, wb.Options(prior=True))
-    calibration_view(fit, tmp_path / "fit.rrd")
-    rrd = Rrd(tmp_path / "fit.rrd")
-    places = rrd.values("/world/error", "Points3D:positions", "calibration")
-    assert places.shape[:2] == (2, len(robot.target()))
-    shares = [np.asarray(v[0]["buffer"] if isinstance(v[0], dict) else v[0], dtype=float)
-              for v in rrd.values("/error/share", "BarChart:values", "calibration")]  # fmt: skip
-    middle = [float(s @ np.arange(len(s)) / s.sum()) for s in shares]
-    assert middle[1] < 0.5 * middle[0]  # errors shrink
-    text = rrd.values("/report", "TextDocument:text")[0, 0]
-    assert f"{1e3 * fit.target_rms:.3g} mm" in text
-
-
-def test_a_calibration_that_bounds_nothing_says_so(tmp_path):
-    robot = wb.load("robots", "medrue")
-    with wb.SimDriver(wb.SimOptions("medrue", seed=4)) as driver:
-        wb.record(driver, wb.poses(robot, 30, seed=4), tmp_path / "rec.parquet", samples=10)
-    fit = wb.calibrate(wb.Recording.read(tmp_path / "rec.parquet"))
-    with pytest.raises(ParameterError, match="--prior"):
-        calibration_view(fit, tmp_path / "fit.rrd")

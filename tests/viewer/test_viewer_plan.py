@@ -12,8 +12,7 @@ from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.motion_limits import Limits
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer import plan_view
-from wrenchbed.viewer.plans import STAY_S, along
+from wrenchbed.viewer.plans import STAY_S, along, plan_view
 from wrenchbed.viewer.robot import motion
 
 UR5 = wb.load("robots", "ur5")

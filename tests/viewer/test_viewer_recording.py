@@ -1,6 +1,8 @@
 """A recording's picture, read back from its file: is everything there, and where it belongs?"""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import mujoco
@@ -13,11 +15,12 @@ from hypothesis import strategies as st
 import wrenchbed as wb
 from picture_checks import misplaced, stale_residual, wrong_arrow, wrong_curve
 from rrd_file import Rrd
-from wrenchbed.errors import MissingExtraError, NotFoundError, ParameterError
+from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer import recording_view, recordings
+from wrenchbed.viewer import recordings
 from wrenchbed.viewer import robot as motions
 from wrenchbed.viewer.elements import heat, scale_for
+from wrenchbed.viewer.recordings import recording_view
 from wrenchbed.viewer.robot import FRAMES_HZ, bodies, frames, geoms_of, motion, shapes
 from wrenchbed.viewer.stream import readable
 
@@ -85,13 +88,25 @@ MUTATIONS = {
     ),
     "the residual of another simulator": (
         recordings,
-        "log_residuals",
-        lambda old: lambda c, at, r: old(c, at, np.roll(r, 10, axis=0)),
+        "log_channels",
+        lambda old: (
+            lambda c, root, at, w, *more: old(
+                c,
+                root,
+                at,
+                {k: np.roll(v, 10, axis=0) if k == "residual" else v for k, v in w.items()},
+                *more,
+            )
+        ),
     ),
     "channels in another order": (
         recordings,
-        "log_wrenches",
-        lambda old: lambda c, at, w, s: old(c, at, w[:, [1, 0, 2, 3, 4, 5]], s),
+        "log_channels",
+        lambda old: (
+            lambda c, root, at, w, *more: old(
+                c, root, at, {k: v[:, [1, 0, 2, 3, 4, 5]] for k, v in w.items()}, *more
+            )
+        ),
     ),
 }
 
@@ -274,13 +289,14 @@ def test_what_is_no_simulator_is_refused(recorded):
         recording_view(recording, folder / "x.rrd", [folder / "fit.json"] * 4)
 
 
-def test_without_rerun_the_extra_is_named(recorded, monkeypatch):
-    import sys
-
-    _, recording, _, folder = recorded
-    monkeypatch.setitem(sys.modules, "rerun", None)
-    with pytest.raises(MissingExtraError, match=r"wrenchbed\[view\]"):
-        recording_view(recording, folder / "x.rrd")
+def test_without_rerun_the_extra_is_named():
+    code = (
+        "import sys; sys.modules['rerun'] = None\n"
+        "from wrenchbed.viewer.recordings import recording_view"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 1 and "MissingExtraError" in done.stderr
+    assert "wrenchbed[view]" in done.stderr
 
 
 def test_a_sensor_without_a_robot_is_shown_by_its_readings(tmp_path):

@@ -13,9 +13,10 @@ from on_screen import screen
 from pictures import unless
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer import recording_view, show
 from wrenchbed.viewer import robot as shapes
+from wrenchbed.viewer import show
 from wrenchbed.viewer.elements import MEASURED, SIMULATED
+from wrenchbed.viewer.recordings import recording_view
 from wrenchbed.viewer.robot import motion
 from wrenchbed.viewer.show import free_port
 

@@ -21,9 +21,10 @@ import wrenchbed as wb
 from chromium import BINARY, tab
 from pictures import unless
 from wrenchbed.errors import DriverError
-from wrenchbed.viewer import recording_view, show
+from wrenchbed.viewer import show
 from wrenchbed.viewer import show as page
 from wrenchbed.viewer.elements import MEASURED, SIMULATED
+from wrenchbed.viewer.recordings import recording_view
 
 HERE = "127.0.0.1"
 GL = ("--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")

@@ -68,8 +68,7 @@ def calibrate(
         recording: Parquet file.
         out: Fit to write, JSON.
         truth: JSON {name: value} of a simulated robot, shown beside the estimates.
-        rrd: Picture to write: the target workspace coloured by position error before and after
-            where the robot has one and the fit bounds it, else the recording with the fit.
+        rrd: Picture to write: the recording with the fit.
         report: Page to write, HTML: the fit with correlations and the residual of each pose.
         as_json: Print the result as JSON.
     """
@@ -147,11 +146,8 @@ def _page(result: wb.Fit, data: wb.Recording, path: Path, command: str) -> None:
 
 
 def _draw(result: wb.Fit, data: wb.Recording, rrd: Path) -> None:
-    from wrenchbed.viewer import calibration_view, recording_view
+    from wrenchbed.viewer.recordings import recording_view
 
-    if result.target_rms is not None:
-        calibration_view(result, rrd)
-        return
     with tempfile.TemporaryDirectory(prefix="wrenchbed-") as folder:
         result.write(Path(folder) / "fit.json")
         recording_view(data, rrd, [Path(folder) / "fit.json"])

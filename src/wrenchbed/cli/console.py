@@ -11,11 +11,12 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from types import MappingProxyType, NoneType, UnionType
-from typing import Annotated, Any, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import tyro
 from rich.console import Console as RichConsole
 from rich.console import ConsoleOptions, RenderableType
+from rich.padding import Padding
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -26,6 +27,7 @@ from rich.progress import (
     TimeElapsedColumn,
 )
 from rich.segment import Segment
+from rich.table import Table
 from rich.text import Text
 
 from wrenchbed.cli import terminal
@@ -251,6 +253,32 @@ class _Pace:
         ahead = max(rest * step - (elapsed - self.last), (rest - 1.0) * step, 0.0)
         self.shown = min(self.shown, ahead)
         return self.shown
+
+
+def table(*heads: str, indent: int = 0, space: int = 2, title: str | None = None) -> Table:
+    """A table without lines.
+
+    Args:
+        heads: of the columns; after ``>`` of one that is right-aligned, after ``|`` of one that is
+            left-aligned, neither of which breaks its lines. All empty: no line of heads.
+        indent: columns to the left of it.
+        space: between its columns.
+        title: above it, at the left.
+    """
+    shown = Table(
+        box=None, padding=(0, space, 0, indent), header_style="dim", title=title,
+        title_justify="left", show_header=any(head.strip("|>") for head in heads),
+    )  # fmt: skip
+    for head in heads:
+        side: Literal["right", "left"] = "right" if head.startswith(">") else "left"
+        shown.add_column(head.lstrip("|>"), justify=side, no_wrap=head[:1] in ("|", ">"))
+    return shown
+
+
+def section(title: str, lines: Iterable[RenderableType]) -> list[RenderableType]:
+    """An empty line, a heading and lines beneath it, texts indented; nothing without lines."""
+    inside = [Padding(Text(x), (0, 0, 0, 2)) if isinstance(x, str) else x for x in lines]
+    return ["", Text(title, style="bold"), *inside] if inside else []
 
 
 class RemainingColumn(ProgressColumn):

@@ -3,32 +3,46 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import tyro
 from rich.console import Group
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 import wrenchbed as wb
-from wrenchbed.cli import console, effort_diagnosis
+from wrenchbed.cli import console
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import DiagnosisError, MissingExtraError, ParameterError, WrenchbedWarning
 from wrenchbed.files import atomic_folder
 
 if TYPE_CHECKING:
-    from wrenchbed.diagnosis.diagnose import Findings, Progress
+    from wrenchbed.diagnosis.diagnose import Findings
+    from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
     from wrenchbed.diagnosis.explain.reliability import Reliability
-    from wrenchbed.diagnosis.gap.result import Diagnosis
     from wrenchbed.diagnosis.next.dry_run import DryRun
     from wrenchbed.pages.artist import Artist
-
+    from wrenchbed.reports.answer import Answer
 
 Made = TypeVar("Made")
+_PAGE, _PICTURE, _DRIVES = "report.html", "diagnosis.rrd", "drives.json"
+_FILES = {
+    "diagnosis.json": Kind.DIAGNOSIS, "twin.json": Kind.TWIN, _PAGE: Kind.PAGE,
+    _PICTURE: Kind.PICTURE,
+}  # fmt: skip
+"""What a diagnosis writes; of joint efforts drives.json and no picture."""
+_BY_ITSELF = 100
+"""Look-alikes of a recording from a robot, or of a kind, that nothing was learnt on: five times the
+fewest from which anything is learnt, in minutes."""
+_MOST_SIZES = 6
+"""Parameters of a cause that are printed."""
+_COLOURS = {
+    "none": "green", "identified": "cyan", "ambiguous": "yellow", "partial": "yellow",
+    "unknown": "magenta",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -110,52 +124,108 @@ def diagnose(
     if out is None:
         raise ParameterError("diagnose needs --out, the folder for its files (or --dry-run)")
     console.check_folder(out, _FILES)
-    from wrenchbed.pages.artist import Artist
-
     data = [wb.Recording.read(path) for path in recordings]
-    if effort_diagnosis.asked(data, efforts.channels):
-        both = efforts.channels == "both"
-        effort_diagnosis.run(data, efforts.drives, out, seed, as_json, wrench=both)
-        return
-    if efforts.drives is not None:
+    command: list[object] = ["diagnose", *recordings, "--out", out]
+    command += ["--seed", seed] if seed else []
+    if _of_efforts(data, efforts.channels):
+        written, answer = _diagnose_efforts(data, efforts, seed, out, command)
+    elif efforts.drives is not None:
         raise ParameterError("--drives goes with joint efforts: add --channels effort")
-    command = ["diagnose", *recordings, "--out", out, *(["--seed", seed] if seed else [])]
-    with Artist() as artist:
+    else:
+        written, answer = _diagnose_wrench(data, learning, seed, out, console.command(*command))
+    console.answer(answer.d.to_json(), as_json, None if as_json else answer_display(answer))
+    if not as_json:
+        console.say(f"{', '.join(written)} → {out}")
+
+
+def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
+    """Whether joint efforts are diagnosed: where they are asked for, or there is no wrench."""
+    alone = len(data) == 1 and not data[0].has_wrench and data[0].effort is not None
+    return channels in ("effort", "both") or (channels is None and alone)
+
+
+def _diagnose_efforts(
+    data: list[wb.Recording], efforts: EffortOptions, seed: int, out: Path, command: list[object]
+) -> tuple[list[str], Answer]:
+    """Diagnose one recording's joint efforts, and its wrench too; names of files, and the words."""
+    from wrenchbed.diagnosis.efforts.diagnose_efforts import STEPS, diagnose_efforts
+    from wrenchbed.reports.answer import of_efforts
+
+    if len(data) != 1:
+        raise ParameterError("diagnose of joint efforts takes one recording")
+    console.check_out(out / _DRIVES, Kind.DRIVES, lock=False)
+    command += ["--channels", efforts.channels or "effort"]
+    command += ["--drives", efforts.drives] if efforts.drives is not None else []
+    with console.progress("diagnosing", STEPS, alike=False) as report:
+        found = diagnose_efforts(
+            data[0], drives=efforts.drives, seed=seed, wrench=efforts.channels == "both",
+            progress=lambda step: report(1, step),
+        )  # fmt: skip
+    with atomic_folder(out) as folder:
+        found.write(folder)
+        _tried(_PAGE, lambda: _effort_page(found, folder / _PAGE, console.command(*command)))
+        return _names(folder), of_efforts(found)
+
+
+def _effort_page(found: EffortFindings, path: Path, command: str) -> None:
+    from wrenchbed.reports.effort_page import effort_page
+
+    effort_page(found, command).write(path)
+
+
+def _diagnose_wrench(
+    data: list[wb.Recording], learning: LearningOptions, seed: int, out: Path, command: str
+) -> tuple[list[str], Answer]:
+    """Diagnose the wrench of recordings; names of files, without plans, and the words."""
+    from wrenchbed.pages import artist
+    from wrenchbed.reports.answer import of_wrench
+
+    with artist.beside() as draws:
         learnt = None
         if not learning.fast and len(data) == 1:
             learnt = _learnt(data[0], learning.look_alikes, seed)
         steps = 7 if len(data) == 1 else 3 * len(data) + 3
         with console.progress("diagnosing", steps, alike=False) as report:
-            result = _diagnosed(data, seed, learnt, lambda step: report(1, step))
-        for name in result.plans:
+            found = _diagnosed(data, seed, learnt, lambda step: report(1, step))
+        for name in found.plans:
             console.check_out(out / name, Kind.PLAN, lock=False)
         with atomic_folder(out) as folder:
-            written = _write(result, folder, console.command(*command), artist)
-    console.answer(result.diagnosis.to_json(), as_json, None if as_json else diagnosis(result))
-    if not as_json:
-        console.say(f"{', '.join(written)} → {out}")
+            _write(found, folder, command, draws)
+            return _names(folder), of_wrench(found)
 
 
-_FILES = {
-    "diagnosis.json": Kind.DIAGNOSIS, "twin.json": Kind.TWIN, "report.html": Kind.PAGE,
-    "diagnosis.rrd": Kind.PICTURE,
-}  # fmt: skip
+def _names(folder: Path) -> list[str]:
+    """Names of the files that could be made."""
+    made = ("diagnosis.json", "twin.json", _DRIVES, _PAGE, _PICTURE)
+    return [name for name in made if (folder / name).exists()]
 
 
-def _write(result: Findings, folder: Path, command: str, artist: Artist) -> list[str]:
-    """Write all files of a diagnosis; names of those that could be made, without plans.
+def _diagnosed(
+    data: list[wb.Recording], seed: int, known: Reliability | None, step: Callable[[str], None]
+) -> Findings:
+    from wrenchbed.diagnosis.diagnose import diagnose as one
+    from wrenchbed.diagnosis.several import diagnose_several as several
 
-    The artist draws the page's figures while rerun's picture is made.
-    """
+    if len(data) == 1:
+        return one(data[0], seed=seed, reliability=known, progress=step)
+    return several(data, seed=seed, reliability=known, progress=step)
+
+
+def _write(found: Findings, folder: Path, command: str, artist: Artist) -> None:
+    """Write all files of a diagnosis; the artist draws the page's figures beside the picture."""
     from wrenchbed.reports.diagnosis_page import page_to_come
 
-    result.write(folder)
-    page, picture = "report.html", "diagnosis.rrd"
-    coming = _tried(page, lambda: page_to_come(result, command, artist))
-    _tried(picture, lambda: _draw(result, folder / picture, command))
+    found.write(folder)
+    coming = _tried(_PAGE, lambda: page_to_come(found, command, artist))
+    _tried(_PICTURE, lambda: _draw(found, folder / _PICTURE, command))
     if coming is not None:
-        _tried(page, lambda: coming().write(folder / page))
-    return [name for name in _FILES if (folder / name).exists()]
+        _tried(_PAGE, lambda: coming().write(folder / _PAGE))
+
+
+def _draw(found: Findings, path: Path, command: str) -> None:
+    from wrenchbed.viewer.diagnoses import diagnosis_view
+
+    diagnosis_view(found, path, command)
 
 
 def _tried(name: str, make: Callable[[], Made]) -> Made | None:
@@ -165,21 +235,6 @@ def _tried(name: str, make: Callable[[], Made]) -> Made | None:
     except MissingExtraError as error:
         warnings.warn(f"no {name}: {error}", WrenchbedWarning, stacklevel=1)
         return None
-
-
-def _diagnosed(
-    data: list[wb.Recording], seed: int, known: Reliability | None, progress: Progress
-) -> Findings:
-    from wrenchbed.diagnosis.diagnose import diagnose as one
-    from wrenchbed.diagnosis.several import diagnose_several as several
-
-    if len(data) == 1:
-        return one(data[0], seed=seed, reliability=known, progress=progress)
-    return several(data, seed=seed, reliability=known, progress=progress)
-
-
-_BY_ITSELF = 100
-"""Look-alikes of a recording from a robot, or of a kind, that nothing was learnt on; estimate."""
 
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability | None:
@@ -201,12 +256,6 @@ def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability | None:
             raise
         warnings.warn(f"nothing was learnt: {error}", WrenchbedWarning, stacklevel=2)
         return None
-
-
-def _draw(result: Findings, path: Path, command: str) -> None:
-    from wrenchbed.viewer import diagnosis_view
-
-    diagnosis_view(result, path, command)
 
 
 def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:
@@ -231,118 +280,55 @@ def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:
     console.answer(answer, as_json, isolability(path.name, result))
 
 
-_COLOURS = {
-    "none": "green", "identified": "cyan", "ambiguous": "yellow", "partial": "yellow",
-    "unknown": "magenta",
-}  # fmt: skip
-
-
-def diagnosis(found: Findings) -> Group:
+def answer_display(a: Answer) -> Group:
     """The three answers, then what the data cannot tell and what to do next; as on the page."""
-    from wrenchbed.reports import sentences
-
-    d = found.diagnosis
-    head = Text.assemble(
-        ("diagnosis ", "bold"),
-        f"{', '.join((d.recording, *d.others))}  {d.robot}, {d.seconds:.1f} s",
+    d = a.d
+    head = Text.assemble(("diagnosis ", "bold"), a.about)
+    verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), f": {a.headline}")
+    causes = _causes(a) if a.causes else a.no_cause
+    gaps = console.table("|", ">", indent=2)
+    for label, value in a.bars:
+        gaps.add_row(label, value)
+    gaps.add_row("held-out rows", f"{d.gap.rows:,}")
+    aside = [f"set aside: {sentence}" for sentence in a.aside]
+    return Group(
+        head, verdict, *console.section("", aside)[2:],
+        *console.section("where", [f"{a.place}.", *a.where]),
+        *console.section("which", [causes, a.leading]),
+        *console.section("how far", [a.distance, gaps, a.measure]),
+        *console.section("what this data cannot tell", d.cannot_tell),
+        *console.section("note", a.notes),
+        *console.section("what next", a.steps),
     )  # fmt: skip
-    answer = f": {sentences.headline(found)}"
-    verdict = Text.assemble((d.verdict, f"bold {_COLOURS[d.verdict]}"), answer)
-    parts: list[Any] = [head, verdict, *(_line(f"set aside: {o['sentence']}") for o in d.outliers)]
-    parts += ["", Text("where", style="bold"), _line(f"{sentences.place(found)}.")]
-    parts += [_line(text) for text in sentences.places(found)]
-    parts += ["", Text("which", style="bold")]
-    parts.append(_causes(d) if d.which else _line(sentences.without_cause(found)))
-    parts.append(_line(_probabilities(d)))
-    parts += ["", Text("how far", style="bold"), *_gap(found)]
-    told = {r.sentence for r in found.rows}
-    notes = [*(r.sentence for r in found.rows), *(n for n in d.notes if n not in told)]
-    for title, lines in (("what this data cannot tell", d.cannot_tell), ("note", notes)):
-        if lines:
-            parts += ["", Text(title, style="bold"), *map(_line, lines)]
-    steps = [str(n["sentence"]) for n in d.next] or [sentences.nothing_more(found)]
-    parts += ["", Text("what next", style="bold"), *map(_line, steps)]
-    return Group(*parts)
+
+
+def _causes(a: Answer) -> Table:
+    shown = console.table("effect", ">probability", "parameters", indent=2)
+    for c in a.causes:
+        words = [text for _, text in c.choices] + [f"{x.key} {x.value}" for x in c.sizes]
+        more = len(words) - _MOST_SIZES
+        text = "\n".join(words[:_MOST_SIZES]) + f"\n… {more} more" * (more > 0)
+        rivals = ", ".join(name for name, _ in c.rivals)
+        shown.add_row(c.name + (f"\nor {rivals}" if rivals else ""), c.probability, text)
+    return shown
 
 
 def isolability(name: str, result: DryRun) -> Group:
     """Which effects a plan could show, from what size on."""
     from wrenchbed.pages import numbers
 
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    table.add_column("effect", no_wrap=True)
-    table.add_column("shows from", justify="right", no_wrap=True)
-    table.add_column("looks the same as")
+    shown = console.table("|effect", ">shows from", "looks the same as")
     for s in sorted(result.showings, key=lambda s: s.smallest or 1e9):
-        if s.smallest is None:
-            cell = "never"
-        else:
+        cell = "never"
+        if s.smallest is not None:
             parameter, (value, unit) = next(iter(s.size.items()))
             text = numbers.rough(parameter, value, unit)
             cell = f"{text} {parameter}" if s.detectable else f"({text}) {parameter}"
         style = "" if s.detectable else "dim"
-        table.add_row(Text(s.effect, style=style), Text(cell, style=style), ", ".join(s.rivals))
-    parts: list[Any] = [Text(f"what {name} could show", style="bold"), table]
-    parts.append(_line("in brackets: only at an implausible size"))
-    if result.cannot_tell:
-        parts += ["", Text("what it cannot tell", style="bold"), *map(_line, result.cannot_tell)]
-    return Group(*parts)
-
-
-def _line(text: str) -> Padding:
-    return Padding(Text(text), (0, 0, 0, 2))
-
-
-def _causes(d: Diagnosis) -> Table:
-    from wrenchbed.pages import numbers
-
-    table = Table(box=None, padding=(0, 2, 0, 2), header_style="dim")
-    table.add_column("effect")
-    table.add_column("probability", justify="right", no_wrap=True)
-    table.add_column("parameters")
-    for cause in d.which:
-        name = str(cause["effect"])
-        if cause["rivals"]:
-            name += "\nor " + ", ".join(cause["rivals"])
-        text = "\n".join(_parameter(cause, k, v) for k, v in list(cause["parameters"].items())[:6])
-        more = len(cause["parameters"]) - 6
-        text += f"\n… {more} more" * (more > 0)
-        table.add_row(name, numbers.chance(float(cause["probability"])), text)
-    return table
-
-
-def _parameter(cause: Mapping[str, Any], name: str, text: dict[str, Any]) -> str:
-    from wrenchbed.diagnosis.prepare.configuration import STATED
-    from wrenchbed.pages.numbers import quantity
-
-    return f"{name} {quantity(name, text, signed=cause['effect'] in STATED)}"
-
-
-def _probabilities(d: Diagnosis) -> str:
-    from wrenchbed.reports.tables import candidates
-
-    leading = ", ".join(f"{c['key']} {c['p']}" for c in candidates(d.probabilities))
-    return f"leading cause: {leading}; at least 90 % together: {', '.join(d.set90)}"
-
-
-_MEASURE = (
-    "gap: mean square of measured minus simulated in units of the noise of one row, minus that "
-    "noise; calibrated: bias, mass and CoG fitted"
-)
-
-
-def _gap(found: Findings) -> list[Any]:
-    from wrenchbed.pages import numbers
-    from wrenchbed.reports import sentences, tables
-
-    g, far = found.diagnosis.gap, sentences.distance(found)
-    table = Table(box=None, padding=(0, 2, 0, 2), show_header=False)
-    table.add_column(no_wrap=True)
-    table.add_column(justify="right", no_wrap=True)
-    for label, value, kind in tables.gaps(found):
-        if kind != "box":
-            table.add_row(label, numbers.gap(value))
-    table.add_row("held-out rows", f"{g.rows:,}")
-    text, extra = f"{far['figure']}. {far['text']}", sentences.black_box(g)
-    told = text if extra in text else f"{text} {extra}"
-    return [_line(told.removeprefix(". ")), table, _line(_MEASURE)]
+        shown.add_row(Text(s.effect, style=style), Text(cell, style=style), ", ".join(s.rivals))
+    return Group(
+        *console.section(
+            f"what {name} could show", [shown, "in brackets: only at an implausible size"]
+        )[1:],
+        *console.section("what it cannot tell", result.cannot_tell),
+    )

@@ -111,7 +111,7 @@ def plan(
         text = f"planned {length if moving else f'{len(chosen)} poses'} for {robot} → {out}"
         console.answer(result, as_json, text)
     if rrd is not None:
-        from wrenchbed.viewer import plan_view
+        from wrenchbed.viewer.plans import plan_view
 
         plan_view(chosen, rrd)
 

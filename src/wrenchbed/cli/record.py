@@ -44,7 +44,7 @@ def watched(link: Driver, out: Path, rrd: Path | None, view: str | None) -> Iter
             )
         yield
         if rrd is not None:
-            from wrenchbed.viewer import recording_view
+            from wrenchbed.viewer.recordings import recording_view
 
             recording_view(wb.Recording.read(out), rrd)
         return
@@ -289,7 +289,7 @@ def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments, rrd: Path | None
     console.answer(None, False, table)
     console.say(_total(legs, limits))
     if rrd is not None:
-        from wrenchbed.viewer import plan_view
+        from wrenchbed.viewer.plans import plan_view
 
         plan_view(plan, rrd, limits)
 

@@ -84,7 +84,7 @@ def simulate(
     simulated = wb.simulate(wb.Twin.read(twin), followed, noise=noise, seed=seed)
     keeping(out, simulated.write)
     if rrd is not None:
-        from wrenchbed.viewer import recording_view
+        from wrenchbed.viewer.recordings import recording_view
 
         recording_view(followed, rrd, [twin])
     rows = len(simulated)

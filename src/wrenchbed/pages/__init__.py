@@ -62,11 +62,31 @@ def rendered(template: str, context: Mapping[str, Any], figures: Sequence[Drawn]
     return str(environment.get_template(f"{template}.html.j2").render({**context, **own}))
 
 
-def write_page(
-    path: str | Path, template: str, context: Mapping[str, Any], figures: Sequence[Drawn] = ()
-) -> None:
-    """Write a page as `rendered` makes it, atomically."""
-    write_text(path, rendered(template, context, figures))
+@dataclass(frozen=True)
+class ReportPage:
+    """A page, ready to be written.
+
+    Attributes:
+        context: what the template shows, by name; ``verdict`` chooses its colour.
+        template: which kind of page it is.
+        figures: that answer on the page.
+    """
+
+    context: Mapping[str, Any]
+    template: str
+    figures: Sequence[Drawn] = ()
+
+    def html(self) -> str:
+        """One self-contained page with the figures inside.
+
+        Raises:
+            MissingExtraError: jinja2 is not installed.
+        """
+        return rendered(self.template, self.context, self.figures)
+
+    def write(self, path: str | Path) -> None:
+        """Write the page, atomically."""
+        write_text(path, self.html())
 
 
 @cache

@@ -1,9 +1,8 @@
-"""Who draws charts: here and now, or the `Artist`, beside what else is done."""
+"""Who draws charts: here and now, or in another process beside what else is done."""
 
-from concurrent.futures import Future
-from contextlib import ExitStack
-from types import TracebackType
-from typing import Protocol, Self
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 
 import numpy as np
 
@@ -13,56 +12,26 @@ from wrenchbed.pages import Drawn
 from wrenchbed.pages.chart import Axis, Chart, Panel, Series
 from wrenchbed.pages.draw import svg
 
+Artist = Callable[[Chart], Callable[[], Drawn]]
+"""Takes a chart; what it returns waits for the figure."""
+
 
 def draw(chart: Chart) -> Drawn:
     """A chart with its SVG."""
     return Drawn(chart, svg(chart))
 
 
-class Draws(Protocol):
-    """Whoever draws charts, now or beside."""
-
-    def draw(self, chart: Chart) -> "Future[Drawn]":
-        """A figure to come."""
+def at_once(chart: Chart) -> Callable[[], Drawn]:
+    """An `Artist` that draws when the figure is asked for."""
+    return partial(draw, chart)
 
 
-class AtOnce:
-    """Draws here and now."""
-
-    def draw(self, chart: Chart) -> "Future[Drawn]":
-        """A figure, drawn."""
-        drawn: Future[Drawn] = Future()
-        drawn.set_result(draw(chart))
-        return drawn
-
-
-class Artist:
-    """Draws figures in another process, which loads what draws as soon as the context is entered.
-
-    ```
-    with Artist() as artist:
-        figure = artist.draw(chart)
-        ...
-        drawn = figure.result()
-    ```
-    """
-
-    def __enter__(self) -> Self:
-        # forked at once: what is loaded here need not be loaded again
-        self._pools = ExitStack()
-        self._pool = self._pools.enter_context(workers(1, forked=True))
-        self._pool.submit(_rehearse)
-        return self
-
-    def draw(self, chart: Chart) -> "Future[Drawn]":
-        """A figure to come."""
-        return self._pool.submit(draw, chart)
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:  # fmt: skip
-        self._pools.__exit__(kind, error, trace)
+@contextmanager
+def beside() -> Iterator[Artist]:
+    """An `Artist` that draws in another process, which loads what draws as the block begins."""
+    with workers(1, forked=True) as pool:  # forked at once: what is loaded here is not loaded again
+        pool.submit(_rehearse)
+        yield lambda chart: pool.submit(draw, chart).result
 
 
 def _rehearse() -> None:

@@ -113,6 +113,12 @@ def decimals(std: float) -> int:
     return int(min(9, max(0, 1 - math.floor(math.log10(std))))) if std > 0 else 9
 
 
+def round_down(x: float) -> float:
+    """The largest of 1, 2 or 5 times a power of ten that is not above a positive number."""
+    power = 10.0 ** math.floor(math.log10(x))
+    return float(f"{max(s for s in (1.0, 2.0, 5.0) if s * power <= x * (1 + 1e-9)) * power:.3g}")
+
+
 def minus(text: str) -> str:
     """The minus sign proper instead of the hyphen, none before a plain zero."""
     return re.sub(r"-(?=0(\.0*)?(?![\d.]))", "", text).replace("-", "−")

@@ -19,36 +19,72 @@ _NUMBERED = re.compile(r"\.[a-z]*(\d+)$")
 
 
 @dataclass(frozen=True)
+class Size:
+    """A parameter of a cause that is a quantity.
+
+    Attributes:
+        key: its name in diagnosis.json.
+        name: the same in words.
+        value: ± standard uncertainty with its unit.
+        interval: of 95 %; a dash where it is not known.
+    """
+
+    key: str
+    name: str
+    value: str
+    interval: str
+
+
+@dataclass(frozen=True)
 class Claim:
-    """An entry of ``which`` in words.
+    """An entry of ``which`` in words: for the headline, cards and tables of every reader.
 
     Attributes:
         name: of the effect.
         title: what it is, with the joint's number where one joint has it; begins small.
-        choice: which of its forms, in words; empty where it has one.
-        figures: name and value ± standard uncertainty of the best known parameters.
-        more: further parameters.
+        choices: which of its forms, in words: name in diagnosis.json and text of each.
+        numbered: whether the title holds the joint's number.
+        sizes: all quantities, in the order of diagnosis.json.
+        figures: the best known of them.
         against: whether the figures are differences from what the metadata state.
         probability: that it is present.
+        closed: share of the gap that it closes; a dash where it shows only between rows.
         rivals: name and title of the effects that this recording does not distinguish from it.
     """
 
     name: str
     title: str
-    choice: str
-    figures: tuple[tuple[str, str], ...]
-    more: int
+    choices: tuple[tuple[str, str], ...]
+    numbered: bool
+    sizes: tuple[Size, ...]
+    figures: tuple[Size, ...]
     against: bool
     probability: str
+    closed: str
     rivals: tuple[tuple[str, str], ...]
+
+    @property
+    def choice(self) -> str:
+        """Which of its forms, beyond what the title says; empty where it has one."""
+        return ", ".join(t for n, t in self.choices if not (self.numbered and n == "joint"))
+
+    @property
+    def more(self) -> int:
+        """How many parameters are not among the figures."""
+        return len(self.sizes) - len(self.figures)
+
+    @property
+    def rows(self) -> tuple[Size, ...]:
+        """Rows of a table of its parameters, at least one."""
+        return self.sizes or (Size("–", "–", "–", "–"),)
 
     @property
     def sentence(self) -> str:
         """``Joint 2 is compliant and deflects under gravity: stiffness 9080 ± 950 N·m/rad.``"""
-        told = [self.choice] if self.choice else []
-        told += [f"{name} {value}" for name, value in self.figures]
-        told += [f"{self.more} more"] if self.more else []
-        values = f": {', '.join(told)}" if told else ""
+        words = [self.choice] if self.choice else []
+        words += [f"{size.name} {size.value}" for size in self.figures]
+        words += [f"{self.more} more"] if self.more else []
+        values = f": {', '.join(words)}" if words else ""
         others = "".join(f"; or {title}" for _, title in self.rivals)
         return f"{capital(self.title)}{values}{others}."
 
@@ -56,35 +92,32 @@ class Claim:
 def claim(entry: Mapping[str, Any]) -> Claim:
     """The claim of an entry of ``which`` of diagnosis.json."""
     name, joint = str(entry["effect"]), one_joint(entry)
-    choices, sizes = parts(entry)
-    ranked = sizes if len(sizes) <= MOST_SIZES else sorted(sizes, key=_weight)
-    shown = ranked[:MOST_SIZES]
-    own = str(effect(name).title_of_joint) if joint is not None else ""
+    values: Mapping[str, Any] = entry["parameters"]
+    sizes = {
+        n: Size(n, parameter(n), numbers.quantity(n, v, signed=name in STATED),
+                numbers.interval(n, v))
+        for n, v in values.items() if "unit" in v
+    }  # fmt: skip
+    ranked = list(sizes)
+    if len(ranked) > MOST_SIZES:
+        ranked.sort(key=lambda n: _weight(values[n]))
+    of_joint = str(effect(name).title_of_joint) if joint is not None else ""
+    closed = entry.get("closed_share")
     return Claim(
         name=name,
-        title=own.format(joint=joint) if own else title(name),
-        choice=", ".join(text for n, text in choices if not (own and n == "joint")),
-        figures=tuple(
-            (parameter(n), numbers.quantity(n, v, signed=name in STATED)) for n, v in shown
+        title=of_joint.format(joint=joint) if of_joint else title(name),
+        choices=tuple(
+            (n, f"{parameter(n)} {numbers.quantity(n, v)}")
+            for n, v in values.items() if "unit" not in v
         ),
-        more=len(sizes) - len(shown),
+        numbered=bool(of_joint),
+        sizes=tuple(sizes.values()),
+        figures=tuple(sizes[n] for n in ranked[:MOST_SIZES]),
         against=name in STATED,
         probability=numbers.chance(float(entry["probability"])),
+        closed="–" if closed is None else f"{numbers.percent(float(closed))} %",
         rivals=tuple((str(r), title(str(r))) for r in entry["rivals"]),
-    )
-
-
-Choice = tuple[str, str]
-Size = tuple[str, Mapping[str, Any]]
-
-
-def parts(entry: Mapping[str, Any]) -> tuple[list[Choice], list[Size]]:
-    """What of a cause's parameters is a choice, with its words, and what is a quantity."""
-    own: Mapping[str, Any] = entry["parameters"]
-    choices = [
-        (n, f"{parameter(n)} {numbers.quantity(n, v)}") for n, v in own.items() if "unit" not in v
-    ]
-    return choices, [(n, v) for n, v in own.items() if "unit" in v]
+    )  # fmt: skip
 
 
 def place(entry: Mapping[str, Any]) -> str:
@@ -144,7 +177,7 @@ def listed(told: Sequence[str], last: str = " and ") -> str:
     return last.join([x for x in (", ".join(told[:-1]), told[-1]) if x])
 
 
-def _weight(item: Size) -> float:
-    """The best known parameters first."""
-    value, std = float(item[1]["value"]), item[1].get("std")
+def _weight(parameter: Mapping[str, Any]) -> float:
+    """By which the best known parameters come first."""
+    value, std = float(parameter["value"]), parameter.get("std")
     return -abs(value) / float(std) if std else 0.0

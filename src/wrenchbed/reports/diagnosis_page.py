@@ -2,61 +2,28 @@
 
 import shlex
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
-from dataclasses import dataclass
-from pathlib import Path, PurePath
-from typing import Any
+from pathlib import PurePath
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.pages import Drawn, numbers, rendered, write_page
-from wrenchbed.pages.artist import AtOnce, Draws
+from wrenchbed.pages import Drawn, ReportPage, numbers
+from wrenchbed.pages.artist import Artist, at_once
 from wrenchbed.pages.chart import Chart
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.reports import cause_charts, figures, residual_charts, sentences, tables
-from wrenchbed.reports.claim import claim
+from wrenchbed.reports.answer import BADGES, Answer, of_wrench
 from wrenchbed.reports.robot_chart import robot_chart
 from wrenchbed.reports.simulators import Evidence
 
-_BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
-"""Shapes beside the colour of a verdict."""
 
-
-@dataclass(frozen=True)
-class ReportPage:
-    """A report, ready to be written.
-
-    Attributes:
-        context: what the template shows, by name; ``verdict`` chooses its colour.
-        template: which kind of report it is.
-        figures: that answer on the page.
-    """
-
-    context: Mapping[str, Any]
-    template: str = "diagnosis"
-    figures: Sequence[Drawn] = ()
-
-    def html(self) -> str:
-        """One self-contained page with the figures inside.
-
-        Raises:
-            MissingExtraError: jinja2 is not installed.
-        """
-        return rendered(self.template, self.context, self.figures)
-
-    def write(self, path: str | Path) -> None:
-        """Write the page."""
-        write_page(path, self.template, self.context, self.figures)
-
-
-def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = None) -> ReportPage:
+def diagnosis_page(found: Findings, command: str = "", artist: Artist = at_once) -> ReportPage:
     """The page of a diagnosis.
 
     Args:
         found: from ``diagnose``.
         command: that made it; told without options if not given.
-        artist: draws the figures beside; drawn here if None.
+        artist: draws the figures.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -65,34 +32,34 @@ def diagnosis_page(found: Findings, command: str = "", artist: Draws | None = No
 
 
 def page_to_come(
-    found: Findings, command: str = "", artist: Draws | None = None
+    found: Findings, command: str = "", artist: Artist = at_once
 ) -> Callable[[], ReportPage]:
     """`diagnosis_page` whose figures are begun; called, it waits for them and returns the page."""
     registry.require("matplotlib", "report")
     evidence = Evidence(found)
     before, after = evidence.channels()
     map_of_residuals = evidence.heat()
-    draw = (artist or AtOnce()).draw
+    words = of_wrench(found)
     coming = {
-        "heat": draw(figures.heat(map_of_residuals, found.analysis.prepared.observed)),
-        "gaps": draw(figures.gaps(tables.gaps(found))),
-        "channels": draw(figures.channels(before, after, evidence.first)),
+        "heat": artist(figures.heat(map_of_residuals, found.analysis.prepared.observed)),
+        "gaps": artist(figures.gaps(words.gaps)),
+        "channels": artist(figures.channels(before, after, evidence.first)),
     }
     robot = robot_chart(found, evidence)
     if robot is not None:
-        coming["robot"] = draw(robot)
-    comparisons = [draw(chart) for chart in _of_causes(found, evidence)]
-    return lambda: _page(found, command, evidence, coming, comparisons)
+        coming["robot"] = artist(robot)
+    comparisons = [artist(chart) for chart in _of_causes(found, evidence)]
+    return lambda: _page(found, words, command, coming, comparisons)
 
 
 def _page(
-    found: Findings, command: str, evidence: Evidence, coming: Mapping[str, "Future[Drawn]"],
-    comparisons: Sequence["Future[Drawn]"],
+    found: Findings, words: Answer, command: str, coming: Mapping[str, Callable[[], Drawn]],
+    comparisons: Sequence[Callable[[], Drawn]],
 ) -> ReportPage:  # fmt: skip
     """The page with its figures as they come."""
     d, prepared, rows = found.diagnosis, found.analysis.prepared, sentences.row_effects(found)
-    drawn = {name: figure.result() for name, figure in coming.items()}
-    compared = [figure.result() for figure in comparisons]
+    drawn = {name: figure() for name, figure in coming.items()}
+    compared = [figure() for figure in comparisons]
     told = {r.sentence for r in found.rows}
     recorded = shlex.join([d.recording, *d.others])
     return ReportPage(
@@ -100,28 +67,17 @@ def _page(
             "d": d,
             "verdict": d.verdict,
             "name": ", ".join(PurePath(r).name for r in (d.recording, *d.others)),
-            "badge": _BADGES[d.verdict],
-            "headline": sentences.headline(found),
-            "place": sentences.place(found),
-            "where": sentences.places(found),
+            "badge": BADGES[d.verdict],
+            "words": words,
             "subsystems": tables.subsystems(found),
-            "causes": [claim(w) for w in d.which],
-            "no_cause": sentences.without_cause(found),
-            "how_far": sentences.distance(found),
-            "black_box": sentences.black_box(d.gap),
             "seen": sentences.seen(found),
             "observed": prepared.observed,
             "between_rows": bool(rows) and all(w["effect"] in rows for w in d.which),
-            "bars": [
-                (label, numbers.gap(value), kind) for label, value, kind in tables.gaps(found)
-            ],
             **drawn,
             "places": tables.places(found),
             "shared": tables.shared(found),
             "unseen": tables.invisible(found),
-            "candidates": tables.candidates(d.probabilities),
             "explanations": tables.explanations(found),
-            "table": tables.causes(found),
             "comparisons": compared,
             "rows": [r.sentence for r in found.rows],
             "next": tables.steps(d.next),
@@ -131,7 +87,8 @@ def _page(
             "data": _data(found),
             "command": command or f"wrenchbed diagnose {recorded} --out DIR",
         },
-        figures=[*drawn.values(), *compared],
+        "diagnosis",
+        [*drawn.values(), *compared],
     )
 
 

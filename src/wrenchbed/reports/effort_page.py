@@ -6,16 +6,14 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
-from wrenchbed.pages import numbers
+from wrenchbed.pages import ReportPage
 from wrenchbed.pages.artist import draw
 from wrenchbed.pages.chart import Axis, Chart, Panel, Series, thinned
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.reports import effort_sentences as sentences
 from wrenchbed.reports import figures
-from wrenchbed.reports.diagnosis_page import ReportPage
-from wrenchbed.reports.tables import candidates
+from wrenchbed.reports.answer import BADGES, of_efforts
 
-_BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
 _SHOWN_S = 15.0
 """Time of a motion that is shown [s]; estimate: several reversals."""
 _FITTED = "what is not stated fitted; what is stated stays within its ordinary spread"
@@ -35,35 +33,20 @@ def effort_page(found: EffortFindings, command: str = "") -> ReportPage:
     """
     registry.require("matplotlib", "report")
     d = found.diagnosis
-    rows = sentences.gaps(d)
+    words = of_efforts(found)
     before = {c: v["before"] for c, v in d.gap.per_channel.items()}
     after = {c: v["after"] for c, v in d.gap.per_channel.items() if "after" in v}
     charts = [
-        figures.gaps(rows, _FITTED),
+        figures.gaps(words.gaps, _FITTED),
         figures.channels(before, after, "calibrated"),
         _efforts(found),
     ]
     charts += [_friction(found, j) for j in _joints(found)]
     drawn = [draw(c) for c in charts]
-    causes = [
-        {
-            "name": " or ".join([str(w["effect"]), *map(str, w["rivals"])]),
-            "probability": numbers.chance(float(w["probability"])),
-            "closed": f"{numbers.percent(float(w['closed_share']))} %",
-            "rows": [(k, numbers.quantity(k, v)) for k, v in w["parameters"].items()],
-        }
-        for w in d.which
-    ]
     context = {
-        "d": d, "what": sentences.channels(found),
-        "verdict": d.verdict, "badge": _BADGES[d.verdict],
-        "name": PurePath(d.recording).name, "headline": sentences.headline(found),
-        "place": sentences.place(found), "no_cause": sentences.without_cause(found),
-        "how_far": sentences.distance(found), "measure": sentences.MEASURE,
-        "bars": [(label, numbers.gap(value), kind) for label, value, kind in rows],
-        "causes": causes, "candidates": candidates(d.probabilities),
+        "d": d, "words": words, "what": sentences.channels(found),
+        "verdict": d.verdict, "badge": BADGES[d.verdict], "name": PurePath(d.recording).name,
         "gaps": drawn[0], "channels": drawn[1], "shown": drawn[2:],
-        "steps": sentences.steps(found),
         "data": [("recording", d.recording), ("robot", d.robot),
                  *provenance([d.recording], seed=found.seed),
                  ("duration of the diagnosis", f"{d.seconds:.1f} s")],

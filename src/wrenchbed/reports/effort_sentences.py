@@ -6,8 +6,8 @@ from typing import Any
 from wrenchbed.diagnosis.efforts.answer import place as place_of
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.diagnosis.efforts.names import title
-from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.pages import numbers
+from wrenchbed.reports.claim import Claim, Size, capital
 
 MEASURE = (
     "gap: mean square of measured minus predicted efforts in units of the noise of one row, minus "
@@ -18,18 +18,45 @@ _LARGE = 0.05
 """Probability from which the nearest cause is named beside unknown; estimate."""
 
 
+def claims(found: EffortFindings) -> list[Claim]:
+    """The claimed causes, each titled with its rivals; its figure is the first known parameter."""
+    told = []
+    for cause, entry in zip(found.verdict.causes, found.diagnosis.which, strict=True):
+        values: Mapping[str, Any] = entry["parameters"]
+        sizes = {
+            k: Size(k, k.replace("_", " "), numbers.quantity(k, x, signed="std" in x),
+                    numbers.interval(k, x))
+            for k, x in values.items()
+        }  # fmt: skip
+        alike = {key[0]: title(*key) for key in cause.rivals}
+        told.append(
+            Claim(
+                name=str(entry["effect"]),
+                title=" or ".join(title(*key) for key in (cause.key, *cause.rivals)),
+                choices=(),
+                numbered=True,
+                sizes=tuple(sizes.values()),
+                figures=tuple([sizes[k] for k, x in values.items() if x.get("std")][:1]),
+                against=False,
+                probability=numbers.chance(float(entry["probability"])),
+                closed=f"{numbers.percent(float(entry['closed_share']))} %",
+                rivals=tuple((str(name), alike[name]) for name in entry["rivals"]),
+            )
+        )
+    return told
+
+
 def headline(found: EffortFindings) -> str:
     """The verdict in sentences."""
-    d, v = found.diagnosis, found.verdict
+    d = found.diagnosis
     if d.verdict == "none":
         return "No cause found: the residual is within normal imperfections."
     if not d.which:
         return "No known effect explains the gap."
-    told = []
-    for cause, entry in zip(v.causes, d.which, strict=True):
-        sizes = [parameter(k, x) for k, x in entry["parameters"].items() if x.get("std")][:1]
-        text = " or ".join(title(*k) for k in (cause.key, *cause.rivals))
-        told.append(f"{text[:1].upper()}{text[1:]}{': ' if sizes else ''}{', '.join(sizes)}.")
+    told = [
+        f"{capital(c.title)}{''.join(f': {x.name} {x.value}' for x in c.figures)}."
+        for c in claims(found)
+    ]
     if d.verdict == "ambiguous":
         told.append("This recording does not distinguish the causes joined by “or”.")
     if d.verdict == "partial":
@@ -89,22 +116,6 @@ def distance(found: EffortFindings) -> str:
         f"{numbers.percent(g.closed.value)} % closed: from {start} to {end} {on} "
         f"(95 % interval {low} … {high} %)."
     )
-
-
-def gaps(d: Diagnosis) -> list[tuple[str, float, str]]:
-    """Gap of each simulator, for `figures.gaps`."""
-    g = d.gap
-    rows = [("as configured", g.configured, "sim"), ("calibrated", g.calibrated.value, "sim")]
-    if g.with_effects is not None:
-        rows.append(("with the effects", g.with_effects.value, "effects"))
-    if g.black_box is not None:
-        rows.append(("with a black box", g.calibrated.value * (1.0 - g.black_box), "box"))
-    return [*rows, ("noise alone", max(g.floor, 0.0), "real")]
-
-
-def parameter(name: str, value: Mapping[str, Any]) -> str:
-    """A parameter's name and value."""
-    return f"{name.replace('_', ' ')} {numbers.quantity(name, value, signed='std' in value)}"
 
 
 def steps(found: EffortFindings) -> list[str]:

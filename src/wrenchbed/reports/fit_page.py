@@ -10,13 +10,12 @@ from wrenchbed.calibration.fit import Fit
 from wrenchbed.calibration.fit_words import UNKNOWN, FitWords, fit_words, worst_channel
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.data.recording import Recording
-from wrenchbed.pages import numbers
+from wrenchbed.pages import ReportPage, numbers
 from wrenchbed.pages.artist import draw
 from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Scale, Series, thinned
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports import figures
-from wrenchbed.reports.diagnosis_page import ReportPage
 from wrenchbed.reports.simulators import Heat
 from wrenchbed.twin.comparison import binned_rms, bins
 

@@ -9,14 +9,13 @@ import numpy as np
 from wrenchbed.calibration.fit_words import ParameterWords, parameter_words
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
-from wrenchbed.pages import numbers
+from wrenchbed.pages import ReportPage, numbers
 from wrenchbed.pages.artist import draw
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports import figures
 from wrenchbed.reports.agreement import AGREES, Agreement, agreement, best
-from wrenchbed.reports.diagnosis_page import ReportPage
 from wrenchbed.reports.simulators import BINS, Heat
 from wrenchbed.twin.comparison import (
     Simulator,

@@ -5,6 +5,7 @@ import numpy as np
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series
+from wrenchbed.pages.numbers import round_down
 from wrenchbed.reports.simulators import Evidence, along
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
@@ -35,10 +36,10 @@ def robot_chart(found: Findings, e: Evidence) -> Chart | None:
     sensor, turned = simulation.sensor_frames(joints[some])
     force = np.einsum("kij,kj->ki", turned, left[some, :3])
     longest = float(np.linalg.norm(force, axis=1).max())
-    scale = _round(LONGEST_MM / max(longest, 1e-12))
+    scale = round_down(LONGEST_MM / max(longest, 1e-12))
     arrows = _broken(np.stack([1e3 * sensor, 1e3 * sensor + scale * force], axis=1))
     body = _broken(1e3 * simulation.skeleton(joints[[worst]])[0])
-    plan = _proposed(found)
+    plan = proposed_poses(found)
     ahead = np.empty((0, 3))
     if plan is not None:
         chosen = np.unique(np.linspace(0, len(plan) - 1, MOST_NEXT).astype(int))
@@ -80,8 +81,8 @@ def robot_chart(found: Findings, e: Evidence) -> Chart | None:
                  panels, columns=2, caption=caption)  # fmt: skip
 
 
-def _proposed(found: Findings) -> Plan | None:
-    """Poses that would tell more, if any."""
+def proposed_poses(found: Findings) -> Plan | None:
+    """The first proposed plan of poses at rest, None where there is none."""
     plan = next(iter(found.plans.values()), None)
     return plan if plan is not None and plan.mode == "static" else None
 
@@ -90,9 +91,3 @@ def _broken(lines: np.ndarray) -> np.ndarray:
     """Lines (L, P, 3) as one, (L (P + 1), 3), with NaN between them."""
     gaps = np.full((len(lines), 1, 3), np.nan)
     return np.concatenate([lines, gaps], axis=1).reshape(-1, 3)
-
-
-def _round(x: float) -> float:
-    """1, 2 or 5 times a power of ten, not above x."""
-    power = 10.0 ** np.floor(np.log10(x))
-    return float(f"{max(s for s in (1.0, 2.0, 5.0) if s * power <= x * (1 + 1e-9)) * power:.3g}")

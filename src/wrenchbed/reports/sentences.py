@@ -11,6 +11,10 @@ from wrenchbed.pages import numbers
 from wrenchbed.reports.claim import capital, claim, listed
 from wrenchbed.reports.claim import place as place_of
 
+MEASURE = (
+    "gap: mean square of measured minus simulated in units of the noise of one row, minus that "
+    "noise; calibrated: bias, mass and CoG fitted"
+)
 LARGE_P = 0.006
 """Probabilities below are not worth a word."""
 _COUNT = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")

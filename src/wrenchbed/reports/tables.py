@@ -7,10 +7,9 @@ import numpy as np
 
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
-from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.pages import numbers
 from wrenchbed.reports import sentences
-from wrenchbed.reports.claim import parameter, parts
 
 SUBSYSTEMS = (
     "base", "joint", "link", "mount", "sensor", "tool", "cable", "environment", "timing",
@@ -18,6 +17,10 @@ SUBSYSTEMS = (
 """In the order in which a load travels through them."""
 MOST_CANDIDATES, LEAST_CANDIDATE = 8, 0.005
 MOST_EXPLANATIONS = 6
+LEAST_GAIN = 0.01
+"""Information per minute [nat] below which no figure is printed."""
+LEAST_SHARE = 0.005
+"""Share of the residual below which a place that is seen has no row of its own."""
 _MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something else"}
 
 
@@ -45,12 +48,6 @@ def subsystems(found: Findings) -> list[dict[str, Any]]:
             kind, text = "hint", f"hint: {numbers.share(value)}"
         result.append({"name": name, "kind": kind, "text": text, "weight": _width(value)})
     return result
-
-
-LEAST_GAIN = 0.01
-"""Information per minute [nat] below which no figure is printed."""
-LEAST_SHARE = 0.005
-"""Share of the residual below which a place that is seen has no row of its own."""
 
 
 def invisible(found: Findings) -> str:
@@ -120,45 +117,19 @@ def explanations(found: Findings) -> list[dict[str, Any]]:
     return result
 
 
-def causes(found: Findings) -> list[dict[str, Any]]:
-    """Parameters of each cause with value, uncertainty, 95 % interval and unit."""
-    result = []
-    for entry in found.diagnosis.which:
-        name = str(entry["effect"])
-        choices, sizes = parts(entry)
-        own = [
-            {
-                "name": parameter(n),
-                "value": numbers.quantity(n, v, signed=name in STATED),
-                "interval": numbers.interval(n, v),
-            }
-            for n, v in sizes
-        ]
-        closed = entry.get("closed_share")
-        result.append(
-            {
-                "name": name,
-                "choice": ", ".join(text for _, text in choices),
-                "probability": numbers.chance(float(entry["probability"])),
-                "rivals": ", ".join(str(r) for r in entry["rivals"]),
-                "closed": "–" if closed is None else f"{numbers.percent(float(closed))} %",
-                "rows": own or [{"name": "–", "value": "–", "interval": "–"}],
-                "against": name in STATED,
-            }
-        )
-    return result
+def gaps(gap: Closure, box: float | None) -> list[tuple[str, float, str]]:
+    """Label, gap and kind (``sim``, ``effects``, ``box``, ``real``) of each simulator.
 
-
-def gaps(found: Findings) -> list[tuple[str, float, str]]:
-    """Gap of each simulator, for `figures.gaps`."""
-    g = found.diagnosis.gap
-    rows = [("as configured", g.configured, "sim"), ("calibrated", g.calibrated.value, "sim")]
-    if g.with_effects is not None:
-        rows.append(("with the effects", g.with_effects.value, "effects"))
-    if g.black_box is not None:
-        left = g.calibrated.value - g.black_box * (g.calibrated.value - g.floor)
-        rows.append(("with a black box", left, "box"))
-    return [*rows, ("noise alone", max(g.floor, 0.0), "real")]
+    Args:
+        gap: of the diagnosis.
+        box: gap that a black box leaves, None if there is none.
+    """
+    rows = [("as configured", gap.configured, "sim"), ("calibrated", gap.calibrated.value, "sim")]
+    if gap.with_effects is not None:
+        rows.append(("with the effects", gap.with_effects.value, "effects"))
+    if box is not None:
+        rows.append(("with a black box", box, "box"))
+    return [*rows, ("noise alone", max(gap.floor, 0.0), "real")]
 
 
 def steps(proposals: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:

@@ -6,21 +6,26 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import rerun as rr
 
-from wrenchbed import registry
-from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
 from wrenchbed.pages.provenance import markdown, provenance
-from wrenchbed.reports import sentences, tables
-from wrenchbed.reports.claim import claim, joints
+from wrenchbed.reports.answer import of_wrench
+from wrenchbed.reports.claim import Claim, claim, joints
+from wrenchbed.reports.robot_chart import proposed_poses
 from wrenchbed.reports.simulators import Evidence, along
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer import elements, layout
-from wrenchbed.viewer.elements import NEXT, ghost, heat
+from wrenchbed.viewer import layout
+from wrenchbed.viewer.elements import NEXT, ghost, heat, log_map
 from wrenchbed.viewer.robot import BodyMotion, log_pose, log_shapes, log_world, motion
 from wrenchbed.viewer.stream import Canvas, bar, log_words, readable, to_file
+
+_LABEL_M = 0.1
+"""Least distance of two labels."""
+MOST_NEXT = 5
+"""Proposed poses that are drawn."""
 
 
 def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
@@ -98,9 +103,6 @@ def _share(names: Sequence[str], shares: Mapping[str, float]) -> float:
     return max((shares.get(n, 0.0) for n in names), default=0.0)
 
 
-MOST_NEXT = 5
-
-
 def diagnosis_view(found: Findings, path: str | Path, command: str = "") -> None:
     """Write the view of a diagnosis, with the command that made it.
 
@@ -133,27 +135,26 @@ def diagnosis_view(found: Findings, path: str | Path, command: str = "") -> None
 
 def answers(found: Findings, shares: Mapping[str, float], command: str = "") -> str:
     """The three answers and the ranked causes, in Markdown, in the words of the page."""
-    d, far = found.diagnosis, sentences.distance(found)
-    rows = [f"# {d.verdict}: {sentences.headline(found)}", ""]
-    rows += [f"- set aside: {o['sentence']}" for o in d.outliers]
-    rows += ["", f"**{sentences.place(found)}**", ""]
-    rows += [f"- {sentence}" for sentence in sentences.places(found)]
-    rows += _causes(found) if d.which else ["", sentences.without_cause(found)]
+    d, words = found.diagnosis, of_wrench(found)
+    rows = [f"# {d.verdict}: {words.headline}", ""]
+    rows += [f"- set aside: {sentence}" for sentence in words.aside]
+    rows += ["", f"**{words.place}**", "", *(f"- {sentence}" for sentence in words.where)]
+    rows += _causes(words.causes) if words.causes else ["", words.no_cause]
     rows += ["", "| candidate for the leading cause | probability | |", "|---|---|---|"]
-    shown = tables.candidates(d.probabilities)
-    rows += [f"| {c['key']} | {c['p']} | {bar(0.01 * float(c['width']))} |" for c in shown]
-    rows += ["", f"**{far['figure'] or 'Gap'}**", "", f"{far['text']}"]
+    rows += [f"| {c['key']} | {c['p']} | {bar(0.01 * float(c['width']))} |"
+             for c in words.candidates]  # fmt: skip
+    figure, text = words.far
+    rows += ["", f"**{figure or 'Gap'}**", "", text]
     rows += ["", "| simulator | gap on held-out rows |", "|---|---|"]
-    rows += [f"| {name} | {numbers.gap(value)} |" for name, value, _ in tables.gaps(found)]
+    rows += [f"| {name} | {numbers.gap(value)} |" for name, value, _ in words.gaps]
     rows += _channels(found)
     if shares:
         colours = ", ".join(f"{part} {numbers.chance(p)}" for part, p in shares.items())
         rows += ["", f"Painted by probability: {colours}. Grey: not named."]
     if d.cannot_tell:
         rows += ["", "**What this recording cannot tell**", "", *(f"- {x}" for x in d.cannot_tell)]
-    steps = [str(n["sentence"]) for n in d.next] or [sentences.nothing_more(found)]
-    rows += ["", "**What to do next**", "", *(f"- {step}" for step in steps)]
-    if shares and _proposed(found) is not None:
+    rows += ["", "**What to do next**", "", *(f"- {step}" for step in words.steps)]
+    if shares and proposed_poses(found) is not None:
         rows += ["", f"Teal: up to {MOST_NEXT} of the proposed poses."]
     if d.notes:
         rows += ["", "**Notes**", "", *(f"- {n}" for n in d.notes)]
@@ -174,16 +175,16 @@ def _channels(found: Findings) -> list[str]:
     return rows
 
 
-def _causes(found: Findings) -> list[str]:
+def _causes(claims: Sequence[Claim]) -> list[str]:
     """Every parameter of each cause: value ± standard uncertainty and 95 % interval."""
     head = "cause | probability | parameter | value ± standard uncertainty | 95 % interval"
     rows = ["", f"| {head} |", "|---|---|---|---|---|"]
-    for c in tables.causes(found):
-        rivals = f" or {c['rivals']}" if c["rivals"] else ""
-        name, p = f"{c['name']}{rivals}", c["probability"]
-        for k, own in enumerate(c["rows"]):
-            lead = f"{name} | {p}" if k == 0 else " | "
-            rows.append(f"| {lead} | {own['name']} | {own['value']} | {own['interval']} |")
+    for c in claims:
+        rivals = ", ".join(name for name, _ in c.rivals)
+        lead = f"{c.name}{f' or {rivals}' if rivals else ''} | {c.probability}"
+        for size in c.rows:
+            rows.append(f"| {lead} | {size.name} | {size.value} | {size.interval} |")
+            lead = " | "
     return rows
 
 
@@ -197,7 +198,7 @@ def _log_robot(
     home = motion(simulation, robot.home[None])
     log_pose(canvas, "world/real", home)
     _log_label(canvas, model, robot, home, found)
-    plan = _proposed(found)
+    plan = proposed_poses(found)
     if plan is not None:
         chosen = np.unique(np.linspace(0, len(plan) - 1, MOST_NEXT).astype(int))
         ahead = motion(simulation, plan.q[chosen])
@@ -208,17 +209,10 @@ def _log_robot(
             log_pose(canvas, root, ahead, k)
 
 
-def _proposed(found: Findings) -> Plan | None:
-    """Poses that would tell more, if any."""
-    plan = next(iter(found.plans.values()), None)
-    return plan if plan is not None and plan.mode == "static" else None
-
-
 def _log_label(
     canvas: Canvas, model: Any, robot: SimulatedRobot, home: BodyMotion, found: Findings
 ) -> None:
     """What is named of each painted part, beside it, one label above the other."""
-    rr = registry.require("rerun", "view")
     parts = part_of(model, robot, shown_world=True)
     places: list[np.ndarray] = []
     texts = part_labels(found)
@@ -241,10 +235,6 @@ def _log_label(
         canvas.once("world/blame", shown)
 
 
-_LABEL_M = 0.1
-"""Least distance of two labels."""
-
-
 def part_labels(found: Findings) -> dict[str, str]:
     """Of each painted part its probability and the values that are named."""
     d = found.diagnosis
@@ -255,7 +245,7 @@ def part_labels(found: Findings) -> dict[str, str]:
             own = claim(entry)
             places = [f"{own.name.split('.')[0]} {k}" for k in joints(entry)]
             if part in (places or [own.name.split(".")[0]]):
-                told += [f"{name} {value}" for name, value in own.figures]
+                told += [f"{size.name} {size.value}" for size in own.figures]
         result[part] = "; ".join(told)
     return result
 
@@ -268,9 +258,7 @@ def _log_stages(canvas: Canvas, found: Findings, stages: Mapping[str, np.ndarray
     """The residual of each simulator over the poses, or over time."""
     p = found.analysis.prepared
     order, _, over = along(p)
-    ticks = elements.ticks(order, "s" if "time" in over else "pose")
     std = np.sqrt(np.diagonal(p.covariance))
     for name, reading in stages.items():
-        path = f"residual/{_key(name)}"
-        canvas.once(f"{path}/labels", elements.labels(ticks))
-        canvas.once(f"{path}/cells", elements.cells(elements.binned((p.y - reading) / std, order)))
+        unit = "s" if "time" in over else "pose"
+        log_map(canvas, f"residual/{_key(name)}", (p.y - reading) / std, order, unit)

@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+import rerun as rr
 
-from wrenchbed import registry
-from wrenchbed.pages.numbers import HUMAN
+from wrenchbed.pages.numbers import HUMAN, round_down
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Joint
 from wrenchbed.twin.comparison import binned_rms, bins
@@ -34,6 +33,22 @@ _RAMP = np.array(
     [_LEAST, (0.99, 0.84, 0.42), (0.98, 0.62, 0.28), (0.86, 0.27, 0.26), (0.50, 0.04, 0.16)]
 )
 """Light grey, yellow, orange, red, dark red: darker the worse, also without colour."""
+_LONGEST_M = 0.3
+"""Of the longest arrow, at most."""
+_BESIDE_M = 0.012
+"""By which an arrow may start beside the sensor's origin, along the sensor's x axis."""
+_RADIUS_M = {"force": 0.006, "torque": 0.0035}
+_WIDTH, _BENEATH = 1.5, 3.5
+"""Of curves, and of a measured one beneath the simulated ones [px]."""
+BINS = 24
+CELL = 24
+"""Pixels of a cell's side."""
+BOUNDS = ((-2.0 * CELL, (BINS + 0.5) * CELL), (-1.5 * CELL, (len(CHANNELS) + 1.5) * CELL))
+"""What a view of the map holds [px]: x from … to, y from … to."""
+_INK = (20, 22, 28)
+WORST = 10.0
+"""Residual in units of noise at which the colours end."""
+Colour = tuple[int, int, int]
 
 
 def heat(share: np.ndarray | float) -> np.ndarray:
@@ -45,16 +60,9 @@ def heat(share: np.ndarray | float) -> np.ndarray:
     return np.rint(255.0 * mixed).astype(np.uint8)
 
 
-def ghost(colour: tuple[int, int, int]) -> tuple[int, int, int, int]:
+def ghost(colour: Colour) -> tuple[int, int, int, int]:
     """The colour, transparent."""
     return (*colour, GHOST_ALPHA)
-
-
-_LONGEST_M = 0.3
-"""Of the longest arrow, at most."""
-_BESIDE_M = 0.012
-"""By which an arrow may start beside the sensor's origin, along the sensor's x axis."""
-_RADIUS_M = {"force": 0.006, "torque": 0.0035}
 
 
 @dataclass(frozen=True)
@@ -75,7 +83,8 @@ def scale_for(wrench: np.ndarray) -> Scale:
     finite = wrench[np.isfinite(wrench).all(axis=1)]
     if not len(finite):
         return Scale(0.01, 0.1)
-    return Scale(*(_round(np.linalg.norm(finite[:, k : k + 3], axis=1).max()) for k in (0, 3)))
+    largest = (float(np.linalg.norm(finite[:, k : k + 3], axis=1).max()) for k in (0, 3))
+    return Scale(*(round_down(_LONGEST_M / x) if x > 0.0 else 0.01 for x in largest))
 
 
 def log_arrows(
@@ -85,7 +94,7 @@ def log_arrows(
     wrench: np.ndarray,
     motion: BodyMotion,
     scale: Scale,
-    colour: tuple[int, int, int],
+    colour: Colour,
     side: float = 0.0,
 ) -> None:
     """Log wrenches on the sensor (K, 6) in its axes [N, N·m] over the canvas's axis at (K,).
@@ -93,7 +102,6 @@ def log_arrows(
     Args:
         side: −1 … 1: two arrows that are alike are seen side by side.
     """
-    rr = registry.require("rerun", "view")
     faint = tuple(round(0.5 * c + 0.5 * 255) for c in colour)
     start = motion.sensor + side * _BESIDE_M * motion.rotation[:, :, 0]
     parts = {"force": (0, scale.force, colour), "torque": (3, scale.torque, faint)}
@@ -106,17 +114,18 @@ def log_arrows(
         canvas.columns(path, at, data)
 
 
-def _round(largest: float) -> float:
-    """1, 2 or 5 times a power of ten, so that the largest is not longer than `_LONGEST_M`."""
-    if not largest > 0.0:
-        return 0.01
-    ideal = _LONGEST_M / largest
-    power = 10.0 ** np.floor(np.log10(ideal))
-    return float(max(s for s in (1.0, 2.0, 5.0) if s * power <= ideal * (1 + 1e-9)) * power)
+def style_curves(
+    canvas: Canvas, path: str, names: Sequence[str], colours: Sequence[Colour]
+) -> None:
+    """Say once how the curves of an entity look; a measured one is wide, beneath the others."""
+    widths = [_BENEATH if c == MEASURED else _WIDTH for c in colours]
+    style = rr.SeriesLines(names=[readable(n) for n in names], colors=list(colours), widths=widths)
+    canvas.once(path, style)
 
 
-_WIDTH, _BENEATH = 1.5, 3.5
-"""Of curves, and of a measured one beneath the simulated ones [px]."""
+def add_rows(canvas: Canvas, path: str, at: np.ndarray, values: np.ndarray) -> None:
+    """Log rows (N, K) of the curves of an entity over the canvas's axis at (N,)."""
+    canvas.columns(path, at, rr.Scalars.columns(scalars=values))
 
 
 def log_curves(
@@ -125,67 +134,25 @@ def log_curves(
     at: np.ndarray,
     values: np.ndarray,
     names: Sequence[str],
-    colours: Sequence[tuple[int, int, int]],
+    colours: Sequence[Colour],
 ) -> None:
     """Log curves (N, K) over the canvas's axis at (N,) as one entity."""
-    _style(canvas, path, names, colours, [_WIDTH] * len(names))
-    _columns(canvas, path, at, values)
+    style_curves(canvas, path, names, colours)
+    add_rows(canvas, path, at, values)
 
 
-def _style(
+def log_channels(
     canvas: Canvas,
-    path: str,
-    names: Sequence[str],
-    colours: Sequence[tuple[int, int, int]],
-    widths: Sequence[float],
+    root: str,
+    at: np.ndarray,
+    wrenches: Mapping[str, np.ndarray],
+    colours: Sequence[Colour] = (MEASURED, SIMULATED, *OTHERS),
 ) -> None:
-    rr = registry.require("rerun", "view")
-    style = rr.SeriesLines(
-        names=[readable(n) for n in names], colors=list(colours), widths=list(widths)
-    )
-    canvas.once(path, style)
-
-
-def _columns(canvas: Canvas, path: str, at: np.ndarray, values: np.ndarray) -> None:
-    rr = registry.require("rerun", "view")
-    canvas.columns(path, at, rr.Scalars.columns(scalars=values))
-
-
-def log_wrenches(
-    canvas: Canvas, at: np.ndarray, measured: np.ndarray, simulated: Mapping[str, np.ndarray]
-) -> None:
-    """Log each channel's curves, measured and by each simulator, under ``wrench/<channel>``."""
-    style_wrenches(canvas, ["measured", *simulated])
-    wrench_columns(canvas, at, measured, simulated)
-
-
-def log_simulated(canvas: Canvas, at: np.ndarray, wrench: np.ndarray, name: str) -> None:
-    """Log each channel's curve of a simulator alone (N, 6) under ``wrench/<channel>``."""
+    """Log wrenches (N, 6) by name over the canvas's axis at (N,), one entity a channel."""
     for k, channel in enumerate(CHANNELS):
-        log_curves(canvas, f"wrench/{channel}", at, wrench[:, k : k + 1], [name], [SIMULATED])
-
-
-def style_wrenches(canvas: Canvas, names: Sequence[str]) -> None:
-    """Say once how the curves of each channel look: the first is measured, the others not."""
-    colours = [MEASURED, SIMULATED, *OTHERS][: len(names)]
-    for channel in CHANNELS:
-        widths = [_BENEATH] + [_WIDTH] * (len(names) - 1)
-        _style(canvas, f"wrench/{channel}", names, colours, widths)
-
-
-def wrench_columns(
-    canvas: Canvas, at: np.ndarray, measured: np.ndarray, simulated: Mapping[str, np.ndarray]
-) -> None:
-    """Log rows (N, 6) of each channel's curves."""
-    for k, channel in enumerate(CHANNELS):
-        values = np.stack([w[:, k] for w in (measured, *simulated.values())], axis=1)
-        _columns(canvas, f"wrench/{channel}", at, values)
-
-
-def log_residuals(canvas: Canvas, at: np.ndarray, residual: np.ndarray) -> None:
-    """Log measured minus simulated (N, 6) of each channel under ``residual/<channel>``."""
-    for k, channel in enumerate(CHANNELS):
-        log_curves(canvas, f"residual/{channel}", at, residual[:, k : k + 1], ["residual"], [NEXT])
+        values = np.stack([w[:, k] for w in wrenches.values()], axis=1)
+        names = list(wrenches)
+        log_curves(canvas, f"{root}/{channel}", at, values, names, colours[: len(names)])
 
 
 def log_joints(canvas: Canvas, at: np.ndarray, q: np.ndarray, joints: Sequence[Joint]) -> None:
@@ -196,53 +163,21 @@ def log_joints(canvas: Canvas, at: np.ndarray, q: np.ndarray, joints: Sequence[J
     log_curves(canvas, "joints", at, q * [factor for _, factor in shown], names, colours)
 
 
-BINS = 24
-CELL = 24
-"""Pixels of a cell's side."""
-BOUNDS = ((-2.0 * CELL, (BINS + 0.5) * CELL), (-1.5 * CELL, (len(CHANNELS) + 1.5) * CELL))
-"""What a view of the map holds [px]: x from … to, y from … to."""
-_INK = (20, 22, 28)
-WORST = 10.0
-"""Residual in units of noise at which the colours end."""
+def log_map(canvas: Canvas, path: str, residual: np.ndarray, order: np.ndarray, unit: str) -> None:
+    """Log the map of residuals (N, 6) in units of one row's noise over rows in an order (N,).
 
-
-def binned(residual: np.ndarray, order: np.ndarray) -> np.ndarray:
-    """Rms (6, B) of residuals (N, 6) over rows in an order (N,), in at most `BINS` groups."""
-    return binned_rms(residual, bins(order, BINS))
-
-
-def cells(rms: np.ndarray) -> Any:
-    """A map (6, B) in units of one row's noise as a picture."""
-    rr = registry.require("rerun", "view")
-    share = np.log10(np.maximum(rms, 1.0)) / np.log10(WORST)  # noise itself stays grey
-    colours = heat(np.nan_to_num(share))
-    return rr.Image(np.kron(colours, np.ones((CELL, CELL, 1), dtype=np.uint8)))
-
-
-def ticks(order: np.ndarray, unit: str) -> list[str]:
-    """Labels of the columns of `binned`: the first value of every fourth."""
-    first = [f"{order[g[0]]:.0f}" for g in bins(order, BINS)]
-    texts = [text if k % 4 == 0 else "" for k, text in enumerate(first)]
-    return [f"{unit} {texts[0]}", *texts[1:]]
-
-
-def title(name: str) -> Any:
-    """The title above the map."""
-    rr = registry.require("rerun", "view")
-    at = [(0.5 * CELL * BINS, -1.3 * CELL)]
-    return rr.Points2D(at, labels=[name], colors=_INK, radii=0.5, show_labels=True)
-
-
-def labels(columns: Sequence[str]) -> Any:
-    """The names of channels and columns beside the map."""
-    rr = registry.require("rerun", "view")
+    The rows are averaged in at most `BINS` groups; every fourth column names its first value.
+    """
+    groups = bins(order, BINS)
+    share = np.log10(np.maximum(binned_rms(residual, groups), 1.0)) / np.log10(WORST)
+    colours = heat(np.nan_to_num(share))  # noise itself stays grey
+    columns = {k: f"{order[groups[k][0]]:.0f}" for k in range(0, len(groups), 4)}
+    columns[0] = f"{unit} {columns[0]}"
     rows = [(-0.9 * CELL, k * CELL) for k in range(len(CHANNELS))]
-    below = [((k + 0.5) * CELL, (len(CHANNELS) + 0.3) * CELL) for k in range(len(columns))]
-    shown = [(at, text) for at, text in zip(below, columns, strict=True) if text]
-    return rr.Points2D(
-        [*rows, *(at for at, _ in shown)],
-        labels=[*CHANNELS, *(text for _, text in shown)],
-        colors=_INK,
-        radii=0.5,
+    below = [((k + 0.5) * CELL, (len(CHANNELS) + 0.3) * CELL) for k in columns]
+    texts = rr.Points2D(
+        [*rows, *below], labels=[*CHANNELS, *columns.values()], colors=_INK, radii=0.5,
         show_labels=True,
-    )
+    )  # fmt: skip
+    canvas.once(f"{path}/labels", texts)
+    canvas.once(f"{path}/cells", rr.Image(np.kron(colours, np.ones((CELL, CELL, 1), np.uint8))))

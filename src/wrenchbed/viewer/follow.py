@@ -12,10 +12,12 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
+import rerun as rr
 
 from wrenchbed import registry
 from wrenchbed.data.metadata import stated_robot
 from wrenchbed.files import atomic_write
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
@@ -24,9 +26,9 @@ from wrenchbed.viewer.elements import (
     MEASURED,
     SIMULATED,
     Scale,
+    add_rows,
     log_arrows,
-    style_wrenches,
-    wrench_columns,
+    style_curves,
 )
 from wrenchbed.viewer.live import ROW, width
 from wrenchbed.viewer.robot import FRAMES_HZ, frames, log_motion, log_shapes, log_world, motion
@@ -55,14 +57,19 @@ class Follower:
         self._shown = -np.inf
         log_world(canvas)
         log_shapes(canvas, "world/real", self._simulation.model)
-        style_wrenches(canvas, (EXTERNAL,) if external else NAMES)
+        names = (EXTERNAL,) if external else NAMES
+        for channel in CHANNELS:
+            style_curves(canvas, f"wrench/{channel}", names, (MEASURED, SIMULATED)[: len(names)])
 
     def draw(self, rows: np.ndarray) -> None:
         """Show rows, the robot at most `FRAMES_HZ` times a second."""
         joints = len(self.robot.joints)
         t, q, wrench = rows[:, 0], rows[:, 1 : 1 + joints], rows[:, 1 + joints :]
         weight = None if self._external else self._model.predict(q, self._theta)
-        wrench_columns(self._canvas, t, wrench, {} if weight is None else {NAMES[1]: weight})
+        for k, channel in enumerate(CHANNELS):
+            loads = (wrench,) if weight is None else (wrench, weight)
+            values = np.stack([load[:, k] for load in loads], axis=1)
+            add_rows(self._canvas, f"wrench/{channel}", t, values)
         shown = frames(q, t)
         shown = shown[t[shown] - self._shown >= 1.0 / FRAMES_HZ]
         if not len(shown):
@@ -84,7 +91,6 @@ def blueprint(robot: str) -> Any:
 
 def run(told: Mapping[str, Any], source: BinaryIO) -> None:
     """Draw until the rows end."""
-    rr = registry.require("rerun", "view")
     robot = registry.load("robots", stated_robot(told, told["robot"]))
     stream = rr.RecordingStream(APP)
     with atomic_write(told["path"]) if told["path"] else nullcontext() as file:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import rerun as rr
 
 from wrenchbed import registry
 from wrenchbed.physics.wrench import CHANNELS, UNITS
@@ -17,7 +18,6 @@ _SKY = (242, 244, 247)
 
 def scene(robot: str, name: str = "robot") -> Any:
     """The robot from where its arm and sensor are seen best."""
-    rr = registry.require("rerun", "view")
     shown = registry.load("robots", robot)
     assert isinstance(shown, SimulatedRobot)  # only such have a scene
     position, target = shown.eye
@@ -41,7 +41,6 @@ def channels(
 ) -> Any:
     """Curves of the six channels that share their time; with a residual (N, 6) each stands over
     its own, whose range holds all but one in a thousand of the values."""
-    rr = registry.require("rerun", "view")
     views = []
     for k, (c, u) in enumerate(zip(CHANNELS, UNITS, strict=True)):
         view = curves(f"/wrench/{c}", f"{c} [{u}]", legend=k == 0, window=window)
@@ -69,7 +68,6 @@ def curves(
     With a window all of it is in view at first. Without one the plots scroll together: rerun has
     no range for axes that are linked.
     """
-    rr = registry.require("rerun", "view")
     b = rr.blueprint
     links = b.components.LinkAxis
     axis = b.TimeAxis(link=links.LinkToGlobal)
@@ -86,7 +84,6 @@ def curves(
 
 def _all_of(timeline: str, at: np.ndarray) -> Any:
     """From the first to the last row, or time."""
-    rr = registry.require("rerun", "view")
     unit = "seq" if timeline == ROW else "seconds"
     low, high = (float(at[k]) for k in (0, -1))
     ends = (int(x) if timeline == ROW else x for x in (low, max(high, low + 1e-3)))
@@ -96,19 +93,11 @@ def _all_of(timeline: str, at: np.ndarray) -> Any:
 
 def document(origin: str, name: str) -> Any:
     """Words about what is shown."""
-    rr = registry.require("rerun", "view")
     return rr.blueprint.TextDocumentView(origin=origin, name=name)
-
-
-def bars(origin: str, name: str) -> Any:
-    """A bar for each channel."""
-    rr = registry.require("rerun", "view")
-    return rr.blueprint.BarChartView(origin=origin, name=name)
 
 
 def heat(name: str, origin: str = "/residual/map") -> Any:
     """A map of residuals."""
-    rr = registry.require("rerun", "view")
     b = rr.blueprint
     x, y = BOUNDS
     return b.Spatial2DView(
@@ -131,7 +120,6 @@ def page(
 
     Without a timeline nothing changes over time, and there is no slider.
     """
-    rr = registry.require("rerun", "view")
     b = rr.blueprint
     time = b.TimePanel(state="hidden")
     if timeline is not None:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import rerun as rr
 
 from wrenchbed import registry
 from wrenchbed.campaigns.recording.itinerary import Leg, itinerary
@@ -19,8 +20,8 @@ from wrenchbed.viewer.elements import (
     NEXT,
     SIMULATED,
     log_arrows,
+    log_channels,
     log_joints,
-    log_simulated,
     scale_for,
 )
 from wrenchbed.viewer.robot import FRAMES_HZ, frames, log_robot, motion
@@ -111,7 +112,7 @@ def _write(
     with to_file(path, layout.page([layout.scene(robot.name)], tabs, [1.0], axis), axis) as canvas:
         log_robot(canvas, robot, at[shown], seen)
         log_arrows(canvas, "simulated", at[shown], expected[shown], seen, scale, SIMULATED)
-        log_simulated(canvas, at, expected, "nominal robot and tool")
+        log_channels(canvas, "wrench", at, {"nominal robot and tool": expected}, [SIMULATED])
         log_joints(canvas, at, q, robot.joints)
         _log_marks(canvas, plan, simulation, seen.sensor)
         log_words(canvas, "report", _words(plan, expected, at, blocked, scale.sentence))
@@ -119,7 +120,6 @@ def _write(
 
 def _log_marks(canvas: Canvas, plan: Plan, simulation: Simulation, way: np.ndarray) -> None:
     """Where the sensor goes, where it rests, and the points that the tip shall touch."""
-    rr = registry.require("rerun", "view")
     canvas.once("world/way", rr.LineStrips3D([way], colors=NEXT, radii=_LINE_M))
     if plan.mode == "static":
         rests = motion(simulation, plan.q).sensor

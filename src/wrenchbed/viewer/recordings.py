@@ -12,16 +12,17 @@ from wrenchbed.reports.agreement import agreement, best
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.comparison import Simulator, modelled, noise_of, order_of, robot_of, simulators
-from wrenchbed.viewer import elements, layout
+from wrenchbed.viewer import layout
 from wrenchbed.viewer.elements import (
     MEASURED,
+    NEXT,
     SIMULATED,
     ghost,
     log_arrows,
+    log_channels,
     log_curves,
     log_joints,
-    log_residuals,
-    log_wrenches,
+    log_map,
     scale_for,
 )
 from wrenchbed.viewer.robot import BodyMotion, frames, log_motion, log_robot, log_shapes, motion
@@ -79,13 +80,15 @@ def recording_view(
             canvas, "measured", at[shown], recording.wrench[shown], real, scale, MEASURED, -1.0
         )
         log_arrows(canvas, "simulated", at[shown], best.reading[shown], real, scale, SIMULATED, 1.0)
-        log_wrenches(canvas, at, recording.wrench, {s.name: s.reading for s in known})
-        log_residuals(canvas, at, residual)
+        readings = {"measured": recording.wrench} | {s.name: s.reading for s in known}
+        log_channels(canvas, "wrench", at, readings)
+        log_channels(canvas, "residual", at, {"residual": residual}, [NEXT])
         log_joints(canvas, at, q, robot.joints)
         if loops:
             gap = 1e9 * simulated.gap[:, None]
             log_curves(canvas, "closure", at[shown], gap, ["gap of the loops"], [SIMULATED])
-        _log_map(canvas, recording, residual)
+        order, unit = order_of(recording)
+        log_map(canvas, "residual/map", residual / noise_of(recording), order, unit)
         _log_words(canvas, recording, known, scale.sentence)
 
 
@@ -94,7 +97,7 @@ def _readings_alone(recording: Recording, path: str | Path) -> None:
     at, axis = _over(recording)
     left, right = layout.channels(window=(axis, at)), [layout.document("/report", "about")]
     with to_file(path, layout.page([left], right, [1.0], axis), axis) as canvas:
-        log_wrenches(canvas, at, recording.wrench, {})
+        log_channels(canvas, "wrench", at, {"measured": recording.wrench})
         _log_words(canvas, recording, (), "there are none without a model of the robot")
 
 
@@ -112,13 +115,6 @@ def log_ghost(
     model = Simulation(robot, theta).model
     log_shapes(canvas, "world/sim", model, ghost(SIMULATED), GROWN_M, only=seen.names)
     log_motion(canvas, "world/sim", at, seen)
-
-
-def _log_map(canvas: Canvas, recording: Recording, residual: np.ndarray) -> None:
-    white = residual / noise_of(recording)
-    order, unit = order_of(recording)
-    canvas.once("residual/map/labels", elements.labels(elements.ticks(order, unit)))
-    canvas.once("residual/map/cells", elements.cells(elements.binned(white, order)))
 
 
 def _log_words(

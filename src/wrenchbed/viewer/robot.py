@@ -6,8 +6,8 @@ from typing import Any
 
 import mujoco
 import numpy as np
+import rerun as rr
 
-from wrenchbed import registry
 from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.rotations import cross, matrix
 from wrenchbed.robots.base import SimulatedRobot
@@ -61,7 +61,6 @@ def shapes(
     Raises:
         NotFoundError: a geom is none of plane, box, sphere, ellipsoid, capsule, cylinder, mesh.
     """
-    rr = registry.require("rerun", "view")
     chosen: dict[str, list[int]] = {}
     for g in geoms_of(model, body):
         kind = _KINDS.get(GEOM(model.geom_type[g]))
@@ -100,7 +99,6 @@ def shapes(
 
 def _mesh(model: mujoco.MjModel, numbers: np.ndarray, colours: np.ndarray, grown: float) -> Any:
     """Meshes of one body as one; each triangle has its own corners, so that edges are sharp."""
-    rr = registry.require("rerun", "view")
     corners, normals, painted = [], [], []
     for g, colour in zip(numbers, colours, strict=True):
         m = int(model.geom_dataid[g])
@@ -239,7 +237,6 @@ def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
 
 def log_world(canvas: Canvas) -> None:
     """Say once that z is up."""
-    rr = registry.require("rerun", "view")
     canvas.once("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
 
 
@@ -272,7 +269,6 @@ def log_shapes(
 
 def log_motion(canvas: Canvas, root: str, at: np.ndarray, motion: BodyMotion) -> None:
     """Log where each body is, over the canvas's axis at (K,)."""
-    rr = registry.require("rerun", "view")
     for k, name in enumerate(motion.names):
         where = rr.Transform3D.columns(
             translation=motion.position[:, k], quaternion=motion.quaternion[:, k]
@@ -282,7 +278,6 @@ def log_motion(canvas: Canvas, root: str, at: np.ndarray, motion: BodyMotion) ->
 
 def log_pose(canvas: Canvas, root: str, motion: BodyMotion, at: int = 0) -> None:
     """Log one moment of a motion for all times."""
-    rr = registry.require("rerun", "view")
     for k, name in enumerate(motion.names):
         place = rr.Transform3D(
             translation=motion.position[at, k], quaternion=motion.quaternion[at, k]

@@ -1,14 +1,14 @@
 """A canvas: what a view is drawn on, and the file of rerun that it becomes; Markdown for it."""
 
 import uuid
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import rerun as rr
 
-from wrenchbed import registry
 from wrenchbed.files import write_bytes
 
 APP = "wrenchbed"
@@ -31,15 +31,8 @@ class Canvas:
         """Draw for all times."""
         self.stream.log(path, shown, static=True)
 
-    def step(self, timeline: str, k: int, shown: Mapping[str, Any]) -> None:
-        """Draw things by their paths at a step of a timeline."""
-        self.stream.set_time(timeline, sequence=k)
-        for path, thing in shown.items():
-            self.stream.log(path, thing)
-
     def columns(self, path: str, at: np.ndarray, data: Any) -> None:
         """Draw data over the axis at (N,) [s or rows]."""
-        rr = registry.require("rerun", "view")
         row = self.axis == ROW
         when = {"sequence": at.astype(np.int64)} if row else {"duration": at}
         self.stream.send_columns(path, [rr.TimeColumn(self.axis, **when)], data)
@@ -52,7 +45,6 @@ def to_file(path: str | Path, blueprint: Any, axis: str = TIME) -> Iterator[Canv
     Raises:
         MissingExtraError: rerun is not installed.
     """
-    rr = registry.require("rerun", "view")
     stream = rr.RecordingStream(APP, recording_id=uuid.uuid4())
     written = stream.binary_stream()  # rerun itself reports no disk that is full
     try:
@@ -76,7 +68,6 @@ def readable(text: str) -> str:
 
 def log_words(canvas: Canvas, path: str, text: str) -> None:
     """Log Markdown for all times."""
-    rr = registry.require("rerun", "view")
     document = rr.TextDocument(readable(text), media_type=rr.MediaType.MARKDOWN)
     canvas.once(path, document)
 
