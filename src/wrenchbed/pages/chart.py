@@ -4,7 +4,7 @@ Both take the same numbers, so they cannot disagree.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -220,7 +220,7 @@ class Chart:
             "title": self.title,
             "columns": self.columns,
             "shared": self.shared,
-            "panels": [_panel(p) for p in self.panels],
+            "panels": _json(self.panels),
         }
 
 
@@ -277,53 +277,6 @@ def _rgb(colour: str) -> tuple[int, int, int]:
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
-def _panel(p: Panel) -> dict[str, Any]:
-    return {
-        "title": p.title,
-        "height": p.height,
-        "zero": p.zero,
-        "diagonal": p.diagonal,
-        "equal": p.equal,
-        "levels": [[name, _number(v)] for name, v in p.levels.items()],
-        "x": _axis(p.x),
-        "y": _axis(p.y),
-        "series": [_series(s) for s in p.series],
-        "matrix": None if p.matrix is None else _matrix(p.matrix),
-    }
-
-
-def _axis(a: Axis) -> dict[str, Any]:
-    return {
-        "label": a.label, "unit": a.unit, "text": a.text, "scale": a.scale, "names": list(a.names),
-        "ticks": list(a.ticks), "low": a.low, "high": a.high,
-    }  # fmt: skip
-
-
-def _series(s: Series) -> dict[str, Any]:
-    return {
-        "name": s.name, "kind": s.kind, "role": s.role, "mark": s.mark, "dashed": s.dashed,
-        "x": _numbers(s.x), "y": _numbers(s.y),
-        "std": None if s.std is None else _numbers(s.std),
-        "ids": None if s.ids is None else [int(k) for k in s.ids],
-        "texts": list(s.texts),
-        "ends": None if s.ends is None else [_numbers(v) for v in s.ends],
-    }  # fmt: skip
-
-
-def _matrix(m: Matrix) -> dict[str, Any]:
-    colours = [[m.colour(float(v)) for v in row] for row in m.values]
-    return {
-        "rows": list(m.rows),
-        "columns": list(m.columns),
-        "values": [_numbers(row) for row in m.values],
-        "texts": [list(row) for row in m.texts],
-        "printed": m.printed,
-        "colours": colours,
-        "inks": [[c and readable(c) for c in row] for row in colours],
-        "bar": bar(m.scale),
-    }
-
-
 def bar(s: Scale, steps: int = 40) -> dict[str, Any]:
     """A scale's bar: colours of equal steps, and its marks as (share, text)."""
     ends = np.geomspace(s.low, s.high, steps) if s.log else np.linspace(s.low, s.high, steps)
@@ -334,9 +287,25 @@ def bar(s: Scale, steps: int = 40) -> dict[str, Any]:
     }
 
 
-def _numbers(values: np.ndarray) -> list[float | None]:
-    return [_number(float(v)) for v in values]
-
-
-def _number(v: float) -> float | None:
-    return float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None
+def _json(value: Any) -> Any:
+    """Parts of a chart as JSON: their fields by name, numbers with `DIGITS` digits, else null."""
+    if isinstance(value, np.ndarray):
+        return _json(value.tolist())
+    if isinstance(value, float):
+        return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
+    if isinstance(value, list | tuple):
+        return [_json(v) for v in value]
+    if isinstance(value, Mapping):
+        return [[name, _json(v)] for name, v in value.items()]
+    if not is_dataclass(value):
+        return value
+    told = {f.name: _json(getattr(value, f.name)) for f in fields(value)}
+    if isinstance(value, Axis):
+        told["text"] = value.text
+    if isinstance(value, Matrix):
+        colours = [[value.colour(float(v)) for v in row] for row in value.values]
+        told["colours"] = colours
+        told["inks"] = [[c and readable(c) for c in row] for row in colours]
+        told["bar"] = bar(value.scale)
+        del told["scale"]
+    return told

@@ -1,5 +1,6 @@
 """A `Chart` as a still SVG: for print, for pages without script and for Markdown."""
 
+import io
 import re
 from html import escape
 from typing import Any
@@ -9,8 +10,9 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.errors import printable
 from wrenchbed.pages.chart import NEAR_ZERO, Axis, Chart, Matrix, Panel, Series, bar, readable
-from wrenchbed.pages.plots import BLUE, GREEN, GREY, ORANGE, PURPLE, canvas, to_svg
 
+BLUE, ORANGE, GREEN, GREY, PURPLE = "#0072b2", "#d55e00", "#009e73", "#6b7680", "#7d4aa0"
+"""After Okabe & Ito 2008."""
 INK = "#1c2126"
 WIDTH = 4.9
 """Of a column of panels [in]: fits a telephone, and two fit beside each other on a screen."""
@@ -29,7 +31,11 @@ _THEME = {
 }  # fmt: skip
 """Colours drawn and the page's own ones that take their place, in light and in dark."""
 _STYLE: Any = {
-    "text.color": INK, "axes.labelcolor": INK, "xtick.color": INK, "ytick.color": INK,
+    "font.size": 9.0, "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True,
+    "grid.color": "#e3e7ea", "grid.linewidth": 0.7, "axes.axisbelow": True,
+    "axes.edgecolor": "#5b6670", "legend.frameon": False, "svg.fonttype": "none",
+    "svg.hashsalt": "wrenchbed", "text.color": INK, "axes.labelcolor": INK, "xtick.color": INK,
+    "ytick.color": INK,
     "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none",
 }  # fmt: skip
 _MARKS = {"dot": "o", "ring": "o", "diamond": "D"}
@@ -47,6 +53,8 @@ def svg(chart: Chart, *, themed: bool = True) -> str:
     """
     registry.require("matplotlib", "report")
     import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure
 
     columns = min(chart.columns, len(chart.panels))
     rows = -(-len(chart.panels) // columns)
@@ -54,22 +62,23 @@ def svg(chart: Chart, *, themed: bool = True) -> str:
         max(_height(p) for p in chart.panels[r * columns : (r + 1) * columns]) for r in range(rows)
     ]
     width = WIDTH * (1.0 if columns == 1 else 1.5)
-    with (
-        matplotlib.rc_context(_STYLE),
-        canvas((width, sum(heights)), columns, rows, gridspec_kw={"height_ratios": heights}) as (
-            figure,
-            axes,
-        ),
-    ):
-        flat = list(np.asarray(axes, dtype=object).ravel())
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure((width, sum(heights)), layout="constrained", dpi=150)
+        axes = figure.subplots(
+            rows, columns, squeeze=False, gridspec_kw={"height_ratios": heights}
+        )  # fmt: skip
+        flat = list(axes.ravel())
         for k, (ax, panel) in enumerate(zip(flat, chart.panels, strict=False)):
             last = k + columns >= len(chart.panels)
             _draw(figure, ax, panel, named=last or not chart.shared)
         for ax in flat[len(chart.panels) :]:
             ax.set_visible(False)
         _legend(figure, flat)
-        text = to_svg(figure)
-    return titled(_own(text, chart.name, themed=themed), chart.title)
+        buffer = io.StringIO()
+        paper: Any = FigureCanvasSVG(figure)
+        paper.print_svg(buffer, metadata={"Date": None})  # `savefig` would draw twice
+    text = buffer.getvalue()
+    return titled(_own(text[text.index("<svg") :], chart.name, themed=themed), chart.title)
 
 
 def titled(text: str, title: str) -> str:

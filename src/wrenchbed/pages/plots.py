@@ -1,20 +1,12 @@
-"""Charts of the studies and campaigns, and the canvas on which all are drawn still."""
+"""Charts of the studies and campaigns."""
 
-import io
 from collections.abc import Mapping, Sequence
-from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from wrenchbed import registry
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
 
-BLUE, ORANGE, GREEN, GREY, RED, PURPLE = (
-    "#0072b2", "#d55e00", "#009e73", "#6b7680", "#b01e38", "#7d4aa0",
-)  # fmt: skip
-"""After Okabe & Ito 2008."""
 LEAST_BINS = 8
 FEW = 20
 """Points of a curve that are marked."""
@@ -22,48 +14,6 @@ MOST_MARKS = 6
 """On an axis in decades."""
 MOST_PLACES = 1200
 """Points of a workspace."""
-_STYLE: Any = {
-    "font.size": 9.0,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#e3e7ea",
-    "grid.linewidth": 0.7,
-    "axes.axisbelow": True,
-    "axes.edgecolor": "#5b6670",
-    "legend.frameon": False,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "wrenchbed",
-}
-
-
-@contextmanager
-def canvas(size: tuple[float, float], columns: int = 1, rows: int = 1, **options: Any) -> Any:
-    """(figure, axes) of a figure that is drawn off screen; axes in one row, or in rows.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
-    """
-    registry.require("matplotlib", "report")
-    import matplotlib
-    from matplotlib.figure import Figure
-
-    with matplotlib.rc_context(_STYLE):
-        figure = Figure(size, layout="constrained")
-        axes = figure.subplots(rows, columns, squeeze=False, **options)
-        yield figure, axes[0] if rows == 1 else axes
-
-
-def to_svg(figure: Any) -> str:
-    """A figure as one SVG element, drawn once (``savefig`` draws twice)."""
-    from matplotlib.backends.backend_svg import FigureCanvasSVG
-
-    buffer = io.StringIO()
-    figure.set_dpi(150)
-    drawn: Any = FigureCanvasSVG(figure)
-    drawn.print_svg(buffer, metadata={"Date": None})
-    text = buffer.getvalue()
-    return text[text.index("<svg") :]
 
 
 def lines(
