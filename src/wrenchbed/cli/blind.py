@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import tyro
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
 from wrenchbed.cli import console
@@ -71,7 +70,6 @@ def make(
         answers: Folder of answers, to be given to nobody.
         seed: All follows from it; one that nobody can guess if left out.
         processes: Cases made at a time.
-        as_json: Print the result as JSON.
     """
     from wrenchbed.benchmark.sealed import make as making
 
@@ -112,7 +110,6 @@ def run(
             (make --plan), once for all; 0: use what is known of the robot or of others.
         processes: Cases at a time.
         limit: Most time of one method on one case [s].
-        as_json: Print the result as JSON.
     """
     from wrenchbed.benchmark.scoring.baselines import BASELINES
     from wrenchbed.benchmark.sealed import commitments as seal
@@ -154,7 +151,6 @@ def score(
         out: Folder for score.md, score.html and their figures; CLAIMS.score if none.
         method: Entrant that is judged, the others stand beside it; diagnose, else the first.
         commitments: SHA-256 of commitments.json as it was published, to be checked, too.
-        as_json: Print every figure as JSON.
     """
     from wrenchbed.benchmark.sealed import report
     from wrenchbed.benchmark.sealed import score as scoring
@@ -172,12 +168,9 @@ def score(
 
 def _score_table(page: "Document") -> Group:
     """The figures of a sealed benchmark: targets, the judged entrant and the next one."""
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold")
-    table.add_column("")
     figures = page.sections[0].parts[0]
     assert not hasattr(figures, "svg")
-    for head in figures.columns[1:5]:
-        table.add_column(head, justify="right", no_wrap=True)
+    table = console.table("", *(f">{head}" for head in figures.columns[1:5]))
     for row in figures.rows:
         table.add_row(*row[:5])
     cards = [Text(f"{c.label}: {c.figure}. {c.text}") for c in page.cards]
@@ -197,7 +190,6 @@ def seal(
         truth: TOML file that names each recording, what was made wrong and by how much.
         out: Empty folder for the cases, to be given to entrants.
         answers: Empty folder for the answers, to be given to nobody.
-        as_json: Print the result as JSON.
     """
     from wrenchbed.benchmark.sealed.real import seal_real
 

@@ -8,18 +8,18 @@ from typing import Any, Literal
 
 import tyro
 from rich.console import Group
-from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
 import wrenchbed as wb
-from wrenchbed.calibration.fit_words import FitWords, fit_words
+from wrenchbed.calibration.fit import IdentifiedValue
+from wrenchbed.calibration.fit_words import FitWords, fit_words, parameter_words
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
-from wrenchbed.cli.drive_fit import drive_fit_table
 from wrenchbed.data.outputs import Kind
+from wrenchbed.drives.fit import DriveFit
 from wrenchbed.errors import ParameterError
-from wrenchbed.pages.numbers import HUMAN
+from wrenchbed.pages.numbers import HUMAN, percent
 from wrenchbed.physics.wrench import CHANNELS
 
 
@@ -70,7 +70,6 @@ def calibrate(
         truth: JSON {name: value} of a simulated robot, shown beside the estimates.
         rrd: Picture to write: the recording with the fit.
         report: Page to write, HTML: the fit with correlations and the residual of each pose.
-        as_json: Print the result as JSON.
     """
     console.check_out(out, Kind.FIT, recording, given.touches, truth)
     console.check_out(rrd, Kind.PICTURE, recording, given.touches, truth, out)
@@ -160,24 +159,17 @@ def fit_table(result: wb.Fit, truth: Mapping[str, float] | None = None) -> Group
     """
     words = fit_words(result)
     head = Text.assemble(("calibration ", "bold"), f"{result.recording}  {words.data}")
-    parts: list[Any] = [head, "", _parameters(result, words, truth), "", _residuals(words), ""]
+    parts: list[Any] = [head, "", _parameters(result, words, truth), "", _residuals(words)]
     for title, lines in words.sections:
-        parts += [Text(title, style="bold"), *(Padding(Text(x), (0, 0, 0, 2)) for x in lines)]
-        parts += [""] * (title != "status")
+        parts += console.section(title, lines)
     return Group(*parts)
 
 
 def _parameters(result: wb.Fit, words: FitWords, truth: Mapping[str, float] | None) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    table.add_column("parameter", no_wrap=True)
-    for name in ("value", "± std", "start"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    if truth is not None:
-        table.add_column("truth", justify="right", no_wrap=True)
-        table.add_column("off by", justify="right", no_wrap=True)
-    for p, told in zip(result.identified, words.parameters, strict=True):
-        cells = [told.name, told.value, told.std, told.start, told.unit]
+    beside = [">truth", ">off by"] if truth is not None else []
+    table = console.table("|parameter", ">value", ">± std", ">start", "|unit", *beside)
+    for p, shown in zip(result.identified, words.parameters, strict=True):
+        cells = [shown.name, shown.value, shown.std, shown.start, shown.unit]
         if truth is not None:
             _, factor = HUMAN.get(p.unit, (p.unit, 1.0))
             true = truth.get(p.name, p.nominal)
@@ -188,10 +180,69 @@ def _parameters(result: wb.Fit, words: FitWords, truth: Mapping[str, float] | No
 
 
 def _residuals(words: FitWords) -> Table:
-    table = Table(box=None, padding=(0, 1, 0, 0), header_style="dim")
-    table.add_column("per channel [N, N·m]", no_wrap=True)
-    for channel in CHANNELS:
-        table.add_column(channel, justify="right", no_wrap=True, min_width=8)
+    channels = (f">{channel:>8}" for channel in CHANNELS)
+    table = console.table("|per channel [N, N·m]", *channels, space=1)
     for label, values in words.residuals:
         table.add_row(label, *values)
+    return table
+
+
+def drive_fit_table(fit: DriveFit) -> Group:
+    """Parameters of all, of each joint, errors on held-out rows, and the status."""
+    head = Text.assemble(
+        ("joint efforts ", "bold"), f"{fit.recording}  {fit.robot}, {fit.seconds:.0f} s, "
+        f"{fit.rows} rows below {fit.cutoff:.3g} Hz"
+    )  # fmt: skip
+    shared = [p for p in fit.identified if not p.name.rpartition(".")[2].isdigit()]
+    parts: list[Any] = [head, "", _shared(shared), ""] if shared else [head, ""]
+    parts += [_by_joint(fit), "", _errors(fit)]
+    title = "refuted by the data" if fit.refuted else "status"
+    return Group(*parts, *console.section(title, [fit.refuted or fit.status]))
+
+
+def _shared(values: list[IdentifiedValue]) -> Table:
+    table = console.table("|parameter", ">value", ">± std", ">start", "|unit")
+    for p in values:
+        shown = parameter_words(p.name, p.value, p.std, p.interval95, p.nominal, p.unit)
+        table.add_row(shown.name, shown.value, shown.std, shown.start, shown.unit)
+    return table
+
+
+def _by_joint(fit: DriveFit) -> Table:
+    """One row a parameter of the joints, one column a joint; ± in the row below."""
+    kinds = dict.fromkeys(p.name.rpartition(".")[0] for p in fit.identified
+                          if p.name.rpartition(".")[2].isdigit())  # fmt: skip
+    table = console.table("|per joint", *(f">{e.joint}" for e in fit.joints), "|unit")
+    for kind in kinds:
+        own = [fit[f"{kind}.{e.joint}"] for e in fit.joints]
+        told = [parameter_words(p.name, p.value, p.std, p.interval95, p.nominal, p.unit)
+                for p in own]  # fmt: skip
+        usual, others = _units([w.unit for w in told])
+        table.add_row(kind, *(w.value for w in told), usual)
+        table.add_row("  ± std", *(w.std for w in told), others, style="dim")
+    return table
+
+
+def _units(each: list[str]) -> tuple[str, str]:
+    """Unit of most joints, and of which joints another one: ``1: N``."""
+    usual = max(each, key=each.count)
+    other = [str(j) for j, unit in enumerate(each, start=1) if unit != usual]
+    named = next((unit for unit in each if unit != usual), "")
+    return usual, f"{','.join(other)}: {named}" if other else ""
+
+
+def _errors(fit: DriveFit) -> Table:
+    units = [e.unit for e in fit.joints]
+    alike = len(set(units)) == 1
+    head = f"|rms in the band{f' [{units[0]}]' * alike}"
+    table = console.table(head, *(f">{e.joint}" for e in fit.joints))
+    if not alike:
+        table.add_row("unit", *units, style="dim")
+    table.add_row("effort itself", *(f"{e.measured:.3g}" for e in fit.joints))
+    if all(e.nominal is not None for e in fit.joints):
+        table.add_row("left by the nominal robot", *(f"{e.nominal:.3g}" for e in fit.joints))
+    table.add_row("left by the fit", *(f"{e.left:.3g}" for e in fit.joints))
+    table.add_row("on held-out rows", *(f"{e.held_out:.3g}" for e in fit.joints))
+    shares = (f"{percent(e.explained)} %" for e in fit.joints)
+    table.add_row("explained, held out", *shares)
     return table

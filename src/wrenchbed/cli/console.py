@@ -107,8 +107,11 @@ def _value(hint: Any, word: str) -> Any:
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 """An option without a value."""
-Json = Annotated[bool, tyro.conf.FlagCreatePairsOff, tyro.conf.arg(name="json")]
-"""Print the result as JSON on stdout."""
+Json = Annotated[
+    bool, tyro.conf.FlagCreatePairsOff,
+    tyro.conf.arg(name="json", help="Print the result as JSON."),
+]  # fmt: skip
+"""Print the result as JSON on stdout; said here once for all verbs."""
 Repeated = tyro.conf.UseAppendAction[tuple[str, ...]]
 """A text option that may be given several times."""
 

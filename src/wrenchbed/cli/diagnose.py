@@ -108,7 +108,6 @@ def diagnose(
             do next.
         dry_run: Only say which effects such a recording could show, and which look the same.
         seed: Of the split into folds, each of which is held out once.
-        as_json: Print the result as JSON.
         learning: How the probabilities of a wrench's causes are learnt.
         rehearsed: With --dry-run: how the plan would be recorded.
         efforts: What is diagnosed: the wrench, or the joint efforts.

@@ -53,7 +53,6 @@ def export(
         mjcf: The same as --to mjcf --out MJCF.
         mcap: File of ROS 2 messages to write: WrenchStamped, JointState, Temperature.
         force: With --mcap: replace a log; it is kept as MCAP~, or MCAP~2 and so on.
-        as_json: Print the result as JSON.
     """
     if to == "mjcf":
         to, mjcf = None, out or mjcf

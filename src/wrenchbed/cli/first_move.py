@@ -68,12 +68,8 @@ def _table(link: LiveDriver, found: LiveLimits) -> Table:
     assert limits.workspace is not None
     lower, upper = limits.workspace
     model = link.answers.get("model")
-    table = Table(
-        title=f"{model or link.robot.name} at {link.address or 'this machine (emulator)'}: limits",
-        title_justify="left", box=None, header_style="dim", padding=(0, 2, 0, 0),
-    )  # fmt: skip
-    for column in ("limit", "value", "from"):
-        table.add_column(column)
+    title = f"{model or link.robot.name} at {link.address or 'this machine (emulator)'}: limits"
+    table = console.table("limit", "value", "from", title=title)
     for k, axis in enumerate("xyz"):
         where = origin["workspace"] if k == 0 else ""
         table.add_row(f"sensor's {axis}", f"{lower[k]:+.2f} … {upper[k]:+.2f} m", where)

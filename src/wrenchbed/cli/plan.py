@@ -89,7 +89,6 @@ def plan(
         out: Parquet file to write.
         seed: Of the random choice.
         rrd: Also write the plan as a picture for rerun: the way, poses, expected wrenches.
-        as_json: Print the result as JSON.
     """
     console.check_seed(seed)
     console.check_out(out, Kind.PLAN, goal.points)

@@ -15,7 +15,6 @@ import wrenchbed as wb
 from wrenchbed.campaigns.recording.itinerary import Leg, itinerary
 from wrenchbed.campaigns.recording.run import RunProgress
 from wrenchbed.cli import console
-from wrenchbed.cli import console as set_options
 from wrenchbed.cli.console import Flag, Json, Repeated
 from wrenchbed.cli.first_move import ready
 from wrenchbed.data.outputs import Kind
@@ -133,7 +132,7 @@ class DeviceArguments:
         }  # fmt: skip
         known = [f.name for f in fields(device.options)]
         flagged = ("robot", "limits", *given)
-        words = set_options.typed(device.options, set_options.pairs(self.set), flagged)
+        words = console.typed(device.options, console.pairs(self.set), flagged)
         chosen = {k: v for k, v in given.items() if v is not None}
         for name in chosen:
             if name == "effects" and name not in known:
@@ -234,7 +233,6 @@ def record(
         plan: Parquet file with q1…qN, see `wrenchbed plan`.
         out: Recording to write; what a resumed campaign or another try of a motion replaces is
             kept as OUT.cut~.
-        as_json: Print the result as JSON.
     """
     replayed = Path(device.recording) if device.recording else None
     console.check_seed(device.seed or 0)

@@ -1,11 +1,10 @@
-"""The verbs with few options: list, simulate, compare, doctor and study."""
+"""The verbs with few options: list, simulate, compare, study, doctor, view and report."""
 
 from pathlib import Path
 from typing import Literal
 
 import tyro
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
 import wrenchbed as wb
@@ -13,6 +12,9 @@ from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
 from wrenchbed.data.outputs import Kind, keeping
 from wrenchbed.pages.numbers import quantity
+
+_MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "fails": ("FAILS", "bold red")}
+"""Word and style of a grade of the doctor."""
 
 
 def list_(
@@ -37,13 +39,12 @@ def list_(
     Args:
         kind: Of plug-in; effects with the channels in which they show: those of the wrench, or of
             the joint efforts; checks: what a recording is examined for before it is calibrated.
-        as_json: Print the result as JSON.
     """
     from wrenchbed.calibration.checks.finding import REASONS
 
     kind = "emulators" if kind == "twins" else kind
     rows = dict(REASONS) if kind == "checks" else wb.descriptions(kind)
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table = console.table()
     for name, text in rows.items():
         channels = ("wrench",) if kind == "effects" else ()
         table.add_row(Text(name, style="bold"), *channels, text)
@@ -75,7 +76,6 @@ def simulate(
         seed: Of the noise and of what effects draw.
         rrd: Picture to write: the recording with the twin held against it.
         force: Replace a recording at OUT; it is kept as OUT~, or OUT~2 and so on.
-        as_json: Print the result as JSON.
     """
     console.check_seed(seed)
     console.check_out(out, Kind.RECORDING, twin, like, force=force)
@@ -103,7 +103,6 @@ def compare(
     Args:
         a: fit.json, a recording, diagnosis.json or its folder.
         b: Another one of the same kind and robot.
-        as_json: Print the result as JSON.
     """
     result = wb.compare(a, b)
     console.answer(result.to_json(), as_json, compared(result))
@@ -111,10 +110,7 @@ def compare(
 
 def compared(result: wb.Comparison) -> Group:
     """A comparison as a table of all numbers, the sentences first."""
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    table.add_column("", no_wrap=True)
-    for name in ("A", "B", "B − A", "σ"):
-        table.add_column(name, justify="right", no_wrap=True)
+    table = console.table("|", ">A", ">B", ">B − A", ">σ")
     for c in result.changes:
         style = "bold" if c.changed else ""
         values = [quantity(c.name, {"value": v, "unit": c.unit}) for v in (c.before, c.after)]
@@ -146,7 +142,6 @@ def study(
         quick: A small version, a minute or two.
         robots: Random MedRUE robots (200, quick 8), or repetitions on the UR5 (20, quick 3).
         seed: Of everything random.
-        as_json: Print the key results as JSON.
     """
     from wrenchbed import studies
 
@@ -160,9 +155,6 @@ def study(
             paper, folder, quick=quick, robots=robots, seed=seed, report=report, command=command
         )
     console.answer(done.summary, as_json, "\n".join(done.lines))
-
-
-_MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "fails": ("FAILS", "bold red")}
 
 
 def doctor_(
@@ -181,12 +173,11 @@ def doctor_(
         host: Address of the robot's controller.
         sensor: HOST of a Net F/T box, or its address: netft://HOST.
         seconds: For which each stream is watched [s].
-        as_json: Print the result as JSON.
     """
     from wrenchbed.hardware.preflight.doctor import doctor
 
     report = doctor(wb.load("robots", robot), host or "", sensor or "", seconds)
-    table = Table(box=None, show_header=False, padding=(0, 2, 0, 0))
+    table = console.table()
     for line in report.lines:
         word, style = _MARKS[line.grade]
         text = Text(line.found)
@@ -195,3 +186,53 @@ def doctor_(
         table.add_row(Text(word, style=style), Text(line.name, style="bold"), text)
     console.answer(report.to_json(), as_json, table)
     return 0 if report.ok else 3
+
+
+def view(
+    recording: tyro.conf.Positional[Path],
+    against: tyro.conf.Positional[tuple[Path, ...]] = (),
+    /,
+    rrd: Path | None = None,
+    web: bool = False,
+    port: int = 9876,
+    web_port: int = 9090,
+) -> None:
+    """Look at a recording with what simulators say, at a plan or at a diagnosis, in rerun.
+
+    Args:
+        recording: Parquet file, of a plan too; the folder of a diagnosis; or an .rrd file.
+        against: fit.json and twin.json files whose simulators are held against it, the last as a
+            ghost.
+        rrd: Write this file and open nothing.
+        web: Serve a browser on this machine instead of opening rerun's own window.
+        port: Of the viewer's data, on 127.0.0.1.
+        web_port: With --web: of the page.
+    """
+    console.check_out(rrd, Kind.PICTURE, recording, *against)
+    wb.view(
+        recording, against, rrd=rrd, web=web, port=port, web_port=web_port,
+        opened=lambda address: console.say(f"open {address} (Ctrl-C ends it)"),
+    )  # fmt: skip
+    if rrd is not None:
+        console.say(f"view → {rrd}")
+
+
+def report(
+    recording: tyro.conf.Positional[Path],
+    against: tyro.conf.Positional[tuple[Path, ...]] = (),
+    /,
+    out: Path = Path("report.html"),
+) -> None:
+    """Write one HTML page about a recording, what simulators say of it, and fits.
+
+    A diagnosis writes its own report, see `wrenchbed diagnose`.
+
+    Args:
+        recording: Parquet file.
+        against: fit.json and twin.json files whose simulators are held against it.
+        out: Page to write.
+    """
+    console.check_out(out, Kind.PAGE, recording, *against)
+    command = console.command("report", recording, *against, "--out", out)
+    wb.report(wb.Recording.read(recording), against, out, command)
+    console.say(f"report → {out}")
