@@ -1,7 +1,7 @@
 """The figure that shows a cause as an engineer would look for it: a loop, a spring line, a wave.
 
 An effect says what it is drawn over (`Effect.shown`); an effect that says nothing has measured and
-simulated over the rows sorted by its prediction, which `figures.comparison` draws of all.
+simulated over the rows sorted by its prediction, which `figures.of_claim` draws of all.
 """
 
 from collections.abc import Callable, Mapping
@@ -341,4 +341,4 @@ _OWN: Mapping[str, Callable[[Evidence, Claim, str], Chart | None]] = {
     "torque": _torque, "angle": _angle, "load": _load, "loop": _loop, "matrix": _matrix,
     "lag": _lag, "depth": _depth,
 }  # fmt: skip
-"""By `Effect.shown`; the others are drawn by `figures.comparison` alone."""
+"""By `Effect.shown`; the others are drawn by `figures.of_claim` alone."""

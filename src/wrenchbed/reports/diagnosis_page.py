@@ -38,10 +38,9 @@ def page_to_come(
     registry.require("matplotlib", "report")
     evidence = Evidence(found)
     before, after = evidence.channels()
-    map_of_residuals = evidence.heat()
     words = of_wrench(found)
     coming = {
-        "heat": artist(figures.heat(map_of_residuals, found.analysis.prepared.observed)),
+        "heat": artist(figures.residual_map(evidence)),
         "gaps": artist(figures.gaps(words.gaps)),
         "channels": artist(figures.channels(before, after, evidence.first)),
     }
@@ -97,14 +96,14 @@ def _of_causes(found: Findings, e: Evidence) -> list[Chart]:
     told: list[Chart | None] = []
     for k, own in enumerate(e.claims()):
         told.append(cause_charts.own_chart(e, own, f"cause-{k}"))
-        told += [figures.comparison(c, f"effect-{k}-{c.channel}") for c in e.of_claim(own)]
+        told += figures.of_claim(e, own, f"effect-{k}")
     for k, entry in enumerate(found.diagnosis.which):
         told.append(cause_charts.curve_chart(entry, f"curve-{k}"))
         if entry["rivals"]:
             told.append(residual_charts.rivals(e, entry, f"rivals-{k}"))
         if entry["effect"] in sentences.row_effects(found):
             told.append(residual_charts.scatter(e, entry, f"rows-{k}"))
-    told += [figures.comparison(c, f"left-{c.channel}") for c in e.unexplained()]
+    told += figures.unexplained(e)
     if found.diagnosis.verdict in ("unknown", "partial"):
         told.append(residual_charts.everywhere(e, "everywhere"))
     return [chart for chart in told if chart is not None]

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from wrenchbed.effects.chain import effects
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import (
     NEAR_ZERO,
@@ -19,11 +20,13 @@ from wrenchbed.pages.chart import (
     Series,
     thinned,
 )
-from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.reports.simulators import Comparison, Heat
+from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.reports.simulators import Claim, Evidence, largest
+from wrenchbed.twin.comparison import binned_rms, bins
 
+BINS = 8
+"""Columns of the map of residuals."""
 _ROLES: Mapping[str, Role] = {"sim": "before", "effects": "after", "box": "box", "real": "measured"}
-
 
 FITTED = "bias, tool mass and centre of gravity fitted, as every user does"
 """What the calibrated simulator of wrenches has."""
@@ -90,64 +93,118 @@ def channels(before: Mapping[str, float], after: Mapping[str, float], first: str
     return Chart("channels", "Gap of each channel", (panel,), caption=caption)
 
 
-def heat(h: Heat, what: str) -> Chart:
+def heat(
+    residuals: Mapping[str, np.ndarray], groups: Sequence[np.ndarray], names: Sequence[str],
+    label: str, over: str, what: str,
+) -> Chart:  # fmt: skip
     """Residual rms in units of noise, one panel a simulator, on the scale of every page.
 
     Args:
-        h: the residuals.
+        residuals: (N, 6) in units of one row's noise, by simulator.
+        groups: indices of the observations of each column.
+        names: of the columns.
+        label: what they are groups of; ``over`` the same within a sentence.
         what: observations, for people.
     """
-    columns = tuple(h.bins)
-    panels = tuple(
-        Panel(
-            Axis(h.label), Axis(""), title=title,
-            matrix=Matrix(CHANNELS, columns, values, NOISE, _cells(values)),
-        )
-        for title, values in h.panels.items()
-    )  # fmt: skip
+    panels = []
+    for title, residual in residuals.items():
+        values = binned_rms(residual, groups)
+        matrix = Matrix(CHANNELS, tuple(names), values, NOISE, _cells(values))
+        panels.append(Panel(Axis(label), Axis(""), title=title, matrix=matrix))
     caption = (
         f"Measured minus simulated, all {what}, in units of the noise of a row: 1 is as large as "
         "the noise of a single row."
     )
-    return Chart("heat", f"Residual of each channel {h.over}", panels, caption=caption)
+    return Chart("heat", f"Residual of each channel {over}", tuple(panels), caption=caption)
 
 
-def comparison(c: Comparison, name: str) -> Chart:
-    """Measured and simulated with their residual beneath, over one axis.
+def ranges(values: np.ndarray, groups: Sequence[np.ndarray]) -> list[str]:
+    """Least and largest value of each group, one beneath the other."""
+    return [numbers.minus(f"{values[g].min():.0f}…\n{values[g].max():.0f}") for g in groups]
+
+
+def residual_map(e: Evidence) -> Chart:
+    """Residual of the simulators before and after over the variable that tells most."""
+    values, label, over = e.variable()
+    groups = bins(values, BINS)
+    readings = {e.first: e.before} | ({} if e.after is None else {"with the effects": e.after})
+    residuals = {name: (e.prepared.y - reading) / e.std for name, reading in readings.items()}
+    return heat(residuals, groups, ranges(values, groups), label, over, e.prepared.observed)
+
+
+def of_claim(e: Evidence, c: Claim, name: str) -> list[Chart]:
+    """What a cause makes, against a twin without it; one channel where causes are many."""
+    many = len(e.found.diagnosis.which) > 1
+    chosen = largest(c.effect / e.std)[: 1 if many else 2]
+    return [_comparison(e, k, c.name, c.measured, c.effect, name) for k in chosen]
+
+
+def unexplained(e: Evidence) -> list[Chart]:
+    """One or two channels of the calibrated residual where nothing explains it."""
+    if e.after is not None or e.found.diagnosis.verdict != "unknown":
+        return []
+    residual = e.prepared.y - e.before
+    chosen = largest(residual / e.std)
+    return [_comparison(e, k, "Calibrated residual", residual, None, "left") for k in chosen]
+
+
+def _comparison(
+    e: Evidence, k: int, title: str, measured: np.ndarray, effect: np.ndarray | None, name: str
+) -> Chart:
+    """Measured and simulated of channel k with their residual beneath, over one axis.
 
     Both are without what the other effects make; the simulation is by fits that did not see the
     rows.
+
+    Args:
+        measured: minus the simulator without the effect (H, 6).
+        effect: what it adds (H, 6); None where nothing is claimed.
     """
-    x, ids = Axis(c.x_label, c.x_unit), c.ids
-    top = [Series("measured", "points", c.x, c.measured, c.std, "measured", ids=ids)]
-    noise = c.sigma
-    low = [_left("without the effect" if c.predicted is not None else "calibrated", c, c.measured)]
-    if c.predicted is not None:
-        top.insert(0, Series("simulated effect", "line", c.x, c.predicted, None, "after", ids=ids))
-        low.append(_left("with the effect", c, c.measured - c.predicted, after=True))
-    upper, note = thinned(top, what=c.what)
-    lower, _ = thinned(low, what=c.what)
-    reach = Axis(f"{c.channel} minus simulator", c.unit)
-    panels = (
-        Panel(x, reach, upper, zero=True, height=1.15),
-        Panel(x, Axis("residual", "noise"), lower, zero=True, height=0.8),
-    )
-    if c.predicted is not None:
+    p, channel, unit, sigma = e.prepared, CHANNELS[k], UNITS[k], float(e.std[k])
+    x, axis, order = _across(e, title, k, effect)
+    y, ids = measured[order, k], e.ids[order]
+    std = np.full(len(order), sigma * np.sqrt(p.noise[k]))
+    first = "calibrated" if effect is None else "without the effect"
+    top = [Series("measured", "points", x, y, std, "measured", ids=ids)]
+    low = [Series(first, "points", x, y / sigma, role="before", mark="ring", ids=ids)]
+    caption = f"Above: {channel} measured minus the calibrated simulator. Beneath: the same"
+    if effect is not None:
+        added = effect[order, k]
+        top.insert(0, Series("simulated effect", "line", x, added, None, "after", ids=ids))
+        rest = (y - added) / sigma
+        low.append(Series("with the effect", "points", x, rest, role="after", ids=ids))
         caption = (
-            f"Above: {c.channel} measured minus the simulator without {c.title}, and what the "
-            f"effect adds in the simulator. Beneath: the residual without and with it"
+            f"Above: {channel} measured minus the simulator without {title}, and what the "
+            "effect adds in the simulator. Beneath: the residual without and with it"
         )
-    else:
-        caption = f"Above: {c.channel} measured minus the calibrated simulator. Beneath: the same"
-    caption += f", in units of the noise of a row ({noise:.2g} {c.unit})."
-    return Chart(name, f"{c.title}: {c.channel}", panels, shared=True, caption=caption, note=note)
+    upper, note = thinned(top, what=p.observed)
+    lower, _ = thinned(low, what=p.observed)
+    panels = (
+        Panel(axis, Axis(f"{channel} minus simulator", unit), upper, zero=True, height=1.15),
+        Panel(axis, Axis("residual", "noise"), lower, zero=True, height=0.8),
+    )
+    caption += f", in units of the noise of a row ({sigma:.2g} {unit})."
+    return Chart(
+        f"{name}-{channel}", f"{title}: {channel}", panels, shared=True, caption=caption, note=note
+    )
 
 
-def _left(name: str, c: Comparison, residual: np.ndarray, *, after: bool = False) -> Series:
-    y = residual / c.sigma
-    if after:
-        return Series(name, "points", c.x, y, role="after", ids=c.ids)
-    return Series(name, "points", c.x, y, role="before", mark="ring", ids=c.ids)
+def _across(
+    e: Evidence, title: str, k: int, effect: np.ndarray | None
+) -> tuple[np.ndarray, Axis, np.ndarray]:
+    """Where to draw the observations (H,), the axis, and their order: that of a motion's time, of
+    poses the size of the effect, or the variable that tells most."""
+    p, known = e.prepared, effects()
+    order = np.arange(len(p.y))
+    timed = effect is not None and title in known and known[title].shown == "time"
+    if p.moving or p.averaged or timed:
+        return p.scene.t[p.scene.held], Axis("time", "s"), order
+    if effect is not None:
+        sorted_poses = Axis("poses, sorted by the predicted effect")
+        return 1.0 * order, sorted_poses, np.argsort(effect[:, k], kind="stable")
+    values, label, _ = e.variable()
+    order = np.argsort(values, kind="stable")
+    return values[order], Axis(label), order
 
 
 def _cells(values: np.ndarray) -> tuple[tuple[str, ...], ...]:

@@ -16,8 +16,7 @@ from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Scale, Series, thi
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports import figures
-from wrenchbed.reports.simulators import Heat
-from wrenchbed.twin.comparison import binned_rms, bins
+from wrenchbed.twin.comparison import bins
 
 MOST_PRINTED = 14
 """Parameters up to which each correlation is printed in its cell."""
@@ -133,13 +132,12 @@ def _order(recording: Recording, data: Observations) -> tuple[np.ndarray, str]:
 def _heat(white: np.ndarray, order: np.ndarray, label: str) -> Chart:
     groups = bins(order, min(MOST_COLUMNS, len(order)))
     alone = len(groups) == len(order)
-    names = tuple(
-        f"{order[g].min():.0f}" if alone else f"{order[g].min():.0f}…\n{order[g].max():.0f}"
-        for g in groups
-    )
-    panels = {"with the fit": binned_rms(white, groups)}
+    names = figures.ranges(order, groups)
+    if alone:
+        names = [f"{order[g][0]:.0f}" for g in groups]
     over = "over time" if label.startswith("time") else "of each pose" if alone else "over poses"
-    return figures.heat(Heat(panels, names, label, over), "rows" if "time" in label else "poses")
+    what = "rows" if "time" in label else "poses"
+    return figures.heat({"with the fit": white}, groups, names, label, over, what)
 
 
 def _each(fit: Fit, white: np.ndarray, order: np.ndarray, label: str) -> Chart:

@@ -16,10 +16,8 @@ from wrenchbed.pages.provenance import provenance
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports import figures
 from wrenchbed.reports.agreement import AGREES, Agreement, agreement, best
-from wrenchbed.reports.simulators import BINS, Heat
 from wrenchbed.twin.comparison import (
     Simulator,
-    binned_rms,
     bins,
     noise_of,
     order_of,
@@ -104,12 +102,13 @@ def _white(recording: Recording, s: Simulator, noise: np.ndarray) -> np.ndarray:
 
 def _heat(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> Chart:
     order, unit = order_of(recording)
-    groups = bins(order, BINS)
-    labels = tuple(f"{order[g].min():.0f}…\n{order[g].max():.0f}" for g in groups)
-    panels = {s.name: binned_rms(_white(recording, s, noise), groups) for s in known}
-    over = "over the poses in order" if unit == "pose" else "over time"
-    map_of_all = Heat(panels, labels, "pose" if unit == "pose" else "time [s]", over)
-    return figures.heat(map_of_all, "poses" if unit == "pose" else "rows")
+    groups = bins(order, figures.BINS)
+    residuals = {s.name: _white(recording, s, noise) for s in known}
+    poses = unit == "pose"
+    return figures.heat(
+        residuals, groups, figures.ranges(order, groups), "pose" if poses else "time [s]",
+        "over the poses in order" if poses else "over time", "poses" if poses else "rows",
+    )  # fmt: skip
 
 
 def _charts(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> list[Chart]:

@@ -1,6 +1,5 @@
 """What a report draws: each simulator against the recording, channel by channel."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,47 +10,12 @@ from wrenchbed.diagnosis.gap.closure import calibrated
 from wrenchbed.diagnosis.gap.held_out import HeldOut
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.effects.chain import ActiveEffect, effects
-from wrenchbed.pages.numbers import minus
-from wrenchbed.physics.wrench import CHANNELS, UNITS
-from wrenchbed.twin.comparison import binned_rms, bins
+from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.twin.twin import Twin
 
-BINS = 8
-"""Columns of the map of residuals."""
 SECOND_CHANNEL = 0.1
 """A second channel is drawn if it holds this share of what the first one does."""
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """What a simulator without some effects leaves in one channel, and what these effects predict.
-
-    Attributes:
-        channel, unit: what is drawn.
-        title: the effects, or what is left without any.
-        x: where to draw each observation (N,).
-        x_label, x_unit: what x is.
-        measured: minus the simulator without the effects (N,).
-        predicted: by the effects (N,), None where nothing is claimed.
-        ids: number of each observation (N,): of poses as the recording has it, else from 0.
-        std: noise of each observation (N,).
-        sigma: noise of a row.
-        what: the observations, for people.
-    """
-
-    channel: str
-    unit: str
-    title: str
-    x: np.ndarray
-    x_label: str
-    x_unit: str
-    measured: np.ndarray
-    predicted: np.ndarray | None
-    ids: np.ndarray
-    std: np.ndarray
-    sigma: float
-    what: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,23 +35,6 @@ class Claim:
     rest: Twin
     effect: np.ndarray
     measured: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class Heat:
-    """Residuals of the channels over a variable, before and after.
-
-    Attributes:
-        panels: rms (6, B) in units of one row's noise, by simulator.
-        bins: range of the variable in each column.
-        label: what the variable is.
-        over: the same within a sentence.
-    """
-
-    panels: Mapping[str, np.ndarray]
-    bins: tuple[str, ...]
-    label: str
-    over: str
 
 
 class Evidence:
@@ -125,18 +72,6 @@ class Evidence:
         after = {c: float(v["after"]) for c, v in known.items() if v.get("after") is not None}
         return before, after
 
-    def heat(self) -> Heat:
-        """Residual rms over the variable that tells most."""
-        p = self.prepared
-        values, label, over = self._variable()
-        groups = bins(values, BINS)
-        labels = [minus(f"{values[g].min():.0f}…\n{values[g].max():.0f}") for g in groups]
-        panels = {self.first: self.before}
-        if self.after is not None:
-            panels["with the effects"] = self.after
-        maps = {t: binned_rms((p.y - reading) / self.std, groups) for t, reading in panels.items()}
-        return Heat(maps, tuple(labels), label, over)
-
     def claims(self) -> list[Claim]:
         """What is claimed and shows in the means: active effects, then wrong stated numbers."""
         if self.after is None:
@@ -153,21 +88,6 @@ class Evidence:
             result.append(self._claim(" and ".join(wrong), None, replace(twin, theta=p.theta)))
         return result
 
-    def of_claim(self, c: Claim) -> list[Comparison]:
-        """What a cause makes, against a twin without it; one channel where causes are many."""
-        many = len(self.found.diagnosis.which) > 1
-        chosen = largest(c.effect / self.std)[: 1 if many else 2]
-        return [self._comparison(k, c.name, c.measured, c.effect) for k in chosen]
-
-    def unexplained(self) -> list[Comparison]:
-        """One or two channels of the calibrated residual where nothing explains it."""
-        if self.after is not None or self.found.diagnosis.verdict != "unknown":
-            return []
-        left = self.prepared.y - self.before
-        return [
-            self._comparison(k, "Calibrated residual", left, None) for k in largest(left / self.std)
-        ]
-
     def of(self, twin: Twin) -> np.ndarray:
         """Readings (H, 6) of a simulator at the observations."""
         return np.asarray(twin.wrench(self.prepared.scene)[self.prepared.scene.held])
@@ -177,31 +97,7 @@ class Evidence:
         effect = self.of(self.twin) - self.of(rest)
         return Claim(name, active, rest, effect, self.prepared.y - self.after + effect)
 
-    def _comparison(
-        self, channel: int, title: str, measured: np.ndarray, effect: np.ndarray | None
-    ) -> Comparison:
-        p, known = self.prepared, effects()
-        order = np.arange(len(p.y))
-        x, label, unit = along(p)[0], "number of the pose", ""
-        timed = effect is not None and title in known and known[title].shown == "time"
-        if p.moving or p.averaged or timed:
-            x, label, unit = p.scene.t[p.scene.held], "time", "s"
-        elif effect is not None:
-            order = np.argsort(effect[:, channel], kind="stable")
-            x, label = 1.0 * np.arange(len(p.y)), "poses, sorted by the predicted effect"
-        else:
-            values, label, _ = self._variable()
-            order = np.argsort(values, kind="stable")
-            x = values[order]
-        predicted = None if effect is None else effect[order, channel]
-        std = np.full(len(order), self.std[channel] * np.sqrt(p.noise[channel]))
-        return Comparison(
-            CHANNELS[channel], UNITS[channel], title, x, label, unit, measured[order, channel],
-            predicted, self.ids[order], std, float(self.std[channel]),
-            p.observed,
-        )  # fmt: skip
-
-    def _variable(self) -> tuple[np.ndarray, str, str]:
+    def variable(self) -> tuple[np.ndarray, str, str]:
         """A joint where one is to blame or seen, else `along`: values (H,), axis, words."""
         p = self.prepared
         joints = p.model.robot.joints if p.scene.jointed else ()
