@@ -33,8 +33,8 @@ def run(environment: dict[str, str], *words: object, encoding: str = "latin-1"):
 
 @pytest.mark.parametrize(
     "environment",
-    [PLAIN, LATIN, {"COLUMNS": "1"}, PLAIN | {"COLUMNS": "1"}, {"COLUMNS": "0"}],
-    ids=["C", "ISO-8859-1", "1 column", "C, 1 column", "0 columns"],
+    [LATIN, PLAIN | {"COLUMNS": "1"}, {"COLUMNS": "0"}],
+    ids=["ISO-8859-1", "C, 1 column", "0 columns"],
 )
 def test_every_verbs_help_is_printed(environment):
     done = run(environment, "-c", HELPS.format(words=WORDS))

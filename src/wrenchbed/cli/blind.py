@@ -17,6 +17,7 @@ from wrenchbed.errors import ParameterError
 if TYPE_CHECKING:
     from wrenchbed.benchmark.sealed.make import Family
     from wrenchbed.pages.document import Document
+_PUBLISH = "publish with the cases: SHA-256 of commitments.json"
 
 
 @dataclass(frozen=True)
@@ -201,4 +202,3 @@ def seal(
 
 
 VERBS: dict[str, Callable[..., Any]] = {"make": make, "run": run, "score": score, "seal": seal}
-_PUBLISH = "publish with the cases: SHA-256 of commitments.json"

@@ -41,6 +41,17 @@ _AT_ONCE_S = 1.0
 _LEAST_DONE = 2
 """Steps before the remaining time is shown: one of several processes says nothing of the others."""
 _SIMPLE = {int: "a whole number", float: "a number", str: "text", bool: "on or off"}
+Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
+"""An option without a value."""
+Json = Annotated[
+    bool, tyro.conf.FlagCreatePairsOff,
+    tyro.conf.arg(name="json", help="Print the result as JSON."),
+]  # fmt: skip
+"""Print the result as JSON on stdout; said here once for all verbs."""
+Repeated = tyro.conf.UseAppendAction[tuple[str, ...]]
+"""A text option that may be given several times."""
+_CLAIMED = ExitStack()
+"""Locks of the outputs of the verb that runs."""
 
 
 def pairs(words: Sequence[str]) -> dict[str, str]:
@@ -105,17 +116,6 @@ def _value(hint: Any, word: str) -> Any:
     return int(word, 0) if hint is int else hint(word)
 
 
-Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
-"""An option without a value."""
-Json = Annotated[
-    bool, tyro.conf.FlagCreatePairsOff,
-    tyro.conf.arg(name="json", help="Print the result as JSON."),
-]  # fmt: skip
-"""Print the result as JSON on stdout; said here once for all verbs."""
-Repeated = tyro.conf.UseAppendAction[tuple[str, ...]]
-"""A text option that may be given several times."""
-
-
 class Console(RichConsole):
     """A console on which text of foreign files is only text: control characters are spelled out."""
 
@@ -135,10 +135,6 @@ def check_seed(seed: int) -> None:
     """Refuse a negative seed."""
     if seed < 0:
         raise ParameterError(f"seed {seed} must not be negative")
-
-
-_CLAIMED = ExitStack()
-"""Locks of the outputs of the verb that runs."""
 
 
 @contextmanager

@@ -25,6 +25,9 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits
 
+_MOST_LEGS = 12
+"""Most rows of a dry run's table."""
+
 
 @contextmanager
 def watched(link: Driver, out: Path, rrd: Path | None, view: str | None) -> Iterator[None]:
@@ -82,10 +85,6 @@ def viewer_address(view: str | None) -> Iterator[str | None]:
                 console.say("close the window to go on")
                 with contextlib.suppress(KeyboardInterrupt):
                     show.until_closed(viewer)
-
-
-_MOST_LEGS = 12
-"""Most rows of a dry run's table."""
 
 
 @dataclass(frozen=True)

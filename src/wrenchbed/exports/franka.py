@@ -8,6 +8,8 @@ import numpy as np
 from wrenchbed.exports.base import Export, ExportOptions
 from wrenchbed.exports.load_numbers import LoadNumbers, symmetric
 
+_POINT = "inertia was not identified: zeros stand for a point mass, which is too little"
+
 
 class Franka(Export):
     """Strict JSON: the notes stand in a file beside it."""
@@ -34,5 +36,4 @@ class Franka(Export):
         return (*point, "transformation is that of the flange: enter your own tool centre point")
 
 
-_POINT = "inertia was not identified: zeros stand for a point mass, which is too little"
 EXPORT = Franka()

@@ -34,6 +34,13 @@ _UNIT = 1e-3
 _CARRIED = ("sensor.bias", "mount.", "base.tilt")
 """How parameters begin that the formats carry, beside those of the load."""
 _BIAS = tuple(f"sensor.bias.{c}" for c in CHANNELS)
+_TITLES = (
+    ("mass", "kg"), ("CoG", "m"), ("CoG in sensor axes", "m"), ("inertia about the CoG", "kg·m²"),
+    ("inertia about the CoG in sensor axes", "kg·m²"),
+    ("turn of the sensor", "rad"), ("place of the sensor", "m"), ("zero of the sensor", "N, N·m"),
+    ("gravity in base axes", "m/s²"),
+)  # fmt: skip
+"""Name and unit of each number of `_Load`."""
 
 
 class Origin(StrEnum):
@@ -166,15 +173,6 @@ class _Load(NamedTuple):
     position: np.ndarray
     bias: np.ndarray
     gravity: np.ndarray
-
-
-_TITLES = (
-    ("mass", "kg"), ("CoG", "m"), ("CoG in sensor axes", "m"), ("inertia about the CoG", "kg·m²"),
-    ("inertia about the CoG in sensor axes", "kg·m²"),
-    ("turn of the sensor", "rad"), ("place of the sensor", "m"), ("zero of the sensor", "N, N·m"),
-    ("gravity in base axes", "m/s²"),
-)  # fmt: skip
-"""Name and unit of each number of `_Load`."""
 
 
 def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> LoadNumbers:

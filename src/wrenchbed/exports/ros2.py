@@ -9,6 +9,30 @@ from wrenchbed.exports.base import Export, ExportOptions, listed
 from wrenchbed.exports.load_numbers import LoadNumbers
 
 _FRAME = "ft_frame"
+_YAML = """\
+admittance_controller:
+  ros__parameters:
+    ft_sensor:
+      frame:
+        id: {frame}
+    fixed_world_frame:
+      frame:
+        id: base_link
+    gravity_compensation:
+      frame:
+        id: {frame}
+      CoG:
+        pos: {cog}  # m
+        force: {force}  # N
+gravity_compensation_filter:
+  ros__parameters:
+    world_frame: base_link
+    sensor_frame: {frame}
+    tool:
+      mass: {mass}  # kg
+      pos: {cog}  # m
+      gravity_field: {gravity}  # m/s²
+"""
 
 
 class Ros2(Export):
@@ -42,28 +66,4 @@ class Ros2(Export):
         )
 
 
-_YAML = """\
-admittance_controller:
-  ros__parameters:
-    ft_sensor:
-      frame:
-        id: {frame}
-    fixed_world_frame:
-      frame:
-        id: base_link
-    gravity_compensation:
-      frame:
-        id: {frame}
-      CoG:
-        pos: {cog}  # m
-        force: {force}  # N
-gravity_compensation_filter:
-  ros__parameters:
-    world_frame: base_link
-    sensor_frame: {frame}
-    tool:
-      mass: {mass}  # kg
-      pos: {cog}  # m
-      gravity_field: {gravity}  # m/s²
-"""
 EXPORT = Ros2()

@@ -17,6 +17,13 @@ DIGITS = 6
 """Significant digits of a number in a page."""
 MOST_POINTS = 400
 """Points of a series of a static figure; of more rows the extremes are kept."""
+NEAR_ZERO = 0.1
+"""Values below are linear on an axis that is logarithmic above."""
+_SEQUENTIAL = ("#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74",
+               "#c3b369", "#e1cc55", "#fee838")  # fmt: skip
+"""Cividis (Nuñez, Anderton & Renslow 2018, 10.1371/journal.pone.0199239), ten steps."""
+_DIVERGING = ("#2166ac", "#67a9cf", "#d1e5f0", "#f7f7f7", "#fddbc7", "#ef8a62", "#b2182b")
+"""ColorBrewer's RdBu with its ends exchanged: blue below zero, red above."""
 
 
 @dataclass(frozen=True)
@@ -43,10 +50,6 @@ class Axis:
     def text(self) -> str:
         """Label with unit."""
         return f"{self.label} [{self.unit}]" if self.unit else self.label
-
-
-NEAR_ZERO = 0.1
-"""Values below are linear on an axis that is logarithmic above."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,11 +139,6 @@ class Scale:
 
 NOISE = Scale("residual, rms [noise of a row]", 0.1, 100.0, (0.1, 1.0, 10.0, 100.0), log=True)
 """Of residuals on every page: 1 is as large as the noise of one row."""
-_SEQUENTIAL = ("#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74",
-               "#c3b369", "#e1cc55", "#fee838")  # fmt: skip
-"""Cividis (Nuñez, Anderton & Renslow 2018, 10.1371/journal.pone.0199239), ten steps."""
-_DIVERGING = ("#2166ac", "#67a9cf", "#d1e5f0", "#f7f7f7", "#fddbc7", "#ef8a62", "#b2182b")
-"""ColorBrewer's RdBu with its ends exchanged: blue below zero, red above."""
 
 
 @dataclass(frozen=True, eq=False)

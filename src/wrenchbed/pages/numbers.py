@@ -59,13 +59,13 @@ def p_value(p: float) -> str:
     return "< 0.001" if p < 0.001 else f"{p:.3f}" if p < 0.0995 else f"{p:.2f}"
 
 
-def quantity(name: str, told: Mapping[str, Any], *, signed: bool = False) -> str:
+def quantity(name: str, entry: Mapping[str, Any], *, signed: bool = False) -> str:
     """A parameter's value ± standard uncertainty with its unit."""
-    value, std = told.get("value"), told.get("std")
-    if not _is_number(value) or "unit" not in told:
+    value, std = entry.get("value"), entry.get("std")
+    if not _is_number(value) or "unit" not in entry:
         shown = f"{value:g}" if _is_number(value) else str(value)
-        return shown + _or(told.get("rivals"))
-    factor, unit = _unit(name, told)
+        return shown + _or(entry.get("rivals"))
+    factor, unit = _unit(name, entry)
     spread = None if std is None else factor * float(std)
     shown = measured(factor * float(value or 0.0), spread, signed=signed)
     return _with(shown, unit)
@@ -77,12 +77,12 @@ def rough(name: str, value: float, unit: str) -> str:
     return minus(_with(f"{factor * value:.2g}", shown))
 
 
-def interval(name: str, told: Mapping[str, Any]) -> str:
+def interval(name: str, entry: Mapping[str, Any]) -> str:
     """The 95 % interval of a parameter in the unit of `quantity`; a dash where it is not known."""
-    value, std = told.get("value"), told.get("std")
+    value, std = entry.get("value"), entry.get("std")
     if not _is_number(value) or not _is_number(std) or not std or not math.isfinite(std):
         return "–"
-    factor, unit = _unit(name, told)
+    factor, unit = _unit(name, entry)
     value, std = factor * float(value or 0.0), factor * std
     power = _power(max(abs(value), std))
     scale, std = 10.0**power, std / 10.0**power
@@ -124,9 +124,9 @@ def minus(text: str) -> str:
     return re.sub(r"-(?=0(\.0*)?(?![\d.]))", "", text).replace("-", "−")
 
 
-def _unit(name: str, told: Mapping[str, Any]) -> tuple[float, str]:
+def _unit(name: str, entry: Mapping[str, Any]) -> tuple[float, str]:
     """Factor and unit in which people read a parameter."""
-    unit, value = str(told.get("unit", "")), told.get("value") or 0.0
+    unit, value = str(entry.get("unit", "")), entry.get("value") or 0.0
     if unit == "1":
         return (100.0, "%") if name.split(".")[0] in _SHARES else (1.0, "")
     if unit == "s" and abs(value) < _SHORT_S:

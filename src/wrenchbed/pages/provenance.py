@@ -25,10 +25,10 @@ def provenance(
         command: that made it; left out if empty.
         seed: of all random choices; left out if there were none.
     """
-    told = [(f"SHA-256 of {Path(r).name}", sha256(r) or NO_FILE) for r in files]
-    told += [("made", f"{_now():%Y-%m-%d %H:%M} UTC by wrenchbed {version('wrenchbed')}")]
-    told += [("seed", str(seed))] if seed is not None else []
-    return told + ([("command", command)] if command else [])
+    lines = [(f"SHA-256 of {Path(r).name}", sha256(r) or NO_FILE) for r in files]
+    lines += [("made", f"{_now():%Y-%m-%d %H:%M} UTC by wrenchbed {version('wrenchbed')}")]
+    lines += [("seed", str(seed))] if seed is not None else []
+    return lines + ([("command", command)] if command else [])
 
 
 def sha256(path: str | Path) -> str:
@@ -43,9 +43,9 @@ def sha256(path: str | Path) -> str:
     return digest.hexdigest()
 
 
-def markdown(told: Facts) -> list[str]:
+def markdown(lines: Facts) -> list[str]:
     """The facts as lines of Markdown."""
-    return ["", "**Data and command**", "", *(f"- {label}: {text}" for label, text in told)]
+    return ["", "**Data and command**", "", *(f"- {label}: {text}" for label, text in lines)]
 
 
 def _now() -> datetime:

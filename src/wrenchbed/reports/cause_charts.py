@@ -23,7 +23,7 @@ STEP = 1e-5
 LEAST_SLOPE = 0.2
 """Of the largest: rows in which a joint moves the reading less say little about its value."""
 ROUNDING = 1e-9
-"""Of a response per unit of load, from differences of doubles; estimate."""
+"""Of a response per unit of load, below which it is rounding of doubles."""
 LEAST_REACH, LAGS = 8, 40
 """Samples by which readings are shifted each way at least, and shifts each way."""
 _CROSS = Scale("change of the reading [noise of a row]", -30.0, 30.0, (-30.0, 0.0, 30.0),

@@ -15,7 +15,7 @@ from wrenchbed.reports import figures
 from wrenchbed.reports.answer import BADGES, of_efforts
 
 _SHOWN_S = 15.0
-"""Time of a motion that is shown [s]; estimate: several reversals."""
+"""Time of a motion that is shown [s]: several reversals of each joint are in view."""
 _FITTED = "what is not stated fitted; what is stated stays within its ordinary spread"
 _BINS = 24
 """Of speed, in which friction is averaged."""

@@ -15,12 +15,12 @@ MEASURE = (
     "ordinary spread"
 )
 _LARGE = 0.05
-"""Probability from which the nearest cause is named beside unknown; estimate."""
+"""Probability from which the nearest cause is named beside unknown: below, it is a guess."""
 
 
 def claims(found: EffortFindings) -> list[Claim]:
     """The claimed causes, each titled with its rivals; its figure is the first known parameter."""
-    told = []
+    claimed = []
     for cause, entry in zip(found.verdict.causes, found.diagnosis.which, strict=True):
         values: Mapping[str, Any] = entry["parameters"]
         sizes = {
@@ -29,7 +29,7 @@ def claims(found: EffortFindings) -> list[Claim]:
             for k, x in values.items()
         }  # fmt: skip
         alike = {key[0]: title(*key) for key in cause.rivals}
-        told.append(
+        claimed.append(
             Claim(
                 name=str(entry["effect"]),
                 title=" or ".join(title(*key) for key in (cause.key, *cause.rivals)),
@@ -43,7 +43,7 @@ def claims(found: EffortFindings) -> list[Claim]:
                 rivals=tuple((str(name), alike[name]) for name in entry["rivals"]),
             )
         )
-    return told
+    return claimed
 
 
 def headline(found: EffortFindings) -> str:
@@ -53,15 +53,15 @@ def headline(found: EffortFindings) -> str:
         return "No cause found: the residual is within normal imperfections."
     if not d.which:
         return "No known effect explains the gap."
-    told = [
+    phrases = [
         f"{capital(c.title)}{''.join(f': {x.name} {x.value}' for x in c.figures)}."
         for c in claims(found)
     ]
     if d.verdict == "ambiguous":
-        told.append("This recording does not distinguish the causes joined by “or”.")
+        phrases.append("This recording does not distinguish the causes joined by “or”.")
     if d.verdict == "partial":
-        told.append("Most of the gap has another cause, which is unknown.")
-    return " ".join(told)
+        phrases.append("Most of the gap has another cause, which is unknown.")
+    return " ".join(phrases)
 
 
 def place(found: EffortFindings) -> str:
@@ -82,17 +82,17 @@ def without_cause(found: EffortFindings) -> str:
     p = d.probabilities
     if d.verdict == "none":
         return f"With probability {numbers.chance(p.get('none', 0.0))} nothing counts as a cause."
-    told = (
+    sentence = (
         "No known effect explains the gap. Probability that it is something unknown: "
         f"{numbers.chance(p.get('unknown', 0.0))}."
     )
     if found.verdict.outside:
-        told += f" It looks most like: {found.verdict.outside}."
+        sentence += f" It looks most like: {found.verdict.outside}."
     rest = {k: x for k, x in p.items() if k not in ("none", "unknown")}
     best = max(rest, key=lambda k: rest[k], default="")
     if best and rest[best] >= _LARGE:
-        told += f" The nearest is {best} with {numbers.chance(rest[best])}."
-    return told
+        sentence += f" The nearest is {best} with {numbers.chance(rest[best])}."
+    return sentence
 
 
 def channels(found: EffortFindings) -> str:
@@ -121,13 +121,13 @@ def distance(found: EffortFindings) -> str:
 def steps(found: EffortFindings) -> list[str]:
     """What to do next."""
     d = found.diagnosis
-    told = [str(n["sentence"]) for n in d.next]
-    if told:
-        return told
+    phrases = [str(n["sentence"]) for n in d.next]
+    if phrases:
+        return phrases
     if d.verdict == "none":
         return ["Nothing: the stated robot predicts these efforts as well as noise allows."]
     if d.verdict == "identified":
         places = dict.fromkeys(str(w["detail"]) for w in d.where)
-        told = [p if p[-1].isdigit() else f"the {p}" for p in places]
-        return [f"drives.json contains the corrected values; look at {' and '.join(told)}."]
+        phrases = [p if p[-1].isdigit() else f"the {p}" for p in places]
+        return [f"drives.json contains the corrected values; look at {' and '.join(phrases)}."]
     return ["Record a longer motion of all joints, at several speeds in both directions."]

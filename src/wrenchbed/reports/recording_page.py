@@ -25,9 +25,6 @@ from wrenchbed.twin.comparison import (
     simulators,
 )
 
-MOST_DRAWN = 400
-"""Points of each series over time: least and largest of every stretch."""
-
 
 def report(
     recording: Recording,
@@ -124,7 +121,6 @@ def _charts(recording: Recording, known: Sequence[Simulator], noise: np.ndarray)
             y = recording.q[:, k]
             series, note = thinned(
                 [Series("", "line", t, np.rad2deg(y) if turns[k] else 1e3 * y, ids=_rows(t))],
-                MOST_DRAWN,
             )  # fmt: skip
             y_axis = Axis(joint, "°" if turns[k] else "mm")
             panels.append(Panel(Axis("time", "s"), y_axis, series, height=0.7))
@@ -155,7 +151,7 @@ def _over_time(
             (readings, Axis(channel, unit), False),
             (left, Axis(f"{channel}, residual", "noise"), True),
         ):
-            kept, note = thinned(series, MOST_DRAWN)
+            kept, note = thinned(series)
             panels.append(Panel(Axis("time", "s"), axis, kept, zero=zero, height=0.9))
     caption = "On the left measured and simulated, on the right their difference."
     return Chart(part.lower(), f"{part} over time", tuple(panels), 2, True, caption, note)

@@ -13,7 +13,7 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports.simulators import Evidence, largest
 
 SMOOTH_S = 0.5
-"""Of a motion, over which rows are averaged: slower changes are the motion's own; estimate."""
+"""Of a motion, over which rows are averaged: slower changes are the motion's own."""
 MOST_ROWS = 200
 """Points of each of many panels."""
 

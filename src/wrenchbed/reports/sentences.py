@@ -26,6 +26,7 @@ _KERNELS = {
 }
 DISTRUST = "do not trust the twin"
 """In the note on causes that leave much of the gap."""
+GAP = "the gap"
 
 
 def headline(found: Findings) -> str:
@@ -33,16 +34,16 @@ def headline(found: Findings) -> str:
     d = found.diagnosis
     if not d.which:
         return _without_claim(found)
-    told = [claim(w).sentence for w in d.which]
-    if len(told) > 1:
-        told.insert(0, f"{_count(len(told))} causes.")
+    phrases = [claim(w).sentence for w in d.which]
+    if len(phrases) > 1:
+        phrases.insert(0, f"{_count(len(phrases))} causes.")
     if d.verdict == "ambiguous":
-        told.append("This recording does not distinguish the causes joined by “or”.")
+        phrases.append("This recording does not distinguish the causes joined by “or”.")
     elif any(w["rivals"] for w in d.which):
-        told.append("Without contact, the causes joined by “or” have the same effect.")
+        phrases.append("Without contact, the causes joined by “or” have the same effect.")
     if d.verdict == "partial":
-        told.append("Most of the gap has another cause, which is unknown.")
-    return " ".join(told)
+        phrases.append("Most of the gap has another cause, which is unknown.")
+    return " ".join(phrases)
 
 
 def _without_claim(found: Findings) -> str:
@@ -68,14 +69,14 @@ def place(found: Findings) -> str:
     d = found.diagnosis
     if not d.which:
         return _hint(found)
-    told = []
+    phrases = []
     for w in d.which:
         others = (str(n).split(".")[0] for n in w["rivals"])
         own = dict.fromkeys((place_of(w), *others))
         text = " or ".join(f"in {_the(name)}" for name in own)
-        if text not in told:
-            told.append(text)
-    known = listed(told)
+        if text not in phrases:
+            phrases.append(text)
+    known = listed(phrases)
     return f"Mostly not {known}" if d.verdict == "partial" else capital(known)
 
 
@@ -108,19 +109,19 @@ def places(found: Findings) -> list[str]:
     """Sentences on where, most important first."""
     d = found.diagnosis
     if d.which:
-        told = [str(w["sentence"]) for w in d.where]
+        phrases = [str(w["sentence"]) for w in d.where]
         if row_effects(found) >= {str(w["effect"]) for w in d.which}:
-            return told
-        return told + [f.sentence for f in found.places if f.seen and f.share > LARGE_P][:2]
-    told = [str(w["sentence"]) for w in d.where[:2]]
+            return phrases
+        return phrases + [f.sentence for f in found.places if f.seen and f.share > LARGE_P][:2]
+    phrases = [str(w["sentence"]) for w in d.where[:2]]
     if d.verdict == "unknown":
         kernel = found.analysis.ranking.kernel
         text = f"Of all recorded variables, the residual follows {depends(kernel)} best"
-        told.insert(0, f"{text}." if _seen(kernel, found) else f"{text}, but not significantly.")
+        phrases.insert(0, f"{text}." if _seen(kernel, found) else f"{text}, but not significantly.")
     seen = [f.variable for f in found.places if f.seen]
-    if seen and not told:
-        told.append(f"What is left beyond noise is too small for a cause: {listed(seen)}.")
-    return told or ["No channel, joint or variable carries more than noise."]
+    if seen and not phrases:
+        phrases.append(f"What is left beyond noise is too small for a cause: {listed(seen)}.")
+    return phrases or ["No channel, joint or variable carries more than noise."]
 
 
 def without_cause(found: Findings) -> str:
@@ -128,23 +129,25 @@ def without_cause(found: Findings) -> str:
     d = found.diagnosis
     p = d.probabilities
     if d.verdict == "none":
-        told = numbers.chance(p.get("none", 0.0))
+        probability = numbers.chance(p.get("none", 0.0))
         return (
-            f"With probability {told} nothing counts as a cause: many small imperfections together "
-            "are normal, and a cause adds a gap of at least 1."
+            f"With probability {probability} nothing counts as a cause: many small imperfections "
+            "together are normal, and a cause adds a gap of at least 1."
         )
     rest = {k: v for k, v in p.items() if k not in ("none", "unknown")}
     best = max(rest, key=lambda k: rest[k], default="")
     if _crowd(d):
         names = ", ".join(best.split("|"))
         return f"These explain it equally well, and no choice is made: {names}."
-    told = (
+    sentence = (
         f"No known effect explains {_unexplained(found)}. "
         f"Probability that it is something unknown: {numbers.chance(p.get('unknown', 0.0))}."
     )
     if not best or rest[best] < LARGE_P:
-        return told
-    return f"{told} The nearest is {best.replace('|', ' or ')} with {numbers.chance(rest[best])}."
+        return sentence
+    return (
+        f"{sentence} The nearest is {best.replace('|', ' or ')} with {numbers.chance(rest[best])}."
+    )
 
 
 def distance(found: Findings) -> dict[str, str]:
@@ -160,30 +163,30 @@ def distance(found: Findings) -> dict[str, str]:
         if g.closed.value <= 0:
             text = f"The named effects make the gap larger, {both}, {on}: do not use this twin."
             return {"figure": "Not closed", "text": text}
-        told = f"The gap shrinks {both} {on}."
+        sentence = f"The gap shrinks {both} {on}."
         low, high = (numbers.percent(x) for x in (g.closed.low, g.closed.high))
-        told += f" 95 % interval of the share closed: {low} … {high} %."
+        sentence += f" 95 % interval of the share closed: {low} … {high} %."
         if distrusted(found):
-            told += " Much of it is left: do not trust this twin."
-        return {"figure": f"{numbers.percent(g.closed.value)} % closed", "text": told}
+            sentence += " Much of it is left: do not trust this twin."
+        return {"figure": f"{numbers.percent(g.closed.value)} % closed", "text": sentence}
     figure = f"Gap {numbers.gap(g.calibrated.value)}"
     if d.verdict == "unknown" and _unexplained(found) == GAP:
         text = f"It stays {on}: without a cause there is nothing to close it with."
         return {"figure": figure, "text": f"{text} {black_box(g)}".strip()}
-    told = f"This is the gap of the calibrated simulator {on}"
+    sentence = f"This is the gap of the calibrated simulator {on}"
     if d.which:
         names = " and ".join(str(w["effect"]) for w in d.which)
         effect = f"The detected cause ({names}) scatters single rows"
-        text = f"{told}. {effect}; the means have no gap to close."
+        text = f"{sentence}. {effect}; the means have no gap to close."
         if any(w["effect"] not in row_effects(found) for w in d.which):
-            text = f"{told}. Rows in which something touches the tool took no part."
+            text = f"{sentence}. Rows in which something touches the tool took no part."
         return {"figure": figure, "text": text}
     if g.calibrated.value - max(g.floor, 0.0) > LARGEST_NONE:
         ends = f"{numbers.gap(g.calibrated.low)} … {numbers.gap(g.calibrated.high)}"
-        told += f". It is not significantly above 1: its 95 % interval is {ends}"
+        sentence += f". It is not significantly above 1: its 95 % interval is {ends}"
     return {
         "figure": figure,
-        "text": f"{told}. No cause is named; there is nothing to close.",
+        "text": f"{sentence}. No cause is named; there is nothing to close.",
     }
 
 
@@ -242,9 +245,6 @@ def _only_scatters(found: Findings) -> bool:
     """Whether it is unknown because of how rows scatter: their means have hardly a gap."""
     d = found.diagnosis
     return d.verdict == "unknown" and bool(found.scattered) and small(d.gap)
-
-
-GAP = "the gap"
 
 
 def _unexplained(found: Findings) -> str:

@@ -14,6 +14,8 @@ from wrenchbed.viewer.stream import ROW, TIME
 
 _SKY = (242, 244, 247)
 """Behind the robot; curves keep the viewer's own ground."""
+Window = tuple[str, np.ndarray]
+"""A timeline, and where on it data lie (N,) [s or rows]."""
 
 
 def scene(robot: str, name: str = "robot") -> Any:
@@ -30,10 +32,6 @@ def scene(robot: str, name: str = "robot") -> Any:
             position=position, look_target=target, eye_up=(0.0, 0.0, 1.0)
         ),
     )
-
-
-Window = tuple[str, np.ndarray]
-"""A timeline, and where on it data lie (N,) [s or rows]."""
 
 
 def channels(

@@ -32,6 +32,8 @@ _KINDS = {
     GEOM.mjGEOM_ELLIPSOID: "ellipsoids", GEOM.mjGEOM_CAPSULE: "capsules",
     GEOM.mjGEOM_CYLINDER: "cylinders", GEOM.mjGEOM_MESH: "meshes",
 }  # fmt: skip
+FRAMES_HZ = 30.0
+"""Most pictures of the robot a second; curves keep every row."""
 
 
 def bodies(model: mujoco.MjModel) -> dict[str, int]:
@@ -166,10 +168,6 @@ def _colours(model: mujoco.MjModel) -> np.ndarray:
     own[plain] = model.mat_rgba[material[plain]]
     own[plain & (model.geom_type == GEOM.mjGEOM_PLANE)] = _FLOOR
     return own
-
-
-FRAMES_HZ = 30.0
-"""Most pictures of the robot a second; curves keep every row."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -49,6 +49,15 @@ _CLIENTS = 32
 """Most requests at a time: a browser opens six a server."""
 _UPSTREAM = build_opener(ProxyHandler({}))
 """Asks rerun itself, whatever proxies the environment names."""
+PORT, WEB_PORT = 9876, 9090
+PROXY = f"rerun+http://{HOST}:{PORT}/proxy"
+"""Where a live picture is sent."""
+NOWHERE = f"http://{HOST}:9"
+"""Proxy for what rerun would ask of others: the discard port, at which nobody listens."""
+_PROXIES = ("all_proxy", "https_proxy", "http_proxy")
+_QUIET_S, _OPENS_S, _CLOSES_S = 20.0, 15.0, 5.0
+PICTURE = "diagnosis.rrd"
+"""Picture in the folder of a diagnosis."""
 
 
 class _Server(ThreadingHTTPServer):
@@ -163,25 +172,16 @@ def served(port: int, behind: int, file: Path | None = None) -> Iterator[None]:
             server.shutdown()
 
 
-PORT, WEB_PORT = 9876, 9090
-PROXY = f"rerun+http://{HOST}:{PORT}/proxy"
-"""Where a live picture is sent."""
-NOWHERE = f"http://{HOST}:9"
-"""Proxy for what rerun would ask of others: the discard port, at which nobody listens."""
-_PROXIES = ("all_proxy", "https_proxy", "http_proxy")
-_QUIET_S, _OPENS_S, _CLOSES_S = 20.0, 15.0, 5.0
-
-
 def command(file: str | Path | None, *, port: int = PORT, web_port: int | None = None) -> list[str]:
     """What shows a file, or rows to come: rerun's native viewer, or with a port its web server.
 
     Raises:
         MissingExtraError: rerun is not installed.
     """
-    told = [str(_binary()), "--bind", HOST, "--port", str(port)]
+    arguments = [str(_binary()), "--bind", HOST, "--port", str(port)]
     if web_port is not None:
-        told += ["--serve-web", "--web-viewer-port", str(web_port)]
-    return told if file is None else [*told, str(file)]
+        arguments += ["--serve-web", "--web-viewer-port", str(web_port)]
+    return arguments if file is None else [*arguments, str(file)]
 
 
 @contextmanager
@@ -206,11 +206,11 @@ def viewer(
         _check_screen()
     _check_free(port)
     behind, shown = free_port() if web else None, None if file is None else Path(file)
-    told = command(None if web else file, port=port, web_port=behind)
+    arguments = command(None if web else file, port=port, web_port=behind)
     with contextlib.ExitStack() as stack:
         if behind is not None:
             stack.enter_context(served(web_port, behind, shown))
-        process = subprocess.Popen(bound(told), env=stack.enter_context(quiet()))
+        process = subprocess.Popen(bound(arguments), env=stack.enter_context(quiet()))
         try:
             for listens in (port,) if behind is None else (port, behind):
                 _wait_for(process, listens)
@@ -285,10 +285,6 @@ def _binary() -> Path:
     """Rerun's viewer itself: killing the Python script around it would leave it running."""
     package = registry.require("rerun_cli", "view")
     return Path(str(package.__file__)).parent / "rerun"
-
-
-PICTURE = "diagnosis.rrd"
-"""Picture in the folder of a diagnosis."""
 
 
 def view(

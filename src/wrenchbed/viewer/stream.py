@@ -14,6 +14,9 @@ from wrenchbed.files import write_bytes
 APP = "wrenchbed"
 TIME, ROW = "time", "row"
 """Timelines: of a motion [s], and of poses at rest, between which nothing is recorded."""
+_RANGES = ((0x20, 0x7E), (0xA0, 0x17F), (0x391, 0x3C9), (0x410, 0x44F))
+"""Latin, Greek and Cyrillic letters of its font, Inter."""
+_SIGNS = frozenset("–—‘’“”„…•→←↑↓−×÷±≈≠≤≥√∞∆∑·\n")
 
 
 class Canvas:
@@ -54,11 +57,6 @@ def to_file(path: str | Path, blueprint: Any, axis: str = TIME) -> Iterator[Canv
     finally:
         stream.disconnect()
     write_bytes(path, data or b"")
-
-
-_RANGES = ((0x20, 0x7E), (0xA0, 0x17F), (0x391, 0x3C9), (0x410, 0x44F))
-"""Latin, Greek and Cyrillic letters of its font, Inter."""
-_SIGNS = frozenset("–—‘’“”„…•→←↑↓−×÷±≈≠≤≥√∞∆∑·\n")
 
 
 def readable(text: str) -> str:
