@@ -118,7 +118,7 @@ class DriveEmulator(Node):
         self._report()
 
     def track(
-        self, t: float, seconds: float, actual: float, speed: float, effort: tuple[float, float],
+        self, t: float, seconds: float, actual: float, speed: float, effort: Sequence[float],
         due: float | None = None,
     ) -> float:  # fmt: skip
         """Where the servo shall be after some time [s]; called by the plant, with the lock.

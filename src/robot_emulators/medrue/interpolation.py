@@ -9,7 +9,7 @@ from collections import deque
 from typing import NamedTuple
 
 _GAIN = 0.01
-"""Share of its phase error that a SYNC corrects."""
+"""Fraction of its phase error that a SYNC corrects; a larger one lets jitter through."""
 _MISSED = 2
 """SYNCs in a row that may be missed: so many periods the axis goes on along its line."""
 _LATEST = 0.9
@@ -65,5 +65,5 @@ class Interpolation:
             (line for line in reversed(self._lines) if line.begin <= t), self._lines[0]
         )
         most = 1.0 + _MISSED * locked
-        share = min(most, max(0.0, (t - begin) / period)) if period > 0.0 else 1.0
-        return start + share * (end - start)
+        fraction = min(most, max(0.0, (t - begin) / period)) if period > 0.0 else 1.0
+        return start + fraction * (end - start)

@@ -12,8 +12,9 @@ from robot_emulators.plant import Plant
 
 CYCLE_S = 0.004
 _READINGS = 2
+"""Readings of the sensor in a cycle, so that its board can be asked at up to 500 Hz."""
 _LATE_S = 0.1
-"""How far the clock may run behind before it skips [s]."""
+"""How far the clock may run behind before it skips [s]; so long, drives wait for targets."""
 
 
 class RealTimePlant:
@@ -56,16 +57,10 @@ class RealTimePlant:
         with self._lock:
             q, qd = self.body.q * self.counts, self.body.qd * self.counts
             torque, current, _ = self.body.efforts
+            rows = np.stack([q, qd, torque, current], axis=1).tolist()
             commands = [
-                drive.track(
-                    t,
-                    CYCLE_S,
-                    float(q[j]),
-                    float(qd[j]),
-                    (float(torque[j]), float(current[j])),
-                    due,
-                )
-                for j, drive in enumerate(self.drives)
+                drive.track(t, CYCLE_S, position, speed, effort, due)
+                for drive, (position, speed, *effort) in zip(self.drives, rows, strict=True)
             ]
             self.body.step(np.array(commands) / self.counts, due)
         for drive in self.drives:

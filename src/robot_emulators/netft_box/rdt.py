@@ -24,7 +24,19 @@ HEADER = 0x1234
 REQUEST = np.dtype([("header", ">u2"), ("command", ">u2"), ("samples", ">u4")])
 RECORD = np.dtype([("rdt", ">u4"), ("ft", ">u4"), ("status", ">u4"), ("counts", ">i4", (6,))])
 
+Address = tuple[str, int]
 _KNOWN = {STOP, HIGH_SPEED, BUFFERED, MULTI_UNIT, RESET_LATCH, BIAS}
+_SIZE = RECORD.itemsize
+_BURST_S = 1e-3
+"""Least time between two sends [s]: seven records at 7000 a second; fewer cost more wake-ups."""
+_IDLE_S = 0.05
+"""Time between two looks at the body's clock while nobody listens [s]."""
+_CHUNK_S = 2e-3
+"""Least time that records are made for at once [s]: one by one they cost as much as hundreds."""
+_LATE_S = 0.25
+"""A thread that wakes later than this has slept with the machine: what it missed is not made up."""
+_REQUESTS = 16
+"""Requests taken at a time, so that a flood of them does not keep records back."""
 
 
 class Request(NamedTuple):
@@ -151,19 +163,6 @@ class FaultySender:
         with contextlib.suppress(OSError):
             sock.sendto(data, to)
             self.counters[what] += 1
-
-
-Address = tuple[str, int]
-
-_SIZE = RECORD.itemsize
-_BURST_S = 1e-3
-_IDLE_S = 0.05
-_CHUNK_S = 2e-3
-"""Least time that records are made for at once [s]."""
-_LATE_S = 0.25
-"""A thread that wakes later than this has slept with the machine: what it missed is not made up."""
-_REQUESTS = 16
-"""Requests taken at a time."""
 
 
 @dataclass

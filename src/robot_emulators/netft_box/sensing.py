@@ -22,7 +22,13 @@ NEWTON_METRE = {
 }  # fmt: skip
 """Unit of torque → [N·m]."""
 LARGEST_BUFFER = 40
-"""Records of a buffered datagram at most."""
+"""Records of a buffered datagram at most; source: ATI 9620-05."""
+SATURATED = {"netbox": 1 << 31 | 1 << 17, "axia": 1 << 31 | 1 << 30}
+"""Status word of a sample that left the sensor's range; sources: ATI 9620-05, 9620-05-C."""
+_LARGEST = 2**31 - 1
+_STALE_S = 0.05
+"""Age of the body's newest state [s] from which its last reading is repeated, as a box goes on that
+does not know its robot; below it, a late cycle would change the readings."""
 
 
 @dataclass(frozen=True)
@@ -66,12 +72,6 @@ class BoxSettings(Settings):
     def internal_rate(self) -> int:
         """Samples per second [Hz]."""
         return INTERNAL_RATE[self.product]
-
-
-SATURATED = {"netbox": 1 << 31 | 1 << 17, "axia": 1 << 31 | 1 << 30}
-"""Status word of a sample that left the sensor's range."""
-_LARGEST = 2**31 - 1
-_STALE_S = 0.05
 
 
 def _per_si(settings: BoxSettings) -> np.ndarray:
