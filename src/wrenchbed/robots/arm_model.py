@@ -8,11 +8,12 @@ JSON, so that they can be read without the file.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 HINGE, SLIDE = "hinge", "slide"
+_Made = TypeVar("_Made", "ArmModel", "ArmLink", "Load", "Loops", "Closure", "Shape")
 CONNECT, WELD, COUPLED = "connect", "weld", "joint"
 MESH_VERTICES = 300
 """About the most vertices that a mesh keeps: enough to know a link by, few enough to travel."""
@@ -150,28 +151,20 @@ class ArmModel:
 
     def to_json(self) -> dict[str, Any]:
         """As JSON; `from_json` reads it."""
-        return {name: _plain(value) for name, value in _items(self)}
+        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
 
     @classmethod
     def from_json(cls, raw: Mapping[str, Any]) -> "ArmModel":
         """From `to_json`."""
-        parts = dict(raw)
-        load = parts["load"]
-        return cls(
-            name=parts["name"],
-            base_turn=np.array(parts["base_turn"]),
-            base_shift=np.array(parts["base_shift"]),
-            base_shapes=_shapes(parts["base_shapes"]),
-            links=tuple(_link(link) for link in parts["links"]),
-            end_turn=np.array(parts["end_turn"]),
-            end_shift=np.array(parts["end_shift"]),
-            load=None
-            if load is None
-            else Load(**{**_tuples(load), "shapes": _shapes(load["shapes"])}),
-            gravity=tuple(parts["gravity"]),
-            floor=parts["floor"],
-            loops=_loops(parts.get("loops")),
-        )
+        load, loops = raw["load"], raw.get("loops")
+        if load is not None:
+            load = _made(Load, load, shapes=_shapes(load))
+        if loops is not None:
+            closures = tuple(_made(Closure, closure) for closure in loops["closures"])
+            loops = _made(Loops, loops, closures=closures)
+        links = tuple(_made(ArmLink, link, shapes=_shapes(link)) for link in raw["links"])
+        shapes = _shapes({"shapes": raw["base_shapes"]})
+        return _made(cls, raw, base_shapes=shapes, links=links, load=load, loops=loops)
 
     @property
     def reach(self) -> float:
@@ -207,45 +200,30 @@ class ArmModel:
         return tuple(driven.get(k, f"passive_{x.joint}") for k, x in enumerate(self.links))
 
 
-def _items(item: Any) -> list[tuple[str, Any]]:
-    return [(f.name, getattr(item, f.name)) for f in fields(item)]
-
-
 def _plain(value: Any) -> Any:
+    """A value as JSON has it."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, Shape | ArmLink | Load | Loops | Closure):
-        return {name: _plain(v) for name, v in _items(value)}
-    if isinstance(value, tuple):
-        return [_plain(v) for v in value]
-    return value
+        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
+    return [_plain(v) for v in value] if isinstance(value, tuple) else value
 
 
-def _tuples(raw: Mapping[str, Any]) -> dict[str, Any]:
-    return {k: _deep(v) for k, v in raw.items()}
+def _made(kind: type[_Made], raw: Mapping[str, Any], **parts: Any) -> _Made:
+    """A dataclass from its fields as JSON has them, and from ``parts`` that were made already."""
+    arrays = {f.name for f in fields(kind) if f.type is np.ndarray}
+    values: dict[str, Any] = {
+        k: np.array(v, dtype=float) if k in arrays else _tuples(v) for k, v in raw.items()
+    }
+    return kind(**(values | parts))
 
 
-def _deep(value: Any) -> Any:
-    return tuple(_deep(v) for v in value) if isinstance(value, list) else value
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
 
 
-def _loops(raw: Mapping[str, Any] | None) -> Loops | None:
-    if raw is None:
-        return None
-    closures = [
-        Closure(**{**_tuples(c), "places": np.array(c["places"]), "turn": np.array(c["turn"])})
-        for c in raw["closures"]
-    ]
-    return Loops(**{**_tuples(raw), "closures": tuple(closures)})
-
-
-def _shapes(raw: list[dict[str, Any]]) -> tuple[Shape, ...]:
-    return tuple(Shape(**_tuples(shape)) for shape in raw)
-
-
-def _link(raw: Mapping[str, Any]) -> ArmLink:
-    arrays = {k: np.array(raw[k], dtype=float) for k in ("axis", "turn", "shift", "cog", "inertia")}
-    return ArmLink(**{**raw, **arrays, "shapes": _shapes(raw["shapes"])})
+def _shapes(raw: Mapping[str, Any]) -> tuple[Shape, ...]:
+    return tuple(_made(Shape, shape) for shape in raw["shapes"])
 
 
 def lighter(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

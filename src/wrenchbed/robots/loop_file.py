@@ -7,7 +7,7 @@ import numpy as np
 
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.rotations import matrix
-from wrenchbed.robots.arm_model import CONNECT, COUPLED, WELD, Closure, Loops
+from wrenchbed.robots.arm_model import CONNECT, COUPLED, WELD, Closure
 
 EQUALITY = mujoco.mjtEq
 KINDS = {
@@ -178,9 +178,3 @@ def parents(
         before = [i for i in above(int(model.jnt_bodyid[j])) if i < j and i in joints]
         found.append(list(joints).index(before[-1]) if before else -1)
     return tuple(found)
-
-
-__all__ = [
-    "UNLIMITED", "Loops", "actuated", "closes", "driven_joints", "joined", "loaded_beside",
-    "loops_of", "parents",
-]  # fmt: skip
