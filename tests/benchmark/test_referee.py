@@ -141,13 +141,16 @@ def test_true_numbers_mean_what_the_library_publishes(world, name):
 # ---- cases ---------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def small(monkeypatch):
-    monkeypatch.setattr(settings, "POSES", (24, 24))
-    monkeypatch.setattr(settings, "SAMPLES", 10)
+@pytest.fixture(scope="module")
+def small():
+    """Robots with few poses and rows."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(settings, "POSES", (24, 24))
+        patch.setattr(settings, "SAMPLES", 10)
+        yield
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def world(small):
     robot = registry.load("robots", "ur5")
     setting = settings.draw(robot, "static", np.random.default_rng(5))

@@ -13,7 +13,7 @@ from sealed_family import truthful
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.referee.fault import total
 from wrenchbed.benchmark.scoring.case_rows import Claim
-from wrenchbed.benchmark.sealed import commitments, report
+from wrenchbed.benchmark.sealed import commitments, make, report
 from wrenchbed.benchmark.sealed import score as scoring
 from wrenchbed.benchmark.sealed.real_setting import setting_of
 from wrenchbed.benchmark.sealed.semi_real import HostRecording, SemiRealFamily
@@ -45,8 +45,8 @@ def semi_real(tmp_path_factory):
     return (*made(folder, folder / "host.parquet"), folder / "host.parquet")
 
 
-def made(folder, host, seed=SEED):
-    line = ["blind", "make", "--on", str(host), "--cases", str(COUNT), "--seed", str(seed)]
+def made(folder, host):
+    line = ["blind", "make", "--on", str(host), "--cases", str(COUNT), "--seed", str(SEED)]
     folders = ["--out", str(folder / "cases"), "--answers", str(folder / "answers")]
     assert main([*line, *folders, "--processes", "1"]) == 0
     return folder / "cases", folder / "answers"
@@ -185,32 +185,27 @@ def test_cases_differ_in_what_a_fault_changes_only(semi_real):
 
 def test_the_same_seed_makes_the_same_bytes(semi_real, tmp_path):
     cases, answers, host = semi_real
-    again = made(tmp_path / "again", host)
-    for first, second in zip((cases, answers), again, strict=True):
-        for path in first.iterdir():
-            assert path.read_bytes() == (second / path.name).read_bytes()
-    other = made(tmp_path / "other", host, SEED + 1)[0]
-    assert commitments.read(other) != commitments.read(cases)
+    for seed, same in ((SEED, True), (SEED + 1, False)):
+        out, sealed = tmp_path / f"c{seed}", tmp_path / f"a{seed}"
+        family = SemiRealFamily.on(host, COUNT, seed)
+        make.open_family(family, out, sealed)
+        make.make_case(family, out, sealed, 0)
+        for folder, other, file in ((cases, out, "0001.parquet"), (answers, sealed, "0001.json")):
+            assert ((folder / file).read_bytes() == (other / file).read_bytes()) == same
 
 
 def test_folders_lie_apart_and_belong_to_one_recording(semi_real, tmp_path):
     cases, answers, host = semi_real
     family = SemiRealFamily.on(host, COUNT, SEED)
     with pytest.raises(BenchmarkError, match="apart"):
-        scoring_make(family, tmp_path, tmp_path / "inside")
+        make.make(family, tmp_path, tmp_path / "inside", processes=1)
     real = static()
     columns = dict(real.columns) | {"fx": real.columns["fx"] + 0.1}
     Recording(real.metadata, columns).write(tmp_path / "another.parquet")
     another = SemiRealFamily.on(tmp_path / "another.parquet", COUNT, SEED)
     with pytest.raises(BenchmarkError, match="recording"):
-        scoring_make(another, cases, answers)
+        make.make(another, cases, answers, processes=1)
     assert "host.parquet" not in (answers / commitments.FAMILY).read_text()
-
-
-def scoring_make(family, out, answers):
-    from wrenchbed.benchmark.sealed import make
-
-    return make.make(family, out, answers, processes=1)
 
 
 def test_a_robot_with_joints_holds_faults_too(family):
