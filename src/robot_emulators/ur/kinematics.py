@@ -71,6 +71,12 @@ def _near_half_turn(r: np.ndarray, trace: float, skew: np.ndarray) -> np.ndarray
     return np.asarray(axis / np.linalg.norm(axis) * angle)
 
 
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Vector product of (3,) and (3,); numpy's own takes twenty times as long."""
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
+
+
 _DAMPING = 1e-8
 _TRIES = 3
 _REMEMBERED = 8

@@ -8,6 +8,7 @@ e-Series to the flange's centre.
 import numpy as np
 
 from robot_emulators.plant import Payload
+from robot_emulators.ur.kinematics import cross
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 
@@ -53,9 +54,9 @@ class WrenchEstimate:
         """Take the measured load (6,); R_base_flange and the TCP in flange axes."""
         weight = self.payload.mass * self.gravity
         force = rotation @ load[:3] - weight
-        torque = rotation @ load[3:] - np.cross(rotation @ self.payload.cog, weight)
+        torque = rotation @ load[3:] - cross(rotation @ self.payload.cog, weight)
         if self._at_tcp:
-            torque = torque - np.cross(rotation @ tcp[:3], force)
+            torque = torque - cross(rotation @ tcp[:3], force)
         self.wrench = np.concatenate([force, torque]) - self._zero
 
 
@@ -92,5 +93,5 @@ class ExternalWrench:
             gravity: in flange axes (3,) [m/s²].
         """
         weight = self._mass * gravity
-        torque = sent[3:] + np.cross(self._offset, sent[:3]) + np.cross(self._cog, weight)
+        torque = sent[3:] + cross(self._offset, sent[:3]) + cross(self._cog, weight)
         return np.concatenate([sent[:3] + weight, torque])
