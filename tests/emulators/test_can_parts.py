@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_emulators.medrue import axis as served
@@ -309,6 +309,7 @@ def test_a_drive_without_heartbeat_is_compared_with_the_others():
     assert beats == BEATS
 
 
+@settings(deadline=None)
 @given(st.binary(max_size=9))
 def test_frames_of_any_length_are_taken_or_dropped(raw):
     bench = Bench()
