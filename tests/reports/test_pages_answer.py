@@ -104,7 +104,7 @@ def test_every_figure_answers_and_nothing_complains(page, pages, kind):
     page.console.clear()
     shown(page, pages[kind])
     count = page.run("document.querySelectorAll('figure[data-chart]').length")
-    assert count >= (3 if kind in ("campaign", "fit") else 4)
+    assert count >= {"campaign": 2, "fit": 3}.get(kind, 4)
     assert page.run("document.querySelectorAll('figure.alive .live svg').length") == count
     assert page.console == []
     assert pages[kind].stat().st_size < 3_000_000
