@@ -19,6 +19,9 @@ from wrenchbed.files import put_back, set_aside
 Made = TypeVar("Made")
 _LARGEST = 1 << 26
 """Largest text file that is parsed to find its kind [B]; results are far smaller."""
+_FIRST = 512
+"""Length of these [B]."""
+_REMEDY = "give another name, or --force, which keeps it with ~ at the end of its name"
 
 
 class Kind(StrEnum):
@@ -68,8 +71,6 @@ _WITHIN = {
     b"exported by wrenchbed": Kind.EXPORT,
 }  # fmt: skip
 """What the first lines of other text files hold."""
-_FIRST = 512
-"""Length of these [B]."""
 
 
 def kind_of(path: Path) -> Kind | None:
@@ -145,9 +146,6 @@ def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> N
         raise ParameterError(f"{out}: is {what}, not {kind}; give another name")
     if kind in MEASURED and not force:
         raise ParameterError(f"{out}: is {kind} already; {_REMEDY}")
-
-
-_REMEDY = "give another name, or --force, which keeps it with ~ at the end of its name"
 
 
 def _same(out: Path, source: Path) -> bool:

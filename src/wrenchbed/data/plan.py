@@ -16,6 +16,8 @@ from wrenchbed.data.metadata import MODES, carried_robot, stated_robot
 from wrenchbed.data.recording import POINT, effort_prefix, holds_readings, joint_columns
 from wrenchbed.errors import PlanError, raise_shortage
 
+_FAR = 10.0
+
 
 @dataclass(frozen=True, eq=False)
 class Plan:
@@ -140,9 +142,6 @@ def _segments(path: Path, data: Mapping[str, np.ndarray], n: int) -> np.ndarray:
     if segment.dtype.kind not in "iu":
         raise PlanError(f"{path}: column 'segment' must hold whole numbers")
     return segment.astype(np.int64)
-
-
-_FAR = 10.0
 
 
 def read(path: str | Path) -> np.ndarray:

@@ -35,6 +35,7 @@ _SPEED = (0.25, 0.6)
 """Range of top speeds over the joint's limit."""
 _MOST_SPEED = 1.5
 """Top speed of any joint [rad/s], as users dare."""
+_Room = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,9 +90,6 @@ def _middle(joints: Sequence[Joint], pose: np.ndarray) -> tuple[np.ndarray, np.n
     centre = np.array([(j.upper + j.lower) / 2.0 for j in joints])
     reach = np.minimum(_REACH, 0.45 * half)
     return np.clip(pose, centre - half + reach, centre + half - reach), reach
-
-
-_Room = tuple[np.ndarray, np.ndarray]
 
 
 def _sines(

@@ -34,6 +34,7 @@ JOINT = "joint"
 """Parameter that holds the 1-based joint or link."""
 _TOOL_MASS, _TOOL_COG = 1.2, (0.0, 0.0, 0.05)
 """Mass [kg] and centre of gravity [m] of a first tool, an estimate that each case replaces."""
+_ARMS: dict[Path, Sequence[SimulatedRobot]] = {}
 
 
 def arms(files: Path, scratch: Path) -> list[SimulatedRobot]:
@@ -199,9 +200,6 @@ def check_seed(seed: int) -> str:
             "final score; others are left free"
         )
     return "development" if seed < DEVELOPMENT else "final"
-
-
-_ARMS: dict[Path, Sequence[SimulatedRobot]] = {}
 
 
 def answer(job: EffortJob) -> dict[str, Any]:

@@ -20,6 +20,8 @@ LEAST_REPEATS = 4
 """Rows of a hold from which the scatter of rows shows: an estimate."""
 Act = Callable[[np.ndarray], np.ndarray]
 """Changes a wrench (N, 6) [N, N·m]."""
+Names = Callable[[Mapping[str, float]], dict[str, float]]
+"""True values under the names that a diagnosis publishes."""
 
 
 def relay(signal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -151,8 +153,6 @@ class Imperfection:
 
 Draw = Callable[[ExperimentDesign, Rng, float], Imperfection]
 """Draws one imperfection of a size in multiples of typical."""
-Names = Callable[[Mapping[str, float]], dict[str, float]]
-"""True values under the names that a diagnosis publishes."""
 
 
 @dataclass(frozen=True)

@@ -27,6 +27,13 @@ from wrenchbed.benchmark.lookalikes.imperfection import (
 from wrenchbed.benchmark.lookalikes.loads import FINER
 from wrenchbed.physics.wrench import CHANNELS
 
+_BLOCKS = {"ff": (0, 0), "ft": (0, 3), "tf": (3, 0), "tt": (3, 3)}
+"""Quarters of the crosstalk matrix: first row and column; ``tf`` is torque from force."""
+_STEADY, _SWINGING = 0.65, 0.2
+"""Share of drifts that are steady, and that swing; the others wander. Estimates."""
+_LEAST_RISE = 0.5
+"""Range of a recorded temperature [K] below which it shows nothing: an estimate."""
+
 
 @lookalike("timing.delay", in_motion, published=named(""))
 def delay(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
@@ -91,10 +98,6 @@ def _at(design: ExperimentDesign, y: np.ndarray, t: np.ndarray) -> np.ndarray:
     return np.asarray(CubicSpline(design.t, y)(np.clip(t, design.t[0], design.t[-1])))
 
 
-_BLOCKS = {"ff": (0, 0), "ft": (0, 3), "tf": (3, 0), "tt": (3, 3)}
-"""Quarters of the crosstalk matrix: first row and column; ``tf`` is torque from force."""
-
-
 def channels(rng: Rng, one: float = 0.6) -> np.ndarray:
     """Random weights (6,) of either sign: one channel, the forces or torques, or all."""
     kind = rng.uniform()
@@ -143,10 +146,6 @@ def bias(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     amount = np.maximum(0.004 * size * design.full_scale, 1.5 * design.tolerance[2])
     value = weight * amount
     return Imperfection(by_channel(value), sensor=lambda y: y + value)
-
-
-_STEADY, _SWINGING = 0.65, 0.2
-"""Share of drifts that are steady, and that swing; the others wander. Estimates."""
 
 
 @lookalike("sensor.drift", published=_of_channels("rate"))
@@ -238,10 +237,6 @@ def noise(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     factor = 1.0 + 0.5 * size * np.abs(channels(rng, one=0.4))
     rows = RowImperfection(gain=factor)
     return Imperfection(by_channel(factor - 1.0), rows=rows)
-
-
-_LEAST_RISE = 0.5
-"""Range of a recorded temperature [K] below which it shows nothing: an estimate."""
 
 
 def _warms(design: ExperimentDesign) -> bool:

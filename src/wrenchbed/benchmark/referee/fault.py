@@ -18,6 +18,8 @@ from wrenchbed.physics.wrench import CHANNELS
 P = ParamSpec("P")
 CHANNEL = "[ft][xyz]"
 """Pattern of a channel's name."""
+Change = Callable[[Ride, np.ndarray], np.ndarray]
+"""Makes another signal (T, 6) [N, N·m] of one, over the instants of a ride."""
 
 
 def sign(rng: Rng) -> float:
@@ -59,10 +61,6 @@ def by_channel(values: np.ndarray, stem: str) -> dict[str, float]:
     """``stem.fx`` … of what is not 0."""
     pairs = zip(CHANNELS, values.tolist(), strict=True)
     return {f"{stem}.{c}": float(v) for c, v in pairs if v != 0.0}
-
-
-Change = Callable[[Ride, np.ndarray], np.ndarray]
-"""Makes another signal (T, 6) [N, N·m] of one, over the instants of a ride."""
 
 
 @dataclass(frozen=True, eq=False)

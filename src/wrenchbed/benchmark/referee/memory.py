@@ -6,6 +6,9 @@ from math import log1p
 import numpy as np
 from scipy.signal import lfilter
 
+_ROUNDING = 1e-9
+"""Share by which C's logarithm and numpy's differ less: an estimate."""
+
 
 def after(t: np.ndarray, y: np.ndarray, time: float) -> np.ndarray:
     """First-order lag of y (T, k) with a time constant [s], exact between instants (T,)."""
@@ -36,10 +39,6 @@ def bouc_wen(x: np.ndarray, shape: float) -> np.ndarray:
     for k, column in enumerate(z.T):
         column[1:] = _loop(pieces[:, :, k], a)
     return z
-
-
-_ROUNDING = 1e-9
-"""Share by which C's logarithm and numpy's differ less: an estimate."""
 
 
 def _loop(pieces: np.ndarray, a: float) -> list[float]:

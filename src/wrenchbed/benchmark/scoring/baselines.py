@@ -38,6 +38,7 @@ _STEP = 0.02
 """Columns that move by less than so many σ have come to rest."""
 _WORSE = 3
 """So many penalties in a row that predict worse than the best end the search."""
+_made: "WeakKeyDictionary[Prepared, Linear]" = WeakKeyDictionary()
 
 
 class LinearFit(NamedTuple):
@@ -115,9 +116,6 @@ class Linear:
     def added(self, name: str, columns: np.ndarray, x: np.ndarray) -> float:
         """Gap that columns of an effect add with coefficients (k,)."""
         return self.d.gap(self.d.E[:, columns] @ x, configured=name in STATED)
-
-
-_made: "WeakKeyDictionary[Prepared, Linear]" = WeakKeyDictionary()
 
 
 def linear(prepared: Prepared) -> Linear:

@@ -31,6 +31,7 @@ LEAST = 20
 """Fewest cases that anything can be learnt from: an estimate."""
 _VERDICTS = ("none", "unknown")
 """Verdicts without a named cause."""
+_SHARED: list[tuple[ExperimentDesign, int]] = []
 
 
 def cache_folder() -> Path:
@@ -88,9 +89,6 @@ def _right(rows: list[Row], verdict: str) -> tuple[int, int]:
     """How many verdicts without a named cause were right, of how many."""
     chosen = [row for row in rows if row["raw"] == verdict and not row["named"]]
     return sum(row["right"] for row in chosen), len(chosen)
-
-
-_SHARED: list[tuple[ExperimentDesign, int]] = []
 
 
 def _share(design: ExperimentDesign, seed: int) -> None:

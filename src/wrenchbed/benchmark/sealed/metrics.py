@@ -17,13 +17,13 @@ from wrenchbed.benchmark.scoring.metrics import (
 from wrenchbed.diagnosis.evidence.search import NONE
 
 _Held = Callable[[CaseRow, str], bool]
+_ALIKE = "… or one that this data cannot tell from it"
 
 
 def _alike(row: CaseRow, claim: Claim) -> bool:
     return holds(claim, (*row.truth, *row.alike))
 
 
-_ALIKE = "… or one that this data cannot tell from it"
 _BESIDE = {
     "isolation": {
         "isolation_alike": share(_ALIKE, "≥ 95 %", of_kind("single"), _alike),

@@ -32,6 +32,11 @@ from wrenchbed.pages.provenance import provenance
 _STEPS = 201
 """Places of an interval that are held against a target."""
 _BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9])
+_SHARE = Axis("share of cases", "%", low=0.0, high=104.0, ticks=(0.0, 25.0, 50.0, 75.0, 100.0))
+_ORDER = (
+    "none", "sensor", "mount", "tool", "cable", "joint", "link", "base", "timing", "environment",
+    "unknown", "error",
+)  # fmt: skip
 
 
 def reliability(rows: Sequence[CaseRow]) -> Chart:
@@ -99,19 +104,10 @@ def detection(rows: Sequence[CaseRow], score: Score) -> Chart:
     return Chart("", "", panels, columns=2, caption=caption)
 
 
-_SHARE = Axis("share of cases", "%", low=0.0, high=104.0, ticks=(0.0, 25.0, 50.0, 75.0, 100.0))
-
-
 def _ends(counts: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
     """Ends of exact intervals of shares (N,) [%]."""
     low, high = 100.0 * np.array([exact_interval(k, n) for k, n in counts]).reshape(-1, 2).T
     return low, high
-
-
-_ORDER = (
-    "none", "sensor", "mount", "tool", "cable", "joint", "link", "base", "timing", "environment",
-    "unknown", "error",
-)  # fmt: skip
 
 
 def page(score: Score, command: str = "") -> Document:
