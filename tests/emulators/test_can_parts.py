@@ -196,7 +196,7 @@ def test_options_that_cannot_be(words, named):
 def test_the_interpolation_period_is_what_a_drive_can_hold():
     assert CanOptions(rate=250.0).interpolation == (4, -3)
     assert CanOptions(rate=400.0).interpolation == (25, -4)
-    assert CanOptions(rate=500.0).bus_load.share < 0.9
+    assert CanOptions(rate=500.0).bus_load < 0.9
 
 
 def points():

@@ -11,7 +11,7 @@ from emulator_process import running
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.errors import LinkError, ParameterError
-from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs, own_kinematics
+from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs
 from wrenchbed.hardware.preflight import doctor as looking
 from wrenchbed.hardware.transducers.netft.transducer import NetftTransducer
 
@@ -23,7 +23,7 @@ WELL = {
 }  # fmt: skip
 
 
-NOMINAL = own_kinematics.OwnKinematics(
+NOMINAL = identity.OwnKinematics(
     (0.0,) * 6, (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0),
     (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823),
     (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0), (1,) * 6,
@@ -59,7 +59,7 @@ def look(monkeypatch):
         said = {"model": "UR5", "serial": "2015350000"} if told is None else told
         monkeypatch.setattr(identity, "stated", lambda host: said)
         monkeypatch.setattr(dashboard, "request", lambda *a: remote)
-        monkeypatch.setattr(own_kinematics, "read", lambda *a: kinematics)
+        monkeypatch.setattr(identity, "read_kinematics", lambda *a: kinematics)
         report = looking.doctor(robot, "192.0.2.7", seconds=4.0)
         return report, {line.name: line for line in report.lines}
 

@@ -179,7 +179,7 @@ def test_the_own_wrench_is_stated_in_the_recording(ready):
 def test_its_health_counts(ready):
     counters = ready.health().counters
     assert counters["arm states"] > 50 and counters["arm restarts"] == 0
-    assert "arm skipped" in counters and "arm clock_ppm" in counters
+    assert "arm skipped" in counters
 
 
 def test_a_net_ft_at_the_same_host_is_read(link, twin):

@@ -10,7 +10,7 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.errors import DriverError
-from wrenchbed.hardware.drivers.rtde import identity, own_kinematics
+from wrenchbed.hardware.drivers.rtde import identity
 
 HOST = "127.0.83.1"
 UR5_A = (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0)
@@ -32,7 +32,7 @@ def robot_state(theta=(0.0,) * 6, a=UR5_A, d=UR5_D, alpha=TWISTS):
 @pytest.fixture
 def port():
     """Serves bytes to one client, in pieces of 7; yields a function that takes the bytes."""
-    listener = socket.create_server((HOST, own_kinematics.PORT))
+    listener = socket.create_server((HOST, identity.KINEMATICS_PORT))
     threads = []
 
     def serve(data):

@@ -23,9 +23,9 @@ from wrenchbed.hardware.drivers.rtde import (
     status,
     wrench_source,
 )
+from wrenchbed.hardware.drivers.rtde.identity import Flange
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.hardware.drivers.rtde.state_worker import FIELDS, RAW
-from wrenchbed.hardware.drivers.rtde.wrench_source import Flange
 from wrenchbed.hardware.transducers.ur_wrench import UrWrench
 from wrenchbed.physics.rotations import quaternion
 

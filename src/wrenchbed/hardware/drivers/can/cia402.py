@@ -9,6 +9,34 @@ from dataclasses import dataclass
 
 from wrenchbed.hardware.device import State as HealthState
 
+Problem = tuple[HealthState, str]
+"""State of health and its reason."""
+MISSED = 2
+"""Cycles without an answer, while others answer, after which a drive counts as mute: one frame in
+some thousand is lost."""
+BEATS = 18
+"""Heartbeats of the five others, 3.5 periods, without its own after which it is lost."""
+OPERATIONAL, PRE_OPERATIONAL = 0x05, 0x7F
+"""NMT states; a drive that misses its master's heartbeat goes to the second one (0x1029). Source:
+CiA 301."""
+SHUTDOWN, SWITCH_ON, ENABLE, VOLTAGE_OFF, QUICK_STOP, FAULT_RESET = 6, 7, 0x0F, 0, 2, 0x80
+"""Controlwords (0x6040); source: CiA 402."""
+ERRORS = {
+    0x2310: "over-current",
+    0x3210: "supply too high",
+    0x3220: "supply too low",
+    0x4210: "drive too hot",
+    0x5441: "emergency input",
+    0x7300: "encoder",
+    0x7305: "encoder",
+    0x8130: "heartbeat of the master lost",
+    0x8250: "no targets arrived in time",
+    0x8611: "following error",
+    0x8612: "position limit",
+    0x8700: "SYNC lost or of wrong period",
+}
+"""Error codes (0x603F, EMCY) of CiA 301 and 402, and their meaning."""
+
 
 class DriveStatus(enum.Enum):
     """State of a drive, in the words of CiA 402."""
@@ -44,17 +72,6 @@ _MASKED = (
     (0x4F, 0x08, DriveStatus.FAULT),
 )
 """Mask and value of the statusword in each state; source: CiA 402."""
-LIMITED = 1 << 11
-"""Statusword: the drive does not follow its target: an internal limit is active."""
-SHUTDOWN, SWITCH_ON, ENABLE, VOLTAGE_OFF, QUICK_STOP, FAULT_RESET = (
-    0x06,
-    0x07,
-    0x0F,
-    0x00,
-    0x02,
-    0x80,
-)
-"""Controlwords (0x6040); source: CiA 402."""
 
 
 def state_of(statusword: int) -> DriveStatus:
@@ -88,23 +105,6 @@ def controlword(want: Want, state: DriveStatus, last: int) -> int:
             return VOLTAGE_OFF
 
 
-ERRORS = {
-    0x2310: "over-current",
-    0x3210: "supply too high",
-    0x3220: "supply too low",
-    0x4210: "drive too hot",
-    0x5441: "emergency input",
-    0x7300: "encoder",
-    0x7305: "encoder",
-    0x8130: "heartbeat of the master lost",
-    0x8250: "no targets arrived in time",
-    0x8611: "following error",
-    0x8612: "position limit",
-    0x8700: "SYNC lost or of wrong period",
-}
-"""Error codes (0x603F, EMCY) of CiA 301 and 402, and their meaning."""
-
-
 def error_words(code: int) -> str:
     """An error code in words."""
     return f"0x{code:04X}" + (f" ({ERRORS[code]})" if code in ERRORS else "")
@@ -113,17 +113,6 @@ def error_words(code: int) -> str:
 def stopped_itself(code: int) -> bool:
     """Whether a code means that the drive stopped because its master was silent."""
     return code in (0x8130, 0x8250, 0x8700)
-
-
-Problem = tuple[HealthState, str]
-"""State of health and its reason."""
-MISSED = 2
-"""Cycles without an answer, while others answer, after which a drive counts as mute; estimate."""
-BEATS = 18
-"""Heartbeats of the five others, 3.5 periods, without its own after which it is lost; estimate."""
-OPERATIONAL, PRE_OPERATIONAL = 0x05, 0x7F
-"""NMT states; a drive that misses its master's heartbeat goes to the second one (0x1029). Source:
-CiA 301."""
 
 
 @dataclass

@@ -3,6 +3,9 @@
 Each cycle first evaluates the answers to the last SYNC, then sends the six RPDOs, the request to
 the sensor and SYNC. A drive in error, or mute while others answer, makes every other drive stop in
 the same cycle. When the complete bus is silent, the targets brake and the drives' watchdogs stop.
+
+A drive monitors its own following error, but cannot detect an encoder that froze; `Following` does.
+No voltage is taken off an axis that moves; `Rest` tells.
 """
 
 import contextlib
@@ -12,6 +15,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,19 +30,123 @@ from wrenchbed.hardware.drivers.can.cia402 import (
     Want,
     controlword,
 )
-from wrenchbed.hardware.drivers.can.monitoring import CycleAnswers, Following
 from wrenchbed.hardware.drivers.can.options import EMCY, HEARTBEAT, RPDO1, TPDO1
 from wrenchbed.hardware.drivers.can.setpoints import Setpoints
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink
 
 SYNC = 0x080
 """Id of SYNC; source: CiA 301."""
+STUCK_S = 0.01
+"""A target may move this long at top speed while the position stays [s]: a drive that
+follows has moved after two and a half cycles of 250 Hz."""
+FAR_S = 0.15
+"""Farthest that a position may be behind its target, likewise [s]; drives lag by
+a few cycles."""
+REST_S = 0.5
+"""Longest duration of a quick stop from top speed [s]; a drive that needs longer keeps its voltage
+until it stands, by `Rest.reached`."""
 _SPEED_OVER = 6
-"""Answers from which speeds are computed; estimate."""
+"""Answers from which speeds are computed; fewer are dominated by the encoder's last count."""
+_SLOW = 0.02
+"""Fraction of top speed below which an axis stands still."""
+_FLICKER = 0.3
+"""Apparent speed of an axis at rest whose encoder flickers by one count [count a cycle]: a line
+through `_SPEED_OVER` positions of which every other one is a count off has 0.09, one step 0.26."""
 _JITTER = 2500
-"""Cycles whose times are kept; estimate."""
+"""Cycles whose times are kept, ten seconds at 250 Hz."""
 _SWITCH_S = 5e-4
-"""Longest time that another thread of this process delays the cycle [s]; estimate."""
+"""Longest time that another thread of this process delays the cycle [s], an eighth of 4 ms."""
+
+
+class CycleAnswers(NamedTuple):
+    """Answers of all drives to one SYNC.
+
+    Attributes:
+        t: when SYNC was sent [s].
+        q: positions (J,) in units of the joints.
+        qd: speeds (J,) in units of the joints.
+        torque: thousandths of the rated torque (J,).
+        sequence: number of such answers.
+    """
+
+    t: float
+    q: np.ndarray
+    qd: np.ndarray
+    torque: np.ndarray
+    sequence: int
+
+
+class Following:
+    """Compares positions with targets, cycle by cycle.
+
+    Args:
+        speed: top speed of each joint (J,).
+    """
+
+    def __init__(self, speed: np.ndarray) -> None:
+        self._stuck, self._far = STUCK_S * speed, FAR_S * speed
+        self._last: np.ndarray | None = None
+        self._reference = np.zeros(len(speed))
+
+    def forget(self) -> None:
+        """Start a new comparison."""
+        self._last = None
+
+    def check(
+        self, counts: np.ndarray, q: np.ndarray, target: np.ndarray
+    ) -> tuple[int, str] | None:
+        """The first joint that does not follow, and a description; None if all follow.
+
+        Args:
+            counts: positions as reported by the drives (J,).
+            q: the same in units of the joints (J,).
+            target: commanded joint values (J,).
+        """
+        if self._last is None:
+            self._last, self._reference = counts, np.array(target)
+            return None
+        moved = counts != self._last
+        self._reference[moved] = target[moved]
+        self._last = counts
+        for joint in np.flatnonzero(np.abs(target - self._reference) > self._stuck)[:1]:
+            moved_by = float(abs(target[joint] - self._reference[joint]))
+            return int(joint), f"stands still while its target moved by {moved_by:.2g}"
+        for joint in np.flatnonzero(np.abs(target - q) > self._far)[:1]:
+            return int(joint), f"is {float(abs(target[joint] - q[joint])):.2g} off its target"
+        return None
+
+
+class Rest:
+    """Whether the axes stand still, by the drives' newest answers.
+
+    Args:
+        speed: top speed of each joint (J,).
+        counts: per unit of each joint (J,).
+        period: of the cycles [s].
+        watchdog: silence after which drives stop [s].
+    """
+
+    def __init__(
+        self, speed: np.ndarray, counts: np.ndarray, period: float, watchdog: float
+    ) -> None:
+        self._slow = _SLOW * speed + _FLICKER / (np.abs(counts) * period)
+        self.longest = watchdog + REST_S
+        """Silence after which every drive has stopped by its watchdog [s]."""
+
+    def moving(self, answers: CycleAnswers | None) -> np.ndarray:
+        """Which joints move (J,), by their newest answers."""
+        return (
+            np.zeros(len(self._slow), bool) if answers is None else np.abs(answers.qd) > self._slow
+        )
+
+    def reached(self, answers: CycleAnswers | None) -> bool:
+        """Whether all stand still: by their answers, or by a silence in which all have stopped."""
+        if answers is None:
+            return True
+        age = time.monotonic() - answers.t
+        if age >= STALE_S:
+            return age > self.longest
+        return answers.sequence >= _SPEED_OVER and not self.moving(answers).any()
 
 
 class Cycle:
@@ -60,7 +168,6 @@ class Cycle:
         following: whether every drive takes targets.
         cycles: begun; ``incomplete``: without all drives' answers; ``overruns``: a period late.
         began: times of the last cycles [s].
-        exchange: time from SYNC to the last answer in the last complete cycles [s].
     """
 
     def __init__(
@@ -74,7 +181,6 @@ class Cycle:
         self.answers: CycleAnswers | None = None
         self.cycles = self.incomplete = self.overruns = 0
         self.began: deque[float] = deque(maxlen=_JITTER)
-        self.exchange: deque[float] = deque(maxlen=_JITTER)
         self.latched_at = 0.0
         self.following = False
         self._synced = 0.0
@@ -84,7 +190,7 @@ class Cycle:
         self._rounds = 0
         self._running = False
         self._thread: threading.Thread | None = None
-        self._by_id: dict[int, Callable[[float, bytes], None]] = {}
+        self._by_id: dict[int, Callable[[bytes], None]] = {}
         for drive in drives:
             self._by_id |= self._handlers(drive)
 
@@ -128,17 +234,17 @@ class Cycle:
         """Whether every drive is in one of some states."""
         return all(drive.state in states for drive in self.drives)
 
-    def _handlers(self, drive: DriveState) -> dict[int, Callable[[float, bytes], None]]:
+    def _handlers(self, drive: DriveState) -> dict[int, Callable[[bytes], None]]:
         return {
-            TPDO1 + drive.node: lambda t, data: self._answer(t, drive, data),
-            EMCY + drive.node: lambda t, data: self._emergency(drive, data),
-            HEARTBEAT + drive.node: lambda t, data: self._heartbeat(drive, data),
+            TPDO1 + drive.node: lambda data: self._answer(drive, data),
+            EMCY + drive.node: lambda data: self._emergency(drive, data),
+            HEARTBEAT + drive.node: lambda data: self._heartbeat(drive, data),
         }
 
-    def _received(self, t: float, can_id: int, data: bytes) -> None:
+    def _received(self, _: float, can_id: int, data: bytes) -> None:
         handler = self._by_id.get(can_id)
         if handler is not None:
-            handler(t, data)
+            handler(data)
 
     def _heartbeat(self, drive: DriveState, data: bytes) -> None:
         for other in self.drives:
@@ -154,7 +260,7 @@ class Cycle:
                 self.latched = trouble  # the state came first, the reason later
             self.halt(*trouble)
 
-    def _answer(self, t: float, drive: DriveState, data: bytes) -> None:
+    def _answer(self, drive: DriveState, data: bytes) -> None:
         if not drive.take_answer(data):
             return
         self._count_round(drive)
@@ -164,7 +270,6 @@ class Cycle:
             self._recent.append((self._synced, q))
             sequence = 1 if self.answers is None else self.answers.sequence + 1
             self.answers = CycleAnswers(self._synced, q, _slope(self._recent), torque, sequence)
-            self.exchange.append(t - self._synced)
 
     def _count_round(self, drive: DriveState) -> None:
         """Count missed rounds of answers, by the order on the bus, not by the time of arrival."""

@@ -17,8 +17,7 @@ from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.can import options as ids
 from wrenchbed.hardware.drivers.can.cia402 import OPERATIONAL, DriveState, DriveStatus, Want
-from wrenchbed.hardware.drivers.can.cycle import Cycle
-from wrenchbed.hardware.drivers.can.monitoring import Following, Rest
+from wrenchbed.hardware.drivers.can.cycle import Cycle, Following, Rest
 from wrenchbed.hardware.drivers.can.network import Drives, Heartbeat
 from wrenchbed.hardware.drivers.can.options import HEARTBEAT_S, CanOptions
 from wrenchbed.hardware.drivers.can.setpoints import BRAKE_S, Setpoints
@@ -28,9 +27,10 @@ from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 from wrenchbed.robots.base import Robot
 
 FIRST_S, ENABLED_S, CLEARED_S, STILL_S = 2.0, 2.0, 1.0, 0.5
-"""Deadlines: first state, all drives enabled, faults cleared, at rest [s]; estimates."""
+"""Deadlines: first state; all drives enabled, whose brakes need some tenths of a second; faults
+cleared; at rest, as long as a quick stop takes (`cycle.REST_S`) [s]."""
 _POLL_S = 0.002
-"""Time between two looks while waiting [s]; estimate."""
+"""Time between two looks while waiting [s], half a cycle."""
 _STUCK = (
     DriveStatus.FAULT,
     DriveStatus.REACTING,
@@ -51,7 +51,7 @@ class CanDriver(LiveDriver):
     title = "MedRUE: CiA 402 drives and ATI NETCANOEM on one CAN bus"
     source = "can"
     options = CanOptions
-    lead = 0.1  # [s], estimate
+    lead = 0.1  # [s]: targets that a busy machine sends this late are still smooth
 
     def __init__(self, options: CanOptions | None = None) -> None:
         self.setting = s = options or CanOptions()
@@ -110,7 +110,7 @@ class CanDriver(LiveDriver):
     def _shut(self) -> None:
         if self._network is not None:
             if self._age() < STALE_S:
-                self._network.guards.release()
+                self._network.release()
             self._network.close()
         if self._cycle is not None:
             self._cycle.stop()
@@ -138,7 +138,7 @@ class CanDriver(LiveDriver):
         cycle, network, q = self._running(), self._network, self._read().q
         if not self._until(lambda: self._rest.reached(cycle.answers), self._rest.longest):
             raise DriverError("cannot enable the drives: the robot moves; call recover()")
-        for why in () if network is None else network.guards.unguarded.values():
+        for why in () if network is None else network.unguarded.values():
             raise DriverError(f"{why}: without a deadline for targets it would not stop by itself")
         beyond = self._setpoints.outside(q)
         if beyond is not None:
@@ -310,8 +310,8 @@ class CanDriver(LiveDriver):
             "cycles": float(cycle.cycles), "incomplete": float(cycle.incomplete),
             "overruns": float(cycle.overruns), "clipped": float(self._setpoints.clipped),
             "error frames": float(link.error_frames), "odd frames": float(link.failures),
-            "queue full": float(link.full), "bus_load": self.setting.bus_load.share,
-        } | (self._network.guards.counters if self._network else {})  # fmt: skip
+            "queue full": float(link.full), "bus_load": self.setting.bus_load,
+        } | (self._network.counters if self._network else {})  # fmt: skip
 
     def _running(self) -> Cycle:
         if self._cycle is None:

@@ -23,16 +23,31 @@ from wrenchbed.hardware.drivers.can.options import HEARTBEAT_S, CanOptions
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink
 from wrenchbed.registry import require
 
+ANSWER_S, TRIES = 0.3, 3
+"""Deadline of an answer [s], a hundred times what drives take, and attempts at a question, since a
+busy bus may lose one."""
 TIMER, ABORT, QUICK, EXPECTED, AFTER = 0x1400, 0x6007, 0x605A, 0x1016, 0x1029
 """Objects that make a drive stop by itself."""
+PRE_OPERATIONAL, START = 0x80, 0x01
+"""NMT commands; source: CiA 301."""
 _QUICK_STOP = 3
 """Option of 0x6007."""
-_LONGER = 1.1
-"""Factor by which a drive may round its deadline up; estimate."""
 _RAMPS = (2, 6)
 """Options of 0x605A: the quick-stop ramp, then voltage off, or staying in QUICK STOP ACTIVE."""
+_LONGER = 1.1
+"""Factor by which a drive may round its deadline up; some count it in cycles of their own."""
 _BEATS = 3
-"""Heartbeats of the master that may be missing beyond the watchdog; estimate."""
+"""Heartbeats of the master that may be missing beyond the watchdog: a stalled computer sends no
+targets either, and their deadline is shorter."""
+_OFF = 1 << 31
+"""Bit of a PDO's id by which it is switched off; source: CiA 301."""
+_WRONG_STATE = 0x08000022
+"""SDO abort code: not in this state; source: CiA 301."""
+_CYCLIC, _PROFILE = 8, 402
+"""Mode of operation (cyclic synchronous position) and number of the profile; source: CiA 402."""
+_CONTROL, _TARGET = 0x60400010, 0x607A0020  # source: CiA 402
+_STATUS, _ACTUAL, _TORQUE, _CURRENT = 0x60410010, 0x60640020, 0x60770010, 0x60780010
+"""Mapped objects with their bits; source: CiA 402."""
 
 
 class Heartbeat:
@@ -64,92 +79,6 @@ class Heartbeat:
             self._link.send(self._id, bytes([OPERATIONAL]))
 
 
-class Guards:
-    """Sets what makes drives stop when their master falls silent, and lists what they lack.
-
-    Args:
-        drives: whose objects are set.
-        options: watchdog, ids.
-
-    Attributes:
-        unguarded: nodes whose targets have no deadline, and the reason.
-        lacking: object → nodes that do not have it or refuse the value.
-    """
-
-    def __init__(self, drives: "Drives", options: CanOptions) -> None:
-        self._drives = drives
-        self._watchdog = round(options.watchdog * 1000.0)
-        beats = self._watchdog + round(_BEATS * HEARTBEAT_S * 1000.0)
-        self._expected = ids.master(options.base, options.nodes) << 16 | beats
-        self.unguarded: dict[int, str] = {}
-        self.lacking: dict[int, set[int]] = {}
-        self._expecting: set[int] = set()
-
-    def deadline(self, node: int) -> None:
-        """Set and check the deadline of a drive's targets, while its RPDO1 is switched off."""
-        asked = self._watchdog
-        self.unguarded.pop(node, None)
-        try:
-            self._drives.write(node, TIMER, 5, asked, 2)
-            taken = self._drives.read(node, TIMER, 5)
-        except LinkError:
-            raise
-        except DriverError as error:
-            self.unguarded[node] = str(error)
-            return
-        if not 0 < taken <= _LONGER * asked + 1.0:
-            self.unguarded[node] = (
-                f"drive {node}, object 0x1400:5: it was set to {asked} ms and has {taken} ms"
-            )
-
-    def further(self, node: int) -> None:
-        """Set what else a drive has."""
-        self._set(node, ABORT, 0, _QUICK_STOP, 2)
-        if self._drives.optional(node, QUICK) not in _RAMPS:
-            self._set(node, QUICK, 0, _RAMPS[1], 2)
-        self._set(node, AFTER, 1, 0, 1)
-        if self._set(node, EXPECTED, 1, self._expected, 4):
-            self._expecting.add(node)
-
-    def release(self) -> None:
-        """Switch off the expected heartbeat before it ends on purpose."""
-        with contextlib.suppress(DriverError):
-            while self._expecting:
-                self._drives.write(self._expecting.pop(), EXPECTED, 1, 0, 4)
-
-    @property
-    def counters(self) -> dict[str, float]:
-        """For health: how many drives are without an object."""
-        return {f"without 0x{index:04X}": float(len(n)) for index, n in self.lacking.items() if n}
-
-    def _set(self, node: int, index: int, sub: int, value: int, size: int) -> bool:
-        without = self.lacking.setdefault(index, set())
-        without.discard(node)
-        try:
-            self._drives.write(node, index, sub, value, size)
-        except LinkError:
-            raise
-        except DriverError:
-            without.add(node)
-            return False
-        return True
-
-
-ANSWER_S, TRIES = 0.3, 3
-"""Deadline of an answer [s] and attempts at a question; estimates."""
-PRE_OPERATIONAL, START = 0x80, 0x01
-"""NMT commands; source: CiA 301."""
-_OFF = 1 << 31
-"""Bit of a PDO's id by which it is switched off; source: CiA 301."""
-_WRONG_STATE = 0x08000022
-"""SDO abort code: not in this state; source: CiA 301."""
-_CYCLIC, _PROFILE = 8, 402
-"""Mode of operation (cyclic synchronous position) and number of the profile; source: CiA 402."""
-_CONTROL, _TARGET = 0x60400010, 0x607A0020  # source: CiA 402
-_STATUS, _ACTUAL, _TORQUE, _CURRENT = 0x60410010, 0x60640020, 0x60770010, 0x60780010
-"""Mapped objects with their bits; source: CiA 402."""
-
-
 class Drives:
     """The drives of a bus as CANopen nodes.
 
@@ -158,10 +87,14 @@ class Drives:
         options: ids, rate, watchdog.
 
     Attributes:
-        guards: what makes a drive stop when this program falls silent.
+        unguarded: nodes whose targets have no deadline, so that they would not stop by themselves
+            when this program falls silent, and the reason.
     """
 
     def __init__(self, link: CanLink, options: CanOptions) -> None:
+        self.unguarded: dict[int, str] = {}
+        self._lacking: dict[int, set[int]] = {}
+        self._expecting: set[int] = set()
         canopen = require("canopen", "hil")
         logging.getLogger("canopen").addHandler(logging.NullHandler())
         self._link, self._options = link, options
@@ -170,7 +103,6 @@ class Drives:
         self._network: Any = canopen.Network()
         self._network.send_message = self._send
         self._nodes: dict[int, Any] = {}
-        self.guards = Guards(self, options)
         for node in options.nodes:
             remote = canopen.RemoteNode(node, canopen.ObjectDictionary())
             remote.sdo.RESPONSE_TIMEOUT = ANSWER_S
@@ -248,7 +180,7 @@ class Drives:
             self.write(node, index + 0x200, 0, len(entries), 1)
             self.write(node, index, 2, 1, 1)
             if index == 0x1400:
-                self.guards.deadline(node)
+                self._guard(node)
             self.write(node, index, 1, can_id, 4)
             for further in (1, 2, 3):
                 self._switch_off(node, index + further)
@@ -260,7 +192,60 @@ class Drives:
         self.write(node, 0x60C2, 2, power & 0xFF, 1)
         self.write(node, 0x1006, 0, round(1e6 / self._options.rate), 4)
         self.write(node, 0x1017, 0, round(HEARTBEAT_S * 1000), 2)
-        self.guards.further(node)
+        self._guard_further(node)
+
+    def _guard(self, node: int) -> None:
+        """Set and check the deadline of a drive's targets, while its RPDO1 is switched off."""
+        asked = round(self._options.watchdog * 1000.0)
+        self.unguarded.pop(node, None)
+        try:
+            self.write(node, TIMER, 5, asked, 2)
+            taken = self.read(node, TIMER, 5)
+        except LinkError:
+            raise
+        except DriverError as error:
+            self.unguarded[node] = str(error)
+            return
+        if not 0 < taken <= _LONGER * asked + 1.0:
+            self.unguarded[node] = (
+                f"drive {node}, object 0x1400:5: it was set to {asked} ms and has {taken} ms"
+            )
+
+    def _guard_further(self, node: int) -> None:
+        """Set what else makes a drive stop, where it has it."""
+        options = self._options
+        beats = round((options.watchdog + _BEATS * HEARTBEAT_S) * 1000.0)
+        self._try(node, ABORT, 0, _QUICK_STOP, 2)
+        if self.optional(node, QUICK) not in _RAMPS:
+            self._try(node, QUICK, 0, _RAMPS[1], 2)
+        self._try(node, AFTER, 1, 0, 1)
+        expected = ids.master(options.base, options.nodes) << 16 | beats
+        if self._try(node, EXPECTED, 1, expected, 4):
+            self._expecting.add(node)
+
+    def _try(self, node: int, index: int, sub: int, value: int, size: int) -> bool:
+        """Write a value that a drive may lack or refuse; whether it took it."""
+        without = self._lacking.setdefault(index, set())
+        without.discard(node)
+        try:
+            self.write(node, index, sub, value, size)
+        except LinkError:
+            raise
+        except DriverError:
+            without.add(node)
+            return False
+        return True
+
+    def release(self) -> None:
+        """Switch off the expected heartbeat before it ends on purpose."""
+        with contextlib.suppress(DriverError):
+            while self._expecting:
+                self.write(self._expecting.pop(), EXPECTED, 1, 0, 4)
+
+    @property
+    def counters(self) -> dict[str, float]:
+        """For health: how many drives lack an object or refuse its value."""
+        return {f"without 0x{index:04X}": float(len(n)) for index, n in self._lacking.items() if n}
 
     def _switch_off(self, node: int, index: int) -> None:
         """Switch off an unused PDO, where there is one."""
@@ -276,7 +261,7 @@ class Drives:
             DriverError: it refuses.
         """
         raw = self._transfer(node, index, sub, None)
-        return int.from_bytes(raw, "little", signed=index in (0x607D,))
+        return int.from_bytes(raw, "little", signed=index == 0x607D)
 
     def optional(self, node: int, index: int, sub: int = 0) -> int | None:
         """A value that a drive need not have; None where it refuses.

@@ -28,6 +28,17 @@ MOST_NODE = 127
 """Highest node id; source: CiA 301."""
 SAFE = 0x68
 """A base whose ids no CANopen service uses: 0x680 … 0x68F."""
+HEARTBEAT_S = 0.1
+"""Period of every heartbeat [s]: seven of them need less than 0.5 % of a bus of 1 Mbit/s."""
+MOST = 0.9
+"""Largest fraction of the wire that the cyclic exchange may need in the worst case: error frames
+and SDO need the rest."""
+ROBOT = "medrue"
+_DRIVES = 6
+_PER_TURN = (1 << 20) / tau
+"""Default counts per radian, of a 20-bit encoder: MedRUE's own are not public."""
+_WORD = 1 << 31
+"""Range of a target in counts, 32 bits with sign, by definition of 0x607A (CiA 402)."""
 
 
 def master(base: int, nodes: Sequence[int]) -> int:
@@ -65,71 +76,32 @@ def check(base: int, nodes: Sequence[int]) -> None:
             )
 
 
-MOST = 0.9
-"""Largest share of the wire that the cyclic exchange may need in the worst case; estimate."""
-_SYNC, _POLL, _EVEN, _ODD, _RPDO, _HEARTBEAT = 0, 0, 8, 6, 6, 1
-"""Data bytes of the frames of a cycle, by definition of the exchange."""
-
-
-@dataclass(frozen=True)
-class BusLoad:
-    """Bits of one cycle and the share of the wire that they use.
-
-    Attributes:
-        least: without any stuff bit.
-        worst: with as many as there can be.
-        share: of the wire, in the worst case.
-    """
-
-    least: int
-    worst: int
-    share: float
-
-
-def least_bits(length: int) -> int:
-    """Bits of a frame of some data bytes (11-bit id), without stuff bits."""
-    return 47 + 8 * length
-
-
 def worst_bits(length: int) -> int:
     """Most bits of a frame of some data bytes (11-bit id)."""
-    return least_bits(length) + (33 + 8 * length) // 4
+    return 47 + 8 * length + (33 + 8 * length) // 4
 
 
-def modelled(
-    nodes: int, rate: float, bitrate: int, torque: bool, heartbeat: float, masters: int = 0
-) -> BusLoad:
-    """Load of the cyclic exchange.
+def bus_load(rate: float, bitrate: int, torque: bool) -> float:
+    """Fraction of the wire that the cyclic exchange needs in the worst case.
+
+    A cycle has SYNC, the sensor's poll and its two answers of 8 and 6 bytes, and for each drive an
+    RPDO of 6 bytes and a TPDO of 6, or 8 with torque; drives and master send heartbeats.
 
     Args:
-        nodes: drives; each gets an RPDO of 6 bytes and answers a TPDO of 6, or 8 with torque.
         rate: of the cycles [Hz].
         bitrate: [bit/s].
         torque: whether drives report it.
-        heartbeat: period of each drive's and master's [s].
-        masters: how many send a heartbeat beside the drives.
     """
-    lengths = [_SYNC, _POLL, _EVEN, _ODD] + nodes * [_RPDO, 8 if torque else 6]
-    least, worst = (sum(bits(n) for n in lengths) for bits in (least_bits, worst_bits))
-    beats = (nodes + masters) / heartbeat * worst_bits(_HEARTBEAT)
-    return BusLoad(least, worst, (worst * rate + beats) / bitrate)
-
-
-HEARTBEAT_S = 0.1
-"""Period of every heartbeat [s]; estimate."""
-ROBOT = "medrue"
-_DRIVES = 6
-_PER_TURN = (1 << 20) / tau
-"""Default counts per radian of a 20-bit encoder; estimate."""
-_WORD = 1 << 31
-"""Range of a target in counts, 32 bits with sign, by definition of 0x607A (CiA 402)."""
+    lengths = [0, 0, 8, 6] + _DRIVES * [6, 8 if torque else 6]
+    beats = (_DRIVES + 1) / HEARTBEAT_S * worst_bits(1)
+    return (rate * sum(worst_bits(n) for n in lengths) + beats) / bitrate
 
 
 @dataclass(frozen=True)
 class CanOptions:
-    """Where the robot is and how it counts; all defaults are estimates.
+    """Where the robot is and how it counts.
 
-    MedRUE's own numbers are not public: set those of your robot.
+    MedRUE's own numbers are not public, so all defaults are assumptions: set those of your robot.
 
     Attributes:
         robot: registry name; only MedRUE has these drives.
@@ -168,7 +140,7 @@ class CanOptions:
     limits: Limits | None = None
 
     def __post_init__(self) -> None:
-        """Check the options; the accepted ranges are estimates."""
+        """Refuse what no bus or drive can do."""
         if self.effort not in ("torque", "current", "off"):
             raise ParameterError(f"effort {self.effort!r}: give torque, current or off")
         if self.effort != "off":
@@ -198,11 +170,11 @@ class CanOptions:
             raise ParameterError(
                 f"watchdog {self.watchdog:g} s must be 3 cycles ({3.0 / self.rate:g} s) … 10 s"
             )
-        if self.bus_load.share > MOST:
+        if self.bus_load > MOST:
             raise ParameterError(
-                f"rate {self.rate:g} Hz needs up to {100 * self.bus_load.share:.0f} % of a bus of "
+                f"rate {self.rate:g} Hz needs up to {100 * self.bus_load:.0f} % of a bus of "
                 f"{self.bitrate} bit/s, more than {100 * MOST:.0f} %: at most "
-                f"{self.rate * MOST / self.bus_load.share:.0f} Hz, or a faster bus"
+                f"{self.rate * MOST / self.bus_load:.0f} Hz, or a faster bus"
             )
 
     def _check_counts(self) -> None:
@@ -228,6 +200,6 @@ class CanOptions:
         return None
 
     @property
-    def bus_load(self) -> BusLoad:
-        """Modelled load of the cyclic exchange."""
-        return modelled(_DRIVES, self.rate, self.bitrate, self.torque, HEARTBEAT_S, 1)
+    def bus_load(self) -> float:
+        """Fraction of the wire that the cyclic exchange needs in the worst case."""
+        return bus_load(self.rate, self.bitrate, self.torque)

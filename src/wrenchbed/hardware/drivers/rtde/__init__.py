@@ -4,7 +4,6 @@ May import: driver base, transducers; the workers import the standard library an
 Read first: ``driver.py``, then ``connection.py``, ``state_worker.py`` and ``control_worker.py``.
 """
 
-# Names are imported on first use, so that the workers start quickly.
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -14,17 +13,13 @@ if TYPE_CHECKING:
 
     DRIVER = RtdeDriver
 
-_HOME = {
-    "DRIVER": ("driver", "RtdeDriver"),
-    "RtdeOptions": ("connection", "RtdeOptions"),
-    "RtdeDriver": ("driver", "RtdeDriver"),
-}
+_HOME = {"DRIVER": "driver", "RtdeDriver": "driver", "RtdeOptions": "connection"}
 
 __all__ = ["DRIVER", "RtdeDriver", "RtdeOptions"]
 
 
 def __getattr__(name: str) -> Any:
+    """Names are imported on first use, so that the workers start quickly."""
     if name not in _HOME:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    module, attribute = _HOME[name]
-    return getattr(import_module(f"{__name__}.{module}"), attribute)
+    return getattr(import_module(f"{__name__}.{_HOME[name]}"), name)

@@ -23,11 +23,10 @@ from wrenchbed.hardware.drivers.base import Applied, ArmSample, Move
 from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED, check_ready
 from wrenchbed.hardware.drivers.rtde import dashboard, identity, status, wrench_source
-from wrenchbed.hardware.drivers.rtde.connection import Links, RtdeOptions
-from wrenchbed.hardware.drivers.rtde.process import Worker
+from wrenchbed.hardware.drivers.rtde.connection import Links, RtdeOptions, Worker
+from wrenchbed.hardware.drivers.rtde.identity import Flange
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.hardware.drivers.rtde.status import Observation, count, judge
-from wrenchbed.hardware.drivers.rtde.wrench_source import Flange
 from wrenchbed.hardware.transducers.base import WrenchSample
 
 _LEAST_SPEED, _LEAST_ACCELERATION, _MOST_ACCELERATION = 0.01, 0.05, 15.0
@@ -171,10 +170,10 @@ class RtdeDriver(LiveDriver):
         self._links = Links(self._options)
         self._links.open_state()
         self._flange, state = Flange(self.robot), self._look()
-        found = identity.stated(self._options.host)
-        self._controller = found | identity.settings(self._options.host)
-        at_flange = self._flange.look(state)
-        identity.check_model(self.robot, found, int(state.major), at_flange)
+        answers = identity.stated(self._options.host)
+        self._controller = answers | identity.settings(self._options.host)
+        self._flange.look(state)
+        identity.check_model(self.robot, answers, int(state.major), self._flange.at_tcp)
         self._controller |= identity.geometry(self.robot, self._options.host)
 
     def _shut(self) -> None:
@@ -368,3 +367,6 @@ class RtdeDriver(LiveDriver):
             if quit_s > 0.0 and not control.gone():
                 control.quit(quit_s)
             control.kill()
+
+
+DRIVER = RtdeDriver

@@ -1,22 +1,35 @@
-"""Which robot answers: its model by the dashboard, its settings by RTDE, its geometry by poses.
+"""Which robot answers: its model by the dashboard, its settings by RTDE, its geometry.
 
-A plan for another arm would be checked against wrong reach, workspace and collisions.
+A plan for another arm would be checked against wrong reach, workspace and collisions. The arm's own
+geometry, calibrated by its maker, is what the controller states on port 30002. Source: Universal
+Robots, "Remote Control Via TCP/IP", client interface: messages begin with their length and type, a
+robot state (16) holds parts, and part 5 is the kinematics.
 """
 
 import re
+import socket
+import struct
+import time
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware.drivers.rtde import dashboard, outputs, own_kinematics, status
+from wrenchbed.hardware.drivers.rtde import dashboard, outputs, status
 from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.ur_arm import URArm
 
+SETTINGS = (
+    "timestamp", "payload", "payload_cog", "tcp_offset", "safety_mode", "robot_mode",
+    "speed_scaling",
+)  # fmt: skip
+"""RTDE outputs that are read once; an older controller lacks some."""
+KINEMATICS_PORT = 30002
+"""TCP port of the secondary client interface."""
 _ASKED = {
     "model": "get robot model", "serial": "get serial number", "software": "PolyscopeVersion",
 }  # fmt: skip
@@ -24,7 +37,8 @@ _ASKED = {
 server": model from 3.12 and 5.6 on, serial number from 5.6 on."""
 _UNKNOWN = "could not understand"
 _ANSWER_S, _SETTINGS_S = 0.5, 1.0
-"""Deadlines of an answer of the dashboard, and of the settings [s]; estimates."""
+"""Deadlines of an answer of the dashboard, and of the settings [s]; both come within 0.1 s, the
+kinematics with the next of ten states a second."""
 _NAMED = re.compile(r"ur(\d+)(e?)(?:[ _]?l(?:ong)?)?(?![a-z0-9])", re.IGNORECASE)
 _REPORTED_AS = {"7": "5", "12": "10"}
 """Sizes whose controller reports an older arm of equal lengths; source: Universal Robots' client
@@ -32,15 +46,21 @@ library, ``robotTypeFromString``."""
 _BOTH = ("3", "5", "10")
 """Sizes that exist as CB3 and as e-Series, with other lengths."""
 _MOVED_M, _MOVED_RAD = 0.02, 0.05
-"""Distance [m] and angle [rad] by which the TCP may seem to move in the flange; estimates: an arm's
-own calibration moves it by some mm, the nearest other arm by 24 mm and more."""
-
-
-SETTINGS = (
-    "timestamp", "payload", "payload_cog", "tcp_offset", "safety_mode", "robot_mode",
-    "speed_scaling",
-)  # fmt: skip
-"""RTDE outputs that are read once; an older controller lacks some."""
+"""Distance [m] and angle [rad] by which a flange may be off that of the nominal robot: an arm's own
+calibration moves it by some mm, the nearest other arm by 24 mm and more."""
+_APART_M, _APART_RAD = 5e-3, 0.02
+"""Distance [m] and angle [rad] within which the TCP counts as the flange: an arm's own calibration
+moves it by less, a tool is longer."""
+_EVERY_S = 0.5
+"""Time between two comparisons of TCP and flange [s]; each takes a millisecond."""
+_REMEDY = "check --host, or plan for that arm: wrenchbed robot FILE --frame NAME --out my.toml"
+_STATE, _KINEMATICS = 16, 5
+_HEAD = struct.Struct(">IB")
+_TABLE = struct.Struct(">6I24d")
+_LONGEST = 1 << 16
+"""Bytes of a message; a robot state has some 1,500."""
+_POSES, _SEED = 64, 0
+"""Joint configurations at which two flanges are compared, drawn uniformly."""
 
 
 def settings(host: str) -> dict[str, Any]:
@@ -53,39 +73,37 @@ def settings(host: str) -> dict[str, Any]:
 
 
 def in_words(raw: Mapping[str, outputs.Values]) -> dict[str, Any]:
-    """`settings` of the outputs that a controller sent."""
-    found: dict[str, Any] = {
+    """The outputs that a controller sent by the names of a recording, modes in words."""
+    values: dict[str, Any] = {
         name: list(raw[name]) if len(raw[name]) > 1 else raw[name][0] for name in raw
     }
-    found |= {
-        name: words.get(int(raw[name][0]), f"{raw[name][0]:g}")
-        for name, words in (("safety_mode", status.SAFETY), ("robot_mode", status.MODES))
-        if name in raw
-    }
-    if "timestamp" in found:
-        found["time"] = found.pop("timestamp")
-    return found
+    for name, words in (("safety_mode", status.SAFETY), ("robot_mode", status.MODES)):
+        if name in raw:
+            values[name] = words.get(int(raw[name][0]), f"{raw[name][0]:g}")
+    if "timestamp" in values:
+        values["time"] = values.pop("timestamp")
+    return values
 
 
 def stated(host: str) -> dict[str, str]:
     """What the controller says of itself; less where it has no dashboard or an old one."""
-    found = {}
+    answers = {}
     for name, command in _ASKED.items():
         try:
             answer = dashboard.request(host, command, _ANSWER_S)
         except LinkError:
             break
         if answer and not answer.lower().startswith(_UNKNOWN):
-            found[name] = answer
-    return found
+            answers[name] = answer
+    return answers
 
 
-def check_model(robot: Robot, found: Mapping[str, str], major: int, at_flange: bool) -> None:
+def check_model(robot: Robot, answers: Mapping[str, str], major: int, at_flange: bool) -> None:
     """Refuse a controller of another arm than the robot's name says.
 
     Args:
         robot: what the plan is for; only names such as ``ur5`` and ``ur10e`` say an arm.
-        found: see `stated`.
+        answers: see `stated`.
         major: of the controller's software: 3 is a CB3, from 5 on an e-Series.
         at_flange: whether the reported pose is the flange's of this robot.
 
@@ -96,69 +114,170 @@ def check_model(robot: Robot, found: Mapping[str, str], major: int, at_flange: b
     if named is None:
         return
     size, e_series = named[1], bool(named[2])
-    other = _NAMED.match(found.get("model", ""))
-    remedy = "check --host, or plan for that arm: wrenchbed robot FILE --frame NAME --out my.toml"
+    other = _NAMED.match(answers.get("model", ""))
     if other is not None and other[1] not in (size, _REPORTED_AS.get(size)):
         raise DriverError(
-            f"the controller says that it moves a {found['model']}, and the robot is "
-            f"{robot.name!r}: {remedy}"
+            f"the controller says that it moves a {answers['model']}, and the robot is "
+            f"{robot.name!r}: {_REMEDY}"
         )
     if e_series and major <= 3:
-        raise DriverError(f"the controller is a CB3, and the robot is {robot.name!r}: {remedy}")
+        raise DriverError(f"the controller is a CB3, and the robot is {robot.name!r}: {_REMEDY}")
     if not e_series and size in _BOTH and major > 3 and not at_flange:
         raise DriverError(
             f"the controller is an e-Series (a UR{size}e), whose lengths are others than those of "
-            f"{robot.name!r}, and its pose is not that of {robot.name!r}: {remedy}"
+            f"{robot.name!r}, and its pose is not that of {robot.name!r}: {_REMEDY}"
         )
+
+
+@dataclass(frozen=True)
+class OwnKinematics:
+    """Denavit–Hartenberg parameters of one arm.
+
+    Attributes:
+        theta: offsets of the joints (6,) [rad].
+        a, d: lengths (6,) [m].
+        alpha: twists (6,) [rad].
+        checksums: by which the maker's drivers tell one arm from another (6,).
+    """
+
+    theta: tuple[float, ...]
+    a: tuple[float, ...]
+    d: tuple[float, ...]
+    alpha: tuple[float, ...]
+    checksums: tuple[int, ...]
+
+
+def read_kinematics(host: str, seconds: float) -> OwnKinematics | None:
+    """What the controller states within some time [s]; None where nothing of the kind comes."""
+    end = time.monotonic() + seconds
+    try:
+        with socket.create_connection((host, KINEMATICS_PORT), seconds) as link:
+            held = b""
+            while (remaining := end - time.monotonic()) > 0.0:
+                link.settimeout(remaining)
+                data = link.recv(4096)
+                if not data:
+                    return None
+                held += data
+                while len(held) >= _HEAD.size:
+                    size, kind = _HEAD.unpack_from(held)
+                    if not _HEAD.size <= size <= _LONGEST:
+                        return None
+                    if len(held) < size:
+                        break
+                    message, held = held[_HEAD.size : size], held[size:]
+                    stated = kinematics_in(message) if kind == _STATE else None
+                    if stated is not None:
+                        return stated
+    except OSError:
+        pass
+    return None
+
+
+def kinematics_in(state: bytes) -> OwnKinematics | None:
+    """The kinematics of a robot state without its head; None where it has none."""
+    while len(state) >= _HEAD.size:
+        size, kind = _HEAD.unpack_from(state)
+        if not _HEAD.size <= size <= len(state):
+            return None
+        if kind == _KINEMATICS and size >= _HEAD.size + _TABLE.size:
+            numbers = _TABLE.unpack_from(state, _HEAD.size)
+            theta, a, d, alpha = (numbers[k : k + 6] for k in range(6, 30, 6))
+            return OwnKinematics(theta, a, d, alpha, numbers[:6])
+        state = state[size:]
+    return None
+
+
+def furthest(robot: URArm, own: OwnKinematics) -> float:
+    """Largest distance between the flange of an arm and that of a nominal robot [m].
+
+    Lengths alone do not tell: where axes are parallel, a calibration may shift one link by
+    decimetres and the next one back.
+    """
+    nominal = robot.parameters.nominal
+    values = {
+        f"{name}{k}": value
+        for name, column in (("a", own.a), ("d", own.d), ("alpha", own.alpha))
+        for k, value in enumerate(column, 1)
+    }
+    q = np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (_POSES, 6))
+    _, there = robot.sensor_pose(q + np.array(own.theta), robot.parameters.vector(values))
+    _, here = robot.sensor_pose(q, nominal)
+    return float(np.linalg.norm(there - here, axis=1).max())
 
 
 def geometry(robot: Robot, host: str) -> dict[str, Any]:
     """The arm's own calibrated kinematics, as recordings state it; nothing where it is not told.
 
     Raises:
-        DriverError: it is another arm than the robot.
+        DriverError: it is another arm than the robot, or no arm; says what to change.
     """
-    own = own_kinematics.read(host, _SETTINGS_S)
+    own = read_kinematics(host, _SETTINGS_S)
     if own is None:
         return {}
-    found = asdict(own)
+    fields = asdict(own)
     if isinstance(robot, URArm):
-        found["from_nominal"] = own_kinematics.check(robot, own)
-    return {"kinematics": found}
+        if not np.isfinite([own.theta, own.a, own.d, own.alpha]).all():
+            raise DriverError(f"the controller's own kinematics holds what is no number: {own}")
+        fields["from_nominal"] = far = furthest(robot, own)
+        if far > _MOVED_M:
+            raise DriverError(
+                f"by the controller's own kinematics the flange is up to {far:.3f} m from that of "
+                f"{robot.name!r}: it moves another arm; {_REMEDY}"
+            )
+    return {"kinematics": fields}
 
 
-class TcpInFlange:
-    """Where the TCP is in the flange, by the nominal robot: it must stay there while joints move.
+class Flange:
+    """Where the controller's TCP is in the flange of the nominal robot, looked at twice a second.
 
-    Where it does not, the arm has other lengths than the robot, or its TCP was changed.
+    RTDE does not report the TCP's offset. It must stay where it was while joints move; where it
+    does not, the arm has other lengths than the robot, or its TCP was changed.
+
+    Attributes:
+        at_tcp: whether the TCP counts as the flange.
+        trouble: why the arm is not the robot, as far as its poses say; empty where it may be.
     """
 
     def __init__(self, robot: Robot) -> None:
+        self.at_tcp, self.trouble = False, ""
         self._robot = robot
+        self._due = 0.0
         self._first: tuple[Rotation, np.ndarray] | None = None
 
-    def now(self, state: Snapshot) -> tuple[Rotation, np.ndarray]:
-        """Rotation and place (3,) [m] of the TCP of a state."""
+    def pose(self, state: Snapshot) -> np.ndarray | None:
+        """x y z [m] and qw qx qy qz in the base; None where the TCP is elsewhere."""
+        self.look(state)
+        if not self.at_tcp:
+            return None
+        tcp = Rotation.from_rotvec(state.pose[3:])
+        quaternion = tcp.as_quat(canonical=True, scalar_first=True)
+        return np.concatenate([state.pose[:3], quaternion])
+
+    def look(self, state: Snapshot) -> None:
+        """Compare TCP and flange, at most twice a second."""
+        if time.monotonic() > self._due:
+            self._due = time.monotonic() + _EVERY_S
+            self.compare(state)
+
+    def compare(self, state: Snapshot) -> None:
+        """Compare TCP and flange of a state."""
         turns, origins = self._robot.sensor_pose(
             np.array([state.q]), self._robot.parameters.nominal
         )
         flange = Rotation.from_matrix(turns[0]).inv()
-        tcp = Rotation.from_rotvec(state.pose[3:])
-        return flange * tcp, flange.apply(np.array(state.pose[:3]) - origins[0])
-
-    def trouble(self, state: Snapshot) -> str:
-        """Why the arm is not the robot; empty where it may be."""
+        turn = flange * Rotation.from_rotvec(state.pose[3:])
+        place = flange.apply(np.array(state.pose[:3]) - origins[0])
+        self.at_tcp = bool(np.linalg.norm(place) < _APART_M and turn.magnitude() < _APART_RAD)
         if not isinstance(self._robot, URArm):  # a file's base may stand otherwise in the world
-            return ""
-        turn, place = self.now(state)
+            return
         if self._first is None:
             self._first = turn, place
         moved = float(np.linalg.norm(place - self._first[1]))
         turned = float((self._first[0].inv() * turn).magnitude())
-        if moved < _MOVED_M and turned < _MOVED_RAD:
-            return ""
-        return (
-            f"the reported TCP moved by {moved:.3f} m and {np.degrees(turned):.1f}° against "
-            f"the flange of {self._robot.name!r}: the arm has other lengths, or its TCP was "
-            "changed; check which arm it is, and leave its TCP alone"
-        )
+        if not self.trouble and (moved >= _MOVED_M or turned >= _MOVED_RAD):
+            self.trouble = (
+                f"the reported TCP moved by {moved:.3f} m and {np.degrees(turned):.1f}° against "
+                f"the flange of {self._robot.name!r}: the arm has other lengths, or its TCP was "
+                "changed; check which arm it is, and leave its TCP alone"
+            )

@@ -46,7 +46,6 @@ class Snapshot(NamedTuple):
         bad: states that were refused.
         wrong: why the newest was refused, an index of `WRONG`; 0: it was not.
         back: by how much the controller's clock went back [s], 0 if it never did.
-        drift: of the controller's clock against this machine's [ppm], NaN if not known yet.
     """
 
     t: float = 0.0
@@ -74,7 +73,6 @@ class Snapshot(NamedTuple):
     bad: float = 0.0
     wrong: float = 0.0
     back: float = 0.0
-    drift: float = float("nan")
 
 
 _WIDTH = [6 if isinstance(v, tuple) else 1 for v in Snapshot()]
@@ -86,7 +84,7 @@ BEATS = ("driver", "state", "control")
 """Owners of the heartbeats."""
 SIZE = _BEATS + len(BEATS) * _BEAT.size
 _TRIES = 20
-"""Attempts at a consistent copy; estimate."""
+"""Attempts at a consistent copy; a write takes some microseconds, a copy a few more."""
 _WORD = 0xFFFFFFFF
 """Mask of 32 bits, by definition of CRC-32."""
 

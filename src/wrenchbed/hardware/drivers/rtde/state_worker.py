@@ -13,9 +13,7 @@ import math
 import os
 import signal
 import time
-from collections import deque
 from importlib import import_module
-from statistics import linear_regression
 from typing import Any
 
 from wrenchbed.hardware.drivers.rtde.outputs import NATIVE_HZ, Unfit, controller_version
@@ -27,48 +25,6 @@ from wrenchbed.hardware.drivers.rtde.worker import (
     Printed,
     end_process,
 )
-
-_BIN_S = 0.5
-"""Time of whose states the least late one counts [s]; estimate."""
-_BINS, _LEAST_BINS = 60, 8
-"""Most and fewest such states of a fit; estimates."""
-
-
-class ControllerClock:
-    """Drift of the controller's clock: least squares over half a minute of (arrival, stamp) [s].
-
-    Network and machine make states late, never early: the least late one of each bin counts.
-    """
-
-    def __init__(self) -> None:
-        self._best: deque[tuple[float, float]] = deque(maxlen=_BINS)
-        self._begun: float | None = None
-        self._least = (0.0, 0.0)
-
-    def add(self, t: float, stamp: float) -> bool:
-        """Take in a state; whether another half second is complete."""
-        jump = abs((stamp - self._least[1]) - (t - self._least[0]))
-        if self._begun is None or jump > _BIN_S:
-            self._best.clear()
-            self._begun, self._least = t, (t, stamp)
-            return False
-        if t - self._begun < _BIN_S:
-            if t - stamp < self._least[0] - self._least[1]:
-                self._least = (t, stamp)
-            return False
-        self._best.append(self._least)
-        self._begun, self._least = t, (t, stamp)
-        return True
-
-    def drift(self) -> float:
-        """Parts per million by which the controller's clock is faster; NaN for too short a time."""
-        if len(self._best) < _LEAST_BINS:
-            return float("nan")
-        t0, s0 = self._best[0]
-        x = [t - t0 for t, _ in self._best]
-        y = [(s - s0) - (t - t0) for t, s in self._best]
-        return _MILLION * linear_regression(x, y).slope
-
 
 FIELDS = (
     "timestamp", "target_q", "target_qd", "target_moment", "actual_q", "actual_qd",
@@ -84,25 +40,27 @@ WRONG = (
 )  # fmt: skip
 """Reasons to refuse a state; the index is stored in `Snapshot.wrong`."""
 _SPEED, _SLACK = 7.0, 0.05
-"""Fastest joint [rad/s] and jump beyond that [rad] of a plausible state; estimates."""
+"""Fastest joint [rad/s], twice that of any UR robot, and jump beyond that [rad] of a plausible
+state, since arrival and time stamp may differ by some milliseconds."""
 _LARGEST = {
     "q": 7.0, "target_q": 7.0, "qd": 50.0, "target_qd": 50.0, "current": 500.0,
     "target_moment": 1e4, "temperatures": 200.0, "pose": 10.0, "force": 1e5,
 }  # fmt: skip
-"""Largest plausible values [rad, rad/s, A, N·m, °C, m and rad, N and N·m]; estimates, joint angles
-above the 2π of a UR robot."""
+"""Largest plausible values [rad, rad/s, A, N·m, °C, m and rad, N and N·m]: joint angles above the
+2π of a UR robot, the others ten times and more what one can have."""
 _TINY = 1e-200
-"""Numbers nearer to zero, and not zero, are bytes of something else; estimate."""
+"""Numbers nearer to zero, and not zero, are bytes of something else."""
 _PLAYING = 2
 _RESTART_S = 1.0
-"""Least backward step of the clock of a controller that was restarted [s]; estimate."""
+"""Least backward step of the clock of a controller that was restarted [s]; it counts from its
+start, which takes a minute."""
 _GAP = 1.5
-"""Step of the time stamps in periods from which states are missing; estimate."""
+"""Step of the time stamps in periods from which states are missing."""
 _POLL_S, _BEAT_S = 0.0005, 0.02
-"""Time between two looks for a state, and period of the heartbeat [s]; estimates."""
+"""Time between two looks for a state, which adds to its age, and period of the heartbeat [s], a
+third of the silence that counts as hanging."""
 _PROBE_S = 2.0
-"""Time in which the controller must report its version [s]; estimate."""
-_MILLION = 1e6  # by definition of ppm
+"""Time in which the controller must report its version [s]; a healthy one needs 10 ms."""
 
 
 def run(setting: dict[str, Any], shared: SharedState, wire: MessageChannel) -> None:
@@ -172,7 +130,6 @@ class Copier:
             protective=last.protective, halts=last.halts, runtime=last.runtime,
         )  # fmt: skip
         self._stamp = -1.0
-        self._clock = ControllerClock()
 
     def look(self) -> bool:
         """Copy the newest state if there is a new one."""
@@ -219,18 +176,16 @@ class Copier:
             self._shared.write(self._last)
             return
         step = new.stamp - last.stamp
-        back, skipped, drift = last.back, last.skipped, last.drift
+        back, skipped = last.back, last.skipped
         if last.t > 0.0 and step < -_RESTART_S:
             back = -step
         elif last.t > 0.0 and step > _GAP * self.period:
             skipped += round(step / self.period) - 1
-        if self._clock.add(new.t, new.stamp):
-            drift = self._clock.drift()
         protective = (last.protective or new.t) if int(new.bits) & 4 else 0.0
         halted = int(last.runtime) == _PLAYING and int(new.runtime) != _PLAYING
         self._last = new._replace(
             halts=last.halts + halted, received=last.received + 1, skipped=skipped, back=back,
-            wrong=0.0, drift=drift, protective=protective,
+            wrong=0.0, protective=protective,
         )  # fmt: skip
         self._shared.write(self._last)
 

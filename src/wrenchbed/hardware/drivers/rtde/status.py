@@ -4,7 +4,6 @@ Source of the enumerations: Universal Robots, "RTDE guide", robot_mode, safety_m
 safety_status_bits and runtime_state.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -160,6 +159,4 @@ def count(state: Snapshot | None, restarts: int, recoveries: int) -> dict[str, f
             "refused states": state.bad,
         }
         counters["speed scaling"] = state.scaling
-        if math.isfinite(state.drift):
-            counters["clock_ppm"] = state.drift
     return counters
