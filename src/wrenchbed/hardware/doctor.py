@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError, WrenchbedError
+from wrenchbed.hardware.device import STALE_S
 from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs, wrench_source
 from wrenchbed.hardware.drivers.rtde.outputs import NATIVE_HZ, Unfit
 from wrenchbed.hardware.transducers.base import Transducer, transducer_at
@@ -24,20 +25,19 @@ Grade = Literal["ok", "note", "fails"]
 """``fails``: a recording run would not start or not end; ``note``: look at it."""
 _PORTS = {30004: "RTDE", 30003: "scripts", 29999: "dashboard"}
 _ANSWER_S = 2.0
-"""Deadline of a port or an answer [s]; estimate."""
-_SPARSE, _GAP_S = 0.9, 0.08
-"""Share of the states that must arrive, and the longest gap between two, from which a driver calls
-the link stale [s]; the share is an estimate."""
+"""Deadline of a port or an answer [s], as long as the driver waits for the version."""
+_SPARSE = 0.9
+"""Fraction of the states that must arrive: fewer make a recording run wait for its rows."""
 _NEEDED_HZ, _LONGEST_S = 100.0, 600.0
-"""Readings of a box that a recording at rest needs [1/s], and longest look [s]; estimates."""
+"""Readings of a box that a recording at rest needs [1/s], its usual rate, and longest look [s]."""
 _BINS = 12
-"""Stretches of a stream, of each of which the least late arrival counts; estimate."""
+"""Stretches of a stream, of each of which the least late arrival counts for the clock's drift."""
 _DRIFT_PPM = 1000.0
-"""Drift of a clock that is noted [ppm]; estimate."""
+"""Drift of a clock that is noted [ppm]; a quartz drifts by 100 ppm at most."""
 _HEAVY = 0.05
-"""Share by which the pendant's payload may differ from the tool's mass; estimate."""
-_MS, _MILLION = 1e3, 1e6  # by definition
-_SHOWN = ("product", "serial", "firmware", "calibration", "sinc")
+"""Relative difference between the pendant's payload and the tool's mass that is noted: some tens of
+grams of a usual tool, less than its cable."""
+_SHOWN = ("product", "serial", "firmware", "calibration")
 """What a sensor says of itself that is shown."""
 
 
@@ -93,18 +93,23 @@ def doctor(robot: Robot, host: str = "", sensor: str = "", seconds: float = 3.0)
     return Report(tuple(lines))
 
 
+def _line(name: str, fine: bool, text: str, remedy: str, grade: Grade = "note") -> Line:
+    """A line that is ok, or has a grade and a remedy."""
+    return Line(name, "ok", text) if fine else Line(name, grade, text, remedy)
+
+
 def _controller(robot: Robot, host: str, seconds: float) -> Iterator[Line]:
     closed = [port for port in _PORTS if not _open(host, port)]
     for port, name in _PORTS.items():
-        if port in closed:
-            remedy = "check address, power and cable; on an e-Series enable it under Settings › "
-            yield Line(f"port {port}", "fails", f"{name}: nobody answers at {host}",
-                       remedy + "Security › Services")  # fmt: skip
-        else:
-            yield Line(f"port {port}", "ok", f"{name} answers")
+        text = f"{name}: nobody answers at {host}" if port in closed else f"{name} answers"
+        remedy = (
+            "check address, power and cable; on an e-Series enable it under Settings › Security › "
+            "Services"
+        )
+        yield _line(f"port {port}", port not in closed, text, remedy, "fails")
     if 30004 in closed:
         return
-    told = identity.stated(host) if 29999 not in closed else {}
+    stated = identity.stated(host) if 29999 not in closed else {}
     try:
         with outputs.outputs(host, identity.SETTINGS, _ANSWER_S) as stream:
             version = stream.version
@@ -112,13 +117,13 @@ def _controller(robot: Robot, host: str, seconds: float) -> Iterator[Line]:
     except (OSError, Unfit) as error:
         yield Line("RTDE", "fails", str(error) or type(error).__name__, "restart the controller")
         return
-    yield _version(version, told)
-    yield _model(robot, told, version[0])
+    yield _version(version, stated)
+    yield _model(robot, stated, version[0])
     if version[0] >= 5 and 29999 not in closed:
         yield _remote(host)
     yield _geometry(robot, host)
     yield from _settings(robot, values)
-    yield from _stream(times, NATIVE_HZ[version[0] > 3], "states", clocked=True)
+    yield from _stream(times, _SPARSE * NATIVE_HZ[version[0] > 3], "states", clocked=True)
 
 
 def _watched(
@@ -134,24 +139,22 @@ def _watched(
     return times, values
 
 
-def _version(version: Sequence[int], told: Mapping[str, str]) -> Line:
+def _version(version: Sequence[int], stated: Mapping[str, str]) -> Line:
     text = ".".join(map(str, version[:3]))
-    text += f", serial {told['serial']}" if "serial" in told else ""
+    text += f", serial {stated['serial']}" if "serial" in stated else ""
     tried = (3, 15) if version[0] <= 3 else (5, 11)
-    if tuple(version[:2]) == tried:
-        return Line("software", "ok", text)
-    return Line("software", "note", text, "the drivers were tried with emulated 3.15 and 5.11: "
-                "begin with --speed 0.05 and few poses")  # fmt: skip
+    remedy = "the drivers were tried with emulated 3.15 and 5.11: begin with --speed 0.05"
+    return _line("software", tuple(version[:2]) == tried, text, f"{remedy} and few poses")
 
 
-def _model(robot: Robot, told: Mapping[str, str], major: int) -> Line:
+def _model(robot: Robot, stated: Mapping[str, str], major: int) -> Line:
     try:
-        identity.check_model(robot, told, major, at_flange=False)
+        identity.check_model(robot, stated, major, at_flange=False)
     except DriverError as error:
         return Line("model", "fails", str(error), "give --robot as the arm is")
-    if "model" not in told:
+    if "model" not in stated:
         return Line("model", "note", "the dashboard does not say it", "look at the arm's label")
-    return Line("model", "ok", f"{told['model']}, as {robot.name}")
+    return Line("model", "ok", f"{stated['model']}, as {robot.name}")
 
 
 def _geometry(robot: Robot, host: str) -> Line:
@@ -160,12 +163,13 @@ def _geometry(robot: Robot, host: str) -> Line:
     except DriverError as error:
         return Line("kinematics", "fails", str(error), "give --robot as the arm is")
     if own is None:
-        return Line("kinematics", "note", "not told on port 30002: the arm's calibration is not "
-                    "recorded", "enable the port under Settings › Security › Services")  # fmt: skip
+        text = "not told on port 30002: the arm's calibration is not recorded"
+        remedy = "enable the port under Settings › Security › Services"
+        return Line("kinematics", "note", text, remedy)
     if "from_nominal" not in own:
         return Line("kinematics", "note", f"read, and {robot.name} has no such table to compare")
-    return Line("kinematics", "ok", f"the flange is up to {1e3 * own['from_nominal']:.1f} mm from "
-                f"that of {robot.name}")  # fmt: skip
+    text = f"the flange is up to {1e3 * own['from_nominal']:.1f} mm from that of {robot.name}"
+    return Line("kinematics", "ok", text)
 
 
 def _remote(host: str) -> Line:
@@ -173,89 +177,80 @@ def _remote(host: str) -> Line:
         answer = dashboard.request(host, "is in remote control", _ANSWER_S)
     except LinkError as error:
         return Line("remote control", "note", str(error), "look at the pendant")
-    if "true" in answer.lower():
-        return Line("remote control", "ok", "on")
-    return Line("remote control", "fails", f"the dashboard says {answer!r}",
-                "switch it on at the pendant, top right")  # fmt: skip
+    on = "true" in answer.lower()
+    text = "on" if on else f"the dashboard says {answer!r}"
+    return _line("remote control", on, text, "switch it on at the pendant, top right", "fails")
 
 
 def _settings(robot: Robot, values: Mapping[str, outputs.Values]) -> Iterator[Line]:
-    found = identity.in_words(values)
-    safety, mode = found.get("safety_mode", "unknown"), found.get("robot_mode", "unknown")
+    words = identity.in_words(values)
+    safety, mode = words.get("safety_mode", "unknown"), words.get("robot_mode", "unknown")
     fine = safety in ("normal", "reduced")
-    yield Line(
-        "safety", "ok" if fine else "fails", safety, "" if fine else "clear it at the pendant"
-    )
-    fine = mode == "running"
-    yield Line("robot mode", "ok" if fine else "fails", mode,
-               "" if fine else "power it on and release its brakes at the pendant")  # fmt: skip
-    speed = found.get("speed_scaling", 1.0)
-    yield Line("speed slider", "ok" if speed > 0.99 else "note", f"{speed:.0%}",
-               "" if speed > 0.99 else "motions fail below 100 %: move the slider up")  # fmt: skip
-    yield _payload(robot, found)
-    tcp = found.get("tcp_offset")
+    yield _line("safety", fine, safety, "clear it at the pendant", "fails")
+    remedy = "power it on and release its brakes at the pendant"
+    yield _line("robot mode", mode == "running", mode, remedy, "fails")
+    speed = words.get("speed_scaling", 1.0)
+    remedy = "motions fail below 100 %: move the slider up"
+    yield _line("speed slider", speed > 0.99, f"{speed:.0%}", remedy)
+    yield _payload(robot, words.get("payload"))
+    tcp = words.get("tcp_offset")
     if tcp is None:
         yield Line("TCP", "note", "the controller does not say it", "set the flange, all zeros")
-    elif any(abs(v) > 1e-6 for v in tcp):
-        yield Line("TCP", "note", "x y z " + " ".join(f"{1e3 * v:+.1f}" for v in tcp[:3]) + " mm",
-                   "leave it as it is during a run; recordings state it")  # fmt: skip
-    else:
-        yield Line("TCP", "ok", "the flange")
+        return
+    at_flange = all(abs(v) <= 1e-6 for v in tcp)
+    text = "x y z " + " ".join(f"{1e3 * v:+.1f}" for v in tcp[:3]) + " mm"
+    remedy = "leave it as it is during a run; recordings state it"
+    yield _line("TCP", at_flange, "the flange" if at_flange else text, remedy)
 
 
-def _payload(robot: Robot, found: Mapping[str, Any]) -> Line:
-    tool = float(robot.tool(robot.parameters.nominal).mass)
-    mass = found.get("payload")
+def _payload(robot: Robot, mass: float | None) -> Line:
     if mass is None:
-        return Line("payload", "note", "the controller does not say it",
-                    "set it at the pendant to the tool's mass")  # fmt: skip
+        remedy = "set it at the pendant to the tool's mass"
+        return Line("payload", "note", "the controller does not say it", remedy)
+    tool = float(robot.tool(robot.parameters.nominal).mass)
+    remedy = (
+        "set it at the pendant to what the flange carries: the arm stops to protect itself where "
+        "they differ much"
+    )
     text = f"{mass:.3g} kg, tool of {robot.name} {tool:.3g} kg"
-    if abs(mass - tool) <= _HEAVY * max(tool, mass):
-        return Line("payload", "ok", text)
-    return Line("payload", "note", text, "set it at the pendant to what the flange carries: the "
-                "arm stops to protect itself where they differ much")  # fmt: skip
+    return _line("payload", abs(mass - tool) <= _HEAVY * max(tool, mass), text, remedy)
 
 
 def _stream(
-    times: Sequence[tuple[float, float]], native: float, what: str, *, clocked: bool
+    times: Sequence[tuple[float, float]], least: float, what: str, *, clocked: bool
 ) -> Iterator[Line]:
     """Rate, gaps, jitter and clock of a stream of (arrival, device clock) [s].
 
     Args:
         times: NaN for the clock where there is none.
-        native: rate [Hz].
+        least: rate that is needed [Hz].
         what: comes.
         clocked: whether a device of this kind always has a clock.
     """
     at, clock = np.transpose(times) if len(times) > 2 else (np.zeros(2), np.zeros(2))
     rate = (len(at) - 1) / (at[-1] - at[0]) if at[-1] > at[0] else 0.0
     gap = float(np.diff(at).max()) if rate else math.inf
-    least = _SPARSE * native
-    text = f"{rate:.1f} {what} a second ({least:g} needed), longest gap {gap * _MS:.1f} ms"
-    if rate < least or gap > _GAP_S:
-        yield Line("rate", "fails", text, "use a cable and no wireless link, end other programs on "
-                   "this computer and other clients of the robot")  # fmt: skip
-    else:
-        yield Line("rate", "ok", text)
-    if rate and np.isnan(clock).all() and clocked:
-        yield Line("clock", "fails", f"its {what} have no timestamp", "update its software")
-        return
+    text = f"{rate:.1f} {what} a second ({least:g} needed), longest gap {1e3 * gap:.1f} ms"
+    remedy = (
+        "use a cable and no wireless link, end other programs on this computer and other clients "
+        "of the robot"
+    )
+    yield _line("rate", rate >= least and gap <= STALE_S, text, remedy, "fails")
     if rate and np.isnan(clock).all():
-        yield Line("clock", "ok", "it sends none: readings are dated by their arrival")
+        text = "it sends none: readings are dated by their arrival"
+        text = f"its {what} have no timestamp" if clocked else text
+        yield _line("clock", not clocked, text, "update its software", "fails")
         return
     if not rate or not np.isfinite(clock).all() or clock[-1] <= clock[0]:
         yield Line("clock", "fails", "the device's clock stands still", "restart the device")
         return
-    late = np.abs(np.diff(at) - np.diff(clock)) * _MS
-    yield Line("jitter", "ok", f"median {np.median(late):.2f} ms, 99 % within "
-               f"{np.percentile(late, 99):.2f} ms, largest {late.max():.2f} ms")  # fmt: skip
+    late = 1e3 * np.abs(np.diff(at) - np.diff(clock))
+    text = f"median {np.median(late):.2f} ms, 99 % within {np.percentile(late, 99):.2f} ms"
+    yield Line("jitter", "ok", f"{text}, largest {late.max():.2f} ms")
     ppm = _drift(at, clock)
-    found = f"runs {ppm:+.0f} ppm against this computer's"
-    if abs(ppm) < _DRIFT_PPM:
-        yield Line("clock", "ok", found)
-    else:
-        remedy = "watch longer (--seconds 30); if it stays, have the clock looked at"
-        yield Line("clock", "note", found, remedy)
+    text = f"runs {ppm:+.0f} ppm against this computer's"
+    remedy = "watch longer (--seconds 30); if it stays, have the clock looked at"
+    yield _line("clock", abs(ppm) < _DRIFT_PPM, text, remedy)
 
 
 def _drift(at: np.ndarray, clock: np.ndarray) -> float:
@@ -266,14 +261,13 @@ def _drift(at: np.ndarray, clock: np.ndarray) -> float:
     if len(least) < 2:
         return 0.0
     since = (at[least] - at[least[0]]).tolist()
-    return -_MILLION * float(linear_regression(since, (late[least] - late[0]).tolist()).slope)
+    return -1e6 * float(linear_regression(since, (late[least] - late[0]).tolist()).slope)
 
 
 def _transducer(sensor: str) -> Transducer | None:
     if not sensor or sensor in wrench_source.OWN:
         return None
-    words = sensor if "://" in sensor else f"netft://{sensor}"
-    return transducer_at(words)
+    return transducer_at(sensor if "://" in sensor else f"netft://{sensor}")
 
 
 def _box(box: Transducer, seconds: float) -> Iterator[Line]:
@@ -288,21 +282,21 @@ def _box(box: Transducer, seconds: float) -> Iterator[Line]:
         yield Line("box", "ok", words or "it does not say its serial number")
         yield from _box_settings(known)
         times = _readings(box, seconds)
-        yield from _load(box, scale)
-        yield from _stream(times, _NEEDED_HZ, "readings", clocked=False)
+        yield _load(box, scale)
+        yield from _stream(times, _SPARSE * _NEEDED_HZ, "readings", clocked=False)
         yield _lost(box)
     finally:
         box.close()
 
 
 def _box_settings(known: Mapping[str, str]) -> Iterator[Line]:
-    transform = known.get("tool_transform", "")
+    transform, number = known.get("tool_transform", ""), known.get("filter", "0")
     if any(c in "123456789" for c in transform):
-        yield Line("tool transform", "fails", transform, "set it to zeros in the box's settings: "
-                   "recordings are in the sensor's own axes")  # fmt: skip
-    if known.get("filter", "0") != "0":
-        yield Line("filter", "note", f"number {known['filter']}",
-                   "it delays readings: switch it off for motions")  # fmt: skip
+        remedy = "set it to zeros in the box's settings: recordings are in the sensor's own axes"
+        yield Line("tool transform", "fails", transform, remedy)
+    if number != "0":
+        remedy = "it delays readings: switch it off for motions"
+        yield Line("filter", "note", f"number {number}", remedy)
 
 
 def _readings(box: Transducer, seconds: float) -> list[tuple[float, float]]:
@@ -318,17 +312,15 @@ def _readings(box: Transducer, seconds: float) -> list[tuple[float, float]]:
     return times
 
 
-def _load(box: Transducer, scale: np.ndarray | None) -> Iterator[Line]:
-    sample = box.read()
-    force, torque = np.linalg.norm(sample.wrench[:3]), np.linalg.norm(sample.wrench[3:])
-    text = f"{force:.2f} N, {torque:.3f} N·m"
+def _load(box: Transducer, scale: np.ndarray | None) -> Line:
+    wrench = box.read().wrench
+    text = f"{np.linalg.norm(wrench[:3]):.2f} N, {np.linalg.norm(wrench[3:]):.3f} N·m"
     if scale is None:
-        yield Line("load", "note", text, "it does not say its range: give --max-force")
-        return
-    share = float(np.max(np.abs(sample.wrench) / scale))
-    grade: Grade = "ok" if share < 0.5 else "note" if share < 1.0 else "fails"
-    yield Line("load", grade, f"{text}, {share:.0%} of the range", "" if grade == "ok" else
-               "unload the sensor, or set its zero")  # fmt: skip
+        return Line("load", "note", text, "it does not say its range: give --max-force")
+    fraction = float(np.max(np.abs(wrench) / scale))
+    grade: Grade = "note" if fraction < 1.0 else "fails"
+    text = f"{text}, {fraction:.0%} of the range"
+    return _line("load", fraction < 0.5, text, "unload the sensor, or set its zero", grade)
 
 
 def _lost(box: Transducer) -> Line:
@@ -337,9 +329,7 @@ def _lost(box: Transducer) -> Line:
     if not health.ok:
         return Line("readings", "fails", health.detail, "see the box's page of its status")
     text = f"{records:.0f} records, {lost:.0f} lost"
-    if lost <= 1e-3 * records:
-        return Line("readings", "ok", text)
-    return Line("readings", "note", text, "use one switch and a cable")
+    return _line("readings", lost <= 1e-3 * records, text, "use one switch and a cable")
 
 
 def _open(host: str, port: int, connect: Callable[..., Any] = socket.create_connection) -> bool:
