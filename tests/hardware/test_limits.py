@@ -17,13 +17,13 @@ from wrenchbed.errors import (
 )
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base.live import pace, settled
-from wrenchbed.hardware.drivers.base.resampling import (
+from wrenchbed.hardware.drivers.base.samples import Applied, ArmSample, as_designed, block_of
+from wrenchbed.hardware.drivers.base.timing import (
     Resampler,
     _least_late,
     controller_time,
     hermite,
 )
-from wrenchbed.hardware.drivers.base.samples import Applied, ArmSample, as_designed, block_of
 from wrenchbed.hardware.drivers.base.watched_move import check_ready, stop_after
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.robots.motion_limits import (

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from wrenchbed.hardware.drivers.base.live import settled
-from wrenchbed.hardware.drivers.base.resampling import Resampler, hermite
 from wrenchbed.hardware.drivers.base.samples import ArmSample
+from wrenchbed.hardware.drivers.base.timing import Resampler, hermite
 
 OMEGA = 2 * np.pi * 0.7
 

@@ -6,8 +6,8 @@ import pytest
 from wrenchbed.errors import DriverError, LateError, LimitError, LinkError
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base import watched_move
-from wrenchbed.hardware.drivers.base.resampling import Resampler
 from wrenchbed.hardware.drivers.base.samples import ArmSample
+from wrenchbed.hardware.drivers.base.timing import Resampler
 from wrenchbed.hardware.drivers.base.watched_move import WatchedMove
 from wrenchbed.hardware.transducers.base import Past, WrenchSample
 

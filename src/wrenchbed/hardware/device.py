@@ -16,9 +16,10 @@ State = Literal["closed", "starting", "ok", "stale", "lost", "stopped", "fault"]
 ``fault``: the device answers and reports an error that someone must clear."""
 
 STALE_S = 0.08
-"""Age of the newest reading from which a link is stale [s]; estimate: named well within 100 ms."""
+"""Age of the newest reading from which a link is stale [s]: ten states of a 125 Hz controller."""
 GONE_S = 1.0
-"""Age of the newest reading from which a link is lost [s]; estimate."""
+"""Age of the newest reading from which a link is lost [s]: no short stall of a network or
+machine."""
 
 
 @dataclass(frozen=True)

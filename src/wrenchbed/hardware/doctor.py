@@ -35,8 +35,8 @@ _BINS = 12
 _DRIFT_PPM = 1000.0
 """Drift of a clock that is noted [ppm]; a quartz drifts by 100 ppm at most."""
 _HEAVY = 0.05
-"""Relative difference between the pendant's payload and the tool's mass that is noted: some tens of
-grams of a usual tool, less than its cable."""
+"""Relative difference between the pendant's payload and the tool's mass that is noted: with less
+every cable is noted, with more the arm stops to protect itself unannounced."""
 _SHOWN = ("product", "serial", "firmware", "calibration")
 """What a sensor says of itself that is shown."""
 

@@ -46,7 +46,16 @@ from wrenchbed.twin.replay import Playback
 from wrenchbed.twin.twin import Twin
 
 CONTROL_S = 0.008
-"""Period of the position targets in a move [s]; estimate."""
+"""Period of the position targets in a move [s], that of a CB3."""
+_BLOCK_S = 4.0
+"""Length of the blocks of rows of a motion [s]."""
+_LEAST_ROWS = 12
+"""Fewest rows of a motion whose speeds and accelerations a spline gives: twice its six parameters a
+piece."""
+_PUSH = 3.0
+"""Largest contact force of a touch along each axis [N], that of a light push by hand."""
+Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Times (n,), joint values and speeds (n, J), loads or readings (n, 6)."""
 
 
 class SimMove(Move):
@@ -79,16 +88,6 @@ class SimMove(Move):
 
     def _halt(self) -> None:
         self._stop(self._taken * CONTROL_S)
-
-
-_BLOCK_S = 4.0
-"""Length of the blocks of rows of a motion [s]."""
-_LEAST_ROWS = 12
-"""Of a motion whose speeds and accelerations a spline of degree 5 gives; estimate."""
-_PUSH = 3.0
-"""Largest contact force of a touch along each axis [N]; estimate."""
-Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
-"""Times (n,), joint values and speeds (n, J), loads or readings (n, 6)."""
 
 
 @dataclass(frozen=True)

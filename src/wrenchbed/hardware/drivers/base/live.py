@@ -20,7 +20,6 @@ from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import DriverError, LateError, LinkError
 from wrenchbed.hardware.device import GONE_S, STALE_S, Health
 from wrenchbed.hardware.drivers.base.driver import Driver
-from wrenchbed.hardware.drivers.base.resampling import EvenRow, Resampler
 from wrenchbed.hardware.drivers.base.samples import (
     Applied,
     ArmSample,
@@ -30,7 +29,7 @@ from wrenchbed.hardware.drivers.base.samples import (
     as_designed,
     block_of,
 )
-from wrenchbed.hardware.drivers.base.timing import Timing
+from wrenchbed.hardware.drivers.base.timing import EvenRow, Resampler, Timing
 from wrenchbed.hardware.drivers.base.watched_move import (
     CALM_SPEED,
     WatchedMove,
@@ -40,6 +39,27 @@ from wrenchbed.hardware.drivers.base.watched_move import (
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.motion_limits import Limits
+
+LIVE = Limits(speed=0.25, tracking=0.7)
+"""Default limits of a live driver, fractions of top speed: slow enough that somebody can reach the
+emergency stop, and a margin for motions whose speed was planned."""
+_POLL_S = 0.002
+"""Time between two looks for a new state [s], a quarter of 8 ms."""
+_BLOCK_S = 0.25
+"""Length of the blocks of rows of a motion [s]; what a crash may lose."""
+_STREAM_S = (0.008, 0.1)
+"""Shortest and longest time since the last target that a streamed one may use up [s]: a cycle of a
+CB3, and no jump after a pause."""
+SETTLE_S, SETTLED_WITHIN_S = 0.3, 15.0
+"""Length of the steady window that `settle` requires [s], in which a tool that swings with 10 Hz
+turns three times, and its deadline [s]."""
+_WINDOW = 1.2
+"""Length of the kept readings in units of `SETTLE_S`, so that a window is always complete."""
+_STEADY_POLL_S = 0.01
+"""Time between two looks of `settle` [s]: 30 readings a window."""
+_SIGMAS = 3.5
+"""Standard errors by which the means of a steady window's halves may differ: six channels at rest
+exceed them in one of 350 windows."""
 
 
 def pace(due: float, period: float) -> float:
@@ -60,24 +80,6 @@ def settled(wrench: np.ndarray) -> bool:
     spread = first.var(axis=0, ddof=1) / len(first) + second.var(axis=0, ddof=1) / len(second)
     step = np.abs(second.mean(axis=0) - first.mean(axis=0))
     return bool((step <= _SIGMAS * np.sqrt(spread) + 1e-9).all())
-
-
-LIVE = Limits(speed=0.25, tracking=0.7)
-"""Default limits of a live driver, shares of top speed; estimate."""
-_POLL_S = 0.002
-"""Time between two looks for a new state [s]; estimate."""
-_BLOCK_S = 0.25
-"""Length of the blocks of rows of a motion [s]; estimate."""
-_STREAM_S = (0.008, 0.1)
-"""Shortest and longest time since the last target that a streamed one may use up [s]; estimate."""
-SETTLE_S, SETTLED_WITHIN_S = 0.3, 15.0
-"""Length of the steady window that `settle` requires, and its deadline [s]; estimates."""
-_WINDOW = 1.2
-"""Length of the kept readings in units of `SETTLE_S`; estimate."""
-_STEADY_POLL_S = 0.01
-"""Time between two looks of `settle` [s]; estimate."""
-_SIGMAS = 3.5
-"""Standard errors by which the means of a steady window's halves may differ; estimate."""
 
 
 class LiveDriver(Driver):
@@ -133,8 +135,8 @@ class LiveDriver(Driver):
             self.robot, source=self.source, mode=mode, rate=rate, gravity=self.robot.gravity,
             sensor=sensor, noise_std=noise.row_std,
         )  # fmt: skip
-        told = {"controller": dict(self.answers), "sensor_box": dict(self.transducer.identity)}
-        extra = {name: found for name, found in told.items() if found}
+        stated_by = {"controller": self.answers, "sensor_box": self.transducer.identity}
+        extra = {name: dict(facts) for name, facts in stated_by.items() if facts}
         return replace(stated, extra={**stated.extra, **extra})
 
     @property
@@ -148,15 +150,16 @@ class LiveDriver(Driver):
         return {}
 
     def full_scale(self) -> np.ndarray:
-        told = self.transducer.full_scale
-        return super().full_scale() if told is None else told
+        stated = self.transducer.full_scale
+        return super().full_scale() if stated is None else stated
 
     def timing(self) -> Mapping[str, Any]:
         """How old and even the rows since `connect` were, and what the links counted."""
-        found = self._timing.summary()
-        counters = self._health().counters if found else {}
-        told = {k: float(v) for k, v in counters.items() if v == v and abs(v) < math.inf}
-        return {**found, "counters": told} if found else {}
+        summary = self._timing.summary()
+        if not summary:
+            return {}
+        counters = {k: float(v) for k, v in self._health().counters.items() if math.isfinite(v)}
+        return {**summary, "counters": counters}
 
     def _connect(self) -> None:
         self._timing = Timing()

@@ -1,17 +1,139 @@
-"""How old and how even the readings of a live recording were."""
+"""Times of a live recording: rows at equal steps of the robot's clock, and how even they came.
 
+A network delivers states unevenly and drops some, but each carries the robot's time. Between two
+states joints follow the cubic that has their values and speeds (Hermite); the wrench is read at
+the same moment of this machine's clock, to which the robot's is fitted. Delays make states late and
+never early, so the clocks are fitted to the least late of several states.
+"""
+
+import bisect
+from collections import deque
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from wrenchbed.errors import LinkError
+from wrenchbed.hardware.device import STALE_S
 from wrenchbed.hardware.drivers.base.samples import ArmSample
 from wrenchbed.hardware.transducers.base import WrenchSample
 
+_CLOCK_STATES = 600
+"""States in the fit of the two clocks: five seconds at 125 Hz, in which their drift is steady."""
+_LATEST = 64
+"""States that are kept to interpolate between: half a second at 125 Hz, more than rows wait."""
+_BIN = 50
+"""States of which the least late counts, and rows between two fits: among 50 one is on time."""
+_FEW = 4
+"""Bins below which only the offset of the clocks is fitted: a slope through fewer is noise."""
 _MOST = 1_000_000
-"""Rows that are kept for the percentiles; estimate, some hours."""
-_MS = 1e3  # by definition
-_PERCENTILES = (50.0, 99.0)  # by definition
+"""Rows that are kept for the percentiles: two hours at 125 Hz, 24 MB."""
+
+
+class EvenRow(NamedTuple):
+    """One row: even time [s], the same moment on this machine's clock, joints and speeds (J,), and
+    the robot's evidence, linear between two states."""
+
+    t: float
+    host: float
+    q: np.ndarray
+    qd: np.ndarray
+    evidence: Mapping[str, np.ndarray]
+
+
+class Resampler:
+    """Turns states into rows at a rate [Hz], from the first state on."""
+
+    def __init__(self, rate: float) -> None:
+        self._period = 1.0 / rate
+        self._states: deque[ArmSample] = deque(maxlen=_LATEST)
+        self._times: deque[float] = deque(maxlen=_LATEST)
+        self._clock: deque[tuple[float, float]] = deque(maxlen=_CLOCK_STATES)
+        self._first: float | None = None
+        self._origin = 0.0
+        self._count = 0
+        self._line, self._age = (0.0, 0.0), 0
+
+    def add(self, arm: ArmSample) -> None:
+        """Take in a state; one that is not newer than the last is left out."""
+        t = controller_time(arm)
+        if self._states and t <= controller_time(self._states[-1]):
+            return
+        if self._first is None:
+            self._first, self._origin = t, arm.t
+        self._states.append(arm)
+        self._times.append(t - self._first)
+        self._clock.append((t - self._first, arm.t - self._origin))
+
+    def rows(self, most: int) -> list[EvenRow]:
+        """The next rows that lie between states, at most ``most``.
+
+        Raises:
+            LinkError: two states are too far apart to interpolate.
+        """
+        rows: list[EvenRow] = []
+        while len(rows) < most and (row := self._next()) is not None:
+            rows.append(row)
+        return rows
+
+    def _next(self) -> EvenRow | None:
+        if self._first is None:
+            return None
+        due = self._count * self._period
+        times = list(self._times)
+        if due > times[-1] + 1e-9 or len(times) < 2:
+            return None
+        k = min(max(bisect.bisect_left(times, due + 1e-9), 1), len(times) - 1)
+        before, after = self._states[k - 1], self._states[k]
+        span = times[k] - times[k - 1]
+        if span > STALE_S and due > times[k - 1] + 1e-9:
+            raise LinkError(f"the robot's states have a gap of {span:.3f} s in the motion")
+        self._count += 1
+        fraction = float(np.clip((due - times[k - 1]) / span, 0.0, 1.0))
+        q, qd = hermite(before, after, span, fraction)
+        evidence = {
+            name: value + fraction * (after.evidence[name] - value)
+            for name, value in before.evidence.items()
+        }
+        return EvenRow(self._origin + due, self._origin + self._host(due), q, qd, evidence)
+
+    def _host(self, t: float) -> float:
+        """This machine's time for a time of the robot, both since the first state [s]."""
+        self._age -= 1
+        if self._age < 0:
+            self._line = _least_late(np.array(self._clock))
+            self._age = min(_BIN, len(self._clock) // 2)
+        slope, offset = self._line
+        return t + slope * t + offset
+
+
+def _least_late(pairs: np.ndarray) -> tuple[float, float]:
+    """Slope and offset [s] of the difference of two clocks, from pairs (N, 2) of their times."""
+    t, apart = pairs[:, 0], pairs[:, 1] - pairs[:, 0]
+    bins = np.array_split(np.arange(len(pairs)), max(1, len(pairs) // _BIN))
+    least = [part[np.argmin(apart[part])] for part in bins]
+    if len(least) < _FEW:
+        return 0.0, float(apart.min())
+    slope, offset = np.polyfit(t[least], apart[least], 1)
+    return float(slope), float(offset)
+
+
+def controller_time(arm: ArmSample) -> float:
+    """Time of a state on the robot's clock, on this machine's where it has none [s]."""
+    return arm.t if arm.device_time is None else arm.device_time
+
+
+def hermite(
+    before: ArmSample, after: ArmSample, span: float, s: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Joint values and speeds (J,) at a fraction of the time [s] between two states."""
+    h00, h10 = (1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2
+    h01, h11 = s * s * (3 - 2 * s), s * s * (s - 1)
+    q = h00 * before.q + h01 * after.q + span * (h10 * before.qd + h11 * after.qd)
+    slope = (6 * s * s - 6 * s) / span
+    rate_in, rate_out = (1 - s) * (1 - 3 * s), s * (3 * s - 2)
+    qd = slope * (before.q - after.q) + rate_in * before.qd + rate_out * after.qd
+    return q, qd
 
 
 class Timing:
@@ -45,10 +167,8 @@ class Timing:
         columns = dict(zip(names, np.transpose(self._rows), strict=True))
         if self._steps:
             columns["jitter"] = np.array(self._steps)
-        found: dict[str, Any] = {"rows": len(self._rows)}
+        summary: dict[str, Any] = {"rows": len(self._rows)}
         for name, values in columns.items():
-            p50, p99 = np.percentile(values, _PERCENTILES) * _MS
-            most = values.max() * _MS
-            found[f"{name}_ms"] = {k: round(float(v), 3) for k, v in
-                                   (("p50", p50), ("p99", p99), ("max", most))}  # fmt: skip
-        return found
+            figures = zip(("p50", "p99", "max"), np.percentile(values, (50, 99, 100)), strict=True)
+            summary[f"{name}_ms"] = {k: round(1e3 * float(v), 3) for k, v in figures}
+        return summary

@@ -11,17 +11,20 @@ from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base.samples import ArmSample, Move, Reached
 
 CALM_SPEED = 2e-3
-"""Fastest joint at rest [rad/s or m/s]; estimate."""
+"""Fastest joint at rest [rad/s or m/s]: with less the noise of speeds is a motion, with more rows
+at rest are taken in one."""
 TOLERANCE = 5e-4
-"""Farthest from its goal that a joint may come to rest [rad or m]; estimate."""
+"""Farthest from its goal that a joint may come to rest [rad or m]: with less an arm that stands a
+little beside its goal never arrives, with more poses differ from the plan."""
 BLIND_S = 0.3
-"""Longest that a robot may move while its state or its sensor is stale [s]; estimate."""
+"""Longest that a robot may move while its state or its sensor is stale [s]: a short stall
+passes."""
 STUCK_S = 3.0
-"""A move beyond its time is given up when it comes no nearer for so long [s]; estimate. A speed
+"""A move beyond its time is given up when it comes no nearer for so long [s]. A speed
 slider or a safety limit of the robot may make it slow."""
 _NEARER = 2.0 * TOLERANCE
 _POLL_S = 0.005
-"""Time between two looks while waiting [s]; estimate."""
+"""Time between two looks while waiting [s], less than a cycle of 125 Hz."""
 
 
 class Watched(Protocol):

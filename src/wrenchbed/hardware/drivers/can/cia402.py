@@ -12,8 +12,8 @@ from wrenchbed.hardware.device import State as HealthState
 Problem = tuple[HealthState, str]
 """State of health and its reason."""
 MISSED = 2
-"""Cycles without an answer, while others answer, after which a drive counts as mute: one frame in
-some thousand is lost."""
+"""Cycles without an answer, while others answer, after which a drive counts as mute: one frame may
+be lost, and an axis moves on in each cycle."""
 BEATS = 18
 """Heartbeats of the five others, 3.5 periods, without its own after which it is lost."""
 OPERATIONAL, PRE_OPERATIONAL = 0x05, 0x7F

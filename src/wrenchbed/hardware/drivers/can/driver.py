@@ -27,8 +27,8 @@ from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 from wrenchbed.robots.base import Robot
 
 FIRST_S, ENABLED_S, CLEARED_S, STILL_S = 2.0, 2.0, 1.0, 0.5
-"""Deadlines: first state; all drives enabled, whose brakes need some tenths of a second; faults
-cleared; at rest, as long as a quick stop takes (`cycle.REST_S`) [s]."""
+"""Deadlines: first state; all drives enabled, which climb three states and may release brakes;
+faults cleared; at rest, as long as a quick stop takes (`cycle.REST_S`) [s]."""
 _POLL_S = 0.002
 """Time between two looks while waiting [s], half a cycle."""
 _STUCK = (

@@ -24,8 +24,8 @@ from wrenchbed.hardware.transducers.netcanoem.link import CanLink
 from wrenchbed.registry import require
 
 ANSWER_S, TRIES = 0.3, 3
-"""Deadline of an answer [s], a hundred times what drives take, and attempts at a question, since a
-busy bus may lose one."""
+"""Deadline of an answer [s], which takes a millisecond on a free wire, and attempts at a question,
+since a frame may be lost."""
 TIMER, ABORT, QUICK, EXPECTED, AFTER = 0x1400, 0x6007, 0x605A, 0x1016, 0x1029
 """Objects that make a drive stop by itself."""
 PRE_OPERATIONAL, START = 0x80, 0x01

@@ -36,7 +36,7 @@ _FIRST_PAUSE_S = 0.1
 _FRESH_S = 1.0
 """Time within which a connected worker must deliver a state [s], a hundred cycles."""
 _LEAST_S = 1.0
-"""Time that must remain for another attempt [s]: workers need half a second to start."""
+"""Time that must remain for another attempt [s], in which a worker can start and connect."""
 _LOOK = "check --host, power, cable, and that nothing blocks TCP 30004"
 """What to check when the robot cannot be reached."""
 _REFUSALS: tuple[tuple[str, type[DriverError], str, bool], ...] = (

@@ -27,13 +27,38 @@ from wrenchbed.hardware.drivers.rtde.worker import (
     end_process,
 )
 
+KICKS = 6.0
+"""Kicks of the watchdog in its period: five of them may be late."""
+DRIVER_SILENT_S = 0.5
+"""Age of the driver's heartbeat at which the robot is stopped [s], ten heartbeats."""
+BLIND_S = 1.0
+"""Age of the newest state at which a robot that moves is stopped [s]: its link is lost then."""
 _MOST = 256
-"""Streamed targets that may wait; estimate."""
+"""Streamed targets that may wait: half a second at 500 Hz, more than the driver's lead."""
 _PHASE_GAIN, _PHASE = 0.02, 0.4
-"""Share of the phase error that a target corrects; phase of targets after a state as a share of the
-period; estimates."""
+"""Fraction of the phase error that a target corrects, so that the jitter of 50 targets averages;
+phase of targets after a state as a fraction of the period, near its middle."""
 _ALIKE = 0.01
-"""Relative difference up to which the target period counts as the state period; estimate."""
+"""Relative difference up to which the target period counts as the state period."""
+_STUCK_S, _MIND_S = 0.4, 0.02
+"""Time for a hanging call after the driver is gone, longer than any but a hanging one takes, and
+period of that check [s]."""
+_TICK_S = 1e-3
+"""Resolution of the message channel's poll [s], by definition milliseconds."""
+_REST = 5e-3
+"""Fastest joint at rest [rad/s]: with less the noise of speeds is a motion, with more the next
+motion begins before the last one ended."""
+_REST_S, _LAST_S, _SERVO_S, _POLL_S = 2.0, 0.15, 0.4, 0.005
+"""Deadlines of coming to rest: of any motion at `_SOFT`, of the end of a move, of a stream before
+its stop; and time between two looks [s]."""
+_SOFT, _HARD, _SERVO_SOFT, _SERVO_HARD = 3.0, 15.0, 4.0, 15.0
+"""Decelerations; of the joints [rad/s²] or of the tool [m/s²], as the robot's script takes them: a
+stop from 1 rad/s takes 0.3 s, and 0.07 s hard."""
+_LOOKAHEAD_S, _GAIN = 0.1, 300.0
+"""Arguments of ``servoj``; source: defaults of the URScript manual (0.1 s, 300)."""
+_OVER = "the robot's program does not run"
+_BEGINS_S = 0.05
+"""Time in which a move or a stop surely reports that it is under way [s], six cycles of a CB3."""
 
 
 class TargetStream:
@@ -88,31 +113,6 @@ class TargetStream:
         self._shift += _PHASE_GAIN * error
         if abs(self._shift) > 0.5 * period:
             self._shift -= math.copysign(period, self._shift)
-
-
-KICKS = 6.0
-"""Kicks of the watchdog in its period; estimate."""
-DRIVER_SILENT_S = 0.5
-"""Age of the driver's heartbeat at which the robot is stopped [s]; estimate."""
-BLIND_S = 1.0
-"""Age of the newest state at which a robot that moves is stopped [s]; estimate."""
-_STUCK_S, _MIND_S = 0.4, 0.02
-"""Time for a hanging call after the driver is gone, and period of that check [s]; estimates."""
-_TICK_S = 1e-3
-"""Resolution of the message channel's poll [s], by definition milliseconds."""
-_REST = 5e-3
-"""Fastest joint at rest [rad/s]; estimate."""
-_REST_S, _LAST_S, _SERVO_S, _POLL_S = 2.0, 0.15, 0.4, 0.005
-"""Deadlines of coming to rest: of any motion, of the end of a move, of a stream before its stop;
-and time between two looks [s]; estimates."""
-_SOFT, _HARD, _SERVO_SOFT, _SERVO_HARD = 3.0, 15.0, 4.0, 15.0
-"""Decelerations; of the joints [rad/s²] or of the tool [m/s²], as the robot's script takes them;
-estimates."""
-_LOOKAHEAD_S, _GAIN = 0.1, 300.0
-"""Arguments of ``servoj``; source: defaults of the URScript manual (0.1 s, 300)."""
-_OVER = "the robot's program does not run"
-_BEGINS_S = 0.05
-"""Time in which a move or a stop surely reports that it is under way, some cycles [s]; estimate."""
 
 
 def run(setting: dict[str, Any], shared: SharedState, wire: MessageChannel) -> None:

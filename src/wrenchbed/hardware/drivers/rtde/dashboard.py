@@ -16,8 +16,18 @@ from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
 
 PORT = 29999
 """TCP port; source: Universal Robots, "Dashboard server"."""
+UNLOCK_AFTER_S = 5.1
+"""The controller refuses to unlock a protective stop within 5 s [s]; source: Universal Robots,
+"Dashboard server"; 0.1 s more, since states arrive late."""
+IDLE = 5
+"""``robot_mode`` with power and closed brakes; source: Universal Robots, RTDE guide."""
 _LONGEST, _CHUNK = 4096, 1024
-"""Longest answer and bytes read at once; estimates."""
+"""Bytes of the longest answer, which is a line, and bytes read at once."""
+_CLEARED_S, _STOPPED_S = 3.0, 2.0
+_POWER_S, _BRAKES_S = 15.0, 20.0
+"""Deadlines: stop cleared, program ended; power on, for which an arm boots; brakes released, one by
+one [s]."""
+Look = Callable[[], Snapshot]
 
 
 def request(host: str, command: str, timeout: float = 1.0) -> str:
@@ -49,17 +59,6 @@ def _line(link: socket.socket, data: bytes, deadline: float) -> tuple[bytes, byt
         data += part
     line, _, following = data.partition(b"\n")
     return line, following
-
-
-UNLOCK_AFTER_S = 5.1
-"""The controller refuses to unlock a protective stop within 5 s [s]; source: Universal Robots,
-"Dashboard server"; 0.1 s is added as an estimate of the delay of the states."""
-_CLEARED_S, _STOPPED_S = 3.0, 2.0
-_POWER_S, _BRAKES_S = 15.0, 20.0
-"""Deadlines: stop cleared, program ended, power on, brakes released [s]; estimates."""
-IDLE = 5
-"""``robot_mode`` with power and closed brakes; source: Universal Robots, RTDE guide."""
-Look = Callable[[], Snapshot]
 
 
 def clear(host: str, look: Look) -> None:

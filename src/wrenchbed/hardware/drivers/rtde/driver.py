@@ -30,15 +30,23 @@ from wrenchbed.hardware.drivers.rtde.status import Observation, count, judge
 from wrenchbed.hardware.transducers.base import WrenchSample
 
 _LEAST_SPEED, _LEAST_ACCELERATION, _MOST_ACCELERATION = 0.01, 0.05, 15.0
-"""Bounds of the speed [rad/s] and acceleration [rad/s²] of a move; estimates."""
+"""Bounds of the speed [rad/s] and acceleration [rad/s²] of a move: ``movej`` refuses 0, and stops
+brake with the last one."""
 _PEAK = 1.5
 """Peak speed over mean speed of a trapezoid whose ramps take a third each, by definition."""
 _WINDOW_S, _LAG_S = 0.6, 0.2
-"""Length of the compared stream and greatest delay of the controller [s]; estimates."""
-_MOVED, _SHARE = 0.02, 0.2
-"""Least motion of the sent targets [rad] and share that the controller must follow; estimates."""
+"""Length of the compared stream and greatest delay of the controller [s], twice its look-ahead."""
+_MOVED, _FOLLOWED = 0.02, 0.2
+"""Least motion of the sent targets [rad] and fraction of it that the controller must follow."""
 _EVERY, _KEPT = 8, 400
-"""Targets between two comparisons, and targets kept; estimates."""
+"""Targets between two comparisons, 64 ms, and targets kept, more than `_WINDOW_S` of 500 Hz."""
+_MOVE_S, _SOFT_S, _HARD_S, _DASHBOARD_S = 3.0, 0.8, 0.2, 0.5
+"""Deadlines of answers: move, after another one came to rest; soft stop, after a stream ended; hard
+stop, which waits for nothing; stop by the dashboard [s]."""
+_REST_S, _QUIT_S, _ENDED_S = 3.0, 4.0, 1.0
+"""Deadlines: robot at rest, worker ended, program ended [s]; each longer than its worker's own."""
+_MOST_HZ = 500.0
+"""States per second of an e-Series; source: Universal Robots, RTDE guide."""
 
 
 def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float]:
@@ -83,17 +91,9 @@ class Followed:
         moved = np.ptp(old, axis=0)
         followed = np.ptp(np.array([a for _, _, a in self._pairs]), axis=0)
         joint = int(np.argmax(moved))
-        if moved[joint] > _MOVED and followed[joint] < _SHARE * moved[joint]:
+        if moved[joint] > _MOVED and followed[joint] < _FOLLOWED * moved[joint]:
             return "targets are sent and the controller does not follow them: call recover()"
         return ""
-
-
-_MOVE_S, _SOFT_S, _HARD_S, _DASHBOARD_S = 3.0, 0.8, 0.2, 0.5
-"""Deadlines of answers: move, soft stop, hard stop, stop by the dashboard [s]; estimates."""
-_REST_S, _QUIT_S, _ENDED_S = 3.0, 4.0, 1.0
-"""Deadlines: robot at rest, worker ended, program ended [s]; estimates."""
-_MOST_HZ = 500.0
-"""States per second of an e-Series; source: Universal Robots, RTDE guide."""
 
 
 class RtdeDriver(LiveDriver):
@@ -107,7 +107,7 @@ class RtdeDriver(LiveDriver):
     title = "a UR robot over ur_rtde, with a Net F/T sensor or its own wrench"
     options = RtdeOptions
     source = "ur_rtde"
-    lead = 0.1  # [s], estimate
+    lead = 0.1  # [s]: targets that a busy machine sends this late are still smooth
 
     def __init__(self, options: RtdeOptions | None = None) -> None:
         options = options or RtdeOptions()

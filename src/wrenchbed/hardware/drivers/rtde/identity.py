@@ -37,8 +37,8 @@ _ASKED = {
 server": model from 3.12 and 5.6 on, serial number from 5.6 on."""
 _UNKNOWN = "could not understand"
 _ANSWER_S, _SETTINGS_S = 0.5, 1.0
-"""Deadlines of an answer of the dashboard, and of the settings [s]; both come within 0.1 s, the
-kinematics with the next of ten states a second."""
+"""Deadlines of an answer of the dashboard, and of settings and kinematics [s], of which ten a
+second are sent; a controller that has none delays `connect` by them."""
 _NAMED = re.compile(r"ur(\d+)(e?)(?:[ _]?l(?:ong)?)?(?![a-z0-9])", re.IGNORECASE)
 _REPORTED_AS = {"7": "5", "12": "10"}
 """Sizes whose controller reports an older arm of equal lengths; source: Universal Robots' client

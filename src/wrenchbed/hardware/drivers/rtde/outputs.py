@@ -19,7 +19,16 @@ NATIVE_HZ = {False: 125.0, True: 500.0}
 _HEADER = struct.Struct(">HB")
 _PROTOCOL, _VERSION, _TEXT = ord("V"), ord("v"), ord("M")
 _LONGEST = 4096
-"""Bytes of the longest packet that is taken; estimate."""
+"""Bytes of the longest packet that is taken; a longer one is no RTDE."""
+
+_OUTPUTS, _START, _DATA = ord("O"), ord("S"), ord("U")
+_TYPES = {
+    "BOOL": "?", "UINT8": "B", "UINT32": "I", "UINT64": "Q", "INT32": "i", "DOUBLE": "d",
+    "VECTOR3D": "3d", "VECTOR6D": "6d", "VECTOR6INT32": "6i", "VECTOR6UINT32": "6I",
+}  # fmt: skip
+"""Type that the controller names, and how it is packed; source: Universal Robots, "RTDE guide"."""
+_MISSING = "NOT_FOUND"
+Values = tuple[float, ...]
 
 
 class Unfit(Exception):  # noqa: N818
@@ -84,16 +93,6 @@ def _exactly(link: socket.socket, deadline: float, n: int) -> bytes:
     return data
 
 
-_OUTPUTS, _START, _DATA = ord("O"), ord("S"), ord("U")
-_TYPES = {
-    "BOOL": "?", "UINT8": "B", "UINT32": "I", "UINT64": "Q", "INT32": "i", "DOUBLE": "d",
-    "VECTOR3D": "3d", "VECTOR6D": "6d", "VECTOR6INT32": "6i", "VECTOR6UINT32": "6I",
-}  # fmt: skip
-"""Type that the controller names, and how it is packed; source: Universal Robots, "RTDE guide"."""
-_MISSING = "NOT_FOUND"
-Values = tuple[float, ...]
-
-
 class Outputs:
     """Named outputs that a controller streams.
 
@@ -145,11 +144,11 @@ class Outputs:
         now = time.monotonic()
         if len(content) != 1 + sum(packing.size for packing in self._packing):
             raise Unfit(f"the controller sends {len(content)} bytes of data, not as announced")
-        found, at = {}, 1
+        values, at = {}, 1
         for name, packing in zip(self.names, self._packing, strict=True):
-            found[name] = tuple(map(float, packing.unpack_from(content, at)))
+            values[name] = tuple(map(float, packing.unpack_from(content, at)))
             at += packing.size
-        return now, found
+        return now, values
 
 
 @contextmanager
@@ -167,16 +166,16 @@ def outputs(
     """
     deadline = time.monotonic() + timeout
     with socket.create_connection((host, PORT), timeout) as link:
-        found = Outputs(link, _version(link, deadline))
-        found.ask(names, rate or NATIVE_HZ[found.version[0] > 3], deadline)
-        yield found
+        stream = Outputs(link, _version(link, deadline))
+        stream.ask(names, rate or NATIVE_HZ[stream.version[0] > 3], deadline)
+        yield stream
 
 
 def once(host: str, names: Sequence[str], timeout: float) -> dict[str, Values]:
     """One packet of named outputs; less where the controller lacks some or does not answer."""
     try:
         with outputs(host, names, timeout) as stream:
-            found = stream.next(time.monotonic() + timeout)[1]
+            values = stream.next(time.monotonic() + timeout)[1]
     except (OSError, Unfit):
         return {}
-    return {name: v for name, v in found.items() if all(map(math.isfinite, v))}
+    return {name: v for name, v in values.items() if all(map(math.isfinite, v))}

@@ -40,20 +40,20 @@ WRONG = (
 )  # fmt: skip
 """Reasons to refuse a state; the index is stored in `Snapshot.wrong`."""
 _SPEED, _SLACK = 7.0, 0.05
-"""Fastest joint [rad/s], twice that of any UR robot, and jump beyond that [rad] of a plausible
+"""Fastest joint [rad/s], above the 6.3 of a UR3's wrists, and jump beyond that [rad] of a plausible
 state, since arrival and time stamp may differ by some milliseconds."""
 _LARGEST = {
     "q": 7.0, "target_q": 7.0, "qd": 50.0, "target_qd": 50.0, "current": 500.0,
     "target_moment": 1e4, "temperatures": 200.0, "pose": 10.0, "force": 1e5,
 }  # fmt: skip
 """Largest plausible values [rad, rad/s, A, N·m, °C, m and rad, N and N·m]: joint angles above the
-2π of a UR robot, the others ten times and more what one can have."""
+2π of a UR robot, the others far above what one can have."""
 _TINY = 1e-200
 """Numbers nearer to zero, and not zero, are bytes of something else."""
 _PLAYING = 2
 _RESTART_S = 1.0
-"""Least backward step of the clock of a controller that was restarted [s]; it counts from its
-start, which takes a minute."""
+"""Least backward step of the clock of a controller that was restarted [s]; smaller ones are states
+in the wrong order."""
 _GAP = 1.5
 """Step of the time stamps in periods from which states are missing."""
 _POLL_S, _BEAT_S = 0.0005, 0.02

@@ -24,6 +24,8 @@ SAFETY = {
     10: "validate joint id", 11: "undefined", 12: "safeguard stop", 13: "three-position stop",
 }  # fmt: skip
 _PROGRAM = {0: "stopping", 1: "stopped", 2: "playing", 3: "pausing", 4: "paused", 5: "resuming"}
+_WORKER_SILENT_S = 0.06
+"""Age of the state worker's heartbeat from which it hangs [s], three of its periods."""
 _REMEDIES: dict[str, tuple[State, str]] = {
     "emergency stop": ("stopped", "release the button and power the robot on at its pendant"),
     "protective stop": ("stopped", "look what the robot hit, then call recover(unlock=True)"),
@@ -71,10 +73,6 @@ def problem(state: Snapshot) -> tuple[State, str] | None:
         remedy = "power it on and release its brakes at the pendant"
         return "stopped", f"the robot is {mode(state)}: {remedy}"
     return None
-
-
-_WORKER_SILENT_S = 0.06
-"""Age of the state worker's heartbeat from which it hangs [s]; estimate, three periods."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from wrenchbed.hardware.drivers.rtde.shared_state import SharedState
 
 Message = dict[str, Any]
 _LONGEST = 4096
-"""Bytes of the longest message; estimate."""
+"""Bytes of the longest message; the longest sent have some hundred."""
 _MS = 1e3  # by definition
 
 
@@ -81,7 +81,7 @@ def pair() -> tuple[MessageChannel, socket.socket]:
 
 
 _PRIORITY = -10
-"""Nice value of the workers; estimate."""
+"""Nice value of the workers: before other programs, behind real-time ones."""
 LOST = 3
 """Exit code of a worker that lost the controller."""
 _LOSS = ("Could not receive data", "Lost connection", "Reconnecting", "closed the connection")

@@ -18,15 +18,15 @@ from wrenchbed.hardware.transducers.netcanoem.frames import GaugeReading, Pairs,
 from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 
 ANSWER_S, TRIES = 0.3, 3
-"""Deadline of an answer [s], a hundred times what the board takes, and attempts at a query, since
-a busy bus may lose one."""
+"""Deadline of an answer [s], which takes a millisecond on a free wire, and attempts at a query,
+since a frame may be lost."""
 FORCE = {1: 4.4482216152605, 2: 1.0, 3: 4448.2216152605, 4: 1e3, 5: 9.80665, 6: 9.80665e-3}
 """Code of a unit → N: lbf, N, klbf, kN, kgf, gf."""
 TORQUE = {1: 0.1129848290276167, 2: 1.3558179483314004, 3: 1.0, 4: 1e-3, 5: 0.0980665, 6: 1e3}
 """Code of a unit → N·m: lbf·in, lbf·ft, N·m, N·mm, kgf·cm, kN·m."""
 SILENT_S = 0.05
-"""Silence after which the board may have restarted, so that its calibration is selected anew [s]:
-its boot takes longer, a lost frame is over after `frames.PATIENCE_S`."""
+"""Silence after which the board may have restarted, so that its calibration is selected anew [s]: a
+lost frame is over after `frames.PATIENCE_S`; `CHECK_S` finds a restart that takes less."""
 CHECK_S = 0.2
 """How often a row of the active matrix is compared with the one in use [s]: all six in 1.2 s, with
 some ten frames a second."""

@@ -16,13 +16,13 @@ import numpy as np
 from wrenchbed.errors import DriverError, LinkError
 
 PAGE_S = 2.0
-"""Deadline of the page [s]: a box answers within 0.1 s, and `connect` may try two ports."""
+"""Deadline of the page [s]; `connect` may try two ports, and says so within twice that."""
 LARGEST = 65536
 """Bytes of the longest page taken; real ones have a few thousand."""
 EVERY_S = 5.0
 """Time between two comparisons [s]; the box's processor serves RDT, too."""
 _AFTER_ZERO_S = 0.1
-"""Time between a zero and its check [s]: the page shows it some milliseconds later."""
+"""Time between a zero and its check [s]: sooner the page may still show the one before."""
 _NEWTON = {
     "n": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605,
     "kgf": 9.80665, "gf": 9.80665e-3,

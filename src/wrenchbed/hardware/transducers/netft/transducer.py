@@ -24,15 +24,15 @@ INTERNAL_RATE = {"netbox": 7000.0, "axia": 7812.0}
 """Samples per second where the page does not report them [Hz]; source: ATI 9620-05 (7 kHz) and
 9620-05-C (7.8 kHz)."""
 FROZEN_S, _SAME = 0.1, 20
-"""Readings whose six counts stay equal for this time [s] and for so many records are frozen: a
-sensor's noise changes its last counts within a few records."""
+"""Readings whose six counts stay equal for this time [s] and for so many records are frozen: noise
+changes the last counts of a sensor that lives."""
 _FIRST_S = 1.5
-"""Deadline of the first record [s]: a box that starts begins to send within a second."""
+"""Deadline of the first record [s]: the request is repeated twice within it."""
 _ALL = 0x3F
 """Bits of all six channels."""
 _FULL, _BEYOND = 0.9999, 1.05
-"""Fractions of full scale: saturated, which rounding must not hide; and impossible unless reported
-as saturated, above what a gauge's calibration is off at its end."""
+"""Fractions of full scale: saturated, which rounding must not hide; and impossible unless the box
+reports it as saturated, since its calibration ends there."""
 _PPM = 1000.0
 """Drift of the clock that is reported [ppm]; a quartz drifts by 100 ppm at most."""
 _LATE_S, _DRIFT = 0.5, 1e-3
