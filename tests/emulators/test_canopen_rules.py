@@ -123,9 +123,11 @@ def rule_a_block_with_a_wrong_crc_is_refused(m):
             return super().final() ^ 1
 
     m.sdo.crc_cls = Wrong
-    with pytest.raises(SdoError):
-        with m.sdo.open(0x6081, 0, "wb", size=4, block_transfer=True, buffering=0) as stream:
-            stream.write(b"\x10\x27\0\0")
+    with (
+        pytest.raises(SdoError),
+        m.sdo.open(0x6081, 0, "wb", size=4, block_transfer=True, buffering=0) as stream,
+    ):
+        stream.write(b"\x10\x27\0\0")
     m.sdo.crc_cls = right
 
 
