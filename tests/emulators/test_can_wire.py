@@ -51,7 +51,7 @@ def test_exact_bits_are_those_of_the_frame_written_out(can_id, data, extended):
     exact = bits.exact(can_id, data, extended)
     assert exact == counted(can_id, data, extended)
     if not extended:
-        assert options.least_bits(len(data)) <= exact <= options.worst_bits(len(data))
+        assert 47 + 8 * len(data) <= exact <= options.worst_bits(len(data))
 
 
 def test_modelled_load_of_six_drives_and_the_sensor_by_hand():
