@@ -11,8 +11,8 @@ from emulator_process import running
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.errors import LinkError, ParameterError
-from wrenchbed.hardware.preflight import doctor as looking
 from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs
+from wrenchbed.hardware.preflight import doctor as looking
 from wrenchbed.hardware.transducers.netft.transducer import NetftTransducer
 
 UR5 = registry.load("robots", "ur5")
