@@ -190,9 +190,6 @@ def test_the_core_loads_no_optional_library():
     assert done.stdout.strip() == "[]"
 
 
-NOT_YET = ("netft_box/web.py",)
-
-
 def imported(path: Path) -> set[str]:
     """Dotted names of the modules that a file imports from."""
     nodes = list(ast.walk(tree(path)))
@@ -202,8 +199,7 @@ def imported(path: Path) -> set[str]:
 
 @pytest.mark.parametrize("path", EMULATORS, ids=lambda p: str(p.relative_to(SOURCE.parent)))
 def test_the_emulators_know_nothing_of_this_package(path):
-    if not str(path).endswith(NOT_YET):
-        assert not [m for m in imported(path) if m.split(".")[0] in ("wrenchbed", "mujoco")]
+    assert not [m for m in imported(path) if m.split(".")[0] in ("wrenchbed", "mujoco")]
 
 
 def test_the_emulators_are_entered_by_their_door_and_from_one_room():
