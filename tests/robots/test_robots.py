@@ -41,7 +41,7 @@ def feasible(robot: SimulatedRobot, n: int, theta: np.ndarray, seed: int) -> np.
     q = robot.sample(n, np.random.default_rng(seed))
     good = np.ones(n, dtype=bool)
     good[list(robot.infeasible(q, theta))] = False
-    assert good.mean() > 0.9
+    assert good.mean() > 0.95
     return q[good]
 
 
