@@ -21,9 +21,9 @@ ORIGIN = re.compile(
 )
 """Words by which a docstring or a comment names where a number comes from."""
 WORDS = (
-    "because since so else enough beyond before within would cannot need needs allow allows quarter "
-    "one three lose waits readings passes must still refuses longer shorter larger smaller faster "
-    "slower fewer more less twice half times"
+    "because since so else enough beyond before within would cannot need needs allow allows "
+    "quarter one three lose waits readings passes must still refuses longer shorter larger "
+    "smaller faster slower fewer more less twice half times"
 ).split()
 REASON = re.compile(rf"{ORIGIN.pattern}|\b({'|'.join(WORDS)})\b", re.IGNORECASE)
 """In drivers also words that say what the size follows from, or what breaks with another one."""
