@@ -24,7 +24,7 @@ from wrenchbed.effects.scene import Scene
 Place = tuple[str, str, float, float]
 """Effect, detail, share and p-value of an entry of ``where``."""
 _HALVINGS = 5
-"""Of the last step, to find the edge of a range within which nothing changes."""
+"""Halvings of the last step when the edge of a range within which nothing changes is searched."""
 _FINEST = 2.0**-14
 """Smallest step, in typical sizes, in a search for that edge."""
 UNEXPLAINED = 0.2
@@ -155,7 +155,8 @@ def _flat(a: Analysis, f: Finalist, i: int) -> float:
 
 
 def rms_between(below: float, above: float) -> float:
-    """Rms distance from a point of values that are uniform from so far below to so far above it."""
+    """Rms distance of a point to values spread uniformly from ``below`` under it to ``above`` over
+    it."""
     return float(np.sqrt((below**2 - below * above + above**2) / 3.0))
 
 
@@ -176,7 +177,7 @@ def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[s
 
 
 def places(a: Analysis, verdict: Verdict, gap: Closure) -> list[Place]:
-    """Of each claim, for ``where``."""
+    """Effect, detail, share and p-value of each claimed cause, for ``where``."""
     result, best = [], verdict.explanation.log_posterior
     for c in verdict.causes:
         others = [e for e in a.ranking.explanations if not e.names & set(c.names)]
@@ -189,7 +190,7 @@ def places(a: Analysis, verdict: Verdict, gap: Closure) -> list[Place]:
 
 
 def row_place(r: RowFinding) -> Place:
-    """Of a finding between rows, for ``where``."""
+    """Effect, detail, share and p-value of an effect between rows, for ``where``."""
     return r.effect, ", ".join(r.channels), r.rise / (1.0 + r.rise), 1.0 - r.probability
 
 
@@ -200,7 +201,7 @@ def _detail(verdict: Verdict, cause: Cause) -> str:
 
 
 def probabilities(verdict: Verdict, between: Sequence[RowFinding]) -> dict[str, float]:
-    """Of the leading cause; a finding between rows leads where nothing else does."""
+    """Probability of each answer; an effect between rows leads where the means name no cause."""
     share = dict(verdict.probabilities)
     if between and not verdict.causes:
         best = between[0]
@@ -227,7 +228,7 @@ def set90(
 
 
 def of_data(a: Analysis, folds: int) -> tuple[str, ...]:
-    """What a reader should know of a recording's data."""
+    """Notes for the reader on a recording's data."""
     p = a.prepared
     n, again = len(p.y), int(np.count_nonzero(p.count == 0))
     held_out = f"each held out once in {folds} folds"
@@ -242,7 +243,7 @@ def of_data(a: Analysis, folds: int) -> tuple[str, ...]:
 
 
 def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tuple[str, ...]:
-    """What a reader should know of what remains."""
+    """Notes for the reader on the residual that the answer leaves."""
     result = []
     rest = None if gap.with_effects is None else gap.with_effects.value - max(gap.floor, 0.0)
     if rest is not None and rest > max(1.0, UNEXPLAINED * gap.excess):
@@ -270,7 +271,7 @@ def beside_contact(verdict: Verdict, touch: Touch | None) -> Verdict:
 def rows_beside_contact(
     between: Sequence[RowFinding], touch: Touch | None
 ) -> tuple[RowFinding, ...]:
-    """Likewise effects between rows."""
+    """Effects between rows that remain credible beside a contact; all of them without one."""
     if touch is None:
         return tuple(between)
     return tuple(r for r in between if touch.parameters is not None and r.probability >= LEAST)
@@ -307,7 +308,7 @@ def with_contact(d: Diagnosis, touch: Touch | None) -> Diagnosis:
 
 
 def _touched(touch: Touch, text: str) -> dict[str, Any]:
-    """The entry of ``where`` of a contact."""
+    """Entry of ``where`` for a contact."""
     much = f"{100 * touch.share:.0f} % of the squared force that weight and inertia leave"
     return {
         "subsystem": "environment", "detail": touch.detail, "share": touch.share,

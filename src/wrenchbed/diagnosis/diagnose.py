@@ -37,14 +37,14 @@ from wrenchbed.jobs.workers import one_thread
 from wrenchbed.twin.twin import Twin
 
 MOST_ROUNDS = 3
-"""How often outliers are looked for: large ones hide others."""
+"""Largest number of passes that look for outliers: large ones hide others."""
 LEFT = 1.0
 """Gap on held-out rows from which outliers are looked for although causes are named."""
 MOST_SPELLS = 3
 """Times at which something may disagree with all the rest where there is no cause: more often it
 is a fault of its own; estimate."""
 OFTEN = "the rows set aside disagree at many times, each differently: an intermittent fault"
-"""Note where it does."""
+"""Note on a recording in which rows disagree at more times than a cause explains."""
 CLEARER = 0.3
 """Rows are set aside where the answer without them leaves less than this part of the gap."""
 ELSEWHERE = (
@@ -98,7 +98,7 @@ def diagnose(
     reliability: Reliability | None = None,
     progress: Progress = lambda _: None,
 ) -> Findings:
-    """Where, which, how far, and what next.
+    """Diagnosis of one recording: where the residual lies, which causes, how far, and what next.
 
     Args:
         recording: at rest or in motion.
@@ -133,7 +133,7 @@ class Examined(NamedTuple):
 def examine(
     recording: Recording, seed: int, reliability: Reliability | None, progress: Progress
 ) -> Examined:
-    """All that a recording says by itself; arguments and errors are those of `diagnose`."""
+    """Analysis of a recording on its own; arguments and errors are those of `diagnose`."""
     progress("noise and blocks")
     prepared = prepare(recording, seed)
     progress("effects and their evidence")
@@ -151,7 +151,8 @@ def examine(
 
 
 def findings_of(found: Examined, seed: int, progress: Progress, begun: float) -> Findings:
-    """The answers of what was weighed at ``begun`` [s]."""
+    """Findings of a diagnosis from an examined recording; ``begun`` is the clock at its start
+    [s]."""
     weighed, known, outliers, between, scattered = found
     analysis, untempered, verdict, twin, gap, refuted = weighed
     prepared = analysis.prepared
@@ -222,12 +223,12 @@ class Weighed(NamedTuple):
 
     @property
     def settled(self) -> bool:
-        """Whether held-out rows uphold an answer that leaves nothing open."""
+        """Whether held-out rows uphold an answer that leaves no cause open."""
         return self.verdict.verdict in (NONE, "identified", "ambiguous")
 
     @property
     def rest(self) -> float:
-        """Gap that the answer leaves on held-out rows."""
+        """Gap above the noise floor that the answer leaves on held-out rows."""
         return (self.gap.with_effects or self.gap.calibrated).value - max(self.gap.floor, 0.0)
 
 
@@ -263,7 +264,7 @@ def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
 def _changing(
     a: Analysis, verdict: Verdict, names: Collection[str], seed: int
 ) -> constancy.Change | None:
-    """Which of these causes of a verdict is not as large at all poses."""
+    """Change of a named cause's size during the recording; None if all are constant."""
     claim = _claimed(a, verdict)
     assert claim is not None
     asked = set(names) - set(tilt.witnessed(a, verdict))  # that another sensor measured, stands
@@ -306,14 +307,15 @@ def _without_outliers(
 
 
 def _learnt(known: Reliability | None) -> tuple[str, ...]:
-    """On what probabilities rest, where that is not cases of the same robot."""
+    """Note on the cases that the probabilities were learnt on, if not those of this robot's
+    kind."""
     if known is not None and known.own:
         return (f"the probabilities were learnt on {known.source}",)
     return () if known is None or not known.elsewhere else (ELSEWHERE,)
 
 
 def _shipped(prepared: Prepared) -> Reliability | None:
-    """The package's model."""
+    """Reliability model shipped with the package for this robot and kind of recording."""
     return shipped(prepared.robot.name, prepared.moving, prepared.scene.jointed)
 
 
@@ -337,7 +339,7 @@ def _tempered(
 
 
 def _right(a: Analysis, verdict: Verdict, known: Reliability, gap: closure.Closure) -> float:
-    """How often such causes are right.
+    """Fraction of claims like this verdict's that are right.
 
     Where they surely leave a gap that counts, on a robot that the package knows nothing of, not
     more often than causes beside the rest of a real recording: few look-alikes leave one.
@@ -370,7 +372,7 @@ def _seen(verdict: Verdict, recording: int) -> Verdict:
 
 
 def _claimed(a: Analysis, verdict: Verdict) -> closure.Claimed | None:
-    """The simulator with the causes of a verdict."""
+    """Simulator with the causes of a verdict, None if it has none."""
     if not verdict.causes:
         return None
     f = verdict.explanation.finalist
@@ -382,7 +384,7 @@ def _claimed(a: Analysis, verdict: Verdict) -> closure.Claimed | None:
 
 
 def _cannot_tell(a: Analysis, named: Collection[str]) -> list[str]:
-    """What no recording tells of some effects."""
+    """Sentences on named effects that none of the recordings distinguishes."""
     designs = [each.dictionary for each in (a, *a.others)]
     first, *others = [isolability.cannot_tell(d, among=named) for d in designs]
     return [text for text in first if all(text in other for other in others)]

@@ -43,7 +43,7 @@ from wrenchbed.jobs.workers import one_thread
 MOST = 10
 """Explanations of each recording that are fitted to all; estimate."""
 LEADING = 2
-"""Of each recording, whose effects are also tried together with another recording's."""
+"""Explanations of each recording whose effects are also combined with another recording's."""
 Draft = tuple[Structure, tuple[int, ...], np.ndarray]
 
 
@@ -55,7 +55,7 @@ def diagnose_several(
     reliability: Reliability | None = None,
     progress: Progress = lambda _: None,
 ) -> Findings:
-    """Where, which, how far, and what next, for one robot that was recorded several times.
+    """Diagnosis of one robot from several recordings: where, which, how far, and what next.
 
     The twin is the robot with its shared effects and the tool of the first recording, which figures
     and places are of too. The gap is over the rows of all recordings.
@@ -113,7 +113,7 @@ def diagnose_several(
 
 
 def named(recording: Recording) -> str:
-    """A recording's file, without its folder."""
+    """File name of a recording, without its folder."""
     return PurePath(recording.name).name
 
 
@@ -164,7 +164,7 @@ def together(analyses: Sequence[Analysis]) -> Analysis:
 
 
 def rank(joint: JointRefitter, analyses: Sequence[Analysis]) -> Ranking:
-    """Every structure that explains one recording, fitted to all; unknown means unknown in all."""
+    """Ranking of every structure that explains one recording, fitted to all recordings."""
     nothing = joint.nothing()
     fitted = [joint.fit(*c) for c in _candidates(joint, analyses, nothing)]
     best = max(fitted, key=lambda f: f.log_posterior, default=nothing)
@@ -231,7 +231,8 @@ def _key(parts: Structure) -> frozenset[object]:
 
 
 def _both(joint: JointRefitter, one: Draft, other: Draft) -> Draft | None:
-    """Two structures as one, where each has an effect that the other lacks and both fit in."""
+    """Union of two structures, if each has an effect that the other lacks and their size allows
+    it."""
     names = {p.effect_name for p in one[0]}
     more = tuple(p for p in other[0] if p.effect_name not in names)
     if not more or len(more) == len(other[0]) == len(one[0]) + len(more):
@@ -243,12 +244,12 @@ def _both(joint: JointRefitter, one: Draft, other: Draft) -> Draft | None:
 
 @dataclass(frozen=True, eq=False)
 class Pooled:
-    """What a finalist claims over all recordings: gaps are means over all rows of the fits."""
+    """Claims of a finalist over all recordings: gaps are means over all rows of the fits."""
 
     joint: JointRefitter
 
     def mean(self, gaps: Sequence[float]) -> float:
-        """Over the rows of all recordings."""
+        """Mean gap over the rows of all recordings."""
         return float(np.average(gaps, weights=[len(each.y) for each in self.joint.each]))
 
     def explained(self, f: JointFinalist) -> Explanation:
@@ -280,7 +281,8 @@ class Pooled:
         return Part(f.parts[k].effect_name, share, index=k, twins=still)
 
     def _same(self, f: JointFinalist, k: int, name: str, share: float) -> bool:
-        """Whether an effect makes the readings of a part with one set of numbers for all."""
+        """Whether an effect makes a part's readings with the same parameter values in all
+        recordings."""
         target = np.concatenate([
             each.d.without_stated(made_by(each, view, [k]))
             for each, view in zip(self.joint.each, f.views, strict=True)
@@ -329,12 +331,12 @@ def _between(each: Sequence[Examined], names: Sequence[str]) -> tuple[RowFinding
 
 def _of_data(e: Examined, folds: int) -> list[str]:
     p = e.weighed.analysis.prepared
-    told = [*p.notes, *([e.scattered] if e.scattered else ())]
-    return [*told, *answer.of_data(e.weighed.analysis, folds)]
+    notes = [*p.notes, *([e.scattered] if e.scattered else ())]
+    return [*notes, *answer.of_data(e.weighed.analysis, folds)]
 
 
 def settles(alone: Weighed, joint: Weighed, names: Sequence[str]) -> list[str]:
-    """What the further recordings tell that the first one left open."""
+    """Sentences on causes that further recordings distinguish and the first one does not."""
     result = []
     verb = "tells" if len(names) == 2 else "tell"
     for cause in alone.verdict.causes:

@@ -25,7 +25,7 @@ SURE = 1e-4
 ALIKE = 1e-5
 """Poses cannot tell if they change what an acceleration puts on the sensor by less, squared."""
 GRID = 4
-"""Frequencies tried per 1/(length of a group)."""
+"""Trial frequencies per 1/(length of a group)."""
 LOWEST_HZ = 3.0
 NARROW = 0.45
 """Share of the shaking's power within one line, from which it is one."""
@@ -157,7 +157,7 @@ def _power(s: Scatter, x: np.ndarray, frequencies: np.ndarray) -> np.ndarray:
 
 
 def _top(f: np.ndarray, p: np.ndarray) -> float:
-    """Where a sampled peak is highest: a parabola through its best three."""
+    """Frequency of the maximum of a sampled spectrum p(f), by a parabola through three samples."""
     k = int(np.clip(np.argmax(p), 1, len(p) - 2))
     left, middle, right = p[k - 1 : k + 2]
     bend = left - 2.0 * middle + right

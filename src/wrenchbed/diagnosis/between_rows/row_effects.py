@@ -29,8 +29,8 @@ QUANTIZATION, VIBRATION = sensor_quantization.EFFECT.name, base_vibration.EFFECT
 COUNTS, LEVEL = 0.35, 0.05
 """Measured rise that counts, and the standard uncertainty of the stated variance, relative."""
 APART = 0.45
-"""Rise that counts of a step or a shaking base: both are told apart from the noise, stated or not,
-which leaves the scale of the rise alone uncertain."""
+"""Least relative rise of the variance for a step or a shaking base to count: both show beside the
+noise, stated or not, so that only the scale of the rise is uncertain."""
 UNEXPLAINED = 0.6
 """Rise of a channel's variance that nothing explains, from which there is a cause: the contract's
 half, and what small imperfections add to it (at most 0.15 in 13 healthy look-alikes; estimate)."""
@@ -38,7 +38,7 @@ BURST = 3.0
 """Scatter of a group over that of the median one, from which it is a burst; estimate."""
 STALE = 0.03
 BESIDE = 1.3
-"""What other causes explain, with a margin, is no noise."""
+"""Factor on the row variance that other causes explain: only what exceeds it counts as noise."""
 REPORTED, REPORTED_CHANNEL = 0.75, 0.5
 """Probability from which a finding, and a channel of it, is reported: a false alarm costs more than
 a cause that hardly counts."""
@@ -73,7 +73,7 @@ class RowFinding:
 
 
 def find_row_effects(recording: Recording, configuration: Configuration) -> tuple[RowFinding, ...]:
-    """What rows show beyond the stated noise, empty if they are as stated.
+    """Effects that raise the row noise above the stated noise; empty if the noise is as stated.
 
     The most probable comes first, of those that are equally sure the one that adds most.
 
@@ -107,7 +107,7 @@ def find_row_effects(recording: Recording, configuration: Configuration) -> tupl
 def unexplained(
     recording: Recording, configuration: Configuration, findings: Sequence[RowFinding]
 ) -> str:
-    """What rows scatter beyond the stated noise and beyond all findings; empty if that is little.
+    """Description of row scatter beyond the stated noise and all findings; empty if that is little.
 
     Bursts, hum and steps have no effect in the library, or raise the variance for a part of the
     time only.
@@ -260,5 +260,5 @@ def _noise(s: Scatter, explained: np.ndarray) -> RowFinding | None:
 
 
 def quantity(value: float, std: float | None, unit: str) -> dict[str, Any]:
-    """A parameter of ``diagnosis.json``."""
+    """Entry of a parameter in ``diagnosis.json``: value, standard uncertainty and unit."""
     return {"value": value, "std": std, "unit": unit}

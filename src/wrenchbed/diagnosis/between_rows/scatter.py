@@ -22,12 +22,14 @@ LEAST_HOLD, LEAST_GROUPS = 6, 12
 TAIL = 5.0
 """Rows further out than this many median distances are drawn in to it."""
 FLAT, STRETCH = 1.45, 32
-"""At most this much more variance than second differences, if white, would have, by stretches."""
+"""Largest variance over that of white noise with the same second differences, and the number of
+stretches that are compared."""
 SHORT, SHORTER = 1.2, 0.4
-"""The same of the scatter about a course with a window shorter by this factor."""
+"""Largest variance over that about a smooth course with a window shorter by ``SHORTER``, and this
+factor."""
 EVEN, SPREAD = 1.06, 2.5
-"""At most this much more variance than the quietest tenth of a motion's groups shows, for groups
-whose variances spread by ``SPREAD`` over their rows, relative and squared: 2 for normal ones."""
+"""Largest variance over that of the quietest tenth of a motion's groups, for groups whose row
+variances have a squared relative spread ``SPREAD`` (2 for normal noise)."""
 TILT = 4.0
 """Power that falls by more than this towards high frequencies is reversals, jumps or friction of a
 motion, not noise; then only the highest counts."""
@@ -35,7 +37,7 @@ QUIET = 0.4
 """Share of the mean power that the quieter quarter of a motion has at least: play and friction
 make bursts."""
 STEADY = 1.15
-"""At most this much more variance than the median group has: bursts are no noise."""
+"""Largest variance over that of the median group: more means bursts, which are no noise."""
 _Gathered = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
@@ -71,7 +73,7 @@ class Scatter:
         return 1.0 / float(np.median(np.diff(self.t)))
 
     def means(self, x: np.ndarray) -> np.ndarray:
-        """Mean of x (N, …) over each group (G, …)."""
+        """Mean of values x (N, …) over each group of rows (G, …)."""
         return self.means_of(lambda at: x[at])
 
     def means_of(self, make: Callable[[slice], np.ndarray]) -> np.ndarray:
@@ -83,7 +85,7 @@ class Scatter:
         return np.asarray((np.concatenate(total).T / self.count).T)
 
     def steady(self, x: np.ndarray) -> np.ndarray:
-        """Whether a motion's scatter x (N, …) is alike at all times, as no burst is; (…)."""
+        """Whether each channel of a motion's scatter x (N, …) has no bursts, boolean (…)."""
         groups = self.means_of(lambda at: x[at] ** 2)
         even = np.quantile(groups, 0.25, axis=0) >= QUIET * groups.mean(axis=0)
         return np.asarray(even if len(self.kernel) else np.ones_like(even))
@@ -120,7 +122,8 @@ class Scatter:
         return slow, power[2 * len(power) // 3 :].mean(axis=0)
 
     def _with_slow(self, variance: np.ndarray) -> np.ndarray:
-        """With memory, rows have more slow power than white ones: taken from lag one (AR(1))."""
+        """Variance (6,) corrected for noise with memory, whose power below the course's cutoff
+        follows from the correlation at lag one (AR(1))."""
         same = np.ones(len(self.rows) - 1, dtype=bool)
         same[self.starts[1:] - 1] = False
         product = (self.rows[1:] * self.rows[:-1])[same].mean(axis=0)
@@ -137,7 +140,8 @@ class Scatter:
         return _typical(second) * (1.0 - self.kernel.max())
 
     def _short(self) -> np.ndarray:
-        """Variance (6,) that white noise with the same scatter about a shorter course would have.
+        """Variance (6,) of white noise with the same scatter about a smooth course of shorter
+        window.
 
         Reversals and jumps have most of their power just above what the smooth course passes.
         """

@@ -15,7 +15,7 @@ from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 SMOOTH_S = 0.008
-"""Both are averaged over this [s]: an accelerometer passes to about 50 Hz."""
+"""Averaging window of force and acceleration [s]: an accelerometer passes to about 50 Hz."""
 GROUPS = 12
 FOLLOWS = 0.3
 """Least share of the fast force that the accelerometer must explain."""
@@ -86,7 +86,8 @@ def _follows(force: np.ndarray, moved: np.ndarray) -> tuple[float, float, float]
 
 
 def _blows(rough: np.ndarray, step: float) -> tuple[int, float]:
-    """How many separate stretches are far louder than most, and how much the loudest is."""
+    """Number of separate stretches far louder than the median, and loudness ratio of the
+    loudest."""
     size = max(4, round(BURST_S / step))
     count = len(rough) // size
     loud = np.sqrt((rough[: count * size].reshape(count, size, -1) ** 2).mean(axis=1))

@@ -45,7 +45,7 @@ def place(key: Key) -> tuple[str, str]:
 
 
 def which(d: Dictionary, v: Verdict, gap: Closure) -> list[dict[str, Any]]:
-    """Claims."""
+    """Entries of ``which`` of the diagnosis: the claimed causes with sizes and probabilities."""
     if not v.causes:
         return []
     folds = Folds.of(d, tuple(sorted(c.block for c in v.causes)))
@@ -113,7 +113,7 @@ def _claimed(c: Cause, closed: float) -> dict[str, Any]:
 
 
 def cannot_tell(v: Verdict) -> tuple[str, ...]:
-    """Causes that this data cannot tell apart."""
+    """Sentences on causes that this recording does not distinguish."""
     result = []
     for c in v.causes:
         if c.rivals:
@@ -123,7 +123,8 @@ def cannot_tell(v: Verdict) -> tuple[str, ...]:
 
 
 def next_steps(v: Verdict) -> list[dict[str, Any]]:
-    """What would tell."""
+    """Entries of ``next`` of the diagnosis: actions that would separate causes from their
+    rivals."""
     found: dict[str, dict[str, Any]] = {}
     for c in v.causes:
         if c.rivals and (text := _NEXT.get(c.key[0])):
@@ -134,7 +135,7 @@ def next_steps(v: Verdict) -> list[dict[str, Any]]:
 
 
 def notes(d: Dictionary, v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) -> tuple[str, ...]:
-    """What a reader should know."""
+    """Notes for the reader: what the answer rests on and what it leaves open."""
     scene = d.scene
     units = [joint.own("N·m") for joint in scene.robot.joints]
     units += UNITS[: len(scene.channels) - scene.joints]

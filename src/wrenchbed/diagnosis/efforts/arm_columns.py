@@ -14,14 +14,14 @@ from wrenchbed.physics.newton_euler import INERTIAL
 _TILT = np.deg2rad(0.1)
 """Ordinary tilt of a base [rad]; estimate: a bubble level."""
 _MASS_TOLERANCE, _COG_TOLERANCE = 0.005, 5e-4
-"""How wrong a stated tool may be: relative, and [m] (the contract's)."""
+"""Tolerance of a stated tool: mass (relative) and centre of gravity [m] (the contract's)."""
 _LINK_MASS, _LINK_COG, _LINK_INERTIA = 0.03, 3e-3, 0.05
 """Ordinary errors of a link: of its mass, relative, of its centre of gravity [m], and of its
 inertia over the mean principal one; estimates."""
 _GYRATION = 0.02
 """Least radius of gyration of a link [m]; estimate: files leave inertias out."""
 _STEP = 0.01
-"""Of the mass [kg] and of the moment [kg·m] at which the wrench's columns are made; estimate: the
+"""Steps in mass [kg] and first moment [kg·m] at which the wrench's columns are made; estimate: the
 wrench is linear in both but for the square of the centre of gravity."""
 _LIGHT = 0.01
 """Least mass of a tool whose centre of gravity moves [kg]; estimate."""
@@ -35,7 +35,7 @@ _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 def of_arm(scene: EffortScene) -> tuple[list[Column], list[Block]]:
-    """Columns (N, C) and causes."""
+    """Columns (N, C) of the links and the load of an arm, and the causes made of them."""
     columns, blocks = _links(scene)
     columns += _lag(scene)
     unseen = np.zeros((len(scene.signals.t), len(scene.channels) - scene.joints))
@@ -149,7 +149,7 @@ def _mean_inertia(phi: np.ndarray) -> float:
 
 
 def _second(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(a·b) 1 − (a bᵀ + b aᵀ)/2 (3, 3)."""
+    """Inertia of a product of two lever arms: (a·b) 1 − (a bᵀ + b aᵀ)/2 (3, 3)."""
     return np.asarray((a @ b) * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))
 
 

@@ -16,14 +16,14 @@ from wrenchbed.diagnosis.efforts.scene import EffortScene
 FRICTION_SPREAD = 0.05
 """Standard deviation of ordinary changes of stated friction, relative: estimate; warming apart."""
 INERTIA_SPREAD = 0.05
-"""Of stated rotor inertia, relative: estimate."""
+"""Standard deviation of a stated rotor inertia, relative: estimate."""
 ROUNDED = 3
 """Angles of `PRESLIDING` over which friction may lack or add its own level: nobody states
 bristles."""
 OFFSET_SPREAD = 0.02
-"""Of a constant torque, over the largest predicted one: estimate."""
+"""Standard deviation of a constant torque, over the largest predicted one: estimate."""
 CONSTANT_SPREAD = 0.01
-"""Of a drive constant or of a torque sensor's gain, relative: estimate."""
+"""Standard deviation of a drive constant or a torque sensor's gain, relative: estimate."""
 FREE = 1e3
 """Prior of what every fit leaves free, in noises of a row: wide; estimate."""
 BACKGROUND = 0.1
@@ -33,12 +33,12 @@ STRIBECK = (0.02, 0.06, 0.15)
 PRESLIDING = (3e-4, 1e-3, 3e-3, 1e-2, 4e-2)
 """Ways after a reversal over which friction builds up or breaks away [rad, m]; estimate."""
 WIDTHS = (1e-2, 3e-2, 1e-1)
-"""Half widths of hysteresis of a gear [rad, m]; estimate."""
+"""Half widths of a gear's hysteresis that are tried [rad, m]; estimate."""
 LATE = 2e-3
 """Ordinary delay of one joint's effort beside the others', one standard deviation [s]: estimate,
 controllers report within 2 to 8 ms."""
 STRETCHES = 6
-"""Over which friction or offset may change in time; estimate."""
+"""Stretches of time over which friction or offset may change in time; estimate."""
 LIMITS = (0.5, 0.75, 0.9)
 """Quantiles of the torque from which it may be limited; estimate."""
 ENDS = (0.15, 0.85)
@@ -71,7 +71,7 @@ class Block:
 
     @property
     def key(self) -> tuple[str, int | None]:
-        """Which cause it is a variant of."""
+        """Effect and joint of the cause that a block is a variant of."""
         return self.effect, self.joint
 
     @property
@@ -123,11 +123,11 @@ class _Joint:
         self.total, self.body = scene.total[:, j], scene.body[:, j]
         self.since = since_reversal(self.angle, self.sign)
         stated = scene.drives.value["drive.coulomb"][j]
-        self.told = bool(np.isfinite(stated))
+        self.is_stated = bool(np.isfinite(stated))
         moving = np.abs(self.sign) > 0.0
         fitted = float(np.median((scene.friction[:, j] * self.sign)[moving]))
         self.offset = OFFSET_SPREAD * float(np.abs(self.total).max())
-        self.level = abs(float(stated)) if self.told else abs(fitted)
+        self.level = abs(float(stated)) if self.is_stated else abs(fitted)
 
     def name(self, text: str) -> str:
         return f"{text}.{self.j + 1}"
@@ -146,7 +146,8 @@ class _Joint:
         return float(np.sqrt(max(own, least) ** 2 + drives.std[kind][self.j] ** 2))
 
     def stated(self) -> Iterator[Column]:
-        """What every fit leaves free, within its spread where it is stated."""
+        """Columns of the stated drive parameters, free or within the spread of their stated
+        values."""
         forms = (
             ("coulomb", self.sign, FRICTION_SPREAD, 0.0),
             ("viscous", self.speed, FRICTION_SPREAD, 0.0),
@@ -154,18 +155,18 @@ class _Joint:
         )
         for kind, data, relative, least in forms:
             spread = self.spread(f"drive.{kind}", relative, least)
-            if spread is None and self.told and kind == "offset":
+            if spread is None and self.is_stated and kind == "offset":
                 spread = self.offset
             yield self.column(kind, data, spread, free=spread is None)
         spread = self.spread("drive.inertia", INERTIA_SPREAD)
-        if spread is None and self.told:  # a motor without a rotor has none to be wrong
+        if spread is None and self.is_stated:  # a motor without a rotor has none to be wrong
             spread = INERTIA_SPREAD * float(self.scene.inertias.rotor[self.j])
         yield self.column("inertia", self.acceleration, spread, free=spread is None)
         known = not self.scene.currents or self.scene.drives.known("drive.constant")[self.j]
         yield self.column("constant", self.total, CONSTANT_SPREAD if known else 1.0, free=not known)
 
     def named(self) -> Iterator[Column]:
-        """What causes with a name add."""
+        """Columns of the drive effects that have a name in the library."""
         for k, width in enumerate(PRESLIDING):
             shape = self.sign * np.exp(-self.since / width)
             yield self.column(f"since{k}", shape, self.level if k < ROUNDED else None)
@@ -189,7 +190,7 @@ class _Joint:
             yield self.column("warmviscous", self.speed * above)
 
     def unnamed(self) -> Iterator[Column]:
-        """What no name is known for."""
+        """Columns of torque errors for which the library has no name."""
         size = np.abs(self.total)
         for k, at in enumerate(np.quantile(size, LIMITS)):
             yield self.column(f"limit{k}", np.sign(self.total) * np.maximum(size - at, 0.0))
@@ -214,7 +215,7 @@ class _Joint:
 
     def blocks(self) -> Iterator[Block]:
         """Causes of this joint; those whose columns are missing are left out by the caller."""
-        if self.told:
+        if self.is_stated:
             yield self.block("drive.coulomb", ("coulomb",))
             yield self.block("drive.viscous", ("viscous",))
             yield self.block("drive.inertia", ("inertia",))
@@ -225,8 +226,8 @@ class _Joint:
         yield self.block("drive.load", ("load", "loadspeed"))
         yield self.block("drive.temperature", ("warmcoulomb", "warmviscous"))
         loop = _some("stop", len(WIDTHS))
-        yield self.block("drive.hysteresis", ("coulomb", *loop) if self.told else loop)
-        yield self.block("drive.asymmetry", ("offset", "asymmetry") if self.told
+        yield self.block("drive.hysteresis", ("coulomb", *loop) if self.is_stated else loop)
+        yield self.block("drive.asymmetry", ("offset", "asymmetry") if self.is_stated
                          else ("asymmetry",))  # fmt: skip
         yield self.block("drive.stiction", _some("since", len(PRESLIDING))[ROUNDED:])
         yield self.block("link.cable", ("offset", "cable"))

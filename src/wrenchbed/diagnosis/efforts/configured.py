@@ -24,11 +24,11 @@ class Drives:
     std: Mapping[str, np.ndarray]
 
     def known(self, kind: str) -> np.ndarray:
-        """Which joints (J,) have a stated value."""
+        """Which joints (J,) have a stated value of a drive parameter, boolean."""
         return np.asarray(np.isfinite(self.value[kind]))
 
     def of(self, kind: str) -> np.ndarray:
-        """Values (J,), zero where unknown."""
+        """Stated values (J,) of a drive parameter, zero where unknown."""
         return np.nan_to_num(self.value[kind])
 
 

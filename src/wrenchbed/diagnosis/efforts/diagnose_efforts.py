@@ -29,7 +29,7 @@ from wrenchbed.twin.twin import Twin
 
 Progress = Callable[[str], None]
 STEPS = 4
-"""Steps that are reported."""
+"""Largest number of next steps that are reported."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,7 @@ def diagnose_efforts(
     wrench: bool = False,
     progress: Progress = lambda _: None,
 ) -> EffortFindings:
-    """Where, which, how far, of the joint torques or motor currents of a motion.
+    """Diagnosis of an arm's motion from joint torques or motor currents.
 
     Args:
         recording: of an arm, with ``tau1…`` or ``i1…``.

@@ -72,7 +72,7 @@ class Dictionary:
 
     @cached_property
     def plain_sums(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """`plain` of all rows."""
+        """Result of `plain` over all rows."""
         gram, right, square = self.plain
         return gram.sum(axis=0), right.sum(axis=0), float(square.sum())
 
@@ -104,7 +104,7 @@ class Dictionary:
         return at, np.concatenate([self.own[j], self.arm[:, j]], axis=1)
 
     def made(self, x: np.ndarray) -> np.ndarray:
-        """Torque (M, C) of amplitudes (P,)."""
+        """Torque (M, C) [N·m] that the columns make with amplitudes (P,)."""
         result = []
         for j in range(self.y.shape[1]):
             at, data = self.columns(j)
@@ -113,7 +113,7 @@ class Dictionary:
 
 
 def dictionary(scene: EffortScene) -> Dictionary:
-    """All columns of a scene."""
+    """Dictionary of all columns of a scene."""
     y = scene.thin(scene.residual)
     speed, rows, use = scene.speeds, len(y), scene.moving()
     if (lazy := np.flatnonzero(use.sum(axis=0) < BLOCKS)).size:

@@ -33,7 +33,7 @@ class Evidence:
 
     @cached_property
     def products(self) -> tuple[np.ndarray, np.ndarray]:
-        """XᵀX (P, P) and Xᵀy (P,)."""
+        """Weighted products XᵀX (P, P) and Xᵀy (P,) of columns X and torque residual y."""
         gram = np.tensordot(self.weight, self.d.gram, axes=1) / self.misfit
         return gram, self.weight @ self.d.right / self.misfit
 
@@ -54,7 +54,7 @@ class Evidence:
         return at, self.d.std[at] ** -2.0 - wide**-2.0
 
     def log(self, blocks: Sequence[int]) -> float:
-        """Log evidence over that of the background."""
+        """Log evidence of a structure (indices of blocks) over that of the background alone."""
         if not blocks:
             return 0.0
         at, less = self.freed(blocks)
@@ -69,7 +69,7 @@ class Evidence:
         return prior - 0.5 * float(size) + 0.5 * float((m * less) @ np.linalg.solve(inner, m))
 
     def amplitudes(self, blocks: Sequence[int]) -> np.ndarray:
-        """Mean (P,) of all amplitudes under a structure."""
+        """Posterior mean (P,) of all amplitudes under a structure."""
         covariance, mean = self.background
         if not blocks:
             return mean
@@ -86,7 +86,7 @@ class Evidence:
 
 
 def whole(d: Dictionary, misfit: float = 1.0) -> Evidence:
-    """Of all rows."""
+    """Evidence from all rows of a dictionary."""
     return Evidence(d, np.ones(len(d.gram)), misfit)
 
 

@@ -11,9 +11,9 @@ from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, fitted
 from wrenchbed.diagnosis.gap.closure import Closure, Interval
 
 DRAWS = 500
-"""Of the bootstrap over blocks."""
+"""Resamples of the bootstrap over blocks of time."""
 _PARTS = 4
-"""In which the black box is cross-fitted; estimate: it has hundreds of columns."""
+"""Folds in which the black box is cross-fitted; estimate: it has hundreds of columns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,13 +32,13 @@ class HeldOut:
     fit: TwinFit
 
     def gaps(self, which: str | int) -> np.ndarray:
-        """Of each row (M,): sums over the joints that count there."""
+        """Gap of a simulator at each row (M,), averaged over the joints that count there."""
         use = self.d.use * (self.d.y.size / self.d.use.sum())
         return np.asarray(((self.left[which] ** 2 - 1.0) * use).mean(axis=1))
 
 
 def held_out(d: Dictionary, blocks: Sequence[int]) -> HeldOut:
-    """All simulators on held-out rows."""
+    """Residuals of all simulators on held-out rows."""
     left: dict[str | int, np.ndarray] = {
         "configured": _in_noise(d, np.zeros(len(d.names))), "calibrated": _cross_fitted(d, ()),
         "box": _box(d),
@@ -74,7 +74,7 @@ def _cross_fitted(d: Dictionary, blocks: Sequence[int]) -> np.ndarray:
 
 
 def _box(d: Dictionary) -> np.ndarray:
-    """What is left by all columns at once, a regression that names nothing."""
+    """Held-out residual (M, J) of a regression on all columns at once, in noises of a row."""
     result, std = np.zeros_like(d.y), np.array([n.std for n in d.noise])
     every = list(range(len(d.blocks)))
     for part in range(_PARTS):
@@ -94,7 +94,8 @@ def closed_of_configured(h: HeldOut, blocks: Sequence[int], seed: int = 0) -> In
 
 
 def _ratio(h: HeldOut, seed: int, part: np.ndarray, of: np.ndarray) -> Interval | None:
-    """Of the sums over rows (M,), with the interval of blocks drawn anew; None of nothing."""
+    """Ratio of two sums over rows (M,) with its bootstrap interval over blocks; None if the second
+    sum is not positive."""
     rng = np.random.default_rng([seed, 30])
     drawn = rng.integers(BLOCKS, size=(DRAWS, BLOCKS))
     top, bottom = (np.bincount(h.d.fold, v, BLOCKS) for v in (part, of))
@@ -108,7 +109,7 @@ def _ratio(h: HeldOut, seed: int, part: np.ndarray, of: np.ndarray) -> Interval 
 
 
 def _names(d: Dictionary, prefix: str) -> list[str]:
-    """Columns of the recording by channel (C,)."""
+    """Recording's column of each channel (C,)."""
     joints = [f"{prefix}{j + 1}" for j in range(d.scene.joints)]
     return [*joints, *d.scene.channels[len(joints) :]]
 

@@ -62,5 +62,5 @@ EFFECTS: Mapping[str, Named] = {
 
 
 def title(effect: str, joint: int | None) -> str:
-    """What an effect is, of a joint; begins small."""
+    """Description of an effect with its joint, beginning in lower case."""
     return EFFECTS[effect].title.format(joint=joint)

@@ -11,7 +11,7 @@ from scipy import signal
 from scipy.linalg import solve_toeplitz
 
 _ORDER = 4
-"""Of the autoregressive process; estimate."""
+"""Order of the autoregressive noise model; estimate."""
 _FLOOR = 1e-3
 """White share that is added to its variance: filters leave bands without any."""
 _RIDGE = 1e-6
@@ -69,7 +69,7 @@ def joint_noise(
 
 
 def remains(y: np.ndarray, columns: np.ndarray, use: np.ndarray) -> np.ndarray:
-    """What least squares with a small ridge over some rows (M,) leaves of y (M,)."""
+    """Residual of y (M,) after least squares with a small ridge on some rows (M,)."""
     scale = np.sqrt(np.maximum((columns**2).mean(axis=0), 1e-300))
     scaled = columns / scale
     some = scaled[use]

@@ -21,7 +21,7 @@ def direction(speed: np.ndarray) -> np.ndarray:
 
 
 def moving(speed: np.ndarray, rate: float) -> np.ndarray:
-    """Which rows (N,) are clear of rest."""
+    """Which rows (N,) have a speed clear of rest, boolean."""
     still = np.abs(speed) <= REST * np.abs(speed).max()
     width = 2 * max(1, round(_MEMORY_S * rate)) + 1
     return np.asarray(np.convolve(still, np.ones(width), mode="same") < 0.5)
@@ -52,7 +52,7 @@ def stop(q: np.ndarray, width: float) -> np.ndarray:
 
 
 def late(torque: np.ndarray, t: np.ndarray, delay: float) -> np.ndarray:
-    """Change of a torque (N,) by a delay [s]."""
+    """Change of a torque (N,) when it is delayed by ``delay`` [s]."""
     return np.asarray(np.interp(t - delay, t, torque) - torque)
 
 

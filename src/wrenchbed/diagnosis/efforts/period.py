@@ -10,7 +10,7 @@ GEAR_MOST = 12.0
 _FINE = 4.0
 """Steps of the search within the width of a peak; estimate."""
 _STEP = 0.25
-"""Of slow periods a turn that are tried; estimate."""
+"""Step between the slow spatial frequencies that are tried [periods per turn]; estimate."""
 _BINS = 8.0
 """Bins of the angle within the shortest period; estimate."""
 

@@ -30,7 +30,7 @@ _RATE = 125.0
 _PASS = 0.8
 """Edge of the filter before rows are thinned, over the new Nyquist frequency; estimate."""
 _ORDER = 6
-"""Of that Butterworth filter, run forwards and backwards."""
+"""Order of the Butterworth low-pass before thinning, run forwards and backwards."""
 _END_S = 1.0
 """Time at both ends that takes no part [s]: filters settle; estimate."""
 _LEAST_ROWS = 400
@@ -71,12 +71,12 @@ class EffortScene:
 
     @property
     def joints(self) -> int:
-        """How many."""
+        """Number of joints."""
         return self.body.shape[1]
 
     @property
     def loops(self) -> bool:
-        """Whether loops are closed: links have numbers of their own, not those of the joints."""
+        """Whether the mechanism has closed loops: links are then numbered apart from the joints."""
         return not isinstance(self.robot, SerialChain)
 
     @property
@@ -99,7 +99,7 @@ class EffortScene:
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """What the channels (C,) are called: ``joint 1`` …, ``fx`` …."""
+        """Names of the channels (C,): ``joint 1`` …, then ``fx`` …."""
         own = tuple(f"joint {j + 1}" for j in range(self.joints))
         return own if self.wrench is None else (*own, *CHANNELS)
 
@@ -120,7 +120,7 @@ class EffortScene:
 
     @property
     def rate(self) -> float:
-        """Of the kept rows [Hz]."""
+        """Rate of the kept rows [Hz]."""
         return self.signals.rate / self.step
 
     def thin(self, columns: np.ndarray) -> np.ndarray:
@@ -131,7 +131,8 @@ class EffortScene:
         return np.asarray(columns[self.kept()])
 
     def moving(self) -> np.ndarray:
-        """Which kept rows of which channels (M, C) count: of joints those clear of rest."""
+        """Which kept rows of which channels (M, C) count, boolean: for joints those clear of
+        rest."""
         use = [moving(v, self.signals.rate) for v in self.q.d.T]
         use += [np.ones(len(self.q.d), dtype=bool)] * (len(self.channels) - self.joints)
         return np.stack(use, axis=-1)[self.kept()]

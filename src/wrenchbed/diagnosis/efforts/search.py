@@ -16,22 +16,22 @@ from wrenchbed.diagnosis.efforts.evidence import Evidence, left_square, whole
 MOST_CAUSES = 5
 """Causes of a structure, those among them that are too small to count; estimate."""
 _BEAM = 8
-"""Structures that are continued; estimate."""
+"""Structures that each step of the beam search continues; estimate."""
 _LIKELY = 60
 """Causes that are tried beside each structure but the best; estimate."""
 _HOPELESS = 10.0
 """Log posterior below the best at which longer structures end the search; estimate."""
 _KEPT = 150
-"""Structures that compete in the end; estimate."""
+"""Structures that the final comparison keeps; estimate."""
 _DRAWS = 16
-"""Resamples of blocks of time; estimate."""
+"""Resamples of blocks of time in the comparison of structures; estimate."""
 TEMPER = 4.0
 """Factor on the variance of noise: rows are worth fewer than their number; estimate."""
 _PRIOR_NONE, _PRIOR_ONE, _PRIOR_MORE, _PRIOR_UNKNOWN = 0.35, 0.5, 0.05, 0.15
 """Prior probability of no cause, of one, of each further one relative, of one without a name."""
 
 Structure = tuple[int, ...]
-"""Indices of blocks of the dictionary, sorted."""
+"""Sorted indices of the dictionary's blocks that act together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +125,7 @@ def _scored(evidence: Evidence, score: dict[Structure, float], s: Structure, blo
 
 
 def _resisting(evidence: Evidence, structure: Structure) -> bool:
-    """Whether each of its effects that only resist motion does."""
+    """Whether effects of a structure that can only resist motion do resist it."""
     d = evidence.d
     signed = [d.blocks[k] for k in structure if d.blocks[k].resists]
     if not signed:
@@ -135,6 +135,7 @@ def _resisting(evidence: Evidence, structure: Structure) -> bool:
 
 
 def _slot(d: Dictionary, block: int) -> tuple[str, int | None]:
-    """What only one cause of a structure may be: a delay and a filter of one joint may cancel."""
+    """Slot of a block: causes with one slot exclude each other, as a joint's delay and filter may
+    cancel."""
     effect, joint = d.blocks[block].key
     return ("lag" if effect in ("drive.delay", "drive.bandwidth") else effect), joint

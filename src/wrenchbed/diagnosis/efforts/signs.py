@@ -15,14 +15,15 @@ from wrenchbed.diagnosis.efforts.noise import remains
 _STRETCHES = 40
 """Stretches of time whose variances are compared; estimate."""
 _LEAST_ROWS = 20
-"""Fewest rows of a stretch that takes part; estimate."""
+"""Fewest rows of a stretch whose variance is compared; estimate."""
 _EPISODE = 4.5
 """Variance of the noisiest stretch over the median's; estimate, 98 % of 107 ordinary arms of the
 development seeds stay below 4.2."""
 _MANY = 2.0
-"""Likewise of the stretch that is noisier than nine of ten; estimate, ordinary arms reach 1.95."""
+"""Variance at the quantile `_TENTH` of the stretches over the median's, from which an episode is
+reported; estimate, ordinary arms reach 1.95."""
 _TENTH = 0.9
-"""Quantile of the stretches for `_MANY`; definition."""
+"""Quantile of the stretches' variances that `_MANY` refers to; definition."""
 _PEAK = 4.5
 """Power of a narrow peak over the median of its neighbours; estimate, ordinary arms reach 4.3."""
 _SEGMENT, _NEIGHBOURS = 256, 31
@@ -37,7 +38,7 @@ quantised noise reaches 0.07 s."""
 _REST = 0.03
 """Share of the largest speed below which a joint rests; estimate, as in `operators`."""
 HELD = "held"
-"""Kind of a sign that does not rest on any model."""
+"""Kind of the sign that an effort repeats exactly while its joint moves."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Sign:
 
 
 def signs(d: Dictionary) -> tuple[Sign, ...]:
-    """Signs of all channels."""
+    """Signs of faults in the efforts of all channels that rest on no model of a cause."""
     found = list[Sign]()
     time = d.scene.signals.t[d.scene.kept()]
     for j in range(d.y.shape[1]):
@@ -86,7 +87,7 @@ def _held(d: Dictionary, j: int) -> str:
 
 
 def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
-    """Whether an effort (N,) repeats exactly while its joint moves; empty if not."""
+    """Description of times at which an effort (N,) repeats exactly in motion; empty if none."""
     moves = np.abs(speed[1:]) > _REST * np.abs(speed).max()
     same = np.concatenate([[0], ((np.diff(effort) == 0.0) & moves).astype(int), [0]])
     first, end = np.flatnonzero(np.diff(same) > 0), np.flatnonzero(np.diff(same) < 0)
@@ -103,7 +104,7 @@ def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
 
 
 def episode(t: np.ndarray, left: np.ndarray, use: np.ndarray) -> str:
-    """Whether some stretches of a residual (M,) scatter far more than most; empty if not."""
+    """Description of stretches in which a residual (M,) scatters far more; empty if none."""
     fold = np.arange(len(left)) * _STRETCHES // len(left)
     rows = np.bincount(fold, use, _STRETCHES)
     some = np.flatnonzero(rows >= _LEAST_ROWS)
@@ -122,7 +123,7 @@ def episode(t: np.ndarray, left: np.ndarray, use: np.ndarray) -> str:
 
 
 def peak(left: np.ndarray, rate: float) -> str:
-    """Whether the spectrum of a residual (M,) has a narrow peak; empty if not."""
+    """Description of a narrow peak in the spectrum of a residual (M,); empty if none."""
     hertz, power = signal.welch(left, rate, nperseg=min(_SEGMENT, len(left)))
     around = ndimage.median_filter(power, _NEIGHBOURS, mode="nearest")
     over = (power / np.maximum(around, 1e-300))[_FIRST:]
@@ -133,7 +134,7 @@ def peak(left: np.ndarray, rate: float) -> str:
 
 
 def outliers(t: np.ndarray, left: np.ndarray, use: np.ndarray) -> str:
-    """Whether a few rows of a residual (M,) are far out; empty if not."""
+    """Description of a few rows far out in a residual (M,); empty if none."""
     some = left[use]
     square = max(float(np.mean(some**2)), 1e-300)
     if float(np.mean(some**4)) / square**2 < _KURTOSIS:

@@ -16,7 +16,7 @@ from wrenchbed.diagnosis.efforts.names import EFFECTS
 from wrenchbed.diagnosis.efforts.twin_fit import fitted
 
 _WAVES = ("drive.cogging", "drive.ripple", "link.spring")
-"""Their size is the amplitude of a wave."""
+"""Effects whose size is the amplitude of a wave over the joint's angle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +28,7 @@ class Folds:
 
     @classmethod
     def of(cls, d: Dictionary, blocks: tuple[int, ...]) -> "Folds":
-        """Of a simulator with causes."""
+        """Amplitudes of the simulator with the causes ``blocks``, without each block of time."""
         each = np.stack([fitted(d, blocks, without=k).x for k in range(BLOCKS)])
         return cls(each, fitted(d, blocks).x)
 

@@ -15,7 +15,7 @@ ORDINARY = 2.0
 MEMORY = 10.0
 """Rows of noise that are worth one: spreads count so much more beside rows; estimate."""
 _ROUNDS = 6
-"""Of fixing amplitudes that leave their range."""
+"""Largest number of passes that fix amplitudes which leave their range."""
 _RIDGE = 1e-8
 """Share of a column's square that is added to it: columns may be alike."""
 

@@ -20,7 +20,7 @@ COUNTS = 0.75
 _RIVAL = 0.1
 """Share of a cause's probability from which another is its rival."""
 _SMALL = 1e-3
-"""Probability of structures that are not looked at."""
+"""Total probability of the least probable structures, which are not examined."""
 _BESIDE = 0.25
 """Gap of causes without a name over that of named ones, from which nothing is named; estimate."""
 _MOST_RIVALS = 4
@@ -32,7 +32,7 @@ _LITTLE = 0.25
 _FURTHER = 0.1
 """Share of the gap that a further cause closes by itself at least; estimate."""
 _CLEAR = 3.0
-"""Standard errors by which it does; estimate."""
+"""Standard errors by which the gap that a further cause closes must exceed zero; estimate."""
 _NORMAL = 3.92
 """Standard errors in a 95 % interval."""
 _LARGEST_JOINT = 2.0
@@ -51,7 +51,7 @@ _WITHDRAWN = 0.15
 estimate."""
 
 Key = tuple[str, int | None]
-"""Effect and joint, from 1."""
+"""Effect and joint (from 1) of a cause."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,7 @@ class Verdict:
     of_configured: bool = False
 
     def set90(self) -> tuple[str, ...]:
-        """Names that hold the truth in 90 % of cases."""
+        """Names of a 90 % credible set of answers, the causes and their rivals included."""
         names = credible(self.probabilities, 0.9)
         return tuple(dict.fromkeys(
             (*names, *(k[0] for c in self.causes for k in (c.key, *c.rivals)))
@@ -108,12 +108,12 @@ class Weighed:
     structures: tuple[tuple[Structure, float, Mapping[int, float]], ...]
 
     def counting(self, k: int) -> dict[int, float]:
-        """Causes of structure k that count, with their gaps."""
+        """Gap of each cause of structure k that counts, by block."""
         return {b: g for b, g in self.structures[k][2].items() if g >= COUNTS}
 
 
 def weighed(s: Search) -> Weighed:
-    """What each cause of each probable structure adds."""
+    """Probable structures with the gap that each of their causes adds."""
     found = list[tuple[Structure, float, dict[int, float]]]()
     for structure, p in zip(s.structures, s.probability, strict=True):
         if p >= _SMALL or not found:
@@ -125,14 +125,14 @@ def weighed(s: Search) -> Weighed:
 
 
 def _plausible(d: Dictionary, fit: TwinFit, block: int) -> bool:
-    """Whether a lag is about as long as the one that its column was made for."""
+    """Whether a fitted lag lies within the range for which its linear column holds."""
     if d.blocks[block].effect not in ("drive.delay", "drive.bandwidth"):
         return True
     return _LAG[0] <= float(fit.x[d.at[block][0]]) <= _LAG[1]
 
 
 def decide(d: Dictionary, w: Weighed) -> Verdict:
-    """The answer before held-out rows are asked."""
+    """Verdict from the evidence alone, before held-out rows are compared."""
     leading: dict[Key | str, float] = {NONE: 0.0, UNKNOWN: 0.0}
     mass: dict[Structure, float] = {}
     for k, (_, p, _) in enumerate(w.structures):
@@ -166,7 +166,7 @@ def _by_effect(leading: Mapping[Key | str, float]) -> dict[str, float]:
 
 
 def _outside(d: Dictionary, w: Weighed) -> str:
-    """What without a name adds most, in words; empty if nothing does."""
+    """Unnamed cause that adds most, with its channel; empty if there is none."""
     own = {b: g for b, g in w.counting(0).items() if d.blocks[b].outside}
     if not own:
         return ""
@@ -230,8 +230,8 @@ def upheld(
     if gap.closed is not None and gap.closed.low > 0.0 and gap.closed.value >= least:
         shown = _shown(gap, v.causes, apart)
     if not shown:
-        told = _by_evidence(v, gap, stated) if small else None
-        return told or withdrawn(v, NONE if small else UNKNOWN)
+        by_evidence = _by_evidence(v, gap, stated) if small else None
+        return by_evidence or withdrawn(v, NONE if small else UNKNOWN)
     if shown != v.causes:
         open_ = any(c.rivals for c in shown)
         v = Verdict("ambiguous" if open_ else "identified", shown, v.probabilities, v.outside)
@@ -280,7 +280,8 @@ def _shown(gap: Closure, causes: Sequence[Cause], apart: bool) -> tuple[Cause, .
 
 
 def _one_place(first: Key, other: Key, apart: bool) -> bool:
-    """Whether two causes are of one joint, or of one link where these have other numbers."""
+    """Whether two causes concern the same joint, or the same link where links have their own
+    numbers."""
     subsystems = {key[0].partition(".")[0] for key in (first, other)}
     return first[1] is not None and first[1] == other[1] and (not apart or len(subsystems) == 1)
 
@@ -299,7 +300,7 @@ def _closed(gap: Closure, cause: Cause) -> float:
 
 
 def _closes(gap: Closure, cause: Cause, *, further: bool) -> bool:
-    """Whether held-out rows show a cause; of one beside another more is asked."""
+    """Whether held-out rows confirm a cause; a ``further`` one must close more."""
     member = gap.members.get(str(cause.block))
     if member is None or member.low <= 0.0:
         return False
@@ -339,5 +340,5 @@ def withdrawn(v: Verdict, instead: str) -> Verdict:
 
 
 def kept(causes: Sequence[Cause]) -> tuple[int, ...]:
-    """Blocks of claims."""
+    """Sorted block indices of the claimed causes."""
     return tuple(sorted(c.block for c in causes))

@@ -22,7 +22,7 @@ from wrenchbed.physics.time_derivatives import Jet, value
 from wrenchbed.physics.wrench import CHANNELS
 
 TIME_WAVES = 8
-"""Half waves over the recording."""
+"""Half waves over the recording's length that model a drift in time."""
 LARGEST = 30.0
 """Largest multiple of its typical size that an effect may have; invisible then: not considered."""
 VISIBLE = 0.5
@@ -155,13 +155,13 @@ class EffectDictionary:
 
     @cached_property
     def gram(self) -> np.ndarray:
-        """EᵀE (n, n)."""
+        """Gram matrix EᵀE (n, n) of the columns."""
         tall = len(self.E) > self.E.shape[1]
         return self.weighed(np.ones(6)) if tall else self.E.T @ self.E
 
     @cached_property
     def grams(self) -> np.ndarray:
-        """EᵀE of each channel's rows (6, n, n)."""
+        """Gram matrix EᵀE of each channel's rows (6, n, n)."""
         n = self.E.shape[1]
         result = np.empty((6, n, n))
         for c, of_channel in enumerate(np.swapaxes(self.E.reshape(-1, 6, n), 0, 1)):
@@ -173,7 +173,7 @@ class EffectDictionary:
         return {}
 
     def weighed(self, weights: np.ndarray) -> np.ndarray:
-        """Eᵀ W E (n, n) for weights (6,) of the channels."""
+        """Weighted Gram matrix Eᵀ W E (n, n) for weights (6,) of the channels."""
         key = tuple(weights.tolist())
         if key not in self._weighed:
             if self.of_all is None:
@@ -202,7 +202,7 @@ class EffectDictionary:
 
     @cached_property
     def configured_gap(self) -> np.ndarray:
-        """Gap of each column at typical size (n,)."""
+        """Gap of each column at its typical size (n,), before any fit."""
         return np.asarray(np.einsum("rn,rn->n", self.E, self.E) / len(self.E))
 
     @cached_property
@@ -224,7 +224,7 @@ class EffectDictionary:
         return np.asarray(signal - self.fitted_away @ (self.fitted_away.T @ signal))
 
     def without(self, fold: int) -> "EffectDictionary":
-        """The same columns on the rows that are not of a fold."""
+        """Dictionary of the same columns on rows outside a fold."""
         keep = np.repeat(self.prepared.fold_rows != fold, 6)
         return replace(
             self,
@@ -236,7 +236,7 @@ class EffectDictionary:
 
     @property
     def row_noise(self) -> float:
-        """Gap of the noise of the fit's rows."""
+        """Gap that the noise of the fitted rows makes."""
         return float(self.prepared.variance.mean())
 
     @cached_property
@@ -264,7 +264,7 @@ class EffectDictionary:
 def build(
     prepared: Prepared, robot_theta: np.ndarray, tolerance: Mapping[str, np.ndarray]
 ) -> EffectDictionary:
-    """All columns at a baseline.
+    """Dictionary of all effects' columns at a baseline.
 
     Args:
         prepared: the design.
@@ -328,14 +328,14 @@ def build(
 
 
 def _shape(variant: Variant) -> _Shape:
-    """What tells amplitudes of one name apart."""
+    """Shape parameters of a variant as sorted pairs: they distinguish amplitudes of one name."""
     return tuple(sorted(variant.at.items()))
 
 
 def _columns(
     prepared: Prepared, response: Response, effect: Effect, variants: Sequence[Variant]
 ) -> dict[tuple[str, _Shape], np.ndarray]:
-    """Columns (6 R,) of an effect by amplitude and shape."""
+    """Columns (6 R,) of an effect, by amplitude's name and shape."""
     known = {p.name: p for p in effect.parameters(response.scene.robot)}
     wanted: dict[_Shape, dict[str, Parameter]] = {}
     for variant in variants:
@@ -373,7 +373,8 @@ def _with_hypotheses(
 
 
 class FittedResidual:
-    """What bias, mass and CoG leave of a recording, for effects to scan for their shapes."""
+    """Residual of a recording after bias, mass and CoG are fitted, scanned for shapes of
+    effects."""
 
     def __init__(self, prepared: Prepared, response: Response) -> None:
         self.scene, self.response = prepared.scene, response

@@ -68,33 +68,33 @@ class BackgroundLevel:
         return replace(self, V=variance, spread=self.spread + more)
 
     def of_rows(self, rows: np.ndarray) -> "BackgroundLevel":
-        """The level of some rows (6 R,), boolean."""
+        """Background level of a selection of rows (6 R,), boolean."""
         spread = None if self.spread is None else self.spread[np.ix_(rows, rows)]
         return replace(self, E=self.E[rows], v0=self.v0[rows], weighed=None, spread=spread)
 
     @property
     def tall(self) -> bool:
-        """Whether there are more rows than columns."""
+        """Whether the level has more rows than columns."""
         return len(self.v0) > len(self.V)
 
     @cached_property
     def _on(self) -> np.ndarray:
-        """Columns that the background has at all (b,)."""
+        """Indices of the columns with a positive background variance (b,)."""
         return np.flatnonzero(self.V > 0.0)
 
     @cached_property
     def _root(self) -> np.ndarray:
-        """Standard deviations of those (b,)."""
+        """Standard deviations of the columns with background variance (b,)."""
         return np.sqrt(self.V[self._on])
 
     def _beside(self) -> np.ndarray:
-        """G D of those (n, b), D = V½."""
+        """G D for the columns with background variance (n, b), G = Eᵀ v₀⁻¹ E, D = V½."""
         result = np.take(self._gram, self._on, axis=1)
         result *= self._root
         return result
 
     def _inner(self) -> np.ndarray:
-        """D G D of those (b, b)."""
+        """D G D among the columns with background variance (b, b)."""
         result = self._beside()[self._on]
         result *= self._root[:, None]
         return result
@@ -104,7 +104,7 @@ class BackgroundLevel:
         return self._weighed()
 
     def _weighed(self) -> np.ndarray:
-        """Eᵀ v₀⁻¹ E (n, n)."""
+        """Gram matrix Eᵀ v₀⁻¹ E (n, n), weighted by the noise."""
         if self.weighed is None:
             return np.asarray(self.E.T @ (self.E / self.v0[:, None]))
         return self.weighed(1.0 / self.v0[:6])
@@ -140,12 +140,12 @@ class BackgroundLevel:
 
     @cached_property
     def log_det(self) -> float:
-        """log |K₀|."""
+        """Log determinant log |K₀|."""
         diagonal = np.diagonal(self._factor[0])
         return float(2 * np.log(diagonal).sum() + np.log(self.v0).sum())
 
     def _kept(self, w: np.ndarray) -> np.ndarray:
-        """D (I + D G D)⁻¹ D w with D = V½, of (n, k)."""
+        """Product D (I + D G D)⁻¹ D w with D = V½, for w (n, k)."""
         root, result = self._root[:, None], np.zeros_like(w)
         solved = cho_solve(self._factor, root * w[self._on], check_finite=False)
         result[self._on] = root * solved
@@ -178,7 +178,7 @@ class BackgroundLevel:
         return np.asarray(cho_solve(self._factor, z, check_finite=False) / root)
 
     def whitened(self, x: np.ndarray) -> "Whitened":
-        """What makes products x'ᵀ K₀⁻¹ x of x (6 R, k); half the work of `solve`."""
+        """Factors of x (6 R, k) from which products x'ᵀ K₀⁻¹ x follow; half the work of `solve`."""
         root = np.sqrt(self.v0)[:, None]
         z = x / root
         if not self.tall:
@@ -193,12 +193,12 @@ class BackgroundLevel:
         return Whitened(z, np.sqrt(share)[:, None] * (ways.T @ z))
 
     def products(self, x: np.ndarray) -> np.ndarray:
-        """xᵀ K₀⁻¹ x (k, k) for x (6 R, k)."""
+        """Product xᵀ K₀⁻¹ x (k, k) for x (6 R, k)."""
         white = self.whitened(x)
         return white.products(white)
 
     def precision(self, rows: np.ndarray) -> np.ndarray:
-        """The block of K₀⁻¹ of some rows (k, k)."""
+        """Block (k, k) of the inverse K₀⁻¹ for k selected rows."""
         if self.tall:
             root, ways = self.less(rows)
             return np.asarray((np.eye(len(rows)) - ways @ ways.T) / np.outer(root, root))
@@ -267,13 +267,13 @@ class Whitened(NamedTuple):
         return np.asarray(self.rows.T @ other.rows - self.taken.T @ other.taken)
 
     def put(self, columns: Sequence[int], other: "Whitened") -> None:
-        """Replace some columns."""
+        """Replace some columns by those of another factorization."""
         self.rows[:, columns] = other.rows
         self.taken[:, columns] = other.taken
 
     @classmethod
     def of_all(cls, each: "Iterable[Whitened]") -> "Whitened":
-        """The same columns on the rows of several independent readings."""
+        """Factors of columns over the stacked rows of several independent readings."""
         rows, taken = zip(*each, strict=True)
         return cls(np.concatenate(rows), np.concatenate(taken))
 
@@ -318,7 +318,7 @@ def gains(
 
 
 class Moments(NamedTuple):
-    """What one rung makes of columns: information (k, k), score (k,), log evidence without them.
+    """Information (k, k), score (k,) and null log evidence of k columns on one background.
 
     Moments of independent readings add up.
     """
@@ -329,12 +329,12 @@ class Moments(NamedTuple):
 
     @classmethod
     def of(cls, level: BackgroundLevel, y: np.ndarray, columns: np.ndarray) -> "Moments":
-        """Of readings (6 R,) and columns (6 R, k)."""
+        """Moments of readings y (6 R,) and columns (6 R, k) on a background level."""
         every = level.products(np.column_stack([columns, y]))
         return cls(every[:-1, :-1], every[:-1, -1], -0.5 * float(every[-1, -1] + level.log_det))
 
     def raised(self, by: float) -> "Moments":
-        """The same with a log prior added."""
+        """Moments with a log prior added to their null log evidence."""
         return self._replace(null=self.null + by)
 
     def __add__(self, other: "Moments") -> "Moments":  # type: ignore[override]
@@ -351,7 +351,7 @@ class ScaledEvidence(NamedTuple):
     information: np.ndarray
 
     def raised(self, by: float) -> "ScaledEvidence":
-        """The same with a log prior added."""
+        """Scaled evidence with a log prior added."""
         return self._replace(total=self.total + by)
 
 
@@ -382,19 +382,19 @@ def over_scales(
 
 @dataclass(frozen=True, eq=False)
 class Background:
-    """One rung: its gap and the covariance that goes with it."""
+    """One rung of the background ladder: its gap and its covariance."""
 
     gap: float
     level: BackgroundLevel
 
     @property
     def normal(self) -> bool:
-        """Whether every robot may have so many imperfections."""
+        """Whether a robot without a fault may have imperfections of this size."""
         return self.gap <= NORMAL
 
 
 def ladder(d: EffectDictionary) -> tuple[Background, ...]:
-    """All rungs for a dictionary."""
+    """All background rungs of a dictionary."""
     variances = [_variance(d, g) for g in LADDER]
     tall = d.rows * 6 > len(d.label)
     few = d.prepared.held_out is not None

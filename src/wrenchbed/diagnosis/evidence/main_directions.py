@@ -14,15 +14,15 @@ from scipy.linalg import eigh, lapack, solve_triangular
 FEW = 400
 """Rows up to which the whole matrix is reduced; estimate."""
 NEAR = 0.005
-"""Pivots above so much of the least eigenvalue wanted span its vectors; measured: operators made of
-these agree with those of the whole reduction to 1e-12 in motions of the UR5."""
+"""Pivots above this fraction of the least wanted eigenvalue span its vectors; measured: operators
+made of these agree with those of the whole reduction to 1e-12 in motions of the UR5."""
 ROUNDING = 1e-9
 """Share of the least eigenvalue wanted that may be left out as rounding."""
 
 
 def above(matrix: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues (r,) above a least one and their vectors (n, r) of a symmetric matrix (n, n)
-    without negative eigenvalues."""
+    """Eigenvalues (r,) above ``least`` and their vectors (n, r) of a positive semidefinite
+    matrix."""
     if len(matrix) > FEW:
         factor, pivots, rank, _ = lapack.dpstrf(matrix.T, tol=ROUNDING * least, lower=1)
         some = int((np.diagonal(factor)[:rank] ** 2 > NEAR * least).sum())
@@ -32,14 +32,15 @@ def above(matrix: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _unpivoted(factor: np.ndarray, pivots: np.ndarray) -> np.ndarray:
-    """L (n, k) with M = L Lᵀ from what LAPACK returns."""
+    """Factor L (n, k) with M = L Lᵀ from LAPACK's pivoted Cholesky factor."""
     result = np.empty_like(factor)
     result[pivots - 1] = np.tril(factor)
     return result
 
 
 def _of_factor(lower: np.ndarray, some: int, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """The same of L Lᵀ for a graded L (n, k), from the first ``some`` rows after one LR step."""
+    """Eigenvalues above ``least`` and vectors of L Lᵀ for a graded L (n, k), from its first
+    ``some`` rows after one LR step."""
     inner = np.tril(lapack.dpotrf(lower.T @ lower, lower=1)[0])
     graded = inner.T @ inner
     root = lapack.dpotrf(graded[:some, :some], lower=1, clean=1)[0]

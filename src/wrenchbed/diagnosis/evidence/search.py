@@ -14,7 +14,7 @@ from wrenchbed.diagnosis.evidence.likelihood import Background, gains, ladder, l
 NONE, UNKNOWN = "none", "unknown"
 PRIOR = {NONE: 0.35, "one": 0.45, UNKNOWN: 0.15}
 MORE = 0.1
-"""Prior odds of a further effect."""
+"""Prior odds of each effect after the first."""
 STEPS = 7
 """Scales from the smallest that adds a gap of 1 upwards, doubling."""
 LEAST_SCALE, LARGEST_SCALE = 0.06, 8.0
@@ -36,7 +36,7 @@ class SingleEvidence:
 
 @dataclass(frozen=True, eq=False)
 class _Batch:
-    """Hypotheses with equally many columns."""
+    """Hypotheses with the same number of columns, evaluated together."""
 
     index: np.ndarray  # (b,) place in Searcher.columns
     columns: np.ndarray  # (b, k)
@@ -69,7 +69,7 @@ class Searcher:
 
     @cached_property
     def batches(self) -> tuple[_Batch, ...]:
-        """All hypotheses and kernels by their number of columns."""
+        """All hypotheses and kernels, grouped by their number of columns."""
         groups: dict[int, list[int]] = {}
         for k, h in enumerate(self.hypotheses):
             groups.setdefault(len(h.columns), []).append(k)
@@ -104,7 +104,7 @@ class Searcher:
 
     @cached_property
     def _weights(self) -> dict[str, float]:
-        """Weight of all variants of each effect."""
+        """Total prior weight of each effect's variants."""
         total: dict[str, float] = {}
         for h in self.hypotheses:
             total[h.name] = total.get(h.name, 0.0) + h.variant.weight
@@ -123,7 +123,7 @@ class Searcher:
         return self._last[1]
 
     def singles(self, y: np.ndarray) -> list[SingleEvidence]:
-        """Every hypothesis and kernel alone, on every rung."""
+        """Evidence of every hypothesis and kernel alone, on every rung."""
         self._make()
         result: list[SingleEvidence] = []
         scores, nulls = self._scored(y)
@@ -134,7 +134,7 @@ class Searcher:
     def added(
         self, rung: int, base: float, score: np.ndarray, known: np.ndarray | None = None
     ) -> list[SingleEvidence]:
-        """What each hypothesis adds to a log evidence.
+        """Log evidence that each hypothesis adds to a structure.
 
         Args:
             rung: of the background.

@@ -18,9 +18,9 @@ from wrenchbed.effects.base import Effect, Variant
 from wrenchbed.effects.chain import effects
 
 ALIKE = 0.99
-"""Cosine from which two signatures are one."""
+"""Cosine from which two signatures count as the same."""
 PLAUSIBLE = 8.0
-"""No effect is taken to be larger than so many times its typical size."""
+"""Largest plausible size of an effect in multiples of its typical size."""
 _UNSEEN = 1e-6
 """Share of a signature that may be left where a fit takes all of it."""
 _RIDGE = 0.002
@@ -41,7 +41,8 @@ class Signature:
 
     @property
     def text(self) -> str:
-        """For people: ``joint.offset of joint 6``, ``sensor.gain (forces)``."""
+        """Name of the signature for people: ``joint.offset of joint 6``, ``sensor.gain
+        (forces)``."""
         label, detail = self.variant.label, self.variant.detail
         if list(detail) == ["joint"]:
             return f"{self.name} of joint {detail['joint']}"
@@ -64,19 +65,19 @@ class Fitted:
         self.energy = np.diagonal(gram) - (self._taken**2).sum(axis=0)
 
     def blocks(self, some: np.ndarray) -> np.ndarray:
-        """Of sets of columns (B, k): (B, k, k)."""
+        """Gram matrices (B, k, k) of B sets of k columns, given by their indices (B, k)."""
         whole = self._gram[some[:, :, None], some[:, None, :]]
         return np.asarray(whole - squares(self._taken, some))
 
     def cross(self, some: np.ndarray, others: np.ndarray) -> np.ndarray:
-        """Of sets of columns (B, k) with other columns (m,): (B, k, m)."""
+        """Products (B, k, m) of B sets of columns (B, k) with other columns (m,)."""
         whole = self._gram[np.ix_(some.ravel(), others)]
         rest = whole - self._taken[:, some.ravel()].T @ self._taken[:, others]
         return np.asarray(rest.reshape(*some.shape, len(others)))
 
 
 class Similarity:
-    """Which variants of which effects make the same readings in a design.
+    """Signatures of effects' variants in a design, and which of them make the same readings.
 
     Args:
         dictionary: of the design.
@@ -105,7 +106,7 @@ class Similarity:
         return {}
 
     def gap(self, signature: Signature) -> float:
-        """Gap that a signature adds at typical size."""
+        """Gap that a signature adds at its typical size."""
         if signature.name in STATED:
             return float(self.d.configured_gap[signature.columns].sum())
         after = self.remaining().energy[signature.columns]
@@ -114,11 +115,11 @@ class Similarity:
 
     @cached_property
     def gaps(self) -> np.ndarray:
-        """`gap` of each signature."""
+        """Gap of each signature at its typical size (signatures,)."""
         return np.array([self.gap(w) for w in self.signatures])
 
     def seen(self, signature: Signature) -> bool:
-        """Whether a fit of bias, mass and CoG leaves anything of a signature."""
+        """Whether a signature leaves any residual after bias, mass and CoG are fitted."""
         total = float(self.d.configured_gap[signature.columns].sum())
         return total > 1e-12 and (signature.name in STATED or self.gap(signature) > _UNSEEN * total)
 

@@ -88,12 +88,12 @@ class Stated(NamedTuple):
 
     @property
     def std(self) -> np.ndarray:
-        """Standard uncertainties (S,)."""
+        """Standard uncertainties (S,) of the stated numbers' errors, in typical sizes."""
         return np.sqrt(np.maximum(np.diagonal(self.covariance), 1e-24))
 
 
 def explained(refitter: Refitter, f: Finalist) -> Explanation:
-    """What a finalist claims: its effects that count, and stated numbers that are wrong."""
+    """Explanation of a finalist: its effects that count, and the stated numbers that are wrong."""
     d = refitter.d
     total = d.gap(refitter.y) - d.row_noise
     # parts that cancel out add nothing
@@ -145,7 +145,7 @@ def _standing_in(
 
 
 def _form_of_another(part: Part, parts: list[Part], f: Finalist) -> bool:
-    """Whether a part may be what the form assumed for a larger one of its kind misses."""
+    """Whether a part may only correct the form assumed for a larger part of its kind."""
     assert part.index is not None
     family = f.parts[part.index].effect.family
     for other in parts:
@@ -198,7 +198,7 @@ def wrong_odds(
 
 
 def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
-    """How far the parts may move each stated number (S,), in typical sizes.
+    """Size by which the parts may shift each stated number (S,), in typical sizes.
 
     Where the zero of a drift, a cable or a memory lies is a convention: a constant part of such an
     effect within its own range is no wrong bias, its mean share of the load no wrong mass. And an
@@ -218,7 +218,7 @@ def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
 
 
 def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
-    """The range (6,) of a signal, as biases (S,)."""
+    """Extent (6,) of a signal as biases among the stated numbers (S,), in typical sizes."""
     result = np.zeros(len(d.stated))
     for i in np.flatnonzero(d.of_stated(STATED[0])):
         column = np.abs(d.E[:, d.stated[i]].reshape(-1, 6)).max(axis=0)
@@ -228,7 +228,7 @@ def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
 
 
 def stated(refitter: Refitter, f: Finalist) -> Stated:
-    """How wrong the stated numbers are beside a finalist, without believing their tolerances."""
+    """Errors of the stated numbers beside a finalist, fitted without their tolerances."""
     d = refitter.d
     count, numbers = len(f.x), len(d.stated)
     columns = np.column_stack([d.E[:, d.stated], f.design[:, :count]])
@@ -255,7 +255,7 @@ def _fitted(
 
 
 def _held_by_small(refitter: Refitter, f: Finalist, x: np.ndarray) -> np.ndarray:
-    """What parts too small to be named hold of the stated numbers (S,), in typical sizes.
+    """Error of the stated numbers (S,) that parts too small to be named hold, in typical sizes.
 
     ``x`` are the parts' variables (k,) that go with these numbers.
 

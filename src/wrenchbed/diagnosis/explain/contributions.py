@@ -19,7 +19,7 @@ SAME, EXCUSED = 0.02, 0.1
 
 
 def made_by(refitter: Refitter, f: Finalist, parts: Collection[int]) -> np.ndarray:
-    """What some parts add to the readings (6 R,), whitened, the others as they are."""
+    """Whitened readings (6 R,) that some parts add while the others stay as they are."""
     amplitudes = np.isin(f.variables.part, list(parts)) & ~f.variables.shape
     without = np.where(amplitudes, 0.0, f.x)
     return np.asarray(refitter.response(f.parts, f.x) - refitter.response(f.parts, without))
@@ -31,7 +31,7 @@ def any_free_form(f: Finalist) -> bool:
 
 
 def share(refitter: Refitter, f: Finalist, part: int) -> float:
-    """How much smaller the gap is with one part than without it, the others as they are.
+    """Reduction of the gap by one part while the others stay as they are.
 
     Beside a form-free part the others take up what they can of it: the two may hold large curves
     against each other.
@@ -77,7 +77,7 @@ def twins(
 
 
 def doubled(refitter: Refitter, f: Finalist) -> bool:
-    """Whether the last part makes what another makes already, be it to undo a share of that."""
+    """Whether the last part makes nearly the same readings as another part, of either sign."""
     made = np.stack([made_by(refitter, f, [k]) for k in range(len(f.parts))], axis=1)
     *others, last = refitter.d.without_stated(made).T
     energy = (1.0 - SAME) * float(last @ last)
@@ -103,7 +103,7 @@ def _in_the_same_place(
 
 
 def _place(h: Hypothesis) -> str:
-    """The one joint or link that a part is of, as the ends of its parameters' names."""
+    """Joint or link of a part, from the end of its parameters' names."""
     ends = {name.partition(".")[2] for name in h.variant.free}
     return ends.pop() if h.effect.local and len(ends) == 1 else ""
 

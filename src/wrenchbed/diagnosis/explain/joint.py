@@ -34,7 +34,7 @@ from wrenchbed.diagnosis.explain.refit import (
 from wrenchbed.effects.chain import ActiveEffect
 
 Rungs = tuple[int, ...]
-"""Background rung of each recording."""
+"""Background rung of each recording (N,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ class Layout:
 
 @dataclass(frozen=True, eq=False)
 class View(Finalist):
-    """A joint finalist as one of its recordings sees it."""
+    """Joint finalist restricted to one of its recordings."""
 
     joint: "JointFinalist"
 
@@ -149,7 +149,7 @@ class JointFinalist:
 
     @cached_property
     def views(self) -> tuple[View, ...]:
-        """Of each recording."""
+        """View of the finalist in each recording."""
         return tuple(self._view(r) for r in range(len(self.residuals)))
 
     def _view(self, r: int) -> View:
@@ -182,7 +182,7 @@ class OneOf(Refitter):
         self.shown = {effect for effect, parameter in self.d.label if parameter}
 
     def active(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[ActiveEffect]:
-        """The parts that can show in this recording."""
+        """Active effects of the parts that can show in this recording."""
         return [a for a in super().active(parts, x) if a.effect.name in self.shown]
 
     def without(self, fold: int) -> Refitter:
@@ -261,7 +261,7 @@ class JointRefitter:
         return f
 
     def nothing(self) -> JointFinalist:
-        """No effect, on the rungs that fit best."""
+        """Finalist without any effect, on the best fitting rungs."""
         alone = [each.nothing() for each in self.each]
         prior = float(np.log(PRIOR[NONE]))
         total = prior + sum(f.log_posterior - prior for f in alone)
@@ -272,7 +272,7 @@ class JointRefitter:
         )  # fmt: skip
 
     def without(self, fold: int) -> "JointRefitter":
-        """Fits that do not see a fold of each recording."""
+        """Refitter that leaves out one fold of each recording."""
         if fold not in self._folds:
             self._folds[fold] = JointRefitter([r.without(fold) for r in self._given], self._known)
         return self._folds[fold]
@@ -297,7 +297,7 @@ class JointRefitter:
         return self._kept[id(f), keep][1]
 
     def response(self, parts: Structure, x: np.ndarray) -> np.ndarray:
-        """What the parts add to the readings of all recordings (6 R,), whitened."""
+        """Whitened readings (6 R,) of all recordings that the parts add."""
         at = Layout.of(parts).at
         return np.concatenate([
             each.response(tuple(p.of[r] for p in parts), x[at[r]])
@@ -418,7 +418,7 @@ class JointRefitter:
         return self.each[home].searcher.scales(max(of, key=lambda h: h.typical_gap))
 
     def _prior(self, parts: Structure) -> float:
-        """Of the structure, counted once: each part as where it is least rare."""
+        """Log prior of a structure, counted once: each part where it is least rare."""
         result = (len(parts) - 1) * float(np.log(MORE / PRIOR["one"]))
         for part in parts:
             result += max(

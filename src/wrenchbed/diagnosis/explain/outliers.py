@@ -30,7 +30,7 @@ ALIKE = 4.0
 LEVER_M = 0.5
 """Longest lever of a force at a tool [m]; a larger torque is named instead; estimate."""
 NEAR = 0.966
-"""Cosine from which a direction is an axis: 15°."""
+"""Cosine from which a direction counts as along an axis: 15°."""
 MARGIN_S = 0.3
 """A stretch of a motion is set aside with so much before and after it [s]; estimate."""
 
@@ -53,7 +53,7 @@ class Outlier:
     error: np.ndarray
 
     def sentence(self, cause: str = "contact, or wrong rows") -> str:
-        """What it is, and what may be behind it."""
+        """Sentence on an outlier's pose or time, its size and its possible cause."""
         force, torque = (float(np.linalg.norm(x)) for x in (self.error[:3], self.error[3:]))
         if torque > LEVER_M * force:
             size = f"{torque:.2g} N·m about {_axis(self.error[3:])}"
@@ -67,14 +67,15 @@ class Outlier:
         )
 
     def entry(self, touch: Touch | None) -> Mapping[str, Any]:
-        """As the contract has it, where some are those of a contact."""
+        """Entry of ``outliers`` in the diagnosis; ``touch`` marks those that belong to a
+        contact."""
         touched = touch is not None and bool((touch.rows & self.rows).any())
         sentence = self.sentence("contact") if touched else self.sentence()
         return {"pose": self.pose, "t": [self.begin, self.end], "sentence": sentence}
 
 
 def spells(outliers: Sequence[Outlier]) -> int:
-    """How many there are, neighbours counted once."""
+    """Number of outliers, neighbours counted once."""
     if not outliers:
         return 0
     away = np.any([o.rows for o in outliers], axis=0).astype(int)
@@ -147,7 +148,7 @@ def _contradicted(
 
 
 def _of_blocks(x: np.ndarray, blocks: np.ndarray) -> np.ndarray:
-    """Mean over each block (b,) of values of rows (R,)."""
+    """Mean of row values (R,) over each block (b,)."""
     return np.array([x[blocks == b].mean() for b in np.unique(blocks)])
 
 

@@ -18,7 +18,7 @@ from wrenchbed.diagnosis.explain.structures import MARGIN, Analysis, Ranking, ra
 from wrenchbed.diagnosis.explain.verdict import Verdict, complete, decide, widened
 
 PASSES = 2
-"""How often the rest is estimated: the first explanation was weighed without it."""
+"""Number of passes that estimate the remaining residual: the first explanation ignored it."""
 MUCH = 3.0
 """Gap that is the recording's own rather than what a form misses; estimate."""
 MOST_FREE = 0.7
@@ -28,7 +28,7 @@ FREE = 1e-8
 
 
 def is_left(a: Analysis) -> bool:
-    """Whether the best explanation leaves more than is normal, and nothing smooth.
+    """Whether the best explanation leaves more residual than is normal, and nothing smooth.
 
     A large effect may leave more, since its form is only nearly right: but not as much as `MUCH`.
     """
@@ -66,7 +66,7 @@ def rest_variance(a: Analysis, f: Finalist) -> np.ndarray:
 
 
 def decided(ranking: Ranking) -> Verdict:
-    """What may be claimed beside the rest; a rest alone is unknown, not none.
+    """Verdict on what may be claimed beside a remaining residual; a residual alone is unknown.
 
     The leading cause has as rivals all that predict left-out blocks no worse than it does: the rest
     is no white noise, so that evidence alone tells them apart too surely.

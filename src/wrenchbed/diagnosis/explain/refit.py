@@ -29,7 +29,7 @@ from wrenchbed.robots.base import Robot
 _STEPS = 12
 _LEAST_SHARE = 0.02
 _STEP, _SHAPE_STEP = 0.1, 0.02
-"""Of finite differences, in typical sizes."""
+"""Steps of finite differences for amplitudes and shapes, in typical sizes."""
 _DONE = 1e-3
 """Largest step, in standard uncertainties, at which a fit has converged."""
 SHAPE_SPREAD = 2.0
@@ -42,7 +42,7 @@ _RIDGE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Variables:
-    """What each of the free variables ``x`` (k,) of a structure is; stated numbers have none.
+    """Part, parameter and kind of each free variable ``x`` (k,) of a structure.
 
     Attributes:
         part: number of the part that each belongs to (k,).
@@ -70,7 +70,7 @@ class Variables:
         return len(self.name)
 
     def of_parts(self, parts: Collection[int]) -> np.ndarray:
-        """Places of the variables of some parts."""
+        """Indices of the variables that belong to some parts."""
         return np.flatnonzero(np.isin(self.part, list(parts)))
 
 
@@ -108,17 +108,17 @@ class Finalist:
 
     @cached_property
     def variables(self) -> Variables:
-        """What each of ``x`` is."""
+        """Description of each free variable ``x``."""
         return Variables.of(self.parts)
 
     @cached_property
     def effects(self) -> tuple[int, ...]:
-        """Numbers of the parts that are no stated numbers."""
+        """Indices of the parts that are effects, not stated numbers."""
         return tuple(k for k, h in enumerate(self.parts) if not h.effect.stated)
 
 
 class Problem(NamedTuple):
-    """What is fitted: readings y, and functions of the variables.
+    """Nonlinear least-squares problem: readings y, and functions of the variables.
 
     Attributes:
         y: (6 R,).
@@ -197,11 +197,11 @@ class Refitter:
 
     @cached_property
     def rung_prior(self) -> np.ndarray:
-        """Log prior of each rung beside this case (L,)."""
+        """Log prior of each background rung for this case (L,)."""
         return self.searcher.rung_prior(self.y)
 
     def without(self, fold: int) -> "Refitter":
-        """Fits of the same case that do not see a fold."""
+        """Refitter of the same case that leaves out a fold."""
         keep = np.repeat(self.d.prepared.fold_rows != fold, 6)
         return Refitter(Searcher(self.d.without(fold), self.searcher.odds), self.y[keep])
 
@@ -226,13 +226,13 @@ class Refitter:
         return result
 
     def active(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[ActiveEffect]:
-        """The parts that act in the chain."""
+        """Active effects of the simulated chain at variables x (k,)."""
         values = self.values(parts, x)
         both = zip(parts, values, strict=True)
         return [ActiveEffect(h.effect, v) for h, v in both if not h.effect.stated]
 
     def response(self, parts: Sequence[Hypothesis], x: np.ndarray) -> np.ndarray:
-        """What the parts add to the baseline's readings (6 R,), whitened."""
+        """Whitened readings (6 R,) that the parts add to the baseline's."""
         active = self.active(parts, x)
         if not active:
             return np.zeros_like(self._zero)
@@ -377,7 +377,7 @@ class Refitter:
         return Finalist(parts, rungs[best], x, covariance, r, y, every, spread, total, scale)
 
     def added(self, finalist: Finalist) -> list[SingleEvidence]:
-        """Every further hypothesis beside a finalist, on its rung."""
+        """Evidence of every further hypothesis beside a finalist, on its rung."""
         level = self.searcher.rungs[finalist.rung].level
         solved = level.solve(np.column_stack([finalist.design, finalist.y]))
         side = self.d.E.T @ solved[:, :-1]
@@ -394,7 +394,7 @@ class Refitter:
         ]
 
     def level_of(self, f: Finalist) -> BackgroundLevel:
-        """The background that a finalist is judged against."""
+        """Background level that a finalist is compared with."""
         return self.level((), f.rung)
 
     def level(self, parts: Sequence[Hypothesis], rung: int) -> BackgroundLevel:
@@ -476,7 +476,7 @@ class Refitter:
 
 
 def _channel_by_channel(effect: Effect) -> bool:
-    """Whether what an effect makes of a channel's reading depends on that channel alone."""
+    """Whether an effect's change of a channel's reading depends on that channel alone."""
     return effect.channelwise or not effect.in_sensor
 
 

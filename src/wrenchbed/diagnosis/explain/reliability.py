@@ -24,15 +24,15 @@ from wrenchbed.errors import DiagnosisError
 NAMES = (
     "constant", "size", "rest", "lead", "unknown", "more", "form", "rivals", "minor", "open",
 )  # fmt: skip
-"""Features of a claim, each about 0 … 1."""
+"""Names of a claim's features, each about 0 … 1."""
 PRIOR_STD = 3.0
-"""Of a weight, so that few cases do not make a sure model."""
+"""Prior standard deviation of a weight, so that few cases do not make a certain model."""
 LEAST_ERRORS, LARGEST_SPREAD = 40, 2.5
 RIGHT_ELSEWHERE = 0.85
 """Largest share of right claims that is believed of robots that nothing was learnt on: 23 of 27 new
 names were right in faults added to a real recording (docs/explanation/benchmark.md)."""
 ROUNDING = 1e-9
-"""By which a sum of probabilities may fall short of 1."""
+"""Rounding error by which a sum of probabilities may fall short of 1."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,8 @@ class Reliability:
     own: bool = False
 
     def plain(self) -> "Reliability":
-        """For recordings unlike the cases: how often claims were right, whatever their kind."""
+        """Model for recordings unlike the learnt cases: one fraction of right claims of any
+        kind."""
         right = min(self.right, RIGHT_ELSEWHERE)
         claim = (float(logit(right)), *(0.0,) * (len(NAMES) - 1))
         return replace(self, claim=claim, right=right, elsewhere=True)
@@ -76,7 +77,7 @@ class Reliability:
 
 
 def features(ranking: Ranking, verdict: Verdict, closed: float) -> tuple[float, ...]:
-    """What distinguishes the leading claim of a verdict; all zero where nothing is named.
+    """Features of a verdict's leading claim; all zero if no cause is named.
 
     Args:
         ranking: all explanations.
@@ -214,8 +215,8 @@ def shipped(robot: str, moving: bool, jointed: bool = True) -> Reliability | Non
 
 
 def of_package(recording: Recording) -> Reliability | None:
-    """What the package knows of claims on such a recording; ``elsewhere`` where that is of other
-    robots or designs."""
+    """Reliability model of the package for such a recording, marked ``elsewhere`` if learnt on
+    other robots or designs."""
     metadata = recording.metadata
     return shipped(metadata.robot, metadata.mode == "dynamic", bool(recording.joints))
 

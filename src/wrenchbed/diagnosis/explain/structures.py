@@ -34,28 +34,30 @@ from wrenchbed.diagnosis.prepare.prepared import Prepared
 MARGIN = 3.0
 """Difference of two scores (natural logarithm) from which one explanation predicts better."""
 SINGLES, EXTENDED, LONGER = 6, 4, 5
-"""How many single effects are refitted, how many of these extended, and with how many more."""
+"""Single effects that are refitted, how many of these are extended, and by how many effects
+each."""
 AT_ONCE = 3
-"""Most effects named together."""
+"""Largest number of effects that are named together."""
 MINOR = 1
 """Effects beside them that are too small to be named, but that evidence asks for."""
 SHAPED = 0.5
-"""Share of its linear gain by which an effect may be behind another before its shape is fitted."""
+"""Effects beside the named ones that are too small to be named, but that evidence asks for."""
 VOTERS = 6
-"""Explanations that are cross-validated."""
+"""Number of explanations that are cross-validated."""
 WORSE = 3.0
 """A longer structure is refitted unless its linear evidence is this much below the best one's."""
 NEGLIGIBLE = 30.0
 """Explanations so much less likely than the best (natural logarithm) are dropped."""
 BROAD = 6
-"""Columns from which a hypothesis counts as broad."""
+"""Least number of columns of a hypothesis that counts as broad."""
 SPECIAL = 5
-"""How many special ones are tried beside it; a wrong mass is one of them, a bias is not."""
+"""Number of narrow hypotheses tried beside a broad one; a wrong mass is one of them, a bias is
+not."""
 NEAR = 12.0
 """A rival is refitted if its linear evidence is so near that of the part it replaces (natural
 logarithm)."""
 MOST = 3
-"""Rivals refitted for each part."""
+"""Largest number of rivals refitted for each part."""
 
 
 def predictive_score(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> float:
@@ -90,7 +92,7 @@ def _weighed(level: BackgroundLevel, f: Finalist) -> tuple[np.ndarray, np.ndarra
 
 
 def _of_blocks(block_rows: np.ndarray) -> Iterator[np.ndarray]:
-    """Places among 6 R of each block's rows."""
+    """Indices among 6 R values of each block's rows."""
     block = np.repeat(block_rows, 6)
     for b in np.unique(block):
         yield np.flatnonzero(block == b)
@@ -114,7 +116,7 @@ def _of_block(level: BackgroundLevel, rows: np.ndarray, half: np.ndarray, w: np.
 
 @dataclass(frozen=True, eq=False)
 class Ranking:
-    """Every explanation of a case with its log posterior.
+    """All explanations of a case with their log posteriors.
 
     Attributes:
         explanations: refitted structures, best first; one of them has no effect at all.
@@ -296,7 +298,7 @@ def _beside_broad(
 def _other_clocks(
     searcher: Searcher, singles: Sequence[SingleEvidence], chosen: Sequence[SingleEvidence]
 ) -> list[SingleEvidence]:
-    """All that makes readings late or smears them, where one such effect is chosen.
+    """All timing effects (delays, filters), if one of them is among the chosen effects.
 
     Their slopes are alike, and true only while the delay is short beside what moves.
     """

@@ -23,7 +23,7 @@ SURE = 0.9
 LEAST = 0.25
 """and least gap that it then adds: a quarter of what a cause needs without a second sensor."""
 DISAGREE = 0.01
-"""Below this p-value wrench and accelerometer contradict each other, and neither is believed."""
+"""P-value below which wrench and accelerometer contradict each other; neither is then used."""
 
 
 def with_accelerometer(a: Analysis, verdict: Verdict) -> Verdict:
@@ -59,7 +59,7 @@ def witnessed(a: Analysis, verdict: Verdict) -> tuple[str, ...]:
 
 
 def sentences(a: Analysis, verdict: Verdict) -> tuple[str, ...]:
-    """What the accelerometer says, and how it goes with the wrench."""
+    """Sentences on the tilt that the accelerometer measures, and its agreement with the wrench."""
     t = a.prepared.testimony
     if t is None:
         return ()
@@ -88,7 +88,7 @@ def sentences(a: Analysis, verdict: Verdict) -> tuple[str, ...]:
 
 
 def _tilted(a: Analysis) -> list[Explanation]:
-    """Explanations that hold a tilt, best first."""
+    """Explanations that include a base tilt, best first."""
     return [e for e in a.ranking.explanations if TILT in e.finalist.names]
 
 
@@ -118,7 +118,7 @@ def _joint(a: Analysis, f: Finalist, t: Testimony) -> Finalist:
 
 
 def _places(f: Finalist) -> np.ndarray:
-    """Which of a finalist's variables are the tilt's."""
+    """Indices of a finalist's variables that belong to the tilt."""
     return f.variables.of_parts([f.names.index(TILT)])
 
 

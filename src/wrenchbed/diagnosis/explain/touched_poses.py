@@ -18,11 +18,12 @@ from wrenchbed.physics.rotations import apply, cross, sphere
 from wrenchbed.physics.time_derivatives import value
 
 CLEAR = 10.0
-"""Force over what the other poses leave, from which its direction can be told; estimate."""
+"""Force over the other poses' residual from which its direction is used; estimate."""
 FORM = 0.05
 """Relative error of a torque about the point, for what slides and rolls in contact; estimate."""
 REACH_M, REACH = 0.01, 0.2
-"""How far from the tip something touches (1 σ): so much and this share of its lever; estimate."""
+"""Distance of a contact from the tip (1 σ): a length [m] and a fraction of the tip's lever arm;
+estimate."""
 ONE_WAY = float(np.cos(np.radians(45.0)))
 """Cosine between each push and their mean: friction of up to 0.5 leans both sides; estimate."""
 LEAN = float(np.cos(np.radians(35.0)))
@@ -88,7 +89,7 @@ def _point(
 
 
 def _deepest(at: np.ndarray, touched: np.ndarray, aside: np.ndarray, way: np.ndarray) -> bool:
-    """Whether some surface that pushes about this way parts tips (H, 3) touched from all others."""
+    """Whether a plane facing this way separates touched tips (H, 3) from all others."""
     normals = np.vstack([way, sphere(WAYS)])
     normals = normals[normals @ way >= LEAN]
     height = at @ normals.T

@@ -61,12 +61,12 @@ def allowed(explanation: Explanation) -> float:
 
 
 def complete(explanation: Explanation) -> bool:
-    """Whether what remains is no more than normal."""
+    """Whether an explanation leaves no more residual than is normal."""
     return explanation.rest <= allowed(explanation)
 
 
 def decide(ranking: Ranking) -> Verdict:
-    """Weigh all explanations."""
+    """Verdict of a ranking: which causes may be claimed, with their probabilities."""
     ranked = ranking.explanations
     best = ranked[0]
     unknown = ranking.unknown
@@ -114,8 +114,8 @@ def widened(verdict: Verdict, rivals: Sequence[str]) -> Verdict:
     share[key] += sum(share.pop(n, 0.0) for n in more)
     if len(names) > 1 + MOST_RIVALS:
         return Verdict(UNKNOWN, (), verdict.explanation, share)
-    told = lead.shares or (1.0,) * len(lead.names)
-    each = np.array([*told, *(min(told) for _ in more)])
+    lead_shares = lead.shares or (1.0,) * len(lead.names)
+    each = np.array([*lead_shares, *(min(lead_shares) for _ in more)])
     shares = tuple((each / each.sum()).tolist())
     wider = replace(lead, names=names, shares=shares, probability=max(lead.probability, share[key]))
     causes = (wider, *others)

@@ -22,13 +22,13 @@ RIDGES = 10.0 ** np.arange(-3.0, 3.0, 0.5)
 NOISES = 2.0 ** np.arange(0.0, 8.0)
 """Variances of what the box does not fit, in noises of a row, that are tried."""
 DRAWS = 500
-"""Of the bootstrap over held-out blocks."""
+"""Resamples of the bootstrap over held-out blocks."""
 ROUNDED = 12
 """Digits of the floor: at rest it is the rounding error of a mean of residuals."""
 
 
 def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
-    """What ridge regressions on all kernels add to readings (M, 6) of a simulator.
+    """Readings (M, 6) of a simulator corrected by cross-fitted ridge regressions on all kernels.
 
     Each fold is predicted by a regression on the others, channel by channel, with the prior of
     largest evidence.
@@ -107,7 +107,7 @@ class Closure:
 
     @property
     def excess(self) -> float:
-        """Calibrated gap beyond the noise."""
+        """Calibrated gap beyond the noise floor."""
         return self.calibrated.value - max(self.floor, 0.0)
 
     @property
@@ -128,7 +128,7 @@ class Closure:
 
 
 def calibrated(a: Analysis) -> Twin:
-    """The simulator after bias, mass and CoG are fitted."""
+    """Simulator with fitted bias, mass and CoG."""
     return Twin(a.prepared.model, a.baseline.configuration.theta, (), a.prepared.recording.name)
 
 
@@ -178,7 +178,7 @@ class Judged:
 
     @classmethod
     def of(cls, a: Analysis, claim: Claimed | None) -> "Judged":
-        """Configured, calibrated and diagnosed simulators."""
+        """Configured, calibrated and diagnosed simulators on held-out rows."""
         p, held_out, fits = a.prepared, HeldOut(a.prepared), CrossFit(a)
         before = fits.calibrated(calibrated(a))
         readings = {"calibrated": before}
@@ -265,17 +265,18 @@ class Bootstrap:
         self._drawn = rng.integers(self._count, size=(DRAWS, self._count))
 
     def average(self, gaps: np.ndarray) -> float:
-        """Mean over rows of gaps (S,)."""
+        """Weighted mean over rows of gaps (S,)."""
         return float(gaps @ self._weight / self._weight.sum())
 
     def mean(self, gaps: np.ndarray) -> Interval:
-        """Of gaps (S,), over rows, with its interval."""
+        """Mean over rows of gaps (S,), with its bootstrap interval."""
         result = self.ratio(gaps, np.ones(len(gaps)))
         assert result is not None  # there are rows
         return result
 
     def ratio(self, part: np.ndarray, of: np.ndarray) -> Interval | None:
-        """Of the sums of two gaps (S,); None where the second has none."""
+        """Ratio of the sums of two gaps (S,) with its interval; None if the second is not
+        positive."""
         top, bottom = self._sums(part), self._sums(of)
         if bottom.sum() <= 0:
             return None

@@ -41,7 +41,7 @@ class Change:
 
     @property
     def sentence(self) -> str:
-        """For people."""
+        """Sentence for people on the poses at which a cause's size differs."""
         first, second, third = (f"{x:.2g}" for x in self.thirds)
         return (
             f"{self.name} comes nearest, but fits only if its size changes during the recording "

@@ -20,7 +20,7 @@ SHARED_ROWS = 3
 """Rows that there must be for each function of a variable."""
 _RANK = 1e-6
 _DEGREE_2 = 8
-"""Harmonics of gravity's direction up to degree 2."""
+"""Number of harmonics of gravity's direction up to degree 2."""
 _TURN = 1e-5
 """Step of a joint in the derivative of gravity's direction [rad or m]."""
 _DUPLICATE = 1e-3
@@ -95,7 +95,7 @@ def family_wise(
 
 
 def shares(parts: Partitions, residual: np.ndarray, chosen: np.ndarray, gap: float) -> np.ndarray:
-    """Split of a residual's energy (R, 6) above its noise over the variables chosen (V,) → (V,).
+    """Split of a residual's energy (R, 6) above its noise over the chosen variables → (V,).
 
     Forward selection: each step takes the variable that explains most of what is left beyond what
     as many random columns would, and counts only what those before it did not explain. The shares
@@ -185,7 +185,7 @@ def _of_load(prepared: Prepared, load: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _turned(prepared: Prepared, joint: int) -> np.ndarray:
-    """How gravity's direction in the sensor changes with a joint (H, 3) [1/rad or 1/m]."""
+    """Derivative of gravity's direction in the sensor by a joint (H, 3) [1/rad or 1/m]."""
     scene = prepared.scene
     q = scene.joints[scene.held]
     step = np.zeros(q.shape[1])
@@ -227,7 +227,7 @@ def _orthonormal(columns: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
 
 
 def _fitted(prepared: Prepared) -> np.ndarray:
-    """Orthonormal basis (6 R, 10) of bias, mass and CoG."""
+    """Orthonormal basis (6 R, 10) of the readings of bias, mass and CoG."""
     scene = prepared.scene
 
     def load(cog: np.ndarray) -> np.ndarray:

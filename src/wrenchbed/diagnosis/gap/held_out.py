@@ -48,7 +48,7 @@ class HeldOut:
         return np.asarray((gaps * self.count[:, None]).sum(axis=0) / self.count.sum())
 
     def mean(self, gaps: np.ndarray) -> float:
-        """Mean over rows of gaps (S,)."""
+        """Weighted mean over rows of gaps (S,)."""
         return float((gaps * self.count).sum() / self.count.sum())
 
     def floor(self) -> np.ndarray:
@@ -157,7 +157,7 @@ class CrossFit:
         reading[self._held[fold]] += change[self._held[fold]]
 
     def _read(self, c: Configuration, active: Sequence[ActiveEffect]) -> np.ndarray:
-        """Readings (M, 6) in closed form."""
+        """Simulated readings (M, 6) in closed form."""
         scene = replace(self._a.prepared.scene, theta=c.robot_theta)
         return np.asarray(c.model.read(respond(scene, active), c.theta))
 

@@ -16,7 +16,7 @@ from wrenchbed.twin.twin import Twin
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """The three answers about a recording.
+    """Answers about a recording: where the residual lies, which causes, how far, and what next.
 
     Attributes:
         recording: its path, or a name.
@@ -55,7 +55,7 @@ class Diagnosis:
     others: Sequence[str] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """The contract's object."""
+        """Contents of ``diagnosis.json`` as the contract defines them."""
         g = self.gap
         return plain(
             {
@@ -89,7 +89,7 @@ class Diagnosis:
         )
 
     def write(self, folder: str | Path) -> None:
-        """Write ``diagnosis.json`` and ``twin.json``."""
+        """Write ``diagnosis.json`` and ``twin.json`` to a folder."""
         folder = Path(folder)
         write_json(folder / "diagnosis.json", self.to_json())
         name = None if self.twin.recording is None else PurePath(self.twin.recording).name

@@ -22,7 +22,7 @@ from wrenchbed.diagnosis.gap.upheld import DOUBTFUL
 from wrenchbed.diagnosis.prepare.configuration import STATED
 
 TRIED = 5
-"""Rivals that are fitted, the likeliest first."""
+"""Number of rivals that are fitted, the likeliest first."""
 ALIKE = 0.8
 """Share of what the leading cause closes from which a rival closes as much: the rest may be the
 recording's own. Estimate."""
@@ -100,7 +100,7 @@ class _Judge:
         self.mean = self._drawn.mean
 
     def gaps(self, f: Finalist) -> np.ndarray:
-        """Of each observation (S,)."""
+        """Gap of each held-out observation (S,) with a finalist's simulator."""
         keep = tuple(range(len(f.parts)))
         reading = self._fits.explained(twin_of(self._a, f, keep), f, keep, self._wrong)[0]
         p = self._a.prepared

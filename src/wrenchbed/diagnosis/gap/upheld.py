@@ -46,7 +46,7 @@ def upheld(verdict: Verdict, gap: Closure, witnessed: Collection[str] = ()) -> V
 
 
 def small(gap: Closure) -> bool:
-    """Whether there is hardly a gap, so that there may be no cause.
+    """Whether the gap is so small that there may be no cause.
 
     Channel by channel, as the analysis weighs it: imperfections do not share how noise scatters
     together. The gap itself is so small within its interval.
@@ -56,12 +56,12 @@ def small(gap: Closure) -> bool:
 
 
 def closes(member: Interval | None) -> bool:
-    """Whether a cause closes what counts on held-out rows."""
+    """Whether a cause closes at least `LEAST` of the gap on held-out rows."""
     return member is not None and member.value >= LEAST
 
 
 def surely(member: Interval | None) -> bool:
-    """Whether it does, and its interval agrees."""
+    """Whether a cause closes at least `LEAST` and its interval lies above zero."""
     return member is not None and closes(member) and member.low > 0.0
 
 

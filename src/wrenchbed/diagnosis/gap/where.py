@@ -21,11 +21,11 @@ from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 FITTED = 10
-"""Numbers that every user fits: bias, mass, CoG."""
+"""Count of the values that every calibration fits: bias, mass, CoG."""
 EDGES_HZ = (0.0, 1.0, 2.0, 4.0, 8.0, 16.0)
 LEAST_P = 1e-300
 _LAGS = 4
-"""Averaged rows over which noise may have memory."""
+"""Largest lag at which noise may be correlated [averaged rows]."""
 _SCALE_VARIANCE = 4.0
 """Relative variance of the noise of averaged rows as estimated, times rows."""
 _MEMORY = 2.0
@@ -182,7 +182,7 @@ def _by_block(x: np.ndarray, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Finding:
-    """A place where the residual may lie.
+    """Place where the residual may lie, with its share, p-value and sentence.
 
     Attributes:
         variable: ``channel fx``, ``joint 2``, ``direction of joint 3``, ``direction of load``,
@@ -209,7 +209,7 @@ class Finding:
 def locate(
     prepared: Prepared, residual: np.ndarray, permutations: int = 399, seed: int = 0
 ) -> tuple[Finding, ...]:
-    """All places, the ones seen first, by share.
+    """Places where a residual may lie, significant ones first, by share.
 
     Args:
         prepared: the recording.
@@ -341,7 +341,7 @@ def _of_rows(
 
 
 def _of_hints(findings: Sequence[Finding]) -> list[dict[str, Any]]:
-    """Of each subsystem the first says that it is only a hint."""
+    """Hints at causes, one entry for each subsystem, from its first finding."""
     result: list[dict[str, Any]] = []
     for finding in findings:
         hint = max((k for k in _HINTS if finding.variable.startswith(k)), key=len)

@@ -20,7 +20,7 @@ from wrenchbed.robots.motion_limits import duration, reachable
 
 POSES = 20
 PAYLOAD_KG, MOUNTING_S = 0.5, 120.0
-"""A second payload, and the time to fix it [s]."""
+"""Mass of a second payload [kg], and the time to mount it [s]."""
 TURNS_S = 3.0
 """Time of a turn between orientations of a robot without a model [s]."""
 _SIDES = 8
@@ -28,14 +28,14 @@ _SIDE = (0.2, 0.02)
 """A pose is reached from so far to either side [rad, m]."""
 _SWEPT = 16
 _SWEEP = 2.6
-"""A rotary joint is swept over ± so much [rad]."""
+"""Sweep of a rotary joint to either side [rad]."""
 _FAST_S, _SLOWER, _RATE, _LOOK = 10.0, 3, 125.0, 5
 """A motion [s], how much slower it is done again, its rate [Hz]; one row in five is looked at."""
 _HOLDS, _HOLD_S = 20, 30.0
 _MORE = 4
 _HOLD_ROWS = 60
 Choose = Callable[[np.ndarray], np.ndarray]
-"""Which of some feasible poses (P, J) to take, in order."""
+"""Function that selects among feasible poses (P, J) and returns their indices in order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +89,7 @@ def posed(
 
 
 def moved(prepared: Prepared, q: np.ndarray, rate: float) -> Prepared:
-    """A motion (N, J) sampled at a rate [Hz], by itself."""
+    """Prepared scene of a motion (N, J) sampled at ``rate`` [Hz] alone, without readings."""
     d = np.gradient(q, 1.0 / rate, axis=0)
     jet = Jet(q, d, np.gradient(d, 1.0 / rate, axis=0))
     n = len(q)
@@ -103,7 +103,7 @@ def moved(prepared: Prepared, q: np.ndarray, rate: float) -> Prepared:
 
 @dataclass(frozen=True, eq=False)
 class Action:
-    """One thing to do next.
+    """Proposed recording, with its duration and plan.
 
     Attributes:
         text: in the imperative, for people.
@@ -123,7 +123,7 @@ class Action:
 def actions(
     prepared: Prepared, choose: Choose, seed: int = 0, sweeps: int | None = None
 ) -> Iterator[Action]:
-    """All that this robot can do after a recording.
+    """Recordings that this robot can make next.
 
     Args:
         prepared: the recording, its scene at the baseline.
@@ -151,14 +151,14 @@ def feasible(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 
 def stay(prepared: Prepared) -> float:
-    """Time at each pose of a recording [s]."""
+    """Time spent at each pose of a recording [s]."""
     rate = prepared.recording.metadata.rate_hz or 100.0
     rows = _HOLD_ROWS if prepared.moving else float(np.mean(prepared.count))
     return rows / rate
 
 
 def static_noise(prepared: Prepared) -> np.ndarray:
-    """Variance of a pose's mean over a row's (6,)."""
+    """Noise variance of a pose's mean over that of one row (6,)."""
     return np.full(6, 1.0 / _HOLD_ROWS) if prepared.moving else prepared.noise
 
 
@@ -307,7 +307,7 @@ def _sweep(prepared: Prepared, joint: int, name: str, seed: int) -> Action | Non
 
 
 def _some(prepared: Prepared) -> np.ndarray:
-    """Feasible poses of a motion's robot."""
+    """Feasible poses of the robot in a motion."""
     return _evenly(_pool(prepared, 1), 30)
 
 

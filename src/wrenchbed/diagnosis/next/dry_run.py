@@ -31,7 +31,7 @@ from wrenchbed.robots.motion_limits import duration
 from wrenchbed.simulation.closed_form import Model
 
 SAMPLES, RATE = 60, 100.0
-"""Rows of a pose and their rate [Hz]."""
+"""Rows at a pose and their rate [Hz]."""
 
 
 def of_plan(
@@ -99,13 +99,13 @@ def recording_of(
 
 
 def rows_of(plan: Plan, samples: int, rate: float) -> np.ndarray:
-    """Rows of each pose (N,), as a campaign records them."""
+    """Number of rows at each pose (N,) as a campaign records them."""
     rows = np.where(plan.dwell > 0, np.round(plan.dwell * rate), samples)
     return np.asarray(np.maximum(rows, 1), dtype=int)
 
 
 def begins(robot: Robot, q: np.ndarray, stay: np.ndarray) -> np.ndarray:
-    """When each pose (N, J) is reached (N,) [s], staying so long (N,) [s] at each."""
+    """Times (N,) [s] at which poses (N, J) are reached, staying for ``stay`` (N,) [s] at each."""
     if robot.joints:
         moves = [duration(robot, a, b) for a, b in pairwise(q)]
     else:
@@ -115,7 +115,7 @@ def begins(robot: Robot, q: np.ndarray, stay: np.ndarray) -> np.ndarray:
 
 
 def nominal_metadata(robot: Robot, mode: str, rate: float) -> Metadata:
-    """What a recording of the nominal robot states."""
+    """Metadata of a recording of the nominal robot."""
     nominal = robot.parameters.nominal
     tool, values = robot.tool(nominal), robot.values(nominal)
     sensor = registry.load("sensors", robot.sensor)
@@ -140,7 +140,7 @@ def nominal_metadata(robot: Robot, mode: str, rate: float) -> Metadata:
 
 @dataclass(frozen=True)
 class DryRun:
-    """Which effects a recording of a plan could show, and what it could not tell."""
+    """Effects that a recording of a plan could show, and those that it could not distinguish."""
 
     showings: tuple[VisibleSize, ...]
     cannot_tell: tuple[str, ...]

@@ -18,19 +18,19 @@ from wrenchbed.robots.base import Robot
 from wrenchbed.robots.chain import SerialChain
 
 HARMONICS = 5
-"""Sines of a joint; estimate, after Swevers et al."""
+"""Sines in each joint's Fourier series; estimate, after Swevers et al."""
 _PERIOD_S = 10.0
-"""Of the slowest [s]; estimate."""
+"""Period of the slowest sine [s]; estimate."""
 _FADE_S = 2.0
-"""From rest to rest at both ends [s]."""
+"""Duration of the fade from rest and to rest at both ends [s]."""
 _SPEED, _ACCELERATION = 0.6, 4.0
 """Share of top speed, and largest acceleration [rad/s²]; estimates."""
 _ROOM = 0.05
 """Distance from the joints' limits [rad or m]; estimate."""
 _ROWS = 120
-"""Moments at which the information is evaluated."""
+"""Number of samples at which the information is evaluated."""
 _CHECKS = 250
-"""Moments at which collisions are looked for."""
+"""Number of samples at which collisions are checked."""
 _TRIES, _STEPS = 30, 250
 """Random series to begin with, and random changes of the best; estimates."""
 _CHANGE = 0.35
@@ -128,7 +128,7 @@ class _Search:
         return Jet(fade * v, fade * d + slope * v, fade * dd + 2.0 * slope * d + bend * v)
 
     def _fade(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """From 0 to 1 and back, with its two derivatives (N,)."""
+        """Fade factor from 0 to 1 and back, with its two derivatives (N,)."""
         end = self._seconds - t
         s = np.clip(np.minimum(t, end) / _FADE_S, 0.0, 1.0)
         way = np.where(t < end, 1.0, -1.0) / _FADE_S

@@ -45,8 +45,8 @@ FREE = 8.0
 """Standard deviation of a rival's amplitudes, in typical sizes."""
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(41)
 LEAST = 0.05
-"""Divergence [nat] that an experiment must add to be worth proposing; estimate: of two
-explanations of which nothing is known, the right one is then told in 63 % of cases."""
+"""Divergence [nat] that an experiment must add to be worth proposing; estimate: of two explanations
+with equal priors, the right one is then selected in 63 % of cases."""
 SEPARATED = 0.1
 """… and that it must add to a pair to be said to separate it."""
 MOST_PROPOSED = 4
@@ -63,13 +63,13 @@ class _Column:
 
 @dataclass(frozen=True, eq=False)
 class ExperimentRows:
-    """What a session would show.
+    """Columns and noise of the rows that a proposed recording would have.
 
     Attributes:
         E: columns (6 R, n), the same as every session's.
         v0: variance of each row (6 R,).
         extra: columns (6 R, m) that only this session has: its zero, what only motion shows.
-        extra_variance: of these (m,).
+        extra_variance: prior variance of the coefficients of ``extra`` (m,).
     """
 
     E: np.ndarray
@@ -217,7 +217,7 @@ def jensen_shannon(d: float) -> float:
 
 
 def settled(divergence: float) -> float:
-    """How often two equally likely Gaussians with such a divergence [nat] are told rightly."""
+    """Fraction of right decisions between two equally likely Gaussians of this divergence [nat]."""
     apart = np.linspace(0.0, 12.0, 241)
     known = [jensen_shannon(float(d)) for d in apart]
     return float(ndtr(np.interp(divergence, known, apart) / 2.0))
@@ -250,7 +250,7 @@ def _columns_of(
 
 
 def _placed(extra: np.ndarray | None, at: int, parts: Sequence[ExperimentRows]) -> np.ndarray:
-    """Columns (6 R of all, m) that only one session has."""
+    """Columns (6 R of all, m) that only one session has, zero in the other sessions' rows."""
     if extra is None:
         return np.zeros((sum(len(p.E) for p in parts), 0))
     start = sum(len(p.E) for p in parts[:at])
@@ -307,7 +307,7 @@ def propose(
 
 
 def candidates_of(analysis: Analysis, names: Collection[str]) -> tuple[Candidate, ...]:
-    """Of each effect the best explanation that it leads, with its fitted amplitudes."""
+    """Best explanation that each named effect leads, with its fitted amplitudes."""
     chosen: dict[str, Candidate] = {}
     refitter, d = analysis.refitter, analysis.dictionary
     shown = {effect for effect, parameter in d.label if parameter}

@@ -37,7 +37,8 @@ class VisibleSize:
 def isolability(
     dictionary: EffectDictionary, similarity: Similarity | None = None
 ) -> tuple[VisibleSize, ...]:
-    """Every effect with a mean, by name: its best variant, the size that shows, its rivals.
+    """Visible size of every effect with a mean, by name: its best variant, the size that shows, its
+    rivals.
 
     Effects that show only between rows (noise, steps, repeats) depend on no pose and are left out.
     """
@@ -59,7 +60,7 @@ def isolability(
 
 
 def visible_sizes(similarity: Similarity, effect: str, variant: str) -> VisibleSize:
-    """The same of one variant by its label.
+    """Visible size of the variant of an effect with this label.
 
     Raises:
         KeyError: the design has no such variant.
@@ -107,7 +108,7 @@ def cannot_tell(
     similarity: Similarity | None = None,
     among: Collection[str] | None = None,
 ) -> tuple[str, ...]:
-    """What a design leaves open, in sentences.
+    """Sentences on the effects that a design leaves open.
 
     Args:
         among: only what concerns one of these effects; everything if None.
@@ -119,7 +120,7 @@ def cannot_tell(
 
 
 def _never(similarity: Similarity) -> _Sentences:
-    """Effects of which nothing shows."""
+    """Sentences on effects that change no reading."""
     d = similarity.d
     where = "a motion" if d.prepared.moving else "poses at rest"
     mean = [e for e in effects().values() if not e.between_rows]
@@ -176,7 +177,7 @@ def _taken(similarity: Similarity) -> _Sentences:
 
 
 def _sums(similarity: Similarity) -> _Sentences:
-    """Joints of one effect that act alike."""
+    """Sentences on joints that one effect changes alike, so that only sums of their values show."""
     result: _Sentences = []
     left = similarity.remaining()
     for name in dict.fromkeys(w.name for w in similarity.signatures):
@@ -227,7 +228,7 @@ def _pairs(similarity: Similarity) -> _Sentences:
 
 
 def _narrowest(similarity: Similarity, members: np.ndarray) -> list[int]:
-    """Of each effect the signature with the fewest columns."""
+    """Index of the signature with the fewest columns, for each effect."""
     best: dict[str, int] = {}
     for k in sorted(members.tolist(), key=lambda k: len(similarity.signatures[k].columns)):
         best.setdefault(similarity.signatures[k].name, k)
@@ -243,6 +244,6 @@ def _joints(numbers: Sequence[int]) -> str:
 
 
 def listed(names: Sequence[str]) -> str:
-    """``a, b and c``."""
+    """Names joined as ``a, b and c``."""
     *most, last = names
     return f"{', '.join(most)} and {last}" if most else last

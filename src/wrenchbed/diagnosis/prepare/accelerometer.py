@@ -22,7 +22,7 @@ AXES = ("ax", "ay", "az")
 SIZES = TYPICAL * 2.0 ** np.arange(-2, 3)
 """Prior standard deviations of a tilt about one axis [rad], all alike."""
 LEAST_FREE = 12
-"""Degrees of freedom that the fit must leave."""
+"""Least degrees of freedom of the accelerometer's fit."""
 _NUISANCES = 12
 _STEPS = 8
 _GRID = np.linspace(-8.0, 8.0, 65)
@@ -48,7 +48,7 @@ class Testimony:
 
     @property
     def std(self) -> np.ndarray:
-        """Standard uncertainties (2,) [rad]."""
+        """Standard uncertainties of the tilt (2,) [rad]."""
         return np.asarray(np.sqrt(np.diagonal(self.covariance)))
 
 

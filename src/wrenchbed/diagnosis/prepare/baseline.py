@@ -11,7 +11,7 @@ from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.errors import DiagnosisError, ParameterError
 
 _DIFFERENCES = (1e-4, 1e-5, 1e-5, 1e-5)
-"""Finite differences of mass [kg] and CoG [m]."""
+"""Steps of finite differences in mass [kg] and CoG (3,) [m]."""
 _STEPS, _DONE = 5, 1e-9
 """Gauss–Newton steps at most, and the change [kg, m] below which they end."""
 MASS_SHARE, COG_M, BIAS_SIGMAS = 0.005, 5e-4, 3.0
@@ -37,7 +37,7 @@ class Baseline:
 
     @property
     def robot_theta(self) -> np.ndarray:
-        """Parameters of the robot alone, tool included."""
+        """Parameters of the robot alone, with its tool but without the sensor."""
         return self.configuration.robot_theta
 
 
@@ -95,7 +95,7 @@ def _with_load(prepared: Prepared, x: np.ndarray, bias: np.ndarray | None = None
 
 
 def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
-    """How wrong each stated number may be before it counts as a cause, SI.
+    """Tolerance (SI) of each stated number by effect: an error beyond it counts as a cause.
 
     A number that is stated to few digits may be wrong by half a unit of its last one.
 
@@ -120,7 +120,7 @@ def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
 
 
 def _rounding(*values: float | None) -> float:
-    """Half a unit of the last digit of the number that is stated to the most digits."""
+    """Half a unit of the last digit of the value that is stated to the most digits."""
     stated = [repr(float(v)).removesuffix(".0") for v in values if v]
     plain = [s for s in stated if "e" not in s]
     if not plain or len(plain) < len(stated):  # an exponent: computed, not typed

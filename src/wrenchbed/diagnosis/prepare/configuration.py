@@ -29,7 +29,7 @@ class Configuration:
 
     @cached_property
     def robot_theta(self) -> np.ndarray:
-        """Parameters of the robot alone, tool included."""
+        """Parameters of the robot alone, with its tool but without the sensor."""
         return self.model.robot.robot_theta(self.theta)
 
     @cached_property
@@ -55,7 +55,7 @@ class Configuration:
     def with_load(
         self, mass: float, cog: Sequence[float] | np.ndarray, bias: np.ndarray | None = None
     ) -> "Configuration":
-        """The same with another tool [kg, m] and, if given, another bias (6,) [N, N·m]."""
+        """Configuration with another tool [kg, m] and, if given, another bias (6,) [N, N·m]."""
         theta = self.theta.copy()
         theta[: len(self.robot_theta)] = self.model.robot.theta_of_tool(
             self.robot_theta, float(mass), [float(c) for c in cog]
@@ -65,7 +65,7 @@ class Configuration:
         return Configuration(self.model, theta)
 
     def with_nearest_load(self, mass: float, cog: np.ndarray, bias: np.ndarray) -> "Configuration":
-        """The same with the possible tool that is nearest to a mass [kg] and CoG (3,) [m].
+        """Configuration with the possible tool nearest to a mass [kg] and CoG (3,) [m].
 
         A linear fit beside a cause that takes the weight over may make the mass negative.
         """

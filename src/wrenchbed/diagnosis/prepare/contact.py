@@ -70,7 +70,7 @@ def find_contact(prepared: Prepared) -> Touch | None:
 
 
 def without_touch(prepared: Prepared) -> Prepared:
-    """The same without the observations in which something touches the tool."""
+    """Prepared recording without the observations in which something touches the tool."""
     touch = find_contact(prepared)
     if touch is None:
         return prepared
@@ -86,13 +86,13 @@ def without_touch(prepared: Prepared) -> Prepared:
 
 
 def _usual(force: np.ndarray, radius: float) -> np.ndarray:
-    """Where most forces (H, 3) lie within a radius of each other: as they are untouched (3,)."""
+    """Force (3,) near which most forces (H, 3) lie within a radius: that of the untouched tool."""
     near = np.linalg.norm(force[:, None] - force[None], axis=2) < radius
     return np.asarray(force[near[int(near.sum(axis=1).argmax())]].mean(axis=0))
 
 
 def _long(rows: np.ndarray, least: int) -> np.ndarray:
-    """Rows (H,) within runs of at least so many."""
+    """Which rows (H,) lie within runs of at least ``least`` rows, boolean."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
     result = np.zeros(len(rows), dtype=bool)
     for start, end in edges.reshape(-1, 2):
@@ -110,7 +110,7 @@ def _widened(rows: np.ndarray) -> np.ndarray:
 
 
 def _beyond_gains(prepared: Prepared, force: np.ndarray) -> np.ndarray:
-    """What of forces (H, 3) is no linear function of gravity in sensor axes, nor constant."""
+    """Part of forces (H, 3) that is no linear function of gravity in sensor axes, nor constant."""
     scene = prepared.scene
     weight = scene.gravity @ value(scene.pose[0])
     design = np.column_stack([weight, np.ones(len(weight))])

@@ -16,10 +16,10 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 EDGE, ABOVE = 0.3, 4.0
-"""Of the rate of the averages: no gap above; and, of that edge, up to where noise below it is
-taken from."""
+"""Noise is taken from frequencies above ``EDGE`` times the rate of the averages, where no gap lies,
+up to ``ABOVE`` times that edge."""
 STRETCH_S, LEAST = 1.0, 32
-"""Length of a stretch [s, rows at least]."""
+"""Length of a stretch [s], and its least number of rows."""
 QUIET = 0.2, 0.5
 """Shares of stretches that are quieter; the smaller of both estimates counts."""
 HANN = (4 / 9, 1 / 36)

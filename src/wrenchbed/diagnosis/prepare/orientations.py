@@ -26,7 +26,7 @@ RATE_HZ = 25.0
 EVEN = 0.2
 """Largest departure of a step from the mean one, relative."""
 STILL = 0.02
-"""Below this rate of turn [rad/s] the tool counts as at rest."""
+"""Rate of turn [rad/s] below which the tool counts as at rest."""
 LEAST_STILL = 5
 """Averaged rows at rest from which an accelerometer's zero is taken."""
 SCALE, ZERO = 0.01, 1.0
@@ -45,12 +45,13 @@ class Averages(NamedTuple):
     weight: np.ndarray
 
     def of(self, x: np.ndarray) -> np.ndarray:
-        """Averages (M, k) of rows (N, k)."""
+        """Weighted averages (M, k) of rows x (N, k)."""
         windows = np.lib.stride_tricks.sliding_window_view(x, len(self.weight), axis=0)
         return np.asarray(windows[:: self.stride] @ self.weight)
 
     def rough(self, t: np.ndarray, x: np.ndarray) -> np.ndarray:
-        """What the averages do not follow (N', k) of rows x (N, k) at t (N,), the ends left out."""
+        """Residual (N', k) of rows x (N, k) at times t (N,) about the averages, without the
+        ends."""
         at, course = self.of(t[:, None])[:, 0], self.of(x)
         inside = (t >= at[0]) & (t <= at[-1])
         smooth = np.stack([np.interp(t[inside], at, c) for c in course.T], axis=1)
@@ -58,7 +59,7 @@ class Averages(NamedTuple):
 
 
 def applies(recording: Recording) -> bool:
-    """Whether it is a motion without joints."""
+    """Whether a recording is a motion without joint angles."""
     return recording.metadata.mode == "dynamic" and not recording.joints
 
 
@@ -183,7 +184,7 @@ def _own_reading(read: np.ndarray, weight: np.ndarray) -> np.ndarray:
 
 
 def _continuous(q: np.ndarray) -> np.ndarray:
-    """Quaternions (N, 4) without jumps of sign."""
+    """Quaternions (N, 4) with signs chosen so that successive ones do not jump."""
     flips = np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0)
     return np.asarray(q * np.concatenate([[1.0], np.cumprod(flips)])[:, None])
 

@@ -16,9 +16,9 @@ from wrenchbed.errors import DiagnosisError
 from wrenchbed.robots.base import Robot
 
 FINE = 10.0
-"""Rows kept per period of the fastest part of the wrench that counts,"""
+"""Rows kept per period of the wrench's fastest part, below which ``COUNTS`` of its power lies."""
 COUNTS = 0.999
-"""which is where this share of the power lies below."""
+"""Share of the expected wrench's power below the frequency that sets the rate of rows."""
 
 
 def prepare(recording: Recording, seed: int = 0) -> Prepared:
@@ -66,7 +66,7 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
 
 
 def _stride(expected: np.ndarray, period: float) -> int:
-    """From the band of the expected wrench (M, 6), all channels in units of their swing."""
+    """Rows to average, from the band of the expected wrench (M, 6) scaled by its range."""
     y = (expected - expected.mean(axis=0)) / np.maximum(np.ptp(expected, axis=0), 1e-9)
     power = (np.abs(np.fft.rfft(y * np.hanning(len(y))[:, None], axis=0)) ** 2).sum(axis=1)
     frequency = np.fft.rfftfreq(len(y), period)
@@ -95,7 +95,8 @@ def _noise_at_rest(recording: Recording, data: Observations) -> np.ndarray:
 
 
 def _noise_of_averages(residual: np.ndarray, period: float, stride: int) -> np.ndarray:
-    """As rows (N, 6) in units of their noise scatter beyond what moves slowly, at least 1 (6,)."""
+    """Scatter of averages over that of white noise, from rows (N, 6) in units of noise; at least 1
+    (6,)."""
     return np.maximum(1.0, noise_in_motion(residual, period, stride)[1])
 
 

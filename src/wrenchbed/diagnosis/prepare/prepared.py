@@ -23,7 +23,7 @@ BLOCKS_IN_MOTION = 24
 SAME_POSE = 4
 """Decimals [rad, m] to which joint values of two visits of one pose agree."""
 RATES_HZ = (10.0, 25.0)
-"""To a rate within these a motion's rows are averaged before the linear analysis."""
+"""Range of rates to which a motion's rows are averaged before the linear analysis [Hz]."""
 PIECES = 4
 """Parts of an average at least: what happens within them is simulated."""
 
@@ -115,18 +115,18 @@ class Prepared:
 
     @property
     def averaged(self) -> bool:
-        """Whether the observations are averages of a motion without joints."""
+        """Whether the observations are averages of a motion without joint angles."""
         return self.recording.metadata.mode == "dynamic" and not self.moving
 
     @property
     def observed(self) -> str:
-        """What the observations are, for people."""
+        """Name of the kind of observations, for people."""
         still = "averages of a motion" if self.averaged else "poses"
         return "samples of motion" if self.moving else still
 
     @property
     def noise_source(self) -> str:
-        """Where the noise of a row comes from, for people."""
+        """Description of where a row's noise comes from, for people."""
         return "as stated" if self.source == "stated" else f"from its {self.source}"
 
     @cached_property
@@ -173,14 +173,15 @@ class Prepared:
 
     @cached_property
     def notes(self) -> tuple[str, ...]:
-        """Which rows of a long recording took part, and a noise unlike the stated one."""
+        """Notes on the rows of a long recording that took part, and on noise unlike the stated
+        one."""
         given = self.recording if self.given is None else self.given
         rows = scenes.notes(given, self.recording, self.excerpt)
         return (*rows, self.noise_note) if self.noise_note else tuple(rows)
 
     @cached_property
     def fitted(self) -> np.ndarray:
-        """Observations that take part in a fit (H,), boolean."""
+        """Which observations take part in a fit (H,), boolean."""
         return (self.fold >= 0) & (self.fold != (-1 if self.held_out is None else self.held_out))
 
     @cached_property
@@ -190,15 +191,15 @@ class Prepared:
 
     @property
     def folds(self) -> tuple[int, ...]:
-        """Folds that hold observations."""
+        """Numbers of the folds that hold observations."""
         return tuple(int(k) for k in np.unique(self.fold[self.judged]))
 
     def without(self, fold: int) -> "Prepared":
-        """The same with a fold held out of all fits."""
+        """Prepared recording with a fold held out of all fits."""
         return replace(self, held_out=fold)
 
     def aside(self, rows: np.ndarray) -> "Prepared":
-        """The same with some observations (H,) set aside."""
+        """Prepared recording with some observations (H,) set aside."""
         return replace(self, fold=np.where(rows, -1, self.fold))
 
     def rows(self, x: np.ndarray) -> np.ndarray:
@@ -224,7 +225,7 @@ class Prepared:
 
     @property
     def variance(self) -> np.ndarray:
-        """Noise of the rows that `rows` returns (6,), white."""
+        """Noise variance of the rows that `rows` returns (6,), white."""
         return self.noise / self.stride
 
     @cached_property
@@ -239,7 +240,7 @@ class Prepared:
 
     @cached_property
     def coarse(self) -> "Prepared":
-        """The same on averages of fewer rows, some of which make one of those of ``rows``.
+        """Prepared recording on averages of fewer rows, several of which make one of ``rows``.
 
         They are short beside what moves, so that delays and filters act as on the rows themselves.
         """
@@ -268,7 +269,7 @@ class Prepared:
         )  # fmt: skip
 
     def at(self, robot_theta: np.ndarray) -> "Prepared":
-        """The same with the scene at other parameters of the robot."""
+        """Prepared recording with the scene at other parameters of the robot."""
         return replace(self, scene=replace(self.scene, theta=robot_theta))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 ON = 0.1
 """A value is on a lattice if it is off by less than this part of its step."""
 ALL = 0.97
-"""Share of steps between rows that must be on it."""
+"""Least share of steps between rows that must be on the lattice."""
 LEAST_STEPS = 20
 EXACT = 1e-9
 """Values closer than this part of the range are the same number."""
@@ -92,7 +92,7 @@ class Repeats:
 
     @property
     def some(self) -> bool:
-        """Whether rows repeat more often than coarse counts may make them."""
+        """Whether rows repeat more often than coarse counts can make them."""
         return bool(self.channels) and self.share >= self.expected + FEW
 
 
@@ -143,7 +143,7 @@ def _far(wrench: np.ndarray, all_same: np.ndarray) -> float:
 
 
 def _continuous(y: np.ndarray) -> bool:
-    """Whether a channel's changes hardly ever have the same size twice, and none has an end."""
+    """Whether a channel's changes rarely have the same size twice and no size is a limit."""
     fresh = y[np.concatenate([[True], y[1:] != y[:-1]])]
     if len(fresh) < WINDOW:
         return False

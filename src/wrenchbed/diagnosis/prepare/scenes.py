@@ -50,7 +50,7 @@ def of_poses(
 def of_motion(
     model: Model, robot_theta: np.ndarray, q: Value, t: np.ndarray, warmth: np.ndarray | None
 ) -> Scene:
-    """Samples of a motion (N, J) as jets."""
+    """Scene of a motion's samples (N, J) as jets."""
     held = np.ones(len(value(q)), dtype=bool)
     return Scene(model.robot, robot_theta, np.asarray(model.gravity), q, t, held, warmth)
 
@@ -94,14 +94,14 @@ def excerpt(recording: Recording) -> Recording:
 
 
 def longest(recording: Recording, keep: np.ndarray) -> Recording:
-    """The longest run of rows (N,) to keep."""
+    """Longest run of rows among those to keep (N,), as a recording."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], keep, [False]]).astype(int)))
     begin, end = max(edges.reshape(-1, 2), key=lambda run: run[1] - run[0])
     return _rows(recording, slice(begin, end))
 
 
 def notes(given: Recording, used: Recording, looked: Recording) -> Sequence[str]:
-    """Which rows of a long recording took part."""
+    """Notes on the rows of a long recording that took part."""
     if len(used) < len(given):
         first, last = used.t[0] - given.t[0], used.t[-1] - given.t[0]
         return (
