@@ -39,7 +39,8 @@ def tip_jacobian(
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """Where the tool must be accurate: derivative (T, 3, K) of its position by the parameters."""
+    """Where the tool must be accurate: derivative (T, 3, K) of its position [m] by the
+    parameters."""
 
     sensitivity: np.ndarray
 
@@ -58,7 +59,8 @@ class Goal:
         return np.linalg.norm(np.einsum("tik,...k->...ti", self.sensitivity, deviation), axis=-1)
 
     def quantile(self, covariance: np.ndarray, share: float) -> float:
-        """What the rms over the target [m] of one robot stays below with probability ``share``."""
+        """Value [m] below which the rms over the target of one robot stays with probability
+        ``share``."""
         half = np.linalg.cholesky(
             self.weight + 1e-15 * np.trace(self.weight) * np.eye(len(covariance))
         )

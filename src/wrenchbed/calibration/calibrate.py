@@ -191,7 +191,7 @@ def check_mass(mass: float) -> None:
 
 @dataclass(frozen=True)
 class CalibrationOptions:
-    """How to calibrate.
+    """Options of a calibration.
 
     Attributes:
         free: Parameters, groups (tool.cog) or patterns (L1?) to identify; `candidates` for all
@@ -248,7 +248,7 @@ class Task:
 
 
 def prepared(recording: Recording, options: CalibrationOptions, touches: Touches | None) -> Task:
-    """What `calibrate` does before the fit; raises what it raises."""
+    """Fit problem of `calibrate` after its checks, with the same arguments and errors."""
     recording = restored(_without_unknown_joints(recording))
     if options.loss not in LOSSES:
         raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
@@ -295,7 +295,7 @@ def prepared(recording: Recording, options: CalibrationOptions, touches: Touches
 
 
 def finished(task: Task, outcome: Outcome, options: CalibrationOptions) -> Fit:
-    """What `calibrate` does after the fit; raises what it raises."""
+    """Fit of `calibrate` from a solved problem, with the same errors."""
     recording, problem = task.recording, task.problem
     theta = problem.at(outcome.solution.x)
     check_mass(float(problem.model.robot.tool(problem.model.robot.robot_theta(theta)).mass))
@@ -306,7 +306,7 @@ def finished(task: Task, outcome: Outcome, options: CalibrationOptions) -> Fit:
 
 
 def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:
-    """What a fit leaves of the recording that it was fitted to.
+    """Residual of a fit on the recording that it was fitted to.
 
     Returns:
         The observations, and measured minus fitted of each (M, 6) [N, N·m].
@@ -320,7 +320,7 @@ def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:
 def _finding(
     recording: Recording, data: Observations, model: Model, stated: np.ndarray, names: set[str]
 ) -> Finding | None:
-    """What the checks find against the load, if its mass is to be found."""
+    """Finding of the checks against the load, if the fit frees its mass."""
     seen = observed(recording, data, model, stated, names)
     if not names & {"tool.mass", "mTool"}:
         return None
@@ -383,15 +383,15 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
     identified = []
     for k, i in enumerate(problem.free):
         parameter = model.parameters[i]
-        told = problem.prior or solution.blind[k] < BLIND
+        is_determined = problem.prior or solution.blind[k] < BLIND
         identified.append(
             IdentifiedValue(
                 parameter.name,
                 float(theta[i]),
-                float(std[k]) if told else None,
+                float(std[k]) if is_determined else None,
                 parameter.unit,
                 float(started[i]),
-                float(quantile * std[k]) if told else None,
+                float(quantile * std[k]) if is_determined else None,
             )
         )
     tool = model.robot.tool(model.robot.robot_theta(theta))

@@ -39,7 +39,7 @@ def calibrate_each(recordings: Sequence[Recording]) -> list[Fit | WrenchbedError
 
 
 def _alike(tasks: dict[int, Task]) -> list[list[int]]:
-    """Numbers of tasks that can be fitted together."""
+    """Groups of task numbers that can be fitted together."""
     groups: list[list[int]] = []
     for k, task in tasks.items():
         for group in groups:
@@ -52,7 +52,7 @@ def _alike(tasks: dict[int, Task]) -> list[list[int]]:
 
 
 def _same(a: Task, b: Task) -> bool:
-    """Whether two tasks differ in nothing but what was read."""
+    """Whether two tasks differ only in their readings."""
     one, two = a.problem, b.problem
     first, second = one.data, two.data
     if isinstance(first.q, Jet) or isinstance(second.q, Jet):

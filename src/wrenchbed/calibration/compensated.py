@@ -27,10 +27,10 @@ def restored(recording: Recording) -> Recording:
     Raises:
         CalibrationError: what was subtracted is not known, or the robot moved.
     """
-    told = recording.metadata.extra.get(_WRENCH)
-    if not isinstance(told, Mapping) or not told.get("compensated") or told.get(_RESTORED):
+    notes = recording.metadata.extra.get(_WRENCH)
+    if not isinstance(notes, Mapping) or not notes.get("compensated") or notes.get(_RESTORED):
         return recording
-    name, payload = recording.name, told.get("payload")
+    name, payload = recording.name, notes.get("payload")
     if not isinstance(payload, Mapping):
         raise CalibrationError(
             f"{name}: the controller subtracted the weight of its payload from the wrench, and "
@@ -44,11 +44,11 @@ def restored(recording: Recording) -> Recording:
             f"{name}: the controller subtracted a payload of {mass:g} kg from the wrench; whether "
             f"it also subtracts the payload's inertia is not published: {_REMEDY}"
         )
-    return _with(recording, told, _weight(recording, mass, cog))
+    return _with(recording, notes, _weight(recording, mass, cog))
 
 
 def _stated(name: str, payload: Mapping[str, Any]) -> tuple[float, np.ndarray]:
-    """Mass [kg] and CoG (3,) in flange axes [m]."""
+    """Stated mass [kg] and CoG (3,) in flange axes [m] of a payload."""
     try:
         mass, cog = float(payload["mass"]), np.array(payload["cog"], dtype=float)
     except (KeyError, TypeError, ValueError):
@@ -71,8 +71,8 @@ def _weight(recording: Recording, mass: float, cog: np.ndarray) -> np.ndarray:
     return weight(robot.gravity_seen(recording.q, robot.parameters.nominal, gravity), payload)
 
 
-def _with(recording: Recording, told: Mapping[str, Any], load: np.ndarray) -> Recording:
+def _with(recording: Recording, notes: Mapping[str, Any], load: np.ndarray) -> Recording:
     wrench = recording.wrench + load
     columns = {**recording.columns, **{c: wrench[:, k] for k, c in enumerate(CHANNELS)}}
-    extra = {**recording.metadata.extra, _WRENCH: {**told, _RESTORED: True}}
+    extra = {**recording.metadata.extra, _WRENCH: {**notes, _RESTORED: True}}
     return Recording(replace(recording.metadata, extra=extra), columns, recording.name)

@@ -36,7 +36,7 @@ class IdentifiedValue:
 
 @dataclass(frozen=True)
 class FitNoise:
-    """What the data says of its own noise, per channel (6,) [N, N·m].
+    """Noise as the data show it, per channel (6,) [N, N·m].
 
     Attributes:
         row: standard deviation of one row, from ``source``.
@@ -113,7 +113,7 @@ class Fit:
         return np.divide(self.covariance, outer, out=np.zeros_like(outer), where=outer > 0)
 
     def to_json(self) -> dict[str, Any]:
-        """The fit as a JSON object."""
+        """Contents of the fit's JSON file."""
         o, noise = self.observability, self.noise
         refuted = {} if self.refuted is None else {"refuted": self.refuted}
         return {

@@ -44,30 +44,31 @@ class Problem:
     def _once(
         self, what: str, x: np.ndarray, make: Callable[[np.ndarray], np.ndarray], near: float = 0.0
     ) -> np.ndarray:
-        """What is asked for again at the same x, within so many tolerances of it."""
+        """Cached result of ``make`` at x, valid within ``near`` tolerances of the cached x."""
         known = self._last.get(what)
         if known is None or np.abs((known[0] - x) / self.scale).max(initial=0.0) > near:
             known = self._last[what] = (x.copy(), make(x))
         return known[1]
 
     def knowing(self, x: np.ndarray, jacobian: np.ndarray) -> "Problem":
-        """This problem, which knows its derivatives (M, 6, K) at x (K,)."""
+        """This problem with its derivatives (M, 6, K) at x (K,) cached."""
         self._last["jacobian"] = (x, jacobian)
         return self
 
     @property
     def scale(self) -> np.ndarray:
-        """Tolerances (K,)."""
+        """Tolerances of the free parameters (K,)."""
         return self.model.parameters.tolerance[list(self.free)]
 
     @property
     def start(self) -> np.ndarray:
-        """Where the fit begins (K,)."""
+        """Start values of the free parameters (K,)."""
         return self.theta[list(self.free)]
 
     @property
     def dof(self) -> float:
-        """Of the residual per channel; parameters are shared out evenly."""
+        """Degrees of freedom of the residual per channel; parameters count evenly on all
+        channels."""
         k = 0 if self.prior else len(self.free)
         return max(1.0, len(self.data) - k / 6)
 
@@ -78,13 +79,13 @@ class Problem:
         return theta
 
     def residual(self, x: np.ndarray) -> np.ndarray:
-        """Measured − predicted (M, 6) [N, N·m]."""
+        """Measured − predicted wrench (M, 6) [N, N·m] at x (K,)."""
         return self._once(
             "residual", x, lambda y: self.data.wrench - self.model.predict(self.data.q, self.at(y))
         )
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
-        """Derivative of the prediction (M, 6, K)."""
+        """Derivative (M, 6, K) of the predicted wrench by the free parameters at x (K,)."""
         return self._once(
             "jacobian", x, lambda y: self.model.jacobian(self.data.q, self.at(y), self.free), SAME
         )

@@ -9,7 +9,7 @@ from wrenchbed.pages.numbers import HUMAN, decimals, minus
 from wrenchbed.physics.wrench import CHANNELS
 
 STRONG = 0.9
-"""Size of a correlation that is told in words; estimate."""
+"""Least correlation of two parameters that is reported; estimate."""
 MOST_PAIRS = 6
 UNKNOWN = "in sum only"
 
@@ -35,7 +35,7 @@ class ParameterWords:
 
 @dataclass(frozen=True)
 class FitWords:
-    """What people read of a fit.
+    """Text of a fit for people.
 
     Attributes:
         data: robot and amount of data.
@@ -61,7 +61,7 @@ class FitWords:
     @property
     def sections(self) -> tuple[tuple[str, tuple[str, ...]], ...]:
         """Headings with their lines, those that have any; the status last."""
-        told = (
+        sections = (
             ("what this data cannot tell", self.limits),
             ("strongly correlated", self.pairs),
             ("touches", (self.touches,)),
@@ -69,11 +69,11 @@ class FitWords:
             ("refuted by the data", (self.refuted,)),
             ("status", (self.status,)),
         )
-        return tuple((title, lines) for title, lines in told if any(lines))
+        return tuple((title, lines) for title, lines in sections if any(lines))
 
 
 def fit_words(fit: Fit) -> FitWords:
-    """What people read of a fit."""
+    """Text of a fit for people."""
     rows = f"{fit.rows} rows"
     amount = rows if fit.rows == fit.poses else f"{fit.poses} poses, {rows}"
     noise, seats = fit.noise, fit.touches
@@ -147,7 +147,7 @@ def _short(x: float) -> str:
 
 
 def _limits(fit: Fit) -> tuple[str, ...]:
-    """What the data cannot identify; empty if it identifies everything."""
+    """Sentences on what the data cannot identify; empty if they identify everything."""
     o = fit.observability
     no_effect = [f"no effect on any reading: {', '.join(o.no_effect)}"] * bool(o.no_effect)
     lines = no_effect + [r.sentence for r in o.redundancies]
@@ -157,12 +157,12 @@ def _limits(fit: Fit) -> tuple[str, ...]:
 def _pairs(fit: Fit) -> tuple[str, ...]:
     """Pairs of parameters that the data barely tell apart."""
     known = [k for k, p in enumerate(fit.identified) if p.std is not None]
-    found = [
+    correlations = [
         (float(fit.correlation[i, j]), fit.identified[i].name, fit.identified[j].name)
         for n, i in enumerate(known)
         for j in known[:n]
     ]
-    strong = sorted((f for f in found if abs(f[0]) >= STRONG), key=lambda f: -abs(f[0]))
-    told = [minus(f"{b} and {a}: {r:+.3f}") for r, a, b in strong[:MOST_PAIRS]]
+    strong = sorted((f for f in correlations if abs(f[0]) >= STRONG), key=lambda f: -abs(f[0]))
+    texts = [minus(f"{b} and {a}: {r:+.3f}") for r, a, b in strong[:MOST_PAIRS]]
     more = len(strong) - MOST_PAIRS
-    return (*told, f"{more} more pairs above {STRONG:g}") if more > 0 else tuple(told)
+    return (*texts, f"{more} more pairs above {STRONG:g}") if more > 0 else tuple(texts)

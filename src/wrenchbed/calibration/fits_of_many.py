@@ -54,7 +54,7 @@ class _Together:
 
     @property
     def start(self) -> np.ndarray:
-        """Where the fits begin (R, K)."""
+        """Start values of the fits (R, K)."""
         return self.thetas[:, list(self.free)]
 
     def at(self, x: np.ndarray, who: np.ndarray) -> np.ndarray:
@@ -64,13 +64,13 @@ class _Together:
         return thetas
 
     def residual(self, x: np.ndarray, who: np.ndarray) -> np.ndarray:
-        """Measured − predicted (A, N, 6) [N, N·m]."""
+        """Measured − predicted wrenches (A, N, 6) [N, N·m] of robots ``who`` (A,)."""
         return self.wrench[who] - self.model.predict_each(self.q, self.at(x, who))
 
 
 @dataclass(frozen=True, eq=False)
 class _Solutions:
-    """`least_squares.Solution` of R robots; ``whole`` where all parameters can be told (R,)."""
+    """`least_squares.Solution` of R robots; ``whole`` where the data fix all parameters (R,)."""
 
     x: np.ndarray
     residual: np.ndarray
@@ -81,7 +81,7 @@ class _Solutions:
     whole: np.ndarray
 
     def of(self, k: int) -> Solution:
-        """Of one robot."""
+        """Solution of robot k."""
         return Solution(
             self.x[k], self.residual[k], None, self.covariance[k], self.blind[k],
             self.x.shape[1], int(self.steps[k]), bool(self.converged[k]),
@@ -107,7 +107,7 @@ class _Slopes:
         return problem.knowing(self._at[k], np.swapaxes(self._kept[k], 0, 1))
 
     def __call__(self, x: np.ndarray, who: np.ndarray) -> np.ndarray:
-        """At x (A, K) of the robots (A,) → (A, 6, N, K)."""
+        """Derivatives (A, 6, N, K) of the prediction at x (A, K) of the robots (A,)."""
         off = np.abs((self._at[who] - x) / self._fits.scale).max(axis=1)
         new = off > SAME
         if new.any():
@@ -126,10 +126,10 @@ class _Whitening(Protocol):
     """Gives rows of the robots (A,) unit variance and leaves none correlated."""
 
     def rows(self, rows: np.ndarray, who: np.ndarray) -> np.ndarray:
-        """Of rows (A, N, 6)."""
+        """Whitened rows from rows (A, N, 6)."""
 
     def slopes(self, slopes: np.ndarray, who: np.ndarray) -> np.ndarray:
-        """Of derivatives by channels (A, 6, N, K), as `_Slopes` gives them."""
+        """Whitened derivatives from derivatives by channels (A, 6, N, K)."""
 
 
 class _Steady(_Whitening):
@@ -165,7 +165,7 @@ class _Wandering(_Whitening):
 
 
 def _turn(covariance: np.ndarray) -> np.ndarray:
-    """What makes six channels (R, 6, 6) independent, from the right."""
+    """Matrices (R, 6, 6) that decorrelate six channels of these covariances, from the right."""
     return np.swapaxes(np.linalg.inv(np.linalg.cholesky(covariance)), 1, 2)
 
 
@@ -246,7 +246,7 @@ def _solve(fits: _Together, slopes: _Slopes, whiten: _Whitening, start: np.ndarr
 
 
 def _whole(s: np.ndarray) -> np.ndarray:
-    """Whether singular values (R, K) tell all parameters (R,)."""
+    """Whether singular values (R, K) fix all parameters (R,), boolean."""
     return np.asarray(np.isfinite(s[:, 0]) & (s[:, -1] > RANK_TOLERANCE * s[:, 0]))
 
 
@@ -279,12 +279,12 @@ def _halve(
 
 
 def _squares(r: np.ndarray) -> np.ndarray:
-    """|r|² (A,) of rows (A, M)."""
+    """Sums of squares |r|² (A,) of rows (A, M)."""
     return np.asarray((r[:, None] @ r[..., None])[:, 0, 0])
 
 
 def _wandering(
-    fits: _Together, slopes: _Slopes, found: _Solutions, who: np.ndarray
+    fits: _Together, slopes: _Slopes, solutions: _Solutions, who: np.ndarray
 ) -> tuple[Wander, _Solutions]:
     """The last levels (A, 1, 6) of the robots (A,), and their fits with weights by these."""
     order = np.argsort(fits.data.t)
@@ -293,7 +293,7 @@ def _wandering(
     slopes.turn(basis)
     covariance = np.diagonal(fits.covariance[who], axis1=1, axis2=2)
     least = (covariance / float(np.mean(fits.data.count))).ravel()
-    x, last = found.x[who], found
+    x, last = solutions.x[who], solutions
     for _ in range(REWEIGHTINGS):
         left = fits.residual(x, who)
         channels = slopes(x, who)

@@ -27,16 +27,17 @@ UNKNOWN_SENSOR = "generic"
 _BAND = NoiseModel()
 MAINS_HZ = (50.0, 60.0)
 _MAINS_OFF_HZ = 0.2
-"""How far the mains may be off [Hz]: the grid of continental Europe sheds load at 49.8 Hz."""
+"""Largest deviation of the mains frequency [Hz]: the grid of continental Europe sheds load at 49.8
+Hz."""
 _BESIDE_HZ = (2.5, 8.5)
-"""So far from it lies what a mains line is compared with [Hz]."""
+"""Distance range of the frequencies that a mains line is compared with [Hz]."""
 _LEAST_RATE = 2.4
 """The rate must exceed a line's frequency so many times."""
 _CHANCE = 1e-3
-"""Of a line or a drift in noise alone, all channels and frequencies together."""
+"""Probability of a line or a drift in noise alone, all channels and frequencies together."""
 _MINUTE_S = 60.0
 _COARSE = 0.5
-"""Above this many steps, a row's deviation makes rounding errors white and independent."""
+"""Scatter of a row in steps above which rounding errors are white and independent."""
 _LARGEST_MULTIPLE, _OFF_GRID, _LEAST_LEVELS = 12, 0.02, 3
 """The smallest difference between values may be so many steps; values lie on the grid within this
 share of a step; fewer different values show no grid."""
@@ -78,7 +79,7 @@ class LearnedSensor:
 
     @property
     def text(self) -> str:
-        """Of the TOML file."""
+        """Contents of the sensor's TOML file."""
         return text(self.sensor, (self.sensor.title, "", *self.cannot_tell))
 
     def write(self, path: str | Path) -> None:
@@ -164,18 +165,18 @@ def _taken(source: str, like: str) -> str:
     return source if source.startswith("taken from ") else f"taken from {like}: {source}"
 
 
-def _figures(found: "_Channels", white: np.ndarray) -> str:
-    """Uncertainties, as the file's source of its numbers."""
+def _figures(channels: "_Channels", white: np.ndarray) -> str:
+    """Noise figures with uncertainties, for the source that the TOML file states."""
     parts = [
         f"{c} {w:.3g} ± {s.white_std:.1g}, 1/f "
         + (f"{s.flicker:.3g} ± {s.flicker_std:.1g}" if s.flicker else f"< {s.flicker_most:.2g}")
-        for c, w, s in zip(CHANNELS, white, found.spectra, strict=True)
+        for c, w, s in zip(CHANNELS, white, channels.spectra, strict=True)
     ]
     return "white " + "; ".join(parts)
 
 
 class _Channels:
-    """What the periodograms of six channels show."""
+    """Periodograms of six channels and what they show."""
 
     def __init__(self, rows: np.ndarray, clock: Clock) -> None:
         self._clock = clock
@@ -277,7 +278,7 @@ def _near_mains(clock: Clock) -> np.ndarray:
 
 
 def _sigmas(tries: int) -> float:
-    """So many sigmas does the largest of some normal numbers exceed by `_CHANCE` only."""
+    """Size in σ that the largest of ``tries`` normal numbers exceeds with probability `_CHANCE`."""
     from scipy.special import ndtri
 
     return float(-ndtri(_CHANCE / (2 * tries)))
@@ -311,27 +312,27 @@ def _refined(gaps: np.ndarray, step: float) -> float:
 
 
 def _cannot_tell(
-    found: _Channels, steps: np.ndarray, like: str, drifting: np.ndarray
+    channels: _Channels, steps: np.ndarray, like: str, drifting: np.ndarray
 ) -> Iterator[str]:
-    clock = found._clock
+    clock = channels._clock
     seconds = clock.rows / clock.rate
     yield f"What is slower than {seconds:.3g} s: that the 1/f part goes on is an assumption."
     yield "What the robot adds at rest: vibration is in these numbers."
     yield f"Range, resolution, mass and plate offset: they are those of {like}."
-    if found.lines:
-        said = ", ".join(f"{f:.3g}" for f in sorted(found.lines))
+    if channels.lines:
+        said = ", ".join(f"{f:.3g}" for f in sorted(channels.lines))
         yield f"Lines at {said} Hz (robot, room): they are counted as white noise."
-    odd = [c for c, s in zip(CHANNELS, found.spectra, strict=True) if not s.follows]
+    odd = [c for c, s in zip(CHANNELS, channels.spectra, strict=True) if not s.follows]
     if odd:
         yield (
             f"The colour of {', '.join(odd)}: it is not white and 1/f. The deviation of a row is "
             "kept as white noise; 1/f is what is below 2 Hz."
         )
-    low = [c for c, s in zip(CHANNELS, found.spectra, strict=True) if not s.flicker]
+    low = [c for c, s in zip(CHANNELS, channels.spectra, strict=True) if not s.flicker]
     if low:
         yield f"The 1/f part of {', '.join(low)}: it is not significant above the white noise."
     coarse = [
-        c for c, std, step in zip(CHANNELS, found.row_std, steps, strict=True)
+        c for c, std, step in zip(CHANNELS, channels.row_std, steps, strict=True)
         if std < _COARSE * step
     ]  # fmt: skip
     if coarse:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 _GOLDEN = 0.5 * (3.0 - np.sqrt(5.0))
-"""By definition: the smaller part of the golden section."""
+"""Smaller part of the golden section of 1, by definition."""
 _ROOT, _TOLERANCE = np.sqrt(2.2e-16), 1e-5
 """Relative and absolute tolerance of the place: those of scipy, estimates."""
 
@@ -20,7 +20,7 @@ Costs = Callable[[np.ndarray, np.ndarray], np.ndarray]
 
 
 def least(cost: Costs, count: int, bounds: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Where within bounds each of so many functions is least (B,), and its value there (B,)."""
+    """Minima of B functions within bounds: their places (B,) and values (B,)."""
     x, value = np.empty(count), np.empty(count)
     who = np.arange(count)
     start = np.full(count, bounds[0] + _GOLDEN * (bounds[1] - bounds[0]))
@@ -39,7 +39,7 @@ def least(cost: Costs, count: int, bounds: tuple[float, float]) -> tuple[np.ndar
 
 @dataclass(eq=False)
 class _Search:
-    """Of each function: bounds a, b, the three best places and values, the last two steps."""
+    """State of B searches: bounds a, b, the three best places and values, the last two steps."""
 
     a: np.ndarray
     b: np.ndarray
@@ -59,7 +59,7 @@ class _Search:
         return cls(a, b, x, x, x, fx, fx, fx, zero, zero)
 
     def of(self, some: np.ndarray) -> "_Search":
-        """Of some functions only."""
+        """Search restricted to some of the functions."""
         return _Search(*(v[some] for v in vars(self).values()))
 
     @property
@@ -71,12 +71,12 @@ class _Search:
         return _ROOT * np.abs(self.x) + _TOLERANCE / 3.0
 
     def going(self) -> np.ndarray:
-        """Which functions (B,) are not settled."""
+        """Which functions (B,) have not converged, boolean."""
         left = np.abs(self.x - self.middle)
         return np.asarray(left > 2.0 * self.tolerance - 0.5 * (self.b - self.a))
 
     def next(self) -> np.ndarray:
-        """Where to ask next: along a parabola through the best three, or by golden section."""
+        """Next places to evaluate (B,): by a parabola through the best three, or golden section."""
         x, a, b, middle, tolerance = self.x, self.a, self.b, self.middle, self.tolerance
         fit = np.abs(self.before) > tolerance
         r = (x - self.second) * (self.fx - self.f_third)
@@ -96,7 +96,7 @@ class _Search:
         return np.asarray(x + _sign(self.step) * np.maximum(np.abs(self.step), tolerance))
 
     def learn(self, u: np.ndarray, fu: np.ndarray) -> None:
-        """Put values (B,) at places (B,) into their order."""
+        """Update of the searches with values (B,) at places (B,)."""
         better, right = fu <= self.fx, u >= self.x
         self.a = np.where(better & right, self.x, np.where(~better & ~right, u, self.a))
         self.b = np.where(better & ~right, self.x, np.where(~better & right, u, self.b))
@@ -112,5 +112,5 @@ class _Search:
 
 
 def _sign(x: np.ndarray) -> np.ndarray:
-    """1 or −1, and 1 of zero."""
+    """Sign of x, with 1 for zero."""
     return np.asarray(np.sign(x) + (x == 0))

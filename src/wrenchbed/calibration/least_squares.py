@@ -20,14 +20,14 @@ SAME = 1e-7
 BLIND = 1e-5
 """A parameter with more than this share in the null space is not identified by itself."""
 HALVINGS = 30
-"""Most halvings of a step; estimate."""
+"""Largest number of halvings of a step; estimate."""
 _PART = 512
 """Rows that are triangularised together; more than any model has parameters."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Where the iteration ended.
+    """Result of the iteration.
 
     Attributes:
         x: parameters (K,).

@@ -16,15 +16,15 @@ from wrenchbed.calibration.observability import RANK_TOLERANCE
 from wrenchbed.physics.time_derivatives import value
 
 DOUBT = 1e-3
-"""Below this p-value the residual follows the pose."""
+"""P-value below which the residual counts as dependent on the pose."""
 MOVED = 5.0
 """Standard uncertainties by which a zero of the sensor moves a parameter, if it matters."""
 CLEAR = 10.0
 """Standard uncertainties of white noise by which the zero itself differs from none; estimate."""
 ROUNDING = 1e-9
-"""Residual that is none, over the largest reading."""
+"""Residual over the largest reading that counts as zero."""
 ENOUGH = 2000
-"""Observations from which a zero is told well enough."""
+"""Observations from which a zero is determined well enough."""
 
 
 def grown(
@@ -73,8 +73,8 @@ def _correlated(outcome: Outcome, count: int) -> np.ndarray:
 def functions(problem: Problem) -> np.ndarray:
     """Orthonormal functions (M, ≤ 9) of gravity's direction in the sensor, up to quadratic."""
     robot = problem.model.robot
-    own = robot.robot_theta(problem.theta)
-    seen = robot.gravity_seen(value(problem.data.q), own, np.asarray(problem.model.gravity))
+    robot_theta = robot.robot_theta(problem.theta)
+    seen = robot.gravity_seen(value(problem.data.q), robot_theta, np.asarray(problem.model.gravity))
     x, y, z = (seen / np.linalg.norm(problem.model.gravity)).T
     one = np.ones_like(x)
     design = np.column_stack([one, x, y, z, x * y, y * z, z * x, x * x - y * y, 3.0 * z * z - 1.0])

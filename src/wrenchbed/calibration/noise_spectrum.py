@@ -15,13 +15,13 @@ from scipy.fft import next_fast_len, rfft
 from scipy.special import exp1
 
 _ROUNDS = 60
-"""Of Fisher scoring; it settles within 10 to 20."""
+"""Largest number of steps of Fisher scoring; it converges within 10 to 20."""
 _SETTLED = 1e-7
 _SHOWN, _ONE_SIDED = 2.0, 1.645
 """Sigmas from which on a 1/f part stands out, and below which 95 % of cases lie."""
 BELOW_ARM_HZ, _ENOUGH_LOW = 2.0, 16
-"""Arms that servos hold vibrate above this [Hz]; so many frequencies tell a floor from 1/f noise:
-estimates."""
+"""Frequency below which servo-held arms hardly vibrate [Hz], and fewest frequencies that separate a
+white floor from 1/f noise: estimates."""
 _MISFIT = 3.0
 """Mean squared misfit of the octaves, in their variances, above which the law does not hold: noise
 that follows the law has more once in 1,000 (8 octaves)."""
@@ -104,11 +104,11 @@ class Spectrum:
 
     @property
     def follows(self) -> bool:
-        """Whether white and 1/f noise explain the octaves."""
+        """Whether white and 1/f noise explain the octaves' powers."""
         return self.misfit <= _MISFIT
 
     def density(self, clock: Clock) -> np.ndarray:
-        """Expected periodogram (K,)."""
+        """Expected periodogram (K,) of white and 1/f noise."""
         return self.white**2 * clock.white + self.flicker**2 * clock.flicker
 
 
@@ -178,7 +178,7 @@ def _root_std(power: float, std: float) -> float:
 
 
 def _not_negative(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Least squares of two numbers that are not negative."""
+    """Least-squares solution of two unknowns that cannot be negative."""
     both = np.linalg.solve(matrix, right)
     if (both >= 0.0).all():
         return np.asarray(both)

@@ -45,23 +45,23 @@ class NullSpace:
 
     def named(self) -> tuple[Redundancy, ...]:
         """Directions that span it: known ones that it confirms, then those with few parameters."""
-        found: list[np.ndarray] = []
-        told: list[str] = []
+        directions: list[np.ndarray] = []
+        texts: list[str] = []
         count = len(self.names)
         for text, direction in self.symmetries.items():
             x = np.array([direction.get(n, 0.0) for n in self.names]) / self.scale
-            if _in_span(x, self.basis) and not _in_span(x, _columns(found, count)):
-                found.append(x / np.abs(x).max())
-                told.append(text)
+            if _in_span(x, self.basis) and not _in_span(x, _columns(directions, count)):
+                directions.append(x / np.abs(x).max())
+                texts.append(text)
         for x in _sparsest(self.basis):
-            if len(found) == self.basis.shape[1]:
+            if len(directions) == self.basis.shape[1]:
                 break
-            if not _in_span(x, _columns(found, count)):
-                found.append(x)
-                told.append("")
+            if not _in_span(x, _columns(directions, count)):
+                directions.append(x)
+                texts.append("")
         redundancies = [
             _redundancy(x * self.scale, self.names, text)
-            for x, text in zip(found, told, strict=True)
+            for x, text in zip(directions, texts, strict=True)
         ]
         return tuple(sorted(redundancies, key=lambda r: len(r.names)))
 

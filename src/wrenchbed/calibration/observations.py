@@ -54,7 +54,7 @@ class Observations:
 
     @property
     def left_out(self) -> int:
-        """Saturated rows not used."""
+        """Number of saturated rows that are not used."""
         return int(np.count_nonzero(~self.keep))
 
 
@@ -175,12 +175,12 @@ def usable(recording: Recording) -> np.ndarray:
         RecordingError: the recording has no wrench.
     """
     recording.require_wrench()
-    told = recording.columns.get("saturated")
-    if told is None and recording.metadata.source == "sim":
-        told = recording.columns.get("status")
-    if told is None:
+    flags = recording.columns.get("saturated")
+    if flags is None and recording.metadata.source == "sim":
+        flags = recording.columns.get("status")
+    if flags is None:
         return np.ones(len(recording), dtype=bool)
-    return (told.astype(np.uint32) & STATUS_SATURATED) == 0
+    return (flags.astype(np.uint32) & STATUS_SATURATED) == 0
 
 
 def _stated(recording: Recording) -> tuple[np.ndarray, float, str]:

@@ -15,12 +15,12 @@ from wrenchbed.errors import CalibrationError
 from wrenchbed.robots.base import Robot
 
 DOUBT = 0.001
-"""Below this probability, over all touches, one does not agree with the rest of the data."""
+"""Probability below which one of all touches counts as contradicting the other data."""
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """How touches agree with the wrenches, the prior and each other.
+    """Agreement of touches with the wrenches, the prior and each other.
 
     Attributes:
         count: of touches.
@@ -38,7 +38,7 @@ class Agreement:
 
     @property
     def doubtful(self) -> bool:
-        """Whether a touch contradicts the rest."""
+        """Whether a touch contradicts the other data."""
         return self.p_value < DOUBT
 
 
@@ -61,7 +61,7 @@ class Touches:
 
     @classmethod
     def of(cls, recording: Recording, std: float = TOUCH_STD) -> "Touches":
-        """One touch a hold of a recording that has the columns px py pz.
+        """Touches of a recording with the columns px py pz, one for each hold.
 
         Raises:
             CalibrationError: no such columns, a std that is not above 0, or orientations only.
@@ -89,7 +89,7 @@ class Touches:
         return tip_jacobian(robot, self.q, theta, columns).reshape(-1, len(columns)) / self.std
 
     def agreement(self, solution: Solution, first: int) -> Agreement:
-        """Each touch against its prediction by all other data (deletion residuals).
+        """Agreement of each touch with its prediction by all other data (deletion residuals).
 
         Cook & Weisberg, Residuals and Influence in Regression (1982), Section 2.2.
 

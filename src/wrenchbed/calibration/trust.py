@@ -14,7 +14,7 @@ from wrenchbed.simulation.closed_form import Model, robot_of
 GENERAL = ("not one load", "another robot")
 """Reasons that a fit with more parameters than a load may still answer."""
 OUTLIERS = ("spike", "contact")
-"""Reasons that a robust loss answers."""
+"""Reasons of findings that a robust loss remedies."""
 _MOUNTS = ({f"mount.rotation.{a}" for a in "xyz"}, {"alphaS", "betaS", "gammaS"})
 """Names under which a robot's sensor may be turned on its flange."""
 
@@ -22,7 +22,7 @@ _MOUNTS = ({f"mount.rotation.{a}" for a in "xyz"}, {"alphaS", "betaS", "gammaS"}
 def observed(
     recording: Recording, data: Observations, model: Model, theta: np.ndarray, free: set[str]
 ) -> Observed:
-    """What the checks look at.
+    """Observations in the form that the checks take.
 
     Args:
         recording: as it was read.

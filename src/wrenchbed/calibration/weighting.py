@@ -24,15 +24,15 @@ from wrenchbed.calibration.observations import Observations, fallback_covariance
 from wrenchbed.physics.time_derivatives import Jet
 
 MOST_POSES = 1500
-"""With more, the N × N eigenvectors cost more than they are worth."""
+"""Most poses for which the N × N eigenvectors are worth their cost."""
 _DECADES_BELOW = 1.0
-"""How far the 1/f band reaches below the inverse of the campaign's length."""
+"""Decades by which the 1/f band reaches below the inverse of the campaign's length."""
 _RANGE = (-8.0, 12.0)
 """Natural logarithm of wander over independent variance that is searched."""
 REWEIGHTINGS, _SETTLED = 3, 1e-6
-"""How often weights are found again, at most, and by how much, relative, they still change."""
+"""Most updates of the weights, and the relative change at which they have converged."""
 TRUST = 0.01
-"""Below this p-value of the residual's χ², the noise seen in the repeats does not explain it."""
+"""P-value of the residual's χ² below which the noise of the repeats does not explain it."""
 _BATCHES = 20
 ENOUGH = 20
 """Poses beyond the number of parameters from which the residual shows wander and correlation."""
@@ -79,7 +79,7 @@ def kernel(t: np.ndarray) -> np.ndarray:
 
 
 def estimate(t: np.ndarray, residual: np.ndarray, design: np.ndarray, least: np.ndarray) -> Wander:
-    """Both levels of every channel.
+    """Independent and 1/f noise levels of every channel.
 
     Args:
         t: mean times of the holds (N,) [s].
@@ -102,7 +102,7 @@ def modes(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def levels(
     design: np.ndarray, residual: np.ndarray, spread: np.ndarray, least: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Independent variance and 1/f level of many channels (B,), each as if alone.
+    """Independent variance and 1/f level of many channels (B,), each on its own.
 
     Args:
         design: derivatives of each by the parameters, in the kernel's eigenvectors (B, N, K).
@@ -269,7 +269,7 @@ def wandered(problem: Problem, solution: Solution, slow: Wander) -> Outcome:
 
 
 def _exact(found: np.ndarray, data: Observations) -> bool:
-    """Whether nothing but rounding is left."""
+    """Whether the residual is nothing but rounding."""
     size = np.abs(data.wrench).max()
     return bool(found.min() < (1e-12 * size) ** 2)
 
@@ -292,7 +292,8 @@ def _correlation_time(problem: Problem, x: np.ndarray) -> np.ndarray:
 
 
 def _batch_time(r: np.ndarray) -> np.ndarray:
-    """The same from the scatter of `_BATCHES` batch means, which 1/f wander cannot hide from."""
+    """Variance inflation (6,) from the scatter of `_BATCHES` batch means, which 1/f wander shows
+    in."""
     length = len(r) // _BATCHES
     batches = r[: length * _BATCHES].reshape(_BATCHES, length, 6).mean(axis=1)
     return length * batches.var(axis=0, ddof=1) / np.maximum(r.var(axis=0), 1e-300)

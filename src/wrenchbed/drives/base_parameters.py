@@ -20,7 +20,7 @@ _ROWS, _SEED = 6, 1
 _DEPENDENT = 1e-8
 """Diagonal of R over its largest below which a column depends on those before."""
 NAMES = ("m", "mx", "my", "mz", "xx", "yy", "zz", "xy", "xz", "yz")
-"""Of the ten parameters of a link."""
+"""Names of the ten inertial parameters of a link."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,8 @@ class BaseParameters:
 
 
 def base_parameters(robot: SimulatedRobot, theta: np.ndarray) -> BaseParameters:
-    """Of an arm with parameters theta (P,), that with the load first: a payload keeps its name."""
+    """Base parameters of an arm with parameters theta (P,), the load's first: a payload keeps its
+    name."""
     rng, links = np.random.default_rng(_SEED), len(robot.link_frames(robot.home[None], theta))
     at = robot.sample(-(-_ROWS * INERTIAL * links // len(robot.joints)), rng)
     q = Jet(at, rng.normal(size=at.shape), rng.normal(0.0, 3.0, at.shape))

@@ -72,7 +72,7 @@ class DriveFit:
 
     @property
     def status(self) -> str:
-        """One sentence: how far to trust it."""
+        """Sentence on how far to trust the fit."""
         if self.refuted is not None:
             return f"refuted: {self.refuted}"
         worst = min(self.joints, key=lambda e: e.explained)
@@ -87,7 +87,7 @@ class DriveFit:
         return text + (f"; this motion does not tell {', '.join(untold)}" if untold else "")
 
     def to_json(self) -> dict[str, Any]:
-        """The fit as a JSON object."""
+        """Contents of the fit's JSON file."""
         refuted = {} if self.refuted is None else {"refuted": self.refuted}
         return {
             "format": FORMAT,

@@ -30,15 +30,16 @@ from wrenchbed.simulation.closed_form import Model, robot_of
 FRICTION = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia")
 CONSTANT = "drive.constant"
 GROUPS = (*FRICTION, CONSTANT, "tool", "link")
-"""What may be free; ``tool`` is mass and centre of gravity of the load, ``link`` all inertial
-parameters that torques can tell, the load's among them."""
+"""Groups that may be free; ``tool`` is mass and centre of gravity of the load, ``link`` all
+inertial parameters that torques determine, the load's among them."""
 _WORSE = 1.0
 """Error on held-out rows over the spread of the effort from which a fit explains nothing."""
 LOAD = ("tool.mass", *(f"tool.moment.{a}" for a in "xyz"),
         *(f"tool.second.{a}" for a in INERTIA_AXES))  # fmt: skip
 """The ten inertial parameters of the load, about the sensor's origin in its axes."""
 _WIDE = float(stats.t.ppf(0.975, FOLDS - 1))
-"""Half the width of a 95 % interval in standard errors; the folds are its degrees of freedom."""
+"""Half the width of a 95 % interval in standard errors, with one degree of freedom less than
+folds."""
 _COG = tuple(f"tool.cog.{a}" for a in "xyz")
 _INERTIA = tuple(f"tool.inertia.{a}" for a in INERTIA_AXES)
 _UNITS = {"drive.coulomb": "N·m", "drive.viscous": "N·m·s/rad", "drive.offset": "N·m",
@@ -86,7 +87,7 @@ def calibrate_efforts(
 
 
 def _torques(signals: DriveSignals, constants: Sequence[float], name: str) -> DriveSignals:
-    """Currents as torques."""
+    """Signals with currents converted to torques by drive constants."""
     known, joints = np.asarray(constants, dtype=float), signals.effort.shape[1]
     if signals.prefix != "i":
         raise ParameterError(f"--constants: {name} has torques tau1…, which need none")
@@ -131,11 +132,11 @@ def _problem(
         loads, changes = y[..., :0], ()
     if FRICTION[3] in groups:
         starts |= {f"{FRICTION[3]}.{j + 1}": float(r) for j, r in enumerate(inertias.rotor)}
-    own, kinds = _friction(signals, groups)
+    friction, kinds = _friction(signals, groups)
     use = _used(recording, signals, kinds)
     problem = Problem(
         signals.filtered(signals.effort), signals.filtered(nominal, coarse),
-        signals.filtered(loads, coarse), changes, signals.filtered(own), kinds, use,
+        signals.filtered(loads, coarse), changes, signals.filtered(friction), kinds, use,
         np.arange(len(use)) * FOLDS // len(use), CONSTANT in groups,
     )  # fmt: skip
     return problem, starts
@@ -157,12 +158,12 @@ def _friction(signals: DriveSignals, groups: tuple[str, ...]) -> tuple[np.ndarra
     """Columns of each joint alone (N, J, F), and what they are."""
     speed, kinds = signals.q.d, tuple(g for g in FRICTION if g in groups)
     shapes = (np.sign(speed), speed, np.ones_like(speed), signals.q.dd)
-    own = [shape for kind, shape in zip(FRICTION, shapes, strict=True) if kind in kinds]
-    return np.stack(own, axis=-1) if own else np.zeros((*speed.shape, 0)), kinds
+    columns = [shape for kind, shape in zip(FRICTION, shapes, strict=True) if kind in kinds]
+    return np.stack(columns, axis=-1) if columns else np.zeros((*speed.shape, 0)), kinds
 
 
 def _used(recording: Recording, signals: DriveSignals, kinds: tuple[str, ...]) -> np.ndarray:
-    """Filtered rows that count (M, J)."""
+    """Which filtered rows and joints count (M, J), boolean."""
     use = signals.moving()
     if FRICTION[0] not in kinds:
         use = np.ones_like(use)
@@ -179,7 +180,7 @@ def _used(recording: Recording, signals: DriveSignals, kinds: tuple[str, ...]) -
 
 
 def about_origin(tool: Tool) -> np.ndarray:
-    """`LOAD` (10,) of a tool."""
+    """Parameters `LOAD` (10,) of a tool: mass, first moments and inertia about the origin."""
     mass, cog = float(tool.mass), np.asarray(tool.cog, dtype=float)
     second = np.asarray(tool.inertia) + mass * _second(cog, cog)
     return np.array([mass, *(mass * cog), *_six(second)])
@@ -191,7 +192,7 @@ def carrier_columns(robot: SimulatedRobot) -> slice:
 
 
 def load_columns(robot: SimulatedRobot, theta: np.ndarray) -> np.ndarray:
-    """From `LOAD` to the ten parameters of the link that carries it (10, 10), in its frame."""
+    """Matrix (10, 10) from `LOAD` to the parameters of the link that carries it, in its frame."""
     q = np.asarray(robot.home, dtype=float)[None]
     link, origin = at_home(*robot.link_frames(q, theta)[robot.carrier])
     rotation, place = (np.asarray(v)[0] for v in robot.sensor_pose(q, theta))
@@ -214,7 +215,7 @@ def _second(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def _six(matrix: np.ndarray) -> list[float]:
-    """xx yy zz xy xz yz of a symmetric matrix (3, 3)."""
+    """Elements xx yy zz xy xz yz of a symmetric matrix (3, 3)."""
     return [float(matrix["xyz".index(i), "xyz".index(j)]) for i, j in map(tuple, INERTIA_AXES)]
 
 
@@ -226,14 +227,14 @@ def _fit(
     starts: dict[str, float],
 ) -> DriveFit:
     joints = arm_of(recording).joints
-    names, told = _names(problem, _certain(problem, solution, starts), joints)
+    names, determined = _names(problem, _certain(problem, solution, starts), joints)
     values = _reported(problem, solution.x, starts)
     before = _reported(problem, start(problem), starts)
     each = np.array([_reported(problem, x, starts) for x in solution.folds])
     covariance = _jackknife(each)
     identified = []
     for k, (name, unit) in enumerate(names):
-        std = float(np.sqrt(covariance[k, k])) if told[k] else None
+        std = float(np.sqrt(covariance[k, k])) if determined[k] else None
         half = None if std is None else _WIDE * std
         identified.append(
             IdentifiedValue(name, float(values[k]), std, unit, float(before[k]), half)
@@ -254,32 +255,32 @@ def _jackknife(folds: np.ndarray) -> np.ndarray:
 
 
 def _certain(p: Problem, solution: Solution, starts: dict[str, float]) -> np.ndarray:
-    """Which parameters (K,) are told; what is divided by must be surely above or below zero.
+    """Which parameters (K,) the data determine; divisors must be surely above or below zero.
 
     The interval of 1/g has no end where that of g holds zero (Fieller 1954), and no mass has no
     centre.
     """
-    told = solution.told.copy()
+    determined = solution.determined.copy()
     half = _WIDE * np.sqrt(np.diagonal(_jackknife(solution.folds)))
     if p.gains:
         joints = p.y.shape[1]
-        told[:joints] &= np.abs(solution.x[:joints]) > half[:joints]
+        determined[:joints] &= np.abs(solution.x[:joints]) > half[:joints]
     if p.changes == LOAD:
         at = p.y.shape[1] * p.gains
         light = abs(solution.x[at] + starts[LOAD[0]]) <= half[at]
-        told[at + 1 : at + len(LOAD)] &= not light
-    return told
+        determined[at + 1 : at + len(LOAD)] &= not light
+    return determined
 
 
 def _names(
-    p: Problem, told: np.ndarray, joints: Sequence[Joint]
+    p: Problem, determined: np.ndarray, joints: Sequence[Joint]
 ) -> tuple[list[tuple[str, str]], np.ndarray]:
     """Names and units of the reported parameters, and whether the data determine each."""
 
     def of_joints(kind: str, unit: str) -> list[tuple[str, str]]:
         return [(f"{kind}.{j}", joint.own(unit)) for j, joint in enumerate(joints, start=1)]
 
-    gain, changes, own = parts(p, told)
+    gain, changes, friction = parts(p, determined)
     names = of_joints(CONSTANT, "N·m/A") if p.gains else []
     good = [*gain] if p.gains else []
     if p.changes == LOAD:
@@ -291,23 +292,23 @@ def _names(
         good += [*changes]
     for f, kind in enumerate(p.kinds):
         names += of_joints(kind, _UNITS[kind])
-        good += [*(own[:, f] & gain)]
+        good += [*(friction[:, f] & gain)]
     return names, np.array(good, dtype=bool)
 
 
 def _reported(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray:
-    """Reported parameters from those of the fit."""
-    gain, change, own = parts(p, x)
+    """Reported parameters from the parameters x (K,) of the fit."""
+    gain, change, friction = parts(p, x)
     change = change + [starts[c] for c in p.changes]
     if p.changes == LOAD:
         change = _about_cog(change)
     known = [[starts.get(f"{k}.{j + 1}", 0.0) for k in p.kinds] for j in range(len(gain))]
-    own = own / gain[:, None] + known
-    return np.concatenate([1.0 / gain if p.gains else gain[:0], change, own.T.ravel()])
+    friction = friction / gain[:, None] + known
+    return np.concatenate([1.0 / gain if p.gains else gain[:0], change, friction.T.ravel()])
 
 
 def _about_cog(load: np.ndarray) -> np.ndarray:
-    """Mass, CoG and inertia about it (10,) of `LOAD`."""
+    """Mass, CoG and inertia about the CoG (10,) from `LOAD`."""
     mass, cog = load[0], load[1:4] / load[0]
     return np.array([mass, *cog, *(load[4:] - mass * np.array(_six(_second(cog, cog))))])
 
@@ -316,14 +317,14 @@ def _errors(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[Joint
     left, unseen = residual(p, solution.x), np.zeros_like(p.y)
     for k, x in enumerate(solution.folds):
         unseen[p.fold == k] = residual(p, x)[p.fold == k]
-    found = []
+    errors = []
     for j, unit in enumerate(units):
         rows = p.use[:, j]
         nominal = None if p.gains else float(np.sqrt(np.mean((p.y - p.nominal)[rows, j] ** 2)))
         rms = [float(np.sqrt(np.mean(part[rows, j] ** 2))) for part in (left, unseen)]
         measured = float(p.y[rows, j].std())
-        found.append(JointError(j + 1, unit, int(rows.sum()), measured, nominal, *rms))
-    return tuple(found)
+        errors.append(JointError(j + 1, unit, int(rows.sum()), measured, nominal, *rms))
+    return tuple(errors)
 
 
 def _refuted(joints: tuple[JointError, ...], values: list[IdentifiedValue]) -> str | None:

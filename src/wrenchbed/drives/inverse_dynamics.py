@@ -56,7 +56,7 @@ def rotor_torque(
 
 
 def _unit_speeds(q: Jet) -> list[Jet]:
-    """Each joint in turn with a speed of 1, all others still."""
+    """Jets in which one joint at a time has speed 1 and all others are still."""
     still = np.zeros_like(q.v)
     return [Jet(q.v, still + one, still) for one in np.eye(q.v.shape[1])]
 
@@ -105,7 +105,7 @@ def _serial(robot: SerialChain, theta: np.ndarray, q: Jet, gravity: np.ndarray) 
 
 
 def _moving(value: Value, shape: tuple[int, ...]) -> Jet:
-    """Vectors or turns that may stand still."""
+    """Jet of vectors or rotations, also if they do not move."""
     if isinstance(value, Jet):
         return value
     zero = np.zeros(shape)

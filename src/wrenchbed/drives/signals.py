@@ -17,7 +17,7 @@ from wrenchbed.errors import CalibrationError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet
 
 _ORDER = 4
-"""Of the Butterworth filter, run forwards and backwards, that smooths joint values."""
+"""Order of the Butterworth filter that smooths joint values, run forwards and backwards."""
 _KAISER = 10.0
 """Shape of the window of the filter of torques: 100 dB (Kaiser 1974), so that its samples at a
 lower rate are the same filter."""
@@ -28,7 +28,7 @@ _BAND, _SHARE = 5.0, 0.99
 """Cutoff over the frequency below which that share of the speeds' power lies: estimate, after
 Gautier's "at least five times the bandwidth of the motion"."""
 _LOWEST = 2.0
-"""Least cutoff [Hz]; estimate."""
+"""Least cutoff of the joint values' filter [Hz]; estimate."""
 _HIGHEST = 0.2
 """Largest cutoff over the rate: decimation needs 2.5 rows a cycle."""
 _SPECTRUM_S = 8.0
@@ -46,12 +46,12 @@ _MOVING = 0.03
 """Share of a joint's largest speed below which it counts as at rest: its friction has no known
 sign there. Estimate."""
 _LEAST_ROWS = 100
-"""Fewest rows; estimate."""
+"""Fewest rows that a fit needs; estimate."""
 
 
 @dataclass(frozen=True, eq=False)
 class DriveSignals:
-    """What drives did, at the recording's own rate.
+    """Signals of the drives at the recording's own rate.
 
     Attributes:
         t: (N,) [s], equal steps.
@@ -69,12 +69,12 @@ class DriveSignals:
 
     @property
     def rate(self) -> float:
-        """Rows a second [Hz]."""
+        """Rate of the rows [Hz]."""
         return float((len(self.t) - 1) / (self.t[-1] - self.t[0]))
 
     @property
     def unit(self) -> str:
-        """Of ``effort``."""
+        """Unit of ``effort``."""
         return EFFORT_UNITS[self.prefix]
 
     @property
@@ -100,12 +100,12 @@ class DriveSignals:
             2 * half + 1, self.cutoff, window=("kaiser", _KAISER), fs=self.rate, scale=True
         )
         sparse = every * window[::every]
-        found = signal.upfirdn(sparse, columns, down=self.step // every, axis=0)
+        low_passed = signal.upfirdn(sparse, columns, down=self.step // every, axis=0)
         first = 2 * half // self.step
-        return np.asarray(found[first : first + len(range(half, rows - half, self.step))])
+        return np.asarray(low_passed[first : first + len(range(half, rows - half, self.step))])
 
     def moving(self) -> np.ndarray:
-        """Which joints move (M, J) at the filtered rows, through all of the filter's memory."""
+        """Which joints move (M, J) at the filtered rows through the filter's memory, boolean."""
         speed = np.abs(self.q.d)
         still = speed < _MOVING * speed.max(axis=0)
         memory = np.ones(max(1, int(0.5 * self.rate / self.cutoff)))
@@ -169,8 +169,8 @@ def _smoothed(q: np.ndarray, rate: float, most: float) -> np.ndarray:
     straight = np.asarray(signal.detrend(q), dtype=np.float64)
     frequency, power = signal.welch(straight, rate, window="blackmanharris", nperseg=rows)
     floor = float(np.median(power[frequency > _NOISE_FROM * rate]))
-    told = np.flatnonzero(power > _OVER_NOISE * floor)
-    last = float(frequency[told[-1]]) if told.size else 0.0
+    above_noise = np.flatnonzero(power > _OVER_NOISE * floor)
+    last = float(frequency[above_noise[-1]]) if above_noise.size else 0.0
     edge = float(np.clip(_BEYOND * last, min(_LOWEST, most), most))
     sections = signal.butter(_ORDER, edge, fs=rate, output="sos")
     return np.asarray(signal.sosfiltfilt(sections, q))

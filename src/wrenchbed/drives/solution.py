@@ -9,9 +9,9 @@ FOLDS = 20
 _ROUNDS, _SETTLED, _LEVEL = 30, 1e-9, 1e-3
 """Gauss–Newton steps at most, step over the parameters and change of the weights that end them."""
 _NULL = 1e-7
-"""Eigenvalue over the largest, columns scaled to 1, below which a direction is not told."""
+"""Eigenvalue over the largest, columns scaled to 1, below which a direction is undetermined."""
 _SHARE = 1e-3
-"""Part of a parameter in such directions from which it counts as not told."""
+"""Part of a parameter in such directions from which it counts as undetermined."""
 _START_CONSTANT = 10.0
 """Drive constant at which a fit of currents starts [N·m/A]; estimate, it is found linearly."""
 
@@ -42,18 +42,18 @@ class Problem:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Parameters of all rows (K,), and without each block (FOLDS, K); which the data tell (K,).
+    """Parameters of all rows (K,), and without each block (FOLDS, K); which the data fix (K,).
 
     In order: gains (J,) if currents, changes (D,), own (J F,) joint by joint.
     """
 
     x: np.ndarray
     folds: np.ndarray
-    told: np.ndarray
+    determined: np.ndarray
 
 
 def solve(problem: Problem) -> Solution:
-    """Weighted by each joint's own residual; the folds one step from the fit of all rows."""
+    """Fit weighted by each joint's residual, and fits without each fold, one step further."""
     spread = problem.y.std(axis=0)
     x, weight = start(problem), 1.0 / np.where(spread > 0.0, spread, 1.0)
     for _ in range(_ROUNDS):
@@ -68,14 +68,14 @@ def solve(problem: Problem) -> Solution:
     normal, right = _normal(problem, x, weight)
     whole, all_right = normal.sum(axis=0), right.sum(axis=0)
     folds = [x + _shortest(whole - n, all_right - r) for n, r in zip(normal, right, strict=True)]
-    return Solution(x, np.array(folds), _told(whole))
+    return Solution(x, np.array(folds), _determined(whole))
 
 
 def residual(p: Problem, x: np.ndarray) -> np.ndarray:
-    """What parameters (K,) leave (M, J)."""
-    gain, change, own = parts(p, x)
+    """Torque residual (M, J) at parameters x (K,)."""
+    gain, change, friction = parts(p, x)
     body = p.nominal + p.loads @ change
-    return np.asarray(p.y - gain * body - np.einsum("mjf,jf->mj", p.own, own))
+    return np.asarray(p.y - gain * body - np.einsum("mjf,jf->mj", p.own, friction))
 
 
 def parts(p: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -88,7 +88,7 @@ def parts(p: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def start(p: Problem) -> np.ndarray:
-    """Parameters (K,) of the nominal robot."""
+    """Start parameters (K,): those of the nominal robot."""
     joints = p.y.shape[1]
     gains = np.full(joints * p.gains, 1.0 / _START_CONSTANT)
     return np.concatenate([gains, np.zeros(len(p.changes) + joints * len(p.kinds))])
@@ -117,7 +117,7 @@ def _normal(p: Problem, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _blocks(fold: np.ndarray) -> np.ndarray:
-    """Rows of each block (FOLDS, L), filled up with −1."""
+    """Row numbers of each block (FOLDS, L), padded with −1."""
     order, count = np.argsort(fold, kind="stable"), np.bincount(fold, minlength=FOLDS)
     place = np.arange(count.max())
     first = np.cumsum(count) - count
@@ -139,6 +139,6 @@ def _shortest(normal: np.ndarray, right: np.ndarray) -> np.ndarray:
     return np.asarray(vector @ (inverse * (vector.T @ (right / scale))) / scale)
 
 
-def _told(normal: np.ndarray) -> np.ndarray:
+def _determined(normal: np.ndarray) -> np.ndarray:
     _, value, vector = _scaled(normal)
     return np.asarray((vector[:, value < _NULL * value[-1]] ** 2).sum(axis=1) < _SHARE)

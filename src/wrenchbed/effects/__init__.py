@@ -4,4 +4,4 @@ Read first: `base` (the contract), then `chain` (how effects act together).
 """
 
 SUPPORT = ("scene", "chain", "free_form")
-"""Modules here that are no plug-ins."""
+"""Modules of this package that are no plug-ins."""

@@ -50,7 +50,7 @@ WARM_UPS = (0.25, 1.0, 4.0)
 """Time constants of an unrecorded warm-up where a search begins, relative to the recording's
 duration; estimates."""
 WAVES = 5
-"""Half waves of a course in time that is free; estimate."""
+"""Number of half waves of a free course in time; estimate."""
 
 
 class Stage(NamedTuple):
@@ -88,7 +88,7 @@ STAGES: Mapping[str, Stage] = {
         "on the rows of a recording",
     ),
 }
-"""By name, in the order in which they act."""
+"""Stages by name, in the order in which they act."""
 
 
 @dataclass(frozen=True)
@@ -115,12 +115,12 @@ class Variant:
 
     @property
     def free_form(self) -> bool:
-        """Whether it assumes no formula: see `Effect.free_forms`."""
+        """Whether the variant assumes no formula: see `Effect.free_forms`."""
         return self.detail.get("form") == "free"
 
 
 class Curve(NamedTuple):
-    """What a form-free variant adds, over the variable that it is a function of.
+    """Curve that a form-free variant adds, over the variable that it depends on.
 
     Attributes:
         channel: that it is of; empty if of all alike.
@@ -139,7 +139,7 @@ class Curve(NamedTuple):
 
 
 class Variable(NamedTuple):
-    """What an effect's own figure is drawn over.
+    """Variable over which an effect's own figure is drawn.
 
     Attributes:
         values: of each row (M,), in ``unit``.
@@ -152,7 +152,7 @@ class Variable(NamedTuple):
 
 
 class Residual(NamedTuple):
-    """What a calibrated simulator leaves.
+    """Residual that a calibrated simulator leaves.
 
     Attributes:
         rows: of the scene that were measured and may be fitted (R,).
@@ -179,35 +179,36 @@ class Effect(ABC):
 
     name: ClassVar[str]
     title: ClassVar[str]
-    """One line: what happens."""
+    """One line of text: what happens on the robot."""
     title_of_joint: ClassVar[str] = ""
-    """The same where one joint has it, with ``{joint}`` for its number."""
+    """Title for an effect on one joint, with ``{joint}`` for its number."""
     source: ClassVar[str]
-    """Where the typical size comes from."""
+    """Source of the typical size."""
     stage: ClassVar[str]
-    """Of `STAGES`, the first at which it acts."""
+    """Name of the stage in `STAGES` at which the effect acts first."""
     also_at: ClassVar[tuple[str, ...]] = ()
-    """Further stages at which it acts."""
+    """Further stages at which the effect acts."""
     numbers: ClassVar[tuple[Parameter, ...]] = ()
-    """Its parameters, where they are the same on all robots: see `parameters`."""
+    """Parameters of the effect if they are the same on all robots: see `parameters`."""
     modes: ClassVar[tuple[str, ...]] = ("static", "dynamic")
-    """Recordings in which it can show."""
+    """Modes of the recordings in which the effect can show."""
     smooth: ClassVar[bool] = True
     """Whether velocities and accelerations follow from a displacement of joints."""
     rough: ClassVar[bool] = False
-    """Whether its shapes act by jumps, so that slopes do not lead to better ones."""
+    """Whether the shapes act by jumps, so that slopes do not lead to better ones."""
     form_error: ClassVar[float] = 0.06
     """Share of its own gap that this closed form may miss of the real thing; estimate."""
     size_error: ClassVar[float] = 0.0
     """Relative standard uncertainty of a size, because this closed form is only nearly right."""
     stated: ClassVar[str] = ""
-    """The one of `STATED_NUMBERS` that is wrong in the metadata, if the effect is that."""
+    """Name in `STATED_NUMBERS` that the metadata state wrongly, if that is the effect."""
     hidden_by: ClassVar[str] = ""
-    """The one of `STATED_NUMBERS` whose fit removes nearly all of it."""
+    """Name in `STATED_NUMBERS` whose fit removes nearly all of the effect."""
     companions: ClassVar[tuple[str, ...]] = ()
     """Effects that make the same readings in all data without contact."""
     external: ClassVar[bool] = False
-    """Whether it pushes on the tool from outside: the form of one such may pass for another."""
+    """Whether the effect pushes on the tool from outside: the form of one such may pass for
+    another."""
     local: ClassVar[bool] = False
     """Whether a parameter's name ends with the joint or link that it belongs to; of a joint effect
     it then displaces that joint alone."""
@@ -215,15 +216,15 @@ class Effect(ABC):
     """Whether an amplitude whose name ends with a channel changes that channel's reading alone, and
     no other amplitude's share of it."""
     zero_is_convention: ClassVar[bool] = False
-    """Whether its zero, and its mean response to load, are a convention."""
+    """Whether the effect's zero, and its mean response to load, are a convention."""
     shown: ClassVar[str] = "prediction"
-    """What a report draws it over, of `SHOWN`."""
+    """Name in `SHOWN` of the variable over which a report draws the effect."""
     once: ClassVar[bool] = False
-    """Whether it is of one day: another recording of the same robot may be without it."""
+    """Whether the effect is of one day: another recording of the robot may be without it."""
     all_channels: ClassVar[bool] = False
-    """Whether it acts on rows as a unit: nothing can be simulated of a part of the channels."""
+    """Whether the effect acts on rows as a unit: a part of the channels cannot be simulated."""
     beside_sensor: ClassVar[bool] = False
-    """Whether MuJoCo's force sensor does not read it although the model holds it."""
+    """Whether MuJoCo's force sensor misses the effect although the model holds it."""
     no_lookalike: ClassVar[str] = ""
     no_referee: ClassVar[str] = ""
     """Why the benchmark's catalogues of look-alikes, or of the referee, have no draw of it."""
@@ -240,30 +241,32 @@ class Effect(ABC):
 
     @property
     def of_recording(self) -> bool:
-        """Whether it belongs to a recording, not to the robot: its tool, its zero, its day."""
+        """Whether the effect belongs to a recording (its tool, its zero, its day), not to the
+        robot."""
         return self.once or bool(self.stated) or self.subsystem == "tool"
 
     @property
     def stages(self) -> tuple[str, ...]:
-        """All stages at which it acts."""
+        """All stages at which the effect acts."""
         return (self.stage, *self.also_at)
 
     @property
     def between_rows(self) -> bool:
-        """Whether it shows only between rows, not in their means."""
+        """Whether the effect shows only between rows, not in their means."""
         return self.stage == "row"
 
     @property
     def in_sensor(self) -> bool:
-        """Whether it changes only what the sensor makes of its load."""
+        """Whether the effect changes only what the sensor makes of its load."""
         return self.stage in ("reading", "timing")
 
     def acts(self, scene: Scene) -> bool:
-        """Whether it can show in such rows: averages show effects of rest and of motion."""
+        """Whether the effect can show in a scene's rows: averages show effects of rest and of
+        motion."""
         return scene.mode in self.modes or scene.averaged
 
     def applies(self, robot: Robot) -> bool:
-        """Whether it can show on a robot at all."""
+        """Whether the effect can show on a robot at all."""
         return self.between_rows or any(self.variants(s) for s in examples(robot))
 
     def parameters(self, robot: Robot) -> ParameterSet:
@@ -279,11 +282,12 @@ class Effect(ABC):
         return ()
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        """What a form-free variant is a function of, one curve a channel."""
+        """Curves of a form-free variant, one for each channel."""
         return ()
 
     def variable(self, scene: Scene, p: Values) -> Variable | None:
-        """What its own figure is drawn over, where only it knows that; default: nothing."""
+        """Variable over which the effect's own figure is drawn, if only the effect knows it;
+        default: None."""
         return None
 
     def usual(self, variant: Variant) -> tuple[str, ...]:
@@ -377,7 +381,7 @@ class ModelEffect(Effect):
 
     @abstractmethod
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        """The robot's parameters (P,) with the effect."""
+        """Parameters (P,) of the robot, changed by the effect."""
 
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
         return self.theta(robot, theta, p)
@@ -393,10 +397,10 @@ class JointEffect(Effect):
 
     @abstractmethod
     def displace(self, scene: Scene, p: Values) -> Value:
-        """What is added to the joint values (M, J) [rad or m]."""
+        """Displacement that is added to the joint values (M, J) [rad or m]."""
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        """Each joint alone, and all together."""
+        """Variants for each joint alone, and for all together."""
         if not scene.jointed:
             return ()
         names = each_joint(self.amplitude, scene.robot)
@@ -409,7 +413,7 @@ class JointEffect(Effect):
         return ("joint", self.amplitude, *super().taken(robot))
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """Also takes ``joint=2,offset=0.003`` for one joint."""
+        """All parameters by name; also takes ``joint=2,offset=0.003`` for one joint."""
         return super().values(robot, one_joint(given, len(robot.joints), self.amplitude))
 
 
@@ -420,7 +424,7 @@ class PoseEffect(Effect):
 
     @abstractmethod
     def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
-        """The sensor's pose with the effect."""
+        """Pose of the sensor, changed by the effect."""
 
 
 class LoadEffect(Effect):
@@ -430,7 +434,7 @@ class LoadEffect(Effect):
 
     @abstractmethod
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """What is added to the load on the sensor (M, 6) [N, N·m] in sensor axes."""
+        """Wrench that is added to the load on the sensor (M, 6) [N, N·m] in sensor axes."""
 
 
 class ReadingEffect(Effect):
@@ -440,7 +444,7 @@ class ReadingEffect(Effect):
 
     @abstractmethod
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        """Readings (M, 6) [N, N·m] with the effect."""
+        """Readings (M, 6) [N, N·m], changed by the effect."""
 
 
 class ChannelEffect(ReadingEffect):
@@ -487,7 +491,7 @@ def channel_parameters(
     units: Sequence[str] = UNITS,
     bounds: tuple[float, float] = (-1e4, 1e4),
 ) -> tuple[Parameter, ...]:
-    """One amplitude a channel, ``stem.fx`` …, with typical sizes of forces and torques.
+    """Amplitude parameters ``stem.fx`` … of the channels, with typical sizes of forces and torques.
 
     The bounds only refuse absurd values: estimates.
     """
@@ -500,7 +504,7 @@ def channel_parameters(
 def channel_variants(
     stem: str, at: Values | None = None, shape: tuple[str, ...] = ()
 ) -> list[Variant]:
-    """Each channel alone, the forces, the torques, all six."""
+    """Variants for each channel alone, the forces, the torques, and all six."""
     names = per_channel(stem)
     where = dict(at or {})
     single = [
@@ -548,7 +552,7 @@ def warm_variants(
 def joint_parameters(
     robot: Robot, stem: str, rotary: float, linear: float, text: str, units: tuple[str, str]
 ) -> ParameterSet:
-    """One amplitude a joint, ``stem.q1`` …; typical sizes and units of rotary and linear joints.
+    """Amplitude parameters ``stem.q1`` … of the joints, with sizes and units by joint type.
 
     The bounds only refuse absurd values: estimates.
     """
@@ -561,17 +565,17 @@ def joint_parameters(
 
 
 def per_channel(stem: str) -> tuple[str, ...]:
-    """``stem.fx`` … ``stem.tz``."""
+    """Names ``stem.fx`` … ``stem.tz``, one for each channel."""
     return tuple(f"{stem}.{c}" for c in CHANNELS)
 
 
 def each_joint(stem: str, robot: Robot) -> tuple[str, ...]:
-    """``stem.q1`` …, one name a joint."""
+    """Names ``stem.q1`` …, one for each joint."""
     return tuple(f"{stem}.q{k + 1}" for k in range(len(robot.joints)))
 
 
 def waves(stem: str) -> tuple[str, ...]:
-    """``stem.1`` …, the amplitudes of a free `course`."""
+    """Names ``stem.1`` … of the amplitudes of a free `course`."""
     return tuple(f"{stem}.{k}" for k in range(1, WAVES + 1))
 
 
@@ -593,7 +597,7 @@ def half_waves(scene: Scene, duration: float) -> np.ndarray:
 
 
 def vector(p: Values, names: Sequence[str]) -> np.ndarray:
-    """Values of parameters (len(names),)."""
+    """Array (len(names),) of the named parameters' values."""
     return np.array([p[n] for n in names])
 
 

@@ -48,7 +48,7 @@ class BaseCompliance(PoseEffect):
         return Pose(turn @ pose.rotation, origin + apply(turn, pose.position - origin))
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """Two sprung hinges at the base, about x and y of the world."""
+        """Add two sprung hinges at the base, about x and y of the world."""
         from wrenchbed.simulation.springs import Spring, base_axes, hinge
 
         for axis, name, world in zip("xy", NAMES[1:], np.eye(3), strict=False):

@@ -28,7 +28,8 @@ estimates."""
 SCANNED_REACHES, WAYS = (0.4, 0.8, 1.5, 2.5), 40
 """Distances [m] and number of directions of the anchors that a scan tries; estimates."""
 ROWS_AT_ONCE = 20_000
-"""Of all anchors together that are scanned at once; estimate, what a processor's cache holds."""
+"""Rows of all anchors together that are scanned at once; estimate, what a processor's cache
+holds."""
 SLACKS = (0.0, 0.25, 0.5, 0.75)
 """Shares of rows with a slack cable that a scan tries; estimates."""
 _TURNS = np.array([

@@ -57,7 +57,7 @@ class CableTorsion(LoadEffect):
         return np.concatenate([np.zeros((len(scene), 3)), -axis * twist[:, None]], axis=1)
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """A tendon along the last joint."""
+        """Add a tendon along the last joint."""
         from wrenchbed.simulation.springs import twist
 
         if p["stiffness"] or p["friction"]:

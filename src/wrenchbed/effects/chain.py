@@ -35,7 +35,7 @@ _Key = tuple[tuple[Any, ...], ...]
 _PLACING = frozenset(("model", "joint", "pose"))
 """Stages that decide where the sensor is and what it carries."""
 _STEP = 1e-4
-"""Of central differences by joint values [rad or m], rates and accelerations; estimate."""
+"""Step of central differences by joint values [rad or m], rates and accelerations; estimate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class ActiveEffect:
 
     @classmethod
     def of(cls, robot: Robot, name: str, given: Mapping[str, Any]) -> "ActiveEffect":
-        """By registry name; parameters not given are nominal.
+        """Effect by its registry name; parameters not given are nominal.
 
         Raises:
             NotFoundError, ParameterError: the effect or a parameter does not exist.
@@ -91,7 +91,8 @@ class EffectChain:
         return theta
 
     def displacement(self, scene: Scene) -> Value:
-        """What is added to the joint values (M, J), with derivatives in a motion; 0 of none."""
+        """Displacement of the joint values (M, J) by all effects, with derivatives in a motion; 0
+        if none."""
         total: Any = 0.0
         for a in self._at["joint"]:
             dq = a.effect.displace(scene, a.values)
@@ -99,7 +100,7 @@ class EffectChain:
         return total
 
     def pose(self, scene: Scene, theta: np.ndarray) -> Pose:
-        """The sensor's pose of a robot with parameters (P,)."""
+        """Pose of the sensor on a robot with parameters (P,)."""
         shift = self.displacement(scene)
         same_place = theta is scene.theta or _only_load(scene, theta)
         if same_place and isinstance(shift, float):
@@ -111,14 +112,14 @@ class EffectChain:
         return pose
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray | float:
-        """What is added to a load on the sensor (M, 6) [N, N·m]; 0 of none."""
+        """Wrench that effects add to a load on the sensor (M, 6) [N, N·m]; 0 if none."""
         more: np.ndarray | float = 0.0
         for a in self._at["load"]:
             more = more + a.effect.pull(scene, pose, load, a.values)
         return more
 
     def read(self, scene: Scene, load: np.ndarray) -> np.ndarray:
-        """What the sensor shows of a load (M, 6) [N, N·m]; no delay shows at rest."""
+        """Reading of the sensor for a load (M, 6) [N, N·m]; no delay shows at rest."""
         reading = load
         for a in (*self._at["reading"], *self._at["timing"]):
             if a.effect.acts(scene):
@@ -137,7 +138,7 @@ class EffectChain:
         return pose, wrench(pose.rotation, pose.position, tool, scene.gravity)
 
     def respond(self, scene: Scene) -> np.ndarray:
-        """All stages: mean readings (M, 6) [N, N·m] of every row."""
+        """Mean readings (M, 6) [N, N·m] of every row after all stages."""
         pose, load = self.placed(scene)
         return self.read(scene, load + self.pull(scene, pose, load))
 
@@ -184,7 +185,7 @@ def _key(active: Sequence[ActiveEffect]) -> _Key:
 
 
 def _kept(known: dict[_Key, _T], key: _Key, make: Callable[[], _T]) -> _T:
-    """What is known under a key, or is made; the last asked for is the last to go."""
+    """Cached value of a key, or a newly made one; the least recently used is dropped first."""
     found = known.pop(key) if key in known else make()
     if len(known) == _KEPT:
         del known[next(iter(known))]
@@ -244,7 +245,7 @@ class Response:
     def _about(
         self, effect: Effect, at: Values, parameters: Sequence[Parameter]
     ) -> tuple[EffectChain, EffectChain]:
-        """The effect with amplitudes half their typical size above and below zero."""
+        """Copies of an effect with amplitudes half their typical size above and below zero."""
         start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(at)
         up, down = (
             EffectChain(
@@ -256,7 +257,7 @@ class Response:
 
     @cached_property
     def _joint_names(self) -> tuple[str, ...]:
-        """Ends of the names of joints' amplitudes."""
+        """Name endings of the joints' amplitudes."""
         return tuple(f"q{k}" for k in range(1, self.scene.joints.shape[1] + 1))
 
     def _by_joint(self, shift: Value, joint: int) -> np.ndarray:
@@ -335,7 +336,8 @@ def active_effect(robot: Robot, text: str) -> ActiveEffect:
 
 
 def _of_known_names(active: ActiveEffect, robot: Robot, given: dict[str, Any]) -> ActiveEffect:
-    """An effect with the values given; names of its parameters, or of what tells variants apart."""
+    """Effect with given values of its parameters, by names that this effect or its variants
+    have."""
     variants = [v for scene in examples(robot) for v in active.effect.variants(scene)]
     taken = {n: None for v in variants for n in v.detail} | dict.fromkeys(
         active.effect.taken(robot)

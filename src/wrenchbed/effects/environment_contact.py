@@ -29,7 +29,7 @@ SHARES = (0.05, 0.15, 0.35)
 NORMAL = ("normal.x", "normal.y", "normal.z")
 SLIDE = ("slide.x", "slide.y", "slide.z")
 WAYS = 400
-"""Normals over a sphere that a scan tries; estimate."""
+"""Number of normals over a sphere that a scan tries; estimate."""
 DEPTHS = (0.04, 0.08, 0.12, 0.18, 0.25, 0.35)
 """Shares of rows in contact that a scan tries; estimates."""
 ASIDE = ("aside.x", "aside.y", "aside.z")
@@ -125,7 +125,7 @@ class EnvironmentContact(LoadEffect):
         return tuple(result)
 
     def variable(self, scene: Scene, p: Values) -> Variable:
-        """Depth of the tip in the plane, negative above it."""
+        """Depth of the tip in the plane [m], negative above it."""
         return Variable(1e3 * _depth(scene, Pose(*scene.pose), p), "depth of the tip", "mm")
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
@@ -148,19 +148,19 @@ class EnvironmentContact(LoadEffect):
 
 
 def _unit_normal(p: Values) -> np.ndarray:
-    """Out of the plane (3,), world."""
+    """Unit normal out of the plane (3,), world axes."""
     normal = vector(p, NORMAL)
     return normal / max(float(np.linalg.norm(normal)), 1e-9)
 
 
 def _depth(scene: Scene, pose: Pose, p: Values) -> np.ndarray:
-    """How far what touches lies behind the plane (M,) [m], negative in front of it."""
+    """Depth of the contact point behind the plane (M,) [m], negative in front of it."""
     at = value(pose.position) + apply(value(pose.rotation), touching(scene, p))
     return np.asarray(p["depth"] - at @ _unit_normal(p))
 
 
 def pressed(x: np.ndarray, power: float) -> np.ndarray:
-    """l (x/l)₊ⁿ of depths (M,) [m]."""
+    """Compression l (x/l)₊ⁿ of depths (M,) [m]."""
     return np.asarray(LENGTH * (np.maximum(0.0, x) / LENGTH) ** power)
 
 

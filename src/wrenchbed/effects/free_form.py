@@ -15,7 +15,7 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 FREE = {"form": "free"}
 """Detail of a variant that assumes no formula."""
 POINTS = 61
-"""Points of a published curve."""
+"""Number of points of a published curve."""
 
 
 def orders(stem: str, count: int) -> tuple[str, ...]:
@@ -41,7 +41,8 @@ def free_variants(
     channels: Sequence[str] = CHANNELS,
     weight: float = 1.0,
 ) -> tuple[Variant, ...]:
-    """Each channel alone, the forces, the torques, all: ``columns`` has a channel's amplitudes."""
+    """Form-free variants of each channel, the forces, the torques and all: ``columns`` has a
+    channel's amplitudes."""
     where = dict(at or {})
 
     def of(label: str, group: Sequence[str], share: float) -> Variant:
@@ -82,5 +83,5 @@ def channel_curves(
 
 
 def unit_of(channel: str) -> str:
-    """N or N·m."""
+    """Unit of a channel: N or N·m."""
     return UNITS[CHANNELS.index(channel)]

@@ -76,13 +76,14 @@ class JointBacklash(JointEffect):
         return ("joint", "side", *SIDES, *Effect.taken(self, robot))
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """Also takes ``joint=2,load=2e-4`` or ``joint=2,approach=2e-4``, with or without side."""
+        """All parameters by name; also takes ``joint=2,load=2e-4`` or ``approach=2e-4``, with a
+        side."""
         remaining = {k: v for k, v in given.items() if k != "side"}
         side = "approach" if "approach" in remaining else "load"
         return Effect.values(self, robot, one_joint(remaining, len(robot.joints), side))
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """Joints with play in series, some of which lag."""
+        """Add joints with play in series, some of which lag."""
         from wrenchbed.simulation.springs import Spring, in_series
 
         for k, joint in enumerate(robot.joints, start=1):

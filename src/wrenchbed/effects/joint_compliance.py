@@ -49,7 +49,7 @@ class JointCompliance(JointEffect):
         return ("joint", "stiffness", *Effect.taken(self, robot), *each_joint("stiffness", robot))
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """Also takes ``joint=2,stiffness=1.4e4`` [N·m/rad]."""
+        """All parameters by name; also takes ``joint=2,stiffness=1.4e4`` [N·m/rad]."""
         remaining = one_joint(given, len(robot.joints), "stiffness")
         for name in [n for n in remaining if n.startswith("stiffness.")]:
             stiffness = remaining.pop(name)
@@ -88,7 +88,7 @@ class JointCompliance(JointEffect):
         return {f"compliance.q{published['joint']['value']}": give}
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """A spring in series with each joint."""
+        """Add a spring in series with each joint."""
         from wrenchbed.simulation.springs import Spring, in_series
 
         for k, joint in enumerate(robot.joints, start=1):

@@ -20,7 +20,7 @@ from wrenchbed.physics.time_derivatives import Value, cos, sin
 from wrenchbed.robots.base import Robot
 
 TYPICAL = 3e-4
-"""1 arcmin [rad], estimate."""
+"""Typical amplitude of 1 arcmin [rad], estimate."""
 
 
 ORDERS = np.arange(5.0, 221.0)
@@ -86,7 +86,7 @@ class JointGearError(JointEffect):
         return (Variant(label, free, {"order": order}, ("order",), {"joint": k}, weight),)
 
     def displace(self, scene: Scene, p: Values) -> Value:
-        """As exact jets in motion: 101 waves a turn are fast."""
+        """Displacement of the joints (M, J), as exact jets in motion: 101 waves a turn are fast."""
         a, b = (
             np.array([p.get(n, 0.0) for n in each_joint(part, scene.robot)])
             for part in ("sin", "cos")
@@ -98,7 +98,8 @@ class JointGearError(JointEffect):
         return ("joint", "sin", "cos", *Effect.taken(self, robot))
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """Also takes ``joint=2,sin=3e-4,cos=1e-4,order=101`` for one joint."""
+        """All parameters by name; also takes ``joint=2,sin=3e-4,cos=1e-4,order=101`` for one
+        joint."""
         remaining = one_joint(given, len(robot.joints), "sin")
         if "joint" in given:
             remaining = one_joint(remaining | {"joint": given["joint"]}, len(robot.joints), "cos")
@@ -110,7 +111,7 @@ def _label(joint: int, order: float) -> str:
 
 
 def rotary(robot: Robot) -> list[int]:
-    """Numbers of the joints that turn, from 1."""
+    """Numbers of the rotary joints, from 1."""
     return [k for k, joint in enumerate(robot.joints, start=1) if joint.unit == "rad"]
 
 

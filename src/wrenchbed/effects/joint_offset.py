@@ -8,7 +8,7 @@ from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.robots.base import Robot
 
 TYPICAL = np.deg2rad(0.2)
-"""Offset of a rotary joint [rad], estimate."""
+"""Typical offset of a rotary joint [rad], estimate."""
 
 
 class JointOffset(JointEffect):
@@ -33,7 +33,8 @@ class JointOffset(JointEffect):
         return np.broadcast_to(vector(p, each_joint("offset", scene.robot)), scene.joints.shape)
 
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
-        """In the joints' zeros, where the robot has a parameter of each."""
+        """Parameters (P,) with the offsets added to the joints' zeros; None if the robot has
+        none."""
         if not robot.zero_names:
             return None
         result = np.array(theta)

@@ -82,12 +82,12 @@ def public(name: str) -> str:
 
 
 def single(names: Sequence[str]) -> list[Variant]:
-    """Each parameter of the robot alone."""
+    """Variants for each parameter of the robot alone."""
     return [Variant(n, (public(n),), detail={"parameter": n}) for n in names]
 
 
 def together(label: str, names: Sequence[str], weight: float = 1.0) -> Variant:
-    """Parameters of the robot that are fitted together."""
+    """Variant in which parameters of the robot are fitted together."""
     return Variant(label, tuple(map(public, names)), weight=weight)
 
 

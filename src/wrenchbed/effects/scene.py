@@ -16,14 +16,15 @@ WAY = 7
 LEAST_MOVE_S = 1.0
 """Shortest move from pose to pose [s], estimate."""
 PEAK_SPEED = 1.875
-"""Of a minimum-jerk move over its mean speed: Flash & Hogan 1985,
+"""Peak over mean speed of a minimum-jerk move: Flash & Hogan 1985,
 10.1523/JNEUROSCI.05-07-01688.1985."""
 _EXAMPLE_ROWS, _EXAMPLE_RISE = 24, 5.0
 """Poses of `examples`, and by how much they warm up [K]; estimates."""
 
 
 ACCELERATION, SPIN, TURNING = "acceleration", "spin", "turning"
-"""Of the tool in a scene's ``extra``, sensor axes (M, 3): a [m/s²], ω [rad/s], ω̇ [rad/s²]."""
+"""Names of the tool's motion in a scene's ``extra``, sensor axes (M, 3): a [m/s²], ω [rad/s], ω̇
+[rad/s²]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +69,7 @@ class Scene:
 
     @property
     def mode(self) -> str:
-        """Mode of a recording that has such rows."""
+        """Mode of a recording with this scene's rows."""
         return "dynamic" if self.moving else "static"
 
     @property
@@ -120,7 +121,7 @@ class Scene:
 
     @cached_property
     def tool(self) -> Tool:
-        """The load as configured."""
+        """Tool as configured."""
         return self.robot.tool(self.theta)
 
     @cached_property
@@ -140,7 +141,7 @@ class Scene:
 
     @cached_property
     def jolts(self) -> np.ndarray:
-        """What brisk moves add to the load on the ways between poses at rest (M, 6) [N, N·m].
+        """Wrench of brisk moves between poses at rest (M, 6) [N, N·m].
 
         Minimum-jerk moves at the joints' top speeds (`PEAK_SPEED`): the last jolt before a rest is
         the one from which whatever remembers its load comes. 0 where a pose is held, and in motion.
@@ -185,7 +186,7 @@ def examples(robot: Robot) -> list[Scene]:
 
 
 def held_on(sign: np.ndarray) -> np.ndarray:
-    """Each zero of (M, J) replaced by the last value above it that is not zero."""
+    """Signs (M, J) with each zero replaced by the last nonzero value above it."""
     there = sign != 0
     if there.all():
         return sign

@@ -89,7 +89,7 @@ class SensorCreep(ReadingEffect):
         return (*of(0.0), *of(1.0))
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        """After a step of load by 1."""
+        """Curves of the response to a unit step of load."""
         t, late = np.linspace(0.0, scene.span, POINTS), variant.at["late"]
 
         def basis(name: str, t: np.ndarray) -> np.ndarray:

@@ -31,7 +31,7 @@ from wrenchbed.physics.wrench import CHANNELS
 RATE, TORQUE_RATE = 1e-4, 2e-6
 """Typical rates of forces [N/s] and torques [N·m/s]: 0.36 N/h and 7 mN·m/h, estimates."""
 SPAN_RATE = 3e-6
-"""Typical rate of the span [1/s]: 1 %/h, an estimate."""
+"""Typical rate of the span's drift [1/s]: 1 %/h, an estimate."""
 WAVES = 8
 """Half cosines of a free rate over the recording, the steady part among them; estimate."""
 RATE_FREE = 4e-4

@@ -24,9 +24,9 @@ from wrenchbed.robots.base import Robot
 WIDTHS = {"narrow": 0.04, "middle": 0.15, "wide": 0.5}
 """Half widths of the play operators, relative to a channel's range in the recording; estimates."""
 PLAYS = (0.02, 0.06, 0.12, 0.25, 0.45, 0.75)
-"""Half widths of a free form's plays, likewise; estimates."""
+"""Half widths of the play operators of a free form, relative to a channel's range; estimates."""
 TURNED = (1, 3)
-"""Of these plays (from 0) also one whose lag turns with the load; estimate."""
+"""Numbers (from 0) of the plays in `PLAYS` whose lag may also turn with the load; estimate."""
 LAGS = (*(f"play{k + 1}" for k in range(len(PLAYS))), *(f"turn{k + 1}" for k in range(len(TURNED))))
 FORMS = tuple(f"{w}{s}" for w in WIDTHS for s in ("", ".slope"))
 _LARGEST_KEPT, _MOST_KEPT = 1 << 19, 64
@@ -129,7 +129,7 @@ class SensorHysteresis(ReadingEffect):
         return (*per_channel("lag"), *super().taken(robot))
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """Also takes ``lag.fx=0.1``: the middle play of a channel."""
+        """All parameters by name; also takes ``lag.fx=0.1``: the middle play of a channel."""
         short = dict(zip(per_channel("lag"), per_channel("middle"), strict=True))
         return super().values(robot, {short.get(k, k): v for k, v in given.items()})
 

@@ -14,7 +14,7 @@ from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 
 MOMENTS = 24
-"""Most moments where a search begins; estimate."""
+"""Largest number of moments at which a search begins; estimate."""
 STEPS = per_channel("step")
 
 

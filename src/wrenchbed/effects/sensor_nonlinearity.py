@@ -40,7 +40,8 @@ BEYOND = 1.05
 """Loads so many times the largest one bend no more; estimate."""
 REACHES = per_channel("reach")
 REACH = channel_parameters("reach", 1.0, 0.1, "largest load of a free form")
-"""Their parameters [N, N·m]; how far a fit might move them, an estimate."""
+"""Parameters of the largest load of a free form [N, N·m]; sizes are what a fit might change, an
+estimate."""
 
 
 class SensorNonlinearity(ReadingEffect):

@@ -67,7 +67,8 @@ class SensorSaturation(ReadingEffect):
         return reading + share * (np.clip(reading, -level, level) - reading)
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """Also takes ``channel=fx,level=20`` for one channel, clipped fully."""
+        """All parameters by name; also takes ``channel=fx,level=20`` for one channel, clipped
+        fully."""
         remaining = dict(given)
         channel = remaining.pop("channel", None)
         if channel is not None:

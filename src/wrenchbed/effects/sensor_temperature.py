@@ -27,11 +27,11 @@ from wrenchbed.physics.parameters import Parameter
 LAG_S = 20.0
 """Lag of the sensor behind a recorded temperature where a search begins [s]; estimate."""
 _NO_LAG = 1e-3
-"""A shorter lag [s] is none; estimate."""
+"""Lag [s] below which there is none; estimate."""
 LAGS_S = (10.0, 40.0, 160.0)
 """Lags of which a free form is a sum [s]; estimates."""
 _LEAST_K = 0.1
-"""Least range of a temperature [K]; estimate."""
+"""Least range of a usable temperature [K]; estimate."""
 LAGGED, BENT = orders("late", len(LAGS_S)), orders("bent", 2)
 PER_K = ("N/K",) * 3 + ("N·m/K",) * 3
 ZERO, SPAN = per_channel("zero"), per_channel("span")
@@ -83,7 +83,7 @@ class SensorTemperature(ReadingEffect):
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        """None where no temperature was recorded."""
+        """Variants of the effect; none if no temperature was recorded."""
         if scene.warmth is None:
             return ()
         late = warm_variants(ZERO, "span", SPAN, {"lag": LAG_S}, ("lag",))
@@ -99,7 +99,7 @@ class SensorTemperature(ReadingEffect):
         return (*zeros, Variant("span, any lag", span, at, (), FREE))
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        """Once settled at a temperature: what lags has come."""
+        """Curves over temperature once the lag has settled."""
         if scene.warmth is None:
             return ()
         ends = float(scene.warmth.min()), float(scene.warmth.max())

@@ -60,7 +60,7 @@ class ToolFlexure(LoadEffect):
 
 
 def compliance(p: Values) -> np.ndarray:
-    """C (3, 3) [m/N]."""
+    """Compliance matrix C (3, 3) [m/N]."""
     x, y, z, xy, xz, yz = (p[n] for n in (*NAMES, *SKEW))
     return np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
 

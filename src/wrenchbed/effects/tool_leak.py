@@ -23,7 +23,7 @@ from wrenchbed.physics.wrench import Tool, wrench
 PLACE = ("place.x", "place.y", "place.z")
 FREE = waves("wave")
 SCANNED = 3000
-"""Rows in which a scan looks for the place; estimate."""
+"""Number of rows in which a scan looks for the place; estimate."""
 FARTHEST = 0.5
 """Distance of that place from the tool's CoG beyond which it is none [m]; estimate."""
 
@@ -65,7 +65,7 @@ class ToolLeak(LoadEffect):
         )
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
-        """The same, begun at the place from which a residual says that mass leaves.
+        """Variants that start at the place from which a residual says that mass leaves.
 
         A course a(t) at a place s pulls with a(t) u + Σ_i a(t) s_i l_i, linear in a and a s.
         """
@@ -96,7 +96,7 @@ class ToolLeak(LoadEffect):
         return tuple(result)
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """The wrench of the lost mass, taken away."""
+        """Negative wrench (M, 6) of the lost mass."""
         lost = course(scene, p["rate"], vector(p, FREE), p["duration"])
         return -lost[:, None] * per_kilogram(scene, pose, scene.tool.cog + vector(p, PLACE))
 

@@ -134,13 +134,13 @@ class ToolLoose(LoadEffect):
 
 
 def direction(p: Values) -> np.ndarray:
-    """n (3,)."""
+    """Unit direction n (3,) of the slide."""
     way = vector(p, WAY)
     return way / max(float(np.linalg.norm(way)), 1e-9)
 
 
 def _side(along: np.ndarray, grip: float) -> np.ndarray:
-    """End of its way at which a part lies (M,): −1 … 1."""
+    """End of its way at which a loose part lies (M,): −1 … 1."""
     if not grip:
         return np.tanh(along / SOFT)
     return held_on(np.where(np.abs(along) > grip, np.sign(along), 0.0)[:, None])[:, 0]

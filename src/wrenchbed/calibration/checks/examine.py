@@ -25,17 +25,18 @@ REFUTED = 0.1
 """Part of the readings' swing (of squares) that no load explains, from which the load is refuted.
 The imperfections of a robot leave less: gains, tilts and cables of the library a hundredth."""
 SURE = 5.0
-"""Standard uncertainties by which a load must show."""
+"""Standard uncertainties by which a load must differ from zero to count."""
 LEAST_WEIGHT, LITTLE = 0.01, 0.05
-"""Least weight, over the stated one: below it no load shows; below the second it was subtracted."""
+"""Least measured weight, over the stated one, at which a load counts as present, and as not
+subtracted already."""
 LEAST_SPREAD = 0.05
 """Least spread of gravity's direction, as the sensor sees it, along the second of its axes."""
 PUSHED = 0.5
 """Forces that change by more than this part of the weight while gravity hardly turns."""
 LARGEST_KG, LARGEST_M = 50.0, 2.0
-"""Loads and levers beyond these are another unit."""
+"""Largest load and lever arm; larger ones are given in another unit."""
 BEYOND = 2.5
-"""And forces that differ by more than this many weights, twice of which a turn makes."""
+"""Largest difference of two forces, in weights, that a load explains: a half turn makes two."""
 FROZEN, FEW = 1e-3, 8
 """A column is frozen where this part of the swing is left; so many observations judge the rest."""
 CLEAR = 6.0
@@ -47,7 +48,7 @@ LONG = 0.5
 DEAD = 0.1
 """A channel that follows its load by less, relative, is dead."""
 FOLLOWED = 0.5
-"""Of one weight that is turned about at random, a load leaves at least this part."""
+"""Least fraction that a fitted load leaves of the forces of one weight turned at random."""
 ROUND = 0.05
 """Least spread of forces, over the radius, along any axis, for a sphere through them to be seen."""
 SPHERE = 0.1
@@ -55,7 +56,7 @@ SPHERE = 0.1
 MIRRORED = 0.1
 """A CoG that comes out at minus the stated one, within this share, is a wrong sign of torques."""
 STANDARD_GRAVITY = 9.80665
-"""[m/s²], by definition."""
+"""Standard gravity [m/s²], by definition."""
 SAME_UNIT = 0.03
 """A stated mass and a found one whose ratio is that of two units within this share."""
 _UNITS = {
@@ -82,7 +83,7 @@ def examine(
 
 
 def of_load(recording: Recording, seen: Observed) -> Finding | None:
-    """What speaks against one load under gravity on this robot."""
+    """Finding against one rigid load under gravity on this robot."""
     finding = _one_orientation(seen)
     if finding is not None:
         return finding
@@ -187,7 +188,7 @@ def _frozen(recording: Recording, seen: Observed, load: Load) -> Finding | None:
 
 
 def _one_weight(rest: Observed, force: np.ndarray) -> bool:
-    """Whether forces (K, 3) have the size of the weight that the rest shows: no hand acts."""
+    """Whether forces (K, 3) have the size of the weight in the other rows, so that no hand acts."""
     some = thinned(rest)
     phi = some.moments.fit().phi
     zero = (some.y[:, :3] - some.design[:, :3] @ phi).mean(axis=0)
@@ -244,39 +245,40 @@ def _dead(seen: Observed, load: Load) -> Finding | None:
     channel is judged only where its part of the load is larger: a CoG on the sensor's axis hardly
     loads tz.
     """
-    found = seen.y.std(axis=0)
+    measured = seen.y.std(axis=0)
     for k, others in enumerate(seen.moments.without_each()):
         if others.share > CLEAN or not _carried(others):
             continue
         swing = seen.moments.swing(others.phi)
         due, alike = float(swing[k]), swing[:3] if k < 3 else swing[3:]
         sure = max(CLEAR * float(seen.noise[k]), APART * np.sqrt(others.share) * alike.max())
-        if due > sure and found[k] < DEAD * due and load.share > 0.0:
-            return _bad_channel(k, float(found[k]), due, "a dead channel")
+        if due > sure and measured[k] < DEAD * due and load.share > 0.0:
+            return _bad_channel(k, float(measured[k]), due, "a dead channel")
     return None
 
 
 def _carried(load: Load) -> bool:
-    """Whether a load found without a channel is one that a robot carries: else it is not told."""
+    """Whether a load fitted without one channel is one that a robot can carry."""
     return bool(np.abs(load.phi[1:4]).max() < LONG * load.phi[0])
 
 
 def _one_channel(seen: Observed, load: Load) -> Finding | None:
-    """A channel without which one load explains all."""
+    """Finding on a channel without which one load explains all the others."""
     fits = seen.moments.without_each()
     k = int(np.argmin([f.share for f in fits]))
     if fits[k].share > min(CLEAN, 0.2 * load.share) or not _carried(fits[k]):
         return None
     due = float((seen.design[:, k] @ fits[k].phi).std())
-    found = float(seen.y[:, k].std())
-    return _bad_channel(k, found, due, "a dead channel" if found < due / 2 else "a bad channel")
+    measured = float(seen.y[:, k].std())
+    what = "a dead channel" if measured < due / 2 else "a bad channel"
+    return _bad_channel(k, measured, due, what)
 
 
-def _bad_channel(k: int, found: float, due: float, what: str) -> Finding:
+def _bad_channel(k: int, measured: float, due: float, what: str) -> Finding:
     unit = UNITS[k]
     return Finding(
         "dead channel",
-        f"column {CHANNELS[k]!r} does not follow its load: it varies by {found:.2g} {unit} rms "
+        f"column {CHANNELS[k]!r} does not follow its load: it varies by {measured:.2g} {unit} rms "
         f"where {due:.2g} {unit} is due: {what} or a wrong column. Repair it, or check the column "
         "map",
     )
@@ -316,11 +318,11 @@ def sphere(force: np.ndarray) -> tuple[float, float]:
     centred = force - force.mean(axis=0)
     squares = (centred**2).sum(axis=1)
     design = np.column_stack([2.0 * centred, np.ones(len(force))])
-    found = np.linalg.lstsq(design, squares, rcond=1e-6)[0]
-    far = np.linalg.norm(centred - found[:3], axis=1)
+    centre = np.linalg.lstsq(design, squares, rcond=1e-6)[0]
+    far = np.linalg.norm(centred - centre[:3], axis=1)
     radius = float(far.mean())
     least = float(np.sqrt(max(float(np.linalg.eigvalsh(np.cov(centred.T))[0]), 0.0)))
-    if np.linalg.norm(found[:3]) > radius or least < ROUND * radius:
+    if np.linalg.norm(centre[:3]) > radius or least < ROUND * radius:
         return radius, np.inf
     return radius, float(far.std()) / max(radius, 1e-300)
 

@@ -27,7 +27,7 @@ REASONS = {
     "another robot": "joint values of another robot",
     "not one load": "readings that no load under gravity explains",
 }
-"""Every reason that a check may give, and what it looks for."""
+"""All reasons of findings, each with a description."""
 
 
 @dataclass(frozen=True)

@@ -22,14 +22,14 @@ from wrenchbed.physics.wrench import CHANNELS
 MENDED = 0.15
 """A mistake is named if undoing it leaves less than this part of what the readings leave."""
 CLEAN = 0.03
-"""And of the swing of the readings no more than this."""
+"""Largest residual of an undone mistake, over the swing of the readings."""
 TIE = 0.02
-"""What leaves as little, within this part of the limit, explains as well."""
+"""Residuals that differ by less than this fraction of the limit count as equal."""
 WRONG, CLEARLY = 0.01, 0.1
 """A channel of which no load explains this part is suspected to be another's, if the best mending
 leaves less than the second part of that."""
 MOST = 400
-"""Observations that are judged, spread over all."""
+"""Largest number of observations that are examined, spread over all."""
 TORQUES = {
     "N·mm (and forces in N)": 1e3, "N·cm (and forces in N)": 1e2,
     "kgf·m (and forces in N)": 1.0 / 9.80665, "N·m (and forces in kgf)": 9.80665,
@@ -54,13 +54,13 @@ def mistake(seen: Observed) -> Finding | None:
     some = thinned(seen)
     before = some.moments.fit().share
     limit = min(MENDED * before, CLEAN)
-    found = [m for m in _mistakes(some) if m.load.share < limit and _whole(m)]
-    least = min((m.load.share for m in found), default=0.0)
-    return next((m.finding for m in found if m.load.share <= least + TIE * limit), None)
+    mistakes = [m for m in _mistakes(some) if m.load.share < limit and _whole(m)]
+    least = min((m.load.share for m in mistakes), default=0.0)
+    return next((m.finding for m in mistakes if m.load.share <= least + TIE * limit), None)
 
 
 def _whole(mistake: Mistake) -> bool:
-    """Whether torques that were made small by another unit are explained themselves."""
+    """Whether torques that another unit made small are themselves explained by the load."""
     return mistake.finding.reason != "units" or bool(mistake.load.channel[3:].max() < CLEAN)
 
 
@@ -88,7 +88,7 @@ def thinned(seen: Observed) -> Observed:
 
 
 def part(seen: Observed, rows: np.ndarray) -> Observed:
-    """Some observations (indices or boolean)."""
+    """Selection of observations, by indices or a boolean mask."""
     return replace(seen, q=seen.q[rows], y=seen.y[rows], t=seen.t[rows], row=seen.row[rows])
 
 
@@ -120,13 +120,13 @@ class _Mend(NamedTuple):
 
 @cache
 def _all_mends() -> tuple[_Mend, ...]:
-    """All that may be wrong with channels, the simplest first."""
+    """All possible corrections of channels, the simplest first."""
     return tuple(_Mend(*each) for each in _mends())
 
 
 @cache
 def _matrices() -> np.ndarray:
-    """Of `_all_mends` (B, 6, 6)."""
+    """Matrices (B, 6, 6) of the corrections from `_all_mends`."""
     return np.stack([m.matrix for m in _all_mends()])
 
 
@@ -234,11 +234,11 @@ def best_turn(seen: Observed) -> np.ndarray | None:
     return np.asarray(u @ vt) if np.linalg.det(u @ vt) > 0.0 else None
 
 
-def _turned_sensor(seen: Observed, found: np.ndarray) -> Iterator[Mistake]:
+def _turned_sensor(seen: Observed, rotation: np.ndarray) -> Iterator[Mistake]:
     """A sensor whose readings are turned by a rotation (3, 3)."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
-    turn = Rotation.from_matrix(found)
+    turn = Rotation.from_matrix(rotation)
     vector = turn.as_rotvec()
     angle = float(np.linalg.norm(vector))
     if angle < TURNED:
@@ -327,7 +327,7 @@ def _of_joints(seen: Observed) -> Iterator[Mistake]:
 
 
 def _joint_mistakes(seen: Observed) -> Iterator[tuple[str, Value]]:
-    """What may be wrong with joints, and joint values in which it is put right."""
+    """Possible mistakes in joints, each with joint values that correct it."""
     names = seen.robot.joints
     for j in range(len(names)):
         sign = np.ones(len(names))

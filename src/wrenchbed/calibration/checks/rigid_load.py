@@ -60,7 +60,7 @@ class Observed:
         return len(self.y)
 
     def motion(self, q: Value) -> Motion:
-        """How the sensor moves at joint values or jets; at rest it sees gravity alone."""
+        """Motion of the sensor at joint values or jets; at rest it sees gravity alone."""
         if isinstance(q, Jet):
             return self.robot.motion_seen(q, self.theta, self.gravity)
         seen = -self.robot.gravity_seen(q, self.theta, self.gravity).T
@@ -68,7 +68,7 @@ class Observed:
 
     @cached_property
     def seen(self) -> Motion:
-        """How the sensor moves at the recorded joint values."""
+        """Motion of the sensor at the recorded joint values."""
         return self.motion(self.q)
 
     @cached_property
@@ -78,12 +78,12 @@ class Observed:
 
     @cached_property
     def rotation(self) -> np.ndarray:
-        """R_world_sensor (M, 3, 3)."""
+        """Rotation R_world_sensor (M, 3, 3)."""
         return np.asarray(value(self.robot.sensor_pose(value(self.q), self.theta)[0]))
 
     @cached_property
     def moments(self) -> "Moments":
-        """Of the readings as they are."""
+        """Moments of the uncorrected readings."""
         return Moments.of(self.design, self.y, self.noise)
 
 
@@ -142,11 +142,11 @@ class Moments:
         return self._fits((np.eye(6) if mend is None else mend)[None], use[None])[0]
 
     def mended(self, mends: np.ndarray) -> list[Load]:
-        """`fit` by each of many mendings (B, 6, 6)."""
+        """Loads fitted to the readings after each of many corrections (B, 6, 6)."""
         return self._fits(mends, np.ones(mends.shape[:2], dtype=bool))
 
     def without_each(self) -> list[Load]:
-        """`fit` without each of the six channels in turn."""
+        """Loads fitted without each of the six channels in turn."""
         return self._fits(np.broadcast_to(np.eye(6), (6, 6, 6)), ~np.eye(6, dtype=bool))
 
     def swing(self, phi: np.ndarray) -> np.ndarray:

@@ -15,26 +15,27 @@ STUCK = 0.2
 CLIPPED = 0.3
 """Share of the rows at a channel's end that is refused whatever the end is."""
 FEW = 10
-"""Rows below which no share of them tells anything."""
+"""Fewest rows from which a fraction of them is evaluated."""
 AT_END, LEAST_CLIPPED = 0.01, 0.02
-"""How near a sensor's range a channel's end lies, and how many rows stand there, relative."""
+"""Distance of a channel's extreme from the sensor's range, and least fraction of rows there, for a
+clipped channel."""
 LEAST_AT_END = 10
-"""And at least so many of them."""
+"""Least number of rows at a clipped channel's extreme."""
 PILE = 5.0
-"""So many times as many rows as any other value has, at least, stand where a channel is clipped."""
+"""Least rows at a clipped channel's extreme, in multiples of those at any other value."""
 ENDS = (1.0, 1.05)
-"""Where converters end, over the range."""
+"""Ends of converters' ranges in multiples of the sensor's range."""
 SPIKE, SPIKES = 3.0, 0.005
 """A row that leaves its neighbours by so many times the channel's usual swing, and comes back, is
 no measurement; more than this share of such rows is noise."""
 ABSURD = 30.0
 """A spike of so many times the usual swing is no blow of a tool either."""
 FAR = 30.0
-"""And by so many times the usual step from row to row."""
+"""Least distance of a spike from its neighbours in multiples of the usual step between rows."""
 _USUAL = 0.1
 """Share of the steps from row to row that are larger than the usual one; estimate."""
 ALL = "all joints"
-"""Stands for the columns of all joints at once."""
+"""Name that stands for the columns of all joints at once."""
 MOVES = 10.0
 """Readings that scatter by so many times their noise move."""
 CLOCK = 0.1
@@ -66,7 +67,7 @@ def of_rows(
 
 
 def _without_lever(recording: Recording, channel: str) -> bool:
-    """Whether a torque is 0 by the stated CoG: a simulation without noise shows exactly that."""
+    """Whether the stated CoG makes a torque 0, as a noiseless simulation shows exactly."""
     cog = recording.metadata.tool.cog
     if cog is None or channel not in CHANNELS[3:] or recording.metadata.source != "sim":
         return False
@@ -170,7 +171,7 @@ def _spikes(recording: Recording) -> Iterator[Finding]:
 
 
 def _off_neighbours(y: np.ndarray) -> np.ndarray:
-    """How far each row (N,) lies outside the two beside it; 0 of the first and the last."""
+    """Distance of each row (N,) outside its two neighbours; 0 for the first and the last."""
     low, high = np.minimum(y[:-2], y[2:]), np.maximum(y[:-2], y[2:])
     off = np.zeros(len(y))
     np.abs(np.subtract(y[1:-1], np.clip(y[1:-1], low, high, out=low), out=high), out=off[1:-1])

@@ -21,11 +21,11 @@ FAR = 8.0
 PUSH = 0.15
 """off by this part of the load's own swing of force, are no part of the same load."""
 MOMENTS = 40
-"""Moments at which a change is tried."""
+"""Number of moments at which a change is tried."""
 SIMPLER = 0.5
 """A new load is named, not a new zero, where it leaves less than this part of what that does."""
 LEAST_SIDE = 8
-"""Observations on either side of a change."""
+"""Fewest observations on either side of a change."""
 _MAD = 1.4826
 
 
