@@ -29,6 +29,18 @@ def pytest_xdist_make_scheduler(config, log):
     return ByFile(config, log)
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Of a parametrised test that is `sampled`, every case but the first is slow."""
+    seen = set()
+    for item in items:
+        if item.get_closest_marker("sampled"):
+            test = (item.path, item.originalname)
+            if test in seen:
+                item.add_marker("slow")
+            seen.add(test)
+
+
 @pytest.fixture(scope="session")
 def family(tmp_path_factory):
     """Cases and answers of a small sealed family, and the SHA-256 of its commitments."""

@@ -31,6 +31,7 @@ def record(tmp_path):
     return run
 
 
+@pytest.mark.slow
 def test_a_protective_stop_is_cleared_only_when_somebody_says_so(record, tmp_path):
     with running("ur5", HOST) as twin:
         first = record()

@@ -13,6 +13,7 @@ from wrenchbed.plant.serving import EmulatorOptions, emulated
 pytestmark = pytest.mark.wire
 
 
+@pytest.mark.slow
 def test_the_transducer_reads_the_emulator_and_sees_its_faults():
     with running(
         "netft", "127.0.3.50", "--set", "rate=1000", "--set", "force_unit=lbf"

@@ -69,6 +69,7 @@ def expected_pose(q):
     return rotation[0], position[0]
 
 
+@pytest.mark.slow
 @alone
 def test_the_receive_interface_reads_every_default_field(cb3):
     with receiving(CB3) as robot:
@@ -148,6 +149,7 @@ def test_streams(cb3):
         assert arm.speedStop()
 
 
+@pytest.mark.slow
 @alone
 def test_a_streamed_target_moves_the_robots_own_within_two_cycles(cb3):
     with controlling(CB3) as arm, Client(CB3) as client:
@@ -166,6 +168,7 @@ def test_a_streamed_target_moves_the_robots_own_within_two_cycles(cb3):
         assert np.median(took) <= 0.016, sorted(took)
 
 
+@pytest.mark.slow
 @alone
 def test_force_mode_presses_with_its_force(cb3):
     with controlling(CB3) as arm, receiving(CB3) as robot:
@@ -206,6 +209,7 @@ def test_a_protective_stop_cannot_be_unlocked_at_once(cb3):
             desk.unlockProtectiveStop()
 
 
+@pytest.mark.slow
 @alone
 def test_the_e_series_shows_its_sensor_and_box(e_series):
     assert {"rtde", "dashboard", "script", "rdt", "http"} <= e_series.addresses.keys()

@@ -44,6 +44,7 @@ def drain(client: Client) -> float:
     return client.newest()[TIME]
 
 
+@pytest.mark.slow
 def test_stall(emulator, client):
     emulator.fault("rtde", "stall", seconds=0.4)
     client.clear()
@@ -215,6 +216,7 @@ def test_control_faults_spare_readers(emulator, client, kind, why):
     client.state(0.1)
 
 
+@pytest.mark.slow
 def test_a_slow_reader_is_closed(emulator):
     with Client(HOST) as slow, Client(HOST) as quick:
         quick.stream("timestamp")

@@ -206,6 +206,7 @@ def test_a_process_whose_loop_breaks_down_ends_loudly():
     assert "broken down" in done.stderr and "a cycle that cannot be" in done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.wire
 def test_odd_clients_one_after_the_other_leave_the_emulator_serving():
     from emulator_process import running

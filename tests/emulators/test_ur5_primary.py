@@ -186,6 +186,7 @@ def test_messages_state_their_size(event, kind):
     assert packed[4] == 20 and packed[14] == kind
 
 
+@pytest.mark.slow
 @pytest.mark.wire
 def test_a_program_sent_to_the_primary_port_calls_back():
     from emulator_process import running

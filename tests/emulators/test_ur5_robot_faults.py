@@ -37,6 +37,7 @@ def restored(emulator):
     time.sleep(0.1)
 
 
+@pytest.mark.slow
 def test_protective_stop(emulator, client, restored):
     emulator.fault("robot", "protective_stop")
     state = client.until(lambda s: s[SAFETY] == 3)

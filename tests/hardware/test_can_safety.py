@@ -115,6 +115,7 @@ def test_drives_that_still_move_are_not_enabled(arm):
     assert min(t for *_, t in arm.buses[-1].told) > begun + 0.15
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind, seconds", [("soft", 0.2), ("hard", 0.9), ("hard", np.inf)])
 def test_deactivate_waits_for_the_ramp_too(arm, kind, seconds):
     bus = started(arm)

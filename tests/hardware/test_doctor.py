@@ -213,6 +213,7 @@ def test_there_must_be_something_to_look_at():
     assert isinstance(looking._transducer("127.0.0.9"), NetftTransducer)
 
 
+@pytest.mark.slow
 @pytest.mark.wire
 def test_the_emulator_is_ready_and_nothing_of_it_changes(capsys):
     host = "127.0.2.77"

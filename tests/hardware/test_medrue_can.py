@@ -125,6 +125,7 @@ ARM = {
 }
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", ARM)
 def test_a_fault_of_the_arm_is_named_stops_it_and_is_recovered_from(driver, twin, kind):
     values, state, words, within = ARM[kind]
@@ -161,6 +162,7 @@ SENSOR = {
 }
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", SENSOR)
 def test_a_fault_of_the_sensor_is_named_and_passes(driver, twin, kind):
     values, state = SENSOR[kind]

@@ -47,6 +47,7 @@ def moving(driver):
     return motion
 
 
+@pytest.mark.slow
 def test_a_hard_stop_holds_until_recover(driver, witness):
     moving(driver)
     begun = time.monotonic()
@@ -70,6 +71,7 @@ def test_a_hard_stop_holds_until_recover(driver, witness):
     driver.move(driver.position()).wait()
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", ["hub_fin", "garbage_text"])
 def test_a_bus_that_is_gone_is_named_and_the_drives_stop_by_themselves(driver, twin, witness, kind):
     motion = moving(driver)
@@ -120,6 +122,7 @@ def test_garbage_frames_are_named_and_every_drive_is_told_to_stop(driver, twin, 
     assert np.abs(driver.position() - at).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_bus_off_silences_the_master_until_it_opens_the_bus_again(driver, twin, witness):
     motion = moving(driver)
     begun = time.monotonic()
@@ -159,6 +162,7 @@ def test_a_node_that_restarted_is_told_its_periods_again(driver, twin):
     assert {index: upload(HOST, 6, index) for index in told} == told
 
 
+@pytest.mark.slow
 def test_a_twin_that_is_killed_and_started_again_is_recovered():
     host = "127.0.4.6"
     with running("medrue", host, "--noise", "off") as first:

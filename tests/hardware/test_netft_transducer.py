@@ -254,6 +254,7 @@ def test_a_watch_notices_new_counts_and_a_zero_that_was_not_taken():
         watch.stop()
 
 
+@pytest.mark.slow
 def test_counts_that_change_while_it_runs_are_noticed():
     with boxed("127.0.3.44") as scene, client(scene, sensor="ati-gamma") as transducer:
         begun = time.monotonic()

@@ -13,6 +13,7 @@ pytestmark = pytest.mark.wire
 HOST = "127.0.2.15"
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "where, kind, values, words",
     [
@@ -34,6 +35,7 @@ def test_a_link_that_is_gone_is_lost_at_once(bench, link, where, kind, values, w
     assert recovered(link) < 8.0
 
 
+@pytest.mark.slow
 def test_ten_cuts_of_the_control_link_in_a_row_do_not_end_a_campaign(bench, link):
     poses = [A + 0.05 * np.sin(k + np.arange(6)) for k in range(4)]
     cuts, visited, begun = 10, 0, time.monotonic()

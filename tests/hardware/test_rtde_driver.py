@@ -43,6 +43,7 @@ def ready(link):
     return link
 
 
+@pytest.mark.slow
 def test_connecting_and_reading_moves_nothing(link, observer):
     begun = time.monotonic()
     link.deactivate()
@@ -70,6 +71,7 @@ def test_nothing_is_sent_before_it_is_active(link):
         link.move(A)
 
 
+@pytest.mark.slow
 def test_a_move_arrives_and_keeps_to_its_speed(ready, observer):
     begun = time.monotonic()
     for goal in (B, A):
@@ -91,6 +93,7 @@ def test_a_goal_out_of_reach_is_refused_and_nothing_moves(ready, observer):
     assert observer.travel(begun) < 1e-4 and ready.health().ok
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", ["soft", "hard"])
 def test_a_stop_brings_it_to_rest_and_the_next_move_works(ready, observer, kind):
     goal = A if np.abs(ready.position() - A).max() > 0.3 else B
@@ -117,6 +120,7 @@ def test_rows_at_rest_are_fresh_and_evenly_spaced(ready):
     assert block["age"].max() < 0.08
 
 
+@pytest.mark.slow
 def test_a_trajectory_is_followed_and_recorded(ready):
     ready.move(A).wait()
     t = np.arange(0.0, 1.6, 0.008)

@@ -36,6 +36,7 @@ def until(condition, seconds):
     return time.monotonic() - begun
 
 
+@pytest.mark.slow
 def test_a_controller_that_is_killed_is_lost_and_one_in_its_place_is_recovered():
     link = rtde_moves.driver(HOST)
     with contextlib.closing(link):
@@ -60,6 +61,7 @@ def test_a_controller_that_is_killed_is_lost_and_one_in_its_place_is_recovered()
             assert link.move(A).wait().q == pytest.approx(A, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_client_that_sleeps_is_hung_up_on_and_says_so_when_it_wakes():
     more = ("--set", "box=off", "--set", "series=e", "--set", "slow_reader=1")
     with (

@@ -45,6 +45,7 @@ def lost_by(seen, link, words):
     assert recovered(link) < 6.0
 
 
+@pytest.mark.slow
 def test_what_kills_ur_rtde_is_lost_by_its_signal(bench, link):
     nonsense = Injected(bench, "short_header")
     seen = disturbed(bench, nonsense)
@@ -112,6 +113,7 @@ def test_an_unknown_packet_stops_nothing_and_is_not_counted(bench, link):
     assert link.health().counters[REFUSED] == before
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "where, kind, values",
     [

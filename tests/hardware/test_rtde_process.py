@@ -26,6 +26,7 @@ print(link._control.pid, link._links._state.pid, flush=True)
 """
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("how", ["exit", "SIGINT", "SIGKILL", "SIGSTOP"])
 def test_a_process_that_ends_or_hangs_leaves_no_motion(bench, how):
     bench.driver.deactivate()

@@ -25,6 +25,7 @@ def fresh(**more):
     return rtde_moves.driver(HOST, **{"connect_s": 4.0, "attempts": 3, "power_on": True} | more)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "kind, values, error, words",
     [
@@ -44,6 +45,7 @@ def test_a_controller_that_refuses_is_named_in_time(refusing, kind, values, erro
     time.sleep(max(0.0, until - time.monotonic()) + 0.1)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "where, kind, values, error, words",
     [

@@ -96,6 +96,7 @@ def test_a_tcp_that_is_changed_on_the_way_is_found():
     assert "its TCP was changed" in troubles(UR5, POSES[:1], np.array([0, 0, 0.1]), flange)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.wire
 def test_what_answers_is_asked_recorded_and_compared(tmp_path, capsys):
     plan, out = str(tmp_path / "p.parquet"), tmp_path / "r.parquet"

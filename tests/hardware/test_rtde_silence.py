@@ -13,6 +13,7 @@ pytestmark = pytest.mark.wire
 HOST = "127.0.2.12"
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "where, kind, values",
     [
@@ -42,6 +43,7 @@ def test_a_short_stall_is_named_and_the_robots_watchdog_stops_it(bench, link):
     assert recovered(link) < 6.0
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", ["drop", "burst"])
 def test_a_short_silence_is_named_and_survived(bench, link, kind):
     seen = disturbed(bench, lambda: bench.emulator.fault("rtde", kind, seconds=0.3))

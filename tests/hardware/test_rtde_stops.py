@@ -14,6 +14,7 @@ HOST = "127.0.2.13"
 DRIVER = {"power_on": True}
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "kind, values, words",
     [
@@ -41,6 +42,7 @@ def test_a_robot_that_stops_is_named_at_once(bench, link, kind, values, words):
     link.move(A).wait()
 
 
+@pytest.mark.slow
 def test_joints_that_do_not_follow_are_read_and_no_move_ends_before_they_do(bench, link):
     """The controller of this twin allows it; a real one may stop by itself."""
     apart = []
@@ -61,6 +63,7 @@ def test_joints_that_do_not_follow_are_read_and_no_move_ends_before_they_do(benc
     assert np.abs(link.read().q - link.read().target_q).max() < 1e-3
 
 
+@pytest.mark.slow
 def test_joints_that_never_arrive_are_late(bench, link):
     goal = A if np.abs(link.position() - A).max() > 0.3 else B
     motion = link.move(goal)

@@ -17,6 +17,7 @@ pytestmark = pytest.mark.wire
 HOST = "127.0.2.16"
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "which, how, states",
     [
@@ -66,6 +67,7 @@ os._exit(0)
 """
 
 
+@pytest.mark.slow
 def test_a_program_of_another_client_is_noticed(bench, link):
     """It takes other registers, ends our program and plays its own."""
     other = subprocess.Popen(

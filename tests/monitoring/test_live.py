@@ -307,6 +307,7 @@ def test_addresses_are_checked(address):
 # ---- through the wires of an emulator ----------------------------------------------------------
 
 
+@pytest.mark.sampled
 @pytest.mark.wire
 @pytest.mark.parametrize("rate", [125, 500])
 def test_the_ur5_emulator_is_compensated_in_real_time(tmp_path, capfd, rate):
