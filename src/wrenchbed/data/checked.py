@@ -13,7 +13,7 @@ from wrenchbed.files.nested_text import load, parsed
 
 __all__ = ["Fields", "is_number", "load", "parsed"]
 _LONGEST_NAME = 4096
-"""Of a name [characters]: the longest path of Linux."""
+"""Longest name [characters]: the longest path of Linux."""
 
 
 def is_number(value: Any) -> bool:
@@ -46,7 +46,7 @@ class Fields:
         return f"{self.name}.{key}" if self.name else key
 
     def only(self, known: Collection[str], what: str) -> "Fields":
-        """Refuse fields that are not known; returns itself."""
+        """These fields, after unknown ones are refused."""
         for key in self.raw:
             if key not in known:
                 has = f"{what} has {', '.join(sorted(known))}"
@@ -60,7 +60,7 @@ class Fields:
         return Fields({} if raw is None else raw, self.where, self.kind, self._label(key))
 
     def parts(self, key: str) -> list["Fields"]:
-        """The objects in a list; none if it is absent."""
+        """Objects in a list; none if the field is absent."""
         raw = self.raw.get(key, [])
         if not isinstance(raw, list):
             raise self.error(key, "must be a list")
@@ -69,7 +69,7 @@ class Fields:
         ]
 
     def text(self, key: str, *, required: bool = False, rule: str = "must be a name") -> str | None:
-        """A text that is not empty."""
+        """Text of a field that is not empty."""
         value = self.raw.get(key)
         if value is None and not required:
             return None
@@ -80,7 +80,7 @@ class Fields:
         return value
 
     def choice(self, key: str, known: Collection[str], rule: str, default: Any = None) -> str:
-        """One of some words."""
+        """Text of a field that must be one of the known words."""
         value = self.raw.get(key, default)
         if not isinstance(value, str) or value not in known:
             raise self.error(key, rule)
@@ -89,7 +89,7 @@ class Fields:
     def number(
         self, key: str, unit: str, *, positive: bool = False, nonnegative: bool = False
     ) -> float | None:
-        """A finite number."""
+        """Finite number of a field."""
         value = self.raw.get(key)
         if value is None:
             return None
@@ -102,7 +102,7 @@ class Fields:
     def numbers(
         self, key: str, n: int, *, nonnegative: bool = False, rule: str = ""
     ) -> tuple[float, ...] | None:
-        """A list of n finite numbers."""
+        """List of n finite numbers of a field."""
         value = self.raw.get(key)
         if value is None:
             return None

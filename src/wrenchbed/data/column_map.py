@@ -31,10 +31,10 @@ UNITS: dict[str, tuple[str, float]] = {
     "A": ("current", 1.0), "mA": ("current", 1e-3),
     "1": ("number", 1.0),
 }  # fmt: skip
-"""Unit → its quantity and its size in SI."""
+"""Quantity and size in SI of each unit."""
 
 AUTO = "auto"
-"""Mode of a log of holds and moves."""
+"""Mode of a log of holds and moves, whose rows are classified automatically."""
 TOLERANCES = ("tool.mass", "tool.cog", "sensor.bias")
 _FILE = ("match", "topic", "delimiter", "each", "name_pattern", "columns")
 _COLUMN = ("column", "unit", "sign", "zero", "per")
@@ -64,7 +64,7 @@ _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("a
 
 @dataclass(frozen=True)
 class Source:
-    """Where one column of the recording comes from: (column / per − zero) of a file, in SI.
+    """Source of a column of the recording: (column / per − zero) of a file, in SI.
 
     ``per`` is a number, or the name of one that stands before the table: counts per unit.
     """
@@ -106,7 +106,7 @@ class FileMap:
 
 @dataclass(frozen=True)
 class Conventions:
-    """In which axes a file gives wrench and orientation.
+    """Axes in which a file gives wrench and orientation.
 
     Attributes:
         wrench_axes: ``sensor``, ``flange`` (torque about the flange's origin) or ``base``.
@@ -127,7 +127,7 @@ class Conventions:
 class ColumnMap:
     """A whole map: files in order, the first sets the rows; rate of rows without a clock.
 
-    ``mode`` is ``static``, ``dynamic`` or ``auto``: a log of holds and moves, told apart by itself.
+    ``mode`` is ``static``, ``dynamic`` or ``auto``: a log whose holds and moves are detected.
     """
 
     files: tuple[FileMap, ...]
@@ -139,7 +139,7 @@ class ColumnMap:
 
 
 def ready() -> dict[str, Path]:
-    """Maps that come with wrenchbed, by name."""
+    """Paths of the maps that come with wrenchbed, by name."""
     folder = Path(str(files("wrenchbed.data"))) / "maps"
     return {p.stem: p for p in sorted(folder.glob("*.toml"))}
 
@@ -242,23 +242,23 @@ def _conventions(raw: Fields, metadata: Metadata) -> Conventions:
 
 
 def _one_orientation(name: str, files: tuple[FileMap, ...], conventions: Conventions) -> None:
-    """Refuse a part of an orientation, or two of them."""
+    """Refuse an incomplete orientation, or two of them."""
     seen = {c.target for f in files for c in f.columns}
     kinds = (_QUATERNION, ROTATION, *ANGLES)
-    found = [kind for kind in kinds if seen & set(kind)]
-    for kind in found:
+    given = [kind for kind in kinds if seen & set(kind)]
+    for kind in given:
         missing = [c for c in kind if c not in seen]
         if missing:
             what = "a rotation matrix" if kind == ROTATION else "an orientation"
             whole = f"{kind[0]}…{kind[-1]}" if kind == ROTATION else " ".join(kind)
             count = len(kind) - len(missing)
             raise MapError(f"{name}: {what} needs all of {whole}, found {count}")
-    if len(found) + (conventions.constant is not None) > 1:
+    if len(given) + (conventions.constant is not None) > 1:
         raise MapError(
             f"{name}: one orientation is needed, found "
-            + " and ".join([" ".join(k) for k in found] + ["orientation.constant"])
+            + " and ".join([" ".join(k) for k in given] + ["orientation.constant"])
         )
-    if (EULER in found) != (conventions.order is not None):
+    if (EULER in given) != (conventions.order is not None):
         raise MapError(f'{name}: e1 e2 e3 need [orientation] order = "ZYX", and only they')
 
 

@@ -29,8 +29,8 @@ _WINDOW_S = 0.12
 longer ones miss short holds and cut off more of a hold beside a move."""
 _LEAST_WINDOW = 3
 _EDGE_S, _EDGE_SHARE = 0.3, 0.15
-"""So much of each end of a rest is left out [s], a fraction of short ones: there a move begins or
-ends with little way but full force."""
+"""Time left out at each end of a rest [s] and its largest fraction of a short rest: there a move
+begins or ends with full force."""
 _SLOWEST = 3e-3
 """Joints that move slower than this are at rest for all that gravity shows [rad/s or m/s]: 0.4 mrad
 in a window, which turns 20 N by 8 mN."""
@@ -46,8 +46,8 @@ _LONGER, _CREEP = 8, 4e-4
 """A rest that creeps is judged over windows so much longer, whose means may differ by this [rad or
 m], what `_SLOWEST` allows in a short window."""
 _SAME = 1e-3
-"""Two rests that differ by less, with hardly a pause between, are one [rad or m]: an encoder's
-flicker; what gravity shows of it is below any noise."""
+"""Difference [rad or m] below which two adjacent rests are one: an encoder's flicker; what gravity
+shows of it is below any noise."""
 _BLOCK_S = 0.1
 """The tool's vibration after a move is judged over means of this length [s]: a few periods."""
 _ENOUGH_TO_MOVE, _MOST_SINGLE, _NEXT = 200, 0.3, 0.01
@@ -194,7 +194,7 @@ class Split:
 
     @property
     def sentence(self) -> str:
-        """Holds and moves, for people."""
+        """Sentence on holds and moves."""
         n, s = len(self.seconds), self.seconds
         low, middle, high = float(s.min()), float(np.median(s)), float(s.max())
         length = f"{middle:.2g} s"
@@ -204,7 +204,7 @@ class Split:
         return f"{n} {holds} of {length}; {self.moves} {moves}"
 
     def at_rest(self, recording: Recording, metadata: Metadata) -> Recording:
-        """The rows of the holds; ``segment`` numbers them."""
+        """Recording with the rows of the holds, numbered by ``segment``."""
         keep = self.hold >= 0
         columns = {k: v[keep] for k, v in recording.columns.items()} | {"segment": self.hold[keep]}
         if not recording.joints:
@@ -220,12 +220,12 @@ def split(recording: Recording) -> Split:
     Raises:
         RecordingError: there is no hold.
     """
-    found = _split(recording)
-    if found is None:
+    holds = _split(recording)
+    if holds is None:
         raise RecordingError(
             f"{recording.name}: nothing rests for {LEAST_HOLD_S} s; import it with mode = 'dynamic'"
         )
-    return found
+    return holds
 
 
 def check_at_rest(recording: Recording) -> None:
@@ -249,11 +249,11 @@ def check_at_rest(recording: Recording) -> None:
 
 def noise_at_rest(recording: Recording) -> tuple[float, ...] | None:
     """Standard deviation of one row at rest (6,) [N, N·m]; None where too little is at rest."""
-    found = _split(recording)
-    if found is None:
+    holds = _split(recording)
+    if holds is None:
         return None
-    rest = found.hold >= 0
-    hold, y = found.hold[rest], recording.wrench[rest]
+    rest = holds.hold >= 0
+    hold, y = holds.hold[rest], recording.wrench[rest]
     count = np.bincount(hold)
     dof = len(hold) - len(count)
     if dof < _ENOUGH_ROWS:
@@ -365,7 +365,7 @@ def _change(q: np.ndarray, window: int) -> np.ndarray:
 
 
 def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """(first, behind the last) of each run of true."""
+    """Runs of true flags as (first, last + 1)."""
     edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
     return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 

@@ -34,7 +34,7 @@ _POSES_PER_SECOND = 1.0
 _BETWEEN_POSES_S = 1.0
 """Time between the last row of a pose's file and the first of the next [s]."""
 _GIVEN = {*ROTATION, *(name for three in ANGLES for name in three)}
-"""Columns that become a quaternion."""
+"""Names of the columns that become a quaternion."""
 _VALUE = re.compile(r"\{(\w+)\}")
 _NUMBER = r"([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)"
 
@@ -76,11 +76,11 @@ def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported
         data, notes = _even(data)
         return Imported(with_noise(_recording(data, metadata, name)), left_out, notes)
     log = _recording(data, metadata, name)
-    found = split(log)
-    rest = found.at_rest(log, replace(metadata, mode="static"))
-    data, notes = _even(data | {HOLD: found.hold})
+    holds = split(log)
+    rest = holds.at_rest(log, replace(metadata, mode="static"))
+    data, notes = _even(data | {HOLD: holds.hold})
     motion = with_noise(_recording(data, metadata, name))
-    return Imported(rest, left_out, (*notes, found.sentence), motion, found)
+    return Imported(rest, left_out, (*notes, holds.sentence), motion, holds)
 
 
 def _recording(data: Mapping[str, np.ndarray], metadata: Metadata, name: str) -> Recording:
@@ -141,10 +141,10 @@ def _matching(file_map: FileMap, paths: list[Path], name: str) -> list[Path]:
     if file_map.each is not None and hits:
         return sorted(hits, key=natural)
     if len(hits) != 1:
-        found = ", ".join(p.name for p in hits[:5]) or "none"
+        files = ", ".join(p.name for p in hits[:5]) or "none"
         more = ' (every file one pose? each = "pose")' if len(hits) > 1 else ""
         raise MapError(
-            f"{name}: match = {file_map.match!r} must fit one of the files, found {found}{more}"
+            f"{name}: match = {file_map.match!r} must fit one of the files, found {files}{more}"
         )
     return hits
 
@@ -184,7 +184,7 @@ def _columns(path: Path, file_map: FileMap, column_map: ColumnMap) -> dict[str, 
 
 
 def _per(source: Source, notes: Mapping[str, float], path: Path) -> float:
-    """By what a column is divided: a number, or one that stands before the table."""
+    """Divisor of a column: a number, or one that stands before the table."""
     if not isinstance(source.per, str):
         return source.per
     value = notes.get(source.per, 0.0)
@@ -319,9 +319,9 @@ def values_in_name(path: Path, pattern: str | None) -> dict[str, float]:
         return {}
     pieces = _VALUE.split(pattern)
     text = "".join(_NUMBER if k % 2 else re.escape(p) for k, p in enumerate(pieces))
-    found = re.fullmatch(text.replace(r"\*", ".*"), path.name) or re.fullmatch(
+    match = re.fullmatch(text.replace(r"\*", ".*"), path.name) or re.fullmatch(
         text.replace(r"\*", ".*"), path.stem
     )
-    if found is None:
+    if match is None:
         raise MapError(f"{path}: the name does not fit name_pattern = {pattern!r}")
-    return {name: float(v) for name, v in zip(pieces[1::2], found.groups(), strict=True)}
+    return {name: float(v) for name, v in zip(pieces[1::2], match.groups(), strict=True)}

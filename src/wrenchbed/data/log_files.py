@@ -28,7 +28,7 @@ from wrenchbed.data.unpacking import LARGEST, Unpacker
 from wrenchbed.errors import MapError, WrenchbedError, raise_shortage
 
 METADATA = "metadata.yaml"
-"""File that makes a folder a bag of ROS 2."""
+"""Name of the file that marks a folder as a ROS 2 bag."""
 _LONGEST_METADATA = 2**20
 """Longest metadata.yaml that is parsed [bytes]: ROS writes about 1 kB a topic, and a parser of
 YAML needs some 100 bytes of memory for each byte."""
@@ -119,7 +119,7 @@ def _naming(path: Path, where: str = "", remedy: str = "") -> Iterator[None]:
 
 
 def line(error: Exception) -> str:
-    """What an error says, in one line."""
+    """Text of an error in one line."""
     if isinstance(error, OSError) and error.strerror:
         return error.strerror
     if isinstance(error, RecursionError):

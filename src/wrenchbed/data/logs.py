@@ -20,18 +20,18 @@ from wrenchbed.files import atomic_write
 STAMP, LOGGED = "stamp", "logged"
 """Times of a message: its header's, and when it was written [ns]."""
 TRANSFORMS = "transforms"
-"""Field of a TFMessage."""
+"""Name of the field of a TFMessage."""
 _LONGEST_DEFINITION = 2**18
 """Longest definition of a kind of messages that is parsed [characters]: 20 times the longest of
 ROS's own; the parser takes seconds for a longer one."""
 _OF_IDL = "=" * 80 + "\nIDL: "
-"""Stands before each of several definitions in IDL."""
+"""Separator between several definitions in IDL."""
 WRENCH, JOINTS, TEMPERATURE = "/wrench", "/joint_states", "/temperature"
 KEY = "wrenchbed"
 """Metadata record that keeps the recording's own metadata as JSON."""
 _FRAME = "sensor"
 Message = Callable[[int], Any]
-"""The message of a row."""
+"""Function that returns the message of a row."""
 
 
 class MessageRows:
@@ -56,7 +56,7 @@ class MessageRows:
         self._frame = next((frame for frame in frames if not frame.isdecimal()), None)
 
     def add(self, message: Any, logged: int) -> bool:
-        """One message; whether it became a row."""
+        """Whether a message, now added, became a row."""
         self.seen += 1
         headed = message
         if self._frame is not None:
@@ -78,7 +78,7 @@ class MessageRows:
         return True
 
     def table(self) -> pa.Table:
-        """What was gathered; fields that some message lacked are NaN."""
+        """Table of the messages; fields that some message lacked are NaN."""
         kinds = {"q": pa.int64(), "d": pa.float64()}
         columns = self._columns.items()
         return pa.table({n: pa.array(memoryview(c), kinds[c.typecode]) for n, c in columns})
@@ -202,7 +202,7 @@ def _gather(path: Path, read: Messages, rows: MessageRows, logged: "array[int]")
 
 
 def _decoder(path: Path, channel: Channel) -> Callable[[bytes], Any]:
-    """What turns the bytes of a channel's messages into objects."""
+    """Function that decodes the bytes of a channel's messages into objects."""
     if channel.encoding == "json":
         return json.loads
     where = f"{path}: topic {channel.topic!r}"

@@ -75,7 +75,7 @@ def of_sensor(
 
 
 def columns_of(rotation: Rotation) -> dict[str, np.ndarray]:
-    """qw qx qy qz (N,), qw ≥ 0."""
+    """Quaternion columns qw qx qy qz (N,), qw ≥ 0."""
     q = rotation.as_quat(canonical=True, scalar_first=True)
     return dict(zip(QUATERNION, q.T, strict=True))
 

@@ -20,12 +20,12 @@ Made = TypeVar("Made")
 _LARGEST = 1 << 26
 """Largest text file that is parsed to find its kind [B]; results are far smaller."""
 _FIRST = 512
-"""Length of these [B]."""
+"""Number of first bytes that are examined [B]."""
 _REMEDY = "give another name, or --force, which keeps it with ~ at the end of its name"
 
 
 class Kind(StrEnum):
-    """What a file is, in words of an error."""
+    """Kind of a file, in words for an error."""
 
     RECORDING = "a recording"
     LOG = "an MCAP log"
@@ -46,7 +46,7 @@ class Kind(StrEnum):
 
 
 MEASURED = (Kind.RECORDING, Kind.LOG)
-"""What may hold measurements that nobody can repeat."""
+"""Kinds of files that may hold measurements, which nobody can repeat."""
 _JSON = (
     (Kind.DIAGNOSIS, {"verdict", "gap"}),
     (Kind.FIT, {"parameters", "status"}),
@@ -57,7 +57,7 @@ _JSON = (
     (Kind.EXPORT, {"mass", "centerOfMass", "inertia"}),
     (Kind.EXPORT, {"$schema", "title", "properties"}),
 )
-"""Fields by which an object is known."""
+"""Fields by which a JSON object's kind is recognized."""
 _TOML = {
     Kind.ROBOT: {"format", "model"},
     Kind.SENSOR: {"format", "calibration"},
@@ -70,11 +70,11 @@ _WITHIN = {
     b"style-src 'unsafe-inline'": Kind.PAGE, b": twin as plain MJCF": Kind.NOTES,
     b"exported by wrenchbed": Kind.EXPORT,
 }  # fmt: skip
-"""What the first lines of other text files hold."""
+"""Text in the first lines of other text files, by kind."""
 
 
 def kind_of(path: Path) -> Kind | None:
-    """What a file is by its content; None for anything that wrenchbed does not write.
+    """Kind of a file by its content; None for anything that wrenchbed does not write.
 
     Raises:
         OSError: it cannot be read.
@@ -93,7 +93,7 @@ def kind_of(path: Path) -> Kind | None:
 
 
 def _parquet(path: Path) -> Kind | None:
-    """A damaged file may be a recording, too."""
+    """Kind of a Parquet file; a damaged one may be a recording."""
     try:
         names = dict.fromkeys(pq.read_schema(parquet.source(path)).names)
     except (pa.ArrowException, OSError):
@@ -135,10 +135,10 @@ def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> N
         raise ParameterError(f"{out}: an unfinished recording is there already; {_REMEDY}")
     if not out.exists():
         return
-    found = out.stat()
-    if not stat.S_ISREG(found.st_mode):
+    status = out.stat()
+    if not stat.S_ISREG(status.st_mode):
         raise ParameterError(f"{out}: is a device or a pipe; give the name of a file")
-    if found.st_size == 0:
+    if status.st_size == 0:
         return
     there = kind_of(out)
     if there != kind:

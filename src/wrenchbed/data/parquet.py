@@ -18,7 +18,7 @@ from wrenchbed.files import atomic_write
 KEY = b"wrenchbed"
 """File-level metadata key that holds wrenchbed's JSON."""
 FORMAT = 1
-"""The format number written and read."""
+"""Format number of the Parquet files that are written and read."""
 ROWS_AT_ONCE = 2**18
 """Rows of a column that are unpacked together."""
 FREE, RATIO = 2**28, 200
@@ -67,7 +67,7 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
 
 
 def _parts(file: pq.ParquetFile, name: str) -> Iterator[pa.Array]:
-    """A column, some rows at a time."""
+    """Arrays of a column, some rows at a time."""
     for batch in file.iter_batches(ROWS_AT_ONCE, columns=[name]):
         yield batch.column(0)
 
@@ -181,6 +181,6 @@ def table_of(data: Mapping[str, np.ndarray], metadata: Mapping[str, Any]) -> pa.
 
 
 def write(path: Path, table: pa.Table) -> None:
-    """Write a file atomically."""
+    """Write a table to a Parquet file atomically."""
     with atomic_write(path) as file:
         pq.write_table(table, file, write_page_checksum=True)

@@ -94,7 +94,7 @@ class Plan:
         return cls(robot, q, segment, dwell, mode, rate, _points(path, data, mode), str(path))
 
     def write(self, path: str | Path) -> None:
-        """Write the file."""
+        """Write the plan to a Parquet file."""
         data = {f"q{j + 1}": self.q[:, j] for j in range(self.q.shape[1])}
         data |= {"segment": self.segment.astype(np.int64)}
         if self.dwell.any():

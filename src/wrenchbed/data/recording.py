@@ -25,8 +25,8 @@ QUATERNION = ("qw", "qx", "qy", "qz")
 POINT = ("px", "py", "pz")
 """Known position in the world at which the tool's tip sat; such rows are touches [m]."""
 TOUCH_STD = 5e-5
-"""How far a tip sits from the stated point, per axis [m]: a ball in a socket, reached with the
-repeatability of a good arm (UR5e's data sheet: 0.03 mm)."""
+"""Standard deviation of a touching tip's position per axis [m]: a ball in a socket, reached with
+the repeatability of a good arm (UR5e's data sheet: 0.03 mm)."""
 EFFORT_UNITS = {"tau": "N·m", "i": "A"}
 """Column prefixes of joint torques and of motor currents, with their units."""
 JOURNAL = ".journal"
@@ -73,7 +73,7 @@ class Recording:
 
     @property
     def has_wrench(self) -> bool:
-        """Whether there is a wrench; else joint torques or currents."""
+        """Whether there is a wrench; otherwise there are joint torques or currents."""
         return CHANNELS[0] in self.columns
 
     def require_wrench(self) -> None:
@@ -159,7 +159,7 @@ def _frozen(array: np.ndarray) -> np.ndarray:
 
 
 def joint_columns(columns: Mapping[str, Any]) -> tuple[str, ...]:
-    """q1…qJ, as far as they are numbered without a gap."""
+    """Names q1…qJ of the joint columns, as far as they are numbered without a gap."""
     names: list[str] = []
     while f"q{len(names) + 1}" in columns:
         names.append(f"q{len(names) + 1}")
@@ -176,7 +176,7 @@ def effort_prefix(columns: Mapping[str, Any]) -> str | None:
 
 
 def holds_readings(columns: Mapping[str, Any]) -> bool:
-    """Whether columns hold a wrench or joint efforts: they are a recording's, not a plan's."""
+    """Whether columns hold a wrench or joint efforts, as a recording's do and a plan's do not."""
     return CHANNELS[0] in columns or effort_prefix(columns) is not None
 
 

@@ -34,12 +34,12 @@ _BLANKS = re.compile(r"[ \t]+")
 _COMMENT = re.compile(r"^\s*(?:#+|%+|//)\s*")
 _COMMA_NUMBER = re.compile(r"^[+-]?\d+(?:,\d+)?(?:[eE][+-]?\d+)?$")
 _EMPTY = frozenset(["", "nan", "null", "none", "na", "n/a", "-nan", "-nan(ind)", "#n/a"])
-"""What programs write for a missing number, in lower case."""
+"""Texts that programs write for a missing number, in lower case."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text file is written.
+    """Layout of a text file with a table.
 
     Attributes:
         separator: one character; `BLANKS` for any number of blanks and tabs.
@@ -222,7 +222,7 @@ def decode(path: Path) -> str:
 
 
 def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) -> Layout:
-    """How a text file is written, from its first lines.
+    """Layout of a text file, from its first lines.
 
     Raises:
         MapError: there is no table of numbers in it.
@@ -237,9 +237,9 @@ def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) 
     best: tuple[float, Layout] | None = None
     for choice in choices:
         for decimal in ".," if choice != "," else ".":
-            found = _table_at(lines, some, plain, choice, decimal)
-            if found is not None and (best is None or found[0] > best[0]):
-                best = found
+            table = _table_at(lines, some, plain, choice, decimal)
+            if table is not None and (best is None or table[0] > best[0]):
+                best = table
     if best is None:
         first = lines[plain[0]]
         raise MapError(f"{path}: the file has 0 rows of numbers; it begins {first[:60]!r}")
@@ -249,13 +249,13 @@ def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) 
 
 def _notes(lines: Sequence[str]) -> dict[str, float]:
     """Numbers before a table: ``Counts per Unit Force, 1000000`` or ``rate = 100``."""
-    found = {}
+    numbers = {}
     for line in lines:
         cells = [c.strip() for c in re.split(r"[,;:=\t]", _COMMENT.sub("", line))]
         name, *rest = [c for c in cells if c] or [""]
         if len(rest) == 1 and is_number(rest[0]):
-            found[name] = float(rest[0])
-    return found
+            numbers[name] = float(rest[0])
+    return numbers
 
 
 def _table_at(

@@ -16,10 +16,10 @@ from wrenchbed.errors import MapError, raise_shortage
 LARGEST = 2**28
 """Largest part [bytes], which is held in memory: 64 times mcap's default chunk (4 MiB)."""
 FREE = 2**30
-"""All parts of one file may unpack to this size whatever the file's own is [bytes]."""
+"""Size to which a file's parts may always unpack together [bytes]."""
 RATIO = 200
-"""They may unpack to more than `FREE` up to this multiple of the file's size: ten times the ratio
-of a log whose readings hardly change, a hundredth of a bomb's."""
+"""Largest unpacked size beyond `FREE`, over the file's size: ten times the ratio of a log whose
+readings hardly change, a hundredth of a bomb's."""
 _STEP = 2**22
 """Unpacked at once [bytes]: a bomb fills no more memory before it is refused."""
 _ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
@@ -105,7 +105,7 @@ def _unpacked(blocks: Iterable[bytes], kind: str, most: int, where: str) -> Iter
 
 
 def _decoder(kind: str, where: str) -> Any:
-    """What unpacks one compressed stream step by step."""
+    """Decoder that unpacks one compressed stream step by step."""
     if kind == "bz2":
         return bz2.BZ2Decompressor()
     if kind == "zstd":

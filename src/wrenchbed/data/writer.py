@@ -82,7 +82,7 @@ class RecordingWriter:
                 self._rewriting.start()
 
     def flush(self) -> None:
-        """Bring all rows to disk now, and wait for it."""
+        """Write all rows to disk and wait for it."""
         self._note()
         self._wait()
         self._check()
@@ -108,7 +108,7 @@ class RecordingWriter:
         self._stream = None
 
     def _note(self) -> None:
-        """Bring rows to the journal."""
+        """Write the waiting rows to the journal."""
         self._flushed = time.monotonic()
         if not self._pending:
             return
@@ -136,7 +136,7 @@ class RecordingWriter:
         self._stream = pa.ipc.new_stream(self._sink, schema.with_metadata(key))
 
     def _undo(self) -> None:
-        """Leave all as it was before the first row."""
+        """Remove all files of a recording that has no row."""
         self._stream = None
         if self._sink is not None:
             with suppress(OSError):

@@ -18,7 +18,7 @@ SAME, SHARE = 0.1, 0.02
 """Gap that is left, alone and over the cause's own, up to which two causes are alike: estimates,
 the first as the wrench referee's."""
 _EVERY = 5
-"""Recorded rows to a row that is compared."""
+"""Recorded rows per row that is compared."""
 _BLOCKS = 10
 """Blocks of time of which the oracle's fit sees every other one."""
 _SEEN_SPEED = 0.01
@@ -34,7 +34,7 @@ def gap(setting: EffortSetting, added: np.ndarray) -> float:
 
 
 def _seen(setting: EffortSetting, added: np.ndarray) -> np.ndarray:
-    """What is added (N, J), in a row's noise, zero where a joint rests."""
+    """Added efforts (N, J) in units of a row's noise, zero where a joint rests."""
     return np.asarray(added * setting.scale / setting.noise * setting.moving)
 
 
@@ -44,17 +44,17 @@ def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> 
     energy = (unit**2).mean(axis=0)
     joint = int(energy.argmax()) if fault.joint is None else fault.joint - 1
     others = float(np.delete(energy, joint).max())
-    found: dict[Key, float] = {}
+    gaps: dict[Key, float] = {}
     use = setting.moving[::_EVERY]
     for name, columns in own_columns(setting, joint):
         rest = max(_rest(columns * use[:, joint, None], unit[:, joint]), others)
         key = (name, joint + 1)
-        found[key] = min(rest, found.get(key, np.inf))
+        gaps[key] = min(rest, gaps.get(key, np.inf))
     for whole, wide in whole_columns(setting):
         flat = (wide / setting.noise[:, None] * use[..., None]).reshape(-1, wide.shape[-1])
         off = unit.ravel() - flat @ np.linalg.lstsq(flat, unit.ravel(), rcond=None)[0]
-        found[whole] = float((off.reshape(unit.shape) ** 2).mean(axis=0).max())
-    return found
+        gaps[whole] = float((off.reshape(unit.shape) ** 2).mean(axis=0).max())
+    return gaps
 
 
 def classed(fault: EffortFault, size: float, rest: dict[Key, float]) -> tuple[Key, ...]:
@@ -192,13 +192,13 @@ def oracle(
 def _link_columns(setting: EffortSetting) -> list[tuple[Key, np.ndarray]]:
     """Columns of the links' masses, each of a mass of its own (M, J, 1) [N·m]."""
     mass = setting.robot.spec(setting.theta).compile()
-    found = []
+    columns = []
     for key, column in whole_columns(setting):
         if key[0] == "link.mass" and key[1] is not None:
-            found.append((key, column * mass.body_mass[mass.jnt_bodyid[key[1] - 1]]))
+            columns.append((key, column * mass.body_mass[mass.jnt_bodyid[key[1] - 1]]))
         if key[0] == "link.cog":
-            found.append((key, column))
-    return found
+            columns.append((key, column))
+    return columns
 
 
 def _held_out(

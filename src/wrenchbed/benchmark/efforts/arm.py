@@ -15,20 +15,20 @@ from wrenchbed.benchmark.frame import Rng
 from wrenchbed.robots.base import Joint, SimulatedRobot
 
 Edit = Callable[[mujoco.MjModel], None]
-"""Changes a compiled model in place."""
+"""Function that changes a compiled model in place."""
 LINK_MASS, LINK_COG, LINK_INERTIA = 0.01, 0.01, 0.03
 """Standard deviations of links over stated: mass, centre of gravity, inertia."""
 SENSOR = "ft"
 """Name of the sensor's site in every robot's model."""
 KINDS = ("multisine", "fourier", "points", "oneway")
 SHARES = (0.35, 0.3, 0.27, 0.08)
-"""Shares of the kinds of motions."""
+"""Shares of the kinds of motions, in their order."""
 FINE = 4
-"""Steps of the physics between two rows."""
+"""Steps of the physics per recorded row."""
 SECONDS = (30.0, 60.0)
-"""Range of durations [s]."""
+"""Range of a motion's duration [s]."""
 RATES = (100.0, 125.0)
-"""Rows a second [Hz]: usual rates of logs."""
+"""Rates of the rows [Hz]: usual rates of logs."""
 _REACH = 0.9
 """Largest excursion from the middle pose [rad]."""
 _SPEED = (0.25, 0.6)
@@ -58,12 +58,12 @@ class Path:
 
     @property
     def step(self) -> float:
-        """Of the fine grid [s]."""
+        """Time step of the fine grid [s]."""
         return 1.0 / (self.rate * FINE)
 
     @property
     def rows(self) -> np.ndarray:
-        """Fine instants that are recorded (N,)."""
+        """Indices of the fine instants that are recorded (N,)."""
         return np.arange(0, len(self.t), FINE)
 
 
@@ -160,7 +160,7 @@ def _oneway(rng: Rng, t: np.ndarray, room: _Room, top: np.ndarray) -> np.ndarray
 
 
 def _smooth(x: np.ndarray) -> np.ndarray:
-    """Minimum-jerk step from 0 to 1."""
+    """Minimum-jerk step of x from 0 to 1."""
     return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x * x))
 
 

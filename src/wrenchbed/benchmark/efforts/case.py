@@ -36,7 +36,7 @@ from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
 
 KINDS = ("none", "library", "outside")
 SHARES = (0.25, 0.5, 0.25)
-"""Shares of the kinds of cases."""
+"""Shares of the kinds of cases, in their order."""
 LEAST = {"library": NEEDED["single"], "outside": NEEDED["outside"]}
 """Least gap that a cause adds at some joint."""
 LARGEST = 400.0
@@ -57,7 +57,7 @@ _FORGOTTEN = 200
 
 @dataclass(frozen=True)
 class EffortTruth:
-    """What a case holds.
+    """True robot and cause of a case.
 
     Attributes:
         number, seed: of the case.
@@ -96,13 +96,13 @@ class EffortTruth:
 
 @dataclass(frozen=True, eq=False)
 class EffortCase:
-    """A recording and its truth."""
+    """Recording of a case with its truth."""
 
     recording: Recording
     truth: EffortTruth
 
     def write(self, recording: Path, truth: Path) -> None:
-        """Both in files of their own; the recording holds nothing of the truth."""
+        """Write recording and truth to separate files; the recording holds nothing of the truth."""
         self.recording.write(recording)
         write_json(truth, asdict(self.truth))
 
@@ -150,7 +150,7 @@ def _counted(
 
 
 def _family(kind: str, number: int, wrench: bool) -> str:
-    """Families take turns."""
+    """Family of faults for a case's number: families take turns."""
     names = {"none": ("none",), "library": tuple(FAMILIES), "outside": tuple(OUTSIDE)}[kind]
     if wrench and kind == "library" and number % 2:
         names = WHOLE

@@ -31,7 +31,7 @@ FILES = {"iiwa.xml": "right_hand", "panda.xml": "right_hand", "ur10.urdf": "tool
 MOST = 5
 """Members of a class that still name something, as in the contract."""
 JOINT = "joint"
-"""Parameter that holds the 1-based joint or link."""
+"""Parameter's name for the 1-based joint or link."""
 _TOOL_MASS, _TOOL_COG = 1.2, (0.0, 0.0, 0.05)
 """Mass [kg] and centre of gravity [m] of a first tool, an estimate that each case replaces."""
 _ARMS: dict[Path, Sequence[SimulatedRobot]] = {}
@@ -114,7 +114,7 @@ def _closed(gap: Mapping[str, Any]) -> float | None:
 
 
 def _class(entry: Mapping[str, Any]) -> tuple[Key, ...]:
-    """Effects of an entry, each at each of its joints."""
+    """Effects and joints that an entry of ``which`` claims as one class."""
     joint = entry.get("parameters", {}).get(JOINT)
     joints: list[int | None] = [None]
     if joint is not None:
@@ -136,7 +136,7 @@ def _key(effect: str, joint: int | None) -> Key:
 
 
 def always_none(_: EffortTruth) -> EffortClaim:
-    """Nothing is ever wrong."""
+    """Claim that nothing is wrong."""
     return EffortClaim("none", none=1.0)
 
 
@@ -146,7 +146,7 @@ def always_coulomb(_: EffortTruth) -> EffortClaim:
 
 
 def oracle(truth: EffortTruth) -> EffortClaim:
-    """The truth itself."""
+    """Claim of the truth itself."""
     if truth.kind == "none":
         return always_none(truth)
     if truth.kind == "outside":
@@ -159,7 +159,7 @@ TRIVIAL = {"always none": always_none, "always coulomb 1": always_coulomb, "orac
 
 
 def _diagnosis(recording: Recording) -> Mapping[str, Any]:
-    """The public diagnosis, as JSON."""
+    """Result of the public diagnosis, as JSON."""
     from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 
     result = diagnose_efforts(recording, wrench=recording.has_wrench)
@@ -167,7 +167,7 @@ def _diagnosis(recording: Recording) -> Mapping[str, Any]:
 
 
 DIAGNOSED: dict[str, Callable[[Recording], Mapping[str, Any]]] = {OURS: _diagnosis}
-"""Entrants that see the recording."""
+"""Entrants that see the recording, by name."""
 
 
 @dataclass(frozen=True)
@@ -184,12 +184,12 @@ class EffortJob:
 
     @property
     def id(self) -> str:
-        """Unique in a benchmark."""
+        """Identifier of the case, unique in a benchmark."""
         return f"{self.seed}-{self.number}{'-wrench' if self.wrench else ''}"
 
 
 def check_seed(seed: int) -> str:
-    """What a seed is for: ``development`` or ``final``.
+    """Purpose of a seed: ``development`` or ``final``.
 
     Raises:
         ParameterError: it lies between those for development and those for a final score.

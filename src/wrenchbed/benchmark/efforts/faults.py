@@ -20,13 +20,13 @@ from wrenchbed.benchmark.efforts.world import (
 from wrenchbed.benchmark.frame import Rng, log_uniform
 
 Maker = Callable[[EffortSetting, int, Rng], EffortFault]
-"""Draws a fault; the joint is 0-based."""
+"""Function that draws a fault; the joint is 0-based."""
 FAMILIES: dict[str, Maker] = {}
-"""Makers by the effect's name."""
+"""Functions that draw faults, by the effect's name."""
 OUTSIDE: dict[str, Maker] = {}
 """Makers of families outside the library by the family's name."""
 WHOLE = ("tool.mass", "tool.cog", "base.tilt")
-"""Effects without a joint."""
+"""Effects that concern no single joint."""
 WARMING = (6.0, 18.0)
 """Rise of the temperature [K] in recordings whose friction depends on it."""
 _TURN = 0.01
@@ -136,13 +136,13 @@ def _wave(setting: EffortSetting, joint: int, rng: Rng, order: float) -> EffortF
 
 @family("drive.cogging")
 def _cogging(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Of the motor: once a motor turn, with a second harmonic."""
+    """Cogging of the motor: once a motor turn, with a second harmonic."""
     return _wave(setting, joint, rng, setting.gear)
 
 
 @family("drive.ripple")
 def _ripple(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    """Of the gear's output side: a few times a joint turn."""
+    """Ripple on the gear's output side: a few times a joint turn."""
     return _wave(setting, joint, rng, float(rng.integers(2, 13)))
 
 
@@ -203,7 +203,7 @@ def _stiction(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def since_reversal(speed: np.ndarray, step: float) -> np.ndarray:
-    """Way (T,) [rad] since a joint last turned around."""
+    """Distance (T,) [rad] that a joint has moved since it last turned around."""
     sign = np.sign(np.where(np.abs(speed) < 1e-4, 0.0, speed))
     way, gone, last = np.empty_like(speed), np.inf, 0.0
     for k, s in enumerate(sign.tolist()):

@@ -11,7 +11,7 @@ from wrenchbed.benchmark.scoring.metrics import SURE, Metric, figure, markdown, 
 OF_ORACLE = 0.95
 """Share of what the oracle closes that is asked for, by definition."""
 _KINDS = {"library": "single"}
-"""Kinds of efforts' cases by other names in a row."""
+"""Kind in a result row for each kind of efforts' cases whose name differs."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ def _row(number: str, truth: Mapping[str, Any], claim: Mapping[str, Any]) -> Cas
 
 
 def _name(key: Key) -> str:
-    """``drive.coulomb.2`` of the effect and its joint."""
+    """Name ``drive.coulomb.2`` of an effect and its joint."""
     effect, joint = key
     return effect if joint is None else f"{effect}.{joint}"
 
@@ -84,7 +84,7 @@ def correct(row: CaseRow, claim: Claim) -> bool:
 
 
 def _sure(row: CaseRow, claim: Claim) -> bool:
-    """Whether what is said first is said with a probability above 0.9."""
+    """Whether the first answer has a probability above 0.9."""
     said = [claim.probabilities[v] for v in ("none", "unknown") if claim.verdict == v]
     return max([*claim.presence, *said, 0.0]) > SURE
 
@@ -145,7 +145,7 @@ def figures(rows: Sequence[CaseRow]) -> tuple[Figure, ...]:
 
 
 def table(entrants: Mapping[str, Sequence[Figure]]) -> str:
-    """Markdown of all figures, an entrant a column."""
+    """Markdown table of all figures, with a column for each entrant."""
     columns = list(entrants.values())
     lines = [
         [first.name, first.target, str(first.count), *(column[k].text for column in columns)]

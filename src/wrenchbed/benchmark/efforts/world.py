@@ -17,7 +17,7 @@ from wrenchbed.robots.base import SimulatedRobot
 UNITS = ("tau", "i")
 """Prefixes of recorded efforts: torques [N·m] or currents [A]."""
 OFF = (0.05, 0.1)
-"""How far true friction is off the configured values, as a share."""
+"""Range by which true friction differs from the configured values, relative."""
 _LEAST_RATED = 0.12
 """Rated torque of a wrist over that of the strongest joint, at least."""
 _MOVING = 0.03
@@ -93,7 +93,7 @@ class TrueDrives:
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """What a fault may depend on, on the fine grid.
+    """State of the robot on which a fault may depend, on the fine grid.
 
     Attributes:
         path: the motion.
@@ -239,7 +239,7 @@ class EffortSetting:
 
     @cached_property
     def moving(self) -> np.ndarray:
-        """Whether joints move (N, J) at the rows: a drive at rest holds what nobody knows."""
+        """Whether joints move (N, J) at the rows; at rest the drive's effort is unknown."""
         speed = np.abs(self.path.qd[self.path.rows])
         return np.asarray(speed > _MOVING * speed.max(axis=0))
 
@@ -350,7 +350,7 @@ def draw_setting(robot: SimulatedRobot, rng: Rng) -> EffortSetting:
 
 
 def warmed(setting: EffortSetting, rise: float, rng: Rng) -> EffortSetting:
-    """The same with drives that warm up by so much [K]."""
+    """Setting with drives that warm up by ``rise`` [K]."""
     return replace(setting, temperature=_temperature(setting.path, rng, rise))
 
 

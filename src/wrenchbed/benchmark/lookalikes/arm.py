@@ -27,7 +27,7 @@ from wrenchbed.benchmark.lookalikes.loads import link_forces, rotate_back, wrenc
 from wrenchbed.robots.base import SimulatedRobot
 
 _CROSSING_S = 0.04
-"""In motion, backlash and clearance are crossed within about this time [s]: an estimate."""
+"""Time in which a motion crosses backlash or clearance [s]: an estimate."""
 
 
 @lookalike("mount.rotation", published=named("rotation."))
@@ -242,7 +242,7 @@ def _visibility(design: ExperimentDesign) -> np.ndarray:
 def _joints(
     design: ExperimentDesign, rng: Rng, *, rotating: bool = False, several: float = 0.2
 ) -> list[int]:
-    """One joint, sometimes two or three; visible ones more often."""
+    """Numbers of one joint, sometimes two or three; visible ones more often."""
     visibility = design.once("visibility", lambda: _visibility(design))
     weight = 0.03 + visibility
     weight[visibility < 1e-3] = 1e-6

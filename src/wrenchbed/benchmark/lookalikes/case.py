@@ -44,11 +44,11 @@ from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 
 _TRIES = 10
-"""Draws of one effect."""
+"""Largest number of draws of one effect."""
 _EFFECT_TRIES = 12
-"""Effects that are tried."""
+"""Largest number of effects that are tried."""
 _MARGIN = 1.25
-"""Aim above what is needed when a size grows."""
+"""Factor on the needed gap when a size grows."""
 WANDER = 0.3
 """Largest rms of the wander between holds in noises of one row: a gap below 0.1."""
 _ENCODER = 4e-6
@@ -143,7 +143,7 @@ class _Measured:
 
 
 class _Drawing:
-    """Draws the causes of one case beside its background."""
+    """Drawing of one case's causes beside its background."""
 
     def __init__(self, design: ExperimentDesign, seed: int, kind: str, size: float | None) -> None:
         self.design, self.seed, self.kind, self.size = design, seed, kind, size
@@ -243,7 +243,7 @@ class _Drawing:
         return None
 
     def _measure(self, item: Imperfection) -> _Measured:
-        """What an imperfection adds to the reading of everything around it."""
+        """Change of the reading that an imperfection adds to everything around it."""
         if EFFECTS[item.name].rows:
             rise = raised_variance(self.design, item, self.base)
             return _Measured(item, float(rise.mean()), self.base, float(rise.max()))
@@ -256,7 +256,7 @@ class _Drawing:
 
 
 def recording(design: ExperimentDesign, case: LookalikeCase) -> Recording:
-    """All rows of a case, with noise, clock jitter and everything that happens between rows."""
+    """Recording of a case, with noise, clock jitter and all effects between rows."""
     rng = np.random.default_rng([case.seed, 3])
     rows = _rows(design, case)
     count, samples = rows.shape[:2]
@@ -311,7 +311,7 @@ class NoiseLaw:
 
 
 def noise_law(rng: Rng) -> NoiseLaw:
-    """A random law."""
+    """Random noise law of a robot's rows."""
     lean = 0.25 * rng.standard_normal((6, 6))
     root = np.eye(6) + lean
     root = root / np.linalg.norm(root, axis=1, keepdims=True)
@@ -348,7 +348,7 @@ def wander(design: ExperimentDesign, law: NoiseLaw, rng: Rng) -> np.ndarray:
 
 
 def _rows(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
-    """Rows (N, samples, 6) [N, N·m]."""
+    """Readings (N, samples, 6) [N, N·m] of a case."""
     rng = np.random.default_rng([case.seed, 2])
     law = noise_law(rng)
     samples = 1 if design.moving else design.samples

@@ -26,29 +26,29 @@ from wrenchbed.benchmark.lookalikes.loads import rotate_back, wrench_at
 FILES = (arm, sensor, tool)
 """Modules whose draws are registered by importing them."""
 EFFECTS = by_subsystem(DRAWN)
-"""Every effect by name."""
+"""Every drawn effect by name, grouped by subsystem."""
 Family = Callable[[ExperimentDesign, Rng], Imperfection]
 FAMILIES: dict[str, Family] = {}
 """Families outside every library, by name."""
 _BY_JOINTS = ("gas_spring", "magnet")
 """Families that only robots with joints have."""
 _G = 9.81
-"""Gravity to scale by [m/s²]."""
+"""Gravity by which typical accelerations are scaled [m/s²]."""
 LARGEST = 8.0
 """Largest size of a cause in multiples of typical."""
 _PROBES = 4
 """Draws that find out whether a design shows an effect."""
 _PROBED_GAP = 1.3
-"""Gap that one of them must reach: an estimate."""
+"""Gap that one of the `_PROBES` draws must reach: an estimate."""
 SMALLEST_BACKGROUND, LARGEST_BACKGROUND = 0.02, 0.45
-"""Gap of all small imperfections together."""
+"""Range of the gap that all small imperfections make together."""
 MOST_RISE = 0.25
 """Rise of a channel's row variance by the background's vibration, at most."""
 _NOT_IN_BACKGROUND = (*STATED, "sensor.saturation", "environment.contact", "timing.stale")
 _PRESENT = 0.7
-"""Chance of each effect to be in the background."""
+"""Probability of each effect to be in the background."""
 _TRIES = 6
-"""Scalings of a background."""
+"""Largest number of scalings of a background."""
 
 
 def effects(design: ExperimentDesign) -> tuple[str, ...]:
@@ -74,7 +74,8 @@ def _shows(design: ExperimentDesign, effect: LookalikeEffect) -> bool:
 
 
 def background(robot: ImperfectRobot, rng: Rng) -> list[Scaled]:
-    """Most effects at once, small, within a random total gap; and errors within tolerance."""
+    """Background of a robot: most effects at once, small, within a random total gap; and stated
+    numbers wrong within tolerance."""
     design = robot.design
     target = log_uniform(rng, SMALLEST_BACKGROUND, 0.9 * LARGEST_BACKGROUND)
     around = _within_tolerance(design, rng)
@@ -140,12 +141,12 @@ def family(draw: Family) -> Family:
 
 
 def _zero(shift: np.ndarray) -> Imperfection:
-    """A zero that shifts by (N, 6) [N, N·m]."""
+    """Imperfection that shifts the sensor's zero by (N, 6) [N, N·m]."""
     return Imperfection(sensor=lambda y: y + shift)
 
 
 def _cog(shift: np.ndarray) -> Imperfection:
-    """A centre of gravity that shifts by (N, 3) [m]."""
+    """Imperfection that shifts the centre of gravity by (N, 3) [m]."""
     return Imperfection(tool=lambda load, _: replace(load, cog=load.cog + shift))
 
 

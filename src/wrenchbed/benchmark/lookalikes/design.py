@@ -66,7 +66,7 @@ class JointPath:
 def path_of_motion(
     t: np.ndarray, q: np.ndarray, motion: SensorMotion, wrench: np.ndarray, torque: np.ndarray
 ) -> JointPath:
-    """The samples of a motion are their own path."""
+    """Path of a motion: its own samples."""
     return JointPath(t, q, wrench, motion.specific_force, torque, np.arange(len(t)))
 
 
@@ -104,7 +104,7 @@ def path_of_holds(
 
 @dataclass(frozen=True, eq=False)
 class ExperimentDesign:
-    """What was or will be done: the same for every case made from it.
+    """Recording that was or will be made: the same for every case made from it.
 
     Attributes:
         robot: the robot, as its nominal model.
@@ -251,7 +251,7 @@ class ExperimentDesign:
 
     @cached_property
     def load(self) -> RigidLoad:
-        """The stated load on the sensor."""
+        """Stated load on the sensor."""
         tool = self.robot.tool(self.theta)
         return RigidLoad(float(tool.mass), tool.cog, tool.inertia, float(tool.sensor_mass))
 
@@ -261,7 +261,7 @@ class ExperimentDesign:
         return self.moved(np.zeros(0), self.theta)
 
     def moved(self, dq: np.ndarray, theta: np.ndarray) -> SensorMotion:
-        """The same with other joint values, q + dq (N, J), and parameters (P,) or (N, P)."""
+        """Motion of the sensor at joint values q + dq (N, J) with parameters (P,) or (N, P)."""
         q = self.q + dq if dq.size else self.q
         if self.moving:
             return in_motion(self.robot, theta, self.t, q, self.gravity)
@@ -302,7 +302,7 @@ class ExperimentDesign:
 
     @cached_property
     def tolerance(self) -> tuple[float, float, np.ndarray]:
-        """How wrong the stated mass [kg], CoG [m] and bias (6,) may be before it is a cause."""
+        """Tolerances of the stated mass [kg], CoG [m] and bias (6,): larger errors are a cause."""
         given = self.metadata.tolerance
         mass = float(given.get("tool.mass", 0.005 * self.load.mass))
         cog = float(given.get("tool.cog", 5e-4))

@@ -19,7 +19,7 @@ from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, load_w
 LEAST_REPEATS = 4
 """Rows of a hold from which the scatter of rows shows: an estimate."""
 Act = Callable[[np.ndarray], np.ndarray]
-"""Changes a wrench (N, 6) [N, N·m]."""
+"""Function that changes a wrench (N, 6) [N, N·m]."""
 Names = Callable[[Mapping[str, float]], dict[str, float]]
 """True values under the names that a diagnosis publishes."""
 
@@ -97,7 +97,7 @@ def gap(design: ExperimentDesign, difference: np.ndarray, *, configured: bool = 
 
 @dataclass(frozen=True, eq=False)
 class RowImperfection:
-    """What happens to single rows, not to a hold's mean.
+    """Change of single rows that leaves the mean of a hold unchanged.
 
     Attributes:
         gain: factor on the noise per channel (6,).
@@ -157,7 +157,7 @@ Draw = Callable[[ExperimentDesign, Rng, float], Imperfection]
 
 @dataclass(frozen=True)
 class LookalikeEffect:
-    """One effect of the contract.
+    """Effect of the contract as look-alikes draw it.
 
     Attributes:
         name: the contract's.
@@ -184,22 +184,22 @@ DRAWN: dict[str, LookalikeEffect] = {}
 
 
 def always(design: ExperimentDesign) -> bool:
-    """For effects that every design can show."""
+    """True: for effects that every design can show."""
     return True
 
 
 def in_motion(design: ExperimentDesign) -> bool:
-    """For effects that only a motion can show."""
+    """Whether a design is a motion, for effects that only a motion can show."""
     return design.moving
 
 
 def with_joints(design: ExperimentDesign) -> bool:
-    """For effects of robots whose joints are modelled."""
+    """Whether a design's robot has modelled joints, for effects on these."""
     return design.has_joints
 
 
 def repeated(design: ExperimentDesign) -> bool:
-    """For effects that only repeated rows can show."""
+    """Whether a design has repeated rows, for effects that only these can show."""
     return design.moving or design.samples >= LEAST_REPEATS
 
 
@@ -228,7 +228,7 @@ def spread(rng: Rng) -> float:
 
 
 def named(stem: str) -> Names:
-    """Published names: a stem before each name."""
+    """Function that publishes an imperfection's values with a stem before each name."""
     return lambda values: {f"{stem}{k}": x for k, x in values.items()}
 
 

@@ -22,7 +22,7 @@ _STEP = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class RigidLoad:
-    """What the sensor carries: mass [kg], cog (3,) or (N, 3) [m], inertia (3, 3) [kg·m²]."""
+    """Rigid load of the sensor: mass [kg], cog (3,) or (N, 3) [m], inertia (3, 3) [kg·m²]."""
 
     mass: float
     cog: np.ndarray
@@ -56,7 +56,8 @@ class SensorMotion:
         return rotate_back(self.rotation, self.gravity - self.acceleration)
 
     def tilted(self, vector: np.ndarray) -> "SensorMotion":
-        """With the whole robot rotated in the world by rotation vectors (N, 3) or (3,) [rad]."""
+        """Motion with the whole robot rotated in the world by rotation vectors (N, 3) or (3,)
+        [rad]."""
         tilt = Rotation.from_rotvec(np.atleast_2d(vector)).as_matrix()
         return replace(
             self,
@@ -66,7 +67,8 @@ class SensorMotion:
         )
 
     def mounted(self, vector: np.ndarray) -> "SensorMotion":
-        """With the sensor rotated on its flange by a rotation vector (3,) or (N, 3) [rad]."""
+        """Motion with the sensor rotated on its flange by a rotation vector (3,) or (N, 3)
+        [rad]."""
         mount = Rotation.from_rotvec(np.atleast_2d(vector)).as_matrix()
         spin, rate = (
             None if v is None else rotate_back(mount, v) for v in (self.spin, self.spin_rate)
@@ -75,12 +77,12 @@ class SensorMotion:
 
 
 def rotate(rotation: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """R v for (N, 3, 3) and (N, 3)."""
+    """Product R v for rotations (N, 3, 3) and vectors (N, 3)."""
     return (rotation @ vector[..., None])[..., 0]
 
 
 def rotate_back(rotation: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """Rᵀ v for (N, 3, 3) and (N, 3)."""
+    """Product Rᵀ v for rotations (N, 3, 3) and vectors (N, 3)."""
     return (vector[..., None, :] @ rotation)[..., 0, :]
 
 

@@ -23,9 +23,9 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 FIRST = datetime(2020, 1, 15, 6, tzinfo=UTC)
-"""Time of the first check."""
+"""Time of a history's first check."""
 MONTH_S = 365.25 * 86400.0 / 12.0
-"""Mean month [s]."""
+"""Length of a mean month [s]."""
 _ZERO_PER_K, _SPAN_PER_K = 1e-4, 2e-4
 """Standard deviations of the zeros' [of full scale, 1/K] and the span's [1/K] change by
 temperature: 0.1 % of full scale per 10 K, 0.02 %/K."""
@@ -38,7 +38,7 @@ _ON_S = (900.0, 14400.0)
 _REPEATS = (1e-5, 5e-5)
 """Repeatability of joints, standard deviation [rad or m]."""
 _LATE_S = 2.0 * 86400.0
-"""How much earlier or later than a month a check is made, at most [s]."""
+"""Largest deviation of a check's time from whole months [s]."""
 _MOVE_S = (3.0, 8.0)
 """Time of a move between poses [s]."""
 _DRAWS, _SCALINGS = 50, 30
@@ -83,7 +83,7 @@ class MonthlyRobot:
 
     @cached_property
     def _habits(self) -> dict[str, np.ndarray]:
-        """Temperature laws of this robot."""
+        """Temperature coefficients of this robot's zero, span and arm."""
         rng = np.random.default_rng([self.seed, 2])
         full = registry.load("sensors", self.robot.sensor).calibration().range
         return {
@@ -111,10 +111,10 @@ class MonthlyRobot:
             item, amount = EFFECTS[self.fault].draw(self._design, rng, size), 1.0
             for _ in range(_SCALINGS):
                 changed = self._readings.reading([*self._around, (item, amount)]) - base
-                found = gap(self._design, changed, configured=True)
-                if abs(found - self.gap) < 0.01 * self.gap:
+                added = gap(self._design, changed, configured=True)
+                if abs(added - self.gap) < 0.01 * self.gap:
                     return item, amount
-                amount *= float(np.clip(np.sqrt(self.gap / max(found, 1e-12)), 0.05, 20.0))
+                amount *= float(np.clip(np.sqrt(self.gap / max(added, 1e-12)), 0.05, 20.0))
                 if not amount * size < LARGEST:
                     break
         raise ValueError(f"{self.fault} has no gap of {self.gap:g} on {self.robot.name}")

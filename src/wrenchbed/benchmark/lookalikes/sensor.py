@@ -113,17 +113,17 @@ def channels(rng: Rng, one: float = 0.6) -> np.ndarray:
 
 
 def by_channel(weight: np.ndarray) -> dict[str, float]:
-    """Values by channel name, without zeros."""
+    """Nonzero values by channel name."""
     return {c: w for c, w in zip(CHANNELS, weight.tolist(), strict=True) if w != 0.0}
 
 
 def elapsed(design: ExperimentDesign) -> np.ndarray:
-    """Time as a share of the run (N,)."""
+    """Time as a fraction of the run (N,)."""
     return (design.t - design.t[0]) / duration(design)
 
 
 def duration(design: ExperimentDesign) -> float:
-    """Of the run [s], above 0."""
+    """Duration of the run [s], above 0."""
     return max(float(np.ptp(design.t)), 1e-9)
 
 
@@ -240,7 +240,7 @@ def noise(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 
 
 def _warms(design: ExperimentDesign) -> bool:
-    """For effects that only a recorded temperature can show."""
+    """Whether a design has a recorded temperature, for effects that only this can show."""
     return design.temperature is not None and bool(np.ptp(design.temperature) > _LEAST_RISE)
 
 

@@ -29,7 +29,7 @@ SHARES = (0.25, 0.4, 0.15, 0.2)
 LIBRARY_LEAVES = 1.0
 """Gap that the best imitation by any effect of the library leaves of a fault outside it."""
 LARGEST_MINOR = 0.42
-"""Gap of all minor imperfections together, at most."""
+"""Largest gap of all minor imperfections together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +51,14 @@ class TrueCause:
     rows: float = 0.0
 
     def enough(self, kind: str) -> bool:
-        """Whether it counts (contract, "When a cause counts"), with a margin in pairs."""
+        """Whether a cause counts (contract, "When a cause counts"), with a margin in pairs."""
         if between(self.fault.name):
             return self.rows >= ROWS_NEEDED[kind]
         return self.gap >= NEEDED[kind]
 
 
 def between(name: str) -> bool:
-    """Whether only the scatter of rows shows an effect of this name."""
+    """Whether an effect of this name shows in the scatter of rows only."""
     return name in EFFECTS and EFFECTS[name].between
 
 
@@ -75,9 +75,9 @@ class World(ABC):
     around: tuple[RefereeFault, ...]
 
     draws = 40
-    """Causes that are drawn before giving up."""
+    """Largest number of causes that are drawn."""
     pairs = 4
-    """Second causes that are drawn before giving up."""
+    """Largest number of second causes that are drawn."""
     draws_outside = 160
     """Faults outside the library that are drawn before giving up."""
     families = FAMILIES
@@ -86,20 +86,20 @@ class World(ABC):
     @property
     @abstractmethod
     def usual(self) -> Usual:
-        """What every fit removes."""
+        """Readings that every calibration removes: those of bias, mass and CoG."""
 
     @property
     @abstractmethod
     def signatures(self) -> Bench:
-        """Signatures of the library here."""
+        """Signatures of the library's effects in this world."""
 
     @abstractmethod
     def possible(self) -> list[str]:
-        """Names of the effects that can show here."""
+        """Names of the effects that can show in this world."""
 
     @abstractmethod
     def measured(self, fault: RefereeFault) -> TrueCause:
-        """What a fault adds to this world.
+        """Readings and gap that a fault adds to this world.
 
         Raises:
             ParameterError: it is too much for the machine.
@@ -107,7 +107,7 @@ class World(ABC):
 
     @abstractmethod
     def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
-        """What the first of two causes adds beside the second, which was measured beside it."""
+        """Readings and gap that the first of two causes adds beside the second."""
 
     def drawn(self, name: str, rng: np.random.Generator, size: float) -> RefereeFault:
         """An effect of a size in multiples of typical."""
@@ -186,22 +186,22 @@ class FaultyRobot(World):
     def of(
         cls, setting: RefereeSetting, around: Sequence[RefereeFault], usual: Usual
     ) -> "FaultyRobot":
-        """A robot of a setting with some faults."""
+        """Robot of a setting with given faults."""
         return cls(setting, tuple(around), _ride(setting, around), usual)
 
     @property
     def usual(self) -> Usual:
-        """What every fit removes."""
+        """Readings that every calibration removes: those of bias, mass and CoG."""
         return self.removed
 
     @cached_property
     def signatures(self) -> Bench:
-        """Signatures of the library on this robot."""
+        """Signatures of the library's effects on this robot."""
         return bench(self.setting, self.way, self.removed)
 
     @property
     def stride(self) -> int:
-        """Of rows that are compared."""
+        """Stride of the rows that are compared."""
         return self.setting.stride
 
     @cached_property
@@ -223,17 +223,17 @@ class FaultyRobot(World):
         return possible(self.setting)
 
     def with_(self, fault: RefereeFault) -> "FaultyRobot":
-        """The same with a further fault; a fault of the machine needs another ride."""
+        """Robot with a further fault; a fault of the machine needs another ride."""
         around = (*self.around, fault)
         way = self.way if fault.body is None else _ride(self.setting, around)
         return replace(self, around=around, way=way)
 
     def measured(self, fault: RefereeFault) -> TrueCause:
-        """What a fault adds to this robot."""
+        """Readings and gap that a fault adds to this robot."""
         return self._difference(fault, self.with_(fault))
 
     def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
-        """What the first of two causes adds beside the second."""
+        """Readings and gap that the first of two causes adds beside the second."""
         assert isinstance(second.world, FaultyRobot)
         return self.with_(second.fault)._difference(first.fault, second.world)
 

@@ -38,7 +38,7 @@ _ALWAYS = (
     "sensor.nonlinearity", "sensor.creep", "mount.rotation", "tool.flexure", "base.tilt",
     "base.compliance", "cable.torsion",
 )  # fmt: skip
-"""Effects of every background."""
+"""Names of the effects in every background."""
 _CAD = {"m": 2e-4, "rad": 1.5e-4}
 """Scatter of true geometry about the drawing, by unit: an estimate."""
 _MASS = 0.06

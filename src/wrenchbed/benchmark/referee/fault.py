@@ -23,17 +23,17 @@ Change = Callable[[Ride, np.ndarray], np.ndarray]
 
 
 def sign(rng: Rng) -> float:
-    """−1 or 1."""
+    """Random sign: −1 or 1."""
     return float(rng.choice([-1.0, 1.0]))
 
 
 def about(rng: Rng, value: float, spread: float = 0.2) -> float:
-    """A value within a factor of exp(±2 spread) or so."""
+    """Random value around ``value``, log-normal with relative spread ``spread``."""
     return float(value * np.exp(spread * np.clip(rng.standard_normal(), -2.0, 2.0)))
 
 
 def direction(rng: Rng) -> np.ndarray:
-    """A unit vector (3,)."""
+    """Random unit vector (3,)."""
     v = rng.standard_normal(3)
     return np.asarray(v / np.linalg.norm(v))
 
@@ -58,14 +58,14 @@ def elapsed(setting: RefereeSetting) -> np.ndarray:
 
 
 def by_channel(values: np.ndarray, stem: str) -> dict[str, float]:
-    """``stem.fx`` … of what is not 0."""
+    """Nonzero values by name ``stem.fx`` …."""
     pairs = zip(CHANNELS, values.tolist(), strict=True)
     return {f"{stem}.{c}": float(v) for c, v in pairs if v != 0.0}
 
 
 @dataclass(frozen=True, eq=False)
 class RowFault:
-    """What happens to single rows.
+    """Change of single rows by a fault.
 
     Attributes:
         gain: factor on the noise (6,).
@@ -84,7 +84,7 @@ class RowFault:
 
 @dataclass(frozen=True, eq=False)
 class RefereeFault:
-    """One thing that is wrong.
+    """Fault of the referee's robot.
 
     Attributes:
         true: its numbers as a diagnosis would publish them, SI.
@@ -110,7 +110,7 @@ class RefereeFault:
 
 @dataclass(frozen=True)
 class RefereeEffect:
-    """How an effect is drawn and compared.
+    """Effect of the library with the rules by which it is drawn and compared.
 
     Attributes:
         draw: of a size in multiples of typical.
@@ -154,7 +154,7 @@ def drawn(name: str, **options: Any) -> Callable[[Draw[P]], Draw[P]]:
 
 
 def named(name: str, draw: Draw[P]) -> Draw[P]:
-    """A draw whose faults bear a name and their size."""
+    """Draw whose faults carry a name and their size."""
 
     def named_draw(
         setting: RefereeSetting, rng: Rng, size: float, /, *args: P.args, **options: P.kwargs
@@ -165,7 +165,7 @@ def named(name: str, draw: Draw[P]) -> Draw[P]:
 
 
 def mechanics(start: Mechanics, faults: Sequence[RefereeFault]) -> Mechanics:
-    """The machine with all faults of its body."""
+    """Machine with all faults of its body."""
     for fault in faults:
         if fault.body is not None:
             start = fault.body(start)
@@ -173,7 +173,7 @@ def mechanics(start: Mechanics, faults: Sequence[RefereeFault]) -> Mechanics:
 
 
 def signal(ride: Ride, faults: Sequence[RefereeFault]) -> np.ndarray:
-    """What the sensor reads at every instant (T, 6) [N, N·m], without noise and range."""
+    """Sensor's reading at every instant (T, 6) [N, N·m], without noise and range."""
     y = ride.load
     for fault in faults:
         if fault.load is not None:

@@ -26,9 +26,9 @@ STEP_S = {"static": 1e-3, "dynamic": 5e-4}
 _SEAT_S = 1.5
 """Time to come to rest where the machine is placed at a pose [s]."""
 Drive = Callable[[np.ndarray], np.ndarray]
-"""What gears and zeros add to reported joint values (T, J) [rad or m]."""
+"""Function of reported joint values (T, J) [rad or m]: what gears and zeros add to these."""
 ARMATURE = 1e8
-"""Of a prescribed drive [kg·m² or kg]."""
+"""Armature inertia of a prescribed drive [kg·m² or kg]."""
 _STIFFEST = 0.25
 """Highest (frequency × step)² of a hidden spring alone: armature grows until it holds."""
 _DAMPING_S = 6e-3
@@ -36,12 +36,12 @@ _DAMPING_S = 6e-3
 _BEARING = 0.02
 """Damping of a joint that is not driven [N·m·s/rad]."""
 _BACKLASH_DAMPING = {False: 20.0, True: 120.0}
-"""Of a drive that crosses its backlash, without and with loops, which would rattle
+"""Damping of a drive that crosses its backlash, without and with loops, which would rattle
 [N·m·s/rad]."""
 _PIN_DAMPING = 500.0
-"""Of a pin that crosses its clearance [N·s/m]."""
+"""Damping of a pin that crosses its clearance [N·s/m]."""
 _LEAST_COMPLIANCE = 1e-9
-"""Smaller ones are rigid [rad/(N·m)]."""
+"""Compliance below which a joint is rigid [rad/(N·m)]."""
 _BEND_RATIO = 0.3
 """Damping ratio of a tool's root."""
 _HINGE, _SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
@@ -139,7 +139,7 @@ class Mechanics:
     pad: Pad | None = None
 
     def driven(self, q: np.ndarray) -> np.ndarray:
-        """Where the drives are (T, J) when the robot reports q (T, J)."""
+        """True positions of the drives (T, J) when the robot reports q (T, J)."""
         return np.asarray(q + sum((error(q) for error in self.drive), np.zeros_like(q)))
 
 
@@ -341,7 +341,7 @@ def _pad(spec: mujoco.MjSpec, pad: Pad) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Ride:
-    """What happened at each of T instants.
+    """Motion and load of the robot at each of T instants.
 
     Attributes:
         path: that was commanded.

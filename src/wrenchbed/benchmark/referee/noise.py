@@ -38,7 +38,7 @@ def rows(
     faults: Sequence[RefereeFault],
     rng: np.random.Generator,
 ) -> RowNoise:
-    """What is recorded of a clean signal at all instants (T, 6)."""
+    """Recorded rows of a clean signal at all instants (T, 6)."""
     path = setting.path
     t = path.t[path.rows]
     late = np.clip(_JITTER_S * rng.standard_normal(len(t)), -3 * _JITTER_S, 3 * _JITTER_S)

@@ -23,15 +23,15 @@ SAMPLES, RATE_HZ = 60, 100.0
 MOTION_S, MOTION_HZ = 60.0, 125.0
 """Length of a motion [s] and rate of its rows [Hz]."""
 EVERY = 5
-"""In motion, signatures are compared on each so many-th row."""
+"""Rows of a motion per row on which signatures are compared."""
 _KNOT_S = (1.6, 3.0)
 """Time between points of a motion [s]."""
 _REACH = np.deg2rad((20.0, 50.0))
 """Amplitude of a motion's joints [rad]."""
 _REACH_M = (0.03, 0.1)
-"""The same of a rail [m]."""
+"""Amplitude of a rail's motion [m]."""
 _TRIES = 200
-"""Motions that are drawn before giving up."""
+"""Largest number of motions that are drawn."""
 MOVE_S, SETTLE_S, _INSTANT_S = 0.02, 0.02, 0.004
 """Time between instants on a move, while settling, and in a motion [s]."""
 _REST_S = 0.35
@@ -41,7 +41,7 @@ _SPEED = 0.9
 _LEAST_S = 0.8
 """Shortest move [s]."""
 _CHECKS = 25
-"""Points of a move at which the workspace is checked."""
+"""Number of points of a move at which the workspace is checked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class DrivePath:
 
     @property
     def moving(self) -> bool:
-        """Whether rows are of a motion."""
+        """Whether rows are samples of a motion."""
         return bool(np.abs(self.qd[self.rows]).max() > 1e-9)
 
 
@@ -145,7 +145,7 @@ def _move(
 
 @dataclass(frozen=True, eq=False)
 class RefereeSetting:
-    """What is stated and commanded, whatever the faults.
+    """Stated and commanded values of a recording, whatever its faults.
 
     Attributes:
         robot: a robot that exists in MuJoCo.
@@ -178,19 +178,20 @@ class RefereeSetting:
 
     @cached_property
     def full_scale(self) -> np.ndarray:
-        """The sensor's range (6,) [N, N·m]."""
+        """Range of the sensor (6,) [N, N·m]."""
         sensor = registry.load("sensors", self.robot.sensor)
         return np.asarray(sensor.calibration().range, dtype=float)
 
     @cached_property
     def tolerance(self) -> tuple[float, float, np.ndarray]:
-        """The contract's: mass [kg], CoG [m] and bias (6,)."""
+        """Tolerances of the contract: mass [kg], CoG [m] and bias (6,)."""
         mass = self.metadata.tool.mass
         assert mass is not None
         return 0.005 * mass, 5e-4, 3.0 * self.noise
 
     def mean(self, signal: np.ndarray) -> np.ndarray:
-        """Of each pose (H, …) of a signal at all instants (T, …); in motion of each row (N, …)."""
+        """Mean at each pose (H, …) of a signal at all instants (T, …); in motion of each row (N,
+        …)."""
         rows = signal[self.path.rows]
         if self.mode == "dynamic":
             return rows
@@ -206,7 +207,7 @@ class RefereeSetting:
 
     @cached_property
     def nominal(self) -> np.ndarray:
-        """The robot as stated (H or N, 6) [N, N·m]."""
+        """Readings of the robot as stated (H or N, 6) [N, N·m]."""
         return self.stated(self.theta)
 
     def stated(self, theta: np.ndarray, dq: np.ndarray | None = None, every: int = 1) -> np.ndarray:

@@ -22,7 +22,8 @@ from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.robots.base import INERTIA_AXES
 
 Blocks = Mapping[str, list[np.ndarray]]
-"""By effect, one (n, 6, k) array a variant: wrench [N, N·m] of a column of typical size."""
+"""Signatures by effect, one array (n, 6, k) for each variant: wrench [N, N·m] of columns of typical
+size."""
 _H = 1e-4
 """Step of finite differences [rad or m]: an estimate."""
 _COURSES = 6
@@ -35,7 +36,7 @@ minor imperfections together may leave four times as much."""
 LARGEST = 8.0
 """Largest size, in multiples of typical, of an effect that imitates another: an estimate."""
 _NEAREST = 4
-"""Variants that are fitted with bounds."""
+"""Number of variants that are fitted with bounds."""
 
 
 class Signature(NamedTuple):
@@ -74,7 +75,7 @@ def blocks(setting: RefereeSetting, ride: Ride) -> Blocks:
 
 
 def blocks_of_orientations(setting: RefereeSetting, ride: Ride) -> Blocks:
-    """The same where only the sensor's orientation is known: sensor, clock, tool, mount, tilt."""
+    """Signatures if only the sensor's orientation is known: sensor, clock, tool, mount, tilt."""
     seen = _seen(setting, ride)
     return _by_name(
         _gauges(setting, ride, seen), _times(setting, ride), _tool(setting, ride, seen),
@@ -94,7 +95,7 @@ def _by_name(*parts: Iterator[tuple[str, np.ndarray]]) -> dict[str, list[np.ndar
 
 
 def _each(y: np.ndarray) -> np.ndarray:
-    """One column a channel (n, 6, 6)."""
+    """Columns (n, 6, 6), one for each channel of y (n, 6)."""
     return y[:, :, None] * np.eye(6)
 
 
@@ -205,7 +206,7 @@ def _over_time(
 
 
 def _pulls(rotation: np.ndarray, position: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Hoses from above, from several sides and with several slacks."""
+    """Signatures of hoses from above, from several sides and with several slacks."""
     reach = max(1.5 * float(np.linalg.norm(position.std(axis=0))), 0.2)
     point = np.array([0.0, 0.0, 0.04])
     tied = position + rotation @ point
@@ -225,7 +226,7 @@ def _pulls(rotation: np.ndarray, position: np.ndarray) -> Iterator[tuple[str, np
 def _pushes(
     rotation: np.ndarray, position: np.ndarray, tip: float
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Planes that the tool's end presses on."""
+    """Signatures of planes that the tool's end presses on."""
     lever = np.array([0.0, 0.0, tip])
     ends = position + rotation @ lever
     for normal in _directions():
@@ -334,7 +335,7 @@ class Usual:
 
     @classmethod
     def of(cls, setting: RefereeSetting) -> "Usual":
-        """Of a robot."""
+        """Nuisance basis and noise of a robot's setting."""
         white = _white(nuisance(setting), setting.noise)
         return cls(setting.noise, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
 

@@ -37,7 +37,7 @@ _SWEEPS, _ROUNDS = 40, 4
 _STEP = 0.02
 """Columns that move by less than so many σ have come to rest."""
 _WORSE = 3
-"""So many penalties in a row that predict worse than the best end the search."""
+"""Number of successive penalties with worse predictions that ends the search."""
 _made: "WeakKeyDictionary[Prepared, Linear]" = WeakKeyDictionary()
 
 
@@ -81,7 +81,7 @@ class Linear:
         return self.normal(slice(None))
 
     def normal(self, rows: np.ndarray | slice) -> tuple[np.ndarray, np.ndarray]:
-        """The same of some rows."""
+        """P = EᵀK⁻¹E (n, n) and w = EᵀK⁻¹y (n,) of some rows."""
         E = self.d.E[rows][:, : self.named]
         solved = self.level(rows).solve(E)
         P = E.T @ solved
@@ -89,7 +89,7 @@ class Linear:
 
     @cached_property
     def singles(self) -> tuple[LinearFit, ...]:
-        """Every hypothesis alone."""
+        """Fits of every hypothesis alone."""
         P, w = self.problem
         result = []
         for h in self.d.hypotheses:
@@ -104,13 +104,13 @@ class Linear:
 
     @cached_property
     def residual(self) -> np.ndarray:
-        """What a fit of bias, mass and CoG leaves (R, 6)."""
+        """Residual (R, 6) of a fit of bias, mass and CoG."""
         basis = self.d.fitted_away
         return np.asarray(self.y - basis @ (basis.T @ self.y)).reshape(-1, 6)
 
     @property
     def noise(self) -> float:
-        """Gap of noise alone."""
+        """Gap that noise alone makes."""
         return float(self.d.prepared.variance.mean())
 
     def added(self, name: str, columns: np.ndarray, x: np.ndarray) -> float:
@@ -119,7 +119,7 @@ class Linear:
 
 
 def linear(prepared: Prepared) -> Linear:
-    """The linear problem of a recording, made once."""
+    """Linear problem of a recording, cached."""
     if prepared not in _made:
         baseline = calibrate(prepared)
         d = build(prepared, baseline.robot_theta, baseline.tolerance)
@@ -135,7 +135,7 @@ def reuse_dictionary(analysis: Analysis) -> None:
 
 
 def nothing() -> Claim:
-    """No cause, and sure of it."""
+    """Certain claim that there is no cause."""
     return Claim(NONE, (), {NONE: 1.0})
 
 
@@ -202,7 +202,7 @@ def descend(gram: np.ndarray, scores: np.ndarray, penalty: float, x: np.ndarray)
 
 
 def _slope(gram: np.ndarray, scores: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """s − Gx of an x that is mostly zero."""
+    """Gradient s − Gx for an x that is mostly zero."""
     used = np.flatnonzero(x)
     return np.asarray(scores - x[used] @ gram[used])
 
@@ -289,7 +289,7 @@ def _fullest(problem: Linear) -> np.ndarray:
 
 
 def none(prepared: Prepared) -> Claim:
-    """Never a cause."""
+    """Claim of no cause, for every recording."""
     return nothing()
 
 
@@ -320,7 +320,7 @@ def bic(prepared: Prepared) -> Claim:
 
 
 def bic_counting(prepared: Prepared) -> Claim:
-    """The same, where an effect that adds less than what counts is no cause."""
+    """Claim by `bic` in which an effect below the gap that counts is no cause."""
     problem = linear(prepared)
     counts = dict.fromkeys((h.name for h in problem.d.hypotheses), False)
     best: dict[str, float] = {}
@@ -332,9 +332,9 @@ def bic_counting(prepared: Prepared) -> Claim:
             counts[name] = problem.added(name, s.hypothesis.columns, s.x) >= COUNTS
     logs = _bic(problem)
     small = [k for k, v in counts.items() if not v]
-    told = {k: v for k, v in logs.items() if k not in small}
-    told[NONE] = float(logsumexp([logs[NONE], *(logs[k] for k in small)]))
-    return _leading(told)
+    kept = {k: v for k, v in logs.items() if k not in small}
+    kept[NONE] = float(logsumexp([logs[NONE], *(logs[k] for k in small)]))
+    return _leading(kept)
 
 
 def bayes(prepared: Prepared) -> Claim:
@@ -357,7 +357,7 @@ def lasso(prepared: Prepared) -> Claim:
 
 
 def everything(prepared: Prepared) -> Claim:
-    """All effects free in one ridge fit."""
+    """Claim of one ridge fit with all effects free."""
     return everything_claim(linear(prepared))
 
 
@@ -373,22 +373,22 @@ def _bic(problem: Linear) -> dict[str, float]:
 
 def _leading(logs: Mapping[str, float]) -> Claim:
     total = logsumexp(list(logs.values()))
-    told = {k: float(np.exp(v - total)) for k, v in logs.items()}
-    best = max(told, key=lambda k: told[k])
+    probabilities = {k: float(np.exp(v - total)) for k, v in logs.items()}
+    best = max(probabilities, key=lambda k: probabilities[k])
     if best == NONE:
-        return Claim(NONE, (), told)
-    return Claim("identified", ((best,),), told)
+        return Claim(NONE, (), probabilities)
+    return Claim("identified", ((best,),), probabilities)
 
 
 def _moved(problem: Linear) -> list[str]:
     """Stated numbers that the calibration moved beyond tolerance and that count, largest first."""
     d = problem.d
-    found = np.linalg.lstsq(d.E[:, d.stated], problem.y, rcond=1e-10)[0]
+    errors = np.linalg.lstsq(d.E[:, d.stated], problem.y, rcond=1e-10)[0]
     gaps = {}
     for name in STATED:
         own = np.array([d.label[k][0] == name for k in d.stated])
-        if (np.abs(found[own]) > d.tolerance[own]).any():
-            gaps[name] = problem.added(name, d.stated[own], found[own])
+        if (np.abs(errors[own]) > d.tolerance[own]).any():
+            gaps[name] = problem.added(name, d.stated[own], errors[own])
     return sorted((n for n, g in gaps.items() if g >= COUNTS), key=lambda n: -gaps[n])
 
 

@@ -16,7 +16,7 @@ from wrenchbed.jobs.parts import Journal, read_table, write_table
 OURS = "wrenchbed"
 """Name of the diagnosis among the methods."""
 _TEXT = ("truth", "size", "detectability", "answers", "numbers", "seconds")
-"""Columns of the Parquet file that hold JSON text."""
+"""Names of the Parquet columns that hold JSON text."""
 _SCHEMA = pa.schema(
     [(name, pa.string()) for name in ("id", "kind", "outside", "where", "error", "raw", *_TEXT)]
     + [(name, pa.list_(pa.string())) for name in ("between", "lead", "alike")]
@@ -27,7 +27,7 @@ _SCHEMA = pa.schema(
 
 @dataclass(frozen=True)
 class Claim:
-    """What a method says of a recording.
+    """Claim of a method about a recording.
 
     Attributes:
         verdict: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
@@ -82,7 +82,7 @@ def numbers(
 
 @dataclass(frozen=True)
 class CaseRow:
-    """One case.
+    """Result row of one case.
 
     Attributes:
         id: of the case, unique in a benchmark.
@@ -167,7 +167,7 @@ class CaseFile:
         self.path, self.journal = path, Journal(path.with_suffix(".jsonl"))
 
     def read(self) -> list[CaseRow]:
-        """Rows so far, of both files; each case once."""
+        """Rows written so far, from both files; each case once."""
         rows = read(self.path) if self.path.exists() else []
         rows += map(from_json, self.journal.read())
         return list({row.id: row for row in rows}.values())
@@ -191,6 +191,6 @@ def write(path: Path, rows: Iterable[CaseRow]) -> None:
 
 
 def read(path: Path) -> list[CaseRow]:
-    """Rows of a Parquet file of ``write``."""
+    """Rows of a Parquet file that `write` made."""
     table = read_table(path).to_pylist()
     return [from_json(r | {k: json.loads(r[k]) for k in _TEXT}) for r in table]

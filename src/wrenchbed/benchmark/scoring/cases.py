@@ -40,11 +40,11 @@ POSES = (60, 100)
 SAMPLES, MOTION_S, RATE_HZ = 60, 60.0, 125.0
 """Rows of a pose; length of a motion [s] and its rate [Hz]."""
 DESIGNS = {"static": 6, "dynamic": 3}
-"""Designs that cases of a mode are spread over."""
+"""Number of designs over which the cases of a mode are spread."""
 VARIANTS = 3
 """Variants of a true effect that the oracle refits, best of its linear evidence first."""
 _TRIES = 8
-"""Draws of a case before giving up."""
+"""Largest number of draws of a case."""
 
 
 def truth(design: ExperimentDesign, case: LookalikeCase, effect: str) -> dict[str, float] | None:
@@ -98,7 +98,7 @@ def _stated(design: ExperimentDesign, case: LookalikeCase, effect: str) -> dict[
 
 @dataclass(frozen=True)
 class BenchmarkSetting:
-    """One benchmark: a robot, how it moves, and the seed that everything follows from."""
+    """Benchmark setting: robot, mode of recording, and the seed that all cases follow from."""
 
     robot: str
     mode: str
@@ -120,13 +120,13 @@ class Job:
 
     @property
     def seed(self) -> int:
-        """Of the case; neighbours leave room for draws that show nothing."""
+        """Seed of the case; the spacing leaves room for draws that show nothing."""
         state = (self.setting.seed, 60, KINDS.index(self.kind), self.index)
         return int(np.random.default_rng(state).integers(2**40)) * _TRIES
 
 
 def jobs(setting: BenchmarkSetting, counts: Mapping[str, int]) -> Iterator[Job]:
-    """All cases, kinds mixed so that figures grow together."""
+    """All cases, with kinds mixed so that figures become exact together."""
     every = [(i / n, k, i) for k, n in counts.items() for i in range(n)]
     return (Job(setting, kind, index) for _, kind, index in sorted(every))
 
@@ -221,7 +221,7 @@ def _with_findings(
 
 
 def claim_of(findings: Findings) -> Claim:
-    """What the diagnosis says, in the form that all methods share."""
+    """Diagnosis as a claim, the form that all methods share."""
     said = findings.diagnosis
     causes = tuple((w["effect"], *w["rivals"]) for w in said.which)
     presence = tuple(float(w["probability"]) for w in said.which)
@@ -229,7 +229,7 @@ def claim_of(findings: Findings) -> Claim:
 
 
 def _detectability(place: ExperimentDesign, case: LookalikeCase) -> dict[str, float]:
-    """Of each cause [σ]: norm of its signature, of a raised variance by its own scatter √(2/n)."""
+    """Norm of each cause's signature [σ]; of a raised variance in its own scatter √(2/n)."""
     n = len(place)
     means = {k: float(np.sqrt(6 * n * g)) for k, g in case.gaps.items()}
     return means | {k: r * float(np.sqrt(n * place.samples / 2)) for k, r in case.rows.items()}

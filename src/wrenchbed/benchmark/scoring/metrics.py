@@ -22,26 +22,26 @@ VISIBLE = 3.0
 SURE = 0.9
 """Probability above which a claim counts as sure."""
 BINS = 10
-"""Of the expected calibration error, equally wide."""
+"""Number of equally wide bins of the expected calibration error."""
 NORMAL_90 = 1.6448536269514722
 """Half the width of the 90 % interval of a normal distribution [σ]."""
 LEAST = 1e-4
-"""Least probability that a log score counts."""
+"""Least probability in a log score."""
 DRAWS = 2000
 """Draws of the bootstrap: its percentiles are then good to about 1 % of the interval."""
 EDGES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, np.inf)
-"""Of the sizes that detection is shown against, in gap."""
+"""Edges of the gaps that detection is shown against."""
 
 Parts = Callable[[CaseRow, str], Sequence[float] | None]
 """Sums that one case adds for a method, None where it does not count."""
 Test = Callable[[CaseRow, Claim], bool]
-"""Whether something holds of a case and a claim about it."""
+"""Condition on a case and a claim about it."""
 Cells = tuple[list[str], list[list[str]]]
-"""Heads and rows of a table."""
+"""Column heads and rows of a table."""
 
 
 def ratio(s: np.ndarray) -> np.ndarray:
-    """First sum over the last one."""
+    """Ratio of the first sum over the last one."""
     return np.asarray(s[..., 0] / s[..., -1])
 
 
@@ -61,7 +61,7 @@ class ScoredMetric:
 
     @property
     def counted(self) -> str:
-        """``58 of 61``, or the number of cases alone."""
+        """Count as text: ``58 of 61``, or the number of cases alone."""
         return str(self.count) if self.hits is None else f"{self.hits} of {self.count}"
 
 
@@ -152,7 +152,7 @@ def exact_interval(hits: int, count: int) -> tuple[float, float]:
 def score(
     rows: Sequence[CaseRow], method: str = OURS, draws: int = DRAWS
 ) -> dict[str, ScoredMetric | None]:
-    """Every figure of a method by name."""
+    """Figures of a method by metric's name."""
     used = METRICS.items()
     return {k: figure(m, rows, method, draws) for k, m in used if method == OURS or not m.ours}
 
@@ -173,7 +173,7 @@ def right(row: CaseRow, claim: Claim) -> bool:
 
 
 def probability(row: CaseRow, claim: Claim) -> float:
-    """What a claim gives the right first answer."""
+    """Probability that a claim gives the right first answer."""
     if row.kind in ("none", "outside"):
         return claim.probabilities.get(NONE if row.kind == "none" else UNKNOWN, 0.0)
     odds = claim.probabilities.items()
@@ -188,12 +188,12 @@ def matched(row: CaseRow, claim: Claim) -> tuple[int, int, int]:
 
 
 def of_kind(*kinds: str) -> Test:
-    """Whether a case is of one of these kinds."""
+    """Condition that a case is of one of these kinds."""
     return lambda row, claim: row.kind in kinds
 
 
 def said(verdict: str) -> Test:
-    """Whether a claim has a verdict."""
+    """Condition that a claim has this verdict."""
     return lambda row, claim: claim.verdict == verdict
 
 
@@ -319,25 +319,25 @@ METRICS = {
         "cases that end in an error", "0 %", lambda row, claim: True, said("error")
     ),
 }  # fmt: skip
-"""Every figure of look-alikes by name, with the project's targets."""
+"""All metrics of look-alikes by name, with the project's targets."""
 
 
 # ---- tables --------------------------------------------------------------------------------------
 
 
 def markdown(cells: Cells) -> str:
-    """A table."""
+    """Markdown text of a table."""
     head, rows = cells
     return "\n".join([_line(*head), "|" + "---|" * len(head), *(_line(*r) for r in rows)])
 
 
 def figures(rows: Sequence[CaseRow], methods: Sequence[str], draws: int = DRAWS) -> str:
     """Target, figure and each other method's, one line a metric, as Markdown."""
-    head, told = figure_cells(rows, methods, METRICS, "wrenchbed", draws)
-    for cells in told:
+    head, lines = figure_cells(rows, methods, METRICS, "wrenchbed", draws)
+    for cells in lines:
         value, bracket, rest = cells[2].partition(" (")
         cells[2] = f"**{value}**{bracket}{rest}" if bracket else value
-    return markdown((head, told))
+    return markdown((head, lines))
 
 
 def figure_cells(
@@ -349,30 +349,32 @@ def figure_cells(
 ) -> Cells:
     """Target, figure of the main method and each other's, one line a metric."""
     others = [m for m in methods if m != OURS]
-    told = []
+    lines = []
     for metric in metrics.values():
-        own = figure(metric, rows, OURS, draws)
+        scored = figure(metric, rows, OURS, draws)
         theirs = [
-            "–" if metric.ours else _told(metric, figure(metric, rows, m, draws)) for m in others
+            "–" if metric.ours else _worded(metric, figure(metric, rows, m, draws)) for m in others
         ]
-        count = "" if own is None else own.counted
-        told.append([metric.title, metric.target, _told(metric, own, wide=True), count, *theirs])
-    return ["", "target", f"{main} (95 %)", "n", *others], told
+        count = "" if scored is None else scored.counted
+        lines.append(
+            [metric.title, metric.target, _worded(metric, scored, wide=True), count, *theirs]
+        )
+    return ["", "target", f"{main} (95 %)", "n", *others], lines
 
 
 def by_effect(rows: Sequence[CaseRow]) -> str:
-    """What became of the single effects, one line each, as Markdown."""
+    """Markdown table of the answers to each single effect."""
     return markdown(effect_cells(rows))
 
 
 def effect_cells(rows: Sequence[CaseRow]) -> Cells:
-    """What became of the single effects, one line each."""
+    """Table cells of the answers to each single effect, one line for each."""
     head = ["effect", "n", "median gap", "isolated", "none", "unknown", "otherwise named"]
     singles = [r for r in rows if r.kind == "single"]
-    told = []
+    lines = []
     for name in sorted({r.truth[0] for r in singles}):
-        own = [r for r in singles if r.truth[0] == name]
-        claims = [r.answers[OURS] for r in own]
+        cases = [r for r in singles if r.truth[0] == name]
+        claims = [r.answers[OURS] for r in cases]
         held = sum(holds(c, (name,)) for c in claims)
         counts = [sum(c.verdict == v for c in claims) for v in (NONE, UNKNOWN)]
         wrong: dict[str, int] = {}
@@ -380,25 +382,26 @@ def effect_cells(rows: Sequence[CaseRow]) -> Cells:
             if c.causes and not holds(c, (name,)):
                 wrong[c.causes[0][0]] = wrong.get(c.causes[0][0], 0) + 1
         said = ", ".join(f"{k} {v}" for k, v in sorted(wrong.items(), key=lambda i: -i[1])) or "–"
-        size = float(np.median([r.size[name] for r in own]))
-        title = f"{name} (between rows)" if own[0].between else name
+        size = float(np.median([r.size[name] for r in cases]))
+        title = f"{name} (between rows)" if cases[0].between else name
         gap = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}" if np.isfinite(size) else "–"
-        told.append([title, str(len(own)), gap, str(held), *map(str, counts), said])
-    return head, told
+        lines.append([title, str(len(cases)), gap, str(held), *map(str, counts), said])
+    return head, lines
 
 
 def by_size(rows: Sequence[CaseRow], methods: Sequence[str] = (OURS,)) -> str:
-    """How often single effects are noticed and isolated, against the gap that they add."""
+    """Markdown table of the shares of single effects that are noticed and isolated, by their
+    gap."""
     heads = [f"{m}: {what}" for m in methods for what in ("noticed", "isolated")]
-    told = []
-    for (low, high), own in sized(rows):
+    lines = []
+    for (low, high), cases in sized(rows):
         cells = []
         for m in methods:
-            for share in shares(own, m):
+            for share in shares(cases, m):
                 cells.append("–" if share is None else f"{100 * share:.0f} %")
         span = f"{low:g}–{high:g}" if np.isfinite(high) else f"> {low:g}"
-        told.append([span, str(len(own)), *cells])
-    return markdown((["gap", "n", *heads], told))
+        lines.append([span, str(len(cases)), *cells])
+    return markdown((["gap", "n", *heads], lines))
 
 
 def sized(rows: Sequence[CaseRow]) -> list[tuple[tuple[float, float], list[CaseRow]]]:
@@ -426,14 +429,14 @@ def placed(document: str, name: str, text: str) -> str:
         DiagnosisError: the marks are missing.
     """
     begin, end = f"<!-- begin {name} -->", "<!-- end -->"
-    head, found, rest = document.partition(begin)
+    head, mark, rest = document.partition(begin)
     _, closed, tail = rest.partition(end)
-    if not found or not closed:
+    if not mark or not closed:
         raise DiagnosisError(f"the document has no place for {name}: it needs {begin} … {end}")
     return f"{head}{begin}\n{text.strip()}\n{end}{tail}"
 
 
-def _told(metric: Metric, f: ScoredMetric | None, *, wide: bool = False) -> str:
+def _worded(metric: Metric, f: ScoredMetric | None, *, wide: bool = False) -> str:
     if f is None:
         return "–"
     if metric.percent:

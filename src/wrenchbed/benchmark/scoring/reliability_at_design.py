@@ -35,7 +35,7 @@ _SHARED: list[tuple[ExperimentDesign, int]] = []
 
 
 def cache_folder() -> Path:
-    """Where results are kept: ``$XDG_CACHE_HOME`` or ``~/.cache``, in ``wrenchbed``."""
+    """Folder of cached results: ``$XDG_CACHE_HOME`` or ``~/.cache``, in ``wrenchbed``."""
     base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     return Path(base) / "wrenchbed"
 
@@ -86,7 +86,7 @@ def reliability_at_design(
 
 
 def _right(rows: list[Row], verdict: str) -> tuple[int, int]:
-    """How many verdicts without a named cause were right, of how many."""
+    """Number of right verdicts of a kind without a named cause, and their total."""
     chosen = [row for row in rows if row["raw"] == verdict and not row["named"]]
     return sum(row["right"] for row in chosen), len(chosen)
 
@@ -96,7 +96,7 @@ def _share(design: ExperimentDesign, seed: int) -> None:
 
 
 def _case(index: int) -> dict[str, Any]:
-    """One look-alike and the diagnosis of it."""
+    """Result of one look-alike's diagnosis."""
     design, seed = _SHARED[0]
     kind = KINDS[index % len(KINDS)]
     number = int(np.random.default_rng([seed, 70, index]).integers(2**40))

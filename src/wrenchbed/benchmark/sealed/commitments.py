@@ -36,12 +36,12 @@ MOST = 5
 
 
 def recording_of(cases: Path, name: str) -> Path:
-    """File of a case."""
+    """Path of a case's recording."""
     return cases / f"{name}.parquet"
 
 
 def answer_of(answers: Path, name: str) -> Path:
-    """File of an answer."""
+    """Path of an answer's file."""
     return answers / f"{name}.json"
 
 
@@ -87,7 +87,7 @@ class Commitment:
 
 
 def digest(data: bytes) -> str:
-    """SHA-256 in hexadecimal."""
+    """SHA-256 of data in hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 
 
@@ -132,7 +132,7 @@ def family(about: Mapping[str, object], root: str | None) -> bytes:
 
 
 def read(cases: Path) -> dict[str, Commitment]:
-    """What was committed to, by case.
+    """Commitments by case.
 
     Raises:
         BenchmarkError: the file is missing or broken.
@@ -173,9 +173,9 @@ def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str
         root = load(of_family, BenchmarkError)["commitments"]
     except (BenchmarkError, ValueError, KeyError, TypeError) as cause:
         raise BenchmarkError(f"{of_family}: is missing or broken: {cause}") from cause
-    found = digest((cases / COMMITMENTS).read_bytes())
-    for expected, who in ((root, str(of_family)), (published or found, "what was published")):
-        if found != expected:
+    digest_now = digest((cases / COMMITMENTS).read_bytes())
+    for expected, who in ((root, str(of_family)), (published or digest_now, "what was published")):
+        if digest_now != expected:
             raise BenchmarkError(
                 f"{cases / COMMITMENTS}: was changed after it was made: {who} has {expected}"
             )
@@ -187,10 +187,10 @@ def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str
         for path, committed in pairs:
             if not path.is_file():
                 raise BenchmarkError(f"{path}: is missing")
-            found = digest(path.read_bytes())
-            if found != committed:
+            digest_now = digest(path.read_bytes())
+            if digest_now != committed:
                 raise BenchmarkError(
-                    f"{path}: was changed after it was sealed: SHA-256 {found[:16]}…, "
+                    f"{path}: was changed after it was sealed: SHA-256 {digest_now[:16]}…, "
                     f"committed {committed[:16]}…"
                 )
     return sealed
@@ -201,7 +201,7 @@ def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str
 
 @dataclass(frozen=True)
 class Fact:
-    """One true cause.
+    """True cause of a case.
 
     Attributes:
         effect: the contract's name, or of an outside case the family's.
@@ -221,7 +221,7 @@ class Fact:
 
     @classmethod
     def of(cls, world: World, cause: TrueCause, kind: str, numbers: Mapping[str, float]) -> "Fact":
-        """A cause of a world with its true numbers."""
+        """Fact of a world's cause with its true numbers."""
         fault, alike = cause.fault, list[str]()
         if kind != "outside" and not cause.rows:
             alike = world.signatures.alike(fault.name, cause.signature)
@@ -231,7 +231,7 @@ class Fact:
 
 @dataclass(frozen=True)
 class Oracle:
-    """What one says that is told the form and size of all that may be there.
+    """Answer of an oracle that knows the form and size of all possible causes.
 
     Attributes:
         verdict: as the contract's.
@@ -266,11 +266,11 @@ class Answer:
 
     @property
     def effects(self) -> tuple[str, ...]:
-        """Names of the effects of the library that are there."""
+        """Names of the library's effects that the case holds."""
         return () if self.kind == "outside" else tuple(c.effect for c in self.causes)
 
     def to_bytes(self) -> bytes:
-        """The file; what is committed to is its SHA-256."""
+        """Bytes of the answer's file; the commitment is their SHA-256."""
         raw = asdict(self)
         if self.real_gap is None:
             del raw["real_gap"]
@@ -298,7 +298,7 @@ def read_answer(path: Path) -> Answer:
 
 
 def of_case(case: RefereeCase, name: str, salt: str) -> Answer:
-    """The answer of a case."""
+    """Answer of a case."""
     meta = case.world.setting.metadata
     per_pose = 1 if meta.mode == "dynamic" else len(case.recording) // len(case.measured)
     return Answer(
@@ -325,7 +325,7 @@ def _numbers(case: RefereeCase, cause: TrueCause) -> Mapping[str, float]:
 
 
 def _with_own_weight(case: RefereeCase, sums: Mapping[str, float]) -> dict[str, float]:
-    """What gauges load by the sensor's own weight looks like mass at the sensor's origin."""
+    """Gauge errors that act like a mass at the sensor's origin, through the sensor's own weight."""
     weight = total(case.faults, "tool.self_weight").get("mass", 0.0)
     tool = case.world.setting.metadata.tool
     assert tool.mass is not None and tool.cog is not None
@@ -336,7 +336,7 @@ def _with_own_weight(case: RefereeCase, sums: Mapping[str, float]) -> dict[str, 
 
 
 def _oracle(case: RefereeCase) -> Oracle:
-    """It names what it was told, once the data holds it, and whatever could not be told from it."""
+    """Answer of the oracle: true causes that the data show, with all that imitate them there."""
     if not case.causes:
         return Oracle("none", (), None)
     means = [c for c in case.causes if not c.rows]

@@ -58,7 +58,7 @@ class Family:
         return self.shuffled(counts.astype(int))
 
     def shuffled(self, counts: np.ndarray) -> list[str]:
-        """So many of each kind (4,) in random order; what lacks is filled up by single effects."""
+        """Random order of kinds with given counts (4,), filled up with single effects."""
         counts[KINDS.index("single")] += self.cases - int(counts.sum())
         every = np.repeat(np.arange(len(counts)), counts)
         return [KINDS[k] for k in np.random.default_rng([self.seed, 1]).permutation(every)]
@@ -73,11 +73,11 @@ class Family:
             raise ParameterError(f"robot {self.robot!r} has no model to make cases with")
 
     def about(self) -> dict[str, object]:
-        """What ``family.json`` says."""
+        """Contents of ``family.json``."""
         return asdict(self)
 
     def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
-        """One case.
+        """Answer and recording of one case.
 
         Raises:
             ParameterError: this attempt finds none.
@@ -129,7 +129,7 @@ class PlannedFamily(Family):
         return cls(robot, "static", cases, seed, digest, plan.q)
 
     def about(self) -> dict[str, object]:
-        """Without the poses, which the plan's SHA-256 stands for."""
+        """Contents of ``family.json``; the plan's SHA-256 stands for the poses."""
         return {k: v for k, v in asdict(self).items() if k != "poses"}
 
     @property
@@ -139,7 +139,7 @@ class PlannedFamily(Family):
 
 
 def drawn_seed() -> int:
-    """A seed that nobody can guess."""
+    """Random seed that nobody can guess."""
     return secrets.randbits(63)
 
 

@@ -56,7 +56,7 @@ SEALED = {
     if key != "coverage_right"  # whose variant is right is not sealed
     for name, metric in {key: first, **_BESIDE.get(key, {})}.items()
 }
-"""Every figure of sealed cases by name."""
+"""All metrics of sealed cases by name."""
 
 
 def semi_real(rows: Sequence[CaseRow]) -> dict[str, Metric]:
@@ -96,7 +96,7 @@ def semi_real(rows: Sequence[CaseRow]) -> dict[str, Metric]:
         return any(not allowed & set(c) for c in _sure_classes(row.answers[method]))
 
     def silent(row: CaseRow, method: str) -> bool:
-        """Whether an entrant says that something unknown is there, and names nothing new."""
+        """Whether an entrant reports something unknown and names no new cause."""
         claim = row.answers[method]
         names = {n for c in claim.causes for n in c}
         return claim.verdict in ("unknown", "partial") and names <= own(method)

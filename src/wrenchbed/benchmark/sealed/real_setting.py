@@ -63,7 +63,7 @@ class RealSetting(RefereeSetting):
 
     @property
     def stride(self) -> int:
-        """Every mean is compared."""
+        """Stride of the means that are compared: every one."""
         return 1
 
     @property
@@ -78,7 +78,7 @@ class RealSetting(RefereeSetting):
 
     @cached_property
     def noise(self) -> np.ndarray:
-        """Of what is compared (6,) [N, N·m]."""
+        """Noise of the compared means (6,) [N, N·m]."""
         return self.own
 
     @cached_property
@@ -92,7 +92,7 @@ class RealSetting(RefereeSetting):
 
     @cached_property
     def tolerance(self) -> tuple[float, float, np.ndarray]:
-        """As stated, else the contract's: mass [kg], CoG [m] and bias (6,)."""
+        """Tolerances as stated, else the contract's: mass [kg], CoG [m] and bias (6,)."""
         mass = float(self.metadata.tool.mass or 0.0)
         default = {"tool.mass": 0.005 * mass, "tool.cog": 5e-4, "sensor.bias": 3.0 * self.own}
         dm, dc, db = (self.metadata.tolerance.get(k, v) for k, v in default.items())
@@ -100,15 +100,15 @@ class RealSetting(RefereeSetting):
 
     @cached_property
     def nominal(self) -> np.ndarray:
-        """The rigid tool (n, 6) [N, N·m]."""
+        """Readings of the rigid tool (n, 6) [N, N·m]."""
         return self.mean(self.ride().load) + self.offset
 
     def mean(self, signal: np.ndarray) -> np.ndarray:
-        """Of each pose, or in motion of each average, of a signal at all instants (T, …)."""
+        """Mean at each pose, or in motion of each average, of a signal at all instants (T, …)."""
         return self.means(signal[self.path.rows])
 
     def means(self, rows: np.ndarray) -> np.ndarray:
-        """The same of recorded rows (N, …)."""
+        """Mean at each pose, or of each average in motion, of recorded rows (N, …)."""
         return group_means(rows, self.path.hold)
 
     def ride(self, faults: Sequence[RefereeFault] = ()) -> Ride:
@@ -159,7 +159,8 @@ class RealSetting(RefereeSetting):
         return y
 
     def accelerations(self, faults: Sequence[RefereeFault]) -> np.ndarray:
-        """What an accelerometer on the tool reads with faults (N, 3) [m/s²]; at rest minus g."""
+        """Reading of an accelerometer on the tool with faults (N, 3) [m/s²]; minus gravity at
+        rest."""
         read = np.stack([self.recording.columns[a] for a in ACCELEROMETER], axis=1)
         m, rows = self._machine(faults), self.path.rows
         rotation = self.rotation[rows]

@@ -78,13 +78,13 @@ def detection(rows: Sequence[CaseRow], score: Score) -> Chart:
         (ORACLE, "oracle", "box"), ("bic", "BIC", "before"), (OURS, score.main, "measured"),
     )  # fmt: skip
     x = np.arange(len(groups))
-    told: dict[str, list[Series]] = {"isolated": [], "noticed": []}
+    shown: dict[str, list[Series]] = {"isolated": [], "noticed": []}
     for method, name, role in named:
         if method != OURS and method not in score.beside:
             continue
         every = [shares(own, method)[:2] for _, own in groups]
         for k, what in enumerate(("noticed", "isolated")):
-            series = told[what]
+            series = shown[what]
             share = np.array([float(v[k] or 0.0) for v in every])
             series.append(Series(name, "line", x, 100 * share, role=role, dashed=method != OURS))
             if method == OURS:
@@ -97,7 +97,7 @@ def detection(rows: Sequence[CaseRow], score: Score) -> Chart:
                 )  # fmt: skip
     axis = Axis("gap that the effect adds", names=labels)
     panels = tuple(
-        Panel(axis, _SHARE, tuple(series), title=what, height=1.4) for what, series in told.items()
+        Panel(axis, _SHARE, tuple(series), title=what, height=1.4) for what, series in shown.items()
     )
     caption = "Isolated: a claimed class holds the effect. Noticed: any answer but none. "
     caption += f"Upright lines: 95 % intervals of {score.main}."
@@ -113,7 +113,7 @@ def _ends(counts: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
 def page(score: Score, command: str = "") -> Document:
     """Every figure of a score, with the command that made it.
 
-    The seed of the cases is not told: all answers follow from it.
+    The page does not state the seed of the cases: all answers follow from it.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -125,8 +125,9 @@ def page(score: Score, command: str = "") -> Document:
     left = (
         f" {score.unclaimed} cases have no claim: they count as wrong." if score.unclaimed else ""
     )
-    head, told = figure_cells(rows, [OURS, *score.beside], score.metrics, score.main)
-    told = [_marked(cells, m, rows) for cells, m in zip(told, score.metrics.values(), strict=True)]
+    head, lines = figure_cells(rows, [OURS, *score.beside], score.metrics, score.main)
+    marks = zip(lines, score.metrics.values(), strict=True)
+    lines = [_marked(cells, m, rows) for cells, m in marks]
     title = f"Sealed benchmark: {score.main} on {len(rows)} robots ({some.robot}, {some.mode})"
     about = (
         "The oracle is told the exact form and "
@@ -145,7 +146,7 @@ def page(score: Score, command: str = "") -> Document:
             "Intervals are 95 %: exact of shares of cases (Clopper & Pearson), else by bootstrap "
             "over cases. ✓: target met, ✗: missed; in brackets where the interval allows "
             "both: too few cases to tell. " + about,
-            (Table.of("Every figure", head, told),),
+            (Table.of("Every figure", head, lines),),
         ),
         Section(
             "What it says, and how often that is right",
@@ -176,75 +177,75 @@ def page(score: Score, command: str = "") -> Document:
 
 
 def _cards(score: Score) -> Iterator[Card]:
-    """Targets met, what is found of effects, and what is said where none of them is there."""
-    found = {k: (m, figure(m, score.rows, OURS)) for k, m in score.metrics.items()}
-    judged = [(m, marked(m, own)) for m, own in found.values() if own is not None]
+    """Cards of the targets met, of single effects, and of cases without a library effect."""
+    by_name = {k: (m, figure(m, score.rows, OURS)) for k, m in score.metrics.items()}
+    judged = [(m, marked(m, scored)) for m, scored in by_name.values() if scored is not None]
     by_mark = {s: [m.title for m, mark in judged if mark == s] for s in ("✓", "(✓)", "(✗)", "✗")}
     met_ = len(by_mark["✓"]) + len(by_mark["(✓)"])
     total, open_ = sum(map(len, by_mark.values())), len(by_mark["(✓)"]) + len(by_mark["(✗)"])
-    told = f"For {open_} of them the cases are too few: the interval allows met and missed."
+    remark = f"For {open_} of them the cases are too few: the interval allows met and missed."
     if not open_:
-        told = "Every one of them beyond its 95 % interval."
+        remark = "Every one of them beyond its 95 % interval."
     if by_mark["✗"]:
-        told += f" Missed for sure: {'; '.join(by_mark['✗'])}."
-    yield Card("Targets", f"{met_} of {total} met", told)
-    own = found["isolation"][1]
-    if own is not None:
+        remark += f" Missed for sure: {'; '.join(by_mark['✗'])}."
+    yield Card("Targets", f"{met_} of {total} met", remark)
+    scored = by_name["isolation"][1]
+    if scored is not None:
         beside = [
             f"{name} {100 * other.value:.0f} %"
             for name in score.beside
-            if (other := figure(found["isolation"][0], score.rows, name)) is not None
+            if (other := figure(by_name["isolation"][0], score.rows, name)) is not None
         ]
         also = f" Beside it: {', '.join(beside[:3])}." if beside else ""
         yield Card(
-            "Effects that are there", f"{own.counted} named",
-            f"{_percent(own)} of single effects that can be seen.{also}",
+            "Effects that are there", f"{scored.counted} named",
+            f"{_percent(scored)} of single effects that can be seen.{also}",
         )  # fmt: skip
     parts = [
-        (own, short, long)
+        (scored, short, long)
         for k, short, long in (
             ("false_alarm", "false alarms", "of robots without a gap are called ill"),
             ("unknown", "called unknown", "of faults outside the library are called unknown"),
         )
-        if k in found and (own := found[k][1]) is not None
+        if k in by_name and (scored := by_name[k][1]) is not None
     ]
     if parts:
-        large = ", ".join(f"{own.counted} {short}" for own, short, _ in parts)
-        text = "; ".join(f"{_percent(own)} {long}" for own, _, long in parts)
+        large = ", ".join(f"{scored.counted} {short}" for scored, short, _ in parts)
+        text = "; ".join(f"{_percent(scored)} {long}" for scored, _, long in parts)
         yield Card("Where none of them is", large, f"{text}.")
 
 
-def _percent(own: ScoredMetric) -> str:
-    return f"{100 * own.value:.0f} % ({100 * own.low:.0f}–{100 * own.high:.0f})"
+def _percent(scored: ScoredMetric) -> str:
+    return f"{100 * scored.value:.0f} % ({100 * scored.low:.0f}–{100 * scored.high:.0f})"
 
 
 def _marked(cells: Sequence[str], metric: Metric, rows: Sequence[CaseRow]) -> list[str]:
     """A line of the figures with ✓ or ✗ at its target, where it has one."""
-    own = figure(metric, rows, OURS)
-    mark = "" if own is None else f" {marked(metric, own)}".rstrip()
+    scored = figure(metric, rows, OURS)
+    mark = "" if scored is None else f" {marked(metric, scored)}".rstrip()
     return [cells[0], f"{cells[1]}{mark}", *cells[2:]]
 
 
-def marked(metric: Metric, own: ScoredMetric) -> str:
+def marked(metric: Metric, scored: ScoredMetric) -> str:
     """✓ or ✗ at its target, in brackets where the interval allows the other; empty without one."""
-    told = met(metric, own.value)
-    if told is None:
+    is_met = met(metric, scored.value)
+    if is_met is None:
         return ""
-    sign = "✓" if told else "✗"
-    allowed = [met(metric, float(x)) for x in np.linspace(own.low, own.high, _STEPS)]
+    sign = "✓" if is_met else "✗"
+    allowed = [met(metric, float(x)) for x in np.linspace(scored.low, scored.high, _STEPS)]
     exact = re.match(r"\d+ %$", metric.target)  # of the cases themselves
-    return sign if exact or all(x is told for x in allowed) else f"({sign})"
+    return sign if exact or all(x is is_met for x in allowed) else f"({sign})"
 
 
 def met(metric: Metric, value: float) -> bool | None:
-    """Whether a figure is as its target says; None without a target."""
-    found = re.fullmatch(r"([≥≤<>]?) ?([\d.]+)(?:–([\d.]+))?( %)?", metric.target)
-    if found is None:
+    """Whether a figure meets its target; None without a target."""
+    parts = re.fullmatch(r"([≥≤<>]?) ?([\d.]+)(?:–([\d.]+))?( %)?", metric.target)
+    if parts is None:
         return None
-    sign, low = found[1], float(found[2])
+    sign, low = parts[1], float(parts[2])
     shown = 100.0 * value if metric.percent else value
-    if found[3]:
-        return low <= shown <= float(found[3])
+    if parts[3]:
+        return low <= shown <= float(parts[3])
     return {
         "≥": shown >= low, ">": shown > low, "≤": shown <= low, "<": shown < low, "": shown == low
     }[sign]  # fmt: skip
@@ -253,28 +254,28 @@ def met(metric: Metric, value: float) -> bool | None:
 def summary(score: Score) -> dict[str, object]:
     """Every figure by entrant and name: value, 95 % interval and count."""
     names = [OURS, *score.beside]
-    told: dict[str, object] = {
+    result: dict[str, object] = {
         "cases": len(score.rows), "unclaimed": score.unclaimed, "commitments": score.root,
         "main": score.main,
     }  # fmt: skip
     for method in names:
-        own = {}
+        entries = {}
         for key, metric in score.metrics.items():
-            found = None if metric.ours and method != OURS else figure(metric, score.rows, method)
-            if found is not None:
-                own[key] = {
-                    "value": found.value, "ci95": [found.low, found.high], "n": found.count,
+            scored = None if metric.ours and method != OURS else figure(metric, score.rows, method)
+            if scored is not None:
+                entries[key] = {
+                    "value": scored.value, "ci95": [scored.low, scored.high], "n": scored.count,
                 }  # fmt: skip
-        told[score.main if method == OURS else method] = own
-    return told
+        result[score.main if method == OURS else method] = entries
+    return result
 
 
 def _truth(row: CaseRow, answer: str) -> str:
-    """True subsystem; of two, the one that was answered."""
+    """True subsystem; if there are two, the one that was answered."""
     if row.kind in ("none", "outside"):
         return "none" if row.kind == "none" else "unknown"
-    own = [subsystem(t) for t in row.truth]
-    return answer if answer in own else own[0]
+    subsystems = [subsystem(t) for t in row.truth]
+    return answer if answer in subsystems else subsystems[0]
 
 
 def _confusion(rows: Sequence[CaseRow]) -> Table:
@@ -282,23 +283,23 @@ def _confusion(rows: Sequence[CaseRow]) -> Table:
     answers = [subsystem(c.causes[0][0]) if c.causes else c.verdict for c in claims]
     counts = Counter((_truth(r, a), a) for r, a in zip(rows, answers, strict=True))
     said = [s for s in _ORDER if any(k[1] == s for k in counts)]
-    told = [
+    lines = [
         [f"{t} ({sum(v for k, v in counts.items() if k[0] == t)})"]
         + [str(counts[(t, s)]) if counts[(t, s)] else "" for s in said]
         for t in _ORDER
         if any(k[0] == t for k in counts)
     ]
-    return Table.of("True subsystem (down) and first answer (across)", ["", *said], told)
+    return Table.of("True subsystem (down) and first answer (across)", ["", *said], lines)
 
 
 def _outside(rows: Sequence[CaseRow]) -> Table:
-    own = [r for r in rows if r.kind == "outside"]
-    told = []
-    for family in sorted({str(r.outside) for r in own}):
-        claims = [r.answers[OURS] for r in own if r.outside == family]
+    cases = [r for r in rows if r.kind == "outside"]
+    lines = []
+    for family in sorted({str(r.outside) for r in cases}):
+        claims = [r.answers[OURS] for r in cases if r.outside == family]
         named = Counter(c.causes[0][0] for c in claims if c.causes)
         sure = sum(bool(c.causes) and c.sure > SURE for c in claims)
-        told.append(
+        lines.append(
             [
                 family, len(claims), sum(c.verdict == "unknown" for c in claims),
                 sum(c.verdict == "none" for c in claims), sure,
@@ -306,12 +307,12 @@ def _outside(rows: Sequence[CaseRow]) -> Table:
             ]
         )  # fmt: skip
     head = ["family", "n", "unknown", "none", "named, p > 0.9", "named"]
-    table = Table.of("Faults outside the library", head, told)
+    table = Table.of("Faults outside the library", head, lines)
     return replace(table, empty="No case has a fault outside the library.")
 
 
 def _wrong(rows: Sequence[CaseRow]) -> Table:
-    told = []
+    lines = []
     for row in rows:
         claim = row.answers[OURS]
         if right(row, claim):
@@ -319,7 +320,8 @@ def _wrong(rows: Sequence[CaseRow]) -> Table:
         truth = ", ".join(row.truth) or row.outside or "none"
         said = "; ".join(" or ".join(c) for c in claim.causes) or claim.verdict
         size = max(row.size.values(), default=float("nan"))
-        told.append([row.id, truth, size, said, claim.sure, row.error.strip().split("\n")[-1][:80]])
+        error = row.error.strip().split("\n")[-1][:80]
+        lines.append([row.id, truth, size, said, claim.sure, error])
     head = ["case", "truth", "gap", "said", "p", "error"]
-    table = Table.of("Wrong first answers", head, told)
+    table = Table.of("Wrong first answers", head, lines)
     return replace(table, empty="Every first answer is right.")

@@ -54,7 +54,7 @@ class OverTimeError(BaseException):
 
 @dataclass(frozen=True)
 class Entrant:
-    """One method.
+    """Method that answers sealed cases.
 
     Attributes:
         name: of its folder.

@@ -27,16 +27,16 @@ VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
 COUNTED = 4
 """Causes of a claim that count, the first ones: naming everything is no diagnosis."""
 WRONG = Claim("error", (), {})
-"""What counts where there is no claim that can be read."""
+"""Claim that counts if there is no readable one."""
 ORACLE = "oracle"
-"""Name of the method that is told what is there."""
+"""Name of the method that knows the true form and size."""
 _BROKEN = (BenchmarkError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
-"""What a hostile file raises: numbers of 400 digits among others."""
+"""Errors that reading a hostile file raises, for instance by numbers of 400 digits."""
 
 
 @dataclass(frozen=True)
 class EntrantClaim:
-    """One claim.
+    """Claim of an entrant about one case.
 
     Attributes:
         claim: verdict, classes and probabilities; `WRONG` where there is none.
@@ -56,7 +56,7 @@ class EntrantClaim:
 
 
 def read(folder: Path, recording: str | None = None) -> EntrantClaim:
-    """What an entrant said of one case; a claim that breaks the contract is wrong, not skipped.
+    """Claim of an entrant about one case; one that breaks the contract counts as wrong.
 
     Args:
         recording: SHA-256 of the case; a claim about another one is wrong.
@@ -160,7 +160,7 @@ def entrants(claims: Path, main: str | None = None) -> list[str]:
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """Every case with its truth and what was said.
+    """Answers and claims of all sealed cases.
 
     Attributes:
         main: the entrant that is judged.
@@ -180,12 +180,12 @@ class Score:
 
     @property
     def is_semi_real(self) -> bool:
-        """Whether faults were added to a recording of which nobody knows all truth."""
+        """Whether faults were added to a recording whose full truth is unknown."""
         return any(a.real_gap is not None for a in self.answers.values())
 
     @property
     def metrics(self) -> dict[str, Metric]:
-        """The figures of this family by name."""
+        """Metrics of this family by name."""
         return semi_real(self.rows) if self.is_semi_real else SEALED
 
     @property

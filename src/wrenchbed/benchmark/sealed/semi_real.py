@@ -87,19 +87,19 @@ class HostRecording(World):
 
     @cached_property
     def usual(self) -> Usual:
-        """What every fit removes."""
+        """Readings that every calibration removes: those of bias, mass and CoG."""
         white = self.setting.nuisance() / self.setting.own[:, None]
         white = white.reshape(-1, white.shape[-1])
         return Usual(self.setting.own, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
 
     @cached_property
     def signatures(self) -> Bench:
-        """Of the library, as far as orientations show them."""
+        """Signatures of the library's effects as far as orientations show them."""
         return bench(self.setting, self.setting.ride(), self.usual, blocks_of_orientations)
 
     @property
     def real_gap(self) -> float:
-        """Calibrated gap of the recording as it is."""
+        """Calibrated gap of the recording without added faults."""
         s = self.setting
         residual = s.means(s.recording.wrench) - s.nominal
         floor = 1.0 if s.mode == "dynamic" else float(np.mean(1.0 / np.bincount(s.path.hold)))
@@ -111,7 +111,7 @@ class HostRecording(World):
         return self.setting.with_faults(self.setting.recording.wrench, faults, rng)
 
     def measured(self, fault: RefereeFault) -> TrueCause:
-        """What a fault adds beside the faults that are there."""
+        """Readings and gap that a fault adds beside the present faults."""
         world = replace(self, around=(*self.around, fault))
         change = self.with_faults(world.around) - self.with_faults(self.around)
         if between(fault.name):
@@ -122,11 +122,11 @@ class HostRecording(World):
         return TrueCause(fault, signature, self.usual.gap(signature, fault.name in STATED), world)
 
     def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
-        """What the first of two causes adds beside the second."""
+        """Readings and gap that the first of two causes adds beside the second."""
         return replace(self, around=(*self.around, second.fault)).measured(first.fault)
 
     def possible(self) -> list[str]:
-        """Effects that this recording can show."""
+        """Names of the effects that this recording can show."""
         s = self.setting
         moving, repeats = s.mode == "dynamic", bool(np.isfinite(s.scatter).all())
         zeroed = bool((1.5 * s.tolerance[2] < _ZEROED * s.full_scale).all())
@@ -184,7 +184,7 @@ class SemiRealFamily(make.Family):
 
     @cached_property
     def setting(self) -> RealSetting:
-        """The recording with a rigid tool fitted to it."""
+        """Setting: the recording with a rigid tool fitted to it."""
         return setting_of(plain(Recording.read(self.source)))
 
     def check(self) -> None:
@@ -197,7 +197,7 @@ class SemiRealFamily(make.Family):
         assert self.setting is not None
 
     def about(self) -> dict[str, object]:
-        """Without the file's place."""
+        """Contents of ``family.json``, without the file's path."""
         return {k: v for k, v in asdict(self).items() if k != "source"}
 
     def kinds(self) -> list[str]:
@@ -207,7 +207,7 @@ class SemiRealFamily(make.Family):
         return self.shuffled(counts.astype(int))
 
     def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
-        """One case.
+        """Answer and recording of one case.
 
         Raises:
             ParameterError: this attempt finds none.

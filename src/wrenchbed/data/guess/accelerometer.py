@@ -10,7 +10,7 @@ import numpy as np
 _LEAST = 0.2
 """Least correlation of each axis: 25 rows of noise reach 1/√25 by chance."""
 _LATEST_S, _STEP_S = 0.025, 2e-4
-"""Delays that are looked for, and their steps [s]."""
+"""Largest delay of the search and its step [s]."""
 _WORTH = 0.05
 """A delay must raise the sum of the three correlations by so much: noise alone prefers some delay
 by a little, and a clock without one shall stay as it is."""
@@ -20,7 +20,7 @@ _IN_G = 4.0
 
 @dataclass(frozen=True)
 class Axes:
-    """How an accelerometer sits.
+    """Orientation of an accelerometer on the sensor.
 
     Attributes:
         column: number of the column for each axis of the sensor.
@@ -37,7 +37,7 @@ class Axes:
     late: float = 0.0
 
     def columns(self, names: Sequence[str]) -> dict[str, dict[str, Any]]:
-        """Entries ax, ay, az of a map."""
+        """Entries ax, ay, az of a column map."""
         entries = {}
         for axis, column, sign in zip("xyz", self.column, self.sign, strict=True):
             turn = {"sign": -1} if sign < 0 else {}
@@ -88,10 +88,10 @@ def match_on_clocks(
 
     plain = at(0.0)
     steps = np.arange(-_LATEST_S, _LATEST_S + _STEP_S / 2, _STEP_S)
-    found = [(axes.score, late, axes) for late in steps if (axes := at(float(late))) is not None]
-    if not found:
+    matches = [(axes.score, late, axes) for late in steps if (axes := at(float(late))) is not None]
+    if not matches:
         return plain
-    score, late, axes = max(found, key=lambda f: f[0])
+    score, late, axes = max(matches, key=lambda f: f[0])
     if plain is not None and score < plain.score + _WORTH:
         return plain
     return Axes(axes.column, axes.sign, axes.unit, score, float(late))

@@ -51,7 +51,7 @@ class Pairing:
 
     @cached_property
     def readings(self) -> np.ndarray:
-        """The wrench (N, 6) in the file's units."""
+        """Wrench (N, 6) in the file's units."""
         return self.tables[self.load].block(list(self.wrench.values())).astype(float)
 
     @cached_property
@@ -64,7 +64,7 @@ class Pairing:
         return {}
 
     def may_use(self, reading: Reading) -> bool:
-        """Whether a reading's columns are neither the clock nor this wrench."""
+        """Whether a reading uses neither the clock's columns nor this wrench."""
         sheet = self.tables[self.sheet]
         taken = set() if sheet.clock is None else {sheet.clock.column}
         if self.load == self.sheet:
@@ -92,7 +92,7 @@ class Pairing:
 
 
 def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention], str]:
-    """Every convention that leaves less than most of the force; and what was not tried, in words.
+    """All conventions that explain most of the force, and a sentence on those not tried.
 
     Args:
         tables: of one recording.
@@ -111,12 +111,12 @@ def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention
             "best were tried in full; columns with names leave fewer"
         )
         pairs = _most_promising(pairs, 1.0 if stated.fit is not None else HOPELESS)
-    found = [c for pairing, reading in pairs for c in _fitted(pairing, reading, stated)]
-    return found, "; ".join(notes)
+    conventions = [c for pairing, reading in pairs for c in _fitted(pairing, reading, stated)]
+    return conventions, "; ".join(notes)
 
 
 def _pairs(tables: Sequence[Sheet], stated: Stated) -> Iterator[tuple[Pairing, Reading]]:
-    """Every wrench with every reading of an orientation or of joints."""
+    """All pairs of a wrench with an orientation's or joints' reading."""
     readings = [[*orientations(sheet), *_of_joints(sheet, stated)] for sheet in tables]
     for load, sheet in enumerate(tables):
         beside = [k for k, other in enumerate(tables) if rows_at(sheet, other) is not None]
@@ -166,7 +166,7 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
 
 
 def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Convention]:
-    """Both directions of an orientation, wrenches in both axes, and every mount that fits."""
+    """Fitted conventions: both directions of an orientation, both axes of wrenches, all mounts."""
     poses = pairing.poses(reading.names)
     turn = _turn(pairing, reading, poses.middle)
     if turn is None:

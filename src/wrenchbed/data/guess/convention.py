@@ -22,12 +22,12 @@ from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import CHANNELS
 
 QUARTERS = Rotation.create_group("O")
-"""The 24 ways to mount a sensor at right angles."""
+"""The 24 rotations of a sensor that is mounted at right angles."""
 _SNAP = np.deg2rad(5.0)
 """A mount nearer than this to right angles is at right angles; a calibration finds the rest."""
 _ENOUGH = 50
-"""So many poses count as independent; more share errors of the arm, and would rule out conventions
-that differ by less than these."""
+"""Largest number of poses that count as independent; more share errors of the arm, and would rule
+out conventions that differ by less than these."""
 HOPELESS = 0.8
 """A convention that leaves this fraction of the force is no candidate: half of it is too much for
 the best one, and worse ones are only named."""
@@ -36,7 +36,7 @@ _FLOOR = 1e-3
 digits."""
 _LEAST_HOLDS = 4
 _BINS = 300
-"""Parts into which a motion is cut."""
+"""Number of parts into which a motion is cut."""
 _MOST_POSES = 5000
 """Rows that may all be poses of their own; of more, some are chosen."""
 _STILL = 1e-3
@@ -45,7 +45,7 @@ _JUMP = 0.01
 """Fraction of a column's range by which neighbouring poses differ: a grid of poses has larger
 steps, a motion of some hundred rows smaller ones."""
 _COST = {"inverse": 0.3, "base": 0.3, "quarter": 1.0, "free": 2.0, "axis": 0.5}
-"""How unusual a convention is; of those that fit alike the most usual is taken."""
+"""Penalty of each unusual convention; among equal fits the least penalty wins."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,16 +133,16 @@ def _free(mixed: np.ndarray) -> list[tuple[Rotation | None, bool]]:
 
     Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
     """
-    found: list[tuple[Rotation | None, bool]] = []
+    mounts: list[tuple[Rotation | None, bool]] = []
     rank = np.linalg.svd(mixed)[1]
     if rank[1] < 0.05 * rank[0]:
-        return found  # gravity moved along a line: a mount is not determined
+        return mounts  # gravity moved along a line: a mount is not determined
     for sign in (1.0, -1.0):
         u, _, vt = np.linalg.svd(sign * mixed)
         turn = Rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
         if min((turn * q).magnitude() for q in QUARTERS) > _SNAP:
-            found.append((turn, False))
-    return found
+            mounts.append((turn, False))
+    return mounts
 
 
 def _finished(
@@ -196,11 +196,11 @@ class Poses:
 
     @property
     def middle(self) -> np.ndarray:
-        """A row in the middle of each pose (G,)."""
+        """Row in the middle of each pose (G,)."""
         return np.asarray(self.groups.sum(axis=1) // 2)
 
     def mean(self, values: np.ndarray) -> np.ndarray:
-        """Means (G, K) of columns (N, K)."""
+        """Means (G, K) over the poses of columns (N, K)."""
         total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
         low, high = self.groups.T
         return np.asarray((total[high] - total[low]) / (high - low)[:, None])
@@ -243,7 +243,7 @@ def gather(t: np.ndarray | None, turn: np.ndarray, wrench: np.ndarray) -> Poses:
 
 @dataclass(frozen=True, eq=False)
 class Convention:
-    """One way to read the files that fits.
+    """Interpretation of the files that fits the data.
 
     Attributes:
         reading: columns of the orientation or of joints.
@@ -274,7 +274,7 @@ class Convention:
 
     @property
     def cost(self) -> float:
-        """How unusual it is."""
+        """Penalty of the convention for how unusual it is."""
         cost = self.reading.cost
         cost += _COST["inverse"] * self.inverse + _COST["base"] * self.in_base
         if self.fit.mount is not None:
@@ -283,18 +283,18 @@ class Convention:
 
     @property
     def mass(self) -> float:
-        """Of the load [kg]."""
+        """Mass of the load [kg]."""
         size = SIZES[self.units[0]][1]
         return float(abs(self.fit.weight) * size / np.linalg.norm(self.gravity))
 
     @property
     def cog(self) -> np.ndarray:
-        """Of the load in sensor axes (3,) [m]."""
+        """Centre of gravity of the load in sensor axes (3,) [m]."""
         return np.asarray(self.fit.lever * SIZES[self.units[1]][1] / SIZES[self.units[0]][1])
 
     @property
     def quality(self) -> str:
-        """Load and residual in words."""
+        """Sentence on load and residual."""
         force, torque = self.fit.force_rms, self.fit.torque_rms
         cog = ", ".join(f"{1e3 * x:.1f}" for x in self.cog)
         return (
@@ -304,7 +304,7 @@ class Convention:
 
     @property
     def words(self) -> str:
-        """Which columns are what, and in whose axes, in words."""
+        """Sentence on the columns' meanings and axes."""
         what = self.reading.kind + (" of the base in the sensor" if self.inverse else "")
         parts = [what, f"wrench in {'base' if self.in_base else 'sensor'} axes"]
         parts.append(f"gravity along {'xyz'[self.fit.axis]}")
@@ -316,7 +316,7 @@ class Convention:
 
     @property
     def sentence(self) -> str:
-        """The convention in words."""
+        """Sentence on the convention."""
         down = "-" if self.gravity[self.fit.axis] < 0 else "+"
         parts = [self.words.replace("gravity along ", f"gravity along {down}")]
         if self.sign < 0:

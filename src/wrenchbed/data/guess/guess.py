@@ -38,8 +38,8 @@ _SAME = 12.0
 """Twice a log-likelihood below which conventions fit alike: a right mount, three unknowns, falls
 short of the best one by more in 0.7 % of files (χ²)."""
 _LEAST_POSES = 6
-"""With fewer, some convention fits by chance: forces of 6 poses are 18 numbers, which fit 7
-unknowns (weight, mount, bias) in some hundred conventions."""
+"""Least number of poses: with fewer, some convention fits by chance; forces of 6 poses are 18
+numbers, which fit 7 unknowns (weight, mount, bias) in some hundred conventions."""
 _MOST_LEFT = 0.5
 """Largest fraction of the force that the best convention may leave: a weight that is compensated
 already leaves nearly all."""
@@ -47,13 +47,13 @@ _FORCES = ("N", "kgf", "lbf", "gf", "kN")
 _TORQUES = ("N·m", "Nmm", "kgf·m", "kgf·cm", "kgf·mm", "lbf-in", "lbf·ft", "gf·cm")
 _WITH = {"N": ("N·m", "Nmm"), "kgf": ("kgf·m", "kgf·cm", "kgf·mm", "N·m", "Nmm"),
          "lbf": ("lbf-in", "lbf·ft"), "gf": ("gf·cm", "Nmm"), "kN": ("N·m",)}  # fmt: skip
-"""Units of torque that go with a unit of force."""
+"""Units of torque that go with each unit of force."""
 _MASSES, _LEVERS = (0.02, 60.0), (1e-3, 0.6)
 """Tools weigh [kg] and reach [m] between these: a touch probe and a large arm's payload. Wider
 ranges leave more units possible."""
 _MOST_SHOWN = 6
 _NEAR = 0.2
-"""Share by which a known mass may differ."""
+"""Relative difference up to which a fitted mass agrees with a known one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,7 @@ class Guess:
     untried: str = ""
 
     def column_map(self, k: int = 0) -> ColumnMap:
-        """A map, checked."""
+        """Column map of the k-th best convention, checked."""
         fields = Fields(self.maps[k], "guessed map: ", MapError)
         return from_fields(fields, "guessed map", Path())
 
@@ -86,7 +86,7 @@ class Guess:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """What was found, what fits as well and what does not, for people."""
+        """Lines for people on the best convention, equal ones and excluded ones."""
         first = self.conventions[0]
         lines = [f"found: {first.sentence}", f"  {first.quality}"]
         same = [c for c in self.conventions[1:] if c.units == first.units]
@@ -121,13 +121,13 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     if logs := [path for path in paths if is_log(path)]:
         raise MapError(_ready_instead(logs[0]))
     tables = sheets(paths, stated.name_pattern)
-    found, untried = candidates(tables, stated)
+    fitting, untried = candidates(tables, stated)
     more = f" ({untried})" if untried else ""
-    if not found:
+    if not fitting:
         raise MapError(f"{_nothing(tables)}{more}")
     # of several wrenches in the files; six columns in a row share their forces with others
-    clearest = min(found, key=lambda c: c.fit.share * c.fit.torque_share)
-    found = [c for c in found if (c.load, c.wrench) == (clearest.load, clearest.wrench)]
+    clearest = min(fitting, key=lambda c: c.fit.share * c.fit.torque_share)
+    fitting = [c for c in fitting if (c.load, c.wrench) == (clearest.load, clearest.wrench)]
     if len(clearest.poses.groups) < _LEAST_POSES:
         raise MapError(
             f"{tables[0].paths[0]}: {len(clearest.poses.groups)} poses are too few to distinguish "
@@ -135,17 +135,17 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
         )
     known = stated.known()
     if known is not None:
-        found = [c for c in (_as_known(c, tables, known) for c in found) if c is not None]
-    found.sort(key=lambda c: c.fit.force_rms)
-    best = min(found, key=lambda c: c.fit.against(found[0].fit))
+        fitting = [c for c in (_as_known(c, tables, known) for c in fitting) if c is not None]
+    fitting.sort(key=lambda c: c.fit.force_rms)
+    best = min(fitting, key=lambda c: c.fit.against(fitting[0].fit))
     if best.fit.share > _MOST_LEFT:
         raise MapError(
             f"{tables[0].paths[0]}: no convention makes the wrench the weight of one rigid load: "
             f"the best ({best.sentence}) leaves {best.fit.share:.0%} of what changes. Is the "
             f"weight already compensated, or did something touch the tool?{more}"
         )
-    alike = [c for c in found if c.fit.against(best.fit) < _SAME]
-    others = [c for c in found if c.fit.against(best.fit) >= _SAME][:3]
+    alike = [c for c in fitting if c.fit.against(best.fit) < _SAME]
+    others = [c for c in fitting if c.fit.against(best.fit) >= _SAME][:3]
     alike.sort(key=lambda c: (c.cost, c.fit.against(best.fit)))
     whole = [w for c in _without_doubles(alike) for w in _signs_and_units(c, tables, stated)]
     if not whole:
@@ -160,7 +160,7 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
 
 
 def _ready_instead(log: Path) -> str:
-    """Which ready maps read a log."""
+    """Sentence on the ready maps that read a log."""
     fit = []
     for name in ready():
         try:
@@ -183,7 +183,7 @@ def _as_known(c: Convention, tables: Sequence[Sheet], known: KnownLoad) -> Conve
 
 
 def _without_doubles(alike: Sequence[Convention]) -> list[Convention]:
-    """Of mounts that fit alike in one reading, only the most usual."""
+    """Conventions with only the most usual of the mounts that fit alike in one reading."""
     seen: set[tuple[Any, ...]] = set()
     kept = []
     for c in alike:
@@ -217,7 +217,7 @@ def _nothing(tables: Sequence[Sheet]) -> str:
 def _signs_and_units(
     c: Convention, tables: Sequence[Sheet], stated: Stated
 ) -> Iterator[tuple[float, Convention]]:
-    """The same fit with the wrench turned about and gravity with it, and in every unit."""
+    """Conventions with the wrench and gravity reversed, and in every unit."""
     size = stated.gravity_size(tables)
     down = -1.0 if c.fit.axis == 2 else float(np.sign(c.fit.weight))
     for along in (down, -down):
@@ -237,7 +237,7 @@ def _units(c: Convention, tables: Sequence[Sheet], stated: Stated) -> list[tuple
     names = {n: u for s in tables for n, u in s.units.items()}
     force, torque = names.get(c.wrench["fx"]), names.get(c.wrench["tx"])
     forces = (force,) if force is not None and SIZES[force][0] == "force" else _FORCES
-    found, mass = [], stated.tool_mass
+    pairs, mass = [], stated.tool_mass
     for f in forces:
         torques: Sequence[str] = _TORQUES if len(forces) == 1 and f not in _WITH else _WITH[f]
         if torque is not None and SIZES[torque][0] == "torque":
@@ -249,8 +249,8 @@ def _units(c: Convention, tables: Sequence[Sheet], stated: Stated) -> list[tuple
             if mass is not None:
                 fits_mass = abs(candidate.mass / mass - 1.0) < _NEAR
             if fits_mass and (_LEVERS[0] <= reach <= _LEVERS[1] or len(torques) == 1):
-                found.append((f, t))
-    return found
+                pairs.append((f, t))
+    return pairs
 
 
 def raw_map(c: Convention, tables: Sequence[Sheet], stated: Stated) -> dict[str, Any]:
@@ -326,14 +326,14 @@ def _besides(
     c: Convention, tables: Sequence[Sheet], k: int, load: Sheet
 ) -> dict[str, dict[str, Any]]:
     """Other columns that a recording may hold: temperature, segment, accelerometer."""
-    sheet, found = tables[k], {}
+    sheet, columns = tables[k], {}
     if "temperature" in sheet.roles:
-        found["temperature"] = {"column": sheet.roles["temperature"], "unit": "°C"}
+        columns["temperature"] = {"column": sheet.roles["temperature"], "unit": "°C"}
     if "segment" in sheet.roles and sheet is load:
-        found["segment"] = {"column": sheet.roles["segment"]}
+        columns["segment"] = {"column": sheet.roles["segment"]}
     if "ax" in sheet.roles:
-        found |= _accelerometer(c, sheet, load)
-    return found
+        columns |= _accelerometer(c, sheet, load)
+    return columns
 
 
 def _accelerometer(c: Convention, sheet: Sheet, load: Sheet) -> dict[str, dict[str, Any]]:
@@ -345,20 +345,20 @@ def _accelerometer(c: Convention, sheet: Sheet, load: Sheet) -> dict[str, dict[s
     ours, its = load.clock, sheet.clock
     if sheet is load or ours is None or its is None:
         at = rows_at(load, sheet)
-        found = None if at is None else match_axes(-force / c.mass, sheet.block(names)[at])
-        return {} if found is None else found.columns(names)
-    found = match_on_clocks(ours.t, -force / c.mass, its.t, sheet.block(names))
-    if found is None:
+        axes = None if at is None else match_axes(-force / c.mass, sheet.block(names)[at])
+        return {} if axes is None else axes.columns(names)
+    axes = match_on_clocks(ours.t, -force / c.mass, its.t, sheet.block(names))
+    if axes is None:
         return {}
-    columns = found.columns(names)
-    if found.late:
-        zero = round(found.late / SIZES[its.unit][1], 6)
+    columns = axes.columns(names)
+    if axes.late:
+        zero = round(axes.late / SIZES[its.unit][1], 6)
         columns["t"] = {"column": its.column, "unit": its.unit, "zero": zero}
     return columns
 
 
 def toml(raw: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:
-    """TOML of a raw map, with lines of comment before it."""
+    """TOML text of a raw map, with lines of comment before it."""
     lines = [f"# {line}" for line in comments]
     recording = dict(raw["recording"])
     inner = {k: recording.pop(k) for k in ("tool", "sensor", "tolerance") if k in recording}

@@ -43,7 +43,7 @@ _NORM = 1e-2
 """Largest error of a unit length by which columns are taken for an orientation: two digits are
 printed at least, and columns of other things do not stay so near to 1."""
 _MOST_ANGLE = 400.0
-"""No column of angles exceeds this, in degrees [°]."""
+"""Largest value of a column of angles [°]."""
 MOST_UNNAMED = 160
 """Columns without a role that are looked through: the number of pairs of a wrench and an
 orientation grows with its square, and 160 columns take some ten seconds."""
@@ -65,7 +65,7 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """One table: its file (or the files of one pose each), columns of numbers, and what they are.
+    """Table of a log: its file (or the files of one pose each) and its numeric columns.
 
     Attributes:
         paths: of the file, or of all files of one pose each.
@@ -110,16 +110,16 @@ class Sheet:
         return {name: float(np.abs(values).max()) for name, values in self.values.items()}
 
     def block(self, names: Sequence[str], every: int = 1) -> np.ndarray:
-        """Columns (N, K), or one row of so many."""
+        """Columns (N, K), one row in ``every``."""
         return np.stack([self.values[n][::every] for n in names], axis=1)
 
     def holds(self, names: Sequence[str], rule: Callable[[np.ndarray], bool]) -> bool:
-        """Whether columns (N, K) obey a rule, first in few of their rows."""
+        """Whether columns (N, K) obey a rule, checked in a few rows first."""
         every = max(1, sum(self.rows) // _FEW)
         return rule(self.block(names, every)) and rule(self.block(names))
 
     def windows(self, width: int) -> Iterator[list[str]]:
-        """Columns that stand side by side and have no role."""
+        """Groups of ``width`` adjacent columns without a role."""
         free, names = set(self.free), list(self.values)
         for k in range(len(names) - width + 1):
             if free.issuperset(names[k : k + width]):
@@ -146,7 +146,7 @@ class Reading:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The columns."""
+        """Names of the columns."""
         return tuple(self.targets.values())
 
 
@@ -169,17 +169,17 @@ def sheets(paths: Sequence[Path], name_pattern: str | None = None) -> list[Sheet
             values[name] = np.full(rows, value)
         stem = re.sub(r"[+-]?\d+(?:\.\d+)?", "#", path.name)
         read.setdefault((tuple(values), stem), []).append((path, values))
-    found = []
+    tables = []
     for members in read.values():
         if len(members) < 3:  # repetitions, not poses
-            found += [_sheet([m]) for m in members]
+            tables += [_sheet([m]) for m in members]
         else:
-            found.append(_sheet(members))
-    return [replace(s, unread=tuple(u for p in s.paths for u in unread[p])) for s in found]
+            tables.append(_sheet(members))
+    return [replace(s, unread=tuple(u for p in s.paths for u in unread[p])) for s in tables]
 
 
 def _numbers(path: Path) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """Columns of numbers, and why the others are none."""
+    """Columns of numbers, and reasons why the other columns are none."""
     text = read_text(path)
     values: dict[str, np.ndarray] = {}
     unread = []
@@ -227,7 +227,7 @@ def unit_of(name: str) -> str | None:
 
 
 def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
-    """Role → column by the names alone."""
+    """Roles of columns by their names alone: column by role."""
     roles: dict[str, str] = {}
     stems: dict[str, dict[int, str]] = {}
     for name in values:
@@ -255,7 +255,7 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
 
 
 def _indexed_wrenches(values: Mapping[str, np.ndarray]) -> Iterator[dict[str, str]]:
-    """Every six numbered columns of a wrench: a robot may log several."""
+    """Each six numbered columns that form a wrench: a robot may log several."""
     stems: dict[str, list[str]] = {}
     for name in values:
         if (match := _INDEXED.match(plain(name))) and _WRENCH_STEM.search(match[1]):
@@ -284,7 +284,7 @@ def _named(short: str) -> str | None:
 
 
 def _ur_joints(values: Mapping[str, np.ndarray], roles: dict[str, str]) -> None:
-    """A UR's joints by their names in ROS."""
+    """Assign a UR's joints by their names in ROS."""
     for j, joint in enumerate(UR_JOINTS):
         hits = [n for n in values if joint in plain(n) and not _NO_JOINT.search(plain(n))]
         if not hits:
@@ -293,7 +293,7 @@ def _ur_joints(values: Mapping[str, np.ndarray], roles: dict[str, str]) -> None:
 
 
 def _whole(roles: dict[str, str]) -> dict[str, str]:
-    """Roles without groups of which a part is missing."""
+    """Roles without incomplete groups."""
     zero = [r for r in roles if re.fullmatch(r"r[0-2][0-2]", r)]
     if len(zero) == 9 and "r00" in roles:
         for r in sorted(zero, reverse=True):
@@ -323,7 +323,7 @@ def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
 
 
 def _steady(values: np.ndarray) -> bool:
-    """Whether a column without a name looks like a clock and not like a counter or a signal."""
+    """Whether values look like a clock, not like a counter or a signal."""
     step = np.diff(values)
     usual = np.median(step)
     counter = values.dtype.kind == "i" and (step == 1).all()
@@ -342,7 +342,7 @@ def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
 
 
 def orientations(sheet: Sheet) -> Iterator[Reading]:
-    """Every way to read columns as an orientation: by name, else by value."""
+    """Readings of columns as an orientation, by name, else by value."""
     roles = sheet.roles
     if "qw" in roles:
         yield Reading("quaternion", {r: roles[r] for r in ("qw", "qx", "qy", "qz")})
@@ -361,23 +361,23 @@ def orientations(sheet: Sheet) -> Iterator[Reading]:
 
 def _by_value(sheet: Sheet) -> Iterator[Reading]:
     """Poses (4, 4), else matrices (3, 3), else unit quaternions, else any three angles."""
-    found = [*_poses(sheet)]
-    if not found:
+    readings = [*_poses(sheet)]
+    if not readings:
         for names in sheet.windows(9):
             if sheet.holds(names, lambda m: _turns(m.reshape(-1, 3, 3))):
-                found.append(Reading("matrix", dict(zip(ROTATION, names, strict=True))))
-    for names in () if found else sheet.windows(4):
+                readings.append(Reading("matrix", dict(zip(ROTATION, names, strict=True))))
+    for names in () if readings else sheet.windows(4):
         if sheet.holds(names, _unit):
             for order, cost in (("wxyz", 0.0), ("xyzw", 0.1)):
                 targets = {f"q{c}": n for c, n in zip(order, names, strict=True)}
-                found.append(Reading(f"quaternion {order}", targets, None, cost))
-    for names in () if found else sheet.windows(3):
-        found += _angles(sheet, names)
-    yield from found
+                readings.append(Reading(f"quaternion {order}", targets, None, cost))
+    for names in () if readings else sheet.windows(3):
+        readings += _angles(sheet, names)
+    yield from readings
 
 
 def _poses(sheet: Sheet) -> Iterator[Reading]:
-    """Matrices (4, 4) of a pose, by rows or by columns."""
+    """Readings of matrices (4, 4) of a pose, by rows or by columns."""
     for names in sheet.windows(16):
         for what, order in (("by rows", (0, 1, 2)), ("by columns", (0, 2, 1))):
 
@@ -393,18 +393,18 @@ def _poses(sheet: Sheet) -> Iterator[Reading]:
 
 
 def _unit(q: np.ndarray) -> bool:
-    """Whether all rows of (N, 4) have length 1."""
+    """Whether all quaternions (N, 4) have length 1."""
     return bool(np.abs(np.linalg.norm(q, axis=1) - 1.0).max() < _NORM)
 
 
 def _turns(m: np.ndarray) -> bool:
-    """Whether all of (N, 3, 3) are rotations."""
+    """Whether all matrices (N, 3, 3) are rotations."""
     near = np.abs(np.swapaxes(m, 1, 2) @ m - np.eye(3)).max() < _NORM
     return bool(near and (np.linalg.det(m) > 0).all())
 
 
 def _angles(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
-    """Three numbers as rotation vector, roll pitch yaw, or KUKA's A B C."""
+    """Readings of three numbers as rotation vector, roll pitch yaw, or KUKA's A B C."""
     for unit, cost in _angle_units(sheet, names):
         for what, targets, more in (
             ("rotation vector", ROTATION_VECTOR, 0.0),
@@ -447,7 +447,7 @@ def joints(sheet: Sheet, robot: str, called: Sequence[str]) -> Iterator[Reading]
 
 
 def _joint_columns(sheet: Sheet, called: Sequence[str]) -> Iterator[Sequence[str]]:
-    """Columns, one for each of some joints."""
+    """Groups of columns, one for each joint of a robot."""
     count = len(called)
     of_joints = [_of_joint(sheet, name) for name in called]
     if all(len(hits) == 1 for hits in of_joints):

@@ -17,7 +17,7 @@ from wrenchbed.physics.wrench import CHANNELS
 
 _STANDARD = 9.80665
 _UNTOUCHED, _NORMAL = 0.3, 0.3853
-"""So many rows are free of contact at least, and that quantile of |x| of a standard normal x."""
+"""Least fraction of rows free of contact, and that quantile of |x| for a standard normal x."""
 _SIGMAS = 3.0
 """Tolerances are so many standard uncertainties of the earlier calibration."""
 _ZERO_FREE = 2.0
@@ -63,7 +63,7 @@ class KnownLoad:
 
 @dataclass(frozen=True)
 class Stated:
-    """What is known besides the files.
+    """Facts that the user states besides the files.
 
     Attributes:
         robot: name.
@@ -164,20 +164,20 @@ class Stated:
         raw = Fields(load(path, MapError), f"{path}: ", MapError)
         tool, values = raw.part("tool"), raw.part("parameters")
         mass, cog = tool.number("mass", "kg", positive=True), tool.numbers("cog", 3)
-        found = {k: v for k, v in values.raw.items() if isinstance(v, Mapping)}
-        missing = [c for c in CHANNELS if f"sensor.bias.{c}" not in found]
+        numbers = {k: v for k, v in values.raw.items() if isinstance(v, Mapping)}
+        missing = [c for c in CHANNELS if f"sensor.bias.{c}" not in numbers]
         if mass is None or cog is None or missing:
             raise MapError(f"{path}: is no fit.json with tool and sensor.bias.fx … tz")
         recording["tool"] = {"mass": round(mass, 6), "cog": [round(x, 6) for x in cog]}
 
         def sigma(name: str) -> float:
-            std: Any = found.get(name, {}).get("std")
+            std: Any = numbers.get(name, {}).get("std")
             return _SIGMAS * float(std) if is_number(std) and std > 0 else 0.0
 
         for channel in CHANNELS:
             entry = wrench[channel]
             size = UNITS[entry["unit"]][1] * entry.get("sign", 1)
-            zero = float(found[f"sensor.bias.{channel}"]["value"]) / size
+            zero = float(numbers[f"sensor.bias.{channel}"]["value"]) / size
             entry["zero"] = float(f"{zero:.6g}")
         left = [raw.part("residual_rms").number(c, "N") or 0.0 for c in CHANNELS[:3]]
         size = _STANDARD if self.gravity is None else self.gravity
