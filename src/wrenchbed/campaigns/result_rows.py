@@ -26,7 +26,7 @@ _DIAGNOSED = (
     "probability", "gap.configured", "gap.calibrated", "gap.with_effects", "closed", "right",
 )  # fmt: skip
 SECONDS = ("seconds.record", "seconds.calibrate", "seconds.diagnose")
-"""Columns that a second run need not repeat."""
+"""Columns of durations, which differ between equal runs."""
 
 
 def schema(fleet: Fleet) -> pa.Schema:
@@ -42,7 +42,7 @@ def schema(fleet: Fleet) -> pa.Schema:
 
 
 def empty(fleet: Fleet, k: int) -> Row:
-    """The row of robot k before anything is known."""
+    """Empty row of robot k."""
     return {"robot": k, "seed": fleet.seed} | dict.fromkeys(_TEXT, "")
 
 
@@ -67,7 +67,7 @@ class CampaignRows:
         self._written = time.monotonic()
 
     def table(self) -> pa.Table:
-        """All rows so far in the order of the robots, each once."""
+        """Table of all rows in the order of the robots, each once."""
         table, path = self._parts.table(), self.folder / ALL
         if path.exists():
             table = pa.concat_tables([read_table(path, table.schema), table])
@@ -77,7 +77,7 @@ class CampaignRows:
         return table.take(order.take(pa.array(first, pa.int64())))
 
     def done(self) -> set[int]:
-        """Robots whose rows are on disk."""
+        """Numbers of the robots whose rows are on disk."""
         return set(self.table()["robot"].to_pylist())
 
     def add(self, row: Row) -> None:

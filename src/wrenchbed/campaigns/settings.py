@@ -22,7 +22,7 @@ from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 
 VARIED = ("noise", "parameters", "effects", "poses")
-"""What may differ from robot to robot."""
+"""Properties that may differ from robot to robot."""
 HEALTHY = 0.25
 """Share of robots without an effect, where effects vary."""
 SIZES = (0.3, 6.0)
@@ -94,7 +94,7 @@ class Fleet:
         return np.random.default_rng([self.seed, robot, VARIED.index(what)])
 
     def to_json(self) -> dict[str, Any]:
-        """What rows follow from, as JSON; the number of robots may grow later."""
+        """Settings that determine the rows, as JSON; the number of robots may grow later."""
         plan = None
         if self.plan is not None:
             plan = hashlib.sha256(np.ascontiguousarray(self.plan.q).tobytes()).hexdigest()
@@ -106,7 +106,7 @@ class Fleet:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """One robot.
+    """True parameters and effect of one robot.
 
     Attributes:
         theta: true parameters (P,) of the model.
@@ -122,7 +122,7 @@ class Truth:
 
     @property
     def effect(self) -> str:
-        """Name of the effect, empty if there is none."""
+        """Name of the robot's effect, empty if there is none."""
         return self.active[0].effect.name if self.active else ""
 
 

@@ -55,7 +55,7 @@ SETTLE_S = 0.5
 _JUDGED, _SEED = 100, 20_160_798
 """Poses at which all robots are judged, and what they are drawn from."""
 _EFFECT = re.compile(r"[a-z]+\.[a-z_]+")
-"""An effect's name in a sentence."""
+"""Pattern of an effect's name in a sentence."""
 _COURSES: dict[str, Recording] = {}
 """The course of the present fleet, by the fleet's settings."""
 _AHEAD = 3
@@ -65,12 +65,12 @@ _TOGETHER, _TASK_S = 25, 1.0
 how long it works on them [s]: rows of a task reach the disk together, and a kill loses them."""
 _KEPT = "what is done is kept, and the same command goes on"
 _ANSWERS_S = 10.0
-"""Time in which a Dask scheduler must answer [s]."""
+"""Timeout for the answer of a Dask scheduler [s]."""
 Result = TypeVar("Result")
 
 
 def course(fleet: Fleet, k: int) -> Recording:
-    """The recording of robot k with readings of 0."""
+    """Recording of robot k with readings of 0."""
     robot = fleet.model_robot()
     plan = fleet.plan
     if plan is None:
@@ -136,7 +136,7 @@ def robot_rows(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
 
 @contextmanager
 def _error_into(row: Row) -> Iterator[None]:
-    """A named error of the package goes into the row."""
+    """Context that writes a named error of the package into the row."""
     try:
         yield
     except WrenchbedError as error:
@@ -152,7 +152,7 @@ def _checked(result: Result | WrenchbedError) -> Result:
 def recorded(
     fleet: Fleet, numbers: Sequence[int]
 ) -> list[tuple[Recording, Truth] | WrenchbedError]:
-    """What the sensors of some robots read, by MuJoCo, and what these robots truly are.
+    """Simulated readings of some robots, by MuJoCo, and these robots' true parameters.
 
     Those without an effect at the same poses are simulated together. The error of a robot that
     cannot be recorded stands for it.
@@ -382,7 +382,7 @@ def _results(pool: Executor, fleet: Fleet, todo: Sequence[int], workers: int) ->
 
 
 def task_size(seconds: float, before: int) -> int:
-    """How many robots a worker takes at once: at least one, at most twice as many as before.
+    """Number of robots for a worker's next task: at least one, at most twice as many as before.
 
     Args:
         seconds: that one robot took [s].

@@ -20,9 +20,9 @@ _ERRORS = (("force", 1e3, "mN"), ("torque", 1e3, "mN·m"), ("position", 1e3, "mm
 _QUANTILES = (5, 25, 50, 75, 95)
 _VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
 LEAST_DECADE = -3.0
-"""Of what an effect changes: smaller changes are in its group."""
+"""Least decimal exponent in the groups of an effect's change: smaller changes share its group."""
 MOST_WRONG = 200
-"""Robots that are listed."""
+"""Largest number of robots that are listed."""
 SHOWS = 1.0
 """Least mean square change of a reading that an effect makes, in units of a row's noise."""
 
@@ -61,7 +61,8 @@ def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Docu
 
 
 def _cards(fleet: Fleet, table: pa.Table) -> Iterator[Card]:
-    """How accurate calibration is, how far its intervals hold, and how often a diagnosis is right.
+    """Cards of the accuracy of calibration, coverage of its intervals, and share of right
+    diagnoses.
 
     The first two are of robots without an effect, as far as there are any.
     """
@@ -98,12 +99,12 @@ def _cards(fleet: Fleet, table: pa.Table) -> Iterator[Card]:
 
 
 def _healthy(table: pa.Table) -> np.ndarray:
-    """Robots (N,) without an effect that did not fail."""
+    """Which robots (N,) have no effect and did not fail, boolean."""
     return np.asarray((text(table, "effect") == "") & (text(table, "error") == ""))
 
 
 def _scores(table: pa.Table) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
-    """Each parameter that was fitted: name, error and stated uncertainty (N,), NaN if unknown."""
+    """Name, error and stated uncertainty (N,) of each fitted parameter, NaN if unknown."""
     for name in (c.removeprefix("fit.") for c in table.column_names if c.startswith("fit.")):
         true, fit, std = (numbers(table, f"{part}.{name}") for part in ("true", "fit", "std"))
         yield name, fit - true, np.where(std > 0, std, np.nan)
@@ -138,12 +139,12 @@ def figures(table: pa.Table) -> dict[str, float | None]:
 
 
 def numbers(table: pa.Table, name: str) -> np.ndarray:
-    """A column of numbers (N,), NaN where there is none."""
+    """Column of numbers (N,), NaN where there is none."""
     return np.asarray(table[name].to_numpy(zero_copy_only=False), dtype=float)
 
 
 def text(table: pa.Table, name: str) -> np.ndarray:
-    """A column of texts (N,)."""
+    """Column of texts (N,)."""
     return np.array([x or "" for x in table[name].to_pylist()])
 
 
@@ -220,7 +221,7 @@ def _held(hits: int, count: int) -> str:
 
 
 def share_text(hits: int, count: int) -> str:
-    """A share with its 95 % interval: ``38 % (20–58)``."""
+    """Text of a share with its 95 % interval: ``38 % (20–58)``."""
     low, high = (100.0 * x for x in share_interval(hits, count))
     return f"{100 * hits / count:.0f} % ({low:.0f}–{high:.0f})"
 

@@ -41,7 +41,7 @@ from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.robots.motion_limits import duration
 
 PLAN = "plan.parquet"
-"""Name of the plan in the folder of a history."""
+"""Name of the plan's file in a history's folder."""
 HEALTHY, CHANGED, CANNOT_TELL = "healthy", "changed", "cannot tell"
 ALARMS_A_YEAR = 0.01
 """Probability of a false alarm in a year of checks of a healthy robot."""
@@ -67,7 +67,7 @@ _EXAMPLES = ("sensor.bias.fz", "tool.mass", "base.tilt.x")
 
 @dataclass(frozen=True)
 class Judgement:
-    """What a history says of its last check.
+    """Judgement of a history's last check.
 
     Attributes:
         verdict: `HEALTHY`, `CHANGED` or `CANNOT_TELL`.
@@ -85,7 +85,7 @@ class Judgement:
     alarms: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
-        """As a JSON object: that of the comparison, and what the check adds."""
+        """Judgement as a JSON object: the comparison's, and what the check adds."""
         checks = self.history.checks
         return {
             "format": 2,
@@ -209,7 +209,7 @@ def _level(series: History, count: int) -> float:
 
 
 def _alarms(series: History) -> tuple[str, ...]:
-    """Names of what the last check shows to have changed."""
+    """Names of the quantities that the last check shows to have changed."""
     n, names = len(series.checks), list[str]()
     for count, fraction in SINCE.items():
         if count < n:
@@ -236,7 +236,7 @@ def visible(series: History) -> dict[str, float]:
 
 
 def _what_changed(series: History, begin: int, changes: Sequence[Change]) -> str:
-    """When, which numbers, and whether more than these."""
+    """Sentence on the time of a change, its quantities, and further ones."""
     moved = sorted((c for c in changes if c.changed), key=lambda c: -abs(c.sigmas))
     texts, p = [c.sentence for c in moved], series.step(begin).misfit
     if p < LEVEL or not moved:
@@ -256,7 +256,7 @@ def stated(recording: Recording, given: Mapping[str, Any]) -> Recording:
 
 
 def time_of(recording: Recording) -> datetime | None:
-    """When a recording was made, as far as it states it.
+    """Time at which a recording was made; None if it states none.
 
     Raises:
         HistoryError: it states no time of ISO 8601 with a zone.
@@ -361,7 +361,7 @@ def check(
 def _judged(
     robot: Robot, folder: Path, checks: Sequence[Check], new: Check, now: datetime
 ) -> tuple[Judgement, Check]:
-    """What a new check shows, and the check with it.
+    """Judgement of a new check, and the check with it.
 
     Raises:
         HistoryError: it does not continue the history, see `history.agrees`.

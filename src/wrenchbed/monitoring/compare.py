@@ -27,7 +27,7 @@ _SINGULAR = 1e-10
 
 @dataclass(frozen=True)
 class Change:
-    """One number in both.
+    """Change of one number between two results.
 
     Attributes:
         name, unit: as in the files.
@@ -55,7 +55,7 @@ class Change:
 
 @dataclass(frozen=True)
 class Comparison:
-    """What two results have in common and where they differ.
+    """Common numbers of two results and their differences.
 
     Attributes:
         kind: ``fits``, ``recordings`` or ``diagnoses``.
@@ -77,7 +77,7 @@ class Comparison:
     changed: bool
 
     def to_json(self) -> dict[str, Any]:
-        """As a JSON object."""
+        """Comparison as a JSON object."""
         return asdict(self)
 
 
@@ -205,7 +205,7 @@ def changes_of(
 
 
 def _determined(fields: checked.Fields) -> list[str]:
-    """Parameters with a value and an uncertainty."""
+    """Names of parameters with a value and an uncertainty."""
     parts = fields.part("parameters")
     return [
         n
@@ -244,7 +244,7 @@ def _together(difference: np.ndarray, covariance: np.ndarray) -> dict[str, float
 
 
 def holm(p: np.ndarray, level: float = LEVEL) -> np.ndarray:
-    """Which of some p values (K,) stand at a level over all of them."""
+    """Which p values (K,) are significant at a level over all of them (Holm), boolean."""
     order = np.argsort(p)
     steps = p[order] <= level / np.arange(len(p), 0, -1)
     passed = np.zeros(len(p), dtype=bool)

@@ -47,12 +47,12 @@ _SAME = 1e-9
 _FITS = 1e-3
 """Probability of its misfit below which a cause is ruled out."""
 _POSES = 12
-"""Poses since an alarm that are kept."""
+"""Number of poses since an alarm that are kept."""
 
 
 @dataclass(frozen=True, eq=False)
 class External:
-    """One compensated reading.
+    """Compensated reading: the wrench of the surroundings.
 
     Attributes:
         t: of the reading [s].
@@ -71,7 +71,7 @@ class External:
     alarm: str
 
     def to_json(self) -> dict[str, object]:
-        """As a JSON object."""
+        """Reading as a JSON object."""
         return {
             "t": self.t, "wrench": self.wrench.tolist(), "std": self.std.tolist(),
             "at_rest": self.at_rest, "zero": self.zero.tolist(), "alarm": self.alarm,
@@ -80,8 +80,8 @@ class External:
 
 @dataclass(frozen=True, eq=False)
 class _AtPose:
-    """What follows from the joint values alone: the expected reading (6,), and the matrix (6, 6)
-    that brings a wrench from the sensor's axes to those of the result."""
+    """Expected reading (6,) at joint values, and the matrix (6, 6) that brings a wrench from the
+    sensor's axes to those of the result."""
 
     expected: np.ndarray
     turn: np.ndarray
@@ -181,7 +181,7 @@ class Compensator:
         return np.asarray(first + share * (second - first))
 
     def _expected(self, q: np.ndarray) -> np.ndarray:
-        """What the calibrated sensor reads without an external wrench (6,)."""
+        """Reading (6,) that the calibrated sensor has without an external wrench."""
         twin, row = self._twin, q[None]
         if self._plain:
             return np.asarray(twin.model.predict(row, twin.theta)[0])
@@ -190,7 +190,7 @@ class Compensator:
         return np.asarray(twin.wrench(scene)[0])
 
     def _evaluated(self, q: np.ndarray) -> "_AtPose":
-        """What follows from joint values (J,) alone."""
+        """Expected reading and transform at joint values (J,)."""
         expected = self._expected(q)
         if self._frame == "sensor":
             return _AtPose(expected, np.eye(6))
@@ -205,7 +205,7 @@ class Compensator:
         return self._sum / len(self._recent)
 
     def _judge(self, t: float, q: np.ndarray, left: np.ndarray) -> None:
-        """Follow the zero, or raise and explain an alarm."""
+        """Track the sensor's zero from a residual, or raise and explain an alarm."""
         self._recent.append((t, left))
         self._sum = self._sum + left
         while t - self._recent[0][0] > WINDOW_S:
@@ -279,7 +279,7 @@ def _weight(gravity: np.ndarray) -> np.ndarray:
 
 
 def compensator(path: str | Path, noise: np.ndarray, frame: str, follow: bool) -> Compensator:
-    """Of fit.json or twin.json.
+    """Compensator from fit.json or twin.json.
 
     Raises:
         ExportError, TwinError: the file cannot be trusted.
@@ -288,7 +288,7 @@ def compensator(path: str | Path, noise: np.ndarray, frame: str, follow: bool) -
 
 
 def _undone(a: ActiveEffect, twin: Twin) -> bool:
-    """Whether what the effect does follows from the present pose and load alone, linearly."""
+    """Whether an effect follows from the present pose and load alone, linearly."""
     if a.effect.name == DELAY:
         return True
     if a.effect.modes == ("dynamic",):
@@ -297,7 +297,7 @@ def _undone(a: ActiveEffect, twin: Twin) -> bool:
 
 
 def _without_memory(a: ActiveEffect, twin: Twin) -> bool:
-    """Whether poses in a row read as each of them does alone."""
+    """Whether successive poses read as each of them does alone."""
     robot, one = twin.model.robot, Twin(twin.model, twin.model.parameters.nominal, (a,))
     q = robot.sample(_TRIED, np.random.default_rng(1))
     t, held = np.linspace(0.0, _TRIED_S, _TRIED), np.ones(_TRIED, dtype=bool)
@@ -311,7 +311,7 @@ def _without_memory(a: ActiveEffect, twin: Twin) -> bool:
 
 
 def _linear(a: ActiveEffect, twin: Twin) -> bool:
-    """Whether the sensor makes of a sum of loads the sum of what it makes of each."""
+    """Whether the sensor is linear: its reading of a sum is the sum of its readings."""
     rng, one = np.random.default_rng(1), Twin(twin.model, twin.model.parameters.nominal, (a,))
     loads = rng.standard_normal((8, 6))
     slope = _read(one, np.eye(6)) - _read(one, np.zeros((6, 6)))
@@ -320,7 +320,7 @@ def _linear(a: ActiveEffect, twin: Twin) -> bool:
 
 
 def _read(twin: Twin, loads: np.ndarray) -> np.ndarray:
-    """What the sensor makes of loads (M, 6) at the home pose."""
+    """Readings of loads (M, 6) at the home pose."""
     robot, n = twin.model.robot, len(loads)
     assert isinstance(robot, SimulatedRobot)
     q, held = np.tile(robot.home, (n, 1)), np.ones(n, dtype=bool)

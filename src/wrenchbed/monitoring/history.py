@@ -36,7 +36,7 @@ _REMEDY = (
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """One check.
+    """Check of a robot in a history.
 
     Attributes:
         time: when it was recorded.
@@ -72,7 +72,7 @@ class Check:
 
     @property
     def day(self) -> str:
-        """The time for people."""
+        """Date of the check for people."""
         return f"{self.time:%Y-%m-%d %H:%M:%S} UTC"
 
 
@@ -94,7 +94,7 @@ def digest_of(*arrays: np.ndarray) -> str:
 
 
 def read(folder: Path) -> list[Check]:
-    """All checks of a history, the oldest first; none where there is no file.
+    """All checks of a history, the oldest first; none if there is no file.
 
     Raises:
         HistoryError: the file is damaged, its rows are out of order, doubled or of several robots;
@@ -235,7 +235,7 @@ def write(folder: Path, checks: Sequence[Check]) -> None:
 
 
 def _columns(check: Check) -> dict[str, Any]:
-    """A check as one row of plain columns."""
+    """Plain columns of a check as one row."""
     row: dict[str, Any] = {name: getattr(check, name) for name in _TEXTS}
     row["time"] = check.time.isoformat(timespec="milliseconds")
     row["temperature"] = check.temperature

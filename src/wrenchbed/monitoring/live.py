@@ -25,14 +25,14 @@ from wrenchbed.monitoring.compensation import Compensator, External
 POLL_S = 2e-4
 """Time between two looks for a new reading [s]: a tenth of a period at 500 Hz."""
 _KEPT = 1 << 20
-"""Latencies that are kept for the summary."""
+"""Number of latencies that are kept for the summary."""
 _MOST_CLIENTS = 8
 Sink = Callable[[External], None]
 
 
 @dataclass(frozen=True)
 class LiveSummary:
-    """What a run was like.
+    """Summary of a live run.
 
     Attributes:
         readings, seconds: how many, in what time [s].
@@ -100,7 +100,7 @@ def live(
 
 
 def _received(driver: LiveDriver) -> int:
-    """Readings that a driver's sensor has received."""
+    """Number of readings that a driver's sensor has received."""
     return int(driver.health().counters["wrench readings"])
 
 
@@ -117,7 +117,7 @@ def _check_whole(driver: LiveDriver) -> None:
 
 
 class _Tally:
-    """Counts of a run."""
+    """Counts of a live run."""
 
     def __init__(self) -> None:
         self._count = self._rests = self._alarms = self._lost = 0
@@ -135,7 +135,8 @@ class _Tally:
         self._alarm = external.alarm
 
     def summary(self, seconds: float, received: int) -> LiveSummary:
-        """Of a run of some length [s] in which the sensor received some readings."""
+        """Summary of a run of ``seconds`` [s] in which the sensor received ``received``
+        readings."""
         rms = np.sqrt(self._squares / self._rests) if self._rests else np.full(6, np.nan)
         p50, p99 = np.quantile(self._late, (0.5, 0.99)) if self._late else (np.nan, np.nan)
         return LiveSummary(
@@ -195,14 +196,14 @@ class LineServer:
 
     @property
     def port(self) -> int:
-        """The port that is served."""
+        """Number of the port that is served."""
         return int(self._listener.getsockname()[1])
 
     def __enter__(self) -> Self:
         return self
 
     def __call__(self, external: External) -> None:
-        """Send a line to all; take new clients."""
+        """Send a reading as a line to all clients; accept new ones."""
         if self._waiting.select(0.0):
             with contextlib.suppress(OSError):
                 client, _ = self._listener.accept()

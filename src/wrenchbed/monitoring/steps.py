@@ -50,9 +50,9 @@ NUMBERS: Mapping[str, str] = {
     "span.fx": "1",
     "span.fy": "1",
 }
-"""Their names, as `compare` gives them, with units."""
+"""Names of a check's quantities, as `compare` gives them, with units."""
 YEAR_S = 365.25 * 86400.0
-"""A year [s]."""
+"""Length of a year [s]."""
 _ZERO_PER_K, _SPAN_PER_K = 1e-4, 2e-4
 """Typical shift of a zero [of full scale, 1/K] and of a span [1/K]: 0.1 % of full scale per
 10 K and 0.02 %/K, see `effects.sensor_temperature`."""
@@ -93,8 +93,8 @@ class Step(NamedTuple):
 
 
 class _Reference(NamedTuple):
-    """What the first check shows: parameters (P,), scene, readings (P, 6, K) per unit of each
-    number, and the numbers themselves (K,), of which spans, tilt and mount count from 0."""
+    """First check of a history: parameters (P,), scene, readings (P, 6, K) per unit of each number,
+    and the numbers themselves (K,), of which spans, tilt and mount count from 0."""
 
     theta: np.ndarray
     scene: Scene
@@ -104,7 +104,7 @@ class _Reference(NamedTuple):
 
 @lru_cache(maxsize=4)
 def _reference(robot: Robot, first: Check) -> _Reference:
-    """Of a history; its tangents cost more than all else.
+    """Reference of a history; its derivatives cost more than all else.
 
     Raises:
         CalibrationError: the load of the check cannot be identified.

@@ -33,12 +33,12 @@ ROBOTS = 100
 _STEP, _TRIES, _THERE = 1e-6, 20, 1e-8
 _MOST, _SCREENED, _TURNS, _ROUNDS = 400, 256, 2, 20
 SAMPLES = 100
-"""Rows that one pose under gravity averages."""
+"""Rows that are averaged at one pose under gravity."""
 
 
 @dataclass(frozen=True, eq=False)
 class Measurements:
-    """What is measured: poses under gravity and touches, and how well.
+    """Poses under gravity and touches that are measured, with their noise.
 
     Attributes:
         gravity: joint values (N, J), each for a mean wrench.
@@ -128,7 +128,7 @@ def _seated(robot: Robot, q: np.ndarray, points: np.ndarray, theta: np.ndarray) 
 
 @dataclass(frozen=True, eq=False)
 class MixOptions:
-    """What a mix is chosen from, and what it costs.
+    """Options and costs of a mix of measurements.
 
     Attributes:
         share: of the robots that shall reach the accuracy.
@@ -332,13 +332,13 @@ def _pruned(
 def _without_least(
     task: _Task, pool: Pool, still: list[int], touch: list[int], kind: list[int]
 ) -> list[int]:
-    """One kind of measurement without the one whose loss costs least."""
+    """Measurements of one kind without the one whose loss costs least."""
     left = task.criterion.changed(task.information(still, touch), pool.blocks[kind], -1.0)
     return [m for k, m in enumerate(kind) if k != int(np.argmax(left))]
 
 
 def _exchanged(task: _Task, still: list[int], touch: list[int]) -> tuple[list[int], list[int]]:
-    """As many measurements of each kind, exchanged in turns."""
+    """Measurements with as many of each kind, exchanged in turns."""
     for _ in range(_TURNS):
         if touch:
             base = task.information(still, [])

@@ -118,7 +118,7 @@ def _homogeneous(criterion: Criterion, information: np.ndarray) -> tuple[float, 
 
 
 def _slopes(pool: Pool, gradient: np.ndarray) -> np.ndarray:
-    """Like `Pool.slopes`, in double precision: a bound must hold."""
+    """trace(gradient · JᵢᵀJᵢ) (N,) in double precision: a bound must hold."""
     m = pool.blocks.shape[-1]
     result = np.empty(len(pool))
     for start in range(0, len(pool), 4096):

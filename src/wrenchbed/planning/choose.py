@@ -104,7 +104,7 @@ def multisine(robot: Robot, seconds: float, rate: float, seed: int) -> Plan:
 
 
 def _wave(t: np.ndarray, joints: int, rng: np.random.Generator) -> np.ndarray:
-    """Unit-weight harmonics (N, J)."""
+    """Sum of random harmonics (N, J) with unit weight."""
     phase = rng.uniform(0.0, 2 * np.pi, (HARMONICS, joints))
     weight = rng.uniform(0.3, 1.0, (HARMONICS, joints))
     turn = 2 * np.pi * t[:, None] / BASE_PERIOD_S

@@ -22,7 +22,7 @@ _DETOURS = 60
 _OFTEN = 0.3
 _TRIES = 400
 _PER_LEG = 0.3
-"""What a leg of a way costs beside its length [rad or m]: few long legs rather than many short."""
+"""Cost of each leg of a way beside its length [rad or m]: few long legs rather than many short."""
 
 
 class Clearance:
@@ -48,13 +48,14 @@ class Clearance:
         self._built = self._drawn_so()
 
     def hit(self, q: np.ndarray) -> str:
-        """What touches what at joint values (J,); empty if nothing does."""
+        """Contact at joint values (J,), in words; empty if there is none."""
         for a, b, _, _ in sorted(self._touching(q) - self._built):
             return f"{self._name(a)} would touch {self._name(b)}"
         return ""
 
     def blocked(self, start: np.ndarray, end: np.ndarray) -> str:
-        """What touches what on a straight joint-space move (J,) → (J,), and how far along."""
+        """Contact on a straight joint-space move (J,) → (J,), with its place on the move; empty if
+        none."""
         n = max(1, int(np.ceil(np.abs(end - start).max() / STEP)))
         for share in np.arange(1, n + 1) / n:
             what = self.hit(start + share * (end - start))
@@ -108,7 +109,7 @@ class Clearance:
 
     @cached_property
     def _free(self) -> list[np.ndarray]:
-        """Some poses at which nothing touches."""
+        """Random poses without contact."""
         drawn = self.robot.sample(_DETOURS, np.random.default_rng(0))
         return [q for q in drawn if not self.hit(q)]
 

@@ -35,14 +35,14 @@ class Criterion(ABC):
 
     @abstractmethod
     def values(self, information: np.ndarray) -> np.ndarray:
-        """Criterion (…) of information matrices (…, m, m)."""
+        """Values (…) of the criterion for information matrices (…, m, m)."""
 
     @abstractmethod
     def gradient(self, information: np.ndarray) -> np.ndarray:
-        """Derivative (m, m) by a matrix that is not singular."""
+        """Derivative (m, m) of the criterion by a regular information matrix."""
 
     def screen(self, information: np.ndarray) -> np.ndarray:
-        """A matrix (m, m) whose product with JᵢᵀJᵢ tells promising configurations."""
+        """Matrix (m, m) whose product with JᵢᵀJᵢ ranks promising configurations."""
         return self.gradient(information)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
@@ -90,7 +90,7 @@ class O1(Spectral):
         return self._of(sigma) / (len(sigma) * sigma)
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """By the determinant lemma: k × k determinants instead of m × m."""
+        """Criterion after changes, by the determinant lemma: k × k determinants, not m × m."""
         m = len(information)
         inner = blocks @ np.linalg.inv(information) @ np.swapaxes(blocks, -1, -2)
         factor = np.linalg.det(np.eye(blocks.shape[1]) + sign * inner)
@@ -184,7 +184,7 @@ class InverseTrace(Criterion):
         return inner / np.trace(self.weight @ inverse) ** 2
 
     def changed(self, information: np.ndarray, blocks: np.ndarray, sign: float) -> np.ndarray:
-        """By the Woodbury identity."""
+        """Criterion after changes, by the Woodbury identity."""
         inverse = np.linalg.inv(information)
         turned = np.swapaxes(blocks, -1, -2)
         inner = np.eye(blocks.shape[1]) + sign * (blocks @ inverse @ turned)
@@ -199,7 +199,7 @@ INDICES: dict[str, Criterion] = {c.name: c for c in (O1(), O2(), O3(), O4(), O5(
 
 
 def a_optimality(m: int) -> Criterion:
-    """1 / trace(M⁻¹) for m parameters in their units."""
+    """Criterion 1 / trace(M⁻¹) for m parameters in their units."""
     return InverseTrace(np.eye(m), "A", "one over the sum of the parameters' variances")
 
 

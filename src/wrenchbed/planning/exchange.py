@@ -51,7 +51,7 @@ class Pool:
         return len(self.blocks)
 
     def information(self, chosen: Sequence[int] | np.ndarray) -> np.ndarray:
-        """M (m, m) of some configurations."""
+        """Information matrix M (m, m) of some configurations."""
         rows = self.blocks[np.asarray(chosen, dtype=int)].reshape(-1, self.blocks.shape[-1])
         return rows.T @ rows
 

@@ -9,4 +9,4 @@ SUPPORT = (
     "link_inertias", "loop_arm", "loop_file", "mjcf", "model_file", "model_source",
     "motion_limits", "serial_arm", "serial_xml", "ur_arm", "ur_family",
 )  # fmt: skip
-"""Modules here that are no plug-ins."""
+"""Modules of this package that are no plug-ins."""

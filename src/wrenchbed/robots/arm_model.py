@@ -42,7 +42,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False)
 class ArmLink:
-    """One joint and what it moves.
+    """Joint of an arm and the link that it moves.
 
     Attributes:
         joint, body: the file's names.
@@ -72,8 +72,8 @@ class ArmLink:
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """What hangs behind the sensor: mass [kg], CoG (3,) [m] and inertia (6,) [kg·m²] about it,
-    xx yy zz xy xz yz, in sensor axes; the names of its bodies and what is drawn."""
+    """Load behind the sensor: mass [kg], CoG (3,) [m] and inertia (6,) [kg·m²] about it, xx yy zz
+    xy xz yz, in sensor axes; the names of its bodies and its shapes."""
 
     mass: float
     cog: tuple[float, ...]
@@ -84,7 +84,7 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """What closes a loop: MuJoCo's equality constraint between two links, or two joints' values.
+    """Constraint that closes a loop: MuJoCo's equality between two links, or two joints' values.
 
     Attributes:
         name: the file's, or ``loop1`` …
@@ -106,7 +106,7 @@ class Closure:
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """How the links of an arm with closed loops hang together.
+    """Topology of the links of an arm with closed loops.
 
     Attributes:
         parents: the link before each; −1 is the base.
@@ -150,12 +150,12 @@ class ArmModel:
     loops: Loops | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """As JSON; `from_json` reads it."""
+        """Arm as a JSON object; `from_json` reads it."""
         return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
 
     @classmethod
     def from_json(cls, raw: Mapping[str, Any]) -> "ArmModel":
-        """From `to_json`."""
+        """Arm from the JSON object of `to_json`."""
         load, loops = raw["load"], raw.get("loops")
         if load is not None:
             load = _made(Load, load, shapes=_shapes(load))
@@ -180,17 +180,17 @@ class ArmModel:
 
     @property
     def parents(self) -> tuple[int, ...]:
-        """The link before each; −1 is the base."""
+        """Number of the link before each link; −1 is the base."""
         return tuple(range(-1, len(self.links) - 1)) if self.loops is None else self.loops.parents
 
     @property
     def end(self) -> int:
-        """The link that carries the sensor."""
+        """Number of the link that carries the sensor."""
         return len(self.links) - 1 if self.loops is None else self.loops.end
 
     @property
     def driven(self) -> tuple[int, ...]:
-        """The link of each joint q1 …"""
+        """Number of the link that each joint q1 … moves."""
         return tuple(range(len(self.links))) if self.loops is None else self.loops.driven
 
     @property
@@ -201,7 +201,7 @@ class ArmModel:
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON has it."""
+    """Value converted to JSON's types."""
     if isinstance(value, np.ndarray):
         return value.tolist()
     if isinstance(value, Shape | ArmLink | Load | Loops | Closure):
@@ -247,7 +247,7 @@ def lighter(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
 
 @dataclass(frozen=True)
 class ArmFile:
-    """What was read from a model file.
+    """Arm as read from a model file.
 
     Attributes:
         arm: as numbers.

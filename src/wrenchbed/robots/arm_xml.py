@@ -16,7 +16,7 @@ from wrenchbed.robots.chain import about
 from wrenchbed.robots.mjcf import servo_gains
 
 _LIGHTEST, _SMALLEST = 1e-6, 1e-9
-"""What MuJoCo is given for a link that weighs nothing [kg, kg·m²]: it refuses less."""
+"""Mass and inertia that MuJoCo gets for a link that weighs nothing [kg, kg·m²]: it refuses less."""
 _STIFF, _HARD = "0.0001 1", "0.9999 0.9999 0.001 0.5 2"
 """MuJoCo's solref and solimp of closed loops: below 1 µm open in motion."""
 _THICK = 0.035
@@ -25,7 +25,7 @@ _FLAT, _WIDE = 0.018, 0.036
 """Half height and radius of the disc that stands for the sensor [m]: about an ATI Gamma's."""
 _GREY, _ORANGE, _DARK = "0.72 0.74 0.77 1", "0.86 0.56 0.16 1", "0.10 0.11 0.14 1"
 _LOOK = "0.795 0.607 0 -0.164 0.215 0.963"
-"""Right and up of the picture."""
+"""Camera axes of the picture: right, then up."""
 _HEAD = """
 <mujoco>
   <compiler angle="radian" autolimits="true" balanceinertia="false"/>
@@ -192,7 +192,7 @@ def _end(body: Xml.Element, arm: ArmModel, load: Load, writer: "_Writer") -> Non
 
 
 def _tool(body: Xml.Element, tip: np.ndarray) -> None:
-    """A capsule whose middle is the CoG."""
+    """Add a capsule for the tool, whose middle is the CoG."""
     if np.linalg.norm(tip) > _FLAT:
         Xml.SubElement(body, "geom", name="tool", type="capsule", size=repr(0.6 * _WIDE),
                        fromto=_text([0.0, 0.0, 0.0, *tip]), rgba=_ORANGE)  # fmt: skip
@@ -202,7 +202,7 @@ def _tool(body: Xml.Element, tip: np.ndarray) -> None:
 
 
 class _Writer:
-    """Writes shapes, and meshes as assets."""
+    """Writer of shapes, and of meshes as assets."""
 
     def __init__(self, asset: Xml.Element) -> None:
         self._asset = asset

@@ -35,7 +35,7 @@ _OF_SLIDES: Mapping[str, str] = {
     "N·m": "N", "N·m·s/rad": "N·s/m", "kg·m²": "kg", "N·m/A": "N/A", "N·m/K": "N/K",
     "N·m/rad": "N/m", "rad": "m", "rad/s": "m/s",
 }  # fmt: skip
-"""Units of slides where hinges have others."""
+"""Units for slides in place of the units for hinges."""
 ANGLE = np.deg2rad(0.5)
 """Typical error of a joint's zero, of the base's tilt and of the mount [rad]: it scales
 a fit's columns, and is the spread of priors and of simulated robots."""
@@ -62,7 +62,7 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class GoalSets:
-    """Where a robot may be measured and where it must be accurate, joint values each.
+    """Poses at which a robot may be measured and must be accurate, as joint values.
 
     Attributes:
         gravity: poses at which the sensor may read the tool's weight (N, J).
@@ -91,7 +91,7 @@ class Robot(ArmBodies):
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.80665)
     """Default gravity in world axes [m/s²]."""
     sensor: str
-    """Registry name of the sensor that it carries."""
+    """Registry name of the sensor that the robot carries."""
     free: tuple[str, ...]
     """Patterns of the parameters that `calibrate` identifies by default."""
     candidates: tuple[str, ...]
@@ -99,7 +99,8 @@ class Robot(ArmBodies):
     load: frozenset[str]
     """Parameters that change the load on the sensor but not where the sensor is."""
     large_gears: int = 0
-    """How many joints from the base on have gears about three times as stiff as the others'."""
+    """Number of joints from the base on whose gears are about three times as stiff as the
+    others'."""
     broadcasts: bool = False
     """Whether the formulas at rest take theta (R, 1, P) and give each robot the same bits as
     alone."""
@@ -125,7 +126,7 @@ class Robot(ArmBodies):
         return np.asarray(np.swapaxes(self.sensor_pose(q, theta)[0], -1, -2) @ gravity)
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
-        """What `compiled.statics` needs of parameters (P,), or (R, P) of robots that broadcast."""
+        """Input of `compiled.statics` for parameters (P,), or (R, P) of robots that broadcast."""
         raise NotImplementedError
 
     def gravity_slopes(
@@ -138,7 +139,7 @@ class Robot(ArmBodies):
         return None
 
     def motion_seen(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
-        """How the sensor moves under gravity in world axes (3,), vectors (3, …, N)."""
+        """Motion of the sensor under gravity in world axes (3,), with vectors (3, …, N)."""
         return motion_of(*self.sensor_pose(q, theta), gravity)
 
     def motion_slopes(
@@ -181,7 +182,7 @@ class Robot(ArmBodies):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """As the robot's own driver or file calls its joints (J,); q1 … of one that has neither."""
+        """Names of the joints (J,) in the robot's driver or file; q1 … if it has neither."""
         return tuple(joint.name for joint in self.joints)
 
     @property
@@ -264,11 +265,11 @@ class SimulatedRobot(Robot):
 
     @abstractmethod
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
-        """All of MuJoCo's joint coordinates (N, nq) from the actuated joints (N, J)."""
+        """MuJoCo's joint coordinates (N, nq) from the actuated joints (N, J)."""
 
     @abstractmethod
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        """The MJCF with every parameter (P,) written into it."""
+        """MJCF with every parameter (P,) written into it."""
 
     def link_frames(self, q: Value, theta: np.ndarray) -> Sequence[tuple[Value, Value]]:
         """R_world_link (…, N, 3, 3) and origin (…, N, 3) [m] of the link behind each of MuJoCo's
@@ -291,7 +292,7 @@ class SimulatedRobot(Robot):
 
     @property
     def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """From where its pictures are seen, and the point in their middle [m]."""
+        """Camera position of the robot's pictures, and the point in their middle [m]."""
         return (0.75, -1.3, 0.95), (-0.2, -0.1, 0.35)
 
     @property
@@ -365,7 +366,7 @@ def mounted_parameters(mass: float, cog: Sequence[float], inertia: Sequence[floa
 def vector_parameters(
     group: str, axes: str, unit: str, tolerance: float, text: str
 ) -> list[Parameter]:
-    """One parameter an axis, ``group.x`` …, nominally 0."""
+    """Parameters ``group.x`` …, one for each axis, nominally 0."""
     bound = 3.2 if unit == "rad" else 2.0
     return [Parameter(f"{group}.{a}", 0.0, unit, tolerance, -bound, bound, text) for a in axes]
 
@@ -422,7 +423,7 @@ def tilted_base(tilt: np.ndarray) -> np.ndarray | None:
 
 
 def mount_turn(vector: np.ndarray) -> np.ndarray:
-    """R_flange_sensor of a rotation vector (…, 3) [rad]."""
+    """Rotation R_flange_sensor of a rotation vector (…, 3) [rad]."""
     return exp(vector[..., 0], vector[..., 1], vector[..., 2]) if vector.any() else np.eye(3)
 
 
@@ -454,7 +455,7 @@ def rotate_sensor(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.nda
 
 
 def angles(rotation: np.ndarray) -> np.ndarray:
-    """α, β, γ of Rx(γ) Ry(β) Rz(α) (3,) [rad]."""
+    """Angles α, β, γ of Rx(γ) Ry(β) Rz(α) (3,) [rad]."""
     gamma, beta, alpha = _rotation(rotation).as_euler("XYZ")
     return np.array([alpha, beta, gamma])
 

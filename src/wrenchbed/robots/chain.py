@@ -25,7 +25,7 @@ from wrenchbed.robots.base import LoadInSensorAxes, SimulatedRobot, mount_turn
 from wrenchbed.robots.compiled.statics import Packed
 
 _WRIST = 3
-"""Joints at the end with small gears."""
+"""Number of joints at the end with small gears."""
 
 
 class Fixed(NamedTuple):
@@ -41,7 +41,8 @@ class Fixed(NamedTuple):
 
 
 class Spin(NamedTuple):
-    """What a parameter does to a fixed turn: R_k → R_k (1 + [ω]×), ω (3,) in the axes behind it."""
+    """Change of a fixed rotation by a parameter: R_k → R_k (1 + [ω]×), ω (3,) in the axes behind
+    it."""
 
     step: int
     axis: np.ndarray
@@ -78,11 +79,12 @@ class SerialChain(LoadInSensorAxes, SimulatedRobot):
 
     @abstractmethod
     def zeros(self, theta: np.ndarray) -> np.ndarray:
-        """What is added to each joint value (…, J)."""
+        """Offset that is added to each joint value (…, J)."""
 
     @abstractmethod
     def spin(self, name: str, theta: np.ndarray) -> Spin | None:
-        """Which fixed turn a parameter changes; None of a joint's zero or of what turns nothing."""
+        """Fixed rotation that a parameter changes; None for a joint's zero or if nothing
+        rotates."""
 
     @property
     @abstractmethod
@@ -359,7 +361,7 @@ def _combined(weights: np.ndarray, axes: tuple[Value, Value, Value]) -> Value:
 
 
 def _turned_back(x: Vector, turn: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Rᵀ v of a vector whose components come first."""
+    """Product Rᵀ v for a vector whose components come first."""
     if turn.ndim == 2:
         return tuple(
             _sum([turn[k, j] * x[k] for k in range(3) if turn[k, j] != 0.0]) for j in range(3)
@@ -377,7 +379,7 @@ def _sum(terms: list[np.ndarray]) -> np.ndarray:
 
 
 def _about_z(x: Vector, c: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, ...]:
-    """A vector, components first, in axes turned about z."""
+    """Vector, components first, in axes rotated about z."""
     return c * x[0] + s * x[1], c * x[1] - s * x[0], x[2]
 
 

@@ -31,7 +31,8 @@ _LEAP = 0.7
 _CLOSED = 1e-10
 """Residual of a closed loop [rad, m over the arm's reach]."""
 _DIGITS = 1e-6
-"""What the file's digits leave of equations that hold by themselves, likewise."""
+"""Largest residual, from the file's digits, of loop equations that always hold [rad, m over the
+arm's reach]."""
 _NEAR_SINGULAR = 0.05
 """Smallest 1/‖(∂r/∂x)⁻¹‖ of a pose over that at home: below it an error of
 the driven joints moves the passive ones twenty times as far as at home."""
@@ -46,7 +47,7 @@ Frame = tuple[Value, Value]
 
 
 class Geometry(NamedTuple):
-    """What parameters make of an arm, each of one parameter vector or of a batch (K, 1, …).
+    """Geometry of an arm from its parameters, one vector or a batch (K, 1, …).
 
     Attributes:
         turns, shifts: from the link before to each link at joint value 0, (3, 3) and (3,) [m].
@@ -90,18 +91,18 @@ class ClosedLoops:
         self.home = self._at_home(np.array([link.home for link in arm.links]))
 
     def _way(self, link: int) -> list[int]:
-        """Links from the base to one."""
-        found: list[int] = []
+        """Numbers of the links from the base to one."""
+        links: list[int] = []
         while link >= 0:
-            found.append(link)
+            links.append(link)
             link = self.loops.parents[link]
-        return found[::-1]
+        return links[::-1]
 
     def frames(self, at: Sequence[Value], geometry: Geometry) -> list[Frame]:
-        """Of the base and each link, in base axes, at all joints' values (…, N) each."""
-        found: list[Frame] = [(np.eye(3), np.zeros(3))]
+        """Frames of the base and each link, in base axes, at all joints' values (…, N) each."""
+        frames: list[Frame] = [(np.eye(3), np.zeros(3))]
         for k, link in enumerate(self.arm.links):
-            turn, origin = found[self.loops.parents[k] + 1]
+            turn, origin = frames[self.loops.parents[k] + 1]
             origin = origin + apply(turn, geometry.shifts[k])
             turn = turn @ geometry.turns[k]
             if link.kind == HINGE:
@@ -110,11 +111,11 @@ class ClosedLoops:
                 turn = turn + once * s + (once @ self._spins[k]) * (1.0 - c)
             else:
                 origin = origin + apply(turn, link.axis) * at[k][..., None]
-            found.append((turn, origin))
-        return found
+            frames.append((turn, origin))
+        return frames
 
     def residual(self, at: Sequence[Value], geometry: Geometry) -> Value:
-        """What keeps the loops open (…, N, E) [rad, m over the arm's reach]."""
+        """Residual of the loop closures (…, N, E) [rad, m over the arm's reach]."""
         frames = self.frames(at, geometry)
         parts: list[Value] = []
         for n, closure in enumerate(self.loops.closures):
@@ -182,11 +183,11 @@ class ClosedLoops:
             return np.linalg.inv(slopes + 1e-13 * np.eye(slopes.shape[-1]))
 
     def _regular(self, inverse: np.ndarray) -> np.ndarray:
-        """How far from singular (…, N)."""
+        """Distance from singular poses (…, N): reciprocal norm of the inverse Jacobian."""
         return np.asarray(1.0 / np.linalg.norm(inverse, axis=(-2, -1)))
 
     def _at_home(self, at: np.ndarray) -> np.ndarray:
-        """All joints' values (L,) with the loops closed; finds which equations are needed."""
+        """Values of all joints (L,) with the loops closed; finds which equations are needed."""
         at = at.copy()
         at[self.driven] += self.nominal.zeros
         for _ in range(3 * _STEPS):
@@ -224,7 +225,7 @@ class ClosedLoops:
         return at
 
     def _check_left_out(self, home: np.ndarray) -> None:
-        """What holds by itself at home must hold by itself elsewhere."""
+        """Refuse equations that hold by themselves at home and not elsewhere."""
         way = np.random.default_rng(0).uniform(-1.0, 1.0, (4, len(self.driven)))
         goal = home[self.driven] + _STRIDE * way * self._unit[self.driven]
         at = self._follow(np.tile(home, (len(goal), 1)), goal, _CAREFUL)
@@ -237,9 +238,9 @@ class ClosedLoops:
             )
 
     def _open(self, r: np.ndarray) -> str:
-        """Which loop is how far open, of residuals (E,)."""
+        """Description of the loop that is open farthest, from residuals (E,)."""
         at = 0
-        found = []
+        gaps = []
         for closure in self.loops.closures:
             size = {CONNECT: 3, COUPLED: 1}.get(closure.kind, 6)
             gap = float(np.abs(r[at : at + size]).max())
@@ -249,11 +250,11 @@ class ClosedLoops:
                 if closure.kind == COUPLED
                 else f"{self._scale * gap * 1e3:.3g} mm open"
             )
-            found.append((gap, f"{closure.name!r} stays {words}"))
-        return max(found)[1]
+            gaps.append((gap, f"{closure.name!r} stays {words}"))
+        return max(gaps)[1]
 
     def solved(self, q: np.ndarray, geometry: Geometry | None = None) -> np.ndarray:
-        """All joints' values (…, N, L) at driven ones (N, J); NaN rows where there are none."""
+        """Values of all joints (…, N, L) at driven ones (N, J); NaN rows where none exist."""
         at = self._solved_nominal(q)
         if geometry is None or not np.isfinite(at).any():
             return at
@@ -312,23 +313,24 @@ class ClosedLoops:
 
     @cached_property
     def _seeds(self) -> np.ndarray:
-        """All joints' values (S, L) at poses throughout the driven joints' limits, home first."""
+        """Values of all joints (S, L) at poses within the driven joints' limits, home first."""
         links = [self.arm.links[k] for k in self.driven]
         low, high = np.array([[link.lower, link.upper] for link in links]).T
         rng = np.random.default_rng(0)
         goal = rng.uniform(low, high, (_SEEDS, len(links))) + self.nominal.zeros
-        found = self.home[None]
+        solutions = self.home[None]
         for _ in range(_ROUNDS):
-            near = np.argmin(self._distances(goal, found), axis=1)
-            at = self._follow(found[near], goal, _CAREFUL)
+            near = np.argmin(self._distances(goal, solutions), axis=1)
+            at = self._follow(solutions[near], goal, _CAREFUL)
             good = np.isfinite(at).all(axis=1)
-            found, goal = np.concatenate([found, at[good]]), goal[~good]
+            solutions, goal = np.concatenate([solutions, at[good]]), goal[~good]
             if not good.any() or not len(goal):
                 break
-        return found
+        return solutions
 
     def _follow(self, start: np.ndarray, goal: np.ndarray, stride: float) -> np.ndarray:
-        """From solutions (N, L) straight to driven values (N, J); NaN where the way is barred."""
+        """Values of all joints along straight lines from solutions (N, L) to driven values (N, J);
+        NaN where the way is barred."""
         at = start.copy()
         from_ = start[:, self.driven]
         longest = (np.abs(goal - from_) / self._unit[self.driven]).max(axis=1)
@@ -355,7 +357,7 @@ class ClosedLoops:
         return at
 
     def lifted(self, q: Value, geometry: Geometry, real: Geometry) -> list[Value]:
-        """All joints' values, (…, N) each, with the derivatives that q and the geometry carry.
+        """Values of all joints, (…, N) each, with the derivatives that q and the geometry carry.
 
         Args:
             q: driven joints' values (N, J), also jets.
@@ -367,15 +369,15 @@ class ClosedLoops:
         orders = 2 * jet + (steps or np.iscomplexobj(value(q)))
         if not orders:
             return _columns(at)
-        driven, found = q + geometry.zeros, list[Value](_columns(at))
+        driven, values = q + geometry.zeros, list[Value](_columns(at))
         for j, k in enumerate(self.driven):
-            found[k] = driven[..., j]
+            values[k] = driven[..., j]
         inverse = self._inverse(at, real) @ self._kept
         for _ in range(orders):
-            move = apply(inverse, self.residual(found, geometry))
+            move = apply(inverse, self.residual(values, geometry))
             for i, k in enumerate(self.passive):
-                found[k] = found[k] - move[..., i]
-        return found
+                values[k] = values[k] - move[..., i]
+        return values
 
     def failures(self, q: np.ndarray, at: np.ndarray) -> dict[int, str]:
         """Rows of driven values (N, J) with no solution in ``at`` (N, L), and why."""
@@ -403,8 +405,8 @@ class ClosedLoops:
             at[self.passive] = x
             return np.asarray(self.residual(_columns(at), self.nominal))
 
-        found = least_squares(miss, self.home[self.passive], xtol=1e-12, ftol=1e-12, gtol=1e-12)
-        r = np.abs(miss(found.x))
+        nearest = least_squares(miss, self.home[self.passive], xtol=1e-12, ftol=1e-12, gtol=1e-12)
+        r = np.abs(miss(nearest.x))
         if r.max() > 1e-6:
             return f"out of reach: the loops cannot close: {self._open(r)}"
         return (

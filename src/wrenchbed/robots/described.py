@@ -29,13 +29,13 @@ from wrenchbed.robots.model_source import content
 FORMAT = 1
 DEFAULT_SENSOR = "ati-gamma"
 _DENSITY = 2700.0
-"""Of a tool whose inertia nobody states: a ball of aluminium [kg/m³]. At rest nothing
-depends on it."""
+"""Density of a tool of unknown inertia, a ball of aluminium [kg/m³]; at rest nothing depends on
+it."""
 _FLOOR = 0.03
 """Height of the floor above the base of an arm that stands upright, over its reach: 3 cm of
 an arm of 1 m, so that no planned pose touches what it stands on. The TOML states it."""
 _DIGITS = 8
-"""Of the SHA-256 in a robot's name."""
+"""Number of digits of the SHA-256 in a robot's name."""
 _TOP = {"format", "name", "title", "sensor", "gravity", "floor", "model", "tool", "joint"}
 _JOINT = {"name", "lower", "upper", "speed", "home", "link", "mass", "cog"}
 
@@ -86,9 +86,9 @@ def describe(
 
     if out.resolve() == file.resolve():
         raise ParameterError(f"--out {out} is the model file: nothing is written into it")
-    found = read_arm(file, frame, hold_others)
-    load = _load(found.arm, frame, file, tool_mass, tool_cog)
-    arm = replace(found.arm, floor=_floor(found.arm))
+    model = read_arm(file, frame, hold_others)
+    load = _load(model.arm, frame, file, tool_mass, tool_cog)
+    arm = replace(model.arm, floor=_floor(model.arm))
     stated = os.path.relpath(file.resolve(), out.resolve().parent)
     name = out.stem if out.stem not in ("", "my", "robot") else arm.name
     if sensor.lower().endswith(".toml"):
@@ -96,9 +96,9 @@ def describe(
     text = _toml(name, sensor, (Path(stated).as_posix(), file, frame, hold_others), arm, load)
     robot = _robot(text, arm, str(out), partial(_sensor, out.parent))
     loading = load.bodies or ("the tool that --tool-mass states",)
-    notes = list(found.notes)
-    if found.held:
-        notes.append(f"{', '.join(found.held)} stay where the file has them")
+    notes = list(model.notes)
+    if model.held:
+        notes.append(f"{', '.join(model.held)} stay where the file has them")
     whole = [link for link in arm.links if not link.body.endswith(f"_{link.joint}")]
     light = [link.body for link in whole if link.mass <= 0.0]  # not between joints of one body
     if light:
@@ -131,8 +131,8 @@ def read(path: Path) -> FileArm | LoopArm:
             f"another): make it again with  wrenchbed robot {file.name} --frame "
             f"{model.text('frame')} --out {path.name}"
         )
-    found = read_arm(file, model.text("frame"), bool(model.raw.get("hold_others", False)))
-    return _robot(text, found.arm, str(path), partial(_sensor, path.parent))
+    described = read_arm(file, model.text("frame"), bool(model.raw.get("hold_others", False)))
+    return _robot(text, described.arm, str(path), partial(_sensor, path.parent))
 
 
 def rebuilt(record: Mapping[str, Any]) -> FileArm | LoopArm:
@@ -210,7 +210,8 @@ def _ball(mass: float) -> tuple[float, ...]:
 
 
 def _floor(arm: ArmModel) -> float | None:
-    """Of an arm that stands upright; None of one that hangs, stands out sideways or has loops."""
+    """Height of the floor [m] of an upright arm; None for one that hangs, stands sideways or has
+    loops."""
     if arm.loops is not None:
         return None
     g = np.array(arm.gravity)
@@ -226,7 +227,7 @@ def _floor(arm: ArmModel) -> float | None:
 def _robot(
     text: str, arm: ArmModel, where: str, known_as: Callable[[str], str]
 ) -> FileArm | LoopArm:
-    """From the TOML's text, the arm that its model file gave, and how its sensor is called."""
+    """Robot from the TOML's text, the arm of its model file, and its sensor's name."""
     table = TomlTable.of(text, where)
     table.only(_TOP)
     if table.raw.get("format") != FORMAT:

@@ -41,9 +41,9 @@ _LENGTH, _TWIST, _SLIDE = 5e-4, 1e-3, 1e-3
 """Typical errors of a link's position [m], its rotation [rad], a slide's zero [m]: they scale a
 fit's columns, and are the spread of priors and of simulated robots."""
 _FARTHEST = 10.0
-"""Bound of a link's position [m]."""
+"""Largest coordinate of a link's position [m]."""
 _CLEAR = 0.08
-"""How far the tool keeps from the arm's limbs, over the arm's reach: about half a limb's
+"""Distance that the tool keeps from the arm's limbs, over the arm's reach: about half a limb's
 thickness and half a tool's; a smaller one plans poses in which the tool touches the arm."""
 _ALIKE = 0.9
 """Cosine from which a rotation about an axis is that of a joint beside it: 26°; such a
@@ -54,7 +54,7 @@ _WRIST = 3
 
 @dataclass(frozen=True, eq=False)
 class ArmDescription:
-    """All that makes a robot from a file.
+    """Contents of a robot's file.
 
     Attributes:
         name: by which recordings name it.
@@ -128,14 +128,14 @@ class DescribedArm(LoadInSensorAxes, SimulatedRobot):
         return np.array([self.arm_model.links[k].home for k in self.arm_model.driven])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """In another process too there is one object of a name."""
+        """Reduction for pickling: another process also has one object for each name."""
         return registry.revived, ("robots", self.name, self.record)
 
     def base_origin(self, theta: np.ndarray) -> np.ndarray:
         return self.arm_model.base_shift
 
     def zeros(self, theta: np.ndarray) -> np.ndarray:
-        """What is added to each driven joint's value (…, J)."""
+        """Offset that is added to each driven joint's value (…, J)."""
         return np.asarray(theta[..., self._zeros])
 
     def _sampled(self, middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -149,7 +149,7 @@ class DescribedArm(LoadInSensorAxes, SimulatedRobot):
 
     @cached_property
     def xml(self) -> str:
-        """The robot's own MJCF, nominal and at home."""
+        """MJCF of the robot, nominal and at home."""
         return mjcf_of(self.description.arm.name, self.arm_model, self.description.load)
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
@@ -195,13 +195,13 @@ class FileArm(DescribedArm, SerialChain):
     @property
     def twists(self) -> tuple[str, ...]:
         """Rotations of all links but the first that are no joint's zero, its own or that before."""
-        found = []
+        twists = []
         for before, link in pairwise(self.arm_model.links):
             along = np.abs([link.axis, link.turn.T @ before.axis])
             zeros = (along * [[link.kind == HINGE], [before.kind == HINGE]]).max(axis=0) > _ALIKE
             names = [f"link.{link.body}.rotation.{a}" for a in "xyz"]
-            found += [n for n, zero in zip(names, zeros, strict=True) if not zero]
-        return tuple(found)
+            twists += [n for n, zero in zip(names, zeros, strict=True) if not zero]
+        return tuple(twists)
 
     @property
     def lengths(self) -> tuple[str, ...]:
@@ -248,7 +248,7 @@ class FileArm(DescribedArm, SerialChain):
         return Spin(k, self._to_z[k].T @ seen)
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """Within limits, above the floor, the tool clear of the arm's limbs."""
+        """Random poses (n, J) within limits, above the floor, with the tool clear of the limbs."""
         low, high = self._sampled(np.zeros(len(self.joints)))
         try:
             return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), self.clear)
@@ -256,7 +256,8 @@ class FileArm(DescribedArm, SerialChain):
             return rng.uniform(low, high, (n, len(low)))
 
     def clear(self, q: np.ndarray) -> np.ndarray:
-        """Which of the poses (N, J) keep what moves above the floor and the tool off the limbs."""
+        """Which poses (N, J) keep moving parts above the floor and the tool off the limbs,
+        boolean."""
         theta, floor = self.parameters.nominal, self.arm_model.floor
         frames = list(self.frames(q, theta))
         origins = [np.broadcast_to(frame[3], (len(q), 3)) for frame in frames]
@@ -275,7 +276,7 @@ class FileArm(DescribedArm, SerialChain):
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
         """A turn of a joint against its own link, and against the next link or the mount."""
-        found = {}
+        directions = {}
         links = self.arm_model.links
         mount = theta[self._turn]
         for k, link in enumerate(links):
@@ -285,7 +286,7 @@ class FileArm(DescribedArm, SerialChain):
             own = np.linalg.solve(
                 exp_rates(theta[self._turns[k]]), exp(*theta[self._turns[k]]) @ link.axis
             )
-            found[f"the zero of {joint} against the rotation of {link.body} on it"] = _against(
+            directions[f"the zero of {joint} against the rotation of {link.body} on it"] = _against(
                 zero, f"link.{link.body}.rotation", own
             )
             if k + 1 < len(links):
@@ -296,8 +297,8 @@ class FileArm(DescribedArm, SerialChain):
                 axis, vector = self.arm_model.end_turn.T @ link.axis, mount
                 group, what = "mount.rotation", "sensor's mount"
             back = np.linalg.solve(exp_rates(vector), axis)
-            found[f"a turn of {joint} against the {what}"] = _against(zero, group, back)
-        return found
+            directions[f"a turn of {joint} against the {what}"] = _against(zero, group, back)
+        return directions
 
 
 def _against(zero: str, group: str, vector: np.ndarray) -> dict[str, float]:
@@ -309,7 +310,7 @@ def _against(zero: str, group: str, vector: np.ndarray) -> dict[str, float]:
 
 
 def arm_parameters(description: ArmDescription) -> ParameterSet:
-    """Of a serial arm and of one with closed loops; passive joints have no zero."""
+    """Parameters of a serial arm or one with closed loops; passive joints have no zero."""
     items: list[Parameter] = []
     for k, link in enumerate(description.arm.links):
         unit, size = ("rad", ANGLE) if link.kind == HINGE else ("m", _SLIDE)
@@ -335,7 +336,8 @@ def arm_parameters(description: ArmDescription) -> ParameterSet:
 
 
 def _closure_parameters(arm: ArmModel) -> list[Parameter]:
-    """Where the closed loops hold the links, a weld's turn, the offset between coupled joints."""
+    """Parameters of the loop closures: position on the links, a weld's rotation, the offset of
+    coupled joints."""
     items: list[Parameter] = []
     for closure in () if arm.loops is None else arm.loops.closures:
         group = f"loop.{closure.name}"

@@ -15,7 +15,7 @@ from wrenchbed.robots.base import SimulatedRobot
 
 @dataclass(frozen=True, eq=False)
 class LinkInertias:
-    """What an arm weighs.
+    """Inertial parameters of an arm's links and motors.
 
     Attributes:
         phi: the ten parameters of `newton_euler` of each link (L, 10), in the axes and about the
@@ -32,7 +32,7 @@ class LinkInertias:
 
 
 def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
-    """Of an arm with parameters theta (P,).
+    """Inertias of the links and motors of an arm with parameters theta (P,).
 
     Raises:
         NotFoundError: the model of the robot has no frames of links.
@@ -64,12 +64,12 @@ def at_home(turn: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 def _joint_of(model: mujoco.MjModel) -> list[int]:
     """The last joint between the world and each body; −1 of a body that stands."""
-    found = [-1] * model.nbody
+    numbers = [-1] * model.nbody
     for body in range(1, model.nbody):
         own = model.body_jntnum[body]
         first = model.body_jntadr[body]
-        found[body] = int(first + own - 1) if own else found[model.body_parentid[body]]
-    return found
+        numbers[body] = int(first + own - 1) if own else numbers[model.body_parentid[body]]
+    return numbers
 
 
 def _seen(

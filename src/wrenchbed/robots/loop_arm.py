@@ -79,21 +79,21 @@ class LoopArm(DescribedArm):
 
     @cached_property
     def unobservable(self) -> tuple[str, ...]:  # type: ignore[override]
-        """What passive joints or the play of planar loops take up, and turns of a joint's own."""
+        """Names of parameters that no reading shows: passive joints or planar loops absorb them."""
         rng = np.random.default_rng(1)
         q = self.sample(_PROBES, rng)
         theta, size = self.parameters.nominal, self.parameters.tolerance
         theta = theta + 0.1 * size * rng.uniform(-1.0, 1.0, len(theta))
         names = [n for n in self.parameters.names if n not in self.load]
-        found = []
+        unseen = []
         for name in names:
             k = self.parameters.index(name)
             shifted = theta.astype(complex)
             shifted[k] += 1j * STEP
             moved = [x.imag / STEP * size[k] for x in self.sensor_pose(q, shifted)]
             if max(float(np.nanmax(np.abs(x))) for x in moved) < 1e-13:
-                found.append(name)
-        return tuple(found)
+                unseen.append(name)
+        return tuple(unseen)
 
     @property
     def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -125,14 +125,14 @@ class LoopArm(DescribedArm):
         )
 
     def _solved(self, q: Value, theta: np.ndarray) -> tuple[list[Value], Geometry]:
-        """All joints' values, (…, N) each, and the geometry."""
+        """Values of all joints, (…, N) each, and the geometry."""
         geometry, real = self._geometry(theta), theta.real
         if real.ndim > 1 and (real == real.reshape(-1, real.shape[-1])[0]).all():
             real = real.reshape(-1, real.shape[-1])[0]  # a batch of complex steps of one robot
         return self._loops.lifted(q, geometry, self._geometry(real)), geometry
 
     def _placed(self, frame: tuple[Value, Value], theta: np.ndarray) -> tuple[Value, Value]:
-        """From base axes to the world."""
+        """Frame in world axes from one in base axes."""
         arm, leaning = self.arm_model, tilted_base(theta[..., self._tilt])
         base = arm.base_turn if leaning is None else leaning @ arm.base_turn
         return base @ frame[0], apply(base, frame[1]) + arm.base_shift
@@ -184,7 +184,7 @@ class LoopArm(DescribedArm):
         return np.asarray(((x >= low) & (x <= high)).all(axis=1))
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
-        """As in the robot's own MJCF: zeros are in its bodies, not in its coordinates."""
+        """MuJoCo's joint coordinates (N, nq); zeros are in the MJCF's bodies, not in these."""
         at, _ = self._solved(q, theta)
         at = [1.0 * x for x in at]
         for j, k in enumerate(self.arm_model.driven):

@@ -14,7 +14,7 @@ KINDS = {
     EQUALITY.mjEQ_CONNECT: CONNECT, EQUALITY.mjEQ_WELD: WELD, EQUALITY.mjEQ_JOINT: COUPLED,
 }  # fmt: skip
 UNLIMITED = 1000.0
-"""Limit ± of a passive joint that has none [rad, m]."""
+"""Limit to either side of a passive joint that has none [rad, m]."""
 Frame = tuple[np.ndarray, np.ndarray]
 """Axes (3, 3) and origin (3,) in the world."""
 
@@ -41,7 +41,7 @@ def sides(model: mujoco.MjModel, e: int) -> tuple[int, int]:
 
 
 def words(model: mujoco.MjModel, e: int) -> str:
-    """What an equality does, to be read."""
+    """Description of an equality for people."""
     one, two = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
     if EQUALITY(model.eq_type[e]) == EQUALITY.mjEQ_JOINT:
         other = repr(model.joint(two).name) if two >= 0 else "a number"
@@ -68,7 +68,8 @@ def joined(
     behind: set[int],
     above: Callable[[int], list[int]],
 ) -> tuple[list[int], list[int]]:
-    """Joints that move with a chain because of loops, in MuJoCo's order, and those equalities.
+    """Joints that move with a chain because of loops, in MuJoCo's order, and the closing
+    equalities.
 
     Args:
         chain: joints from the base to the sensor.
@@ -77,16 +78,16 @@ def joined(
     """
     joints, equalities = set(chain), set[int]()
     while True:
-        found = set()
+        reached = set()
         for e in range(model.neq):
             both = sides(model, e)
             moving = [set(above(b)) for b in both if b not in behind]
             if any(m & joints for m in moving):
-                found.add(e)
+                reached.add(e)
                 joints |= set().union(*moving)
-        if found == equalities:
+        if reached == equalities:
             return sorted(joints), sorted(equalities)
-        equalities = found
+        equalities = reached
 
 
 def driven_joints(
@@ -95,19 +96,19 @@ def driven_joints(
     equalities: Sequence[int],
     actuators: Sequence[str],
 ) -> tuple[int, ...]:
-    """Of some joints the numbers of those with actuators, in the actuators' order.
+    """Numbers, in the actuators' order, of the joints that have actuators.
 
     Raises:
         ParameterError: there are none.
     """
     names = [model.joint(j).name for j in joints]
-    found = tuple(names.index(name) for name in actuators if name in names)
-    if not found:
+    driven = tuple(names.index(name) for name in actuators if name in names)
+    if not driven:
         raise ParameterError(
             f"the file {words(model, equalities[0])}, and no <actuator> says which joints are "
             f"driven (of {', '.join(n or '?' for n in names)})"
         )
-    return found
+    return driven
 
 
 def loops_of(
@@ -127,7 +128,7 @@ def loops_of(
         frames: of base and links in the world.
         segment: link of each body, counted from 1; 0 is the base.
     """
-    found = []
+    closures = []
     for n, e in enumerate(equalities, start=1):
         kind = KINDS[EQUALITY(model.eq_type[e])]
         name = model.equality(e).name or f"loop{n}"
@@ -137,7 +138,7 @@ def loops_of(
             start = [float(model.qpos0[model.jnt_qposadr[j]]) if j >= 0 else 0.0 for j in (y, x)]
             law = (*start, *(float(a) for a in values[: 5 if x >= 0 else 1]))
             two = links[x] if x >= 0 else -1
-            found.append(Closure(name, kind, links[y], two, np.zeros((2, 3)), np.eye(3), law))
+            closures.append(Closure(name, kind, links[y], two, np.zeros((2, 3)), np.eye(3), law))
             continue
         poses = _held(model, data, e, kind)
         pair = [int(segment[b]) for b in sides(model, e)]
@@ -146,10 +147,10 @@ def loops_of(
             axes, origin = frames[k]
             places.append(axes.T @ (point - origin))
             turns.append(axes.T @ turn)
-        found.append(
+        closures.append(
             Closure(name, kind, pair[0] - 1, pair[1] - 1, np.array(places), turns[0] @ turns[1].T)
         )
-    return tuple(found)
+    return tuple(closures)
 
 
 def _held(
@@ -173,8 +174,8 @@ def parents(
     model: mujoco.MjModel, joints: Sequence[int], above: Callable[[int], list[int]]
 ) -> tuple[int, ...]:
     """The number of the joint before each of some; −1 of those on the base."""
-    found = []
+    numbers = []
     for j in joints:
         before = [i for i in above(int(model.jnt_bodyid[j])) if i < j and i in joints]
-        found.append(list(joints).index(before[-1]) if before else -1)
-    return tuple(found)
+        numbers.append(list(joints).index(before[-1]) if before else -1)
+    return tuple(numbers)

@@ -21,7 +21,7 @@ _FILES = 8
 _TOUCHING = ("collision", "touched")
 """Classes of the shapes that touch, in the files of robots."""
 STIFFNESS, DAMPING = 20000.0, 400.0
-"""Of a servo [N·m/rad, N·m·s/rad; N/m, N·s/m]: chosen, it holds still."""
+"""Stiffness and damping of a servo [N·m/rad, N·m·s/rad; N/m, N·s/m]: chosen, it holds still."""
 
 
 def bare(path: Path) -> mujoco.MjSpec:

@@ -53,7 +53,8 @@ states it."""
 _NOTHING = 1e-9
 """Mass below which a body weighs nothing [kg]."""
 _BOUND = 1e-12
-"""What MuJoCo is given for bodies without mass [kg, kg·m²], which it refuses where they move."""
+"""Mass and inertia that MuJoCo gets for bodies without mass [kg, kg·m²], which it refuses where
+they move."""
 _SECOND_ARM = 3
 """Joints in series off the chain that make another arm; fewer are a gripper's or a camera's."""
 _BALL_M = 0.03
@@ -62,8 +63,8 @@ rest depends on it."""
 _MESHES = (".stl", ".obj", ".msh")
 """Formats of meshes that MuJoCo reads."""
 _MOST_MESH_BYTES = 2**27
-"""Of all meshes of a model: MuJoCo reads 2.7 million triangles of binary STL without a look at
-signals, in seconds."""
+"""Largest size of all meshes of a model: MuJoCo reads 2.7 million triangles of binary STL without a
+look at signals, in seconds."""
 _KINDS = {
     mujoco.mjtGeom.mjGEOM_PLANE: "plane", mujoco.mjtGeom.mjGEOM_BOX: "box",
     mujoco.mjtGeom.mjGEOM_SPHERE: "sphere", mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
@@ -71,7 +72,7 @@ _KINDS = {
     mujoco.mjtGeom.mjGEOM_MESH: "mesh",
 }  # fmt: skip
 _LONGEST = 300
-"""Characters of MuJoCo's words that are shown."""
+"""Largest number of characters shown of MuJoCo's error."""
 _FRAME = "wrenchbed frame"
 _FLOATS = "the base floats: a robot is calibrated on a base that stands: leave the free joint out"
 _HIDDEN_GROUP = 3
@@ -169,7 +170,7 @@ def _drop_missing(spec: mujoco.MjSpec, source: ModelSource) -> list[str]:
 
 
 def _mesh_file(name: str, folder: Path, meshdir: str) -> Path | None:
-    """Where a mesh lies: beside the model, or for package:// in a folder of that name above."""
+    """Path of a mesh: beside the model, or for package:// in a folder of that name above."""
     if not name.lower().endswith(_MESHES):
         return None
     plain = name.removeprefix("file://")
@@ -186,7 +187,7 @@ def _mesh_file(name: str, folder: Path, meshdir: str) -> Path | None:
 
 def _loops(spec: mujoco.MjSpec) -> list[tuple[str, str, bool]]:
     """Names of the two sides of each equality that `loop_file` cannot read; whether of joints."""
-    found = []
+    loops = []
     for e in spec.equalities:
         if closes(e) or not e.active:
             continue
@@ -195,12 +196,12 @@ def _loops(spec: mujoco.MjSpec) -> list[tuple[str, str, bool]]:
         if e.objtype == mujoco.mjtObj.mjOBJ_SITE:
             sites = {s.name: s.parent.name for s in spec.sites}
             names = [sites.get(n, n) for n in names]
-        found.append((names[0], names[1], joints))
-    return found
+        loops.append((names[0], names[1], joints))
+    return loops
 
 
 def _home(spec: mujoco.MjSpec) -> np.ndarray | None:
-    """The keyframe ``home``, else the first (nq,)."""
+    """Coordinates (nq,) of the keyframe ``home``, else of the first one."""
     keys = sorted(spec.keys, key=lambda k: k.name != "home")
     return np.array(keys[0].qpos) if keys and len(keys[0].qpos) else None
 
@@ -232,7 +233,7 @@ def _place_frame(spec: mujoco.MjSpec, frame: str, source: ModelSource) -> None:
 
 
 def _strip(spec: mujoco.MjSpec) -> None:
-    """Only the tree is needed, and what it looks like."""
+    """Remove all elements but the tree of bodies and their shapes."""
     for group in ("sensors", "actuators", "tendons", "equalities", "skins", "keys", "excludes",
                   "pairs", "flexes", "tuples", "plugins"):  # fmt: skip
         for element in list(getattr(spec, group, ())):
@@ -275,7 +276,7 @@ def _possible(spec: mujoco.MjSpec) -> None:
 
 
 class _Tree:
-    """The compiled file, its joints at home."""
+    """Compiled file with its joints at home."""
 
     def __init__(
         self,
@@ -351,12 +352,12 @@ class _Tree:
         return re.sub(r"[^A-Za-z0-9_.-]+", "_", name)
 
     def _path(self, body: int) -> list[int]:
-        """Bodies from the first below the world to one."""
-        found: list[int] = []
+        """Bodies from the first below the world to a body."""
+        bodies: list[int] = []
         while body > 0:
-            found.append(body)
+            bodies.append(body)
             body = int(self.model.body_parentid[body])
-        return found[::-1]
+        return bodies[::-1]
 
     def _joints(self, body: int) -> Iterator[int]:
         first, count = int(self.model.body_jntadr[body]), int(self.model.body_jntnum[body])
@@ -364,20 +365,20 @@ class _Tree:
 
     def _chain(self, frame: str) -> list[int]:
         """Joints from the base to the sensor."""
-        found = self._above(self.end)
-        if not found:
+        joints = self._above(self.end)
+        if not joints:
             raise ParameterError(
                 f"{self.path}: no joint moves the frame {frame!r}: name one at the arm's end"
             )
-        self._refuse_kinds(found)
-        return found
+        self._refuse_kinds(joints)
+        return joints
 
     def _above(self, body: int) -> list[int]:
         """Joints that move a body."""
         return [j for b in self._path(body) for j in self._joints(b)]
 
     def _refuse_kinds(self, joints: list[int]) -> None:
-        """Only hinges and slides are computed."""
+        """Refuse joints other than hinges and slides."""
         for j in joints:
             kind = JOINT(self.model.jnt_type[j])
             body = int(self.model.jnt_bodyid[j])
@@ -397,7 +398,7 @@ class _Tree:
         frames: list[tuple[np.ndarray, np.ndarray]],
         segment: np.ndarray,
     ) -> tuple[tuple[int, ...], tuple[Closure, ...]]:
-        """Which joints are driven, and what closes the loops."""
+        """Driven joints and the closures of the loops."""
         try:
             driven = driven_joints(self.model, chain, equalities, self.actuators)
         except ParameterError as cause:
@@ -409,8 +410,9 @@ class _Tree:
     def _passive(
         self, links: list[ArmLink], loops: Loops, chain: list[int], home: np.ndarray
     ) -> list[ArmLink]:
-        """All as the keyframe has them; passive joints without the limits that nobody stated."""
-        found = []
+        """Links with the keyframe's joint values, and passive joints without limits unless
+        stated."""
+        complete = []
         for k, (link, j) in enumerate(zip(links, chain, strict=True)):
             at = float(home[self.model.jnt_qposadr[j]])
             low, high = link.lower, link.upper
@@ -421,8 +423,8 @@ class _Tree:
                     f"{self.path}: joint {link.joint} stands at {at:g}, outside its limits "
                     f"{low:g} … {high:g}: state a keyframe within"
                 )
-            found.append(replace(link, lower=low, upper=high, home=at))
-        return found
+            complete.append(replace(link, lower=low, upper=high, home=at))
+        return complete
 
     def _joint_name(self, j: int) -> str:
         return self.model.joint(j).name or f"joint{j + 1}"
@@ -563,9 +565,9 @@ class _Tree:
     def _shapes(
         self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
     ) -> tuple[Shape, ...]:
-        """What is drawn of some bodies, in a frame of the world: visuals, else what collides."""
+        """Shapes of some bodies in a frame of the world: visuals, else collision shapes."""
         model, data = self.model, self.data
-        found = []
+        shapes = []
         for body in bodies:
             own = np.flatnonzero(model.geom_bodyid == body)
             ghost = (model.geom_contype[own] == 0) & (model.geom_conaffinity[own] == 0)
@@ -578,13 +580,13 @@ class _Tree:
                 pos = data.xpos[body] + axes @ model.geom_pos[g] - origin
                 quat = quaternion(turn.T @ axes @ matrix(model.geom_quat[g]))
                 mesh = _mesh(model, int(model.geom_dataid[g])) if kind == "mesh" else ((), ())
-                found.append(
+                shapes.append(
                     Shape(
                         kind, _floats(model.geom_size[g]), _floats(turn.T @ pos), _floats(quat),
                         _floats(_colour(model, int(g))), *mesh,
                     )
                 )  # fmt: skip
-        return tuple(found)
+        return tuple(shapes)
 
 
 def _mesh(
@@ -613,17 +615,17 @@ def _colour(model: mujoco.MjModel, g: int) -> np.ndarray:
 
 
 def _plain(name: str) -> str:
-    """A name without what patterns and effects use."""
+    """Name without the characters that patterns and effects use."""
     return re.sub(r"[^\w.-]", "_", name)
 
 
 def _distinct(links: list[ArmLink]) -> list[ArmLink]:
-    """Links whose names are taken get a number."""
-    bodies, joints, found = set(RESERVED), set[str](), []
+    """Links with a number added to names that are taken."""
+    bodies, joints, renamed = set(RESERVED), set[str](), []
     for k, link in enumerate(links, start=1):
         body = link.body if link.body not in bodies else f"{link.body}_{k}"
         joint = link.joint if link.joint not in joints else f"{link.joint}_{k}"
         bodies.add(body)
         joints.add(joint)
-        found.append(replace(link, body=body, joint=joint))
-    return found
+        renamed.append(replace(link, body=body, joint=joint))
+    return renamed

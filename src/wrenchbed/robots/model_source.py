@@ -66,7 +66,7 @@ class ModelSource:
 
     @property
     def urdf(self) -> bool:
-        """Whether it is URDF, else MJCF."""
+        """Whether the source is URDF; otherwise it is MJCF."""
         return self.root.tag == "robot"
 
     def check_expanded(self) -> None:
@@ -130,7 +130,7 @@ def content(path: Path, most: int = _MOST_BYTES) -> bytes:
 
 
 class _Files:
-    """All files of text that belong to one model, each read once."""
+    """Text files that belong to one model, each read once."""
 
     def __init__(self, main: Path) -> None:
         self._folder, self._remaining = main.parent, _MOST_BYTES
@@ -166,7 +166,7 @@ class _Files:
         return self._roots[place]
 
     def elements(self, path: Path, level: int = 0) -> int:
-        """How many elements a file expands to."""
+        """Number of elements that a file expands to."""
         place = path.resolve()
         if place in self._open:
             raise ParameterError(f"{path}: includes or attaches itself: leave that out")
@@ -177,7 +177,7 @@ class _Files:
         return self._counts[place]
 
     def _below(self, element: ElementTree.Element, path: Path, level: int) -> int:
-        """How many elements an element of a file expands to, itself counted."""
+        """Number of elements that an element of a file expands to, itself included."""
         if level > _DEEPEST:
             raise ParameterError(
                 f"{path}: nested more than {_DEEPEST} levels deep: give a flat one"
@@ -198,7 +198,7 @@ class _Files:
         return total + _NODE * copies if element.tag in ("flexcomp", "composite") else total
 
     def _attached(self, model: str, path: Path) -> str:
-        """File of a model that a file names in its assets."""
+        """Path of a model as a file states it in its assets; empty if it does not."""
         if path not in self._models:
             assets = self.root(path).iter("model")
             self._models[path] = {x.get("name", ""): x.get("file", "") for x in assets}

@@ -10,7 +10,7 @@ from wrenchbed.robots.base import Robot
 SPEED_SHARE = 0.5
 """Share of a joint's top speed that moves between poses use."""
 PATH_POINTS = 33
-"""Points at which a straight move is checked."""
+"""Number of points at which a straight move is checked."""
 _PEAK = 1.875
 """Peak over mean speed of a minimum-jerk move: Flash & Hogan 1985."""
 
@@ -64,7 +64,7 @@ def check_motion(robot: Robot, targets: np.ndarray, rate: float, where: str) -> 
 
 
 def top_speeds(robot: Robot) -> np.ndarray:
-    """Of each joint (J,) [unit/s]."""
+    """Top speed of each joint (J,) [unit/s]."""
     return np.array([j.speed for j in robot.joints])
 
 
@@ -78,7 +78,7 @@ def _too_fast(robot: Robot, j: int, speed: float, limit: float) -> str:
 
 @dataclass(frozen=True)
 class Limits:
-    """What a robot may do.
+    """Limits of a robot's motions.
 
     Attributes:
         speed: share of each joint's top speed that moves may use, above 0 and at most 1.

@@ -41,7 +41,7 @@ Spot = tuple[int, float, float]
 
 @dataclass(frozen=True)
 class Link:
-    """One joint and the link that it moves.
+    """Joint of a serial arm and the link that it moves.
 
     Attributes:
         a, d, alpha: Denavit–Hartenberg parameters to the next joint [m, m, rad].
@@ -65,7 +65,7 @@ class Link:
 
 @dataclass(frozen=True)
 class ArmData:
-    """All that makes one serial arm.
+    """Data of a serial arm.
 
     Attributes:
         name, title, sensor: of the robot; the sensor's registry name.
@@ -100,7 +100,7 @@ class ArmData:
     mjcf: Path | None = None
 
     def parameters(self) -> ParameterSet:
-        """DH table, base, mount, tool and load."""
+        """Parameters: DH table, base, mount, tool and load."""
         table: list[Parameter] = []
         for i, link in enumerate(self.links, start=1):
             table += [
@@ -178,13 +178,13 @@ class SerialArm(SerialChain):
         return Spin(k, behind[0])
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """All from the elbow on above the table, the tool clear of the arm's limbs."""
+        """Random poses (n, J): arm above the table from the elbow on, tool clear of the limbs."""
         ranges = [link.sampled or (link.lower, link.upper) for link in self.arm.links]
         low, high = np.array(ranges).T
         return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), self.clear)
 
     def clear(self, q: np.ndarray) -> np.ndarray:
-        """Which of the poses (N, J) keep arm and tool above the table and apart (N,)."""
+        """Which poses (N, J) keep arm and tool above the table and apart (N,), boolean."""
         arm, theta = self.arm, self.parameters.nominal
         frames = list(self.frames(q, theta))
         limbs = [[_at(frames, spot) for spot in limb] for limb in arm.limbs]
@@ -211,7 +211,7 @@ class SerialArm(SerialChain):
         }
 
     def drawn(self) -> "mujoco.MjSpec":
-        """Its MJCF as it is."""
+        """MJCF of the arm as its file has it."""
         import mujoco
 
         return mujoco.MjSpec.from_file(str(self.mjcf))
@@ -234,7 +234,7 @@ class SerialArm(SerialChain):
         return spec
 
     def _base(self, theta: np.ndarray) -> np.ndarray:
-        """R_world_base."""
+        """Rotation R_world_base (3, 3)."""
         leaning = tilted_base(theta[..., self._tilt])
         return np.eye(3) if leaning is None else leaning
 
@@ -250,7 +250,7 @@ def _twists(alpha: np.ndarray) -> np.ndarray:
 
 
 def _at(frames: list[tuple[Value, Value, Value, Value]], spot: Spot) -> np.ndarray:
-    """A point of the arm in the world (N, 3) [m]."""
+    """Position of a point of the arm in the world (N, 3) [m]."""
     k, along_x, along_z = spot
     x, _, z, origin = frames[k]
     return np.asarray(origin + along_x * x + along_z * z)

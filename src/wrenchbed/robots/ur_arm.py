@@ -17,16 +17,16 @@ if TYPE_CHECKING:
     import mujoco
 
 ALPHA = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
-"""Twists of every arm [rad]."""
+"""Twists α of every arm's links [rad]."""
 LIMIT = 6.2832
 """±360° at every joint: Universal Robots, UR5 technical specifications, no. 110105 [rad]."""
 GEAR_RATIO = 101.0
-"""Of Universal Robots' strain wave gears, equal at every joint."""
+"""Ratio of Universal Robots' strain wave gears, equal at every joint."""
 SAMPLED = ((-np.pi, np.pi), (-2.6, -0.5), (-2.4, 2.4), *[(-np.pi, np.pi)] * 3)
-"""Elbow up [rad]."""
+"""Ranges of sampled joint values, elbow up [rad]."""
 JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
           "wrist_2_joint", "wrist_3_joint")  # fmt: skip
-"""As ROS calls them (ur_robot_driver)."""
+"""Names of the joints in ROS (ur_robot_driver)."""
 _SINGULAR = 1e-9
 """Sine of joint 5 below which joints 4 and 6 turn about one axis."""
 
@@ -37,7 +37,7 @@ class URArm(SerialArm):
     joint_names = JOINTS
 
     def drawn(self) -> "mujoco.MjSpec":
-        """Its own file, or one without shapes from its data."""
+        """MJCF of the arm from its own file, or without shapes from its data."""
         import mujoco
 
         from wrenchbed.robots.serial_xml import mjcf_of
@@ -47,13 +47,13 @@ class URArm(SerialArm):
         return mujoco.MjSpec.from_string(mjcf_of(self.arm))
 
     def inverse(self, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-        """All joint values (K, 6), K ≤ 8, in (−π, π], that bring the nominal flange to a pose.
+        """Joint values (K, 6), K ≤ 8, in (−π, π], that bring the nominal flange to a pose.
 
         Args:
             rotation: R_world_flange (3, 3).
             position: of the flange in the world (3,) [m].
         """
-        found = []
+        candidates = []
         side_step, end = self.arm.links[3].d, self.arm.links[5].d
         wrist = position - end * rotation[:, 2]
         reach = np.hypot(wrist[0], wrist[1])
@@ -70,8 +70,8 @@ class URArm(SerialArm):
             q6 = np.arctan2(-across[1] / np.sin(q5), across[0] / np.sin(q5))
             arm = self._triangle(rotation, position, np.array([q1, q5, q6]), elbow)
             if arm is not None:
-                found.append([q1, *arm, q5, q6])
-        solutions = np.array(found).reshape(-1, 6)
+                candidates.append([q1, *arm, q5, q6])
+        solutions = np.array(candidates).reshape(-1, 6)
         return np.asarray(np.pi - np.mod(np.pi - solutions, 2 * np.pi))
 
     def _triangle(

@@ -152,7 +152,7 @@ def ur_arm(name: str) -> URArm:
 
 
 def _title(name: str) -> str:
-    """``ur10e`` is the UR10e, ``ur8long`` the UR8 Long."""
+    """Title of an arm: ``ur10e`` is the UR10e, ``ur8long`` the UR8 Long."""
     return "UR" + name[2:].replace("long", " Long")
 
 

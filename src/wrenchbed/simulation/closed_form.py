@@ -23,7 +23,8 @@ from wrenchbed.simulation.compiled import CompiledForm
 
 _ROWS_AT_ONCE = 200_000
 _PAST_LIMIT = 1e-3
-"""How far an encoder may read past a joint's limit [rad; m]; estimate: its noise, and overshoot."""
+"""Largest reading of an encoder beyond a joint's limit [rad; m]; estimate: its noise, and
+overshoot."""
 
 
 def _sensor_parameters() -> ParameterSet:
@@ -91,8 +92,8 @@ class Model:
 
         ``at`` (P,) gives the pose other parameters than ``theta`` gives the load.
         """
-        found = self._compiled.readings(q, theta, theta if at is None else at, sensed=False)
-        return self.plain_wrench(q, theta, at) if found is None else found
+        compiled = self._compiled.readings(q, theta, theta if at is None else at, sensed=False)
+        return self.plain_wrench(q, theta, at) if compiled is None else compiled
 
     def plain_wrench(self, q: Value, theta: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
         """`true_wrench` in numpy: of all robots and parameters, and what is compiled is held to."""
@@ -104,14 +105,14 @@ class Model:
 
     def gravity_seen(self, q: Value, theta: np.ndarray) -> np.ndarray:
         """Gravity in sensor axes (N, 3) [m/s²] at joint values (N, J), of parameters (P,)."""
-        found = self._compiled.gravity_seen(q, theta)
-        if found is not None:
-            return found
+        compiled = self._compiled.gravity_seen(q, theta)
+        if compiled is not None:
+            return compiled
         own = theta[: len(self.robot.parameters)]
         return self.robot.gravity_seen(q, own, np.asarray(self.gravity))
 
     def read(self, load: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """What the sensor makes of a load (…, N, 6): its force gains and its bias."""
+        """Reading of the sensor for a load (…, N, 6), with its force gains and its bias."""
         bias, gain = np.split(theta[..., len(self.robot.parameters) :], [6], axis=-1)
         force = load[..., None, :3] @ np.swapaxes(gain.reshape(*gain.shape[:-1], 3, 3), -1, -2)
         return np.concatenate([force[..., 0, :], load[..., 3:]], axis=-1) + bias
@@ -123,8 +124,8 @@ class Model:
             q: joint values, or orientations of a robot without a model.
             theta: parameters (P,), or (K, 1, P) for K vectors at once → (K, N, 6).
         """
-        found = self._compiled.readings(q, theta, theta, sensed=True)
-        return self.read(self.plain_wrench(q, theta), theta) if found is None else found
+        compiled = self._compiled.readings(q, theta, theta, sensed=True)
+        return self.read(self.plain_wrench(q, theta), theta) if compiled is None else compiled
 
     def predict_each(self, q: np.ndarray, thetas: np.ndarray) -> np.ndarray:
         """`predict` at rest of several robots, thetas (R, P) → (R, N, 6), each as if alone."""
@@ -133,7 +134,7 @@ class Model:
         return np.stack([self.predict(q, theta) for theta in thetas])
 
     def tool_positions(self, q: np.ndarray, thetas: np.ndarray) -> np.ndarray:
-        """Of the tools of several robots, thetas (R, P), in the world (R, N, 3) [m]."""
+        """Positions in the world (R, N, 3) [m] of the tools of several robots, thetas (R, P)."""
         own = thetas[:, : len(self.robot.parameters)]
         if self.robot.broadcasts:
             return self.robot.tool_pose(q, own[:, None])[1]
@@ -143,9 +144,9 @@ class Model:
         self, q: np.ndarray, thetas: np.ndarray, columns: Sequence[int]
     ) -> np.ndarray:
         """`jacobian` at rest of several robots, thetas (R, P) → (R, N, 6, K), each as if alone."""
-        found = self._compiled.jacobian(q, thetas[:, None], columns)
-        if found is not None:
-            return found
+        compiled = self._compiled.jacobian(q, thetas[:, None], columns)
+        if compiled is not None:
+            return compiled
         return np.stack([self.jacobian(q, theta, columns) for theta in thetas])
 
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
@@ -180,9 +181,9 @@ class Model:
         There the reading is linear in gravity as the sensor sees it, γ: dw = dγ·M + γ·dM + db, with
         M (3, 6) and b of the load and the sensor alone.
         """
-        found = self._compiled.jacobian(q, theta, columns)
-        if found is not None:
-            return found
+        compiled = self._compiled.jacobian(q, theta, columns)
+        if compiled is not None:
+            return compiled
         own, names = len(self.robot.parameters), self.robot.parameters.names
         moving = [k for k, c in enumerate(columns) if self.moves_pose(c)]
         gravity = np.asarray(self.gravity)

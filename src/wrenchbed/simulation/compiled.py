@@ -16,7 +16,7 @@ _DOUBLE = np.dtype(float)
 _KEPT = 32
 """Parameter vectors whose constants are kept: a fit compares a few."""
 _IDEAL = np.append(np.zeros(6), np.eye(3))
-"""Bias and gains of a sensor that shows the load."""
+"""Bias and gains of a sensor whose reading is its load."""
 _LOAD = slice(3, 8)
 """Constants that are mass, CoG and the sensor's own mass, by definition in `_statics.c`."""
 
@@ -42,7 +42,7 @@ class CompiledForm:
         return np.stack([statics.readings(name, q, each.tobytes()) for each in every])
 
     def gravity_seen(self, q: Value, at: np.ndarray) -> np.ndarray | None:
-        """`Model.gravity_seen`: the force on a tool of 1 kg."""
+        """Force on a tool of 1 kg, as `Model.gravity_seen` gives it."""
         name = self.robot.compiled
         if not statics.available(name) or at.ndim > 1 or not self._takes(q, at, at):
             return None
@@ -58,12 +58,12 @@ class CompiledForm:
         shifted[:, np.arange(len(columns)), list(columns)] += 1j * STEP
         changes = self.constants(shifted, shifted, sensed=True).imag / STEP
         if theta.ndim == 1:
-            found = statics.slopes(name, q, self._of_one(theta, theta, True), changes[0])
+            slopes = statics.slopes(name, q, self._of_one(theta, theta, True), changes[0])
         else:
             every = self.constants(theta[:, 0], theta[:, 0], sensed=True)
             each = zip(every, changes, strict=True)
-            found = np.stack([statics.slopes(name, q, p.tobytes(), d) for p, d in each])
-        return np.moveaxis(found, -3, -1)
+            slopes = np.stack([statics.slopes(name, q, p.tobytes(), d) for p, d in each])
+        return np.moveaxis(slopes, -3, -1)
 
     def _of_one(self, theta: np.ndarray, at: np.ndarray, sensed: bool, unit: bool = False) -> bytes:
         """Constants of one vector, kept: of one pose they take longer than the wrench.
@@ -84,7 +84,7 @@ class CompiledForm:
         return constants
 
     def constants(self, theta: np.ndarray, at: np.ndarray, sensed: bool) -> np.ndarray:
-        """In the order of `_statics.c` (…, C), of parameters (…, P)."""
+        """Constants (…, C) in the order of `_statics.c` for parameters (…, P)."""
         own = len(self.robot.parameters)
         packed = self.robot.packed(at[..., :own], np.asarray(self.gravity))
         tool = self.robot.tool(theta[..., :own])
@@ -98,7 +98,8 @@ class CompiledForm:
         return np.concatenate([np.broadcast_to(x, (*rows, x.shape[-1])) for x in parts], axis=-1)
 
     def _takes(self, q: Value, theta: np.ndarray, at: np.ndarray) -> bool:
-        """Whether joint values are real (N, J), parameters real (P,) or, of many, (R, 1, P)."""
+        """Whether joint values are real (N, J), parameters real (P,) or, for many robots, (R, 1,
+        P)."""
         if not isinstance(q, np.ndarray) or q.ndim != 2 or q.shape[1] != len(self.robot.joints):
             return False
         many = self.robot.broadcasts and theta.ndim == 3 and theta.shape[1] == 1

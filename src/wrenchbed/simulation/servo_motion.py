@@ -12,7 +12,8 @@ LONGEST_STEP = 0.002
 """MuJoCo's step [s]; with its discrete integrator MedRUE's loops stay within 0.4 µm."""
 _STILL = 1e-10
 _THERE = 1e-12
-"""Where the servos' decay ends in rounding: speed [rad/s, m/s] and distance to target [rad, m]."""
+"""Speed [rad/s, m/s] and distance to target [rad, m] at which the servos' decay ends in
+rounding."""
 _PATIENCE_S = 4.0
 _TOLERABLE = 1e-6
 
@@ -135,5 +136,5 @@ class ServoDrivenRobot:
 
 
 def steps_in(seconds: float) -> int:
-    """Steps of at most `LONGEST_STEP` in some time."""
+    """Number of steps of at most `LONGEST_STEP` in a duration."""
     return max(1, int(np.ceil(seconds / LONGEST_STEP - 1e-9)))

@@ -15,7 +15,7 @@ import numpy as np
 from wrenchbed.errors import ParameterError
 
 MARK = ":"
-"""In the names of what effects add; no name of a robot's own MJCF has it."""
+"""Mark in the names of elements that effects add; no name of a robot's own MJCF has it."""
 LAGS, MASS, ROUND = ".lags", ":mass", ".round"
 """Ends of names: of a joint that lags, of the body with the tool's mass, of round play."""
 FAR, BEHIND = 1e6, 1e7
@@ -25,11 +25,11 @@ ROTOR, DAMPING_S = 1e-3, 1e-3
 """Inertia of an added joint [kg·m² or kg] and its damping over its stiffness [s]: no reading of
 the twin depends on them, but the exported model is stable."""
 _HARD = ((0.004, 1.0), (0.9999, 0.9999, 0.001, 0.5, 2.0))
-"""Of the ends of play: MuJoCo's usual ones give by more than the play."""
+"""Solver parameters of the ends of play: MuJoCo's usual ones give by more than the play."""
 
 
 class Spring(NamedTuple):
-    """What holds an added joint.
+    """Spring, backlash and friction of an added joint.
 
     Attributes:
         stiffness: [N·m/rad or N/m].
@@ -47,7 +47,7 @@ class Spring(NamedTuple):
 
 
 def in_series(spec: mujoco.MjSpec, effect: str, joint: str, spring: Spring) -> None:
-    """A sprung joint on the axis of ``joint``."""
+    """Add a sprung joint on the axis of ``joint``."""
     driven = spec.joint(joint)
     name = f"{effect}{MARK}{joint}{LAGS * spring.lags}"
     _add(driven.parent, name, driven.type, driven.axis, spring).pos = driven.pos
@@ -82,7 +82,7 @@ def tool_mass(spec: mujoco.MjSpec, effect: str) -> mujoco.MjsBody:
 
 
 def base_axes(spec: mujoco.MjSpec) -> np.ndarray:
-    """R_world_base (3, 3)."""
+    """Rotation R_world_base (3, 3)."""
     matrix = np.empty(9)
     mujoco.mju_quat2Mat(matrix, np.array(spec.body("base").quat))
     return matrix.reshape(3, 3)

@@ -19,7 +19,7 @@ PAPERS = ("medrue", "ur5")
 
 @dataclass(frozen=True)
 class StudyResult:
-    """What a study wrote: its folder, key results, and lines for people."""
+    """Results of a study: its folder, key results, and lines for people."""
 
     folder: Path
     summary: dict[str, Any]
@@ -27,7 +27,7 @@ class StudyResult:
 
 
 def steps(paper: str, quick: bool, robots: int | None) -> int:
-    """How many steps a study has."""
+    """Number of steps of a study."""
     return int(_module(paper).steps(quick, robots))
 
 
@@ -41,7 +41,7 @@ def run(
     report: Progress = silent,
     command: str = "",
 ) -> StudyResult:
-    """Run a paper again, to be told with its command; a stopped run goes on where it stopped.
+    """Run a study; a stopped run continues where it stopped.
 
     Raises:
         NotFoundError: no such paper.
@@ -63,7 +63,7 @@ def run(
 
 
 def _finite(value: Any) -> Any:
-    """The same for JSON: what is not a finite number becomes null."""
+    """Value for JSON, with null for numbers that are not finite."""
     if isinstance(value, dict):
         return {k: _finite(v) for k, v in value.items()}
     if isinstance(value, list):

@@ -15,7 +15,7 @@ from wrenchbed.robots.motion_limits import Limits, check_motion, duration, strai
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """How a pose is reached.
+    """Moves that reach a pose.
 
     Attributes:
         row: of the plan.
@@ -71,7 +71,7 @@ def itinerary(
     *,
     clear: bool,
 ) -> tuple[Leg, ...]:
-    """All moves that visit some rows of a plan in order, from joint values (J,) on.
+    """Moves that visit some rows of a plan in order, from joint values (J,) on.
 
     Args:
         robot: of the plan.

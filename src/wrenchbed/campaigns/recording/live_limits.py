@@ -38,7 +38,7 @@ class LiveLimits:
     origin: Mapping[str, str]
 
     def to_json(self) -> dict[str, Any]:
-        """What a recording states."""
+        """Limits as a recording's metadata state them."""
         limits, box = self.limits, self.limits.workspace
         assert box is not None
         return {

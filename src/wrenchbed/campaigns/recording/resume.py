@@ -33,18 +33,18 @@ _SAME = {"rate_hz": "--rate", "sensor": "--sensor", "wrench": "--sensor"}
 
 
 class Retries(IntEnum):
-    """How often in a row an attempt is repeated without a person, by what failed."""
+    """Successive repetitions of an attempt without a person, by the cause of failure."""
 
     NEVER = 0
     """The robot protects itself or people, is in fault or off, or the load was too large."""
     STOPPED = 2
     """The robot is well: its program, its watchdog or a deadline ended the move."""
     LINK = 11
-    """The link or the reading was at fault."""
+    """Failure of the link or the reading."""
 
 
 def retries(driver: Driver, error: DriverError) -> Retries:
-    """How often an attempt may be repeated after an error, by the robot's present state."""
+    """Number of repetitions allowed after an error, by the robot's present state."""
     if not driver.live or isinstance(error, LimitError | SafetyStopError):
         return Retries.NEVER
     arm = driver._arm_health() if isinstance(driver, LiveDriver) else driver.health()
@@ -67,13 +67,13 @@ def retries(driver: Driver, error: DriverError) -> Retries:
 
 
 def bare(error: DriverError) -> str:
-    """What failed, without what a program would do about it."""
+    """Message of a failure, without the advice for a program."""
     return re.sub(r"(,? then|[:;,]) call recover\((unlock=True)?\)( again)?$", "", str(error))
 
 
 @dataclass(frozen=True, eq=False)
 class Before:
-    """What was recorded before.
+    """Rows of a recording that was interrupted.
 
     Attributes:
         columns: rows of complete poses (N,) by name; empty if there are none.
@@ -101,7 +101,7 @@ class Before:
 
 
 def second_visit(plan: Plan) -> int:
-    """Segment of the first pose's second visit."""
+    """Segment number of the first pose's second visit."""
     return int(plan.segment.max()) + 1
 
 
@@ -169,7 +169,7 @@ def _check_same(path: Path, old: Metadata, new: Metadata) -> None:
 
 
 def _check_samples(path: Path, plan: Plan, pose: np.ndarray, needed: np.ndarray) -> None:
-    """Every visit but the last, which may be cut, has as many rows as are asked for now."""
+    """Check that every visit but the last, which may be cut, has as many rows as needed."""
     count = np.bincount(pose, minlength=len(plan))
     bad = (count > 0) & (count != needed)
     if len(pose):
@@ -183,5 +183,5 @@ def _check_samples(path: Path, plan: Plan, pose: np.ndarray, needed: np.ndarray)
 
 
 def now() -> str:
-    """The present in ISO 8601, UTC."""
+    """Present time in ISO 8601, UTC."""
     return datetime.now(UTC).isoformat(timespec="milliseconds")

@@ -35,7 +35,7 @@ RATE_HZ = {"static": 100.0, "dynamic": 125.0}
 TRIES = 12
 """Attempts at one pose on a live driver before the run gives up."""
 MOTIONS = 3
-"""Attempts at a motion on a live driver."""
+"""Number of attempts at a motion on a live driver."""
 LIMITS = "limits"
 """Metadata with the limits that a live driver moved within."""
 TIMING = "timing"
@@ -50,7 +50,7 @@ _PAUSE_S = 0.2
 
 @dataclass(frozen=True)
 class RunSettings:
-    """How a plan is run.
+    """Settings of a run of a plan.
 
     Attributes:
         samples: rows a pose, where the plan gives no dwell.
@@ -97,7 +97,7 @@ class Drift:
 
 @dataclass(frozen=True)
 class RunProgress:
-    """What a run wrote: the file, poses (or trajectory rows) visited, rows and seconds.
+    """Progress of a run: the file, poses (or trajectory rows) visited, rows and seconds.
 
     Attributes:
         tried_again: number of repeated attempts.

@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 _LAYOUT = 2
-"""Of the constants, by definition: a library built from another version is not used."""
+"""Version of the constants' layout, by definition: a library built from another version is not
+used."""
 
 try:
     from wrenchbed.robots.compiled import _statics
@@ -37,7 +38,7 @@ class Packed(NamedTuple):
 
 
 def available(name: str, slopes: bool = False) -> bool:
-    """Whether a function, or its slopes, are compiled here."""
+    """Whether a function, or its derivatives, are compiled here."""
     return (f"{name}_slopes" if slopes else name) in _FUNCTIONS
 
 

@@ -83,7 +83,7 @@ def _parameter(name: str) -> Parameter:
 
 
 PAPER = ParameterSet(tuple(_parameter(name) for name in _ORDER))
-"""The paper's 49 parameters."""
+"""The 49 parameters of the paper."""
 
 
 PARAMETERS = PAPER + load_parameters(PROBE_INERTIA)
@@ -187,14 +187,14 @@ def link_frames(p: Values, q: Value) -> list[tuple[Value, Value]]:
 
 def _bars(p: Values, i: int, x: Value, bar: FiveBar) -> list[tuple[Value, Value]]:
     """Links A–B, B–E, C–D, D–E of five-bar i in base axes, y along the link, its plane at x."""
-    found = []
+    bars = []
     for k, (anchor, elbow) in enumerate((("A", bar.B), ("C", bar.D))):
         start = stack_jets([p[f"{anchor}{i}y"], p[f"{anchor}{i}z"]])
         for n, (near, far) in enumerate(((start, elbow), (elbow, bar.E))):
             along = (far - near) * (1.0 / p[f"L{i}{2 * k + n + 1}"])
             turn = rot_x_of(along[..., 0], along[..., 1])
-            found.append((turn, stack_jets([x, near[..., 0], near[..., 1]])))
-    return found
+            bars.append((turn, stack_jets([x, near[..., 0], near[..., 1]])))
+    return bars
 
 
 def gravity_in_sensor(p: Values, q: np.ndarray, gravity: np.ndarray) -> np.ndarray:
@@ -268,7 +268,7 @@ def qpos(p: Values, q: Value) -> Value:
 
 
 def failures(p: Values, q: np.ndarray) -> dict[int, str]:
-    """Rows of q (N, 6) without a solution, and why."""
+    """Rows of q (N, 6) without a solution, each with the reason."""
     bad: dict[int, str] = {}
     with np.errstate(invalid="ignore", divide="ignore"):
         bars = [five_bar(p, i, q[:, 2 * i - 1], q[:, 2 * i]) for i in (1, 2)]

@@ -48,14 +48,14 @@ BARS = tuple(
     )
     for i in (1, 2)
 )
-"""Of five-bars 1 and 2: A–B, B–E, C–D, D–E, y along the link, x that of the base."""
+"""Masses of five-bars 1 and 2: A–B, B–E, C–D, D–E, y along the link, x that of the base."""
 SUPPORT = (
     BodyMass("roll", 0.15, _CENTRE),
     BodyMass("yoke", 0.05, _CENTRE),
     BodyMass("wrist", 0.4, _CENTRE),
     BodyMass("slider", 0.05, _CENTRE),
 )
-"""At E1, E1, the wrist's origin and E2, their centres of gravity there."""
+"""Masses at E1, E1, the wrist's origin and E2, with their centres of gravity there."""
 LINKS = (CARRIAGE, *BARS[0], *BARS[1], *SUPPORT)
 
 _MASSES = masses(LINKS)
@@ -81,7 +81,7 @@ def links(p: Values, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def base_origin(p: Values) -> np.ndarray:
-    """The base's origin in the world (3,) [m]."""
+    """Origin of the base in the world (3,) [m]."""
     return np.array([p["x0"], p["y0"], p["z0"]])
 
 

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 _Q6_START = np.deg2rad(93.0)  # the pool's q6, 165°…382°, sits in the middle of the turn from here
 LOW, HIGH = (0.0, 0.2), (0.8, 0.65)
-"""x, y of the pool [m]."""
+"""Least and largest x, y of the pool [m]."""
 LAYERS = (-0.25, -0.10, 0.05)
-"""z of the pool's layers [m]."""
+"""Heights z of the pool's layers [m]."""
 ORIENTATIONS = 100
-"""Of each position in the pool of 40,000."""
+"""Number of orientations at each position in the pool of 40,000."""
 _TRIES = 200
 
 
@@ -69,7 +69,7 @@ def _frame(p: Values, i: int) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def _five_bar(p: Values, i: int, tip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Both joint values of five-bar i from its tip (N, 2) in the base's y, z plane."""
+    """Joint values of five-bar i from its tip (N, 2) in the base's y, z plane."""
     turn, middle, half = _frame(p, i)
     x, y = ((tip - middle) @ turn).T
     first = _reach(x - half, y, p[f"L{i}1"], p[f"L{i}2"]) - p[f"dq{2 * i}"]

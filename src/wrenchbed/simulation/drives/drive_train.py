@@ -25,21 +25,21 @@ COLUMN: Mapping[str, str] = {"torque": "tau", "current": "i"}
 _WHITE = 0.01
 """White noise of a current before its filter, as a share of `level`; estimate."""
 _RIPPLE = 0.005
-"""Amplitude of the ripple, likewise; estimate."""
+"""Amplitude of a current's ripple, as a share of `level`; estimate."""
 _FRICTIONS = 4.0
 """Coulomb frictions that count as load of a drive, beside what holds the robot; estimate."""
 _GEAR, _POLES = 100.0, 6.0
 """Turns of a motor per turn of its joint, and waves a turn of the motor; estimates."""
 _FILTER_HZ = 40.0
-"""Of a drive's current reading, first order [Hz]; estimate."""
+"""Cutoff of the first-order filter on a drive's current reading [Hz]; estimate."""
 _STEP = 0.001
-"""Steps in which currents are reported [A]; estimate."""
+"""Resolution of reported currents [A]; estimate."""
 _COLD, _WARMER, _WARM_S = 25.0, 8.0, 1800.0
 """Temperature of a drive [°C] as it starts, its rise [K], and the time constant [s]; estimates."""
 _BLOCK = 512
 """Rows of white noise drawn at once in real time."""
 _POSES, _SEED = 200, 5
-"""Random poses for the torque that holds the robot."""
+"""Number and seed of the random poses for the torque that holds the robot."""
 
 
 def temperatures(t: np.ndarray, joints: int) -> np.ndarray:
@@ -76,18 +76,18 @@ class DriveTrain:
         self.parameters = usual.changed(given or {})
         self.rigid = JointTorques(robot, theta, gravity, self.parameters.inertia)
         self.controller = nominal
-        """The robot as its controller takes it to be."""
+        """Parameters of the robot that the controller assumes."""
         self.faults: tuple[ActiveFault, ...] = tuple(
             active_fault(name, values, usual.coulomb) for name, values in faults
         )
 
     @property
     def joints(self) -> int:
-        """How many."""
+        """Number of joints."""
         return len(self.parameters.coulomb)
 
     def torques(self, t: np.ndarray, q: Jet, rigid: np.ndarray | None = None) -> np.ndarray:
-        """What the motors give (N, J) [N·m or N], as drives with nominal constants report it.
+        """Torques of the motors (N, J) [N·m or N], as drives with nominal constants report it.
 
         Calls follow each other in time: some faults remember.
 
@@ -110,7 +110,7 @@ class DriveTrain:
         return np.asarray(total)
 
     def level(self) -> np.ndarray:
-        """Current that the noise is a share of (J,) [A]."""
+        """Current (J,) [A] that noise and ripple are proportional to."""
         load = self.holding + _FRICTIONS * self.nominal.coulomb
         return np.asarray(load / np.abs(self.nominal.constant))
 
@@ -179,7 +179,7 @@ class ReportedEfforts:
     def columns(
         self, t: np.ndarray, q: Jet, targets: np.ndarray, rate: float
     ) -> dict[str, np.ndarray]:
-        """Of rows that follow each other.
+        """Columns of a recording's rows that follow each other in time.
 
         Args:
             t: times (N,) [s].

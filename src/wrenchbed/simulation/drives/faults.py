@@ -25,7 +25,7 @@ _TURN = 2.0 * np.pi
 
 
 class Rows(NamedTuple):
-    """One joint in time (N,), SI.
+    """Motion, rigid torque and temperature of one joint in time (N,), SI.
 
     Attributes:
         t: time [s].
@@ -50,7 +50,7 @@ class Rows(NamedTuple):
 
 
 Formula = Callable[[Rows, np.ndarray, Values, Memory], np.ndarray]
-"""From rows and torque so far (N,) to the torque with the fault (N,)."""
+"""Function of rows and the torque so far (N,) that returns the torque with the fault (N,)."""
 
 
 class Fault(NamedTuple):
@@ -123,14 +123,14 @@ def _hysteresis(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np
     Exact for Dahl's model between two rows (Dahl 1968, A Solid Friction Model, DTIC ADA041920).
     """
     z, last = memory.get("z", 0.0), memory.get("q", float(rows.q[0]))
-    found = np.empty_like(rows.q)
+    deflection = np.empty_like(rows.q)
     for k, q in enumerate(rows.q.tolist()):
         way = float(np.sign(q - last))
         if way:
             z = way + (z - way) * float(np.exp(-abs(q - last) / p["width"]))
-        found[k], last = z, q
+        deflection[k], last = z, q
     memory["z"], memory["q"] = z, last
-    return torque + p["size"] * found
+    return torque + p["size"] * deflection
 
 
 def _delay(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
@@ -161,8 +161,8 @@ FAULTS: Mapping[str, Fault] = {
                     {"order": 12.0, "phase": 0.0}),
     "delay": Fault("the effort is reported late", "s", 0.02, _delay),
 }  # fmt: skip
-"""By kind, without ``drive.``; typical sizes, speeds [rad/s or m/s], widths [rad or m], orders
-[1 per rad] and phases [rad] are estimates."""
+"""Fault formulas by kind, without ``drive.``; typical sizes, speeds [rad/s or m/s], widths [rad or
+m], orders [1 per rad] and phases [rad] are estimates."""
 
 
 @dataclass(eq=False)

@@ -15,7 +15,7 @@ _COULOMB: Mapping[str, tuple[float, ...]] = {"ur5": (6.0, 6.5, 4.5, 1.4, 1.2, 1.
 """Friction of direction alone [N·m]; estimates: one third of a UR10e's (recordings of Innopolis
 University, doi 10.3389/frobt.2020.571574) to one half."""
 _VISCOUS: Mapping[str, tuple[float, ...]] = {"ur5": (8.0, 8.5, 6.5, 1.5, 1.4, 1.2)}
-"""Friction per speed [N·m·s/rad]; estimates, likewise."""
+"""Friction per speed [N·m·s/rad]; estimates, as those of `_COULOMB`."""
 _CONSTANT: Mapping[str, tuple[float, ...]] = {
     "ur5": (12.6, 12.6, 12.6, 9.3, 9.3, 9.3),
     "medrue": (50.0, 0.5, 0.5, 0.5, 0.5, 0.5),
@@ -23,7 +23,7 @@ _CONSTANT: Mapping[str, tuple[float, ...]] = {
 """Torque per current, gear included [N·m/A; N/A]. UR5: estimate, as its emulator has. MedRUE:
 rated 200 N and 2 N·m over 4 A, estimates as the emulated drives have."""
 _USUAL_CONSTANT = 10.0
-"""Of an arm that the table lacks [N·m/A]; estimate, between a UR10e's joints."""
+"""Torque per current of an arm that the table lacks [N·m/A]; estimate, between a UR10e's joints."""
 _SHARE, _LEAST = 0.04, 0.5
 """Coulomb friction of an arm that nobody states: share of the torque that holds its weight, and no
 less than that [N·m or N]; estimates."""
@@ -33,7 +33,7 @@ _PER_SPEED = 1.0
 
 @dataclass(frozen=True, eq=False)
 class DriveParameters:
-    """Of all joints (J,); torques in N·m, of slides in N.
+    """Drive parameters of all joints (J,); torques in N·m, of slides in N.
 
     Attributes:
         coulomb: friction that depends on the direction alone.
@@ -53,7 +53,7 @@ class DriveParameters:
     def nominal(
         cls, robot: SimulatedRobot, rotor: np.ndarray, holding: np.ndarray
     ) -> "DriveParameters":
-        """What a robot has if nobody says otherwise.
+        """Parameters of a robot's drives unless they are given.
 
         Args:
             robot: friction stands in its MJCF, in the tables here, or follows from ``holding``.
@@ -74,7 +74,7 @@ class DriveParameters:
         return cls(coulomb, viscous, np.zeros(len(dofs)), rotor, constant)
 
     def changed(self, given: Mapping[str, float]) -> "DriveParameters":
-        """With values by name, ``drive.coulomb.2``: joints count from 1.
+        """Parameters with new values by name, ``drive.coulomb.2``: joints count from 1.
 
         Raises:
             ParameterError: there is no such name, or the value is impossible.
@@ -93,7 +93,7 @@ class DriveParameters:
 
 
 def apart(given: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
-    """Parameters of the drives, and all others."""
+    """Values split into parameters of the drives, and all others."""
     drives = {k: v for k, v in given.items() if k.startswith(PREFIX)}
     return drives, {k: v for k, v in given.items() if k not in drives}
 

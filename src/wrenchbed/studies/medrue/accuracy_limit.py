@@ -32,7 +32,7 @@ RANGES = ((15, 30), (30, 60), (45, 120), (60, 180))
 """Tilt of α, β and range of γ about 180° [°]."""
 STEPS = len(COUNTS) + len(RANGES)
 _SMALL = 8000
-"""Configurations of each range's pool."""
+"""Number of configurations in each range's pool."""
 _FEW = 20
 """Orientations of each position there, so that there are as many positions as in the paper's."""
 
@@ -77,7 +77,7 @@ def attained(table: pa.Table, noise: NoiseModel, method: str) -> float:
 
 
 def _with_error(table: pa.Table, noise: NoiseModel, method: str) -> str:
-    """The same in mm with its standard error, and how many robots were lost."""
+    """Rms error in mm with its standard error, and the number of robots that failed."""
     errors = 1e3 * column(table, "rms", design="O1", noise=noise.name, method=method)
     good = errors[np.isfinite(errors)]
     if len(good) < 2:

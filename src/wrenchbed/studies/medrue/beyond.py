@@ -23,9 +23,9 @@ from wrenchbed.studies.medrue.identification import as_the_paper
 from wrenchbed.studies.medrue.setting import PAPER, PoseDesign, StudySetting
 
 WANTED = 3e-4
-"""Accuracy of the plan [m]."""
+"""Accuracy that the plan must reach [m]."""
 ROBOTS = 200
-"""With errors in all parameters."""
+"""Number of robots with errors in all parameters."""
 _UNIFORM = 1 / np.sqrt(3.0)
 """Standard deviation of a uniform draw over its half width."""
 
@@ -102,7 +102,7 @@ def _rms(error: np.ndarray) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Confirming:
-    """What each confirming robot needs."""
+    """Data shared by all confirming robots."""
 
     setting: StudySetting
     mix: Mix
@@ -111,8 +111,8 @@ class Confirming:
 
 
 def confirm(shared: Confirming, number: int) -> list[Row]:
-    """One robot, all parameters and the sensor's bias wrong: record the plan in MuJoCo with the
-    Mini40's noise, calibrate, and compare its tool with the true one's in the target."""
+    """Result of one robot with errors in all parameters and the bias: record the plan in MuJoCo
+    with the Mini40's noise, calibrate, and compare its tool with the true one's in the target."""
     setting, mix = shared.setting, shared.mix
     rng = np.random.default_rng([shared.seed, 30_000, number])
     theta = draw(setting, rng, ("mTool", "sensor.bias"))
@@ -141,7 +141,7 @@ def confirm(shared: Confirming, number: int) -> list[Row]:
 
 
 def plan(setting: StudySetting, seed: int) -> Mix:
-    """Few measurements that assure `WANTED`."""
+    """Plan of few measurements that assures `WANTED`."""
     return reach(setting.robot, WANTED, seed=seed)
 
 
@@ -153,7 +153,7 @@ def section(
     confirmed: pa.Table,
     seed: int,
 ) -> Section:
-    """All parameters in error, what helps, and the plan."""
+    """Section on errors in all parameters, remedies, and the plan."""
     added, figure = _added(setting, designs, seed)
     return Section(
         "Beyond: when nothing about the robot is known exactly",

@@ -234,7 +234,7 @@ def _plane(points: np.ndarray) -> np.ndarray:
 
 
 def _rigid(points: np.ndarray) -> np.ndarray:
-    """Position and rotation of an artefact (T, 3, 6)."""
+    """Derivatives of points (T, 3, 6) by an artefact's position and rotation."""
     arm = points - _CENTRE
     turn = np.stack([cross(np.broadcast_to(e, arm.shape), arm) for e in np.eye(3)], axis=-1)
     return np.concatenate([np.tile(np.eye(3), (len(points), 1, 1)), turn], axis=-1)
@@ -246,7 +246,7 @@ def _level_grid() -> np.ndarray:
 
 
 def in_reach(added: list[Added], prior: np.ndarray) -> list[tuple[Added, int, np.ndarray]]:
-    """For gravity and each addition to it: rank of 49 and posterior covariance (49, 49).
+    """Rank (of 49) and posterior covariance (49, 49) for gravity and each addition to it.
 
     Args:
         prior: standard deviation (49,) of each parameter before any measurement.

@@ -29,13 +29,13 @@ from wrenchbed.studies.medrue.setting import (
 _STOP = 1e-12
 """RMS change of the parameters in the paper's units; its 1e-16 lies below rounding (1e-13)."""
 _MOST = 30
-"""Most Newton steps."""
+"""Largest number of Newton steps."""
 EMPIRICAL = (PAPER, PLAIN, WIDE, MINI40, MINI40_PLAIN)
 """Readings of the noise that robots are identified with; ±1 N as 1σ, one sample, is hopeless."""
 _NOISY_STOP = 1e-6
 """Far below what noise leaves, in mm and degrees; the steps converge quadratically."""
 DRAWS = 3
-"""More draws of noise for each robot, weighted fits only, to compare with the bound."""
+"""Additional draws of noise for each robot, weighted fits only, to compare with the bound."""
 STATISTICS = ("mean", "max", "std", "rms")
 
 
@@ -85,7 +85,8 @@ def weighted(
     std: np.ndarray,
     start: np.ndarray | None = None,
 ) -> IdentifiedRobot:
-    """Each channel by its own standard deviation (6,) of a mean: efficient for normal noise.
+    """Fit with channels weighted by their standard deviation (6,) of a mean: efficient for normal
+    noise.
 
     Begins at nominal, or at ``start`` (P,).
     """
@@ -107,7 +108,7 @@ def weighted(
 
 @dataclass(frozen=True, eq=False)
 class SharedDesigns:
-    """What every robot needs: the setting without its Jacobian, designs by name, a seed."""
+    """Data shared by all robots: the setting without its Jacobian, designs by name, a seed."""
 
     setting: StudySetting
     designs: Mapping[str, np.ndarray]
@@ -125,7 +126,7 @@ def truth(setting: StudySetting, rng: np.random.Generator) -> np.ndarray:
 
 
 def one_robot(shared: SharedDesigns, number: int) -> list[Row]:
-    """All cases of one robot; the same number and seed give the same rows."""
+    """Rows of all cases of one robot; the same number and seed give the same rows."""
     setting = shared.setting
     rng = np.random.default_rng([shared.seed, number])
     return cases(shared, truth(setting, rng), rng, number)
@@ -202,7 +203,7 @@ class Judge:
         self._target = simulation.wrench(setting.target), simulation.tip(setting.target)
 
     def rows(self, theta: np.ndarray, *, whole: bool = True, **labels: object) -> list[Row]:
-        """One row a workspace and quantity, SI."""
+        """Rows with one for each workspace and quantity, SI."""
         places = {"target": (self.setting.target, self._target)}
         if whole:
             places["whole"] = (self.setting.q, self._whole)

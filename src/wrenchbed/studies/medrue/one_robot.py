@@ -30,7 +30,7 @@ from wrenchbed.studies.medrue.setting import (
 
 INDICES = ("O1", "O2", "O3", "O4", "O5")
 AGAIN = "O1 again"
-"""The same poses with another draw of noise."""
+"""Name of the case with the same poses and another draw of noise."""
 
 
 def of_table_1(setting: StudySetting, values: Mapping[str, float]) -> np.ndarray:
@@ -43,7 +43,7 @@ def of_table_1(setting: StudySetting, values: Mapping[str, float]) -> np.ndarray
 
 @dataclass(frozen=True, eq=False)
 class OneRobot:
-    """What was identified, and its position errors [m] in the target and over the pool.
+    """Identified parameters, with position errors [m] in the target and over the pool.
 
     Attributes:
         exact: without noise, the paper's way.
@@ -137,7 +137,7 @@ def _table1(setting: StudySetting, designs: dict[str, PoseDesign], one: OneRobot
 
 @dataclass(frozen=True)
 class MeasuredRobot:
-    """One noise and fit against what the paper prints.
+    """Comparison of one noise and fit with the numbers that the paper prints.
 
     Attributes:
         chi_square: of the 26 printed deviations (the mass is printed too coarsely).

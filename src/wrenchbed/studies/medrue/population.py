@@ -14,7 +14,7 @@ from wrenchbed.studies.medrue.one_robot import AGAIN, INDICES, OneRobot
 from wrenchbed.studies.medrue.setting import LOWER, MINI40, PAPER
 
 _ALPHA = 0.05
-"""Of simultaneous intervals."""
+"""Error probability of simultaneous intervals."""
 _THREE = ("mean", "max", "std")
 _DESIGNS = (*INDICES, "target", "random")
 _SCALE = {"position": 1e3, "force": 1.0, "torque": 1.0}
@@ -31,7 +31,7 @@ def column(
 
 
 def section(table: pa.Table, one: OneRobot) -> Section:
-    """Tables 2–6."""
+    """Section with Tables 2–6."""
     robots = len(np.unique(table["robot"].to_numpy()))
     return Section(
         f"{robots} random robots",

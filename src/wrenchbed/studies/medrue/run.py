@@ -24,23 +24,23 @@ from wrenchbed.studies.medrue.setting import (
 )
 
 POOL = 40_000
-"""Configurations."""
+"""Number of configurations in the pool."""
 ROBOTS = {False: 200, True: 8}
-"""Random robots, in full and with --quick; likewise below."""
+"""Number of random robots, in full (False) and with --quick (True)."""
 CONFIRM = {False: 50, True: 4}
-"""Robots that run the plan."""
+"""Number of robots that run the plan, by --quick."""
 STARTS = {False: 3, True: 1}
-"""Starting points of each exchange."""
+"""Number of starting points of each exchange, by --quick."""
 ROBOTS_ALL_WRONG = {False: beyond.ROBOTS, True: 10}
-"""Robots with errors in all parameters."""
+"""Number of robots with errors in all parameters, by --quick."""
 _FIXED = 1 + 6 + 2 + accuracy_limit.STEPS + 2
-"""Steps that do not depend on the numbers of robots."""
+"""Number of steps that do not depend on the numbers of robots."""
 TITLE = "MedRUE calibrated by its own force sensor: Sensors 2016, 16, 798, reproduced"
 _IN_MM = ("bound_mm", "bound_mm_best", "bound_mm_certificate", "published_mm")
 
 
 def steps(quick: bool, robots: int | None) -> int:
-    """How many steps `run` reports."""
+    """Number of steps that `run` reports."""
     return _FIXED + (ROBOTS[quick] if robots is None else robots) + CONFIRM[quick]
 
 

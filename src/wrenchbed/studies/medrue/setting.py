@@ -35,13 +35,13 @@ ACTUAL = {
     "alphaS": -67.397, "betaS": -0.525, "gammaS": 0.185, "xG": 0.576, "yG": 0.059,
     "zG": 153.132, "mTool": 0.365,
 }  # fmt: skip
-"""Table 1, the simulated robot [mm, °, kg]."""
+"""True parameters of the simulated robot in Table 1 [mm, °, kg]."""
 ELIMINATED = {"C2y", "L23", "d42", "xS", "yS", "zS", "A1y", "C1z"}
-"""What Table 1 freezes beside the parameters without effect; A1y and C1z without a star."""
+"""Parameters that Table 1 freezes beside those without effect; A1y and C1z without a star."""
 AFTER = {"mean": 0.2771, "max": 0.320, "std": 0.0157}
 """Target workspace after calibration [mm]: abstract and Section 5."""
 BEFORE = {"mean": 9.03, "max": 12.2, "std": 1.65}
-"""Target workspace before: from the above and Table 3's improvements [mm]."""
+"""Errors in the target workspace before calibration, from Table 3's improvements [mm]."""
 WHOLE_MEAN = (8.9135, 0.286)
 """Mean over the whole workspace before and after [mm]; Section 5 calls it the target's."""
 IMPROVEMENT = {
@@ -51,23 +51,23 @@ IMPROVEMENT = {
 }  # fmt: skip
 """Tables 2 and 3: improvement of mean, maximum and standard deviation [%]."""
 T_STATISTIC = {("O1", "O2"): -655.874, ("O1", "O5"): -304.773, ("O2", "O5"): 421.3063}
-"""Table 5."""
+"""Statistics of the t-tests in Table 5."""
 ITERATIONS = 5
-"""Of its Newton steps without noise."""
+"""Number of the paper's Newton steps without noise."""
 SAMPLES = 100
 """Measurements a configuration, which the paper may or may not average."""
 STATED = np.array([1.0, 1.0, 1.0, 0.2, 0.2, 0.2])
-"""±1 N, ±0.2 N·m: Section 5."""
+"""Stated noise of the paper, ±1 N, ±0.2 N·m: Section 5."""
 CERTIFICATE: np.ndarray = registry.load("sensors", "ati-mini40").accuracy
 """±0.25, 0.2, 0.45 N, ±0.0125, 0.0125, 0.02 N·m: the Mini40's certificate, Section 5."""
 DRAWS = 4000
 """Random estimates that expected errors are computed from."""
 CONFIGURATIONS = 100
-"""For identification, the paper's number."""
+"""Number of configurations for identification in the paper."""
 UNITS = {"m": 1e-3, "rad": np.pi / 180, "kg": 1.0}
 """The paper's table: mm, degrees, and kg (its g is a slip)."""
 Report = Callable[[str], None]
-"""Called with the name of each finished step."""
+"""Function called with the name of each finished step."""
 
 
 def rms_after() -> float:
@@ -77,7 +77,7 @@ def rms_after() -> float:
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """One reading of the paper's noise.
+    """Interpretation of the paper's noise.
 
     Attributes:
         name: for people.
@@ -105,7 +105,8 @@ LOWER = tuple(
     NoiseModel(f"±{level:g} N as 3σ, 100 averaged", STATED * level / 3, SAMPLES)
     for level in (0.5, 0.25, 0.1)
 )
-"""For Table 6; its own levels are not in the text that we have. Torque in proportion."""
+"""Lower noise levels for Table 6, torque in proportion; the paper's levels are not in the text that
+we have."""
 READINGS = (PAPER, PLAIN, WIDE, WIDE_PLAIN, MINI40, MINI40_PLAIN)
 
 
@@ -153,7 +154,7 @@ class StudySetting:
         return (triangle @ triangle.T) * np.outer(scale, scale)
 
     def bound(self, chosen: np.ndarray, std: np.ndarray) -> float:
-        """The same as rms position error in the target [m]."""
+        """Cramér–Rao bound as rms position error in the target [m]."""
         return self.goal.rms(self.covariance(chosen, std))
 
 
@@ -201,7 +202,8 @@ class PoseDesign:
 
 
 def designs(setting: StudySetting, seed: int, starts: int, report: Report) -> dict[str, PoseDesign]:
-    """By O1 … O5 in the paper's units, by the target's position error, and at random."""
+    """Pose designs by O1 … O5 in the paper's units, by the target's position error, and at
+    random."""
     table = Pool(setting.in_table_units)
     result = {}
     for criterion in INDICES.values():

@@ -19,12 +19,12 @@ from wrenchbed.studies.ur5.trial import FREE, ORDER, Trial
 
 TITLE = "Installation error of a force sensor on a UR5: four methods compared"
 REPEATS = {False: 20, True: 3}
-"""Repetitions, in full and with --quick."""
+"""Number of repetitions, in full (False) and with --quick (True)."""
 _COMPARED = ("Method 1", "Method 2", "Method 3", "joint fit")
 
 
 def steps(quick: bool, robots: int | None) -> int:
-    """How many steps `run` reports."""
+    """Number of steps that `run` reports."""
     return 2 + len(SCENARIOS) * _repeats(quick, robots)
 
 
@@ -33,7 +33,7 @@ def _repeats(quick: bool, robots: int | None) -> int:
 
 
 def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progress) -> Document:
-    """Every scenario, repeated with other poses and noise; the first fills Tables 2 to 6.
+    """Report of every scenario, repeated with other poses and noise; the first fills Tables 2 to 6.
 
     Finished repetitions are kept in ``folder``/parts, so that a stopped run goes on.
     """

@@ -56,7 +56,7 @@ _DEGREE = float(np.pi / 180)
 
 @dataclass(frozen=True)
 class Scenario:
-    """What differs from the article's assumptions.
+    """Deviations from the article's assumptions.
 
     Attributes:
         true: parameters that are not as stated, by name.
@@ -88,7 +88,7 @@ SCENARIOS = (
 
 @dataclass(frozen=True, eq=False)
 class StudyScene:
-    """One robot and its sensor."""
+    """Robot and sensor in one scenario."""
 
     scenario: Scenario
     model: Model
@@ -99,7 +99,7 @@ class StudyScene:
 
     @classmethod
     def of(cls, scenario: Scenario, seed: int) -> "StudyScene":
-        """A UR5 with an ATI Gamma in a scenario."""
+        """Scene of a UR5 with an ATI Gamma in a scenario."""
         robot: UR5 = registry.load("robots", "ur5")
         model = Model.of(robot)
         theta = model.parameters.vector(
@@ -158,7 +158,7 @@ def flange(robot: UR5, q: np.ndarray) -> np.ndarray:
 
 
 def distance(robot: UR5, seed: int, n: int = 1000) -> np.ndarray:
-    """How far (n,) [m] the article's flange is from the maker's at random poses."""
+    """Distances (n,) [m] of the article's flange from the maker's at random poses."""
     q = robot.sample(n, np.random.default_rng(seed))
     true = robot.flange_pose(q, robot.parameters.nominal)[1]
     return np.asarray(np.linalg.norm(flange(robot, q) - true, axis=1))

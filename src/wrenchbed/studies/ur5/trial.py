@@ -26,9 +26,9 @@ _AXES = {
 }  # fmt: skip
 """Where the tool's z points in the robot's base, whose x looks forward."""
 _LOW, _HIGH = np.array([-0.6, -0.6, 0.25]), np.array([0.6, 0.6, 0.8])
-"""Box of the tool's positions [m]."""
+"""Limits of the box of the tool's positions [m]."""
 _TRIES = 5000
-"""Random positions before giving up."""
+"""Largest number of random positions."""
 Predictor = Callable[[np.ndarray], np.ndarray]
 """Joint values (N, 6) → reading without external load (N, 6) [N, N·m]."""
 FREE = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation", "base.tilt")
@@ -41,7 +41,7 @@ ORDER = (
     "exact model",
 )
 POSITIONS = 20
-"""In each direction, the article's number; these judge."""
+"""Positions in each direction, the article's number, at which residuals are compared."""
 CALIBRATION = 8
 """Other positions in each direction, with the tool also turned about its axis; these fit."""
 _HALVES = (slice(0, 3), slice(3, 6))
@@ -83,7 +83,7 @@ def known_weights(scene: StudyScene, recording: Recording) -> Predictor:
 
 
 def tool_gravity(scene: StudyScene) -> Predictor:
-    """Method 2: the stated tool's weight alone."""
+    """Prediction by method 2: the stated tool's weight alone."""
     theta = scene.model.parameters.vector({"sensor.mass": 0.0}, start=scene.stated())
     return lambda q: scene.model.predict(q, theta)
 
@@ -103,7 +103,7 @@ def tare_and_gravity(
 
 
 def joint_fit(scene: StudyScene, recording: Recording) -> tuple[Predictor, Fit]:
-    """One weighted fit of mass, CoG, bias, sensor rotation and base tilt."""
+    """Weighted fit of mass, CoG, bias, sensor rotation and base tilt together."""
     fit = calibrate(recording, CalibrationOptions(free=FREE))
     theta = scene.model.parameters.vector(dict(fit.theta))
     return lambda q: scene.model.predict(q, theta), fit
@@ -130,7 +130,7 @@ def left_out(scene: StudyScene, q: np.ndarray, reference: np.ndarray) -> dict[st
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """What each method leaves (6,) [N, N·m] at each judging pose.
+    """Residual (6,) [N, N·m] of each method at each judging pose.
 
     Attributes:
         residual: by method, (5 · POSITIONS, 6), in the order of the directions.
@@ -149,7 +149,8 @@ class Trial:
     calibrating: np.ndarray
 
     def rows(self) -> list[Row]:
-        """One row a method and direction, SI; ``ignored`` is NaN where a method ignores nothing."""
+        """Rows for each method and direction, SI; ``ignored`` is NaN where a method ignores
+        nothing."""
         rows = []
         for method, residual in self.residual.items():
             for direction in DIRECTIONS:
@@ -174,7 +175,7 @@ class Trial:
 
 
 def geometric_mean(values: np.ndarray) -> float:
-    """Of positive values (N,)."""
+    """Geometric mean of positive values (N,)."""
     return float(np.exp(np.log(values).mean()))
 
 
@@ -216,7 +217,7 @@ def run(scenario: Scenario, seed: int) -> Trial:
 
 
 def _part(recording: Recording, first: int, last: int) -> Recording:
-    """The holds first … last − 1."""
+    """Recording of the holds first … last − 1."""
     keep = slice(first * SAMPLES, last * SAMPLES)
     columns = {k: v[keep] for k, v in recording.columns.items()}
     return Recording(recording.metadata, columns, recording.name)
