@@ -116,6 +116,7 @@ def test_motions_stay_within_limits(number):
 # ---- faults --------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", [*FAMILIES, *OUTSIDE])
 def test_every_family_changes_the_effort_of_its_joint(name):
     setting = setting_of(3)
@@ -129,6 +130,7 @@ def test_every_family_changes_the_effort_of_its_joint(name):
         assert fault.joint == 3 and np.flatnonzero(sizes).tolist() == [2]
 
 
+@pytest.mark.slow
 def test_an_asymmetry_without_reversal_is_like_an_offset_and_a_coulomb_fault_is_not():
     """Decided from signatures: with reversals Coulomb friction is told from an offset."""
     setting = setting_of(5)
@@ -154,6 +156,7 @@ def robots(tmp_path_factory):
     return entrants.arms(FILES, tmp_path_factory.mktemp("arms"))
 
 
+@pytest.mark.slow
 def test_a_seed_makes_the_same_case_again(robots):
     first, second, other = (case.make(robots, 5, n) for n in (2, 2, 3))
     assert first.truth == second.truth != other.truth
@@ -161,6 +164,7 @@ def test_a_seed_makes_the_same_case_again(robots):
         assert np.array_equal(column, second.recording.columns[name]), name
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("number", [0, 1, 4])
 def test_the_recording_holds_no_truth(robots, number, tmp_path):
     made = case.make(robots, 6, number)
@@ -185,6 +189,7 @@ def test_names_and_stated_values_do_not_depend_on_the_fault():
     assert dict(setting.configured) == before
 
 
+@pytest.mark.slow
 def test_an_oracle_closes_what_it_knows(robots):
     rows = [case.make(robots, 7, n).truth for n in range(8)]
     closed = [r.closed for r in rows if r.kind == "library" and r.gap > 10.0]

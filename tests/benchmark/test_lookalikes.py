@@ -61,6 +61,7 @@ def shows(case, effect, needed=1.0, rows=0.5):
     return case.gaps[effect] >= needed
 
 
+@pytest.mark.sampled
 @each_design
 def test_every_effect_of_a_design_can_be_drawn_and_shows(kind):
     design = design_of(kind)

@@ -118,6 +118,7 @@ SAME_NUMBERS = {
 }
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", list(SAME_NUMBERS))
 def test_true_numbers_mean_what_the_library_publishes(world, name):
     """The library's formula with the referee's numbers gives what the referee's machine reads."""
@@ -157,6 +158,7 @@ def world(small):
     return FaultyRobot.of(setting, (), Usual.of(setting))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if not e.motion and not e.loops])
 def test_every_effect_changes_what_is_read(world, name):
     fault = EFFECTS[name].draw(world.setting, np.random.default_rng(6), 4.0)
@@ -173,6 +175,7 @@ def test_every_family_outside_changes_what_is_read(world, name):
     assert found.gap > 0.1
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("mode", ["static", "dynamic"])
 def test_every_effect_on_means_has_a_signature(small, mode):
     """What has none in referee/signatures.py is never named as a rival of another effect."""
@@ -250,6 +253,7 @@ def test_the_background_has_many_families_and_grows_with_its_scale(world):
     assert 0.0 < gaps[0] < gaps[1]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_case_holds_what_its_kind_promises(small, kind):
     found = case.make("ur5", "static", kind, (3, 1))

@@ -34,6 +34,7 @@ def test_shares_of_kinds_are_as_promised():
     assert make.Family("ur5", "static", 300, 2).kinds() != kinds
 
 
+@pytest.mark.slow
 def test_cases_hold_recordings_and_commitments_only(family):
     cases, answers, root = family
     assert len(list(cases.iterdir())) == COUNT + 1

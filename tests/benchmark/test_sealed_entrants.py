@@ -21,6 +21,7 @@ from wrenchbed.effects.chain import effects
 from wrenchbed.errors import BenchmarkError, ParameterError
 
 
+@pytest.mark.slow
 def test_any_program_may_enter_and_goes_on_after_a_stop(family, tmp_path):
     cases, answers, _ = family
     entrant = Entrant("says-none", script(tmp_path, SAYS_NONE))
@@ -145,6 +146,7 @@ def test_an_entrant_that_throws_its_folder_away_is_wrong(family, tmp_path):
         assert enter([messy], cases, "0001", tmp_path / "claims", 20.0) == []
 
 
+@pytest.mark.slow
 def test_our_own_methods_answer_a_case(tmp_path, monkeypatch):
     monkeypatch.setattr(settings, "POSES", (24, 24))
     monkeypatch.setattr(settings, "SAMPLES", 10)
@@ -172,6 +174,7 @@ def test_an_entrant_whose_time_ends_while_it_reads_is_over_time(family, tmp_path
     assert "longer than" in claims.read(tmp_path / "none" / "0001").error
 
 
+@pytest.mark.slow
 def test_a_run_that_was_killed_goes_on(family, tmp_path):
     cases, _, _ = family
     slow = script(tmp_path, "time.sleep(0.2)\n" + SAYS_NONE)

@@ -41,6 +41,7 @@ def _recordings(cases):
     ]
 
 
+@pytest.mark.slow
 def test_all_cases_rest_at_the_poses_of_the_plan_with_one_stated_tool(cases):
     wanted = Plan.read(cases / "poses.parquet").q
     told = _recordings(cases)

@@ -75,6 +75,7 @@ def test_numbers_are_held_against_true_ones(family, tmp_path):
     assert report.summary(found)["me"]["coverage"]["value"] == 1.0
 
 
+@pytest.mark.slow
 def test_the_verbs_make_and_score(tmp_path, capsys, monkeypatch, family):
     cases, answers, root = family
     truthful(cases, answers, tmp_path / "claims" / "me")

@@ -162,6 +162,7 @@ def test_nothing_is_made_of_a_recording_without_noise():
 # ---- families ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_cases_differ_in_what_a_fault_changes_only(semi_real):
     cases, answers, _ = semi_real
     told = {

@@ -120,6 +120,7 @@ def touched(tmp_path_factory):
     return folder, truth
 
 
+@pytest.mark.slow
 def test_a_plan_of_touches_survives_the_file(touched):
     folder, _ = touched
     plan = Plan.read(folder / "plan.parquet")
@@ -228,6 +229,7 @@ def mix():
     return reach(MEDRUE, 3e-4, pool=800)
 
 
+@pytest.mark.slow
 def test_a_mix_reaches_its_accuracy_with_few_measurements(mix):
     assert mix.assured <= 3e-4
     assert mix.rms < mix.assured < mix.before
@@ -245,6 +247,7 @@ def test_costly_touches_give_way_to_poses(mix):
     assert len(dear.gravity) > len(mix.gravity)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_robots_that_run_the_mix_reach_it(mix, tmp_path, number):
     truth = wrong(100 + number)

@@ -45,6 +45,7 @@ def test_a_sound_recording_is_not_refused(base, recwarn):
     assert not recwarn.list
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("base", BASES)
 @pytest.mark.parametrize("name", CORRUPTIONS)
 def test_a_broken_recording_publishes_nothing_false(base, name):

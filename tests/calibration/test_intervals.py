@@ -1,6 +1,7 @@
 """Stated intervals hold: under white noise, and where holds wander or noise is 1/f."""
 
 import numpy as np
+import pytest
 
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
 from wrenchbed import registry
@@ -23,6 +24,7 @@ def coverage(robot: str, truth, free, seeds: int, **how) -> tuple[float, int]:
     return inside / total, total
 
 
+@pytest.mark.slow
 def test_ninety_five_percent_intervals_hold_under_white_noise():
     """200 seeds × 13 parameters; the share's own standard error is about 0.6 %."""
     share, total = coverage("ur5", UR5_TRUTH, None, 200, poses=60, samples=20, noise=WHITE)
@@ -30,12 +32,14 @@ def test_ninety_five_percent_intervals_hold_under_white_noise():
     assert 0.93 <= share <= 0.97
 
 
+@pytest.mark.slow
 def test_medrues_intervals_hold_under_white_noise():
     share, total = coverage("medrue", MEDRUE_TRUTH, None, 40, poses=100, samples=20, noise=WHITE)
     assert total == 1080
     assert 0.93 <= share <= 0.97
 
 
+@pytest.mark.slow
 def test_intervals_hold_where_holds_wander_and_the_effective_sample_size_is_stated():
     """Each hold off by twice the noise of one row: 60 × 20 rows are worth 60/(1/20 + 4) ≈ 15."""
     how = {"poses": 60, "samples": 20, "noise": WHITE, "wander": 2.0}
@@ -58,6 +62,7 @@ def flickering(seed: int) -> Recording:
     return Recording(rec.metadata, {**rec.columns, "t": t, **noisy})
 
 
+@pytest.mark.slow
 def test_under_one_over_f_noise_the_fit_states_what_its_rows_are_worth():
     """The tz of the measured Gamma wanders most: its 3,600 rows fix a bias like 60 to 600 would.
 

@@ -36,6 +36,7 @@ def standing(rest: Rest, seeds: range) -> tuple[np.ndarray, np.ndarray]:
     return np.array(white), np.array(flicker)
 
 
+@pytest.mark.slow
 def test_white_and_1_over_f_lie_within_their_intervals() -> None:
     """72 channels: 5 sigmas never; mean square of a normal number 1 ± 0.17, taken four times."""
     for z in standing(COLOURED, range(100, 112)):
@@ -53,6 +54,7 @@ def test_the_intervals_are_narrow() -> None:
     assert (np.delete(flicker, 2) < 0.15).all()
 
 
+@pytest.mark.slow
 def test_white_noise_has_no_colour() -> None:
     """Of 36 channels some 2 % may show 1/f noise that is not there."""
     shown, white = 0, []
@@ -67,6 +69,7 @@ def test_white_noise_has_no_colour() -> None:
     assert np.abs(white).max() < 4.5 and 0.4 < np.mean(np.square(white)) < 1.8
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("hertz", [50.03, 59.9])
 def test_a_mains_line_is_found_and_does_not_colour_the_rest(hertz: float) -> None:
     rest = replace(COLOURED, hum=0.3, hum_hz=hertz)
@@ -81,6 +84,7 @@ def test_a_mains_line_is_found_and_does_not_colour_the_rest(hertz: float) -> Non
         assert not found.lines
 
 
+@pytest.mark.slow
 def test_a_step_is_found_and_its_rounding_taken_off() -> None:
     rest = replace(COLOURED, step=1.0)
     for seed in range(130, 133):
@@ -101,6 +105,7 @@ def test_the_grid_is_that_of_the_values(step: float) -> None:
     assert grid_step(np.round(whole * step, 12)) == pytest.approx(step, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_the_correlation_is_found() -> None:
     true = np.eye(6)
     true[0, 4] = true[4, 0] = 0.9
@@ -112,6 +117,7 @@ def test_the_correlation_is_found() -> None:
     assert found.correlation_std < 0.02
 
 
+@pytest.mark.slow
 def test_a_drift_is_found_with_its_uncertainty() -> None:
     rest = replace(COLOURED, drift=3.0, flicker=(0.05, 0.02, 0.05, 0.02, 0.0, 0.02))
     for seed in range(160, 163):

@@ -82,6 +82,7 @@ def test_what_does_not_vary_is_the_same_for_all():
     assert np.array_equal(a.q, b.q) and not np.array_equal(a.wrench, b.wrench)
 
 
+@pytest.mark.slow
 def test_effects_are_drawn_with_their_sizes_and_show_in_the_readings():
     fleet = small(40, ("effects",))
     robots = recorded(fleet, range(40))
@@ -131,6 +132,7 @@ def whole(tmp_path_factory):
     return campaign(small(6), folder, workers=1)
 
 
+@pytest.mark.slow
 def test_rows_of_workers_are_those_of_one(whole, tmp_path):
     table = campaign(small(6), tmp_path / "c", workers=2)
     assert same(table, whole)
@@ -142,6 +144,7 @@ def test_rows_of_workers_are_those_of_one(whole, tmp_path):
     assert not list((tmp_path / "c" / "parts").iterdir())
 
 
+@pytest.mark.slow
 def test_a_stopped_campaign_goes_on_and_may_grow(whole, tmp_path):
     told = []
 
@@ -162,6 +165,7 @@ def test_a_stopped_campaign_goes_on_and_may_grow(whole, tmp_path):
     assert again == [6]
 
 
+@pytest.mark.slow
 def test_a_killed_campaign_loses_and_doubles_nothing(whole, tmp_path, monkeypatch):
     words = ["campaign", "ur5", "--robots", "6", "--poses", "24", "--samples", "8",
              "--workers", "1", "--out", str(tmp_path / "c")]  # fmt: skip
@@ -175,12 +179,14 @@ def test_a_killed_campaign_loses_and_doubles_nothing(whole, tmp_path, monkeypatc
     assert same(pq.read_table(tmp_path / "c" / "robots.parquet"), whole)
 
 
+@pytest.mark.slow
 def test_a_crash_between_the_whole_file_and_its_parts_doubles_nothing(whole, tmp_path):
     campaign(small(6), tmp_path, workers=1)
     pq.write_table(whole.slice(2, 2), tmp_path / "parts" / "000009.parquet")
     assert same(campaign(small(6), tmp_path, workers=1), whole)
 
 
+@pytest.mark.slow
 def test_a_full_disk_is_told_and_what_was_written_stays(whole, tmp_path, monkeypatch):
     monkeypatch.setattr(result_rows, "_EVERY_S", 0.0)
     written, write = [], pq.write_table
@@ -201,6 +207,7 @@ def test_a_full_disk_is_told_and_what_was_written_stays(whole, tmp_path, monkeyp
     assert same(campaign(small(6), tmp_path, workers=1), whole)
 
 
+@pytest.mark.slow
 def test_another_campaigns_folder_is_refused(whole, tmp_path):
     campaign(small(1), tmp_path / "c", workers=1)
     with pytest.raises(FleetError, match="seed = 0, not 5"):
@@ -248,6 +255,7 @@ def test_the_summary_tells_errors_coverage_and_detection(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_robots_are_diagnosed_and_judged():
     """Of a few robots with effects that show, most are identified; without parameters varied."""
     fleet = Fleet("ur5", 8, ("noise", "effects"), poses=60, samples=40, seed=3, diagnose=True)
@@ -259,6 +267,7 @@ def test_robots_are_diagnosed_and_judged():
         assert row["where"] == row["effect"].partition(".")[0]
 
 
+@pytest.mark.slow
 def test_what_looks_the_same_is_held_though_not_named():
     """One tool's mass makes all that a gain of all channels makes."""
     row = robot_rows(Fleet("ur5", 172, ("noise", "effects"), diagnose=True), [171])[0]

@@ -57,6 +57,7 @@ def cluster():
         yield address, (first, second)
 
 
+@pytest.mark.slow
 def test_a_cluster_gives_the_same_rows_though_a_worker_is_killed(cluster, tmp_path):
     address, (first, _) = cluster
     fleet = small(12)

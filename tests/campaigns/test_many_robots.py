@@ -34,6 +34,7 @@ def same(a, b) -> bool:
     return json.dumps(a.to_json()) == json.dumps(b.to_json())
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", FLEETS)
 def test_rows_of_robots_together_are_those_of_each_alone(name):
     fleet = FLEETS[name]
@@ -43,6 +44,7 @@ def test_rows_of_robots_together_are_those_of_each_alone(name):
     assert all(row["error"] == "" for row in together)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", ["wander", "explained", "ur5"])
 def test_fits_together_are_those_of_calibrate(name):
     fleet = FLEETS[name]

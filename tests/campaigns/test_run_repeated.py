@@ -114,6 +114,7 @@ def test_a_robot_that_protects_itself_ends_the_campaign(tmp_path, name):
     assert poses(path) == [20, 10, 10, 10]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", ["link", "program stopped"])
 def test_a_link_or_a_stopped_program_is_tried_again_so_often(tmp_path, monkeypatch, name):
     monkeypatch.setattr(recording_run, "_PAUSE_S", 0.0)

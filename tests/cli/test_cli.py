@@ -94,6 +94,7 @@ def wait_for(path: Path, rows: int) -> None:
     raise AssertionError(f"{path} did not grow")
 
 
+@pytest.mark.slow
 def test_record_killed_with_9_leaves_a_recording_that_calibrates(tmp_path, capfd):
     with recording_process(tmp_path, 1500) as process:
         wait_for(tmp_path / "rec.parquet", 500)
@@ -109,6 +110,7 @@ def test_record_killed_with_9_leaves_a_recording_that_calibrates(tmp_path, capfd
     assert "tool.mass" in captured.out
 
 
+@pytest.mark.slow
 def test_record_stopped_with_ctrl_c_finishes_its_file(tmp_path):
     with recording_process(tmp_path, 1500) as process:
         wait_for(tmp_path / "rec.parquet", 500)
@@ -121,6 +123,7 @@ def test_record_stopped_with_ctrl_c_finishes_its_file(tmp_path):
     assert not list(tmp_path.glob("*.journal"))
 
 
+@pytest.mark.slow
 def test_poses_chosen_by_an_index_and_touches_planned_for_an_accuracy(tmp_path, capfd):
     poses, rec, touched, fit = (str(tmp_path / n) for n in ("p.parquet", "r.parquet", "t.parquet",
                                                             "fit.json"))  # fmt: skip

@@ -43,12 +43,14 @@ def test_low_memory_is_told_at_once_and_never_hangs(made, tmp_path, megabytes, v
     assert "out of memory" in said and "ulimit -v" in said and rec.name not in said
 
 
+@pytest.mark.slow
 def test_a_verb_works_just_above_its_least_memory(made, tmp_path):
     rec, out = made / "rec.parquet", tmp_path / "fit.json"
     code, said = limited(resource.RLIMIT_AS, 1250 * MB, "calibrate", rec, "--out", out)
     assert code == 0 and out.is_file(), said
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("files", [16, 40])
 def test_few_open_files_for_workers_are_told_at_once_and_never_hang(made, tmp_path, files):
     rec, out = made / "rec.parquet", tmp_path / "out"

@@ -31,6 +31,7 @@ def run(environment: dict[str, str], *words: object, encoding: str = "latin-1"):
     )  # fmt: skip
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "environment",
     [LATIN, PLAIN | {"COLUMNS": "1"}, {"COLUMNS": "0"}],
@@ -42,6 +43,7 @@ def test_every_verbs_help_is_printed(environment):
     assert done.stdout.count("usage: wrenchbed") == len(WORDS)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("environment", [PLAIN, LATIN], ids=["C", "ISO-8859-1"])
 def test_results_and_errors_are_printed(made, tmp_path, environment):
     fit = tmp_path / "fit.json"
@@ -52,6 +54,7 @@ def test_results_and_errors_are_printed(made, tmp_path, environment):
     assert missing.returncode == 1 and missing.stderr.count("\n") == 1, missing.stderr
 
 
+@pytest.mark.slow
 def test_json_says_the_same_in_every_encoding(made):
     words = ("-m", "wrenchbed", "calibrate", made / "rec.parquet", "--json")
     plain = run(PLAIN, *words, encoding="ascii").stdout

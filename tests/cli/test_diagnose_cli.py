@@ -34,6 +34,7 @@ def asked(monkeypatch):
     return counts
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("flags", "counts"),
     [([], [100]), (["--look-alikes", "30"], [30]), (["--fast"], [])],
@@ -47,6 +48,7 @@ def test_look_alikes_are_learnt_where_nothing_is_known(oriented, asked, flags, c
     assert ("learnt on other robots and other sets" in told) != bool(counts)
 
 
+@pytest.mark.slow
 def test_a_design_at_which_nothing_can_be_drawn_is_said_and_diagnosed(
     oriented, monkeypatch, capsys
 ):
@@ -69,6 +71,7 @@ def test_nothing_is_learnt_before_a_recording_is_refused(oriented, asked, capsys
     assert "less than 5 s of motion" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_known_robot_is_diagnosed_at_once(asked, tmp_path):
     path = tmp_path / "rec.parquet"
     mutated.BASES["ur5"](np.random.default_rng(3)).write(path)

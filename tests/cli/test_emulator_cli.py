@@ -53,6 +53,7 @@ def test_list_effects_names_every_one(capfd):
     assert max(map(len, out.splitlines())) <= 80
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("mode", ["static", "dynamic"])
 def test_a_twin_replays_what_its_effects_did(plans, tmp_path, mode):
     """Readings of the record verb and of simulate are alike far below the effects themselves."""
@@ -86,6 +87,7 @@ def test_the_metadata_states_the_robot_without_effects(plans, tmp_path):
     assert np.abs(bare.wrench - other.wrench).max() > 0.1
 
 
+@pytest.mark.slow
 def test_random_effects_are_drawn_once_a_recording(plans, tmp_path):
     plan, effects = plans / "static.parquet", ("base.vibration", "timing.stale", "sensor.noise")
     first = record(plan, tmp_path / "a.parquet", *effects, seed=1).wrench

@@ -109,6 +109,7 @@ def test_completion_needs_a_known_shell(capfd):
     assert "needs a shell: bash, zsh, tcsh" in capfd.readouterr().err
 
 
+@pytest.mark.sampled
 @pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
 @pytest.mark.parametrize(
     ("words", "expected"),

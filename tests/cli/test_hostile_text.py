@@ -59,6 +59,7 @@ def test_an_endless_robot_is_not_printed_whole(tmp_path, capsys):
     assert len(said.out + said.err) < 2000 and "2,000,000 characters" in said.err
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("verb", ["calibrate", "diagnose", "report", "import", "record", "view"])
 def test_an_evil_file_name_in_an_error(verb, tmp_path):
     words = [verb, f"no {EVIL}\nfile.parquet"]
@@ -122,6 +123,7 @@ def test_pages_are_escaped_and_clean():
     assert "&lt;script&gt;" + SAID in html
 
 
+@pytest.mark.slow
 def test_a_report_on_an_evil_recording_is_clean(tmp_path):
     joints = {f"q{k + 1}": np.linspace(0.1 * k, 1.0, 40) for k in range(6)}
     path = recording(tmp_path / f"<b>{EVIL}.parquet", robot="ur5", source=EVIL, **joints)

@@ -33,6 +33,7 @@ def refused(line, told, capsys):
     assert (error.count("\n"), len(error) < 300) == (1, True)
 
 
+@pytest.mark.slow
 def test_a_recording_without_noise_has_a_report(folder):
     assert main([*RECORD, "off.parquet", "--noise", "off"]) == 0
     assert main(["report", "off.parquet", "--out", "off.html"]) == 0
@@ -69,6 +70,7 @@ def test_an_effect_twice_on_one_joint_is_named(folder, capsys):
         refused(line, "effect joint.compliance acts twice", capsys)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("field", "value"),
     [
@@ -97,6 +99,7 @@ def test_deep_json_is_refused(folder, capsys):
     refused(["export", "twin.json", "--mjcf", "model"], "twin.json: not valid JSON", capsys)
 
 
+@pytest.mark.slow
 def test_names_that_are_not_utf_8(folder):
     """Every verb reads and writes such files."""
     odd = os.fsdecode(b"r\xff")

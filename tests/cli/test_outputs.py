@@ -49,6 +49,7 @@ REFUSED = [
 ]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("line", "told"), REFUSED, ids=lambda x: str(x[-1]) if x else "")
 def test_what_must_stay_is_refused_by_name(line, told, folder, capsys):
     before = {p.name: p.read_bytes() for p in folder.iterdir()}
@@ -79,6 +80,7 @@ def test_force_keeps_recordings_under_names_that_are_free(folder):
     assert (folder / "r.parquet").read_bytes() != first
 
 
+@pytest.mark.slow
 def test_results_are_replaced_by_their_kind(folder):
     """And a user's file with ~ at the end of its name stays."""
     for line in (

@@ -43,6 +43,7 @@ def test_a_dry_run_shows_every_move_and_simulates_the_campaign(record, capsys):
     assert len(rec) == 4 * 8  # three poses, and the first again
 
 
+@pytest.mark.slow
 def test_a_slower_campaign_takes_longer(record, capsys):
     seconds = []
     for share in ("0.5", "0.05"):

@@ -70,6 +70,7 @@ def refused(path, *parts, topic="/wrench", wanted=("fx",)):
     return text
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("make", LOGS.values(), ids=LOGS)
 def test_a_cut_or_flipped_log_is_read_right_or_refused_in_one_line(make, tmp_path):
     log, dice = make(tmp_path), random.Random(5)
@@ -247,6 +248,7 @@ def test_a_bag_whose_index_or_definition_is_another_is_refused(tmp_path):
     refused(path)
 
 
+@pytest.mark.slow
 def test_counts_of_a_bag_of_ros_2_must_agree(tmp_path):
     log = bag2(tmp_path)
     about = log / "metadata.yaml"

@@ -54,6 +54,7 @@ def judged(folder, seed: int) -> tuple[bool, bool, str]:
     return right[0], any(right), f"{log.text} → {found.conventions[0].sentence}"
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("seed", [*range(5), 2014, 2051])  # two tables without names
 def test_a_random_convention_is_found(tmp_path, seed):
     _, named, story = judged(tmp_path, seed)
@@ -112,6 +113,7 @@ def test_the_real_poses_come_in_by_one_line_and_calibrate_as_before(tmp_path):
     assert again.metadata == found.metadata
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("run", ["1-baseline", "2-vibrations", "3-vibrations-contact"])
 def test_the_real_motions_come_in_by_one_line(tmp_path, run):
     static = import_files(
@@ -274,6 +276,7 @@ def test_a_log_has_names_and_needs_no_guess(tmp_path):
         guess([tmp_path / "r.mcap"])
 
 
+@pytest.mark.slow
 def test_a_load_is_found_among_46_columns_without_names_and_the_search_is_bounded(
     tmp_path, monkeypatch
 ):

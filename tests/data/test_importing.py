@@ -192,6 +192,7 @@ def test_real_motion_is_merged_from_three_clocks():
     assert recording.t[-1] == pytest.approx(6.3, abs=0.2)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(text=st.text(max_size=200))
 def test_any_text_as_a_map_gives_a_named_error(tmp_path_factory, text):

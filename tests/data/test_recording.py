@@ -166,6 +166,7 @@ def test_a_file_that_is_unpacked_in_parts_is_the_same(tmp_path, monkeypatch):
         Recording.read(path)
 
 
+@pytest.mark.slow
 def test_a_large_file_is_never_in_memory_twice(tmp_path):
     rows = 2_000_000
     noise = np.random.default_rng(0).standard_normal(rows)

@@ -76,6 +76,7 @@ def shaken(rec, acceleration, frequency):
     return changed(rec, rec.wrench + np.hstack([force, torque]))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("mode", DESIGNS)
 @pytest.mark.parametrize("kind", ["none", "single"])
 def test_nothing_is_claimed_without_a_cause_between_rows(mode, kind):
@@ -85,6 +86,7 @@ def test_nothing_is_claimed_without_a_cause_between_rows(mode, kind):
             assert row_effects(recording(DESIGNS[mode], case)) == (), (seed, case.causes)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("mode", DESIGNS)
 @pytest.mark.parametrize("effect", EFFECTS)
 def test_each_cause_is_found(mode, effect):

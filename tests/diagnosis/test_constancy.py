@@ -92,6 +92,7 @@ def tilt_of(a):
     return again, best.finalist, [best.finalist.names.index("base.tilt")]
 
 
+@pytest.mark.slow
 def test_a_floor_that_sinks_is_a_tilt_that_grows(sinking):
     change = changing(*tilt_of(sinking), 0)
     assert change is not None and change.name == "base.tilt"
@@ -99,10 +100,12 @@ def test_a_floor_that_sinks_is_a_tilt_that_grows(sinking):
     assert first < 0.7 < 1.3 < last
 
 
+@pytest.mark.slow
 def test_a_tilt_is_constant(tilted):
     assert changing(*tilt_of(tilted), 0) is None
 
 
+@pytest.mark.slow
 def test_what_changes_is_not_named_where_a_robot_may_leave_a_rest_of_its_own(sinking):
     elsewhere = shipped("nobody", moving=False)
     assert elsewhere is not None and elsewhere.elsewhere

@@ -32,6 +32,7 @@ def test_nothing_wrong_is_none(tmp_path):
     assert sum(told["probabilities"].values()) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_a_tilted_base_is_named_measured_and_put_into_the_twin(tmp_path):
     found = diagnose(recorded(tmp_path, "base.tilt:x=0.006,y=-0.004")).diagnosis
     told = found.to_json()
@@ -47,6 +48,7 @@ def test_a_tilted_base_is_named_measured_and_put_into_the_twin(tmp_path):
     assert [a.effect.name for a in found.twin.active] == ["base.tilt"]
 
 
+@pytest.mark.slow
 def test_the_library_writes_what_the_command_line_writes(tmp_path):
     path = tmp_path / "rec.parquet"
     recorded(tmp_path, "joint.offset:joint=6,offset=0.01")
@@ -65,6 +67,7 @@ def test_too_few_poses_are_refused(tmp_path):
         diagnose(recorded(tmp_path, n=8))
 
 
+@pytest.mark.slow
 def test_a_jump_between_two_poses_may_have_come_at_any_time_between_them(tmp_path):
     t = recorded(tmp_path).t
     before, after = t[599], t[600]  # the last row of a pose, the first of the next
@@ -78,6 +81,7 @@ def test_a_jump_between_two_poses_may_have_come_at_any_time_between_them(tmp_pat
     assert (after - before) / 12.0**0.5 < time["std"] < step
 
 
+@pytest.mark.slow
 def test_what_makes_the_same_readings_is_named_as_a_rival(tmp_path):
     told = diagnose(recorded(tmp_path, "joint.offset:joint=6,offset=0.01")).diagnosis.to_json()
     (cause,) = told["which"]

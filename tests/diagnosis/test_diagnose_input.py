@@ -84,6 +84,7 @@ def refused(recording, *words):
     return told
 
 
+@pytest.mark.slow
 def test_sound_recordings_are_not_refused(recordings):
     for recording in recordings.values():
         assert len(prepare(recording).y) == POSES

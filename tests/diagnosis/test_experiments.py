@@ -63,6 +63,7 @@ def test_divergence_of_two_gaussians(d):
     assert jensen_shannon(d) == pytest.approx(exact, abs=2e-3)
 
 
+@pytest.mark.slow
 def test_tilt_and_offset_are_separated_by_moving_joint_one(still):
     found = separate(
         still,
@@ -83,6 +84,7 @@ def test_tilt_and_offset_are_separated_by_moving_joint_one(still):
             assert feasible(UR5, e.plan.q).all()
 
 
+@pytest.mark.slow
 def test_nothing_separates_a_turned_sensor_from_joint_six(narrow):
     pair = [
         candidate(narrow, "joint.offset", "joint 6", 2.6),
@@ -91,6 +93,7 @@ def test_nothing_separates_a_turned_sensor_from_joint_six(narrow):
     assert separate(narrow, pair) == ()
 
 
+@pytest.mark.slow
 def test_a_second_payload_separates_crosstalk_from_cog(narrow):
     found = separate(
         narrow,
@@ -146,6 +149,7 @@ def test_the_unknown_is_asked_for_its_variable(wide, kernel, word):
     assert own.separates == (kernel,) and own.gain > 0 and kernel in own.sentence
 
 
+@pytest.mark.slow
 def test_experiments_after_an_analysis():
     robot = registry.load("robots", "ur5")
     design = ExperimentDesign.of_plan(poses(robot, 40, 3), robot)

@@ -24,6 +24,7 @@ def judged(seed):
     assert not found, f"{case}: {found}"
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("seed", SAMPLE)
 def test_no_answer_contradicts_itself(seed):
     judged(seed)

@@ -46,6 +46,7 @@ def within(similarity, first, second):
     return bool(similarity.inside[place[first], place[second]])
 
 
+@pytest.mark.slow
 def test_every_effect_with_a_mean_is_told_once(designs):
     d, similarity = designs["wide"]
     told = isolability(d, similarity)

@@ -58,6 +58,7 @@ def test_late_averages_of_a_motion_are_those_of_a_late_wrench(lag):
     assert (off < 0.05 * np.sqrt(np.mean(measured[inside] ** 2, axis=0))).all()
 
 
+@pytest.mark.slow
 def test_a_lag_of_40_ms_is_a_delay_or_a_filter():
     found = diagnose(turned(0.04, 30.0)).diagnosis
     (lead,) = found.which

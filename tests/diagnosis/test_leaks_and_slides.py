@@ -30,6 +30,7 @@ def recorded(name, mass=None, cog=None):
     return replace(made, metadata=replace(made.metadata, tool=stated))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", ["ur5", "medrue"])
 def test_a_payload_that_leaks_3_percent_steadily_is_a_leak(name):
     rec = recorded(name, mass=1.0 - 0.03 * np.linspace(0.0, 1.0, POSES))
@@ -44,6 +45,7 @@ def test_a_payload_that_leaks_3_percent_steadily_is_a_leak(name):
     assert rate["value"] == pytest.approx(stated, rel=0.2)
 
 
+@pytest.mark.slow
 def test_the_place_from_which_mass_leaves_is_found():
     robot = registry.load("robots", "ur5")
     tool = robot.tool(robot.parameters.nominal)
@@ -61,6 +63,7 @@ def test_the_place_from_which_mass_leaves_is_found():
     assert told["rate"]["value"] == pytest.approx(even, rel=0.5)
 
 
+@pytest.mark.slow
 def test_a_clamp_that_creeps_is_a_slide_of_any_course():
     share = np.linspace(0.0, 1.0, POSES)
     shift = np.outer(1.0 - np.exp(-6.0 * share), [3e-3, 0.0, -1e-3])

@@ -81,6 +81,7 @@ def test_what_is_short_stays_as_it_is():
     assert scenes.notes(recording, recording, recording) == ()
 
 
+@pytest.mark.slow
 def test_rows_of_a_long_recording_are_diagnosed_as_of_a_short_one(short):
     recording = at_rest(np.full(40, 120), seed=3)
     told = diagnose(recording).diagnosis
@@ -96,6 +97,7 @@ def test_rows_of_a_long_recording_are_diagnosed_as_of_a_short_one(short):
     assert found["value"] == pytest.approx(2.0 * std, rel=0.1)
 
 
+@pytest.mark.slow
 def test_of_a_long_motion_the_middle_is_diagnosed_and_said_to_be(monkeypatch, tmp_path):
     monkeypatch.setattr(scenes, "MOTION", 1500)
     robot = wb.load("robots", "ur5")

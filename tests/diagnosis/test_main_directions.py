@@ -65,6 +65,7 @@ def large(matrix: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray]:
     return values[values > least], ways[:, values > least]
 
 
+@pytest.mark.sampled
 @each_kind
 @each_size
 @each_least

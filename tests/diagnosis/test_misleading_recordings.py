@@ -40,6 +40,7 @@ def answer(rec):
     return found.diagnosis
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("seed", range(3))
 def test_twelve_poses_of_a_sensor_that_bends_are_no_three_causes(seed):
     rec = static("ur5", LOAD, poses=12, samples=30, noise=WHITE, seed=seed)
@@ -56,6 +57,7 @@ def test_twelve_poses_of_a_sensor_that_bends_are_no_three_causes(seed):
         assert {w["effect"], *w["rivals"]} & {"sensor.nonlinearity", "sensor.gain"}
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("level", [0.01, 0.02, 0.03])
 def test_a_small_gap_names_nothing_whatever_the_stated_noise(level):
     """Single rows, so that only the statement tells the noise; a real noise of 0.02 of it."""
@@ -71,6 +73,7 @@ def test_a_small_gap_names_nothing_whatever_the_stated_noise(level):
         assert level == 0.01
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("seed", range(2))
 def test_a_wrong_mass_on_a_tilted_base_is_no_cable(seed):
     arm = registry.load("robots", "ur5")
@@ -87,6 +90,7 @@ def test_a_wrong_mass_on_a_tilted_base_is_no_cable(seed):
     assert {w["effect"] for w in told.which} == {"tool.mass", "base.tilt"}
 
 
+@pytest.mark.slow
 def test_bursts_of_zero_mean_in_a_motion_are_not_none(tmp_path):
     plan = choose.multisine(registry.load("robots", "ur5"), 30.0, 125.0, seed=3)
     path = tmp_path / "motion.parquet"

@@ -71,6 +71,7 @@ def test_stretches_and_averages_begin_at_the_same_rows(late):
     assert np.array_equal(whole.coarse.block_rows, whole.block_rows)
 
 
+@pytest.mark.slow
 def test_a_delay_is_told_from_a_filter_in_a_motion_that_jerks(tmp_path):
     told = diagnose(recorded(tmp_path, 60)).diagnosis
     assert told.which[0]["effect"] == "timing.delay"

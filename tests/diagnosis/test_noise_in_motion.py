@@ -77,6 +77,7 @@ def test_what_scatters_rows_raises_the_noise_not_the_gap(effect):
     assert HeldOut(loud).floor().mean() > 0.3 > abs(HeldOut(quiet).floor().mean())
 
 
+@pytest.mark.slow
 def test_what_scatters_rows_is_named_and_its_noise_in_the_means_is_no_gap():
     found = diagnose(recording(DESIGN, draw(DESIGN, 21, "single", "sensor.noise", 3.0))).diagnosis
     assert found.gap.floor > 1.0 and abs(found.gap.excess) < 0.5

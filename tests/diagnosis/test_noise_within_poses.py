@@ -73,6 +73,7 @@ def test_noise_that_is_stated_too_small_is_measured_with_a_note():
     assert "the measured scatter counts as noise" in prepared.noise_note
 
 
+@pytest.mark.slow
 def test_a_wave_of_30_sigma_beside_frozen_joints_is_not_none():
     rec = frozen(recorded())
     angle = rec.columns["q4"]

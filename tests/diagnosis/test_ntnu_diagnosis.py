@@ -83,6 +83,7 @@ def test_a_number_that_nobody_states_is_no_hypothesis(poses):
     assert not names & {"tool.mass", "tool.cog"}
 
 
+@pytest.mark.slow
 def test_without_the_accelerometer_the_same_wrench_names_nothing():
     rec = static()
     bare = {k: v for k, v in rec.columns.items() if k not in accelerometer.AXES}
@@ -101,6 +102,7 @@ def test_without_a_stated_noise_both_are_refused():
 # ---- in motion --------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("run", [1, 2])
 def test_bias_shift_inertia_and_vibration_are_found_in_motion(runs, run):
     found = runs[run]
@@ -204,6 +206,7 @@ def test_a_push_at_a_point_is_found_there():
     assert found.touch.parameters["begin"]["value"] == pytest.approx(2.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_force_at_no_point_is_unknown():
     rng = np.random.default_rng(0)
 
@@ -244,6 +247,7 @@ def test_a_motion_without_joints_is_not_calibrated():
         calibrate(motion(1))
 
 
+@pytest.mark.slow
 def test_a_motion_without_an_accelerometer_is_diagnosed_without_inertia():
     rec = motion(1)
     bare = {k: v for k, v in rec.columns.items() if k not in accelerometer.AXES}

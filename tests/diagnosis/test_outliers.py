@@ -42,6 +42,7 @@ def in_pose(rec, pose):
     return rec.columns["segment"] == pose
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("seed", "pose", "along"), [(0, 7, "+x"), (1, 0, "−y"), (2, 59, "+z"), (3, 30, "−y")]
 )
@@ -60,6 +61,7 @@ def test_one_pose_of_60_that_is_pushed_is_named_and_the_rest_is_sound(seed, pose
     assert found.analysis.prepared.judged.tolist() == [k != pose for k in range(POSES)]
 
 
+@pytest.mark.slow
 def test_two_poses_are_named_though_the_larger_force_hides_the_other():
     rec = sound(5)
     one = pushed(rec, in_pose(rec, 7), np.array([20.0, 0.0, 0.0]))
@@ -70,6 +72,7 @@ def test_two_poses_are_named_though_the_larger_force_hides_the_other():
     assert second.startswith("pose 41: 4 N along −y ")
 
 
+@pytest.mark.slow
 def test_poses_that_disagree_at_many_times_are_a_fault_of_their_own():
     rec = sound(4)
     rng = np.random.default_rng(4)
@@ -82,6 +85,7 @@ def test_poses_that_disagree_at_many_times_are_a_fault_of_their_own():
     assert any("intermittent fault" in note for note in told.notes)
 
 
+@pytest.mark.slow
 def test_a_pushed_pose_is_found_beside_a_named_cause():
     """The bias of the session is most of the gap, so that it alone looks like an answer."""
     rec = sound(2, LOAD | BIAS)
@@ -121,6 +125,7 @@ def test_a_second_of_a_motion_that_is_pushed_is_named():
     assert (looked[0], looked[-1]) == pytest.approx((rec.t[0], begin), abs=0.05)
 
 
+@pytest.mark.slow
 def test_a_contact_in_many_poses_is_no_outlier():
     robot = registry.load("robots", "ur5")
     design = ExperimentDesign.of_plan(choose.poses(robot, POSES, 3), robot, samples=ROWS)

@@ -44,6 +44,7 @@ def first(host, draw, least):
     return next(f for f in faults if host.measured(f).gap > least)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", ["sensor.jump", "sensor.crosstalk", "tool.mass"])
 def test_a_fault_is_named_beside_what_the_robot_leaves_unexplained(host, name):
     fault = first(host, lambda rng: host.drawn(name, rng, 2.0), 12.0)
@@ -52,6 +53,7 @@ def test_a_fault_is_named_beside_what_the_robot_leaves_unexplained(host, name):
     assert found.diagnosis.gap.with_effects.value > 5.0  # the robot's own rest remains
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("family", ["knock", "bursts", "popcorn"])
 def test_a_fault_that_the_library_lacks_is_not_named(host, family):
     fault = first(host, lambda rng: FAMILIES[family](host.setting, rng, 1.5), 4.0)

@@ -126,6 +126,7 @@ def two(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_two_recordings_of_a_tilted_base_are_one_answer(two):
     a, b = (wb.Recording.read(two / f"{n}.parquet") for n in "ab")
     alone, found = wb.diagnose(a), wb.diagnose_several([a, b])
@@ -143,6 +144,7 @@ def test_two_recordings_of_a_tilted_base_are_one_answer(two):
     assert any(n.startswith("b.parquet: 24 poses") for n in found.diagnosis.notes)
 
 
+@pytest.mark.slow
 def test_the_command_line_takes_several(two, capsys):
     main(["diagnose", str(two / "a.parquet"), str(two / "b.parquet"), "--out", str(two / "out")])
     assert "a.parquet" in (shown := capsys.readouterr().out) and "b.parquet" in shown

@@ -49,6 +49,7 @@ def lowest(rec, count):
     return np.maximum(level - height, 0.0)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_a_table_that_a_few_poses_touch_is_a_contact(free, count):
     deep = lowest(free, count)
@@ -68,6 +69,7 @@ def test_a_table_that_a_few_poses_touch_is_a_contact(free, count):
     assert all(o["sentence"].endswith("contact") for o in told.outliers)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "how",
     [

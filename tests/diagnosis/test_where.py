@@ -105,6 +105,7 @@ def varying(findings):
     return [f for f in findings if not f.variable.startswith(("channel", "frequency"))]
 
 
+@pytest.mark.slow
 def test_noise_of_any_kind_is_seldom_taken_for_a_finding():
     alarms = 0
     for seed in range(200):

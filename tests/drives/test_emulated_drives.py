@@ -42,6 +42,7 @@ PROBE = {"mass": 0.365, "cog": [-0.015872, -0.038343, 0.1107]}
 """MedRUE's own tool."""
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("kind", "joint", "seed"), [("torque", 1, 0), ("current", 4, 3)])
 def test_half_more_friction_of_medrue_is_diagnosed_beside_a_healthy_fit(
     tmp_path, kind, joint, seed
@@ -71,6 +72,7 @@ def cycle_by_cycle(effects, seed):
     return recording(t - t[0], q, current, "i")
 
 
+@pytest.mark.slow
 def test_the_joint_of_a_changed_friction_is_found_in_ten_of_ten_seeds():
     for seed in range(10):
         joint = seed % 6 + 1
@@ -99,6 +101,7 @@ def test_at_rest_the_drives_hold_the_weight(robot, cycle):
     assert np.abs(weight).max() > 1.0
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("robot", "cycle"), [(UR5, 0.002), (MEDRUE, 0.004)])
 def test_a_motion_needs_the_torques_of_inverse_dynamics_and_faults(robot, cycle):
     """Servos' forces and the weight at rest, against inverse dynamics of the same motion."""

@@ -20,6 +20,7 @@ def plan():
     return excite(UR5, SECONDS, RATE, 1)
 
 
+@pytest.mark.slow
 def test_it_is_within_limits_and_touches_nothing(plan):
     q, clearance = plan.q, Clearance(UR5)
     assert not UR5.infeasible(q, UR5.parameters.nominal)
@@ -53,6 +54,7 @@ def test_refusals(tmp_path, capsys):
     assert "--for dynamics" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_the_command_writes_it(tmp_path):
     out = tmp_path / "p.parquet"
     words = ["plan", "ur5", "--motion", "excite", "--for", "dynamics", "--seconds", "10"]

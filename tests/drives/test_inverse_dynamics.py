@@ -73,6 +73,7 @@ def closed_form(robot, theta, q):
     return y @ inertias.phi.ravel() + rotor_torque(robot, theta, inertias, q)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("way", [0.0, 1.0], ids=["rest", "motion"])
 @pytest.mark.parametrize("name", ["medrue", "five_bar", "stewart"])
 def test_torques_of_closed_loops_are_those_of_mujocos_constraint_forces(name, way, tmp_path):

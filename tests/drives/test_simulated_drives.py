@@ -128,6 +128,7 @@ def efforts(faults=()):
     return t, Jet(q, qd, qdd), train, train.torques(t, Jet(q, qd, qdd))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", sorted(LAWS))
 def test_each_fault_is_its_law_on_one_joint(kind):
     t, q, train, before = efforts()
@@ -158,6 +159,7 @@ def test_hysteresis_winds_up_over_its_width():
     assert got[310] == pytest.approx(-2.0 * (1.0 - 2.0 * np.exp(-1.0)), abs=1e-6)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", sorted(FAULTS))
 def test_row_by_row_is_as_all_at_once(kind):
     t, q, _, together = efforts([(f"drive.{kind}", {"joint": 3})])

@@ -94,6 +94,7 @@ def _poses(rows):
     return [np.asarray(getattr(x, "v", x)) for x in rows.pose]
 
 
+@pytest.mark.sampled
 @each_case
 def test_every_amplitude_is_seen_or_known_to_be_blind(name, scene):
     for n, at in columns(name, scene):
@@ -109,6 +110,7 @@ def test_what_is_called_blind_is_blind(scene, part):
     assert np.abs(shown).max() < SEEN
 
 
+@pytest.mark.sampled
 @each_case
 def test_the_response_is_linear_near_zero(name, scene):
     """``linear = False`` on an effect excepts it: its docstring says why."""

@@ -77,6 +77,7 @@ def scenes():
         yield swinging(name)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", NAMES)
 def test_nothing_without_amplitude_and_about_linear_in_it(name):
     for s in scenes():

@@ -301,6 +301,7 @@ def test_a_text_that_says_nothing_possible_is_refused(text, error, says):
         active_effect(UR5, text)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("robot", ["ur5", "medrue"])
 @pytest.mark.parametrize("mode", ["static", "dynamic"])
 def test_small_errors_of_joints_act_by_the_slopes_of_the_readings(robot, mode):

@@ -163,6 +163,7 @@ def test_the_emulators_drive(check):
     check(SimulatedBus())
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("defect", DEFECTS)
 def test_a_wrong_drive_is_found(defect):
     failed = []

@@ -38,6 +38,7 @@ def test_at_rest_it_reads_the_exact_wrench(robot):
     assert body.time == pytest.approx(body.ahead - CYCLE)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "effect",
     ["joint.compliance", "sensor.gain", "base.tilt", "cable.pull", "link.length", "mount.rotation",
@@ -73,6 +74,7 @@ def test_effects_of_the_sensor_are_those_of_a_pocket_calculator():
     assert c - a == pytest.approx([0, 0, 0, 0.05, 0, 0], abs=1e-4)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("robot", ["ur5", "medrue"])
 def test_a_slow_arrival_shows_the_pose_where_it_is(robot):
     """Also after more cycles on the way than are looked back on, and before it counts as a rest."""
@@ -101,6 +103,7 @@ def test_hysteresis_reads_a_pose_by_the_way_it_came():
     assert np.abs(first - second).max() > 0.05
 
 
+@pytest.mark.slow
 def test_a_long_campaign_is_forgotten_bit_by_bit(monkeypatch):
     """Memory stays bounded, and a pose is read as by an emulator that remembers everything."""
     whole = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)

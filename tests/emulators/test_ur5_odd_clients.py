@@ -198,6 +198,7 @@ sys.exit(main(["twin", "ur5", "--host", sys.argv[1], "--set", "box=off"]))
 """
 
 
+@pytest.mark.slow
 def test_a_process_whose_loop_breaks_down_ends_loudly():
     done = subprocess.run(
         [sys.executable, "-c", BREAK, HOST], capture_output=True, text=True, timeout=60

@@ -36,6 +36,7 @@ def test_without_noise_and_effects_it_is_zero_at_rest():
     assert np.abs(forces(made(), 50)).max() < 1e-6
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("noise", ["real", "white"])
 @pytest.mark.parametrize("series, force, torque", [("cb3", 10.0, 5.0), ("e", 3.5, 0.2)])
 def test_its_error_is_of_the_documented_size(noise, series, force, torque):

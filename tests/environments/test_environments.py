@@ -70,6 +70,7 @@ def test_environments_run_side_by_side(name):
     envs.close()
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("goal", ["accuracy", "causes"])
 def test_greedy_information_beats_chance(robot, goal):
@@ -81,6 +82,7 @@ def test_greedy_information_beats_chance(robot, goal):
         assert better["error"] < told["error"] or (goal == "causes")
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_force_controller_beats_chance_and_keeps_the_force(robot):
     env = gymnasium.make(f"wrenchbed/{robot}Contact-v0", seconds=5.0)
@@ -184,6 +186,7 @@ def test_importing_wrenchbed_after_gymnasium_registers_them():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", NAMES)
 def test_it_is_drawn(name):
     env = made(name, render_mode="rgb_array")

@@ -290,6 +290,7 @@ def felt(controller) -> np.ndarray:
 # ---- uncertainty, and what is not exported -----------------------------------------------------
 
 
+@pytest.mark.slow
 def test_std_is_that_of_many_fits(tmp_path, truth):
     """CoG in flange axes depends on CoG and mount: its ± holds over repeated noise."""
     found = []
@@ -464,6 +465,7 @@ def exported_from(fit, folder, name, text):
     return [f.read_bytes().decode() for f in files]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", registry.names("exports"))
 def test_names_of_others_stay_within_comments(fit, tmp_path, name):
     """Only lines of comments differ, however the fit and its recording are called."""

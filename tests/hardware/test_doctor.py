@@ -121,6 +121,7 @@ def test_jitter_and_drift_are_measured(look):
     assert lines["clock"].found.startswith("runs +400 ppm")
 
 
+@pytest.mark.slow
 def test_another_arm_and_a_closed_port_fail(look):
     report, lines = look(told={"model": "UR10"})
     assert lines["model"].grade == "fails" and "moves a UR10" in lines["model"].found

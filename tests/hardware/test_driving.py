@@ -171,6 +171,7 @@ def motion(tmp_path, rate: float, seconds: float, seed: int, noise: str) -> Reco
     return Recording.read(tmp_path / "rec.parquet")
 
 
+@pytest.mark.slow
 def test_intervals_from_motion_heed_slow_wander(tmp_path):
     """The Gamma's own noise: batch means widen what its 1/f part makes uncertain."""
     inside = []
@@ -205,6 +206,7 @@ def test_a_motion_is_played_at_its_own_rate(tmp_path):
             recording_run.record(driver, plan, tmp_path / "rec.parquet", rate=250.0)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("robot", "truth"), [("ur5", EXAMPLE), ("medrue", TABLE1)])
 def test_a_campaign_with_real_noise_finds_the_true_robot(tmp_path, robot, truth):
     with sim_driver(robot, parameters=truth, seed=8) as driver:

@@ -14,6 +14,7 @@ def squares(shared: int, number: int) -> list[parts.Row]:
     return [{"number": number, "square": number**2 + shared}]
 
 
+@pytest.mark.slow
 def test_finished_parts_are_not_done_again(tmp_path):
     counts: list[int] = []
     store = parts.Parts(tmp_path, "x-")

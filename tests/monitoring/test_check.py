@@ -71,6 +71,7 @@ def test_the_poses_of_a_check_touch_nothing_and_end_where_they_begin(name):
     assert not any(clearance.hit(each) for each in q)
 
 
+@pytest.mark.slow
 def test_the_poses_show_changes_better_than_random_ones(plan):
     """The least precise number of chosen poses against that of 20 random plans."""
 
@@ -328,6 +329,7 @@ def test_rebuilding_leaves_out_what_does_not_fit(folder):
     assert found.verdict == "cannot tell" and len(history.read(folder)) == 3
 
 
+@pytest.mark.slow
 def test_the_command_monthlythe_simulated_robot(tmp_path, capfd):
     folder = str(tmp_path / "cell")
 

@@ -41,6 +41,7 @@ def test_a_tool_against_the_robots_own_arm_is_named(clearance):
     assert any("upper_arm" in what and "would touch" in what for what in hits)
 
 
+@pytest.mark.slow
 def test_blocked_ways_go_around_and_each_leg_is_free_on_a_finer_grid(clearance):
     rng = np.random.default_rng(3)
     drawn = rng.uniform([-3, -3.1, 2.2, -3, -3, -3], [3, 0, 2.9, 3, 3, 3], (60, 6))
@@ -60,6 +61,7 @@ def test_blocked_ways_go_around_and_each_leg_is_free_on_a_finer_grid(clearance):
     assert around >= 3
 
 
+@pytest.mark.slow
 def test_where_there_is_no_way_the_pose_is_refused(clearance):
     under = UR5.home.copy()
     under[1] += 2 * np.pi  # the same pose, one turn on: the upper arm would go through the bench

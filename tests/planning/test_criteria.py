@@ -93,6 +93,7 @@ def test_exchange_finds_what_brute_force_finds_without_repeats(criterion):
     assert missed <= 1
 
 
+@pytest.mark.sampled
 @each_concave
 def test_no_choice_exceeds_the_certified_bound(criterion):
     for seed in range(5):

@@ -111,6 +111,7 @@ def test_every_room_has_one_layer():
     assert len(rooms) <= MOST_ROOMS
 
 
+@pytest.mark.slow
 def test_rooms_import_downwards():
     level = {r: k for k, layer in enumerate(LAYERS) for r in layer}
     arrows = graph(room)
@@ -178,6 +179,30 @@ def test_files_and_public_classes_say_what_they_are_for():
         and not ast.get_docstring(node)
     ]  # fmt: skip
     assert not unexplained
+
+
+def test_constants_stand_before_the_first_definition():
+    """But those that are made of a definition of their file."""
+    late = [name for path in FILES + EMULATORS for name in late_constants(path)]
+    assert not late
+
+
+def late_constants(path: Path) -> list[str]:
+    """Constants of a file after its first function or class, unless they use such a name."""
+    names: set[str] = set()
+    late = []
+    for node in tree(path).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef | ast.AsyncFunctionDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None and names:
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            if all(isinstance(t, ast.Name | ast.Tuple) for t in targets):
+                used = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
+                if used & names:
+                    names |= used
+                else:
+                    late.append(f"{path.name}:{node.lineno}")
+    return late
 
 
 def test_the_core_loads_no_optional_library():

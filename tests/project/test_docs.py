@@ -36,6 +36,7 @@ def runnable():
     return pages
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("page", runnable())
 def test_the_lines_of_a_page_run_in_their_order(page, tmp_path):
     place = Place(tmp_path)

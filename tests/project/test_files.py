@@ -206,6 +206,7 @@ ALLOWED = {
 WRITES = {"write_text", "write_bytes", "savefig", "save", "to_parquet", "to_csv", "tofile"}
 
 
+@pytest.mark.slow
 def test_nothing_else_writes_files():
     """Other ways to write a file than those of `files` are listed above."""
     ways = {str(path.relative_to(SOURCE)): ways_to_write(path) for path in SOURCE.rglob("*.py")}

@@ -15,6 +15,7 @@ TARGETS = LOGS | SETTINGS
 ROUNDS = 40
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", TARGETS)
 def test_mutated_files_are_read_right_or_refused_by_name(name):
     target = TARGETS[name]()

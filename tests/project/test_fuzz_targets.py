@@ -15,6 +15,7 @@ def target(request):
     return TARGETS[request.param]()
 
 
+@pytest.mark.sampled
 def test_changed_pieces_of_valid_messages_raise_named_errors_only(target):
     run, seeds = target
     dice = random.Random(7)

@@ -43,6 +43,7 @@ def obeying() -> list[str]:
     return [setpriv, "--bounding-set", without, "--inh-caps", without, "--"]
 
 
+@pytest.mark.slow
 def test_it_works_read_only_without_home_in_the_c_locale(site):
     work = site.parents[1] / "Aufnahme übers Meer"
     work.mkdir()

@@ -62,6 +62,7 @@ def outcomes(tree: Path) -> dict[str, str]:
     return {after[e["id"]]: e["outcome"] for e in map(json.loads, journal)}
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="mutants are forks")
 def test_what_a_weak_test_overlooks_survives_and_what_it_checks_dies(tree):
     found = mutate(tree)
@@ -106,6 +107,7 @@ def test_the_table_names_files_that_exist():
             assert any(root.glob(pattern)), pattern
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="mutants are forks")
 def test_constants_that_are_assigned_together_are_tried_with_those_who_use_them(tree):
     """A base class reads what its subclass declares; another test runs lines of that module."""
@@ -125,6 +127,7 @@ def test_constants_that_are_assigned_together_are_tried_with_those_who_use_them(
     assert told["low, high = 4, 5"] == told["low, high = 3, 6"] == "killed"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="mutants are forks")
 def test_a_constant_is_tried_with_tests_that_read_it_themselves(tree):
     (tree / "src" / "tiny.py").write_text("LIMIT = 3\n\n\ndef over(x):\n    return x > LIMIT\n")

@@ -13,6 +13,7 @@ NOTEBOOK = Path(__file__).parents[2] / "docs" / "tutorials" / "notebook.ipynb"
 NUMBER = r"-?\d+\.?\d*(?:e-?\d+)?"
 
 
+@pytest.mark.slow
 def test_the_notebook_prints_what_it_holds(tmp_path):
     pytest.importorskip("matplotlib")
     cells = [

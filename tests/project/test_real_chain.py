@@ -28,6 +28,7 @@ def imported(tmp_path_factory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_every_file_is_exported_and_read_again(imported, tmp_path):
     rec, twin = imported / "rec.parquet", imported / "found" / "twin.json"
     verb("export", twin, "--mjcf", tmp_path / "model")

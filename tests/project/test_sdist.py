@@ -45,6 +45,7 @@ def unpacked(tmp_path_factory) -> Path:
     return root
 
 
+@pytest.mark.slow
 def test_it_carries_what_set_up_and_tests_need(unpacked):
     missing = [name for name in NEEDED if not (unpacked / name).is_file()]
     assert not missing
@@ -58,6 +59,7 @@ def test_it_carries_what_set_up_and_tests_need(unpacked):
         assert not [n for n in absent if (ROOT / n).exists()]
 
 
+@pytest.mark.slow
 def test_a_sample_of_its_own_tests_passes_there(unpacked):
     done = subprocess.run(
         [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *SAMPLE], cwd=unpacked,

@@ -102,6 +102,7 @@ def test_an_address_cannot_be_rebound(host, code):
     assert status(f"Host: {host}", addresses=True) == code
 
 
+@pytest.mark.slow
 def test_every_http_server_uses_the_one_check():
     """Whoever listens for HTTP imports the checker; others listen with protocols of robots."""
     servers, checked = set(), set()

@@ -229,6 +229,7 @@ STRIDES = {"diagnose": 4, "report": 4, "campaign": 3, "blind score": 3}
 LINES = [(name, again) for name in CASES for again in ((False,) if name in ANEW else (False, True))]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.study)])
 @pytest.mark.parametrize(("name", "again"), LINES)
 def test_a_failing_disk_loses_nothing(name, again, every, start, tmp_path, monkeypatch, capfd):

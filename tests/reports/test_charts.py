@@ -94,6 +94,7 @@ def test_still_and_interactive_have_the_same_numbers():
     assert "<title>A &lt;title&gt;</title>" in drawn and 'role="img"' in drawn
 
 
+@pytest.mark.slow
 def test_a_spring_shows_as_a_line_of_its_stiffness_that_no_fit_drew(springy):
     panel = chart_of(springy, "cause-0").panels[0]
     measured = next(s for s in panel.series if s.name == "measured")
@@ -116,6 +117,7 @@ def test_the_residual_stands_beneath_before_and_after_in_units_of_noise(springy)
         assert all(s.std is not None for s in above.series if s.name == "measured")
 
 
+@pytest.mark.slow
 def test_a_delay_shows_as_the_shift_at_which_readings_fit_best(tmp_path):
     robot = wb.load("robots", "ur5")
     plan = wb.multisine(robot, 12.0, 100.0, seed=1)
@@ -132,6 +134,7 @@ def test_a_delay_shows_as_the_shift_at_which_readings_fit_best(tmp_path):
         assert with_it.x[best(with_it.y)] == pytest.approx(0.0, abs=3.0)
 
 
+@pytest.mark.slow
 def test_crosstalk_is_a_matrix_with_its_own_number_in_its_own_cell(tmp_path):
     told = found(tmp_path, "sensor.crosstalk:x.fx.fy=0.03")
     chart = next(c for c in _of_causes(told, Evidence(told)) if c.name == "cause-0")
@@ -142,6 +145,7 @@ def test_crosstalk_is_a_matrix_with_its_own_number_in_its_own_cell(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_what_nothing_explains_is_drawn_over_all_that_was_recorded(tmp_path):
     healthy = found(tmp_path)
     chart = everywhere(Evidence(healthy), "everywhere")

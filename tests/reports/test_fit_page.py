@@ -48,6 +48,7 @@ def charts(page) -> dict:
     return {f.chart.name: f.chart for f in page.figures}
 
 
+@pytest.mark.slow
 def test_the_page_holds_the_numbers_of_the_json(fit, recorded, tmp_path, capsys):
     out, page = tmp_path / "fit.json", tmp_path / "fit.html"
     name = recorded.name
@@ -78,6 +79,7 @@ def test_the_page_holds_the_numbers_of_the_json(fit, recorded, tmp_path, capsys)
     assert f"wrenchbed calibrate {name} --out {out} --report {page}" in words
 
 
+@pytest.mark.slow
 def test_page_and_terminal_have_the_same_words(fit, recorded):
     page, terminal = text(fit_page(fit, recorded).html()), on_terminal(fit)
     words = fit_words(fit)
@@ -91,6 +93,7 @@ def test_page_and_terminal_have_the_same_words(fit, recorded):
         assert f"{label} {' '.join(values)}" in terminal and f"{label} {' '.join(values)}" in page
 
 
+@pytest.mark.slow
 def test_what_is_drawn_of_each_pose_is_what_the_fit_leaves(fit, recorded):
     told = charts(fit_page(fit, recorded))
     assert told["heat"].panels[0].matrix.scale.label == "residual, rms [noise of a row]"
@@ -109,6 +112,7 @@ def test_one_pose_that_is_off_is_named(fit, recorded):
     assert re.search(r"The largest is tz of pose 17: \+3\.?\d*(e\+02|00)? times", page)
 
 
+@pytest.mark.slow
 def test_the_verdict_follows_the_fit(fit, recorded):
     page = fit_page(fit, recorded)
     assert page.context["badge"] == "◔ more is left"
@@ -124,6 +128,7 @@ def test_the_verdict_follows_the_fit(fit, recorded):
     assert refuted.refuted in on_terminal(refuted)
 
 
+@pytest.mark.slow
 def test_what_is_fixed_in_sum_only_has_no_interval_and_no_correlation(recorded):
     fit = wb.calibrate(recorded, wb.Options(free=("candidates",)))
     page = fit_page(fit, recorded)
@@ -140,6 +145,7 @@ def test_a_page_takes_the_place_of_no_input(recorded, capsys):
     assert "is an input too" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_motion_is_drawn_over_time_without_poses(recorded):
     robot = wb.load("robots", "ur5")
     t = 0.01 * np.arange(3000)

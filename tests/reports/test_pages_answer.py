@@ -99,6 +99,7 @@ def key(page, name: str) -> None:
         page.call("Input.dispatchKeyEvent", type=kind, key=name, code=name)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_figure_answers_and_nothing_complains(page, pages, kind):
     page.console.clear()
@@ -117,6 +118,7 @@ def test_every_figure_answers_and_nothing_complains(page, pages, kind):
     assert cut == []
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1280, "dark"), (390, "light")])
 def test_no_rule_of_wcag_is_broken(page, pages, kind, width, scheme):

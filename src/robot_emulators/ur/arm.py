@@ -13,6 +13,11 @@ from robot_emulators.ur.tool_wrench import WrenchEstimate
 
 _YIELDING = np.array([6e-4] * 3 + [0.02] * 3)
 """Speed per missing force [m/(s·N)] and torque [rad/(s·N·m)]; the axes' admittance."""
+SAFE_DECELERATION = 15.0
+"""With which the arm brakes when it is stopped by its safety system [rad/s²]."""
+_SLACK = 1.02
+_FOLLOW_SPEED = 0.5
+"""Speed at which an injected following error grows [rad/s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,13 +44,6 @@ class ForceMode:
         speed = np.clip(scaling * _YIELDING * (self.wrench + exerted), -limits, limits)
         speed = speed * (self.selection != 0)
         return np.concatenate([rotation @ speed[:3], rotation @ speed[3:]])
-
-
-SAFE_DECELERATION = 15.0
-"""With which the arm brakes when it is stopped by its safety system [rad/s²]."""
-_SLACK = 1.02
-_FOLLOW_SPEED = 0.5
-"""Speed at which an injected following error grows [rad/s]."""
 
 
 class ControlledArm:

@@ -8,6 +8,8 @@ from robot_emulators.ur.packets import Values, zero
 IN_USE, NOT_FOUND = "IN_USE", "NOT_FOUND"
 _MOST_WAITING = 256
 """Packets of one client that wait for their cycles."""
+_CONFIGURABLE, _TOOL = 8, 16
+"""First bit of each group in actual_digital_output_bits."""
 
 
 class Inputs:
@@ -86,10 +88,6 @@ class Inputs:
         if name not in self.fields:
             return NOT_FOUND
         return self.fields[name] if self._owners.get(name, owner) == owner else IN_USE
-
-
-_CONFIGURABLE, _TOOL = 8, 16
-"""First bit of each group in actual_digital_output_bits."""
 
 
 class Terminals:

@@ -15,6 +15,13 @@ from robot_emulators.plant import Arm
 
 Transform = tuple[np.ndarray, np.ndarray]
 """Rotation (3, 3) and position (3,)."""
+_DAMPING = 1e-8
+_TRIES = 3
+_REMEMBERED = 8
+_CLOSE = 1e-6
+_SINGULAR = 1e-9
+"""Sine of joint 5 below which joints 4 and 6 turn about one axis."""
+NO_TOOL = np.zeros(6)
 
 
 def matrix(pose: np.ndarray) -> Transform:
@@ -75,15 +82,6 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Vector product of (3,) and (3,); numpy's own takes twenty times as long."""
     (x, y, z), (u, v, w) = a.tolist(), b.tolist()
     return np.array([y * w - z * v, z * u - x * w, x * v - y * u])
-
-
-_DAMPING = 1e-8
-_TRIES = 3
-_REMEMBERED = 8
-_CLOSE = 1e-6
-_SINGULAR = 1e-9
-"""Sine of joint 5 below which joints 4 and 6 turn about one axis."""
-NO_TOOL = np.zeros(6)
 
 
 class UnreachableError(Exception):

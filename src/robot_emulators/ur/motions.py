@@ -14,6 +14,24 @@ from robot_emulators.ur.kinematics import (
     vector,
 )
 
+ROTATION_REACH = 0.25
+"""A turn of 1 rad of the tool takes a straight move as long as this way does [m]."""
+_STILL = 1e-4
+_FLAT = 1e-12
+"""Square of the area [m⁴] below which three points are on a line."""
+_FULL_SPEED, _HARDEST = 0.9, 15.0
+"""Share of the joints' speeds, and acceleration [rad/s²], that a move in a given time may take."""
+_LOOKS = 24
+"""Places at which such a move is looked at beforehand."""
+_GAIN = 300.0
+"""servoj's default gain, at which the lookahead time is the time by which the arm lags."""
+_INERTIA = np.array([2.0, 2.0, 0.8, 0.1, 0.1, 0.05])
+"""Of each joint with what it carries [kg·m²]; estimate, for torques alone."""
+_DRAG = np.array([4.0, 4.0, 2.0, 0.5, 0.5, 0.3])
+"""Viscous friction that stays without compensation [N·m·s/rad]; estimate."""
+_COMPENSATED = 0.1
+"""Share of it that is left with compensation; estimate."""
+
 
 class Profile:
     """Trapezoid of speed over a length.
@@ -62,19 +80,6 @@ class Pace:
     acceleration: float
     seconds: float = 0.0
     top: np.ndarray | None = None
-
-
-ROTATION_REACH = 0.25
-"""A turn of 1 rad of the tool takes a straight move as long as this way does [m]."""
-_STILL = 1e-4
-_FLAT = 1e-12
-"""Square of the area [m⁴] below which three points are on a line."""
-_FULL_SPEED, _HARDEST = 0.9, 15.0
-"""Share of the joints' speeds, and acceleration [rad/s²], that a move in a given time may take."""
-_LOOKS = 24
-"""Places at which such a move is looked at beforehand."""
-_GAIN = 300.0
-"""servoj's default gain, at which the lookahead time is the time by which the arm lags."""
 
 
 class ArmMotion(ABC):
@@ -316,14 +321,6 @@ class JointSpeed(ArmMotion):
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
         self._speed = ramp(self._speed, self._goal, self._rate * dt)
         return np.asarray(q + self._speed * dt)
-
-
-_INERTIA = np.array([2.0, 2.0, 0.8, 0.1, 0.1, 0.05])
-"""Of each joint with what it carries [kg·m²]; estimate, for torques alone."""
-_DRAG = np.array([4.0, 4.0, 2.0, 0.5, 0.5, 0.3])
-"""Viscous friction that stays without compensation [N·m·s/rad]; estimate."""
-_COMPENSATED = 0.1
-"""Share of it that is left with compensation; estimate."""
 
 
 class JointTorque(ArmMotion):

@@ -13,6 +13,9 @@ from robot_emulators.ur.network import Conversation, Peer, Port
 from robot_emulators.ur.packets import Recipe, Values
 
 _MOST_RECIPES = 255
+PORT = 30004
+_MOST_HELD = 1 << 22
+"""Bytes that a burst may hold back."""
 
 
 @dataclass(frozen=True)
@@ -164,11 +167,6 @@ class RtdeSession:
         values = None if recipe is None else recipe.unpack(payload[1:])
         if values is not None:
             self._offer.inputs.write(id(self), values, self._now)
-
-
-PORT = 30004
-_MOST_HELD = 1 << 22
-"""Bytes that a burst may hold back."""
 
 
 class Rtde:

@@ -18,6 +18,25 @@ _ACTIVE = "active_tcp"
 _LONGEST_SAID = 1023
 _NEAR = 0.5
 """How far a solution that is followed to may be from where it began [rad]."""
+_POSES: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
+    "get_actual_tcp_pose": lambda p: p.arm.kinematics.pose(p.arm.plant.q, p.arm.tcp),
+    "get_target_tcp_pose": lambda p: p.arm.kinematics.pose(p.arm.q, p.arm.tcp),
+    "get_target_waypoint": lambda p: p.arm.kinematics.pose(p.arm.q, p.arm.tcp),
+    "get_actual_tool_flange_pose": lambda p: pose_of(*p.arm.kinematics.flange(p.arm.plant.q)),
+    "get_tcp_offset": lambda p: p.arm.tcp,
+}
+"""Function → the pose that it returns."""
+_NUMBERS: dict[str, Callable[[ScriptProgram], Any]] = {
+    "get_steptime": lambda p: p.controller.settings.cycle,
+    "get_target_payload": lambda p: float(p.controller.estimate.payload.mass),
+    "get_payload": lambda p: float(p.controller.estimate.payload.mass),
+    "force": lambda p: float(np.linalg.norm(p.controller.estimate.wrench[:3])),
+    "is_steady": lambda p: not p.arm.moving and float(np.abs(p.arm.plant.qd).max()) < 1e-3,
+    "get_freedrive_status": lambda p: 0,  # never off its limits: nobody pushes the arm
+    "zero_ftsensor": lambda p: p.controller.estimate.zero(),
+    "protective_stop": lambda p: p.controller.protective_stop(PROTECTIVE_STOP),
+}
+"""Function without arguments → what it returns or does."""
 
 
 def _speed(program: ScriptProgram, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
@@ -40,25 +59,6 @@ _LISTS: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
     "get_target_payload_inertia": lambda p: p.controller.estimate.payload.inertia,
 }
 """Function → the numbers that it returns, SI."""
-_POSES: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
-    "get_actual_tcp_pose": lambda p: p.arm.kinematics.pose(p.arm.plant.q, p.arm.tcp),
-    "get_target_tcp_pose": lambda p: p.arm.kinematics.pose(p.arm.q, p.arm.tcp),
-    "get_target_waypoint": lambda p: p.arm.kinematics.pose(p.arm.q, p.arm.tcp),
-    "get_actual_tool_flange_pose": lambda p: pose_of(*p.arm.kinematics.flange(p.arm.plant.q)),
-    "get_tcp_offset": lambda p: p.arm.tcp,
-}
-"""Function → the pose that it returns."""
-_NUMBERS: dict[str, Callable[[ScriptProgram], Any]] = {
-    "get_steptime": lambda p: p.controller.settings.cycle,
-    "get_target_payload": lambda p: float(p.controller.estimate.payload.mass),
-    "get_payload": lambda p: float(p.controller.estimate.payload.mass),
-    "force": lambda p: float(np.linalg.norm(p.controller.estimate.wrench[:3])),
-    "is_steady": lambda p: not p.arm.moving and float(np.abs(p.arm.plant.qd).max()) < 1e-3,
-    "get_freedrive_status": lambda p: 0,  # never off its limits: nobody pushes the arm
-    "zero_ftsensor": lambda p: p.controller.estimate.zero(),
-    "protective_stop": lambda p: p.controller.protective_stop(PROTECTIVE_STOP),
-}
-"""Function without arguments → what it returns or does."""
 
 
 def _as_list(read: Callable[[ScriptProgram], np.ndarray]) -> Callable[[ScriptProgram], list[float]]:

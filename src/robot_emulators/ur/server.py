@@ -43,6 +43,16 @@ _ARGUMENTS: dict[tuple[str, str], dict[str, Argument]] = {
     ("robot", "follow_error"): {"joints": arguments.numbers(6, _MOST_OFF)},
 }
 """Arguments of a kind of fault, besides its time."""
+_DASHBOARD, _PRIMARY, _SECONDARY, _SCRIPT = 29999, 30001, 30002, 30003
+_NAMED = ("rtde", "dashboard", "primary", "secondary", "script")
+_LATE_S = 0.05
+"""Lag beyond which the loop leaves out packets to catch up [s] …"""
+_SHARE = 4
+"""… and sends one in so many cycles."""
+_PAUSE = 0.25
+"""Between cycles that are made up for, in periods, until the lag is `_LATE_S`: a client that keeps
+the newest state alone would else miss those between. Estimate."""
+_INJECT_S = 2.0
 
 
 def register(emulator: "UREmulator", faults: Faults) -> None:
@@ -115,18 +125,6 @@ def _robot(emulator: "UREmulator") -> dict[str, Handler]:
 def _end(fault: TimedFault) -> float:
     """When it ends on `time.monotonic` [s]; without seconds never."""
     return time.monotonic() + fault.seconds if fault.seconds else float("inf")
-
-
-_DASHBOARD, _PRIMARY, _SECONDARY, _SCRIPT = 29999, 30001, 30002, 30003
-_NAMED = ("rtde", "dashboard", "primary", "secondary", "script")
-_LATE_S = 0.05
-"""Lag beyond which the loop leaves out packets to catch up [s] …"""
-_SHARE = 4
-"""… and sends one in so many cycles."""
-_PAUSE = 0.25
-"""Between cycles that are made up for, in periods, until the lag is `_LATE_S`: a client that keeps
-the newest state alone would else miss those between. Estimate."""
-_INJECT_S = 2.0
 
 
 class UREmulator(Emulator):

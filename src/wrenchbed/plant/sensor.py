@@ -20,6 +20,19 @@ from wrenchbed.twin.twin import Twin
 
 _BLOCK = 512
 _SHORTEST_S = 1e-6
+STILL = 1e-4
+"""Fastest joint at rest [rad/s or m/s]."""
+_CALM_CYCLES = 6
+_KNOTS = np.array([0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 40.0])
+"""Times after arrival at which readings at rest are computed ahead [s]; interpolated between."""
+_EPOCH = 1024
+"""Rows over which effects' random parts go on without a seam."""
+_WINDOW = 256
+"""Cycles that effects of sensor and timing look back in motion."""
+_REMEMBERED = 3000
+"""Rows of `Playback` that are kept; a move and the rest after it are some twelve."""
+_EVERY = 4
+"""Cycles between evaluations of what the mechanism changes in motion."""
 
 
 class BufferedNoise:
@@ -63,21 +76,6 @@ class BufferedNoise:
         rows, _ = self._stream.corrupt(times, np.zeros((count, 6)))
         self._drawn = float(times[-1])
         self._rows = np.concatenate([self._rows, rows])
-
-
-STILL = 1e-4
-"""Fastest joint at rest [rad/s or m/s]."""
-_CALM_CYCLES = 6
-_KNOTS = np.array([0.0, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 40.0])
-"""Times after arrival at which readings at rest are computed ahead [s]; interpolated between."""
-_EPOCH = 1024
-"""Rows over which effects' random parts go on without a seam."""
-_WINDOW = 256
-"""Cycles that effects of sensor and timing look back in motion."""
-_REMEMBERED = 3000
-"""Rows of `Playback` that are kept; a move and the rest after it are some twelve."""
-_EVERY = 4
-"""Cycles between evaluations of what the mechanism changes in motion."""
 
 
 class SensorRow(NamedTuple):

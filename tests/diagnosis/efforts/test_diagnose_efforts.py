@@ -28,6 +28,7 @@ def consistent(found):
     assert d.verdict == "partial" or effort_sentences.headline(found)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("effect", "joint", "size"),
     [("drive.coulomb", 2, 8.0), ("drive.load", 4, 6.0), ("drive.constant", 3, 8.0),
@@ -42,6 +43,7 @@ def test_a_cause_is_named_in_its_joint(effect, joint, size):
     assert d.gap.closed.value > 0.6
 
 
+@pytest.mark.slow
 def test_hysteresis_is_one_cause_with_the_friction_that_it_adds(tmp_path):
     size = 6.0
     found = diagnose_efforts(case(Gap("gear hysteresis", 2, size), seed=22))
@@ -56,6 +58,7 @@ def test_hysteresis_is_one_cause_with_the_friction_that_it_adds(tmp_path):
     assert drives["drive.coulomb.2"] == pytest.approx(COULOMB[1], rel=0.15)
 
 
+@pytest.mark.slow
 def test_friction_that_fades_after_a_reversal_is_no_hysteresis():
     found = diagnose_efforts(case(Gap("breakaway", 2, 12.0), seed=23))
     consistent(found)
@@ -64,6 +67,7 @@ def test_friction_that_fades_after_a_reversal_is_no_hysteresis():
     assert "drive.hysteresis" not in first["rivals"]
 
 
+@pytest.mark.slow
 def test_an_ordinary_robot_has_no_cause():
     found = diagnose_efforts(case(seed=31))
     consistent(found)
@@ -73,12 +77,14 @@ def test_an_ordinary_robot_has_no_cause():
     )  # errors of links may imitate a cause
 
 
+@pytest.mark.slow
 def test_a_limited_torque_is_unknown():
     found = diagnose_efforts(case(Gap("clipped", 2, 0.8), seed=32))
     consistent(found)
     assert found.diagnosis.verdict == "unknown" and "limited" in found.verdict.outside
 
 
+@pytest.mark.slow
 def test_the_verb_writes_all_files(tmp_path, capsys):
     case(Gap("drive.coulomb", 2, 8.0), seed=5).write(tmp_path / "rec.parquet")
     out = tmp_path / "found"

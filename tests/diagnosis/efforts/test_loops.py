@@ -44,6 +44,7 @@ def case(seed, effect=None, joint=1, size=0.0):
     return loops.recording(t, q, effort, configured=CONFIGURED)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("effect", "joint", "size", "unit"),
     [("drive.coulomb", 1, 6.0, "N"), ("drive.coulomb", 4, 0.6, "N·m"),
@@ -58,6 +59,7 @@ def test_a_cause_is_named_in_its_joint(effect, joint, size, unit):
     assert joint is None or d.which[0]["parameters"]["joint"]["value"] == joint
 
 
+@pytest.mark.slow
 def test_an_ordinary_medrue_has_no_cause_and_its_links_are_numbered():
     d = diagnose_efforts(case(1), loops=True).diagnosis
     assert d.verdict == "none" and d.probabilities["none"] > 0.8
@@ -87,6 +89,7 @@ def test_a_link_of_the_same_number_is_no_rival_of_a_joint_where_loops_close():
     assert len(upheld(v, gap).causes) == 1
 
 
+@pytest.mark.slow
 def test_drives_that_a_diagnosis_corrects_explain_the_recording(tmp_path):
     recording = case(5, "drive.coulomb", 1, 6.0)
     diagnose_efforts(recording, loops=True).write(tmp_path)

@@ -54,6 +54,7 @@ def test_a_jump_is_an_outlier():
     assert "at 10.0 s" in outliers(T, left, USE)
 
 
+@pytest.mark.slow
 def test_a_hit_once_a_turn_is_unknown_and_says_when():
     healthy = case(seed=31)
     columns = dict(healthy.columns)

@@ -34,6 +34,7 @@ def answers(found):
     return [(w["effect"], w["rivals"]) for w in found.diagnosis.which]
 
 
+@pytest.mark.slow
 def test_a_payload_that_torques_alone_do_not_tell_is_named_and_weighed():
     light = 0.12  # [kg]
     recording = both(Gap("tool.mass", size=light), more=light)
@@ -51,6 +52,7 @@ def test_a_payload_that_torques_alone_do_not_tell_is_named_and_weighed():
     assert channels[worst]["before"] > 0.8 and abs(channels[worst]["after"]) < 0.1
 
 
+@pytest.mark.slow
 def test_friction_is_seen_by_its_joint_alone_and_the_sensor_agrees():
     found = diagnose_efforts(both(Gap("drive.coulomb", 3, 6.0)), wrench=True)
     assert answers(found) == [("drive.coulomb", [])]
@@ -59,6 +61,7 @@ def test_friction_is_seen_by_its_joint_alone_and_the_sensor_agrees():
     assert np.array([n.std for n in found.d.noise[6:]]) == pytest.approx(NOISE, rel=0.1)
 
 
+@pytest.mark.slow
 def test_what_only_the_sensor_has_is_unknown_and_its_channel_is_said():
     recording = both()
     columns = dict(recording.columns)
@@ -68,6 +71,7 @@ def test_what_only_the_sensor_has_is_unknown_and_its_channel_is_said():
     assert (found.where[0]["subsystem"], found.where[0]["detail"]) == ("sensor", "fy")
 
 
+@pytest.mark.slow
 def test_an_ordinary_arm_with_a_sensor_has_no_cause():
     assert diagnose_efforts(both(), wrench=True).diagnosis.verdict == "none"
 
@@ -82,6 +86,7 @@ def test_a_recording_without_a_wrench_says_what_to_do(tmp_path, capsys):
     assert "has no wrench" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_payload_on_an_arm_without_a_stated_tool_is_named():
     recording = both(Gap("tool.mass", size=0.5), more=0.5)
     bare = replace(recording.metadata.tool, mass=0.001, cog=COG)
@@ -92,6 +97,7 @@ def test_a_payload_on_an_arm_without_a_stated_tool_is_named():
     assert mass == pytest.approx(MASS + 0.5, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_verb_writes_a_page_of_both(tmp_path, capsys):
     both(Gap("tool.mass", size=0.5), more=0.5).write(tmp_path / "rec.parquet")
     asked = ["diagnose", str(tmp_path / "rec.parquet"), "--channels", "both"]

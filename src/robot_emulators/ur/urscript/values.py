@@ -10,6 +10,11 @@ from typing import Any
 
 NO_NAME = "compile_error_name_not_found:{}:"
 """How a controller reports a name that it does not know."""
+Value = Any
+"""float, int, bool, str, list, `Pose` or dict."""
+_EXACT = 2**53
+"""Whole numbers beyond this become floating point, so that none grows without bound."""
+LONGEST_TEXT, LONGEST_LIST = 1 << 15, 1 << 12
 
 
 class ScriptFaultError(Exception):
@@ -31,13 +36,6 @@ class ScriptFaultError(Exception):
 
 class ProgramEndsError(Exception):
     """The program ends here as its author wants: ``halt``."""
-
-
-Value = Any
-"""float, int, bool, str, list, `Pose` or dict."""
-_EXACT = 2**53
-"""Whole numbers beyond this become floating point, so that none grows without bound."""
-LONGEST_TEXT, LONGEST_LIST = 1 << 15, 1 << 12
 
 
 class Pose(list[Any]):

@@ -56,6 +56,7 @@ _PUSH = 3.0
 """Largest contact force of a touch along each axis [N], that of a light push by hand."""
 Samples = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 """Times (n,), joint values and speeds (n, J), loads or readings (n, 6)."""
+__all__ = ["DRIVER", "SimDriver", "SimOptions"]
 
 
 class SimMove(Move):
@@ -367,5 +368,3 @@ class SimDriver(Driver):
 
 
 DRIVER = SimDriver
-
-__all__ = ["DRIVER", "SimDriver", "SimOptions"]

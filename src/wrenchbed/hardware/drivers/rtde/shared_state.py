@@ -15,6 +15,14 @@ from typing import NamedTuple, Self
 Six = tuple[float, ...]
 _ZERO = (0.0,) * 6
 _NAN = (float("nan"),) * 6
+_HEAD = struct.Struct("@qq")
+_BEAT = struct.Struct("@d")
+BEATS = ("driver", "state", "control")
+"""Owners of the heartbeats."""
+_TRIES = 20
+"""Attempts at a consistent copy; a write takes some microseconds, a copy a few more."""
+_WORD = 0xFFFFFFFF
+"""Mask of 32 bits, by definition of CRC-32."""
 
 
 class Snapshot(NamedTuple):
@@ -77,16 +85,8 @@ class Snapshot(NamedTuple):
 
 _WIDTH = [6 if isinstance(v, tuple) else 1 for v in Snapshot()]
 _PAYLOAD = struct.Struct(f"={sum(_WIDTH)}d")
-_HEAD = struct.Struct("@qq")
-_BEAT = struct.Struct("@d")
 _BEATS = _HEAD.size + _PAYLOAD.size
-BEATS = ("driver", "state", "control")
-"""Owners of the heartbeats."""
 SIZE = _BEATS + len(BEATS) * _BEAT.size
-_TRIES = 20
-"""Attempts at a consistent copy; a write takes some microseconds, a copy a few more."""
-_WORD = 0xFFFFFFFF
-"""Mask of 32 bits, by definition of CRC-32."""
 
 
 class SharedState:

@@ -24,6 +24,12 @@ Message = dict[str, Any]
 _LONGEST = 4096
 """Bytes of the longest message; the longest sent have some hundred."""
 _MS = 1e3  # by definition
+_PRIORITY = -10
+"""Nice value of the workers: before other programs, behind real-time ones."""
+LOST = 3
+"""Exit code of a worker that lost the controller."""
+_LOSS = ("Could not receive data", "Lost connection", "Reconnecting", "closed the connection")
+"""What ur_rtde prints before it reconnects by itself, which ends in a crash."""
 
 
 class Closed(Exception):  # noqa: N818
@@ -78,14 +84,6 @@ def pair() -> tuple[MessageChannel, socket.socket]:
     """One end for this process, and the other for a child to inherit."""
     mine, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     return MessageChannel(mine), other
-
-
-_PRIORITY = -10
-"""Nice value of the workers: before other programs, behind real-time ones."""
-LOST = 3
-"""Exit code of a worker that lost the controller."""
-_LOSS = ("Could not receive data", "Lost connection", "Reconnecting", "closed the connection")
-"""What ur_rtde prints before it reconnects by itself, which ends in a crash."""
 
 
 class Printed:

@@ -12,6 +12,15 @@ from typing import NamedTuple
 from wrenchbed.errors import DriverError, ParameterError
 
 _ANY = 1 << 31
+SIZE = 36
+"""Bytes of a record."""
+LARGEST = 40 * SIZE
+"""Bytes of the longest datagram that a box sends."""
+START, BIAS, STOP = 0x0002, 0x0042, 0x0000
+_REQUEST = struct.Struct(">HHI")
+_RECORD = struct.Struct(">3I6i")
+_NUMBERS = struct.Struct(">II28x")
+_STATUS = struct.Struct(">8xI24x")
 
 
 @dataclass(frozen=True)
@@ -87,18 +96,6 @@ def table(product: str) -> StatusTable:
     if product not in TABLES:
         raise ParameterError(f"there is no product {product!r}. Known: {', '.join(TABLES)}")
     return TABLES[product]
-
-
-SIZE = 36
-"""Bytes of a record."""
-LARGEST = 40 * SIZE
-"""Bytes of the longest datagram that a box sends."""
-START, BIAS, STOP = 0x0002, 0x0042, 0x0000
-
-_REQUEST = struct.Struct(">HHI")
-_RECORD = struct.Struct(">3I6i")
-_NUMBERS = struct.Struct(">II28x")
-_STATUS = struct.Struct(">8xI24x")
 
 
 class Record(NamedTuple):
