@@ -318,9 +318,33 @@ def node(tag: str, inside: str = "", **attributes: str) -> str:
     return f"<{tag} {written}>{inside}</{tag}>"
 
 
-def urp(*nodes: str, once: str = "true") -> bytes:
+def words(text: str) -> str:
+    return node("expression", "".join(node("ExpressionChar", character=c) for c in text))
+
+
+def urp(*nodes: str, before: str = "", once: str = "true") -> bytes:
     main = node("MainProgram", f"<children>{''.join(nodes)}</children>", runOnlyOnce=once)
-    return node("URProgram", f"<children>{main}</children>", name="made here").encode()
+    first = node("SpecialSequence", f"<children>{before}</children>", type="BeforeStart")
+    return node("URProgram", f"<children>{first}{main}</children>", name="made here").encode()
+
+
+PLACE = "../../../../../../SpecialSequence/children/Assignment/variable"
+ASSIGNED = node("Assignment", node("variable", name="goal") + words("3"))
+SHOWN = node("Script", words("textmsg(goal)"), type="Line")
+
+
+def test_a_tree_with_variables_loops_and_conditions_becomes_a_program(tmp_path):
+    """Of such nodes is the program of the maker's RTDE examples, rtde_control_loop.urp."""
+    variable = node("ExpressionVariable", node("ProgramVariable", reference=PLACE))
+    condition = f"<expression>{variable}{node('ExpressionChar', character='≟')}" + (
+        node("ExpressionChar", character="3") + "</expression>"
+    )
+    chosen = node("If", f"{condition}<children>{SHOWN}</children>", type="If")
+    (tmp_path / "made.urp").write_bytes(gzip.compress(urp(chosen, before=ASSIGNED)))
+    bench = Played(programs=str(tmp_path))
+    assert bench.controller.load("/programs/made.urp") and bench.controller.play()
+    bench.run(0.3)
+    assert bench.said == ["3"]
 
 
 def test_a_tree_of_nodes_becomes_a_program(tmp_path):
