@@ -35,14 +35,14 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 91079,
+    "src": 91235,
     "src/wrenchbed": 79831,
-    "src/robot_emulators": 11248,
-    "tests": 48694,
+    "src/robot_emulators": 11404,
+    "tests": 48718,
     "scripts": 3528,
 }
 """Lines of Python below a folder at most; of scripts every line."""
-MOST_FILES = 531
+MOST_FILES = 532
 """Files of Python below src at most."""
 
 
