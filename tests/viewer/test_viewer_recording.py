@@ -296,7 +296,7 @@ def test_without_rerun_the_extra_is_named():
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 1 and "MissingExtraError" in done.stderr
-    assert "wrenchbed[view]" in done.stderr
+    assert "[view]" in done.stderr
 
 
 def test_a_sensor_without_a_robot_is_shown_by_its_readings(tmp_path):
