@@ -46,6 +46,7 @@ def test_cases_hold_recordings_and_commitments_only(family):
     assert "salt" not in text and "effect" not in text
 
 
+@pytest.mark.slow
 def test_a_salt_hides_what_few_answers_there_are(family):
     _, answers, _ = family
     salts = {commitments.read_answer(p).salt for p in answers.glob("0*.json")}

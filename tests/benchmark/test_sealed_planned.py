@@ -56,6 +56,7 @@ def test_all_cases_rest_at_the_poses_of_the_plan_with_one_stated_tool(cases):
     assert family["plan"] == commitments.digest((cases / "poses.parquet").read_bytes())
 
 
+@pytest.mark.slow
 def test_the_diagnosis_gets_what_was_learnt_once(cases, tmp_path, monkeypatch):
     asked, given = [], []
 

@@ -184,6 +184,7 @@ def test_cases_differ_in_what_a_fault_changes_only(semi_real):
         assert all(c.gap >= 1.0 for c in truth.causes)
 
 
+@pytest.mark.slow
 def test_the_same_seed_makes_the_same_bytes(semi_real, tmp_path):
     cases, answers, host = semi_real
     for seed, same in ((SEED, True), (SEED + 1, False)):

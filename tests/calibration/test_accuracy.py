@@ -132,6 +132,7 @@ def test_a_plan_of_touches_survives_the_file(touched):
     assert len(touches) == 25
 
 
+@pytest.mark.slow
 def test_the_simulated_tip_really_sits_at_the_point(touched):
     folder, truth = touched
     touches = Touches.of(Recording.read(folder / "touch.parquet"))

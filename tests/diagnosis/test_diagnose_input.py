@@ -90,6 +90,7 @@ def test_sound_recordings_are_not_refused(recordings):
         assert len(prepare(recording).y) == POSES
 
 
+@pytest.mark.slow
 def test_too_few_poses(ur5):
     few = rows(ur5, ur5.columns["segment"] < 8)
     refused(few, "8 poses cannot separate causes", "record at least 12")

@@ -31,6 +31,7 @@ def test_it_is_within_limits_and_touches_nothing(plan):
     assert not any(clearance.hit(place) for place in q[::10])
 
 
+@pytest.mark.slow
 def test_its_standard_errors_are_smaller_than_a_multisines(plan, tmp_path):
     stds = []
     for k, way in enumerate((plan, multisine(UR5, SECONDS, RATE, 1))):

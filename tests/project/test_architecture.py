@@ -119,6 +119,7 @@ def test_rooms_import_downwards():
     assert sum(map(len, arrows.values())) <= MOST_ARROWS
 
 
+@pytest.mark.slow
 def test_no_files_and_no_folders_import_in_a_circle():
     assert circles(graph(lambda m: m)) == []
     assert circles(graph(folder)) == []

@@ -91,6 +91,7 @@ def test_readme_is_short():
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 220
 
 
+@pytest.mark.slow
 def test_the_page_of_the_command_line_is_the_programs_own_help():
     command = [sys.executable, str(ROOT / "scripts" / "command_line"), "--check"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -107,6 +108,7 @@ def test_public_names_exist_and_are_on_the_page():
         _ = wrenchbed.nothing
 
 
+@pytest.mark.slow
 def test_the_site_builds_strictly_and_loads_nothing_from_elsewhere(tmp_path):
     for module in ("mkdocs", "material", "mkdocstrings"):
         if importlib.util.find_spec(module) is None:
@@ -135,6 +137,7 @@ def test_every_parameter_is_in_the_nomenclature():
         assert (close | series) & stems, parameter
 
 
+@pytest.mark.slow
 def test_all_messages_stand_in_one_file_as_the_source_has_them():
     """Whoever changes a sentence runs scripts/messages, and reads it beside its neighbours."""
     command = [sys.executable, str(ROOT / "scripts" / "messages"), "--check"]

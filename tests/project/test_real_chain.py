@@ -43,6 +43,7 @@ def test_every_file_is_exported_and_read_again(imported, tmp_path):
     assert len(wb.Recording.read(tmp_path / "better.parquet")) == len(wb.Recording.read(rec))
 
 
+@pytest.mark.slow
 def test_reports_and_pictures_are_written(imported, tmp_path, capsys):
     rec, fit, found = (imported / n for n in ("rec.parquet", "fit.json", "found"))
     verb("view", rec, "--rrd", tmp_path / "view.rrd")

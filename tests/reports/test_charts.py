@@ -106,6 +106,7 @@ def test_a_spring_shows_as_a_line_of_its_stiffness_that_no_fit_drew(springy):
     assert sure < 0.1 * slope
 
 
+@pytest.mark.slow
 def test_the_residual_stands_beneath_before_and_after_in_units_of_noise(springy):
     charts = [f.chart for f in springy.figures if f.chart.name.startswith("effect-0")]
     for chart in charts:

@@ -104,6 +104,7 @@ def test_what_is_drawn_of_each_pose_is_what_the_fit_leaves(fit, recorded):
         assert panel.y.high == -panel.y.low >= np.abs(panel.series[0].y).max()
 
 
+@pytest.mark.slow
 def test_one_pose_that_is_off_is_named(fit, recorded):
     columns = dict(recorded.columns)
     off = columns["segment"] == 17

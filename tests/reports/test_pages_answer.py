@@ -227,6 +227,7 @@ def test_a_script_that_is_not_the_pages_own_does_not_run(page, pages):
     page.console.clear()
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("kind", KINDS)
 def test_paper_has_the_still_figures(page, pages, kind):
     shown(page, pages[kind])

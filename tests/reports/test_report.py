@@ -104,6 +104,7 @@ def shown(f: Findings, command: str = "") -> Page:
     return Page(diagnosis_page(f, command).html())
 
 
+@pytest.mark.slow
 def test_the_page_holds_the_numbers_of_the_json(tilted):
     told, page = tilted.diagnosis.to_json(), shown(tilted)
     assert told["verdict"] == "identified"
@@ -158,6 +159,7 @@ def test_an_ambiguous_cause_is_one_or_the_other(tilted):
     assert "or here" in page.sections["page"]
 
 
+@pytest.mark.slow
 def test_a_cause_of_a_part_is_named_with_what_is_left(tilted):
     half, share = Interval(3.0, 2.5, 3.5), Interval(0.3, 0.2, 0.4)
     gap = replace(tilted.diagnosis.gap, with_effects=half, closed=share)
@@ -182,6 +184,7 @@ def test_two_causes_are_counted(tilted):
     assert "the same effect" in sentences.headline(changed(both, verdict="identified"))
 
 
+@pytest.mark.slow
 def test_unknown_says_what_the_residual_follows(tilted):
     page = shown(without_cause(tilted, "unknown"))
     kernel = sentences.depends(tilted.analysis.ranking.kernel)
@@ -202,6 +205,7 @@ def test_a_class_that_is_too_large_names_its_members(tilted):
     assert "base.tilt, cable.pull, link.length" in page.sections["which"]
 
 
+@pytest.mark.slow
 def test_none_is_none(healthy):
     assert healthy.diagnosis.verdict == "none"
     page = shown(healthy)
@@ -218,6 +222,7 @@ def test_none_beside_a_gap_above_1_tells_its_interval(healthy):
     assert "95 % interval" not in shown(healthy).sections["far"]
 
 
+@pytest.mark.slow
 def test_what_scatters_rows_is_no_share_of_the_gap(tmp_path):
     noisy = found(tmp_path, "sensor.noise:" + ",".join(f"std.f{a}=0.2" for a in "xyz"))
     assert [w["effect"] for w in noisy.diagnosis.which] == ["sensor.noise"]
@@ -236,6 +241,7 @@ def test_effects_that_do_not_close_the_gap_say_so(tilted):
     assert "make the gap larger" in page.sections["far"]
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("case", ["tilted", "healthy"])
 def test_the_page_needs_nothing_else_and_is_small(case, request):
     html = diagnosis_page(request.getfixturevalue(case)).html()
@@ -287,6 +293,7 @@ def recorded(folder):
     return str(folder / "rec.parquet")
 
 
+@pytest.mark.slow
 def test_the_command_line_writes_it_with_its_command(tmp_path, capsys):
     out = tmp_path / "a folder"
     assert main(["diagnose", recorded(tmp_path), "--out", str(out), "--seed", "3"]) == 0
@@ -302,6 +309,7 @@ def test_the_command_line_writes_it_with_its_command(tmp_path, capsys):
     assert f"--out &#39;{out}&#39; --seed 3" in text
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("library", ["jinja2", "matplotlib"])
 def test_without_its_extra_a_diagnosis_warns_and_goes_on(library, tmp_path, capsys, monkeypatch):
     require = registry.require
@@ -322,6 +330,7 @@ def test_without_its_extra_a_diagnosis_warns_and_goes_on(library, tmp_path, caps
     assert not (tmp_path / "d" / "report.html").exists()
 
 
+@pytest.mark.slow
 def test_no_page_is_wider_than_a_telephone_nor_its_answers_lower_than_a_screen(tilted, tmp_path):
     browser = shutil.which("chromium")
     if browser is None:

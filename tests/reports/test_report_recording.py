@@ -39,6 +39,7 @@ def text(page) -> str:
     return re.sub(r"\s+", " ", bare)
 
 
+@pytest.mark.slow
 def test_a_fit_that_agrees_says_so_with_its_figures(folder):
     recording = wb.Recording.read(folder / "rec.parquet")
     page = recording_page(recording, [folder / "fit.json"], "the command")
@@ -115,6 +116,7 @@ def test_a_file_that_is_no_simulator_is_refused(folder):
         recording_page(wb.Recording.read(folder / "rec.parquet"), [wrong], "")
 
 
+@pytest.mark.slow
 def test_what_was_recorded_is_drawn_over_time_with_its_residual(folder):
     recording = wb.Recording.read(folder / "rec.parquet")
     charts = {f.chart.name: f.chart for f in recording_page(recording, [], "").figures}

@@ -67,6 +67,7 @@ def words(page) -> str:
     return page.run("document.body.innerText")
 
 
+@pytest.mark.sampled
 def test_the_first_screen_answers_where_which_and_how_far(shown):
     page, path, kind = shown
     page.open(path, *SCREEN, prefers_color_scheme="light")
@@ -95,6 +96,7 @@ def test_text_can_be_read_and_nothing_overflows(shown, scheme, width):
     assert (max(map(int, re.findall(r"\d+", ground)[:3])) < 80) == (scheme == "dark")
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_pages_of_studies_can_be_read_too(tmp_path, scheme):
     cells = [(f"method {k}", *([0.123456 * 10**k] * 9)) for k in range(3)]

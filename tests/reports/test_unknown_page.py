@@ -23,6 +23,7 @@ def found() -> Findings:
     return diagnose(case.recording)
 
 
+@pytest.mark.slow
 def test_page_terminal_json_and_rerun_say_that_it_is_unknown(found):
     told = found.diagnosis.to_json()
     assert told["verdict"] == "unknown" and told["which"] == []

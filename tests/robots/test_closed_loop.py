@@ -53,6 +53,7 @@ def same_as_medrue(robot, mine, theta, q):
     assert len(q) >= 100
 
 
+@pytest.mark.slow
 def test_medrue_through_its_loops_is_its_written_out_closed_form(tmp_path):
     """Its MJCF in ``models`` to all digits, read anew; joints in the actuators' order."""
     rng = np.random.default_rng(11)
@@ -65,6 +66,7 @@ def test_medrue_through_its_loops_is_its_written_out_closed_form(tmp_path):
         same_as_medrue(robot, own, theta, medrue_poses(theta, 150, 20 + k))
 
 
+@pytest.mark.slow
 def test_medrues_random_parameters_by_the_names_of_its_file(tmp_path):
     """The nominal file's robot, its parameters set to where another MedRUE's file has its links."""
     nominal = MEDRUE.parameters.nominal
@@ -126,6 +128,7 @@ def matched(robot, name, rng):
     return theta, moved
 
 
+@pytest.mark.sampled
 @each_model
 def test_parallel_robots_are_the_users_files_in_mujoco(name, tmp_path):
     """MuJoCo's own constraints close the loops there; nominal and a random vector."""
@@ -211,6 +214,7 @@ def forgotten(monkeypatch):
     return forget
 
 
+@pytest.mark.sampled
 @each_model
 def test_a_parallel_robot_is_planned_recorded_and_calibrated_by_its_file(
     name, tmp_path, forgotten, capsys

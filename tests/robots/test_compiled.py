@@ -74,6 +74,7 @@ def apart(found: np.ndarray, wanted: np.ndarray) -> float:
     return float(np.abs(found - wanted).max() / np.abs(wanted).max())
 
 
+@pytest.mark.sampled
 @each_robot
 def test_it_is_what_numpy_computes(robot):
     model = Model.of(robot)

@@ -83,6 +83,7 @@ ENDLESS = {
 }
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("what", ENDLESS)
 def test_an_endless_model_is_refused_in_one_line_with_a_remedy(what, tmp_path):
     make, reason = ENDLESS[what]

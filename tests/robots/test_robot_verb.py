@@ -34,6 +34,7 @@ def forgotten():
     registry._known.clear()
 
 
+@pytest.mark.sampled
 @each_file
 def test_an_arm_is_planned_recorded_and_calibrated_by_its_file_alone(case, tmp_path):
     """Noise-free: mass, CoG, bias and mount to 1e-9; the calibration has the recording alone."""
@@ -314,6 +315,7 @@ def test_nothing_is_written_into_the_users_file(tmp_path, capsys):
     assert file.read_text() == URDF.format(kind="revolute", more="", rest="")
 
 
+@pytest.mark.slow
 def test_a_recording_is_diagnosed_where_neither_file_is(tmp_path):
     """Report and picture with the meshes, from the recording alone."""
     pytest.importorskip("rerun")

@@ -36,6 +36,7 @@ def test_seven_joints_are_planned_recorded_and_calibrated(tmp_path):
     assert fit["theta"]["tool.mass"] == pytest.approx(1.45, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_an_offset_of_joint_4_is_diagnosed(tmp_path):
     plan, recording = str(tmp_path / "plan.parquet"), str(tmp_path / "rec.parquet")
     assert main(["plan", "iiwa14", "--n", "60", "--out", plan]) == 0

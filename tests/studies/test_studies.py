@@ -61,6 +61,7 @@ def test_without_noise_the_papers_procedure_is_exact_in_five_steps(paper_robot):
     assert one.exact.changes[-1] < 1e-12
 
 
+@pytest.mark.slow
 def test_rank_and_redundancies_of_the_49(setting, chosen):
     told = identifiability.examine(setting, chosen, one_robot.of_table_1(setting, published.ACTUAL))
     assert set(told.ranks.values()) == {27}
@@ -75,6 +76,7 @@ def test_rank_and_redundancies_of_the_49(setting, chosen):
     assert len({frozenset(k) for k in kept}) > 10, "the elimination is no longer arbitrary"
 
 
+@pytest.mark.slow
 def test_the_chosen_poses_are_certified_near_the_best(setting, chosen):
     pool = Pool(setting.in_table_units)
     value = float(INDICES["O1"].values(pool.information(chosen)))

@@ -40,6 +40,7 @@ def difference(scene, active) -> tuple[float, float]:
     return float(np.sqrt(np.mean(apart**2))), float(np.sqrt(np.mean(changed**2)))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("name", registry.names("effects"))
 def test_mujoco_and_the_closed_form_agree_on_every_effect(name, scene):

@@ -126,6 +126,7 @@ def colours_of(rrd, body):
     return {(int(c) >> 24, int(c) >> 16 & 255, int(c) >> 8 & 255) for c in found}
 
 
+@pytest.mark.slow
 def test_the_blamed_joint_is_dark_and_the_rest_is_not(found):
     findings, rrd, _ = found
     share = blame(findings.diagnosis.to_json())["joint 2"]

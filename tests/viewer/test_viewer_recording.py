@@ -48,6 +48,7 @@ def recorded(request, tmp_path_factory):
     return robot, recording, Rrd(folder / "view.rrd"), folder
 
 
+@pytest.mark.sampled
 def test_curves_are_what_was_recorded(recorded):
     robot, recording, rrd, folder = recorded
     fit = json.loads((folder / "fit.json").read_text())
@@ -116,6 +117,7 @@ def _shifted(seen):
     return seen
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("fault", MUTATIONS)
 def test_a_fault_of_the_picture_is_caught(recorded, monkeypatch, fault):
     robot, recording, _, folder = recorded

@@ -26,6 +26,7 @@ LIKE = 0.985
 """Least intersection over union of two outlines."""
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", ["ur5", "medrue"])
 def test_the_robot_has_the_outline_that_mujocos_rays_hit(tmp_path, name):
     robot = wb.load("robots", name)
@@ -38,6 +39,7 @@ def test_the_robot_has_the_outline_that_mujocos_rays_hit(tmp_path, name):
     assert off.min(axis=0).max() < 0.25  # of 2553 pixels
 
 
+@pytest.mark.slow
 def test_outlines_notice_turned_and_shifted_robots(tmp_path, monkeypatch):
     robot = wb.load("robots", "ur5")
     simulation = Simulation(robot, robot.parameters.nominal)
@@ -54,6 +56,7 @@ def test_outlines_notice_turned_and_shifted_robots(tmp_path, monkeypatch):
         assert silhouette.overlap(picture, simulation) < LIKE
 
 
+@pytest.mark.slow
 def test_the_viewer_shows_a_recording_without_complaint_and_keeps_to_itself(tmp_path):
     robot = wb.load("robots", "ur5")
     with wb.SimDriver(wb.SimOptions("ur5", seed=1)) as driver:

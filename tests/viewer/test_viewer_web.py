@@ -120,6 +120,7 @@ def test_ports_that_are_taken_are_named(origin):
         pass
 
 
+@pytest.mark.slow
 def test_a_server_ends_with_its_command(tmp_path):
     shown = tmp_path / "v.rrd"
     shown.write_bytes(b"")
