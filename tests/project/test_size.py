@@ -38,7 +38,7 @@ IN_ALL = {
     "src": 91235,
     "src/wrenchbed": 79831,
     "src/robot_emulators": 11404,
-    "tests": 48765,
+    "tests": 48744,
     "scripts": 3528,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -2,10 +2,8 @@
 
 import os
 import re
-import signal
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -111,16 +109,3 @@ def test_a_shared_robot_is_far_from_the_limits():
             read_arm(case.path, case.frame)
         except WrenchbedError as error:  # pragma: no cover - says which
             pytest.fail(str(error))
-
-
-def test_a_verb_ends_by_sigterm_while_it_reads_the_largest_model(tmp_path):
-    """The largest that is read at all: MuJoCo itself does not look at signals."""
-    file = written(tmp_path, ARM.format(f"<body>{BALL}</body>" * 3_900))
-    line = [sys.executable, "-m", "wrenchbed", "robot", str(file), "--frame", "s"]
-    process = subprocess.Popen(
-        [*line, "--out", str(tmp_path / "my.toml")], stderr=subprocess.PIPE, text=True
-    )
-    time.sleep(3.0)
-    process.send_signal(signal.SIGTERM)
-    process.communicate(timeout=60)
-    assert process.returncode != 0
