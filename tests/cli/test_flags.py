@@ -21,7 +21,7 @@ FLAGS = {
         "host=None, json=False, max-force=None, max-torque=None, noise=None, out=required, "
         "parameters=None, plan=required, rate=None, recording=None, recover=False, "
         "resume=False, revisit=auto, robot=required, rrd=None, samples=100, seed=None, "
-        "sensor=None, set=repeatable, speed=None, tracking=None, view=None, "
+        "sensor=None, set=repeatable, speed=None, tracking=None, view=False, "
         "workspace=None, yes=False"
     ),
     "import": (
@@ -38,7 +38,7 @@ FLAGS = {
         "out=None, rate=100.0, samples=60, seed=0"
     ),
     "doctor": "host=None, json=False, robot=ur5, seconds=3.0, sensor=None",
-    "view": "port=9876, rrd=None, web=False, web-port=9090",
+    "view": "port=9876, rrd=None",
     "report": "out=report.html",
     "simulate": "force=False, json=False, like=required, noise=off, out=required, rrd=None, seed=0",
     "export": (

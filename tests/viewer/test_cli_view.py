@@ -1,6 +1,7 @@
 """`wrenchbed view` and --rrd: files from every verb, and refusals that say what to do."""
 
 import json
+import socket
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from rrd_file import Rrd
 from wrenchbed.cli import main
+from wrenchbed.errors import DriverError
 from wrenchbed.viewer import show
 
 
@@ -39,11 +41,17 @@ def test_verbs_write_pictures(folder, capsys):
 
 
 def test_the_viewer_is_told_to_listen_to_this_machine_alone():
-    for web_port in (None, 9090):
-        told = show.command("x.rrd", web_port=web_port)
-        assert told[told.index("--bind") + 1] == "127.0.0.1" and told[-1] == "x.rrd"
-        assert ("--serve-web" in told) == (web_port is not None)
-    assert show.address().startswith("http://127.0.0.1:")
+    told = show.command("x.rrd")
+    assert told[told.index("--bind") + 1] == "127.0.0.1" and told[-1] == "x.rrd"
+
+
+def test_a_port_that_is_taken_is_named(monkeypatch):
+    monkeypatch.setenv("DISPLAY", ":0")
+    with socket.create_server((show.HOST, 0)) as taken:
+        port = taken.getsockname()[1]
+        said = f"port {port} is taken"
+        with pytest.raises(DriverError, match=said), show.viewer(None, port=port):
+            pass
 
 
 def test_telemetry_is_off_and_the_users_settings_are_left_alone(tmp_path, monkeypatch):
@@ -70,4 +78,4 @@ def test_refusals_say_what_to_do(folder, capsys, monkeypatch):
     assert "is an input too" in refused(capsys, "view", rec, "--rrd", rec)
     plan = folder / "plan.parquet"
     words = ("record", "--robot", "ur5", "--plan", plan, "--out", folder / "x.parquet")
-    assert "wrenchbed view" in refused(capsys, *words, "--view", "window")
+    assert "wrenchbed view" in refused(capsys, *words, "--view")

@@ -52,7 +52,7 @@ class LiveArguments:
         udp: HOST:PORT that gets one datagram of JSON a reading.
         serve: TCP port on 127.0.0.1 that serves JSON lines to all clients; 0 chooses one.
         rrd: Picture of the run to write, in sensor axes, see `wrenchbed view`.
-        view: Watch the robot and the wrench in rerun's window or in a browser, in sensor axes.
+        view: Watch the robot and the wrench in rerun's window, in sensor axes.
     """
 
     frame: Literal["sensor", "flange", "base"] = "sensor"
@@ -62,7 +62,7 @@ class LiveArguments:
     udp: str | None = None
     serve: int | None = None
     rrd: Path | None = None
-    view: Literal["window", "browser"] | None = None
+    view: Flag = False
 
 
 def live_(
@@ -101,7 +101,7 @@ def live_(
     with ExitStack() as stack:
         stopped = stack.enter_context(console.until_signal()).is_set
         sinks = _streams(stack, run, as_json)
-        if run.rrd is not None or run.view is not None:
+        if run.rrd is not None or run.view:
             sinks.append(_picture(stack, link, compensate, run))
         for effect in compensate.not_undone:
             text = f"{effect} depends on more than pose and load: it is not undone"

@@ -30,17 +30,17 @@ _MOST_LEGS = 12
 
 
 @contextmanager
-def watched(link: Driver, out: Path, rrd: Path | None, view: str | None) -> Iterator[None]:
+def watched(link: Driver, out: Path, rrd: Path | None, view: bool) -> Iterator[None]:
     """Draw a live driver's readings while the block runs; otherwise the recording at its end.
 
     Args:
         link: driver that the block records with.
         out: recording that the block writes.
         rrd: picture to write, if any.
-        view: ``window`` or ``browser`` to watch in, if any.
+        view: whether rerun's window shows them.
     """
     if not isinstance(link, LiveDriver):
-        if view is not None:
+        if view:
             raise ParameterError(
                 "--view is for live drivers; look at the recording: wrenchbed view"
             )
@@ -50,7 +50,7 @@ def watched(link: Driver, out: Path, rrd: Path | None, view: str | None) -> Iter
 
             recording_view(wb.Recording.read(out), rrd)
         return
-    if rrd is None and view is None:
+    if rrd is None and not view:
         yield
         return
     from wrenchbed.viewer.live import LiveView
@@ -68,23 +68,20 @@ def watched(link: Driver, out: Path, rrd: Path | None, view: str | None) -> Iter
 
 
 @contextmanager
-def viewer_address(view: str | None) -> Iterator[str | None]:
-    """Address of a viewer, which stays open until its user closes it."""
-    if view is None:
+def viewer_address(view: bool) -> Iterator[str | None]:
+    """Address of a viewer, which stays open until its user closes it; None without one."""
+    if not view:
         yield None
         return
     from wrenchbed.viewer import show
 
-    with show.viewer(None, web=view == "browser") as viewer:
-        if view == "browser":
-            console.say(f"open {show.address(port=show.PORT)}")
+    with show.viewer(None) as viewer:
         try:
             yield show.PROXY
         finally:
-            if view == "window":
-                console.say("close the window to go on")
-                with contextlib.suppress(KeyboardInterrupt):
-                    show.until_closed(viewer)
+            console.say("close the window to go on")
+            with contextlib.suppress(KeyboardInterrupt):
+                show.until_closed(viewer)
 
 
 @dataclass(frozen=True)
@@ -208,11 +205,11 @@ class PictureArguments:
     Attributes:
         rrd: Picture of the campaign to write, see `wrenchbed view`; live drivers draw it as they
             record; of a dry run, the way through all poses.
-        view: With live drivers: watch while recording, in rerun's window or in a browser.
+        view: With live drivers: watch while recording, in rerun's window.
     """
 
     rrd: Path | None = None
-    view: Literal["window", "browser"] | None = None
+    view: Flag = False
 
 
 def record(

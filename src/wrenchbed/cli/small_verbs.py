@@ -193,9 +193,7 @@ def view(
     against: tyro.conf.Positional[tuple[Path, ...]] = (),
     /,
     rrd: Path | None = None,
-    web: bool = False,
     port: int = 9876,
-    web_port: int = 9090,
 ) -> None:
     """Look at a recording with what simulators say, at a plan or at a diagnosis, in rerun.
 
@@ -204,15 +202,10 @@ def view(
         against: fit.json and twin.json files whose simulators are held against it, the last as a
             ghost.
         rrd: Write this file and open nothing.
-        web: Serve a browser on this machine instead of opening rerun's own window.
         port: Of the viewer's data, on 127.0.0.1.
-        web_port: With --web: of the page.
     """
     console.check_out(rrd, Kind.PICTURE, recording, *against)
-    wb.view(
-        recording, against, rrd=rrd, web=web, port=port, web_port=web_port,
-        opened=lambda address: console.say(f"open {address} (Ctrl-C ends it)"),
-    )  # fmt: skip
+    wb.view(recording, against, rrd=rrd, port=port)
     if rrd is not None:
         console.say(f"view → {rrd}")
 
