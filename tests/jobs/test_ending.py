@@ -75,18 +75,20 @@ def test_a_bound_program_tells_its_own_exit_code():
 
 
 @pytest.mark.parametrize(
-    ("how", "told"),
+    ("how", "message"),
     [
         (-signal.SIGKILL, r"killed \(SIGKILL\), as the system does when memory runs out.*fewer"),
         (-signal.SIGSEGV, r"crashed \(SIGSEGV\)"),
         (3, "ended with code 3"),
     ],
 )
-def test_a_worker_that_dies_is_named(how, told):
-    from worked import die
+def test_a_worker_that_dies_is_named_while_others_work(how, message):
+    from worked import SLEEPS_S, die
 
-    with pytest.raises(WorkerError, match=told):
+    begun = time.monotonic()
+    with pytest.raises(WorkerError, match=message):
         in_workers(die, [how, 0], lambda _, future: future.result(), 2)
+    assert time.monotonic() - begun < 0.5 * SLEEPS_S
 
 
 def test_too_few_files_for_workers_are_refused_before_they_start():

@@ -91,12 +91,12 @@ def workers(
     context, started = _recorded("fork" if forked else "spawn")
     given = (os.getpid(), setup, shared)
     pool = ProcessPoolExecutor(max(1, count), context, _initialise, given)
+    # All processes start before the pool watches them: the death of one that is started later is
+    # noticed only when another one ends its item (CPython 3.11 to 3.13).
+    setattr(pool, "_safe_to_dynamically_spawn_children", False)  # noqa: B010
     try:
         yield pool
     except BrokenProcessPool as error:
-        for process in started:  # the pool misses one that began while it broke
-            if process.is_alive():
-                process.terminate()
         pool.shutdown()  # until all exit codes are known
         raise WorkerError(_how(started)) from error
     except BaseException:
