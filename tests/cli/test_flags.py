@@ -51,7 +51,7 @@ FLAGS = {
     ),
     "campaign": (
         "diagnose=False, force=False, json=False, only=None, out=required, plan=None, poses=100, "
-        "robots=100, samples=50, scheduler=None, seed=0, vary=noise,parameters, "
+        "robots=100, samples=50, seed=0, vary=noise,parameters, "
         "workers=None"
     ),
     "study": "json=False, out=None, quick=False, robots=None, seed=0",

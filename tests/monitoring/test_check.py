@@ -12,7 +12,7 @@ import pytest
 from scipy import stats
 
 import wrenchbed as wb
-from wrenchbed.benchmark.lookalikes.months import MonthlyRobot
+from monthly_robot import MonthlyRobot
 from wrenchbed.cli import main
 from wrenchbed.errors import HistoryError, RecordingError, WrenchbedWarning
 from wrenchbed.monitoring import check as monthly

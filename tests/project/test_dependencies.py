@@ -67,11 +67,7 @@ def test_the_locks_hold_what_the_project_declares():
         "run": [*project["dependencies"], *extra["report"], *extra["view"]],
         "test": [
             *project["dependencies"],
-            *(
-                x
-                for e in ("dev", "hil", "cluster", "logs", "docs", "report", "view")
-                for x in extra[e]
-            ),
+            *(x for e in ("dev", "hil", "logs", "docs", "report", "view") for x in extra[e]),
         ],
     }
     for lock, declared in needs.items():

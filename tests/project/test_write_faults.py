@@ -117,7 +117,7 @@ def quick():
         patch.setattr(scenario, "POSES", (12, 13))
         patch.setattr(scenario, "SAMPLES", 6)
         patch.setattr("wrenchbed.jobs.workers.workers", inline)
-        patch.setattr("wrenchbed.campaigns.simulated_robots.local", inline)
+        patch.setattr("wrenchbed.campaigns.simulated_robots.worker_pool", inline)
         patch.setattr(make.Family, "case", cache(make.Family.case))
         patch.setattr(diagnose_verb, "_diagnosed", lambda data, *_: found(data[0].name))
         patch.setattr(reports, "diagnosis_page", cache(lambda found, *_: page(found)))

@@ -1,22 +1,15 @@
 """Many simulated robots: each recorded in MuJoCo, calibrated, diagnosed, compared with its truth.
 
-`campaign` runs them on local processes or on a Dask cluster. Moves between poses take their time
-but are not simulated (`wrenchbed record` steps MuJoCo through each). Recordings at rest do not
-depend on them: joints are measured where the servos hold them.
+Moves between poses take their time but are not simulated (`wrenchbed record` steps MuJoCo through
+each). Recordings at rest do not depend on them: joints are measured where the servos hold them.
 """
 
 import json
 import re
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    CancelledError,
-    Executor,
-    Future,
-    wait,
-)
-from contextlib import contextmanager, suppress
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -37,7 +30,7 @@ from wrenchbed.errors import FleetError, WorkerError, WrenchbedError
 from wrenchbed.files import atomic_folder, write_json
 from wrenchbed.hardware.drivers.base.samples import as_designed
 from wrenchbed.jobs.workers import Progress, silent
-from wrenchbed.jobs.workers import workers as local
+from wrenchbed.jobs.workers import workers as worker_pool
 from wrenchbed.physics.noise import noise_model
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import poses
@@ -63,9 +56,6 @@ _AHEAD = 3
 _TOGETHER, _TASK_S = 25, 1.0
 """Most robots that a worker takes at once, since their numbers must fit into its cache, and about
 how long it works on them [s]: rows of a task reach the disk together, and a kill loses them."""
-_KEPT = "what is done is kept, and the same command goes on"
-_ANSWERS_S = 10.0
-"""Timeout for the answer of a Dask scheduler [s]."""
 Result = TypeVar("Result")
 
 
@@ -320,12 +310,7 @@ def write_one(fleet: Fleet, k: int, folder: Path) -> Row:
 
 
 def campaign(
-    fleet: Fleet,
-    folder: str | Path,
-    *,
-    workers: int = 2,
-    scheduler: str | None = None,
-    progress: Progress = silent,
+    fleet: Fleet, folder: str | Path, *, workers: int = 2, progress: Progress = silent
 ) -> pa.Table:
     """Record, calibrate and, if asked for, diagnose many simulated robots: one row each.
 
@@ -334,13 +319,12 @@ def campaign(
     Args:
         fleet: the robots and what differs from one to the next.
         folder: gets ``robots.parquet`` and, while it works, ``parts/``.
-        workers: local processes.
-        scheduler: address of a Dask scheduler whose workers are used instead.
+        workers: processes.
         progress: called with how many more robots are done.
 
     Raises:
-        FleetError: another campaign's folder, workers that died, no such cluster. Finished rows
-            are kept; the same call continues.
+        FleetError: another campaign's folder, or workers that died. Finished rows are kept; the
+            same call continues.
         OSError: the disk is full; likewise.
     """
     rows = CampaignRows(Path(folder), fleet)
@@ -348,13 +332,16 @@ def campaign(
     todo = [k for k in range(fleet.robots) if k not in done]
     progress(fleet.robots - len(todo))
     if todo:
-        with _executor(workers, scheduler) as (pool, count):
-            try:
-                for row in _results(pool, fleet, todo, count):
+        try:
+            with worker_pool(workers) as pool:
+                for row in _results(pool, fleet, todo, workers):
                     rows.add(row)
                     progress(1)
-            finally:
-                rows.flush()
+        except WorkerError as error:
+            kept = "what is done is kept, and the same command goes on"
+            raise FleetError(f"{error}; {kept}") from error
+        finally:
+            rows.flush()
     return rows.finish()
 
 
@@ -362,23 +349,17 @@ def _results(pool: Executor, fleet: Fleet, todo: Sequence[int], workers: int) ->
     """Rows as they are finished; some tasks are queued for each worker."""
     waiting: set[Future[list[Row]]] = set()
     first, together = 0, 1
-    try:
-        while waiting or first < len(todo):
-            while first < len(todo) and len(waiting) < _AHEAD * workers:
-                size = min(together, -(-(len(todo) - first) // workers))  # the last end together
-                waiting.add(pool.submit(robot_rows, fleet, todo[first : first + size]))
-                first += size
-            ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            for future in ready:
-                rows = future.result()
-                seconds = sum(float(row.get(n, 0.0)) for row in rows for n in SECONDS) / len(rows)
-                together = task_size(seconds, together)
-                yield from rows
-    except CancelledError as error:
-        raise FleetError(f"a worker of the cluster is gone; {_KEPT}") from error
-    finally:
-        for future in waiting:
-            future.cancel()
+    while waiting or first < len(todo):
+        while first < len(todo) and len(waiting) < _AHEAD * workers:
+            size = min(together, -(-(len(todo) - first) // workers))  # the last end together
+            waiting.add(pool.submit(robot_rows, fleet, todo[first : first + size]))
+            first += size
+        ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+        for future in ready:
+            rows = future.result()
+            seconds = sum(float(row.get(n, 0.0)) for row in rows for n in SECONDS) / len(rows)
+            together = task_size(seconds, together)
+            yield from rows
 
 
 def task_size(seconds: float, before: int) -> int:
@@ -389,33 +370,3 @@ def task_size(seconds: float, before: int) -> int:
         before: robots in the task that measured it.
     """
     return max(1, int(min(_TASK_S / max(seconds, _TASK_S / _TOGETHER), 2 * before)))
-
-
-@contextmanager
-def _executor(workers: int, scheduler: str | None) -> Iterator[tuple[Executor, int]]:
-    """An executor, and how many robots it works on at a time."""
-    if scheduler is None:
-        try:
-            with local(workers) as pool:
-                yield pool, workers
-        except WorkerError as error:
-            raise FleetError(f"{error}; {_KEPT}") from error
-        return
-    distributed = registry.require("distributed", "cluster")
-    try:
-        client = distributed.Client(scheduler, timeout=_ANSWERS_S, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
-        raise FleetError(f"--scheduler {scheduler}: nobody answers there: {error}") from error
-    try:
-        count = sum(client.nthreads().values())
-        if not count:
-            raise FleetError(f"--scheduler {scheduler}: the cluster has no workers yet")
-        yield client.get_executor(pure=False), count
-    except distributed.scheduler.KilledWorker as error:
-        raise FleetError(
-            f"workers of {scheduler} died again and again at the same robot; what is done is "
-            f"kept: {error}"
-        ) from error
-    finally:
-        with suppress(OSError, TimeoutError):
-            client.close(timeout=_ANSWERS_S)

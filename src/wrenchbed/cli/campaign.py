@@ -57,7 +57,6 @@ def campaign(
     out: Path,
     simulated: RobotArguments,
     workers: int | None = None,
-    scheduler: str | None = None,
     only: int | None = None,
     force: Flag = False,
     as_json: Json = False,
@@ -69,8 +68,7 @@ def campaign(
     Args:
         robot: Name of a simulated robot.
         out: Folder for robots.parquet and summary.html, .md and figures.
-        workers: Local processes; as many as cores if left out.
-        scheduler: Address of a Dask scheduler, tcp://…, whose workers are used instead.
+        workers: Processes; as many as cores if left out.
         only: Work on this robot alone and write its recording and fit to OUT/NUMBER.
         force: With --only: replace a recording there; it is kept with ~ at the end of its name.
         as_json: Print the key results as JSON.
@@ -84,7 +82,7 @@ def campaign(
     console.check_folder(out, {"summary.html": Kind.PAGE})
     count = console.check_positive("--workers", os.cpu_count() or 1 if workers is None else workers)
     with console.progress(f"campaign {robot}", simulated.robots, rate=True) as report:
-        table = wb.campaign(fleet, out, workers=count, scheduler=scheduler, progress=report)
+        table = wb.campaign(fleet, out, workers=count, progress=report)
     results = summary.figures(table)
     written = ["robots.parquet"]
     try:

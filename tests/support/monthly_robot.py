@@ -12,9 +12,10 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.benchmark.frame import log_uniform
 from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS, LARGEST, background
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot, Scaled, gap
+from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot, gap
 from wrenchbed.data.metadata import Metadata, SensorInfo
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
@@ -23,25 +24,23 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 FIRST = datetime(2020, 1, 15, 6, tzinfo=UTC)
-"""Time of a history's first check."""
 MONTH_S = 365.25 * 86400.0 / 12.0
-"""Length of a mean month [s]."""
-_ZERO_PER_K, _SPAN_PER_K = 1e-4, 2e-4
+ROWS = 200
+"""Rows a pose at 100 Hz."""
+ZERO_PER_K, SPAN_PER_K = 1e-4, 2e-4
 """Standard deviations of the zeros' [of full scale, 1/K] and the span's [1/K] change by
 temperature: 0.1 % of full scale per 10 K, 0.02 %/K."""
-_SEASON_K, _DAY_K = (2.0, 6.0), (0.5, 2.0)
+SEASON_K, DAY_K = (2.0, 6.0), (0.5, 2.0)
 """Amplitude of the season, and scatter from day to day [K]."""
-_WARMS_K, _READS_K = 0.3, 0.3
+WARMS_K, READS_K = 0.3, 0.3
 """Change of temperature during a check, error of the recorded one [K], standard deviations."""
-_ON_S = (900.0, 14400.0)
-"""Time since the sensor was switched on [s]."""
-_REPEATS = (1e-5, 5e-5)
+ON_S, MOVE_S = (900.0, 14400.0), (3.0, 8.0)
+"""Time since the sensor was switched on, and of a move between poses [s]."""
+REPEATS = (1e-5, 5e-5)
 """Repeatability of joints, standard deviation [rad or m]."""
-_LATE_S = 2.0 * 86400.0
+LATE_S = 2.0 * 86400.0
 """Largest deviation of a check's time from whole months [s]."""
-_MOVE_S = (3.0, 8.0)
-"""Time of a move between poses [s]."""
-_DRAWS, _SCALINGS = 50, 30
+DRAWS, SCALINGS = 50, 30
 """Most draws of a fault, and most steps to its gap."""
 
 
@@ -53,17 +52,14 @@ class MonthlyRobot:
         robot: registered robot.
         plan: poses of its checks.
         seed: of everything random.
-        samples: rows a pose at 100 Hz.
         warm: whether recordings have the temperature.
-        fault: effect that begins at some month, none if empty.
-        begins: that month.
+        fault: effect that begins at the month ``begins``, none if empty.
         gap: of the fault, mean squared change of readings in units of a row's noise.
     """
 
     robot: Robot
     plan: Plan
     seed: int
-    samples: int = 200
     warm: bool = True
     fault: str = ""
     begins: int = 0
@@ -71,14 +67,14 @@ class MonthlyRobot:
 
     @cached_property
     def _design(self) -> ExperimentDesign:
-        return ExperimentDesign.of_plan(self.plan, self.robot, samples=self.samples)
+        return ExperimentDesign.of_plan(self.plan, self.robot, samples=ROWS)
 
     @cached_property
     def _readings(self) -> ImperfectRobot:
         return ImperfectRobot(self._design)
 
     @cached_property
-    def _around(self) -> list[Scaled]:
+    def _around(self) -> list[tuple[Imperfection, float]]:
         return background(self._readings, np.random.default_rng([self.seed, 1]))
 
     @cached_property
@@ -87,16 +83,16 @@ class MonthlyRobot:
         rng = np.random.default_rng([self.seed, 2])
         full = registry.load("sensors", self.robot.sensor).calibration().range
         return {
-            "zero": rng.normal(0.0, _ZERO_PER_K, 6) * full,
-            "span": rng.normal(0.0, _SPAN_PER_K, 1),
-            "season": rng.uniform(*_SEASON_K, 1),
+            "zero": rng.normal(0.0, ZERO_PER_K, 6) * full,
+            "span": rng.normal(0.0, SPAN_PER_K, 1),
+            "season": rng.uniform(*SEASON_K, 1),
             "phase": rng.uniform(0.0, 2.0 * np.pi, 1),
-            "day": rng.uniform(*_DAY_K, 1),
-            "repeat": rng.uniform(*_REPEATS, 1),
+            "day": rng.uniform(*DAY_K, 1),
+            "repeat": rng.uniform(*REPEATS, 1),
         }
 
     @cached_property
-    def cause(self) -> Scaled | None:
+    def cause(self) -> tuple[Imperfection, float] | None:
         """The fault, and how much of it is there; None of a healthy robot.
 
         Raises:
@@ -106,10 +102,10 @@ class MonthlyRobot:
             return None
         rng = np.random.default_rng([self.seed, 3])
         base = self._readings.reading(self._around)
-        for _ in range(_DRAWS):
-            size = float(np.exp(rng.uniform(np.log(0.5), np.log(4.0))))
+        for _ in range(DRAWS):
+            size = log_uniform(rng, 0.5, 4.0)
             item, amount = EFFECTS[self.fault].draw(self._design, rng, size), 1.0
-            for _ in range(_SCALINGS):
+            for _ in range(SCALINGS):
                 changed = self._readings.reading([*self._around, (item, amount)]) - base
                 added = gap(self._design, changed, configured=True)
                 if abs(added - self.gap) < 0.01 * self.gap:
@@ -122,13 +118,13 @@ class MonthlyRobot:
     def recording(self, month: int) -> Recording:
         """The check of a month (0, 1, …) that states its time."""
         rng = np.random.default_rng([self.seed, 4, month])
-        law, n, poses = self._habits, self.samples, len(self.plan)
-        when = FIRST + timedelta(seconds=month * MONTH_S + rng.uniform(-_LATE_S, _LATE_S))
+        law, n, poses = self._habits, ROWS, len(self.plan)
+        when = FIRST + timedelta(seconds=month * MONTH_S + rng.uniform(-LATE_S, LATE_S))
         season = law["season"] * np.sin(2.0 * np.pi * month / 12.0 + law["phase"])
         kelvin = float((season + rng.normal(0.0, law["day"]))[0])
-        begin = np.cumsum(rng.uniform(*_MOVE_S, poses) + n / 100.0)
+        begin = np.cumsum(rng.uniform(*MOVE_S, poses) + n / 100.0)
         t = (begin[:, None] + np.arange(n) / 100.0).ravel()
-        warm = kelvin + rng.normal(0.0, _WARMS_K) * (t - t[0]) / (t[-1] - t[0])
+        warm = kelvin + rng.normal(0.0, WARMS_K) * (t - t[0]) / (t[-1] - t[0])
         off = rng.normal(0.0, float(law["repeat"][0]), self.plan.q.shape)
         items = [*self._around, (Imperfection(name="repeatability", joint=off), 1.0)]
         if self.cause is not None and month >= self.begins:
@@ -136,14 +132,14 @@ class MonthlyRobot:
         load = np.repeat(self._readings.reading(items), n, axis=0)
         load = load * (1.0 + law["span"] * warm[:, None]) + law["zero"] * warm[:, None]
         sensor = registry.load("sensors", self.robot.sensor)
-        noise = replace(sensor.noise, warmup_age=float(rng.uniform(*_ON_S)))
+        noise = replace(sensor.noise, warmup_age=float(rng.uniform(*ON_S)))
         rows, _ = NoiseStream(noise, int(rng.integers(2**31))).corrupt(t, load)
         columns = {"t": t, "segment": np.repeat(np.arange(poses), n)}
         q = np.repeat(self.plan.q, n, axis=0)
         columns |= {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
         columns |= {c: rows[:, k] for k, c in enumerate(CHANNELS)}
         if self.warm:
-            columns["temperature"] = np.full(len(t), 20.0 + kelvin + rng.normal(0.0, _READS_K))
+            columns["temperature"] = np.full(len(t), 20.0 + kelvin + rng.normal(0.0, READS_K))
         metadata = Metadata(
             self.robot.name, "static", "sim", 100.0,
             sensor=SensorInfo(sensor.name, tuple(map(float, noise.row_std))),
