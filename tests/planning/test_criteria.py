@@ -12,7 +12,7 @@ from wrenchbed.errors import PlanError
 from wrenchbed.planning.certificate import certify, rounded
 from wrenchbed.planning.choose import informative, poses
 from wrenchbed.planning.criteria import INDICES, a_optimality, i_optimality, observability_indices
-from wrenchbed.planning.exchange import Pool, eliminate, exchange
+from wrenchbed.planning.exchange import Pool, exchange
 from wrenchbed.simulation.closed_form import Model
 
 M = 4
@@ -158,16 +158,6 @@ def test_a_prior_allows_fewer_measurements_than_parameters():
     done = exchange(Pool(blocks(50, 0)), CRITERIA["A"], 1, prior=np.eye(M))
     single = [CRITERIA["A"].values(np.eye(M) + b.T @ b) for b in blocks(50, 0)]
     assert done.chosen.tolist() == [int(np.argmax(single))]
-
-
-def test_elimination_keeps_a_full_rank_set_and_names_columns_without_effect():
-    a = np.random.default_rng(0).normal(size=(30, 4))
-    jacobian = np.column_stack([a, a[:, 0] + a[:, 1], np.zeros(30)])
-    done = eliminate(jacobian, list("abcdef"))
-    assert done.no_effect == ("f",)
-    assert len(done.dropped) == 1
-    assert done.dropped[0] in "abe"
-    assert len(done.kept) == 4
 
 
 @pytest.mark.parametrize("robot", ["ur5", "medrue"])

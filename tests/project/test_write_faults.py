@@ -123,7 +123,7 @@ def quick():
         patch.setattr(reports, "diagnosis_page", cache(lambda found, *_: page(found)))
         patch.setattr(entrants, "prepare", lambda data: prepared(data.name))
         patch.setitem(entrants.BASELINES, "bic", bic)
-        patch.setattr("wrenchbed.studies.ur5.run.run", small_study)
+        patch.setattr("wrenchbed.studies.ur5.run", small_study)
         yield
 
 

@@ -8,50 +8,17 @@ import numpy as np
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
 
 LEAST_BINS = 8
-FEW = 20
-"""Points of a curve that are marked."""
 MOST_MARKS = 6
 """On an axis in decades."""
 MOST_PLACES = 1200
 """Points of a workspace."""
 
 
-def lines(
-    curves: Mapping[str, tuple[Sequence[float], Sequence[float]]],
-    x: str,
-    y: str,
-    *,
-    log: bool = False,
-    levels: Mapping[str, float] | None = None,
-    percent: bool = False,
-    log_x: bool = False,
-) -> Chart:
-    """Curves (x, y) by name on one axis, with named horizontal levels.
-
-    Args:
-        curves: x and y by name.
-        x, y: what the axes show.
-        log: both axes in decades, marked at the first curve's x.
-        levels: horizontal lines.
-        percent: y from 0 to 100.
-        log_x: x in decades.
-    """
-    roles: tuple[Role, ...] = ("measured", "before", "after", "box", "ink", "rest")
-    series = []
-    for role, (name, (xs, ys)) in zip(roles, curves.items(), strict=False):
-        at, value = np.asarray(xs, dtype=float), np.asarray(ys, dtype=float)
-        series.append(Series(name, "line", at, value, role=role))
-        if len(at) < FEW:
-            series.append(Series(name, "points", at, value, role=role))
-    every = np.concatenate([s.x for s in series])
-    ticks = tuple(float(v) for v in next(iter(curves.values()))[0]) if log else ()
-    across = Axis(x, scale="log" if log or log_x else "linear", ticks=ticks)
-    if log_x:
-        across = replace(across, ticks=decades(every))
-    up = Axis(y, scale="log", ticks=decades(np.concatenate([s.y for s in series]))) if log else (
-        Axis(y, low=0.0, high=105.0) if percent else Axis(y)
-    )  # fmt: skip
-    return Chart("", "", (Panel(across, up, tuple(series), levels=levels or {}, height=1.6),))
+def course(values: np.ndarray, x: str, y: str) -> Chart:
+    """Values (N,) over their number, from 0."""
+    numbers = np.arange(len(values), dtype=float)
+    series = Series("", "line", numbers, values)
+    return Chart("", "", (Panel(Axis(x), Axis(y), (series,), height=1.6),))
 
 
 def histograms(
@@ -113,19 +80,6 @@ def workspaces(sets: Mapping[str, np.ndarray], targets: Mapping[str, np.ndarray]
         )  # fmt: skip
         panels.append(Panel(Axis("x", "mm"), Axis(letter, "mm"), series, height=1.6))
     return Chart("", "", tuple(panels), columns=2, note=note)
-
-
-def bars(values: Mapping[str, float], x: str, *, log: bool = False) -> Chart:
-    """Horizontal bars with their numbers."""
-    numbers = np.array(list(values.values()), dtype=float)
-    texts = tuple(f"{v:.3g}" for v in numbers)
-    series = Series("", "bars", numbers, np.arange(len(numbers)), texts=texts)
-    high = 1.12 * float(numbers.max())
-    axis = Axis(x, high=high)
-    if log:
-        low = 0.5 * float(numbers.min())
-        axis = Axis(x, scale="log", ticks=decades(np.array([low, high])), low=low, high=2.0 * high)
-    return Chart("", "", (Panel(axis, Axis("", names=tuple(values)), (series,)),))
 
 
 def decades(values: np.ndarray) -> tuple[float, ...]:

@@ -1,6 +1,6 @@
 """Published studies run again: their tables and figures on MuJoCo data, beside what they print.
 May import: campaigns (recording), hardware, planning, calibration, pages and the rooms below them.
-Read first: `medrue/run`, then `ur5/run`.
+Read first: `medrue`, then `ur5`.
 """
 
 import math
@@ -74,4 +74,4 @@ def _finite(value: Any) -> Any:
 def _module(paper: str) -> Any:
     if paper not in PAPERS:
         raise NotFoundError(f"there is no study {paper!r}. Known: {', '.join(PAPERS)}")
-    return import_module(f"wrenchbed.studies.{paper}.run")
+    return import_module(f"wrenchbed.studies.{paper}")

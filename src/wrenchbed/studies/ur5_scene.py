@@ -1,8 +1,8 @@
 """The scene of the UR5 study: published figures, the simulated robot, recordings from MuJoCo.
 
 The article is "Calculation of Installation Error for Six-Axis Force Sensors in Robotic
-Applications", Tables 1 to 6; it names no author and no DOI. Its Denavit–Hartenberg table is
-compared with the manufacturer's.
+Applications", Tables 1 to 6; it names no author and no DOI. Lengths are the manufacturer's: read
+literally, the article's Denavit–Hartenberg table puts the flange 0.86 m away.
 """
 
 from collections.abc import Mapping
@@ -14,7 +14,6 @@ from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.physics.noise import NoiseModel, NoiseStream
-from wrenchbed.physics.rotations import rot_x, rot_z
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import INERTIA_AXES
 from wrenchbed.robots.ur5 import UR5
@@ -36,11 +35,6 @@ TORQUE = {
 }  # fmt: skip
 """Geometric mean of the torque's magnitude by method [N·m]."""
 TABLE = {"right": 2, "up": 3, "backward": 4, "down": 5, "left": 6}
-
-ALPHA = np.array([0.0, np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2])
-"""Twists of its Table 1, which puts a link's twist one row too low for the transform it prints."""
-
-
 RATE_HZ, SAMPLES, MOVE_S = 100.0, 100, 3.0
 """Rows per second and per pose, and the time between poses [s]."""
 INSTALLATION = {
@@ -141,24 +135,3 @@ class StudyScene:
     def stated(self) -> np.ndarray:
         """Parameters (P,) as the metadata states them."""
         return self.model.configured(self.metadata)
-
-
-def flange(robot: UR5, q: np.ndarray) -> np.ndarray:
-    """Flange positions (N, 3) [m] by the article's table with the maker's lengths where it names
-    them: a₃, a₄ one row late and positive lengths negated, every dᵢ in its own row."""
-    p = robot.values(robot.parameters.nominal)
-    a = np.array([0.0, 0.0, p["a2"], p["a3"], 0.0, 0.0])
-    d = np.array([p[f"d{i}"] for i in range(1, 7)])
-    rotation, position = np.eye(3), np.zeros(3)
-    for i in range(6):
-        rotation = rotation @ rot_z(q[:, i])
-        position = position + (rotation @ np.array([a[i], 0.0, d[i]]))
-        rotation = rotation @ rot_x(ALPHA[i])
-    return position
-
-
-def distance(robot: UR5, seed: int, n: int = 1000) -> np.ndarray:
-    """Distances (n,) [m] of the article's flange from the maker's at random poses."""
-    q = robot.sample(n, np.random.default_rng(seed))
-    true = robot.flange_pose(q, robot.parameters.nominal)[1]
-    return np.asarray(np.linalg.norm(flange(robot, q) - true, axis=1))

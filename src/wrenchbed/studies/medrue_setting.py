@@ -36,8 +36,6 @@ ACTUAL = {
     "zG": 153.132, "mTool": 0.365,
 }  # fmt: skip
 """True parameters of the simulated robot in Table 1 [mm, °, kg]."""
-ELIMINATED = {"C2y", "L23", "d42", "xS", "yS", "zS", "A1y", "C1z"}
-"""Parameters that Table 1 freezes beside those without effect; A1y and C1z without a star."""
 AFTER = {"mean": 0.2771, "max": 0.320, "std": 0.0157}
 """Target workspace after calibration [mm]: abstract and Section 5."""
 BEFORE = {"mean": 9.03, "max": 12.2, "std": 1.65}
@@ -66,8 +64,6 @@ CONFIGURATIONS = 100
 """Number of configurations for identification in the paper."""
 UNITS = {"m": 1e-3, "rad": np.pi / 180, "kg": 1.0}
 """The paper's table: mm, degrees, and kg (its g is a slip)."""
-Report = Callable[[str], None]
-"""Function called with the name of each finished step."""
 
 
 def rms_after() -> float:
@@ -158,19 +154,13 @@ class StudySetting:
         return self.goal.rms(self.covariance(chosen, std))
 
 
-def prepare(
-    n: int,
-    seed: int,
-    tilt: float = np.deg2rad(30.0),
-    roll: float = np.deg2rad(60.0),
-    orientations: int = workspace.ORIENTATIONS,
-) -> StudySetting:
+def prepare(n: int, seed: int, orientations: int = workspace.ORIENTATIONS) -> StudySetting:
     """Pool of n configurations with tool orientations in `workspace.pool`'s ranges."""
     robot: MedRUE = registry.load("robots", "medrue")
     model = Model.of(robot)
     columns = model.parameters.select(IDENTIFIED)
     units = np.array([UNITS[model.parameters[c].unit] for c in columns])
-    q = workspace.pool(robot, n, seed, tilt=tilt, roll=roll, orientations=orientations)
+    q = workspace.pool(robot, n, seed, orientations=orientations)
     theta = model.parameters.nominal
     target = workspace.target(robot)
     jacobian = model.jacobian(q, theta, columns)
@@ -201,7 +191,9 @@ class PoseDesign:
     history: tuple[float, ...] = ()
 
 
-def designs(setting: StudySetting, seed: int, starts: int, report: Report) -> dict[str, PoseDesign]:
+def designs(
+    setting: StudySetting, seed: int, starts: int, report: Callable[[str], None]
+) -> dict[str, PoseDesign]:
     """Pose designs by O1 … O5 in the paper's units, by the target's position error, and at
     random."""
     table = Pool(setting.in_table_units)

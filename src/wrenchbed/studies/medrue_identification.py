@@ -6,23 +6,26 @@ MuJoCo; over the whole pool they come from the closed form, which agrees with Mu
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
+from wrenchbed.calibration.accuracy import statistics
 from wrenchbed.calibration.least_squares import solve
 from wrenchbed.jobs.parts import Row
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.studies.medrue.setting import (
+from wrenchbed.studies.medrue_setting import (
+    ACTUAL,
     LOWER,
     MINI40,
     MINI40_PLAIN,
+    NOISY,
     PAPER,
     PLAIN,
     WIDE,
     NoiseModel,
+    PoseDesign,
     StudySetting,
 )
 
@@ -34,9 +37,10 @@ EMPIRICAL = (PAPER, PLAIN, WIDE, MINI40, MINI40_PLAIN)
 """Readings of the noise that robots are identified with; ±1 N as 1σ, one sample, is hopeless."""
 _NOISY_STOP = 1e-6
 """Far below what noise leaves, in mm and degrees; the steps converge quadratically."""
-DRAWS = 3
-"""Additional draws of noise for each robot, weighted fits only, to compare with the bound."""
 STATISTICS = ("mean", "max", "std", "rms")
+INDICES = ("O1", "O2", "O3", "O4", "O5")
+AGAIN = "O1 again"
+"""Name of the case with the same poses and another draw of noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +110,65 @@ def weighted(
     return IdentifiedRobot(at(solution.x), solution.steps, ())
 
 
+def of_table_1(setting: StudySetting, values: Mapping[str, float]) -> np.ndarray:
+    """Parameters (P,) of a column of Table 1, `ACTUAL` or `NOISY`."""
+    theta = setting.theta.copy()
+    for c, unit in zip(setting.columns, setting.units, strict=True):
+        theta[c] = values[setting.model.parameters.names[c]] * unit
+    return theta
+
+
+@dataclass(frozen=True, eq=False)
+class PaperRobot:
+    """The robot of Table 1, identified; position errors [m] in the target and over the pool.
+
+    Attributes:
+        theta: true parameters (P,).
+        exact: without noise, the paper's way.
+        real: with the certificate's noise, weighted.
+        errors: by case (``before``, ``exact``, ``real``, and each design with ±1 N as 3σ, the
+            paper's way) and workspace.
+        printed: rows of `Judge` for Table 1's column with measurement errors, and before.
+    """
+
+    theta: np.ndarray
+    exact: IdentifiedRobot
+    real: IdentifiedRobot
+    errors: dict[str, dict[str, np.ndarray]]
+    printed: list[Row]
+
+
+def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: int) -> PaperRobot:
+    """Identify without noise, with the certificate's, and with ±1 N by each design."""
+    theta = of_table_1(setting, ACTUAL)
+    simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
+    true = {"target": simulation.tip(setting.target), "whole": simulation.tip(setting.q)}
+    rng = np.random.default_rng([seed, 10_000])
+
+    def measured(name: str, noise: NoiseModel | None) -> tuple[np.ndarray, np.ndarray]:
+        q = setting.q[designs[name].chosen]
+        wrench = simulation.wrench(q)
+        if noise is not None:
+            wrench = wrench + rng.standard_normal(wrench.shape) * noise.std
+        return q, wrench
+
+    def errors(at: np.ndarray) -> dict[str, np.ndarray]:
+        return {
+            k: np.linalg.norm(predict(setting, q, at)[1] - true[k], axis=1)
+            for k, q in (("target", setting.target), ("whole", setting.q))
+        }
+
+    exact = as_the_paper(setting, *measured("O1", None))
+    real = weighted(setting, *measured("O1", MINI40), MINI40.std)
+    thetas = {"before": setting.theta, "exact": exact.theta, "real": real.theta}
+    for case, design in [*zip(INDICES, INDICES, strict=True), (AGAIN, "O1")]:
+        thetas[case] = as_the_paper(setting, *measured(design, PAPER)).theta
+    judge = Judge(setting, theta, simulation)
+    rows = judge.rows(setting.theta, method="before")
+    rows += judge.rows(of_table_1(setting, NOISY), method="printed")
+    return PaperRobot(theta, exact, real, {k: errors(t) for k, t in thetas.items()}, rows)
+
+
 @dataclass(frozen=True, eq=False)
 class SharedDesigns:
     """Data shared by all robots: the setting without its Jacobian, designs by name, a seed."""
@@ -140,7 +203,6 @@ def cases(
     simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     judge = Judge(setting, theta, simulation)
     rows = judge.rows(setting.theta, robot=number, design="", noise="", method="before", steps=0)
-    bound = bounds(setting, theta, setting.q[shared.designs["O1"]])
     q = {name: setting.q[chosen] for name, chosen in shared.designs.items()}
     exact = {name: simulation.wrench(each) for name, each in q.items()}
     robot = as_the_paper(setting, q["O1"], exact["O1"])
@@ -151,29 +213,7 @@ def cases(
         for noise in (*EMPIRICAL, *LOWER) if name == "O1" else (PAPER,):
             measured = exact[name] + rng.standard_normal(exact[name].shape) * noise.std
             rows += _both(judge, q[name], measured, noise, robot=number, design=name)
-    for noise in (PAPER, MINI40):
-        for _ in range(DRAWS):
-            measured = exact["O1"] + rng.standard_normal(exact["O1"].shape) * noise.std
-            robot = weighted(setting, q["O1"], measured, noise.std)
-            rows += judge.rows(
-                robot.theta, whole=False, robot=number, design="O1", noise=noise.name,
-                method="again", steps=robot.steps,
-            )  # fmt: skip
-    for row in rows:
-        row["bound"] = bound.get(str(row["noise"]), np.nan)
     return rows
-
-
-def bounds(setting: StudySetting, theta: np.ndarray, q: np.ndarray) -> dict[str, float]:
-    """Cramér–Rao bound of the rms error in the target [m] at a robot's own parameters."""
-    own = setting.robot.robot_theta(theta)
-    there = replace(
-        setting,
-        jacobian=setting.model.jacobian(q, theta, setting.columns),
-        goal=Goal(tip_jacobian(setting.robot, setting.target, own, setting.columns)),
-    )
-    everything = np.arange(len(q))
-    return {n.name: there.bound(everything, n.std) for n in (*EMPIRICAL, *LOWER)}
 
 
 def _both(

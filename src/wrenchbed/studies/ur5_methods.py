@@ -18,7 +18,7 @@ from wrenchbed.errors import PlanError
 from wrenchbed.jobs.parts import Row
 from wrenchbed.physics.rotations import rot_z
 from wrenchbed.robots.ur5 import UR5
-from wrenchbed.studies.ur5.scene import DIRECTIONS, SAMPLES, Scenario, StudyScene
+from wrenchbed.studies.ur5_scene import DIRECTIONS, SAMPLES, Scenario, StudyScene
 
 _AXES = {
     "right": (0.0, -1.0, 0.0), "up": (0.0, 0.0, 1.0), "backward": (-1.0, 0.0, 0.0),
@@ -109,33 +109,12 @@ def joint_fit(scene: StudyScene, recording: Recording) -> tuple[Predictor, Fit]:
     return lambda q: scene.model.predict(q, theta), fit
 
 
-def left_out(scene: StudyScene, q: np.ndarray, reference: np.ndarray) -> dict[str, np.ndarray]:
-    """Forces (N, 3) [N] that methods ignore, from weights, orientations and bias alone.
-
-    Method 2 ignores bias and sensor's weight; taring ignores how all weight turns since the
-    reference pose (1, 6), or with the tool's weight on top, how the sensor's does.
-    """
-    robot, truth = scene.model.robot, scene.model.parameters.mapping(scene.theta)
-    own = robot.robot_theta(scene.theta)
-    gravity = np.asarray(scene.model.gravity)
-    now, then = (np.asarray(gravity @ robot.sensor_pose(p, own)[0]) for p in (q, reference))
-    bias = np.array([truth[f"sensor.bias.f{a}"] for a in "xyz"])
-    sensor, tool = truth["sensor.mass"], truth["tool.mass"]
-    return {
-        "Method 2": bias + sensor * now,
-        "Method 3": (sensor + tool) * (now - then),
-        "Method 3, with tool gravity": sensor * (now - then),
-    }
-
-
 @dataclass(frozen=True, eq=False)
 class Trial:
     """Residual (6,) [N, N·m] of each method at each judging pose.
 
     Attributes:
         residual: by method, (5 · POSITIONS, 6), in the order of the directions.
-        ignored: force that a method leaves out by its principle (5 · POSITIONS, 3) [N], from
-            first principles.
         direction: of each judging pose.
         fit: the joint fit.
         calibrating: joint values of the poses that were fitted (5 · CALIBRATION, 6).
@@ -143,27 +122,23 @@ class Trial:
 
     scene: StudyScene
     residual: dict[str, np.ndarray]
-    ignored: dict[str, np.ndarray]
     direction: np.ndarray
     fit: Fit
     calibrating: np.ndarray
 
     def rows(self) -> list[Row]:
-        """Rows for each method and direction, SI; ``ignored`` is NaN where a method ignores
-        nothing."""
+        """Rows for each method and direction, SI."""
         rows = []
         for method, residual in self.residual.items():
             for direction in DIRECTIONS:
                 here = self.direction == direction
                 force, torque = (np.linalg.norm(residual[here][:, k], axis=1) for k in _HALVES)
-                out = self.ignored.get(method)
-                missing = np.nan if out is None else np.linalg.norm(out[here], axis=1).mean()
                 rows.append(
                     {
                         "scenario": self.scene.scenario.name, "method": method,
                         "direction": direction, "force": geometric_mean(force),
                         "torque": geometric_mean(torque), "force_std": float(force.std(ddof=1)),
-                        "torque_std": float(torque.std(ddof=1)), "ignored": float(missing),
+                        "torque_std": float(torque.std(ddof=1)),
                     }
                 )  # fmt: skip
         return rows
@@ -212,8 +187,7 @@ def run(scenario: Scenario, seed: int) -> Trial:
     }
     measured = holds.wrench[last:]
     residual = {name: measured - predict(judging) for name, predict in predictors.items()}
-    ignored = left_out(scene, judging, reference)
-    return Trial(scene, residual, ignored, np.repeat(DIRECTIONS, POSITIONS), fit, q[first:last])
+    return Trial(scene, residual, np.repeat(DIRECTIONS, POSITIONS), fit, q[first:last])
 
 
 def _part(recording: Recording, first: int, last: int) -> Recording:

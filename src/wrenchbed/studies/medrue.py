@@ -1,0 +1,194 @@
+"""The study of MedRUE, from the pool of configurations to the page."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from wrenchbed.calibration.observability import Observability, analyse, null_space
+from wrenchbed.jobs.parts import Parts, key, write_table
+from wrenchbed.jobs.parts import run as run_parts
+from wrenchbed.jobs.workers import Progress
+from wrenchbed.pages.document import Card, Document
+from wrenchbed.studies import medrue_setting as published
+from wrenchbed.studies import medrue_tables as tables
+from wrenchbed.studies.medrue_identification import (
+    PaperRobot,
+    SharedDesigns,
+    of_table_1,
+    one_robot,
+    paper_robot,
+)
+from wrenchbed.studies.medrue_setting import (
+    MINI40,
+    PAPER,
+    PoseDesign,
+    StudySetting,
+    designs,
+    prepare,
+)
+
+POOL = 40_000
+"""Number of configurations in the pool."""
+ROBOTS = {False: 200, True: 8}
+"""Number of random robots, in full (False) and with --quick (True)."""
+STARTS = {False: 3, True: 1}
+"""Number of starting points of each exchange, by --quick."""
+_FIXED = 1 + 6 + 2
+"""Number of steps that do not depend on the number of robots."""
+_RANKED = 1000
+"""Configurations from which the rank is stated, beside the chosen ones and the whole pool."""
+_ACTIVE = 1e-13
+"""Norm of a column in that of the largest, below which it is rounding of doubles."""
+_POSSIBLE = 1.1
+"""Bound over published error up to which the published error is called possible."""
+TITLE = "MedRUE calibrated by its own force sensor: Sensors 2016, 16, 798, reproduced"
+
+
+def steps(quick: bool, robots: int | None) -> int:
+    """Number of steps that `run` reports."""
+    return _FIXED + (ROBOTS[quick] if robots is None else robots)
+
+
+def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progress) -> Document:
+    """Run everything; results, tables and figures go to ``folder``.
+
+    Finished robots are kept in ``folder``/parts, so that a stopped run goes on.
+    """
+
+    def step(label: str) -> None:
+        report(1, label)
+
+    setting = prepare(POOL, seed)
+    step("pool and Jacobians")
+    chosen = designs(setting, seed, STARTS[quick], step)
+    observed, ranks = examine(setting, chosen["O1"].chosen)
+    step("rank and redundancies")
+    one = paper_robot(setting, chosen, seed)
+    step("the paper's robot")
+    count = ROBOTS[quick] if robots is None else robots
+    light = replace(setting, jacobian=setting.jacobian[:0])
+    shared = SharedDesigns(light, {k: d.chosen for k, d in chosen.items()}, seed)
+    name = key(POOL, seed, *(d.chosen.tolist() for d in chosen.values()))
+    table = run_parts(
+        one_robot, shared, range(count), Parts(folder / "parts", f"robots-{name}-"),
+        lambda n, _="": report(n, "random robots"),
+    )  # fmt: skip
+    write_table(folder / "robots.parquet", table)
+    summary = _summary(setting, chosen, observed, one, table) | {"ranks": ranks}
+    return Document(
+        TITLE,
+        _lead(summary),
+        (
+            tables.identifiable_section(setting, observed, ranks, chosen),
+            tables.paper_robot_section(setting, chosen, one),
+            tables.population_section(table, one),
+            tables.limit_section(setting, chosen, table),
+        ),
+        made=f"wrenchbed study medrue{' --quick' if quick else ''}: pool of {POOL:,} "
+        f"configurations, {count} robots, seed {seed}. doi 10.3390/s16060798.",
+        summary=summary,
+        cards=_cards(summary),
+    )
+
+
+def examine(setting: StudySetting, chosen: np.ndarray) -> tuple[Observability, dict[str, int]]:
+    """What 100 configurations determine of all 49, and the rank by parameters and data."""
+    model = setting.model
+    columns = model.parameters.select(setting.robot.candidates)
+    scale = model.parameters.tolerance[list(columns)]
+    sets = {len(chosen): chosen}
+    for n in (_RANKED, len(setting.q)):
+        sets[n] = np.linspace(0, len(setting.q) - 1, n).astype(int)
+    ranks, first = {}, np.empty(0)
+    actual = of_table_1(setting, published.ACTUAL)
+    for label, theta in (("nominal", setting.theta), ("Table 1's robot", actual)):
+        for n, rows in sorted(sets.items()):
+            jacobian = model.jacobian(setting.q[rows], theta, columns).reshape(-1, len(columns))
+            norm = np.linalg.norm(jacobian * scale, axis=0)
+            active = norm > _ACTIVE * norm.max()
+            ranks[f"{label}, {n:,} configurations"] = null_space((jacobian * scale)[:, active])[0]
+            first = jacobian if len(ranks) == 1 else first
+    names = [model.parameters.names[c] for c in columns]
+    symmetries = setting.robot.symmetries(setting.robot.robot_theta(setting.theta))
+    return analyse(first, names, scale, symmetries), ranks
+
+
+def _summary(
+    setting: StudySetting,
+    chosen: dict[str, PoseDesign],
+    observed: Observability,
+    one: PaperRobot,
+    table: pa.Table,
+) -> dict[str, object]:
+    o1 = chosen["O1"]
+    bounds = {k: 1e3 * setting.bound(d.chosen, PAPER.std) for k, d in chosen.items()}
+    mini40 = 1e3 * tables.expected(setting, o1.chosen, MINI40)
+    certificate, target = o1.certificate, chosen["target"].certificate
+    attained = {
+        n.name: 1e3 * float(np.sqrt(np.nanmean(tables.attained(table, n, "weighted") ** 2)))
+        for n in (PAPER, MINI40)
+    }
+    return {
+        "rank": observed.rank,
+        "no_effect": list(observed.no_effect),
+        "redundancies": [
+            {"parameters": list(r.names), "direction": list(r.direction), "sentence": r.sentence}
+            for r in observed.redundancies
+        ],
+        "bound_mm": bounds["O1"],
+        "bound_mm_best": 1e3 / np.sqrt(target.bound) if target else None,
+        "bound_mm_by_design": bounds,
+        "bound_mm_certificate": 1e3 * setting.bound(o1.chosen, MINI40.std),
+        "attained_mm": attained,
+        "published_mm": published.rms_after(),
+        "certificate_noise_mm": dict(zip(("mean", "max", "std"), mini40[:3].tolist(), strict=True)),
+        "O1": o1.value / np.sqrt(len(o1.chosen)),
+        "O1_certified": None if certificate is None else o1.value / certificate.bound,
+        "noise_free_steps": one.exact.steps,
+        "noise_free_mm": {k: 1e3 * float(v.max()) for k, v in one.errors["exact"].items()},
+    }
+
+
+def _in_mm(summary: dict[str, object]) -> tuple[float, float, float, float]:
+    """Bounds: as stated, with the best poses, with the certificate's noise; the printed error."""
+    names = ("bound_mm", "bound_mm_best", "bound_mm_certificate", "published_mm")
+    stated, best, certificate, printed = (float(str(summary[k])) for k in names)
+    return stated, best, certificate, printed
+
+
+def _cards(summary: dict[str, object]) -> tuple[Card, ...]:
+    stated, best, certificate, printed = _in_mm(summary)
+    possible = "possible" if certificate < _POSSIBLE * printed else "not possible"
+    return (
+        Card(
+            "The wrench determines",
+            f"{summary['rank']} of 49 parameters",
+            "Of the rest, only combinations show, or nothing at all.",
+        ),
+        Card(
+            "Noise as the paper states it",
+            f"{stated:.2f} mm at best",
+            "The bound of any unbiased estimate from the 100 poses that O1 chooses, rms in the "
+            f"target workspace; from the best 100 of the pool {best:.2f} mm. "
+            f"The paper prints {printed:.3f} mm.",
+        ),
+        Card(
+            "Noise of the certificate",
+            f"{certificate:.3f} mm at best",
+            f"The printed {printed:.3f} mm is {possible} with it.",
+        ),
+    )
+
+
+def _lead(summary: dict[str, object]) -> str:
+    stated, best, certificate, printed = _in_mm(summary)
+    allowed = "allows" if certificate < _POSSIBLE * printed else "does not allow"
+    return (
+        f"Of 49 parameters the wrench determines {summary['rank']}. With the noise that the paper "
+        "states (±1 N as 3σ, 100 samples) no unbiased estimate from the 100 configurations that "
+        f"O1 chooses is better than {stated:.2f} mm rms in the target workspace, from no 100 of "
+        f"the pool better than {best:.2f} mm; it prints {printed:.3f} mm. The noise of the "
+        f"sensor's certificate {allowed} that: bound {certificate:.3f} mm."
+    )

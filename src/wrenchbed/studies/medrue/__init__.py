@@ -1,1 +1,0 @@
-"""The MedRUE paper, reproduced, held against the physical limit, and gone beyond."""

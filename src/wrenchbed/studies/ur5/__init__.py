@@ -1,1 +1,0 @@
-"""The installation error of a force sensor on a UR5, run again on a simulated one."""
