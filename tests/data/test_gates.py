@@ -1,13 +1,10 @@
 """Logs, tables and settings that are cut, flipped, made to mislead or made to fill the memory."""
 
-import bz2
 import json
 import random
 import resource
 import struct
-import sys
 
-import lz4.frame
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -21,13 +18,12 @@ from rosbags.typesys import Stores, get_typestore
 from test_logs import COUNT, LOGS, bag1, bag2, mcap_json, messages
 
 import wrenchbed as wb
-from wrenchbed.data import checked, parquet, unpacking
+from wrenchbed.data import checked, logs, parquet
 from wrenchbed.data.logs import table
 from wrenchbed.data.plan import Plan, is_plan
 from wrenchbed.data.plan import read as read_points
 from wrenchbed.data.recording import Recording
 from wrenchbed.data.text_table import read_text
-from wrenchbed.data.unpacking import Unpacker
 from wrenchbed.errors import (
     MapError,
     ParameterError,
@@ -40,7 +36,6 @@ from wrenchbed.robots.model_file import read_arm
 
 WANTED = ["stamp", "wrench.force.x"]
 MB = 2**20
-zstd = pytest.importorskip("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
 
 
 def mcap_of(path, *, compression=CompressionType.NONE, data_crcs=False, use_chunking=True):
@@ -98,34 +93,25 @@ def test_a_cut_or_flipped_log_is_read_right_or_refused_in_one_line(make, tmp_pat
 
 
 @pytest.mark.parametrize("compression", list(CompressionType))
-def test_a_digit_changed_in_a_chunk_is_refused_with_the_chunk(compression, tmp_path):
+def test_a_digit_changed_in_a_chunk_is_refused_with_its_place(compression, tmp_path):
     path = mcap_of(tmp_path / "a.mcap", compression=compression)
     assert table(path, "/wrench", ["fx"])["fx"].to_pylist() == [1000.0 + k for k in range(100)]
     data = path.read_bytes()
     if compression == CompressionType.NONE:
         path.write_bytes(data.replace(b'{"fx": 1050}', b'{"fx": 1850}'))
-        refused(path, "chunk 2 (at byte ", "its checksum is", "damaged")
+        refused(path, "behind message 45 of", "the checksum does not fit the data", "damaged")
     else:  # any byte of the third chunk's compressed data
         magic = struct.pack("<I", 0xFD2FB528 if compression == CompressionType.ZSTD else 0x184D2204)
         at = [k for k in range(len(data)) if data[k : k + 4] == magic][2] + 40
         path.write_bytes(data[:at] + bytes([data[at] ^ 4]) + data[at + 1 :])
-        refused(path, "chunk 3 (at byte ", "damaged")
+        refused(path, "behind message ")
 
 
-def test_checksums_of_the_data_and_of_the_summary_are_checked(tmp_path):
+def test_the_checksum_of_the_data_is_checked(tmp_path):
     path = mcap_of(tmp_path / "a.mcap", data_crcs=True, use_chunking=False)
     assert table(path, "/wrench", ["fx"]).num_rows == 100
-    whole = path.read_bytes()
-    path.write_bytes(whole.replace(b'{"fx": 1050}', b'{"fx": 1850}'))
-    refused(path, "data section: its checksum is")
-    at = whole.rindex(b"/wrench")
-    path.write_bytes(whole[:at] + b"/wrecch" + whole[at + 7 :])
-    refused(path, "defined twice")
-    path = mcap_of(tmp_path / "b.mcap")
-    whole = path.read_bytes()
-    statistics = whole.rindex(struct.pack("<Q", 99))  # the last message's time
-    path.write_bytes(whole[:statistics] + b"\x62" + whole[statistics + 1 :])
-    refused(path, "summary: its checksum is")
+    path.write_bytes(path.read_bytes().replace(b'{"fx": 1050}', b'{"fx": 1850}'))
+    refused(path, "the checksum does not fit the data")
 
 
 def test_a_chunk_that_is_missing_is_noticed(tmp_path):
@@ -137,72 +123,6 @@ def test_a_chunk_that_is_missing_is_noticed(tmp_path):
     data[at] = 0x86  # a private record, which any reader skips
     path.write_bytes(data)
     refused(path)
-
-
-def test_a_chunk_lies_about_its_size(tmp_path):
-    for size, told in (
-        (2**40, "states 1,099,511,627,776 bytes"),
-        (10, "more than"),
-        (3000, "holds"),
-    ):
-        content = lz4.frame.compress(b"x" * 1000)
-        with pytest.raises(MapError, match=told):
-            path = tmp_path / "f"
-            path.write_bytes(content)
-            Unpacker(path).unpack(content, "lz4", size, "f: chunk 1")
-
-
-@pytest.mark.parametrize(
-    ("kind", "pack"),
-    [("zstd", lambda d: zstd.compress(d)), ("lz4", lz4.frame.compress), ("bz2", bz2.compress)],
-)
-def test_bombs_are_refused_without_unpacking_them(kind, pack, tmp_path, monkeypatch):
-    bomb = pack(bytes(64 * MB))
-    path = tmp_path / "bomb"
-    path.write_bytes(bomb)
-    monkeypatch.setattr(unpacking, "LARGEST", 16 * MB)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    with pytest.raises(MapError, match="bomb: unpacks to more than"):
-        Unpacker(path).unpack(bomb, kind, None, "bomb")
-    with pytest.raises(MapError, match="unpacks to more than"):
-        Unpacker(path).unpack(bomb, kind, 1000, "bomb")
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak < 40_000  # kB
-    monkeypatch.setattr(unpacking, "FREE", 40 * MB)
-    monkeypatch.setattr(unpacking, "LARGEST", 64 * MB)
-    monkeypatch.setattr(unpacking, "RATIO", 1)
-    with pytest.raises(MapError, match="states 67,108,864 bytes"):
-        Unpacker(path).unpack(bomb, kind, 64 * MB, "bomb")
-    with pytest.raises(MapError, match="unpacks to more than it may"):
-        Unpacker(path).check_file(kind)
-
-
-def test_many_good_parts_that_are_a_bomb_together(tmp_path, monkeypatch):
-    monkeypatch.setattr(unpacking, "FREE", 10 * MB)
-    part = zstd.compress(bytes(4 * MB))
-    path = tmp_path / "f"
-    path.write_bytes(part)
-    unpacker = Unpacker(path)
-    for _ in range(2):
-        unpacker.unpack(part, "zstd", None, "f")
-    with pytest.raises(MapError, match="unpacks to more than 10,485,760 bytes"):
-        unpacker.unpack(part, "zstd", None, "f")
-
-
-@pytest.mark.parametrize("kind", ["zstd", "lz4", "bz2"])
-def test_what_is_unpacked_is_what_was_packed(kind, tmp_path, monkeypatch):
-    monkeypatch.setattr(unpacking, "_STEP", MB // 16)
-    content = np.random.default_rng(1).integers(0, 9, MB // 4, dtype=np.uint8).tobytes()
-    pack = {"zstd": zstd.compress, "lz4": lz4.frame.compress, "bz2": bz2.compress}[kind]
-    data = pack(content[: MB // 7]) + pack(content[MB // 7 :])  # two streams, one behind the other
-    (tmp_path / "f").write_bytes(data)
-    unpacker = Unpacker(tmp_path / "f")
-    assert unpacker.unpack(data, kind, len(content), "f") == content
-    unpacker.check_file(kind)
-    for cut in (len(data) - 3, 10, len(data) // 2):
-        with pytest.raises(MapError, match="end early|damaged"):
-            unpacker.unpack(data[:cut], kind, None, "f")
-    with pytest.raises(MapError, match="compressed by 'rar'"):
-        unpacker.unpack(data, "rar", None, "f")
 
 
 def compressed1(path, way):
@@ -254,12 +174,10 @@ def test_counts_of_a_bag_of_ros_2_must_agree(tmp_path):
     about = log / "metadata.yaml"
     text = about.read_text()
     about.write_text(text.replace(f"message_count: {COUNT}", f"message_count: {COUNT + 1}"))
-    told = f"states {COUNT + 1} messages", f"the files hold {COUNT}"
+    told = f"states {COUNT + 1} messages", f"holds {COUNT}"
     refused(log, *told, wanted=WANTED)
     about.write_text("a: " + "[" * 1200)
-    refused(log, "metadata.yaml: not a log that can be read")
-    about.write_text("x" * 2 * MB)
-    refused(log, "metadata.yaml: has 2,097,152 bytes")
+    refused(log, "not a log that can be read")
     about.unlink()
     alone = table(next(log.glob("*.db3")), "/wrench", WANTED)
     assert alone.num_rows == COUNT
@@ -292,7 +210,7 @@ def test_a_log_without_the_memory_for_it_is_not_called_damaged(tmp_path, monkeyp
     def full(*_):
         raise MemoryError
 
-    monkeypatch.setattr(Unpacker, "unpack", full)
+    monkeypatch.setattr(logs, "_decoder", full)
     with pytest.raises(ShortageError, match=r"a\.mcap: out of memory"):
         table(path, "/wrench", ["fx"])
 
@@ -422,25 +340,16 @@ def test_a_file_whose_columns_names_are_no_text_is_no_plan(tmp_path):
         Recording.read(path)
 
 
-@pytest.mark.parametrize(
-    ("stated", "told"),
-    [(3 * 2**30, "states 3,221,225,472 bytes unpacked"), (1000, "unpacks to more than it may")],
-)
-def test_a_chunk_that_is_a_bomb_is_refused_with_its_place(stated, told, tmp_path):
+def test_a_chunk_that_states_more_than_memory_is_refused(tmp_path):
     def record(kind, content):
         return struct.pack("<BQ", kind, len(content)) + content
 
-    packer = zstd.ZstdCompressor()
-    data = b"".join(packer.compress(bytes(16 * MB)) for _ in range(20)) + packer.flush()
-    head = struct.pack("<QQQI", 0, 0, stated, 0) + struct.pack("<I", 4) + b"zstd"
-    chunk = record(6, head + struct.pack("<Q", len(data)) + data)
+    head = struct.pack("<QQQI", 0, 0, 3 * 2**30, 0) + struct.pack("<I", 4) + b"zstd"
+    chunk = record(6, head + struct.pack("<Q", 9) + bytes(9))
     magic = b"\x89MCAP0\r\n"
     path = tmp_path / "bomb.mcap"
     path.write_bytes(magic + record(1, bytes(8)) + chunk + record(15, bytes(4)) + magic)
-    assert path.stat().st_size < 50_000
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    refused(path, "chunk 1 (at byte 25)", told)
-    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak < 60_000  # kB, of 320 MB
+    refused(path, "a chunk states 3,221,225,472 bytes unpacked")
 
 
 @pytest.mark.parametrize(

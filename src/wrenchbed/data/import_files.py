@@ -19,7 +19,7 @@ from wrenchbed import registry
 from wrenchbed.data.clocks import at_times, even_clock, since
 from wrenchbed.data.column_map import ANGLES, AUTO, ROTATION, ColumnMap, FileMap, Source
 from wrenchbed.data.holds import Split, check_at_rest, split, with_noise
-from wrenchbed.data.log_files import is_log
+from wrenchbed.data.logs import is_log
 from wrenchbed.data.logs import table as log_table
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.orientation_columns import columns_of, of_sensor, turned, wrench_in_sensor

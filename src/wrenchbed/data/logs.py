@@ -1,10 +1,15 @@
-"""One topic of a log as a table, fields by their path, times in whole ns; a recording as a log."""
+"""One topic of a log as a table, fields by their path, times in whole ns; a recording as a log.
+
+Rosbags 1 and 2 are read by `rosbags`, MCAP files by `mcap`, which checks the CRC-32 of chunks and
+data. What these libraries do not check is checked here: the number of messages that a log states,
+the size of an unpacked chunk, and the checksum of a message's definition.
+"""
 
 import json
 from array import array
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +17,6 @@ import numpy as np
 import pyarrow as pa
 
 from wrenchbed import registry
-from wrenchbed.data.log_files import Channel, Messages, line, messages
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import MapError, WrenchbedError, raise_shortage
 from wrenchbed.files import atomic_write
@@ -21,17 +25,57 @@ STAMP, LOGGED = "stamp", "logged"
 """Times of a message: its header's, and when it was written [ns]."""
 TRANSFORMS = "transforms"
 """Name of the field of a TFMessage."""
+METADATA = "metadata.yaml"
+"""Name of the file that marks a folder as a ROS 2 bag."""
+KEY = "wrenchbed"
+"""Metadata record that keeps the recording's own metadata as JSON."""
+_SUFFIXES = (".bag", ".mcap", ".db3")
+_LARGEST = 2**28
+"""Largest record, and largest unpacked chunk [bytes], which is held in memory: 64 times mcap's
+default chunk (4 MiB). A small file that unpacks to more is damaged, or an archive bomb."""
 _LONGEST_DEFINITION = 2**18
 """Longest definition of a kind of messages that is parsed [characters]: 20 times the longest of
 ROS's own; the parser takes seconds for a longer one."""
 _OF_IDL = "=" * 80 + "\nIDL: "
 """Separator between several definitions in IDL."""
-WRENCH, JOINTS, TEMPERATURE = "/wrench", "/joint_states", "/temperature"
-KEY = "wrenchbed"
-"""Metadata record that keeps the recording's own metadata as JSON."""
-_FRAME = "sensor"
-Message = Callable[[int], Any]
-"""Function that returns the message of a row."""
+_LANGUAGES = {"ros2idl": "idl", "omgidl": "idl"}
+"""Encoding of an MCAP schema that is not ``msg`` → language of the definition."""
+_TIME, _HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
+_WRENCH, _JOINTS = "geometry_msgs/msg/WrenchStamped", "sensor_msgs/msg/JointState"
+_TEMPERATURE = "sensor_msgs/msg/Temperature"
+_REMEDY = (
+    "; a log that ends early is mended by `mcap recover`, `rosbag reindex` or `ros2 bag reindex`"
+)
+
+
+@dataclass(frozen=True)
+class Channel:
+    """Messages of one kind on one topic.
+
+    Attributes:
+        topic: its name.
+        kind: of its messages, ``geometry_msgs/msg/WrenchStamped``.
+        encoding: ``cdr``, ``ros1`` or ``json``.
+        definition: text that defines the kind; empty where the log holds none.
+        language: of the definition, ``msg`` or ``idl``.
+        digest: checksum of the definition as the log states it; empty without one.
+    """
+
+    topic: str
+    kind: str
+    encoding: str
+    definition: str = ""
+    language: str = "msg"
+    digest: str = ""
+
+
+Messages = Iterator[tuple[Channel, int, bytes]]
+"""Channel, time of writing [ns] and content of messages."""
+
+
+def is_log(path: Path) -> bool:
+    """Whether a path is a bag (``.bag``, a folder with ``metadata.yaml``) or an MCAP file."""
+    return path.suffix in _SUFFIXES or (path / METADATA).is_file()
 
 
 class MessageRows:
@@ -146,15 +190,26 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
         raise MapError(f"{path}: there is no such file")
     rows, logged = MessageRows(wanted), array("q")
     topics: dict[str, str] = {}
+    decoders: dict[Channel, Callable[[bytes], Any]] = {}
+    where = "not a log that can be read"
     try:
         if topic is None:
-            deque(messages(path, None, topics), maxlen=0)
+            deque(_messages(path, None, topics), maxlen=0)
             topic = _chosen(path, topic, topics)
-        with closing(messages(path, topic, topics)) as read:
-            _gather(path, read, rows, logged)
-    except (OSError, MemoryError) as error:
+        for channel, now, data in _messages(path, topic, topics):
+            where = f"topic {topic!r} ({channel.kind}), message {rows.seen + 1}"
+            if channel not in decoders:
+                decoders[channel] = _decoder(channel)
+            if rows.add(decoders[channel](data), now):
+                logged.append(now)
+            if rows.missing:
+                raise MapError(f"{path}: {where}: has no {min(rows.missing)!r}")
+            where = f"behind message {rows.seen} of {topic!r}: not a log that can be read"
+    except WrenchbedError:
+        raise
+    except Exception as error:  # those of the libraries have no common base
         raise_shortage(error, path)
-        raise MapError(f"{path}: cannot be read: {line(error)}") from error
+        raise MapError(f"{path}: {where}: {_line(error)}{_REMEDY}") from error
     _chosen(path, topic, topics)
     columns = rows.table()
     if rows.seen and columns.num_rows == 0:
@@ -177,52 +232,121 @@ def _chosen(path: Path, topic: str | None, topics: Mapping[str, str]) -> str:
     raise MapError(f"{path}: {what}; it holds {known}")
 
 
-def _gather(path: Path, read: Messages, rows: MessageRows, logged: "array[int]") -> None:
-    """Add messages to the rows, and when each of these was written.
+def _line(error: Exception) -> str:
+    """Text of an error in one line."""
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    if isinstance(error, RecursionError):
+        return "nested too deeply"
+    if type(error).__name__ == "CRCValidationError":  # of mcap, which need not be installed
+        return "the checksum does not fit the data: damaged"
+    return (str(error) or type(error).__name__).splitlines()[0]
 
-    Raises:
-        MapError: a field is missing; a message or its definition is damaged, whatever a library
-            raises there.
+
+def _messages(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
+    """Messages of one topic of a log, in the order of the file; none if the topic is None.
+
+    Args:
+        path: of the log.
+        topic: whose messages are yielded.
+        topics: receives all topics and the kinds of their messages.
     """
-    decoders: dict[Channel, Callable[[bytes], Any]] = {}
-    for channel, now, data in read:
-        where = f"{path}: topic {channel.topic!r} ({channel.kind}), message {rows.seen + 1}"
-        try:
-            if channel not in decoders:
-                decoders[channel] = _decoder(path, channel)
-            if rows.add(decoders[channel](data), now):
-                logged.append(now)
-        except WrenchbedError:
-            raise
-        except Exception as error:  # generated code and parsers: no common base
-            raise_shortage(error, path)
-            raise MapError(f"{where}: cannot be decoded: {line(error)}") from error
-        if rows.missing:
-            raise MapError(f"{where}: has no {sorted(rows.missing)[0]!r}")
+    if path.suffix == ".mcap":
+        return _of_mcap(path, topic, topics)
+    return _of_bag(path, topic, topics)
 
 
-def _decoder(path: Path, channel: Channel) -> Callable[[bytes], Any]:
+def _of_mcap(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
+    """Messages of an MCAP file, read from begin to end; see `_messages`."""
+    library = registry.require("mcap.stream_reader", "logs")
+    kinds = registry.require("mcap.records", "logs")
+    schemas: dict[int, Any] = {}
+    channels: dict[int, Channel] = {}
+    counts: Counter[int] = Counter()
+    with path.open("rb") as stream:
+        for outer in library.StreamReader(
+            stream, emit_chunks=True, validate_crcs=True, record_size_limit=_LARGEST
+        ).records:
+            records = [outer]
+            if isinstance(outer, kinds.Chunk):
+                if outer.uncompressed_size > _LARGEST:
+                    raise MapError(
+                        f"{path}: a chunk states {outer.uncompressed_size:,} bytes unpacked, more "
+                        f"than {_LARGEST:,}: damaged, or a bomb"
+                    )
+                records = library.breakup_chunk(outer, validate_crc=True)
+            for record in records:
+                if isinstance(record, kinds.Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, kinds.Channel):
+                    channel = _channel_of_mcap(record, schemas.get(record.schema_id))
+                    channels[record.id] = channel
+                    topics[channel.topic] = channel.kind or "no schema"
+                elif isinstance(record, kinds.Message):
+                    counts[record.channel_id] += 1
+                    if channels[record.channel_id].topic == topic:
+                        yield channels[record.channel_id], record.log_time, record.data
+                elif isinstance(record, kinds.Statistics):
+                    _check_count(path, record.message_count, counts.total())
+
+
+def _channel_of_mcap(record: Any, schema: Any) -> Channel:
+    if schema is None:
+        return Channel(record.topic, "", record.message_encoding)
+    kind, definition = schema.name, ""
+    if record.message_encoding in ("cdr", "ros1"):
+        kind = kind.replace("/", "/msg/") if kind.count("/") == 1 else kind
+        definition = schema.data.decode()
+    language = _LANGUAGES.get(schema.encoding, "msg")
+    return Channel(record.topic, kind, record.message_encoding, definition, language)
+
+
+def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
+    """Messages of a bag of ROS 1 or 2; see `_messages`."""
+    bag1 = path.suffix == ".bag"
+    library = registry.require("rosbags.rosbag1" if bag1 else "rosbags.rosbag2", "logs")
+    whole = path.parent if path.suffix == ".db3" and (path.parent / METADATA).is_file() else path
+    with library.Reader(whole) as bag:
+        topics |= {c.topic: c.msgtype for c in bag.connections}
+        connections = [c for c in bag.connections if c.topic == topic]
+        count = 0
+        for connection, logged, data in bag.messages(connections) if connections else ():
+            encoding = "ros1" if bag1 else connection.ext.serialization_format
+            text, digest = connection.msgdef, connection.digest
+            count += 1
+            yield Channel(
+                connection.topic, connection.msgtype, encoding, text.data,
+                text.format.name.lower(), "" if digest == "*" else digest,
+            ), logged, data  # fmt: skip
+        _check_count(path, sum(c.msgcount for c in connections), count)
+
+
+def _check_count(path: Path, stated: int, count: int) -> None:
+    if stated != count:
+        raise MapError(
+            f"{path}: states {stated:,} messages and holds {count:,}: damaged, or cut and joined"
+        )
+
+
+def _decoder(channel: Channel) -> Callable[[bytes], Any]:
     """Function that decodes the bytes of a channel's messages into objects."""
     if channel.encoding == "json":
         return json.loads
-    where = f"{path}: topic {channel.topic!r}"
     if channel.encoding not in ("cdr", "ros1"):
-        raise MapError(f"{where}: is in {channel.encoding!r}; cdr, ros1 and json can be read")
+        raise ValueError(f"is in {channel.encoding!r}; cdr, ros1 and json can be read")
     if len(channel.definition) > _LONGEST_DEFINITION:
-        raise MapError(f"{where}: the definition has {len(channel.definition):,} characters")
+        raise ValueError(f"its definition has {len(channel.definition):,} characters")
     typesys = registry.require("rosbags.typesys", "logs")
-    kind = channel.kind
+    kind, ros1 = channel.kind, channel.encoding == "ros1"
     if channel.definition:
         store = typesys.get_typestore(typesys.Stores.EMPTY)
         store.register(_types(typesys, channel))
-        ros1 = channel.encoding == "ros1"
-        if channel.digest and channel.digest != (
-            store.generate_msgdef(kind)[1] if ros1 else store.hash_rihs01(kind)
-        ):
-            raise MapError(f"{where}: the definition of {kind} does not fit its checksum: damaged")
+        digest = store.generate_msgdef(kind)[1] if ros1 else store.hash_rihs01(kind)
+        if channel.digest not in ("", digest):
+            raise ValueError(f"the definition of {kind} does not fit its checksum: damaged")
     else:
         store = typesys.get_typestore(typesys.Stores.LATEST)
-    read = store.deserialize_cdr if channel.encoding == "cdr" else store.deserialize_ros1
+    read = store.deserialize_ros1 if ros1 else store.deserialize_cdr
     return lambda data: read(data, kind)
 
 
@@ -255,53 +379,52 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
         writer = writer_of(stream)
         writer.start(profile="ros2", library="wrenchbed")
         channels = []
-        for topic, kind, message in _topics(recording, at, store):
+        for topic, kind, message in _topics(recording, store.types):
             text, _ = store.generate_msgdef(kind, ros_version=2)
             schema = writer.register_schema(kind, "ros2msg", text.encode())
             channels.append((writer.register_channel(topic, "cdr", schema), kind, message))
+        time, header = store.types[_TIME], store.types[_HEADER]
         for row, now in enumerate(at.tolist()):
+            stamp = time(sec=now // 10**9, nanosec=now % 10**9)
+            head = header(stamp=stamp, frame_id="sensor")
             for channel, kind, message in channels:
-                data = bytes(store.serialize_cdr(message(row), kind))
+                data = bytes(store.serialize_cdr(message(head, row), kind))
                 writer.add_message(channel, now, data, now, row)
         metadata = json.dumps(recording.metadata.to_json(), ensure_ascii=False)
         writer.add_metadata(KEY, {"json": metadata})
         writer.finish()
 
 
-def _topics(recording: Recording, at: np.ndarray, store: Any) -> Iterator[tuple[str, str, Message]]:
-    """Topic, type and the message of a row, of all that a recording has."""
-    known = store.types
-    time, header = known["builtin_interfaces/msg/Time"], known["std_msgs/msg/Header"]
+def _topics(
+    recording: Recording, known: Mapping[str, Any]
+) -> Iterator[tuple[str, str, Callable[[Any, int], Any]]]:
+    """Topic, type, and the message by header and row, of all that a recording has."""
+    vector, wrench = known["geometry_msgs/msg/Vector3"], known["geometry_msgs/msg/Wrench"]
+    load = recording.wrench.astype(float)
 
-    def head(row: int) -> Any:
-        seconds, rest = divmod(int(at[row]), 1_000_000_000)
-        return header(stamp=time(sec=seconds, nanosec=rest), frame_id=_FRAME)
+    def of_load(head: Any, row: int) -> Any:
+        force, torque = (vector(*map(float, part)) for part in np.split(load[row], 2))
+        return known[_WRENCH](header=head, wrench=wrench(force=force, torque=torque))
 
-    values = recording.wrench.astype(float)
-    vector = known["geometry_msgs/msg/Vector3"]
-    wrench, stamped = known["geometry_msgs/msg/Wrench"], known["geometry_msgs/msg/WrenchStamped"]
-
-    def load(row: int) -> Any:
-        force, torque = (vector(*map(float, part)) for part in np.split(values[row], 2))
-        return stamped(header=head(row), wrench=wrench(force=force, torque=torque))
-
-    yield WRENCH, "geometry_msgs/msg/WrenchStamped", load
+    yield "/wrench", _WRENCH, of_load
     if recording.joints:
         robot, names = recording.metadata.robot, list(recording.joints)
         if registry.is_known("robots", robot):
             names = list(registry.load("robots", robot).joint_names)
-        state, q = known["sensor_msgs/msg/JointState"], recording.q.astype(float)
-        none = np.zeros(0)
-
-        def place(row: int) -> Any:
-            return state(header=head(row), name=names, position=q[row], velocity=none, effort=none)
-
-        yield JOINTS, "sensor_msgs/msg/JointState", place
+        q, none = recording.q.astype(float), np.zeros(0)
+        yield (
+            "/joint_states",
+            _JOINTS,
+            lambda head, row: known[_JOINTS](
+                header=head, name=names, position=q[row], velocity=none, effort=none
+            ),
+        )
     if "temperature" in recording.columns:
         warm = recording.columns["temperature"].astype(float)
-        kind = known["sensor_msgs/msg/Temperature"]
-
-        def warmth(row: int) -> Any:
-            return kind(header=head(row), temperature=float(warm[row]), variance=0.0)
-
-        yield TEMPERATURE, "sensor_msgs/msg/Temperature", warmth
+        yield (
+            "/temperature",
+            _TEMPERATURE,
+            lambda head, row: known[_TEMPERATURE](
+                header=head, temperature=float(warm[row]), variance=0.0
+            ),
+        )

@@ -30,7 +30,7 @@ from wrenchbed.data.guess.sheets import (
 )
 from wrenchbed.data.guess.stated import KnownLoad, Stated
 from wrenchbed.data.import_files import import_files
-from wrenchbed.data.log_files import is_log
+from wrenchbed.data.logs import is_log
 from wrenchbed.errors import MapError, WrenchbedError
 from wrenchbed.physics.wrench import CHANNELS
 
