@@ -5,7 +5,7 @@ matter: whatever the rows hold, a diagnosis of them must not contradict itself.
 """
 
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -15,22 +15,41 @@ from scipy.signal import lfilter
 from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
+from altered import (
+    QUATERNION,
+    at_point,
+    by_name,
+    holds,
+    in_degrees,
+    of_other_holds,
+    opposite,
+    orientation,
+    pose_columns,
+    posed,
+    run_of_holds,
+    scaled,
+    stuck,
+    swapped,
+    turned,
+    with_added,
+    with_columns,
+    with_metadata,
+    with_rows,
+    with_wrench,
+)
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.recording import Recording
-from wrenchbed.physics.time_derivatives import value
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.simulation.closed_form import robot_of
 
-FORCES, TORQUES, QUATERNION = CHANNELS[:3], CHANNELS[3:], ("qw", "qx", "qy", "qz")
 Random = np.random.Generator
-Mutator = Callable[[Recording, Random], Recording]
-MUTATORS: dict[str, Mutator] = {}
-"""Every mutation by its name."""
+Mutator = Callable[["Dice"], Recording]
 TWO, PLAIN = 0.3, 0.04
-"""Share of cases with two mutations, and with none."""
+"""Fraction of cases with two mutations, and with none."""
 KINDS = {"ur5": 0.47, "medrue": 0.23, "accelerometer": 0.1, "oriented": 0.12, "motion": 0.08}
-"""Base recordings and their share of cases."""
+"""Base recordings and their fraction of cases."""
+GRAVITY = np.array([0.0, 0.0, -9.80665])
+TOOL = ("tool.mass", "tool.cog.x", "tool.cog.y", "tool.cog.z")
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +73,16 @@ def case(seed: int) -> Case:
     count = int(rng.choice(3, p=[PLAIN, 1.0 - TWO - PLAIN, TWO]))
     names = tuple(str(n) for n in rng.choice(list(MUTATORS), size=count, replace=False))
     for name in names:
-        recording = MUTATORS[name](recording, rng)
+        recording = MUTATORS[name](Dice(recording, rng))
     return Case(seed, kind, names, replace(recording, name=f"case-{seed}.parquet"))
 
 
 # ---- base recordings ----------------------------------------------------------------------------
+
+
+def _log(rng: Random, low: float, high: float) -> float:
+    """Uniform in the logarithm."""
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
 def _load(truth: dict[str, float], rng: Random) -> dict[str, float]:
@@ -70,17 +94,13 @@ def _load(truth: dict[str, float], rng: Random) -> dict[str, float]:
 
 
 def _at_rest(robot: str, truth: dict[str, float], rng: Random) -> Recording:
-    own, seed = _load(truth, rng), int(rng.integers(2**31))
+    load, seed = _load(truth, rng), int(rng.integers(2**31))
     poses, rows = int(rng.integers(12, 41 if rng.random() < 0.8 else 81)), int(rng.integers(2, 13))
-    wander = float(rng.choice([0.0, 0.0, 0.3, 2.0]))
-    result = static(
-        robot, own, poses=poses, samples=rows, noise=_log(rng, 0.2, 5.0) * WHITE, wander=wander,
-        seed=seed,
-    )  # fmt: skip
-    names = ("tool.mass", "tool.cog.x", "tool.cog.y", "tool.cog.z")
-    if all(n in own for n in names):
-        mass, *cog = (own[n] for n in names)
-        return _with(result, tool=ToolInfo(mass, tuple(cog)))
+    how = {"poses": poses, "samples": rows, "wander": float(rng.choice([0.0, 0.0, 0.3, 2.0]))}
+    result = static(robot, load, noise=_log(rng, 0.2, 5.0) * WHITE, seed=seed, **how)
+    if all(n in load for n in TOOL):
+        mass, *cog = (load[n] for n in TOOL)
+        return with_metadata(result, tool=ToolInfo(mass, tuple(cog)))
     return result
 
 
@@ -88,13 +108,12 @@ def _accelerometer(rng: Random) -> Recording:
     """A UR5 at rest with an accelerometer on its tool, in a base that is tilted for some."""
     result = _at_rest("ur5", UR5_TRUTH, rng)
     tilt = float(rng.choice([0.0, 1.0])) * _log(rng, 1e-4, 3e-2) * rng.standard_normal(2)
-    gravity = Rotation.from_rotvec([*tilt, 0.0]).apply([0.0, 0.0, -9.80665])
-    turn = orientation(result)
-    read = turn.inv().apply(gravity) + 0.01 * rng.standard_normal((len(result), 3))
-    result = _set(result, dict(zip(("ax", "ay", "az"), read.T, strict=True)))
-    weight = np.array([0.0, 0.0, -9.80665 * 1.4])
-    change = turn.inv().apply(Rotation.from_rotvec([*tilt, 0.0]).apply(weight) - weight)
-    return _changed(result, np.column_stack([change, 0.0 * change]))
+    base, turn = Rotation.from_rotvec([*tilt, 0.0]), orientation(result)
+    read = turn.inv().apply(base.apply(GRAVITY)) + 0.01 * rng.standard_normal((len(result), 3))
+    weight = 1.4 * GRAVITY
+    change = turn.inv().apply(base.apply(weight) - weight)
+    result = with_columns(result, by_name(("ax", "ay", "az"), read))
+    return with_added(result, np.column_stack([change, 0.0 * change]))
 
 
 def _oriented(rng: Random) -> Recording:
@@ -105,20 +124,17 @@ def _oriented(rng: Random) -> Recording:
     waves = size * np.sin(2.0 * np.pi * hertz * t[:, None, None] + rng.uniform(0.0, 6.3, (3, 4)))
     turn = Rotation.from_euler("xyz", waves.sum(axis=2))
     mass, cog = float(rng.uniform(0.4, 2.0)), 0.05 * rng.standard_normal(3)
-    force = turn.inv().apply([0.0, 0.0, -9.80665 * mass])
     noise = _log(rng, 0.2, 5.0) * WHITE
-    y = np.column_stack([force, np.cross(cog, force)]) + noise * rng.standard_normal((len(t), 6))
-    columns = {"t": t} | dict(zip(QUATERNION, turn.as_quat(scalar_first=True).T, strict=True))
-    columns |= dict(zip(CHANNELS, y.T, strict=True))
-    metadata = Metadata(
-        "oriented", "dynamic", "recorded", rate, ToolInfo(mass, tuple(cog)),
-        SensorInfo(noise_std=tuple(noise)),
-    )  # fmt: skip
-    return Recording(metadata, columns)
+    y = at_point(turn.inv().apply(mass * GRAVITY), cog) + noise * rng.standard_normal((len(t), 6))
+    columns = {"t": t} | by_name(QUATERNION, turn.as_quat(scalar_first=True))
+    tool, sensor = ToolInfo(mass, tuple(cog)), SensorInfo(noise_std=tuple(noise))
+    metadata = Metadata("oriented", "dynamic", "recorded", rate, tool, sensor)
+    return Recording(metadata, columns | by_name(CHANNELS, y))
 
 
 @cache
-def _moved(seed: int, seconds: float, rate: float) -> Recording:
+def moved(seed: int, seconds: float, rate: float) -> Recording:
+    """A multisine of a UR5."""
     plan = wb.multisine(wb.load("robots", "ur5"), seconds, rate, seed=seed)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rec.parquet"
@@ -132,7 +148,7 @@ BASES: dict[str, Callable[[Random], Recording]] = {
     "medrue": lambda rng: _at_rest("medrue", MEDRUE_TRUTH, rng),
     "accelerometer": _accelerometer,
     "oriented": _oriented,
-    "motion": lambda rng: _moved(int(rng.integers(4)), 8.0, 50.0),
+    "motion": lambda rng: moved(int(rng.integers(4)), 8.0, 50.0),
 }
 
 
@@ -140,553 +156,330 @@ def _stated(r: Recording, rng: Random) -> Recording:
     """With all that is known stated, or without tool or noise, or with other tolerances."""
     draw = rng.random()
     if draw < 0.15:
-        return _with(r, tool=ToolInfo())
+        return with_metadata(r, tool=ToolInfo())
     if draw < 0.3:
-        return _with(r, sensor=replace(r.metadata.sensor, noise_std=None))
+        return with_metadata(r, sensor=replace(r.metadata.sensor, noise_std=None))
     if draw < 0.45:
-        return _with(r, tolerance={"tool.mass": _log(rng, 1e-3, 0.3), "tool.cog": 2e-3})
+        return with_metadata(r, tolerance={"tool.mass": _log(rng, 1e-3, 0.3), "tool.cog": 2e-3})
     return r
 
 
-# ---- what the mutations are made of -------------------------------------------------------------
+# ---- mutations ----------------------------------------------------------------------------------
 
 
-def _log(rng: Random, low: float, high: float) -> float:
-    """Uniform in the logarithm."""
-    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+@dataclass(frozen=True, eq=False)
+class Dice:
+    """Draws about a recording."""
 
+    r: Recording
+    rng: Random
 
-def _set(r: Recording, columns: dict[str, np.ndarray]) -> Recording:
-    return Recording(r.metadata, {**r.columns, **columns}, r.name)
+    @property
+    def noise(self) -> np.ndarray:
+        """Standard deviation of a row (6,), stated or usual."""
+        std = self.r.metadata.sensor.noise_std
+        return WHITE if std is None else np.maximum(std, 1e-6)
 
+    @property
+    def along(self) -> np.ndarray:
+        """0 … 1 over the recording (N, 1)."""
+        t = self.r.t
+        return ((t - t[0]) / max(float(np.ptp(t)), 1e-9))[:, None]
 
-def _with(r: Recording, **metadata: object) -> Recording:
-    return Recording(replace(r.metadata, **metadata), r.columns, r.name)
+    @property
+    def poses(self) -> int:
+        return int(holds(self.r).max()) + 1
 
+    def log(self, low: float, high: float) -> float:
+        """Uniform in the logarithm."""
+        return _log(self.rng, low, high)
 
-def _rows(r: Recording, keep: np.ndarray) -> Recording:
-    return Recording(r.metadata, {k: v[keep] for k, v in r.columns.items()}, r.name)
+    def some(self, low: float, high: float) -> np.ndarray:
+        """Rows (N,) of a run of holds that is a fraction of all, between two limits."""
+        return run_of_holds(self.r, self.rng, self.rng.uniform(low, high))
 
+    def size(self, low: float = 0.3, high: float = 300.0) -> np.ndarray:
+        """A change (6,) of so many σ of a row, random in direction."""
+        return self.log(low, high) * self.noise * self.rng.standard_normal(6)
 
-def _read(r: Recording, y: np.ndarray) -> Recording:
-    """With other readings (N, 6)."""
-    return _set(r, {c: y[:, k].copy() for k, c in enumerate(CHANNELS)})
+    def push(self, low: float, high: float, *size: float) -> np.ndarray:
+        """A change (N, 6) of such a size in some rows."""
+        return self.some(low, high)[:, None] * self.size(*size)
 
+    def white(self, columns: int = 6) -> np.ndarray:
+        return self.rng.standard_normal((len(self.r), columns))
 
-def _changed(r: Recording, change: np.ndarray) -> Recording:
-    return _read(r, r.wrench + change)
+    def pick(self, names: Sequence[str]) -> str:
+        return str(self.rng.choice(names))
 
+    def channel(self) -> np.ndarray:
+        """1 in one channel (6,)."""
+        return np.eye(6)[self.rng.integers(6)]
 
-def _noise(r: Recording) -> np.ndarray:
-    """Standard deviation of a row (6,), stated or usual."""
-    std = r.metadata.sensor.noise_std
-    return WHITE if std is None else np.maximum(std, 1e-6)
+    def signs(self) -> np.ndarray:
+        return self.rng.choice([-1.0, 1.0], 6)
 
+    def exchanged(self, count: int) -> np.ndarray:
+        """The order of so many, two of them exchanged."""
+        order = np.arange(count)
+        pair = self.rng.choice(count, 2, replace=False)
+        order[pair] = order[pair[::-1]]
+        return order
 
-def _holds(r: Recording) -> np.ndarray:
-    """Number of each row's hold (N,); of a motion tenths of a second."""
-    segment = r.columns.get("segment")
-    if segment is None or len(np.unique(segment)) < 3:
-        return (r.t * 10.0).astype(int)
-    return np.unique(segment, return_inverse=True)[1]
 
+def adds(change: Callable[[Dice], np.ndarray]) -> Mutator:
+    """A change (N, 6) of the readings."""
+    return lambda d: with_added(d.r, change(d))
 
-def _some_holds(r: Recording, rng: Random, share: float) -> np.ndarray:
-    """Rows (N,) of a run of holds, one at least."""
-    hold = _holds(r)
-    many = hold.max() + 1
-    length = max(1, int(share * many))
-    begin = int(rng.integers(0, max(1, many - length)))
-    return (hold >= begin) & (hold < begin + length)
 
+def reads(readings: Callable[[Dice], np.ndarray]) -> Mutator:
+    """Other readings (N, 6)."""
+    return lambda d: with_wrench(d.r, readings(d))
 
-def _channel(rng: Random) -> int:
-    return int(rng.integers(6))
 
+def _bends(away: Callable[[Dice, np.ndarray], np.ndarray]) -> Mutator:
+    """Other readings about their mean, of what they were about it (N, 6)."""
 
-def _joints(r: Recording) -> tuple[str, ...]:
-    """Joint columns, or those of an orientation."""
-    return tuple(r.joints) or QUATERNION
+    def mutator(d: Dice) -> Recording:
+        mean = d.r.wrench.mean(axis=0)
+        return with_wrench(d.r, mean + away(d, d.r.wrench - mean))
 
+    return mutator
 
-def _size(r: Recording, rng: Random, low: float = 0.3, high: float = 300.0) -> np.ndarray:
-    """A change (6,) of so many σ of a row, random in direction."""
-    return _log(rng, low, high) * _noise(r) * rng.standard_normal(6)
 
+def _moves_joint(course: Callable[[Dice, np.ndarray], np.ndarray]) -> Mutator:
+    """Another course (N,) of one joint, where there are joints."""
 
-def _along(r: Recording) -> np.ndarray:
-    """0 … 1 over the recording (N,)."""
-    return (r.t - r.t[0]) / max(float(np.ptp(r.t)), 1e-9)
+    def mutator(d: Dice) -> Recording:
+        name = d.pick(d.r.joints) if d.r.joints else ""
+        return with_columns(d.r, {name: course(d, d.r.columns[name])}) if name else d.r
 
+    return mutator
 
-def _centred(r: Recording) -> tuple[np.ndarray, np.ndarray]:
-    """Mean reading (6,) and readings about it (N, 6)."""
-    mean = r.wrench.mean(axis=0)
-    return mean, r.wrench - mean
 
+def _touch(d: Dice) -> np.ndarray:
+    force = d.some(0.05, 0.4)[:, None] * d.log(0.3, 60.0) * d.rng.standard_normal(3)
+    force = force * (1.0 + 0.2 * d.white(1))
+    return at_point(force, 0.1 * d.rng.standard_normal(3))
 
-def orientation(r: Recording) -> Rotation:
-    """Of the sensor in the base in each row."""
-    if all(c in r.columns for c in QUATERNION):
-        quaternion = np.stack([r.columns[c] for c in QUATERNION], axis=1)
-        return Rotation.from_quat(quaternion, scalar_first=True)
-    robot, q = robot_of(r), np.stack([r.columns[c] for c in r.joints], axis=1)
-    return Rotation.from_matrix(value(robot.sensor_pose(q, robot.parameters.nominal)[0]))
 
+def _joint_frozen(d: Dice) -> Recording:
+    name, at = d.pick(pose_columns(d.r)), int(d.rng.integers(len(d.r)))
+    return posed(d.r, stuck(d.r, [name], d.some(0.1, 1.0), at).columns)
 
-def _posed(r: Recording, columns: dict[str, np.ndarray]) -> Recording:
-    """With other joint columns, or of an orientation the quaternion of length 1 along them."""
-    if r.joints:
-        return _set(r, columns)
-    q = np.stack([columns.get(c, r.columns[c]) for c in QUATERNION])
-    return _set(r, dict(zip(QUATERNION, q / np.linalg.norm(q, axis=0), strict=True)))
 
+def _channel_dead(d: Dice) -> np.ndarray:
+    y, k = d.r.wrench.copy(), int(d.rng.integers(6))
+    y[:, k] = d.rng.choice([0.0, 1.0]) * d.noise[k] * d.white(1)[:, 0]
+    return y
 
-def mutator(make: Mutator) -> Mutator:
-    """Enter a mutation by its name."""
-    MUTATORS[make.__name__] = make
-    return make
 
+def _hum(d: Dice) -> np.ndarray:
+    wave = np.sin(2.0 * np.pi * d.log(0.05, 45.0) * d.r.t + d.rng.uniform(0.0, 6.3))
+    return wave[:, None] * d.size(0.5, 50.0)
 
-# ---- pushes, spikes, contacts -------------------------------------------------------------------
 
+def _hum_in_one_channel(d: Dice) -> np.ndarray:
+    wave = np.sin(2.0 * np.pi * d.log(1.0, 45.0) * d.r.t)[:, None] * d.channel()
+    return wave * d.log(0.5, 30.0) * d.noise
 
-@mutator
-def pose_pushed(r: Recording, rng: Random) -> Recording:
-    return _changed(r, _some_holds(r, rng, 0.0)[:, None] * _size(r, rng, 3.0, 3000.0))
 
+def _late(d: Dice) -> np.ndarray:
+    t, lag = d.r.t, d.log(0.01, 0.5)
+    return np.stack([np.interp(t - lag, t, x) for x in d.r.wrench.T], axis=1)
 
-@mutator
-def stretch_pushed(r: Recording, rng: Random) -> Recording:
-    return _changed(r, _some_holds(r, rng, rng.uniform(0.05, 0.5))[:, None] * _size(r, rng))
 
+def _filtered(d: Dice, y: np.ndarray) -> np.ndarray:
+    keep = float(d.rng.uniform(0.3, 0.98))
+    return np.asarray(lfilter([1.0 - keep], [1.0, -keep], y, axis=0, zi=(keep * y[:1]).copy())[0])
 
-@mutator
-def scattered_poses_pushed(r: Recording, rng: Random) -> Recording:
-    hold = _holds(r)
-    pushed = rng.random(hold.max() + 1) < rng.uniform(0.05, 0.4)
-    return _changed(r, pushed[hold][:, None] * _size(r, rng))
 
-
-@mutator
-def every_pose_pushed(r: Recording, rng: Random) -> Recording:
-    hold = _holds(r)
-    push = _log(rng, 0.3, 30.0) * _noise(r) * rng.standard_normal((hold.max() + 1, 6))
-    return _changed(r, push[hold])
-
-
-@mutator
-def touched_at_a_point(r: Recording, rng: Random) -> Recording:
-    rows = _some_holds(r, rng, rng.uniform(0.05, 0.4))[:, None]
-    force = rows * _log(rng, 0.3, 60.0) * rng.standard_normal(3)
-    force = force * (1.0 + 0.2 * rng.standard_normal((len(r), 1)))
-    return _changed(r, np.column_stack([force, np.cross(0.1 * rng.standard_normal(3), force)]))
-
-
-@mutator
-def spikes(r: Recording, rng: Random) -> Recording:
-    struck = rng.random((len(r), 6)) < _log(rng, 1.0 / len(r), 0.05)
-    return _changed(r, struck * _log(rng, 5.0, 1e4) * _noise(r) * rng.choice([-1.0, 1.0], 6))
-
-
-@mutator
-def one_row_far_off(r: Recording, rng: Random) -> Recording:
-    change = np.zeros((len(r), 6))
-    change[rng.integers(len(r))] = _size(r, rng, 100.0, 1e5)
-    return _changed(r, change)
-
-
-# ---- frozen, dead, swapped ----------------------------------------------------------------------
-
-
-@mutator
-def joint_frozen(r: Recording, rng: Random) -> Recording:
-    name = str(rng.choice(_joints(r)))
-    q = r.columns[name].copy()
-    q[_some_holds(r, rng, rng.uniform(0.1, 1.0))] = q[rng.integers(len(q))]
-    return _posed(r, {name: q})
-
-
-@mutator
-def all_joints_frozen(r: Recording, rng: Random) -> Recording:
-    rows, at = _some_holds(r, rng, rng.uniform(0.05, 0.7)), int(rng.integers(len(r)))
-    held = {n: np.where(rows, r.columns[n][at], r.columns[n]) for n in _joints(r)}
-    return _set(r, held)
-
-
-@mutator
-def channel_frozen(r: Recording, rng: Random) -> Recording:
-    y, k = r.wrench.copy(), _channel(rng)
-    rows = _some_holds(r, rng, rng.uniform(0.05, 0.9))
-    y[rows, k] = y[np.argmax(rows), k]
-    return _read(r, y)
-
-
-@mutator
-def all_channels_frozen(r: Recording, rng: Random) -> Recording:
-    rows = _some_holds(r, rng, rng.uniform(0.02, 0.6))
-    return _read(r, np.where(rows[:, None], r.wrench[np.argmax(rows)], r.wrench))
-
-
-@mutator
-def channel_dead(r: Recording, rng: Random) -> Recording:
-    y, k = r.wrench.copy(), _channel(rng)
-    y[:, k] = rng.choice([0.0, 1.0]) * _noise(r)[k] * rng.standard_normal(len(r))
-    return _read(r, y)
-
-
-@mutator
-def channels_swapped(r: Recording, rng: Random) -> Recording:
-    order = np.arange(6)
-    one, other = rng.choice(6, 2, replace=False)
-    order[[one, other]] = order[[other, one]]
-    return _read(r, r.wrench[:, order])
-
-
-@mutator
-def joints_swapped(r: Recording, rng: Random) -> Recording:
-    one, other = (str(n) for n in rng.choice(_joints(r), 2, replace=False))
-    return _set(r, {one: r.columns[other], other: r.columns[one]})
-
-
-@mutator
-def sign_flipped(r: Recording, rng: Random) -> Recording:
-    sign = np.ones(6)
-    sign[_channel(rng)] = -1.0
-    return _read(r, r.wrench * sign)
-
-
-@mutator
-def joint_sign_flipped(r: Recording, rng: Random) -> Recording:
-    name = str(rng.choice(_joints(r)))
-    return _set(r, {name: -r.columns[name]})
-
-
-@mutator
-def forces_in_kgf(r: Recording, rng: Random) -> Recording:
-    return _read(r, r.wrench / np.repeat([9.80665, 1.0], 3))
-
-
-@mutator
-def forces_in_lbf(r: Recording, rng: Random) -> Recording:
-    return _read(r, r.wrench / np.repeat([4.4482, rng.choice([1.0, 0.113])], 3))
-
-
-@mutator
-def torques_in_mm(r: Recording, rng: Random) -> Recording:
-    return _read(r, r.wrench * np.repeat([1.0, 1e3], 3))
-
-
-@mutator
-def joints_in_degrees(r: Recording, rng: Random) -> Recording:
-    return _set(r, {n: np.rad2deg(r.columns[n]) for n in r.joints})
-
-
-@mutator
-def wrench_in_base_axes(r: Recording, rng: Random) -> Recording:
-    turn = orientation(r)
-    return _read(r, np.hstack([turn.apply(x) for x in (r.wrench[:, :3], r.wrench[:, 3:])]))
-
-
-# ---- in time ------------------------------------------------------------------------------------
-
-
-@mutator
-def burst_alternating(r: Recording, rng: Random) -> Recording:
-    sign = np.where(np.arange(len(r)) % 2, 1.0, -1.0) * _some_holds(r, rng, rng.uniform(0.05, 0.6))
-    return _changed(r, sign[:, None] * _size(r, rng, 1.0, 100.0))
-
-
-@mutator
-def burst_of_noise(r: Recording, rng: Random) -> Recording:
-    rows = _some_holds(r, rng, rng.uniform(0.05, 0.6))[:, None]
-    return _changed(r, rows * _size(r, rng, 1.0, 100.0) * rng.standard_normal((len(r), 6)))
-
-
-@mutator
-def hum(r: Recording, rng: Random) -> Recording:
-    wave = np.sin(2.0 * np.pi * _log(rng, 0.05, 45.0) * r.t + rng.uniform(0.0, 6.3))
-    return _changed(r, wave[:, None] * _size(r, rng, 0.5, 50.0))
-
-
-@mutator
-def hum_in_one_channel(r: Recording, rng: Random) -> Recording:
-    change = np.zeros((len(r), 6))
-    change[:, _channel(rng)] = np.sin(2.0 * np.pi * _log(rng, 1.0, 45.0) * r.t)
-    return _changed(r, change * _log(rng, 0.5, 30.0) * _noise(r))
-
-
-@mutator
-def stepped(r: Recording, rng: Random) -> Recording:
-    return _changed(r, (_along(r) > rng.random())[:, None] * _size(r, rng))
-
-
-@mutator
-def steps_within_holds(r: Recording, rng: Random) -> Recording:
-    late = (np.arange(len(r)) % 7) < rng.integers(1, 7)
-    return _changed(r, late[:, None] * _size(r, rng, 0.5, 50.0))
-
-
-@mutator
-def drifted(r: Recording, rng: Random) -> Recording:
-    x = _along(r)[:, None]
-    course = x if rng.random() < 0.5 else 1.0 - np.exp(-x * _log(rng, 1.0, 30.0))
-    return _changed(r, course * _size(r, rng))
-
-
-@mutator
-def wandered(r: Recording, rng: Random) -> Recording:
-    walk = np.cumsum(rng.standard_normal((len(r), 6)), axis=0) / np.sqrt(len(r))
-    return _changed(r, walk * _size(r, rng))
-
-
-@mutator
-def delayed(r: Recording, rng: Random) -> Recording:
-    lag = _log(rng, 0.01, 0.5)
-    return _read(r, np.stack([np.interp(r.t - lag, r.t, x) for x in r.wrench.T], axis=1))
-
-
-@mutator
-def filtered(r: Recording, rng: Random) -> Recording:
-    keep, (mean, y) = float(rng.uniform(0.3, 0.98)), _centred(r)
-    start = (keep * y[:1]).copy()
-    return _read(r, mean + lfilter([1.0 - keep], [1.0, -keep], y, axis=0, zi=start)[0])
-
-
-@mutator
-def clock_scaled(r: Recording, rng: Random) -> Recording:
-    return _set(r, {"t": r.t * _log(rng, 0.1, 10.0)})
-
-
-@mutator
-def clock_jittered(r: Recording, rng: Random) -> Recording:
-    step = np.diff(r.t, prepend=r.t[0] - 0.01)
-    return _set(
-        r, {"t": np.cumsum(step * np.exp(rng.uniform(0, 0.7) * rng.standard_normal(len(r))))}
-    )
-
-
-@mutator
-def rows_repeated(r: Recording, rng: Random) -> Recording:
-    stale = rng.random(len(r)) < _log(rng, 0.01, 0.6)
+def _repeated(d: Dice) -> np.ndarray:
+    stale = d.rng.random(len(d.r)) < d.log(0.01, 0.6)
     stale[0] = False
-    at = np.maximum.accumulate(np.where(stale, 0, np.arange(len(r))))
-    return _read(r, r.wrench[at])
+    return d.r.wrench[np.maximum.accumulate(np.where(stale, 0, np.arange(len(d.r))))]
 
 
-@mutator
-def rows_of_a_channel_repeated(r: Recording, rng: Random) -> Recording:
-    y, k = rows_repeated(r, rng).wrench, _channel(rng)
-    return _set(r, {CHANNELS[k]: y[:, k]})
+def _channel_repeated(d: Dice) -> Recording:
+    y, k = _repeated(d), int(d.rng.integers(6))
+    return with_columns(d.r, {CHANNELS[k]: y[:, k]})
 
 
-@mutator
-def rows_dropped(r: Recording, rng: Random) -> Recording:
-    keep = rng.random(len(r)) > rng.uniform(0.01, 0.5)
+def _rows_dropped(d: Dice) -> Recording:
+    keep = d.rng.random(len(d.r)) > d.rng.uniform(0.01, 0.5)
     keep[[0, -1]] = True
-    return _rows(r, keep)
+    return with_rows(d.r, keep)
 
 
-# ---- noise and resolution -----------------------------------------------------------------------
+def _clock_jittered(d: Dice) -> Recording:
+    step = np.diff(d.r.t, prepend=d.r.t[0] - 0.01)
+    uneven = np.exp(d.rng.uniform(0, 0.7) * d.rng.standard_normal(len(d.r)))
+    return with_columns(d.r, {"t": np.cumsum(step * uneven)})
 
 
-@mutator
-def noise_louder(r: Recording, rng: Random) -> Recording:
-    more = _noise(r) * _log(rng, 0.3, 10.0) * rng.standard_normal((len(r), 6))
-    return _changed(r, more)
+def _clipped(d: Dice, y: np.ndarray) -> np.ndarray:
+    limit = np.quantile(np.abs(y), d.rng.uniform(0.3, 0.98), axis=0)
+    return np.clip(y, -limit, limit)
 
 
-@mutator
-def channel_louder(r: Recording, rng: Random) -> Recording:
-    more = _noise(r) * _log(rng, 0.3, 10.0) * rng.standard_normal((len(r), 6))
-    return _changed(r, more * (np.arange(6) == _channel(rng)))
+def _dead_zone(d: Dice, y: np.ndarray) -> np.ndarray:
+    zone = d.log(1e-3, 0.5) * np.abs(y).max(axis=0)
+    return np.sign(y) * np.maximum(np.abs(y) - zone, 0.0)
 
 
-@mutator
-def noise_stated_wrongly(r: Recording, rng: Random) -> Recording:
-    told = tuple(_noise(r) * _log(rng, 0.3, 3.0))
-    return _with(r, sensor=replace(r.metadata.sensor, noise_std=told))
-
-
-@mutator
-def tails_heavy(r: Recording, rng: Random) -> Recording:
-    return _changed(r, _noise(r) * rng.standard_t(rng.uniform(1.1, 4.0), (len(r), 6)))
-
-
-@mutator
-def noise_common(r: Recording, rng: Random) -> Recording:
-    return _changed(r, _size(r, rng, 0.3, 10.0) * rng.standard_normal((len(r), 1)))
-
-
-@mutator
-def quantised(r: Recording, rng: Random) -> Recording:
-    step = _noise(r) * _log(rng, 0.5, 30.0)
-    return _read(r, np.round(r.wrench / step) * step)
-
-
-@mutator
-def saturated(r: Recording, rng: Random) -> Recording:
-    mean, y = _centred(r)
-    limit = np.quantile(np.abs(y), rng.uniform(0.3, 0.98), axis=0)
-    return _read(r, mean + np.clip(y, -limit, limit))
-
-
-# ---- of the sensor, the load and the robot ------------------------------------------------------
-
-
-@mutator
-def gain_wrong(r: Recording, rng: Random) -> Recording:
-    return _read(r, r.wrench * (1.0 + _log(rng, 1e-3, 0.5) * rng.standard_normal(6)))
-
-
-@mutator
-def crosstalk(r: Recording, rng: Random) -> Recording:
-    std = _noise(r)
-    mixed = _log(rng, 1e-4, 0.1) * rng.standard_normal((6, 6)) * std[:, None] / std
-    return _changed(r, r.wrench @ mixed.T)
-
-
-@mutator
-def gain_curved(r: Recording, rng: Random) -> Recording:
-    mean, y = _centred(r)
-    top = np.abs(y).max(axis=0) + 1e-9
-    return _read(r, mean + y + _log(rng, 1e-3, 0.3) * y**2 / top * rng.choice([-1.0, 1.0], 6))
-
-
-@mutator
-def dead_zone(r: Recording, rng: Random) -> Recording:
-    mean, y = _centred(r)
-    zone = _log(rng, 1e-3, 0.5) * np.abs(y).max(axis=0)
-    return _read(r, mean + np.sign(y) * np.maximum(np.abs(y) - zone, 0.0))
-
-
-@mutator
-def hysteresis(r: Recording, rng: Random) -> Recording:
+def _hysteresis(d: Dice) -> np.ndarray:
     """A play between load and reading."""
-    y = r.wrench
-    width, held = _log(rng, 1e-3, 0.3) * np.abs(y - y.mean(axis=0)).max(axis=0), y.copy()
+    y = d.r.wrench
+    width, held = d.log(1e-3, 0.3) * np.abs(y - y.mean(axis=0)).max(axis=0), y.copy()
     for k in range(1, len(y)):
         held[k] = np.clip(held[k - 1], y[k] - width, y[k] + width)
-    return _read(r, held)
+    return held
 
 
-@mutator
-def bias_wrong(r: Recording, rng: Random) -> Recording:
-    return _changed(r, np.broadcast_to(_size(r, rng, 1.0, 1e3), (len(r), 6)))
+def _states(d: Dice, **tool: object) -> Recording:
+    return with_metadata(d.r, tool=replace(d.r.metadata.tool, **tool))
 
 
-@mutator
-def payload_leaking(r: Recording, rng: Random) -> Recording:
-    mean, y = _centred(r)
-    return _read(r, mean + y * (1.0 - _log(rng, 1e-3, 0.9) * _along(r))[:, None])
+def _joints_jittering(d: Dice) -> Recording:
+    hold, names = holds(d.r), pose_columns(d.r)
+    step = d.log(1e-4, 0.1) * d.rng.standard_normal((hold.max() + 1, len(names)))
+    return posed(d.r, {n: d.r.columns[n] + step[hold, k] for k, n in enumerate(names)})
 
 
-@mutator
-def another_tool_for_half(r: Recording, rng: Random) -> Recording:
-    mean, y = _centred(r)
-    more = 1.0 + _log(rng, 1e-3, 1.0) * (_along(r) > 0.5)
-    return _read(r, mean + y * more[:, None])
+def _poses_left_out(d: Dice) -> Recording:
+    hold = holds(d.r)
+    kept = d.rng.random(hold.max() + 1) > d.rng.uniform(0.05, 0.6)
+    return with_rows(d.r, kept[hold]) if kept[hold].sum() > 20 else d.r
 
 
-@mutator
-def gravity_turned(r: Recording, rng: Random) -> Recording:
-    tilt = _log(rng, 1e-4, 1.5) * rng.standard_normal(3)
-    return _with(r, gravity=tuple(Rotation.from_rotvec(tilt).apply([0.0, 0.0, -9.80665])))
-
-
-@mutator
-def gravity_of_another_place(r: Recording, rng: Random) -> Recording:
-    return _with(r, gravity=(0.0, 0.0, -float(rng.choice([1.62, 3.7, 9.78, 9.83, 20.0]))))
-
-
-@mutator
-def mass_stated_wrongly(r: Recording, rng: Random) -> Recording:
-    told = (r.metadata.tool.mass or 1.35) * _log(rng, 0.2, 5.0)
-    return _with(r, tool=replace(r.metadata.tool, mass=told))
-
-
-@mutator
-def cog_stated_wrongly(r: Recording, rng: Random) -> Recording:
-    told = np.array(r.metadata.tool.cog or (0.0, 0.0, 0.05))
-    moved = told + _log(rng, 1e-4, 0.1) * rng.standard_normal(3)
-    return _with(r, tool=replace(r.metadata.tool, cog=tuple(moved)))
-
-
-@mutator
-def joint_shifted(r: Recording, rng: Random) -> Recording:
-    if not r.joints:
-        return r
-    name = str(rng.choice(r.joints))
-    return _set(r, {name: r.columns[name] + _log(rng, 1e-4, 0.3) * rng.choice([-1.0, 1.0])})
-
-
-@mutator
-def joints_jittering(r: Recording, rng: Random) -> Recording:
-    hold = _holds(r)
-    step = _log(rng, 1e-4, 0.1) * rng.standard_normal((hold.max() + 1, len(_joints(r))))
-    moved = {n: r.columns[n] + step[hold, k] for k, n in enumerate(_joints(r))}
-    return _posed(r, moved)
-
-
-@mutator
-def joint_geared_wrongly(r: Recording, rng: Random) -> Recording:
-    if not r.joints:
-        return r
-    name = str(rng.choice(r.joints))
-    wave = np.sin(rng.integers(1, 20) * r.columns[name])
-    return _set(r, {name: r.columns[name] + _log(rng, 1e-4, 0.1) * wave})
-
-
-@mutator
-def cable_pulling(r: Recording, rng: Random) -> Recording:
-    angle = r.columns[str(rng.choice(_joints(r)))]
-    return _changed(r, np.sin(angle)[:, None] * _size(r, rng))
-
-
-@mutator
-def mounted_turned(r: Recording, rng: Random) -> Recording:
-    turn = Rotation.from_rotvec(_log(rng, 1e-3, 3.0) * rng.standard_normal(3))
-    return _read(r, np.hstack([turn.apply(x) for x in (r.wrench[:, :3], r.wrench[:, 3:])]))
-
-
-# ---- poses --------------------------------------------------------------------------------------
-
-
-def _reordered(r: Recording, order: np.ndarray) -> Recording:
-    """Readings of other holds: hold k gets those of hold ``order[k]``, as far as there are rows."""
-    hold = _holds(r)
-    begin = np.searchsorted(hold, np.arange(hold.max() + 1))
-    count = np.maximum(np.bincount(hold), 1)
-    place = np.arange(len(hold)) - begin[hold]
-    return _read(r, r.wrench[begin[order[hold]] + place % count[order[hold]]])
-
-
-@mutator
-def poses_shuffled(r: Recording, rng: Random) -> Recording:
-    return _reordered(r, rng.permutation(int(_holds(r).max()) + 1))
-
-
-@mutator
-def two_poses_exchanged(r: Recording, rng: Random) -> Recording:
-    order = np.arange(int(_holds(r).max()) + 1)
-    one, other = rng.choice(len(order), 2, replace=False)
-    order[[one, other]] = order[[other, one]]
-    return _reordered(r, order)
-
-
-@mutator
-def poses_one_late(r: Recording, rng: Random) -> Recording:
-    many = int(_holds(r).max()) + 1
-    return _reordered(r, np.maximum(np.arange(many) - 1, 0))
-
-
-@mutator
-def poses_left_out(r: Recording, rng: Random) -> Recording:
-    hold = _holds(r)
-    kept = rng.random(hold.max() + 1) > rng.uniform(0.05, 0.6)
-    return _rows(r, kept[hold]) if kept[hold].sum() > 20 else r
-
-
-@mutator
-def segments_lost(r: Recording, rng: Random) -> Recording:
-    return Recording(r.metadata, {k: v for k, v in r.columns.items() if k != "segment"}, r.name)
+MUTATORS: dict[str, Mutator] = {
+    "pose_pushed": adds(lambda d: run_of_holds(d.r, d.rng, 0.0)[:, None] * d.size(3.0, 3000.0)),
+    "stretch_pushed": adds(lambda d: d.push(0.05, 0.5)),
+    "scattered_poses_pushed": adds(
+        lambda d: (d.rng.random(d.poses) < d.rng.uniform(0.05, 0.4))[holds(d.r)][:, None] * d.size()
+    ),
+    "every_pose_pushed": adds(
+        lambda d: (d.log(0.3, 30.0) * d.noise * d.rng.standard_normal((d.poses, 6)))[holds(d.r)]
+    ),
+    "touched_at_a_point": adds(_touch),
+    "spikes": adds(
+        lambda d: (
+            (d.rng.random((len(d.r), 6)) < d.log(1.0 / len(d.r), 0.05))
+            * (d.log(5.0, 1e4) * d.noise * d.signs())
+        )
+    ),
+    "one_row_far_off": adds(
+        lambda d: (np.arange(len(d.r)) == d.rng.integers(len(d.r)))[:, None] * d.size(100.0, 1e5)
+    ),
+    "joint_frozen": _joint_frozen,
+    "all_joints_frozen": lambda d: stuck(
+        d.r, pose_columns(d.r), d.some(0.05, 0.7), int(d.rng.integers(len(d.r)))
+    ),
+    "channel_frozen": lambda d: stuck(d.r, [d.pick(CHANNELS)], d.some(0.05, 0.9)),
+    "all_channels_frozen": lambda d: stuck(d.r, CHANNELS, d.some(0.02, 0.6)),
+    "channel_dead": reads(_channel_dead),
+    "channels_swapped": lambda d: swapped(d.r, *d.rng.choice(CHANNELS, 2, replace=False)),
+    "joints_swapped": lambda d: swapped(d.r, *d.rng.choice(pose_columns(d.r), 2, replace=False)),
+    "sign_flipped": lambda d: opposite(d.r, [d.pick(CHANNELS)]),
+    "joint_sign_flipped": lambda d: opposite(d.r, [d.pick(pose_columns(d.r))]),
+    "forces_in_kgf": lambda d: scaled(d.r, 1.0 / 9.80665, 1.0),
+    "forces_in_lbf": lambda d: scaled(d.r, 1.0 / 4.4482, 1.0 / d.rng.choice([1.0, 0.113])),
+    "torques_in_mm": lambda d: scaled(d.r, 1.0, 1e3),
+    "joints_in_degrees": lambda d: in_degrees(d.r, d.r.joints),
+    "wrench_in_base_axes": reads(lambda d: turned(d.r.wrench, orientation(d.r))),
+    "burst_alternating": adds(
+        lambda d: (
+            np.where(np.arange(len(d.r)) % 2, 1.0, -1.0)[:, None] * d.push(0.05, 0.6, 1.0, 100.0)
+        )
+    ),
+    "burst_of_noise": adds(lambda d: d.push(0.05, 0.6, 1.0, 100.0) * d.white()),
+    "hum": adds(_hum),
+    "hum_in_one_channel": adds(_hum_in_one_channel),
+    "stepped": adds(lambda d: (d.along > d.rng.random()) * d.size()),
+    "steps_within_holds": adds(
+        lambda d: (np.arange(len(d.r)) % 7 < d.rng.integers(1, 7))[:, None] * d.size(0.5, 50.0)
+    ),
+    "drifted": adds(
+        lambda d: (
+            (d.along if d.rng.random() < 0.5 else 1.0 - np.exp(-d.along * d.log(1.0, 30.0)))
+            * d.size()
+        )
+    ),
+    "wandered": adds(lambda d: np.cumsum(d.white(), axis=0) / np.sqrt(len(d.r)) * d.size()),
+    "delayed": reads(_late),
+    "filtered": _bends(_filtered),
+    "clock_scaled": lambda d: with_columns(d.r, {"t": d.r.t * d.log(0.1, 10.0)}),
+    "clock_jittered": _clock_jittered,
+    "rows_repeated": reads(_repeated),
+    "rows_of_a_channel_repeated": _channel_repeated,
+    "rows_dropped": _rows_dropped,
+    "noise_louder": adds(lambda d: d.noise * d.log(0.3, 10.0) * d.white()),
+    "channel_louder": adds(lambda d: d.noise * d.log(0.3, 10.0) * d.white() * d.channel()),
+    "noise_stated_wrongly": lambda d: with_metadata(
+        d.r, sensor=replace(d.r.metadata.sensor, noise_std=tuple(d.noise * d.log(0.3, 3.0)))
+    ),
+    "tails_heavy": adds(
+        lambda d: d.noise * d.rng.standard_t(d.rng.uniform(1.1, 4.0), (len(d.r), 6))
+    ),
+    "noise_common": adds(lambda d: d.size(0.3, 10.0) * d.white(1)),
+    "quantised": reads(
+        lambda d: np.round(d.r.wrench / (step := d.noise * d.log(0.5, 30.0))) * step
+    ),
+    "saturated": _bends(_clipped),
+    "gain_wrong": reads(lambda d: d.r.wrench * (1.0 + d.log(1e-3, 0.5) * d.rng.standard_normal(6))),
+    "crosstalk": adds(
+        lambda d: (
+            d.r.wrench
+            / d.noise
+            @ (d.log(1e-4, 0.1) * d.rng.standard_normal((6, 6)) * d.noise[:, None]).T
+        )
+    ),
+    "gain_curved": _bends(
+        lambda d, y: y + d.log(1e-3, 0.3) * y**2 / (np.abs(y).max(axis=0) + 1e-9) * d.signs()
+    ),
+    "dead_zone": _bends(_dead_zone),
+    "hysteresis": reads(_hysteresis),
+    "bias_wrong": adds(lambda d: np.tile(d.size(1.0, 1e3), (len(d.r), 1))),
+    "payload_leaking": _bends(lambda d, y: y * (1.0 - d.log(1e-3, 0.9) * d.along)),
+    "another_tool_for_half": _bends(lambda d, y: y * (1.0 + d.log(1e-3, 1.0) * (d.along > 0.5))),
+    "gravity_turned": lambda d: with_metadata(
+        d.r,
+        gravity=tuple(
+            Rotation.from_rotvec(d.log(1e-4, 1.5) * d.rng.standard_normal(3)).apply(GRAVITY)
+        ),
+    ),
+    "gravity_of_another_place": lambda d: with_metadata(
+        d.r, gravity=(0.0, 0.0, -float(d.rng.choice([1.62, 3.7, 9.78, 9.83, 20.0])))
+    ),
+    "mass_stated_wrongly": lambda d: _states(
+        d, mass=(d.r.metadata.tool.mass or 1.35) * d.log(0.2, 5.0)
+    ),
+    "cog_stated_wrongly": lambda d: _states(
+        d,
+        cog=tuple(
+            np.array(d.r.metadata.tool.cog or (0.0, 0.0, 0.05))
+            + d.log(1e-4, 0.1) * d.rng.standard_normal(3)
+        ),
+    ),
+    "joint_shifted": _moves_joint(lambda d, q: q + d.log(1e-4, 0.3) * d.rng.choice([-1.0, 1.0])),
+    "joints_jittering": _joints_jittering,
+    "joint_geared_wrongly": _moves_joint(
+        lambda d, q: q + np.sin(d.rng.integers(1, 20) * q) * d.log(1e-4, 0.1)
+    ),
+    "cable_pulling": adds(
+        lambda d: np.sin(d.r.columns[d.pick(pose_columns(d.r))])[:, None] * d.size()
+    ),
+    "mounted_turned": reads(
+        lambda d: turned(
+            d.r.wrench, Rotation.from_rotvec(d.log(1e-3, 3.0) * d.rng.standard_normal(3))
+        )
+    ),
+    "poses_shuffled": lambda d: of_other_holds(d.r, d.rng.permutation(d.poses)),
+    "two_poses_exchanged": lambda d: of_other_holds(d.r, d.exchanged(d.poses)),
+    "poses_one_late": lambda d: of_other_holds(d.r, np.maximum(np.arange(d.poses) - 1, 0)),
+    "poses_left_out": _poses_left_out,
+    "segments_lost": lambda d: Recording(
+        d.r.metadata, {k: v for k, v in d.r.columns.items() if k != "segment"}, d.r.name
+    ),
+}
+"""Every mutation by its name."""
