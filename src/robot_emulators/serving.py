@@ -12,8 +12,8 @@ from robot_emulators.errors import SettingError
 from robot_emulators.plant import Plant, PlantMaker
 
 EMULATORS = {
-    "medrue": "robot_emulators.medrue:MedrueEmulator",
-    "netft": "robot_emulators.netft:NetftEmulator",
+    "medrue": "robot_emulators.medrue.server:MedrueEmulator",
+    "netft": "robot_emulators.netft_box.box:NetftEmulator",
     "ur5": "robot_emulators.ur.server:UREmulator",
 }
 """Name → module and class, imported on use."""

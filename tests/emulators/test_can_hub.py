@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from robot_emulators.base.arguments import read
 from robot_emulators.can_bus import socketcand as text
 from robot_emulators.can_bus.hub import Hub
-from robot_emulators.can_bus.wire import Frame
+from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.errors import EmulatorError, SettingError
 from robot_emulators.medrue.server import BusSettings
 from wrenchbed.errors import LinkError
@@ -234,7 +234,7 @@ def test_a_listener_that_fails_does_not_keep_frames_from_others():
 @pytest.mark.parametrize(
     "words, named",
     [({"nope": "1"}, "port:"), ({"base": "0x99"}, "base"), ({"nodes": "1,2,3"}, "six different"),
-     ({"wire": "yes"}, "on or off"), ({"watchdog": "0"}, "above 0"), ({"bus": "x"}, "virtual:")],
+     ({"watchdog": "0"}, "above 0"), ({"bus": "x"}, "virtual:")],
 )  # fmt: skip
 def test_settings_that_are_none(words, named):
     with pytest.raises(SettingError, match=named):

@@ -165,6 +165,12 @@ def test_profile_position_mode_goes_there_and_says_so():
     assert axis.command == 5000.0 and axis.statusword & 1 << 10
 
 
+def test_modelled_load_of_six_drives_and_the_sensor_by_hand():
+    worst = 55 + 305 + 6 * (115 + 135)
+    load = options.bus_load(250.0, 1_000_000, torque=True)
+    assert load == pytest.approx((worst * 250 + 7 * 10 * 65) / 1e6)
+
+
 def test_ids_that_collide_are_refused_with_the_remedy():
     with pytest.raises(ParameterError, match=r"0x201 is RPDO1 of node 1.*base 0x68"):
         CanOptions(base=0x20)

@@ -39,7 +39,7 @@ def refuses_by_code(bus):
         )
     assert bus.write(0x603F, 0, 1, 2) == 0x06010002
     assert bus.write(0x6060, 0, 8, 2) == 0x06070012
-    assert bus.write(0x605B, 0, 2, 2) == 0x06090031
+    assert bus.write(0x60C2, 2, 0, 1) == 0x06090031
     assert bus.write(0x6007, 0, 2, 2) == 0x06090030
 
 
@@ -135,14 +135,13 @@ def moves(bus):
         assert bus.control(word) & 0x1000  # taken
         bus.wait(1.0)
         assert bus.read(0x6062) == place and not bus.control(0x0F) & 0x1000
-    bus.control(0x06)
-    enabled(3)
-    bus.write(0x60FF, 0, 40_000, 4)
+    bus.write(0x607A, 0, -200_000, 4)
+    bus.control(0x1F)
+    bus.wait(0.2)
+    assert bus.read(0x606B) < 0
+    bus.control(0x11F)
     bus.wait(0.5)
-    assert bus.read(0x606B) == 40_000
-    bus.control(0x10F)
-    bus.wait(0.5)
-    assert bus.read(0x606B) == 0
+    assert bus.read(0x606B) == 0 and bus.read(0x6062) > -200_000
     bus.control(0x06)
     enabled(6)
     bus.write(0x6098, 0, 37, 1)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from medrue_bench import away, until
-from robot_emulators.medrue.plant import CYCLE_S
+from robot_emulators.medrue.server import CYCLE_S
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 from wrenchbed.plant.body import Body, BodyOptions
 from wrenchbed.plant.serving import EmulatorOptions, emulated

@@ -9,9 +9,8 @@ import pytest
 
 from netft_scene import boxed, plain
 from robot_emulators.base.arguments import read
-from robot_emulators.base.timeline import Timeline
 from robot_emulators.errors import EmulatorError, FaultError, SettingError
-from robot_emulators.netft_box import BoxSettings
+from robot_emulators.netft_box.sensing import BoxSettings, Timeline
 
 pytestmark = pytest.mark.wire
 
@@ -125,10 +124,9 @@ def test_what_a_fault_asks_for_is_checked():
 
 def test_a_taken_port_is_named():
     with boxed("127.0.3.32"):
-        with pytest.raises(EmulatorError, match="UDP port 127.0.3.32:49152"), boxed("127.0.3.32"):
-            pass
-        with pytest.raises(EmulatorError, match="TCP port"), boxed("127.0.3.32", rdt_port=49153):
-            pass
+        for settings, words in (({}, "UDP.*:49152"), ({"rdt_port": 49153}, "TCP.*:80")):
+            with pytest.raises(EmulatorError, match=words), boxed("127.0.3.32", **settings):
+                pass
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from netft_scene import StandIn
-from robot_emulators.base.faults import Faults, LinkFaults
-from robot_emulators.netft_box import BoxSettings
+from robot_emulators.base.faults import Faults
 from robot_emulators.netft_box.pages import Pages
 from robot_emulators.netft_box.rdt import Pace
-from robot_emulators.netft_box.sensing import Sensing
+from robot_emulators.netft_box.sensing import BoxSettings, Sensing
 from wrenchbed.hardware.transducers.netft import configuration
 
 FZ = 30.0
@@ -22,7 +21,7 @@ class Desk:
 
     def __init__(self, **settings) -> None:
         chosen = BoxSettings(**settings)
-        self.sensing = Sensing(StandIn(0.0), chosen, LinkFaults(Faults(), "rdt", {}))
+        self.sensing = Sensing(StandIn(0.0), chosen, Faults())
         self.pace = Pace(chosen.rate, chosen.buffer)
         self.pages = Pages(chosen, self.pace, self.sensing)
 
@@ -78,14 +77,6 @@ def test_a_zero_stays_the_same_load_in_other_units():
     desk.sensing.zero()
     desk.ask("/config.cgi?cfgid=0&cfgfu=1&cfgtu=2")
     assert np.abs(desk.sample()[0]).max() <= 2
-
-
-def test_network_settings_are_kept_and_shown():
-    desk = Desk()
-    desk.ask("/comm.cgi?comnetip=10.1.2.3&comnetdhcp=0&comnetmsk=nonsense")
-    shown = desk.fields()
-    assert (shown["comnetip"], shown["comnetdhcp"]) == ("10.1.2.3", "Enabled")
-    assert shown["comnetmsk"] == "255.255.255.0"
 
 
 def test_pages_for_people_show_the_settings():

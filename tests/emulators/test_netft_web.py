@@ -4,7 +4,7 @@ import socket
 
 import pytest
 
-from robot_emulators.base.faults import Faults, LinkFaults
+from robot_emulators.base.faults import Faults
 from robot_emulators.netft_box.web import Web
 
 HOST = "127.0.3.33"
@@ -19,7 +19,7 @@ def box():
         asked.append((target, body))
         return "200 OK", "text/html", "done"
 
-    web = Web((HOST, 0), answer, LinkFaults(Faults(), "http", {"unlisten": {}}))
+    web = Web((HOST, 0), answer, Faults())
     yield web.address, asked
     web.stop()
 

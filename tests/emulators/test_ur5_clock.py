@@ -71,7 +71,7 @@ def test_the_time_stamp_counts_lost_time_and_starts_anew(hands):
     stamp = Timestamp(body)
     assert stamp.now() == 0.0
     body.time = 5.0
-    stamp.lost(1.5)
+    stamp.jump(1.5)
     assert stamp.now() == pytest.approx(3.5)
     stamp.restart(hands.now + 0.4)
     body.time = 5.4

@@ -1,10 +1,9 @@
 """The UR5 emulator after its control box was power-cycled: nothing of a client survives."""
 
-import time
-
 import numpy as np
 import pytest
 
+from robot_emulators.base.faults import TimedFault
 from robot_emulators.ur.outputs import Outputs
 from robot_emulators.ur.tool_wrench import GRAVITY
 from ur5_bench import CYCLE, Bench
@@ -105,15 +104,13 @@ def test_the_arm_stays_where_it_is(bench):
 
 def test_what_was_denied_held_back_or_counted_is_not(monkeypatch):
     emulator = emulated("ur5", EmulatorOptions("127.0.1.34", noise="off", setting={"box": "off"}))
-    rtde, denials = emulator.rtde, emulator.rtde.offer.denials
-    denials.update(start=np.inf, inputs=np.inf, actual_q=np.inf)
-    rtde.freeze(float("inf"), {})
-    rtde.silent_until = rtde.held_until = float("inf")
+    kinds = ("refuse_start", "in_use", "freeze", "drop", "burst", "stall")
+    for kind in kinds:
+        emulator.faults.inject(TimedFault("rtde", kind))
     emulator._outputs.update(1.0, set())
     monkeypatch.setattr(emulator, "_wait", lambda: None)  # no cycle
     with emulator:
         emulator.soon(lambda: emulator.restart(0.0))
-    assert denials == {}
-    assert max(rtde.frozen_until, rtde.silent_until, rtde.held_until) < time.monotonic()
+    assert all(emulator.faults.now("rtde", kind) is None for kind in kinds)
     emulator._outputs.update(1.0, set())
     assert emulator.controller.values["control_step"] == (1,)

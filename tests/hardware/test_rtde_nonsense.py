@@ -119,7 +119,6 @@ def test_an_unknown_packet_stops_nothing_and_is_not_counted(bench, link):
     [
         ("rtde", "text", {}),
         ("rtde", "timestamp_jump", {"by": 30.0}),
-        ("rtde", "timestamp_scale", {"factor": 1.001, "seconds": 1.0}),
         ("script", "fin", {}),
         ("script", "stall", {"seconds": 1.0}),
         ("script", "unlisten", {"seconds": 1.0}),

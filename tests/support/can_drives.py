@@ -3,7 +3,7 @@
 import struct
 import threading
 
-from robot_emulators.can_bus.wire import Frame
+from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.medrue.drive import DriveEmulator
 from robot_emulators.medrue.profile import Ratings
 
@@ -237,7 +237,7 @@ DEFECTS = {
     "a fault is reset by a level": _patched(_control=_level_reset),
     "a lost heartbeat is not noticed": _NoConsumer,
     "synchronous RPDOs act at once": _NoSyncNeeded,
-    "halt does nothing in profile velocity mode": _without(0x100, 3),
+    "halt does nothing in profile position mode": _without(0x100, 1),
     "relative set-points are absolute": _without(0x40, 1),
     "homing is never attained": _NoHome,
     "the shown mode is always 8": _ShowsCyclic,

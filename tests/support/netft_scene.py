@@ -10,7 +10,8 @@ import numpy as np
 
 import wrenchbed as wb
 from robot_emulators.base.faults import Faults, TimedFault
-from robot_emulators.netft_box import Box, BoxSettings
+from robot_emulators.netft_box.box import Box
+from robot_emulators.netft_box.sensing import BoxSettings
 from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
 
 

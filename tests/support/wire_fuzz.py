@@ -77,9 +77,9 @@ def http_server() -> tuple[Target, list[bytes]]:
     """Targets and bodies of web requests on their way to the box."""
     import numpy as np
 
-    from robot_emulators.netft_box import BoxSettings
     from robot_emulators.netft_box.pages import Pages
     from robot_emulators.netft_box.rdt import Pace
+    from robot_emulators.netft_box.sensing import BoxSettings
 
     bias = np.zeros(6)
     sensing = SimpleNamespace(

@@ -44,6 +44,11 @@ class TimedFault:
     seconds: float = 0.0
     values: Mapping[str, Any] = field(default_factory=dict)
 
+    @property
+    def end(self) -> float:
+        """When it ends, begun now, on `time.monotonic` [s]; without a duration never."""
+        return time.monotonic() + self.seconds if self.seconds else float("inf")
+
 
 def read(path: str | Path) -> tuple[TimedFault, ...]:
     """Read a script, sorted by time.
@@ -85,24 +90,29 @@ def parse(raw: Any, where: str) -> TimedFault:
 
 
 class Faults:
-    """The faults that an emulator's links can have, and when they begin.
+    """The faults that an emulator's links can have, and those under way.
 
-    Handlers are called from a thread of this object; they must return at once.
+    Handlers are called from a thread of this object; they must return at once. A fault that is
+    injected again starts anew.
     """
 
     def __init__(self) -> None:
-        self._handlers: dict[tuple[str, str], Handler] = {}
+        self._handlers: dict[tuple[str, str], Handler | None] = {}
         self._arguments: dict[tuple[str, str], Mapping[str, Argument]] = {}
+        self._active: dict[tuple[str, str], tuple[float, Mapping[str, Any]]] = {}
         self._stopped = threading.Event()
 
     def on(
         self,
         link: str,
         kind: str,
-        handler: Handler,
+        handler: Handler | None = None,
         arguments: Mapping[str, Argument] | None = None,
     ) -> None:
-        """Register a kind of fault of a link, with its further arguments by name."""
+        """Register a kind of fault of a link, with its further arguments by name.
+
+        Without a handler the fault lasts, and `now` shows it.
+        """
         self._handlers[link, kind] = handler
         self._arguments[link, kind] = arguments or {}
 
@@ -111,6 +121,23 @@ class Faults:
         """All (link, kind), sorted."""
         return tuple(sorted(self._handlers))
 
+    def now(self, link: str, kind: str) -> Mapping[str, Any] | None:
+        """Values of a lasting fault that is under way, else None."""
+        end, values = self._active.get((link, kind), (0.0, {}))
+        if time.monotonic() < end:
+            return values
+        self._active.pop((link, kind), None)
+        return None
+
+    def any(self, link: str) -> bool:
+        """Whether a lasting fault of a link is under way, or was until a moment ago."""
+        return any(key[0] == link for key in list(self._active))
+
+    def clear(self, link: str) -> None:
+        """End the lasting faults of a link."""
+        for key in [key for key in list(self._active) if key[0] == link]:
+            self._active.pop(key, None)
+
     def check(self, faults: Iterable[TimedFault], where: str) -> None:
         """Refuse faults that no link knows, and values that their kind does not take.
 
@@ -118,12 +145,11 @@ class Faults:
             FaultError: lists what exists, or names the value.
         """
         for fault in faults:
-            if (fault.link, fault.kind) not in self._handlers:
+            name = f"{fault.link} {fault.kind}"
+            arguments = self._arguments.get((fault.link, fault.kind))
+            if arguments is None:
                 known = ", ".join(f"{link} {kind}" for link, kind in self.known)
-                raise FaultError(
-                    f"{where}: there is no fault {fault.link} {fault.kind}. Known: {known}"
-                )
-            arguments, name = self._arguments[fault.link, fault.kind], f"{fault.link} {fault.kind}"
+                raise FaultError(f"{where}: there is no fault {name}. Known: {known}")
             for key in fault.values:
                 if key not in arguments:
                     known = ", ".join(["at", "seconds", *arguments])
@@ -138,7 +164,11 @@ class Faults:
         self.check([fault], "fault")
         key = fault.link, fault.kind
         defaults = {name: argument.default for name, argument in self._arguments[key].items()}
-        self._handlers[key](replace(fault, values=defaults | dict(fault.values)))
+        values, handler = defaults | dict(fault.values), self._handlers[key]
+        if handler is None:
+            self._active[key] = fault.end, values
+        else:
+            handler(replace(fault, values=values))
 
     def start(self, script: tuple[TimedFault, ...], where: str = "faults") -> None:
         """Run a script from now on, in a thread.
@@ -178,49 +208,6 @@ class Faults:
                 answer(f"refused: {error}")
             else:
                 answer("done")
-
-
-class LinkFaults:
-    """Faults of one link that last for a while; a kind that is injected again starts anew.
-
-    Args:
-        faults: where they are registered.
-        link: name of the link.
-        kinds: kind → its arguments by name.
-    """
-
-    def __init__(
-        self, faults: Faults, link: str, kinds: Mapping[str, Mapping[str, Argument]]
-    ) -> None:
-        self._active: dict[str, tuple[float, Mapping[str, float]]] = {}
-        self._at_once: dict[str, Callable[[TimedFault], None]] = {}
-        for kind, arguments in kinds.items():
-            faults.on(link, kind, self._begin, arguments)
-
-    def at_once(self, kind: str, act: Callable[[TimedFault], None]) -> None:
-        """Also call ``act`` when a kind begins; it must return at once."""
-        self._at_once[kind] = act
-
-    def now(self, kind: str) -> Mapping[str, float] | None:
-        """Values of a kind that is under way, else None."""
-        entry = self._active.get(kind)
-        if entry is None:
-            return None
-        if time.monotonic() >= entry[0]:
-            self._active.pop(kind, None)
-            return None
-        return entry[1]
-
-    @property
-    def any(self) -> bool:
-        """Whether anything is under way, or was until a moment ago."""
-        return bool(self._active)
-
-    def _begin(self, fault: TimedFault) -> None:
-        if act := self._at_once.get(fault.kind):
-            act(fault)
-        end = time.monotonic() + fault.seconds if fault.seconds else float("inf")
-        self._active[fault.kind] = (end, fault.values)
 
 
 def _object(line: str) -> Any:

@@ -1,9 +1,8 @@
 """The bus as a server: clients over TCP and devices of this process hear each other's frames.
 
-One thread does everything. A device's callback runs in it and must return at once. Without the
-wire model frames pass at once and in the order of arrival. An exception of a device or an order is
-reported and the bus goes on. An error of the hub itself is reported too; it closes the port and
-every connection.
+One thread does everything. A device's callback runs in it and must return at once. Frames pass at
+once and in the order of arrival. An exception of a device or an order is reported and the bus goes
+on. An error of the hub itself is reported too; it closes the port and every connection.
 """
 
 import asyncio
@@ -18,23 +17,19 @@ from robot_emulators.can_bus.socketcand import (
     BUS_ERROR,
     BUS_OFF,
     Command,
+    Frame,
     error_text,
     frame_of,
     frame_text,
     split,
 )
-from robot_emulators.can_bus.wire import BusArbiter, Frame, Sent
-from robot_emulators.errors import EmulatorWarning
+from robot_emulators.errors import EmulatorError, EmulatorWarning
 
-DEFAULT_PORT = 29536
 CLIENTS = 16
 """Most clients at a time."""
 BUFFER = 256 * 1024
 """Bytes that wait for a client at most, half a second of a full bus of 1 Mbit/s; one that is slower
 is disconnected."""
-NOBODY = 0
-"""Sender of traffic that occupies the wire while everybody's acceptance filter drops it."""
-_FOREIGN = Frame(0x001, bytes(range(8)))
 _POSTED = 4096
 """Most frames on their way into the hub's thread; older ones are lost."""
 _KERNEL = 64 * 1024
@@ -43,7 +38,7 @@ _QUIET_S = 0.1
 read that answer by itself."""
 
 Heard = Callable[[float, Frame], None]
-"""Called with the time at which a frame was complete (`time.monotonic`) and the frame."""
+"""Called with the time at which a frame came (`time.monotonic`) and the frame."""
 
 
 class Device:
@@ -65,29 +60,6 @@ class Device:
         self.ids = ids
 
 
-class Foreign:
-    """Frames of a very low id that use a part of the wire for some time."""
-
-    def __init__(self) -> None:
-        self.interval = 1e-3
-        self._until = self._next = 0.0
-
-    def start(self, now: float, seconds: float, ratio: float, bitrate: int) -> None:
-        """Use a part of the wire (0 … 1) from now on [s]."""
-        self.interval = _FOREIGN.bits / (bitrate * ratio)
-        self._until, self._next = now + seconds, now
-
-    def active(self, now: float) -> bool:
-        """Whether they are sent at a time [s]."""
-        return now < self._until
-
-    def offer(self, now: float, wire: BusArbiter) -> None:
-        """Hand the wire what they have sent by now [s]."""
-        while self.active(now) and self._next <= now:
-            wire.offer(self._next, NOBODY, _FOREIGN)
-            self._next += self.interval
-
-
 class Hub:
     """A CAN bus at ``host:port``.
 
@@ -95,34 +67,27 @@ class Hub:
         host: address of this machine to bind to.
         port: 0 for any.
         channel: name that clients open.
-        bitrate: of the wire model [bit/s].
-        modelled: whether frames take the time that their bits take.
         failed: called, besides a warning, with every exception of a device, an order or the bus.
     """
 
     def __init__(
         self,
         host: str,
-        port: int = DEFAULT_PORT,
+        port: int = 29536,
         channel: str = "can0",
-        bitrate: int = 1_000_000,
-        modelled: bool = False,
         failed: Callable[[Exception], None] = lambda error: None,
     ) -> None:
         self.host, self.port, self.channel = host, port, channel
-        self.wire, self.foreign = BusArbiter(bitrate), Foreign()
         self.stalled: Callable[[], bool] = lambda: False
         """Whether frames are lost now."""
         self.counters: Counter[str] = Counter()
-        self._modelled, self._failed = modelled, failed
+        self._failed = failed
         self._devices: dict[int, Device] = {}
         self._clients: dict[int, Client] = {}
         self._posted: deque[tuple[int, Frame]] = deque(maxlen=_POSTED)
         self._numbers = 0
-        self._next: Sent | None = None
         self._thread = LoopThread("can hub", self._break_down)
-        self._listener = Listener(self._thread, self._client)
-        self._timer: asyncio.TimerHandle | None = None
+        self._listener = Listener(self._thread, lambda: Client(self._number(), self))
 
     def attach(self, heard: Heard | None = None, ids: frozenset[int] | None = None) -> Device:
         """Add a device of this process; see `Device`."""
@@ -187,7 +152,6 @@ class Hub:
             if client.spoke:
                 client.say(error_text(time.time(), BUS_ERROR) + error_text(time.time(), BUS_OFF))
                 client.off_until = until
-                self.wire.forget(client.number)
 
     def joined(self, client: "Client") -> bool:
         """Take a new client; False where there are too many."""
@@ -197,9 +161,8 @@ class Hub:
         return True
 
     def gone(self, client: "Client") -> None:
-        """Forget a client and what it had waiting."""
+        """Forget a client."""
         self._clients.pop(client.number, None)
-        self.wire.forget(client.number)
 
     def hear(self, client: "Client", commands: list[Command], rubbish: int) -> None:
         """Take what a client sent: commands, and how many pieces were none."""
@@ -216,9 +179,6 @@ class Hub:
             else:
                 client.obey(command)
         self._pass_on()
-
-    def _client(self) -> "Client":
-        return Client(self._number(), self)
 
     def _number(self) -> int:
         self._numbers += 1
@@ -239,64 +199,21 @@ class Hub:
         self.hang_up()
 
     def _pass_on(self) -> None:
-        """Move frames from senders to the wire and on to those who hear them, up to now."""
-        while True:
-            moved = bool(self._posted)
-            while self._posted:
-                self._take(*self._posted.popleft())
-            now = time.monotonic()
-            self.foreign.offer(now, self.wire)
-            if not self._advance(now) and not moved:
-                break
+        """Move frames, also those that devices send in answer, to those who hear them."""
+        while self._posted:
+            sender, frame = self._posted.popleft()
+            if self.stalled():
+                self.counters["lost in stall"] += 1
+            else:
+                self._deliver(sender, frame)
         for client in self._clients.values():
             if not client.flush():
                 self.counters["slow clients"] += 1
                 client.close()
-        self._wait()
 
-    def _wait(self) -> None:
-        """Come back when the wire will have moved."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-        now = time.monotonic()
-        due = self.wire.due() if self._next is None else self._next.end
-        waits = [due] if due is not None else []
-        if self.foreign.active(now):
-            waits.append(now + self.foreign.interval)
-        if waits:
-            self._timer = self._thread.loop.call_at(min(waits), self._pass_on)
-
-    def _take(self, sender: int, frame: Frame) -> None:
-        now = time.monotonic()
-        if self.stalled():
-            self.counters["lost in stall"] += 1
-        elif self._modelled or self._contended(now):
-            self.wire.offer(now, sender, frame)
-        else:
-            self._deliver(now, sender, frame)
-
-    def _contended(self, now: float) -> bool:
-        """Whether the wire model decides when a frame passes, also while it is not asked for."""
-        waits = self._next is not None or self.wire.due() is not None
-        return waits or self.wire.spoiling or self.foreign.active(now)
-
-    def _advance(self, now: float) -> bool:
-        if self._next is None:
-            self._next = self.wire.transmit(now)
-        if self._next is None or self._next.end > now:
-            return False
-        sent, self._next = self._next, None
-        if sent.spoiled:
-            self.say(error_text(time.time(), BUS_ERROR))
-        else:
-            self._deliver(sent.end, sent.sender, sent.frame)
-        return True
-
-    def _deliver(self, t: float, sender: int, frame: Frame) -> None:
+    def _deliver(self, sender: int, frame: Frame) -> None:
         self.counters["frames"] += 1
-        if sender == NOBODY:
-            return
+        t = time.monotonic()
         for number, device in self._devices.items():
             if device.heard is None or number == sender:
                 continue
@@ -390,3 +307,46 @@ class Client(Connection):
             self.transport.write(bytes(self._out))
         self._out.clear()
         return self.closed or self.waiting + len(self._held) <= BUFFER
+
+
+class Bridge:
+    """Passes frames between a hub and a bus of python-can until it is stopped.
+
+    Args:
+        hub: with its devices.
+        interface: ``virtual`` (in this process) or ``socketcan``.
+        channel: name of the bus.
+
+    Raises:
+        EmulatorError: python-can is not installed, or there is no such bus.
+    """
+
+    def __init__(self, hub: Hub, interface: str, channel: str) -> None:
+        try:
+            import can
+        except ImportError as error:
+            raise EmulatorError("bus: install python-can: pip install python-can") from error
+        try:
+            bus = can.Bus(interface=interface, channel=channel)
+        except (OSError, can.CanError, ValueError, NotImplementedError) as error:
+            raise EmulatorError(f"cannot open {interface}:{channel}: {error}") from error
+
+        def to_bus(_: float, frame: Frame) -> None:
+            can_id, data, extended, remote = frame
+            with contextlib.suppress(OSError, can.CanError):
+                bus.send(can.Message(0.0, can_id, extended, remote, data=data), timeout=0.0)
+
+        def to_hub(message: can.Message) -> None:
+            can_id, data = message.arbitration_id, bytes(message.data)
+            if not message.is_error_frame:
+                device.send(Frame(can_id, data, message.is_extended_id, message.is_remote_frame))
+
+        self._bus, self._device = bus, hub.attach(to_bus)
+        device = self._device
+        self._notifier = can.Notifier(bus, [to_hub], timeout=0.1)
+
+    def stop(self) -> None:
+        """Leave the bus; may be called twice."""
+        self._device.heard = None
+        self._notifier.stop()
+        self._bus.shutdown()

@@ -1,4 +1,4 @@
-"""socketcand's text protocol, as its server speaks it.
+"""Frames, and socketcand's text protocol as its server speaks it.
 
 Commands and answers are enclosed in ``<`` and ``>``, with single spaces between words. Ids and data
 are hexadecimal: three digits for an 11-bit id, eight for one of 29 bits.
@@ -7,12 +7,19 @@ Source: doc/protocol.md of linux-can/socketcand.
 
 from typing import NamedTuple
 
-from robot_emulators.can_bus.wire import Frame
-
 LONGEST = 256
 """Longest command that is waited for [byte]; a frame of 8 bytes with a 29-bit id has 46."""
 BUS_ERROR, BUS_OFF = 0x80, 0x40
 """Classes of error frames: a frame was destroyed; the sender is off the bus."""
+
+
+class Frame(NamedTuple):
+    """A frame: id, data, whether the id has 29 bits, and whether it only asks for data."""
+
+    can_id: int
+    data: bytes
+    extended: bool = False
+    remote: bool = False
 
 
 class Command(NamedTuple):
@@ -32,19 +39,13 @@ def split(buffer: bytes) -> tuple[list[Command], bytes, int]:
             return commands, b"", rubbish + bool(buffer.strip())
         rubbish += bool(buffer[:start].strip())
         end = buffer.find(b">", start)
-        if end < 0:
-            rest = buffer[start:]
-            return (
-                (commands, rest, rubbish) if len(rest) <= LONGEST else (commands, b"", rubbish + 1)
-            )
-        words = buffer[start + 1 : end].split()
-        buffer = buffer[end + 1 :]
-        try:
-            texts = tuple(word.decode("ascii") for word in words)
-        except UnicodeDecodeError:
-            texts = ()
-        if texts:
-            commands.append(Command(texts[0], texts[1:]))
+        if end < 0 and len(buffer) - start <= LONGEST:
+            return commands, buffer[start:], rubbish
+        text = buffer[start + 1 : end]
+        buffer = buffer[end + 1 :] if end >= 0 else b""
+        if end >= 0 and text.isascii() and text.split():
+            verb, *words = text.decode("ascii").split()
+            commands.append(Command(verb, tuple(words)))
         else:
             rubbish += 1
 
@@ -59,11 +60,8 @@ def frame_of(words: tuple[str, ...]) -> Frame | None:
     except ValueError:
         return None
     extended = len(words[0]) == 8
-    if can_id < 0 or can_id > (0x1FFFFFFF if extended else 0x7FF):
-        return None
-    if not 0 <= length <= 8 or len(data) != length:
-        return None
-    return Frame(can_id, data, extended)
+    known = 0 <= can_id <= (0x1FFFFFFF if extended else 0x7FF)
+    return Frame(can_id, data, extended) if known and len(data) == length <= 8 else None
 
 
 def frame_text(frame: Frame, t: float) -> bytes:

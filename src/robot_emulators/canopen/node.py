@@ -9,7 +9,7 @@ import struct
 import threading
 from collections.abc import Callable, Sequence
 
-from robot_emulators.can_bus.wire import Frame
+from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects
 from robot_emulators.canopen.pdo import INHIBIT_S, Pdo, check_free
 from robot_emulators.canopen.sdo import SdoServer

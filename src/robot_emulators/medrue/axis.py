@@ -6,21 +6,19 @@ automaton of the power drive system.
 """
 
 import enum
-import math
 
-from robot_emulators.medrue.interpolation import Interpolation
-from robot_emulators.medrue.motion import METHODS, MotionSettings, SetPoint, SetPoints, Timer
+from robot_emulators.medrue.motion import METHODS, Interpolation, MotionSettings, SetPoint
 
 FOLLOWING_ERROR = 0x8611
 RPDO_TIMEOUT = 0x8250
 SYNC_ERROR = 0x8700
 """Error codes; source: CiA 402."""
-PROFILE, VELOCITY, HOMING, CYCLIC = 1, 3, 6, 8
+PROFILE, HOMING, CYCLIC = 1, 6, 8
 """Modes of operation (0x6060); source: CiA 402."""
 _VOLTAGE, _WARNING, _REMOTE = 1 << 4, 1 << 7, 1 << 9
 _REACHED, _LIMITED, _BIT12, _BIT13 = 1 << 10, 1 << 11, 1 << 12, 1 << 13
 """Bits of the statusword."""
-_START, _AT_ONCE, _RELATIVE, _HALT = 1 << 4, 1 << 5, 1 << 6, 1 << 8
+_START, _RELATIVE, _HALT = 1 << 4, 1 << 6, 1 << 8
 """Bits of the controlword."""
 _LIMIT_MARGIN = 1
 """How far a target may be beyond a limit by rounding [count]."""
@@ -28,8 +26,6 @@ _STAYS = 5
 """Options of 0x605A from here on stay in QUICK STOP ACTIVE."""
 _SLOW_STOPS = (1, 5)
 """Options of 0x605A that stop on the profile's deceleration."""
-_HALT_QUICKLY = 2
-"""Option of 0x605D that stops on the quick-stop deceleration."""
 
 
 class AxisState(enum.Enum):
@@ -103,18 +99,14 @@ class Axis:
         self.code = 0
         self.raised: list[int] = []
         """Error codes that were not reported yet; 0: the error is gone."""
-        self._target_speed = 0.0
         self.shift = 0.0
         """Position of the plant at which the axis counts 0 [count]."""
         self._point = SetPoint(position)
-        self._points = SetPoints()
+        self._goal: float | None = None
         self._homed = self._homing_failed = False
         self._word = 0
-        self._stopping: AxisState | None = None
         self._path = Interpolation()
-        self._limited = self._acknowledged = False
-        self._reached = self._still = True
-        self._near, self._slow, self._far = Timer(), Timer(), Timer()
+        self._limited = False
 
     @property
     def command(self) -> float:
@@ -140,18 +132,16 @@ class Axis:
 
     def _mode_bits(self) -> int:
         """Bits 10, 12 and 13, whose meaning depends on the mode."""
-        halted = bool(self._word & _HALT) and self._still
+        still = not self._point.speed
         if self.set.mode == HOMING:
             bits = _BIT12 * self._homed | _BIT13 * self._homing_failed
-            return bits | _REACHED * self._still
+            return bits | _REACHED * still
         if not self.driven:
             return 0
         if self.set.mode == PROFILE:
-            reached = halted if self._word & _HALT else self._reached
-            return _REACHED * reached | _BIT12 * self._acknowledged
-        if self.set.mode == VELOCITY:
-            reached = halted if self._word & _HALT else self._reached
-            return _REACHED * reached | _BIT12 * self._still
+            near = abs(self.command - self.actual) <= self.set.position_window
+            reached = still if self._word & _HALT else self._goal is None and near
+            return _REACHED * reached | _BIT12 * bool(self._word & _START)
         return _BIT12
 
     @property
@@ -179,10 +169,6 @@ class Axis:
             after = after if self.set.quick_option >= _STAYS and not self.code else None
         if after is not None:
             self._change(after)
-        elif wanted is Command.ENABLE:
-            self._stopping = None
-        if self.driven and self.set.mode == PROFILE and not word & _START:
-            self._acknowledged = self._points.next is not None
         if self.driven and self.set.mode == HOMING and rising & _START:
             self._homed = self.set.homing_method in METHODS
             self._homing_failed = not self._homed
@@ -190,20 +176,15 @@ class Axis:
                 self._count_anew()
 
     def new_goal(self, target: float) -> None:
-        """A set-point of profile position mode, at the rising edge of controlword's bit 4."""
+        """A set-point of profile position mode, at the rising edge of controlword's bit 4.
+
+        It takes the place of the one that is followed.
+        """
         if not self.driven or self.set.mode != PROFILE:
             return
         if self._word & _RELATIVE:
-            last = self._points.last
-            target += self.command if last is None else last
-        if self._points.take(self._within(target), bool(self._word & _AT_ONCE)):
-            self._acknowledged, self._reached = True, False
-
-    def aim(self, speed: float) -> None:
-        """Take a target velocity (0x60FF) [count/s]."""
-        if speed != self._target_speed:
-            self._reached = False
-        self._target_speed = speed
+            target += self.command if self._goal is None else self._goal
+        self._goal = self._within(target)
 
     def sync(self, t: float, target: float, period: float) -> None:
         """Take a target of cyclic synchronous position mode, to be reached in a period [s]."""
@@ -218,22 +199,19 @@ class Axis:
     def advance(self, t: float, seconds: float, plant: float) -> float:
         """Where the servo shall be at t, some time later [s]; ``plant`` is where it is [count]."""
         self.actual = plant - self.shift
-        if self.driven and self._stopping is None:
+        if self.driven:
             self._follow(t, seconds)
-            self._watch(seconds)
+            if abs(self.command - self.actual) > self.set.following_window:
+                self.fault(FOLLOWING_ERROR)
         else:
             self._come_to_rest(seconds)
-        self._still = self._slow.held(
-            abs(self._point.speed) <= self.set.still_speed, self.set.still_s, seconds
-        )
         return self.command + self.shift
 
     def fault(self, code: int) -> None:
         """Go to FAULT with an error code (0x603F), through FAULT REACTION ACTIVE while it moves."""
         if self.state not in (AxisState.FAULT, AxisState.REACTING):
             self._forget()
-            moves = self._point.speed != 0.0 and self.set.fault_option != 0
-            self.state = AxisState.REACTING if moves else AxisState.FAULT
+            self.state = AxisState.REACTING if self._point.speed else AxisState.FAULT
         self.code = code
         self.raised.append(code)
 
@@ -250,15 +228,7 @@ class Axis:
         self.code = 0
 
     def _change(self, state: AxisState) -> None:
-        """Make a transition, after a ramp where an option asks for one."""
-        ramp = {
-            AxisState.READY: self.set.shutdown_option,
-            AxisState.SWITCHED_ON: self.set.disable_option,
-        }
-        if self.driven and ramp.get(state, 0) and self._point.speed:
-            self._forget()
-            self._stopping = state
-            return
+        """Make a transition."""
         if state is AxisState.ENABLED and not self._point.speed:
             self._point = SetPoint(self.actual)
         stopped = self.state is AxisState.QUICK_STOP and state is AxisState.DISABLED
@@ -268,10 +238,8 @@ class Axis:
         self.state = state
 
     def _forget(self) -> None:
-        self._stopping = None
         self._path.clear()
-        self._points.clear()
-        self._acknowledged, self._reached, self._limited = False, True, False
+        self._goal, self._limited = None, False
 
     def _within(self, target: float) -> float:
         inside = min(max(target, self.set.lower), self.set.upper)
@@ -281,40 +249,17 @@ class Axis:
     def _follow(self, t: float, seconds: float) -> None:
         """The set-point of an enabled axis after some time."""
         settings, point = self.set, self._point
-        if settings.mode == CYCLIC:
-            self._interpolate(t, seconds)
-        elif self._word & _HALT:
-            quick = settings.halt_option == _HALT_QUICKLY
-            self._brake(settings.quick_stop if quick else settings.deceleration, seconds)
-        elif settings.mode == VELOCITY:
-            self._velocity(seconds)
-        elif settings.mode == PROFILE and self._points.goal is not None:
-            goal, top = self._points.goal, settings.speed
+        if settings.mode == CYCLIC and self._path.known:
+            wanted = self._path.at(t)
+            point.speed = (wanted - point.position) / seconds
+            point.position = wanted
+        elif settings.mode == PROFILE and self._goal is not None and not self._word & _HALT:
             rates = settings.acceleration, settings.deceleration
-            if point.to_position(goal, top, *rates, seconds):
-                self._points.arrived()
-                if not self._word & _START:
-                    self._acknowledged = False
+            if point.to_position(self._goal, settings.speed, *rates, seconds):
+                self._goal = None
         else:
-            self._brake(settings.deceleration, seconds)
-
-    def _interpolate(self, t: float, seconds: float) -> None:
-        if not self._path.known:
-            self._brake(self.set.quick_stop, seconds)
-            return
-        wanted = self._path.at(t)
-        self._point.speed = (wanted - self._point.position) / seconds
-        self._point.position = wanted
-
-    def _velocity(self, seconds: float) -> None:
-        settings, point = self.set, self._point
-        wanted = min(max(self._target_speed, -settings.top_speed), settings.top_speed)
-        way = (settings.upper if wanted > 0.0 else settings.lower) - point.position
-        room = max(0.0, math.copysign(1.0, wanted) * way)
-        most = math.sqrt(2.0 * settings.deceleration * room)
-        self._limited = abs(self._target_speed) > min(most, settings.top_speed)
-        wanted = math.copysign(min(abs(wanted), most), wanted)
-        point.to_speed(wanted, settings.acceleration, settings.deceleration, seconds)
+            quick = settings.mode == CYCLIC
+            self._brake(settings.quick_stop if quick else settings.deceleration, seconds)
 
     def _count_anew(self) -> None:
         """The present position is the home."""
@@ -322,35 +267,13 @@ class Axis:
         self._point = SetPoint(self.set.home)
         self.actual = self.set.home
 
-    def _watch(self, seconds: float) -> None:
-        """Following error, and whether the target is reached."""
-        settings = self.set
-        far = abs(self.command - self.actual) > settings.following_window
-        if self._far.held(far, settings.following_s, seconds):
-            self.fault(FOLLOWING_ERROR)
-        if settings.mode == PROFILE:
-            near = abs(self.command - self.actual) <= settings.position_window
-            there = self._points.goal is None and near
-            self._reached = self._near.held(there, settings.position_s, seconds)
-        elif settings.mode == VELOCITY:
-            there = abs(self._point.speed - self._target_speed) <= settings.speed_window
-            self._reached = self._near.held(there, settings.speed_s, seconds)
-
     def _come_to_rest(self, seconds: float) -> None:
-        """Brake; then a pending transition is made."""
         settings = self.set
-        slow = self._stopping is not None
-        if self.state is AxisState.QUICK_STOP:
-            slow = settings.quick_option in _SLOW_STOPS
-        elif self.state is AxisState.REACTING:
-            slow = settings.fault_option == 1
+        slow = self.state is AxisState.QUICK_STOP and settings.quick_option in _SLOW_STOPS
         self._brake(settings.deceleration if slow else settings.quick_stop, seconds)
         if self._point.speed:
             return
-        if self._stopping is not None:
-            after, self._stopping = self._stopping, None
-            self._change(after)
-        elif self.state is AxisState.REACTING:
+        if self.state is AxisState.REACTING:
             self.state = AxisState.FAULT
         elif self.state is AxisState.QUICK_STOP and settings.quick_option < _STAYS:
             self._change(AxisState.DISABLED)

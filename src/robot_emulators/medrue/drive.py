@@ -11,19 +11,18 @@ import threading
 from collections import deque
 from collections.abc import Callable, Sequence
 
-from robot_emulators.can_bus.wire import Frame
+from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.canopen.dictionary import Key
 from robot_emulators.canopen.node import OPERATIONAL, Node
 from robot_emulators.medrue import profile
 from robot_emulators.medrue.axis import CYCLIC, RPDO_TIMEOUT, SYNC_ERROR, Axis
 from robot_emulators.medrue.motion import settings
 from robot_emulators.medrue.profile import (
+    ACTUAL,
     COMMANDS,
     CONTROL,
-    POLARITY,
     STATUS,
     TARGET,
-    TARGET_SPEED,
     Ratings,
 )
 
@@ -101,9 +100,7 @@ class DriveEmulator(Node):
             if key == CONTROL:
                 self._control(self.objects[CONTROL])
             elif key == TARGET:
-                self.axis.sync(self.now, self._turned(TARGET, 0x80), self.period)
-            elif key == TARGET_SPEED:
-                self.axis.aim(self._turned(TARGET_SPEED, 0x40))
+                self.axis.sync(self.now, self.objects[TARGET], self.period)
         self._report()
 
     def on_connection_lost(self, code: int) -> None:
@@ -145,12 +142,7 @@ class DriveEmulator(Node):
         rising, self._last_word = word & ~self._last_word, word
         self.axis.control(word)
         if rising & 0x10:
-            self.axis.new_goal(self._turned(TARGET, 0x80))
-
-    def _turned(self, key: Key, bit: int) -> int:
-        """A target with the polarity that the master set."""
-        value = self.objects[key]
-        return -value if self.objects[POLARITY] & bit else value
+            self.axis.new_goal(self.objects[TARGET])
 
     def _report(self) -> None:
         """Send the error codes of the axis before its state follows."""
@@ -171,17 +163,15 @@ class DriveEmulator(Node):
     def refresh(self, t: float) -> None:
         """Update the objects for this instant; between two steps of the plant the axis moves on."""
         axis, objects = self.axis, self.objects
-        turned = objects[POLARITY]
-        way, pace = -1 if turned & 0x80 else 1, -1 if turned & 0x40 else 1
         if not self.fails("frozen"):
             ahead = min(max(0.0, t - self._seen), _AHEAD_S) if self._seen else 0.0
             moved = (self._speed + 0.5 * self._growth * ahead) * ahead
             self._position = round(axis.actual + moved)
-        objects[0x6064, 0] = way * self._position
-        objects[0x6062, 0] = way * round(axis.command)
-        objects[0x60F4, 0] = way * round(axis.command - axis.actual)
-        objects[0x606B, 0] = pace * round(axis.speed)
-        objects[0x606C, 0] = pace * round(self._speed)
+        objects[ACTUAL] = self._position
+        objects[0x6062, 0] = round(axis.command)
+        objects[0x60F4, 0] = round(axis.command - axis.actual)
+        objects[0x606B, 0] = round(axis.speed)
+        objects[0x606C, 0] = round(self._speed)
         objects[0x6077, 0] = _thousandths(self._torque / self.ratings.torque)
         objects[0x6078, 0] = _thousandths(self._current / profile.RATED_A)
         objects[STATUS] = axis.statusword

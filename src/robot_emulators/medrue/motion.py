@@ -1,8 +1,13 @@
-"""What a master sets of a drive's motion, and set-points in trapezoids of position and speed."""
+"""What a master sets of a drive's motion, and where the axis shall be at a time.
+
+The arrival of SYNC is not a drive's clock: a phase-locked loop keeps an even one. Where a SYNC of a
+running stream is late or missing, the axis goes on along its line for a while.
+"""
 
 import math
+from collections import deque
 from dataclasses import dataclass
-from typing import Annotated, get_type_hints
+from typing import Annotated, NamedTuple, get_type_hints
 
 from robot_emulators.canopen.dictionary import Objects
 
@@ -10,31 +15,30 @@ METHODS = (35, 37)
 """Methods of homing (0x6098), both: the home is where the axis is; source: CiA 402."""
 _NEAR = 1.0
 """Where a position counts as reached by the set-point [count]."""
-_MS = 1e-3
+_GAIN = 0.01
+"""Fraction of its phase error that a SYNC corrects; a larger one lets jitter through."""
+_MISSED = 2
+"""SYNCs in a row that may be missed: so many periods the axis goes on along its line."""
+_LATEST = 0.9
+"""Phase error from which a SYNC is not late, but the one after a missed one, in periods."""
+_LOCKED = 0.5
+"""How much too early a SYNC may come, in periods. One that is earlier by a period shows that the
+one before was late all the same."""
+_LINES = 4
+"""Lines that are kept: the control loop may run some cycles late."""
 
 
 @dataclass(frozen=True)
 class MotionSettings:
     """What the master may set, each with its object; source: CiA 402.
 
-    Positions are in counts, speeds in count/s, accelerations in count/s²; times of a drive in
-    milliseconds are [s] here.
+    Positions are in counts, speeds in count/s, accelerations in count/s².
     """
 
     quick_option: Annotated[int, 0x605A, 0]
-    shutdown_option: Annotated[int, 0x605B, 0]
-    disable_option: Annotated[int, 0x605C, 0]
-    halt_option: Annotated[int, 0x605D, 0]
-    fault_option: Annotated[int, 0x605E, 0]
     mode: Annotated[int, 0x6060, 0]
     following_window: Annotated[float, 0x6065, 0]
-    following_s: Annotated[float, 0x6066, 0, _MS]
     position_window: Annotated[float, 0x6067, 0]
-    position_s: Annotated[float, 0x6068, 0, _MS]
-    speed_window: Annotated[float, 0x606D, 0]
-    speed_s: Annotated[float, 0x606E, 0, _MS]
-    still_speed: Annotated[float, 0x606F, 0]
-    still_s: Annotated[float, 0x6070, 0, _MS]
     home: Annotated[float, 0x607C, 0]
     lower: Annotated[float, 0x607D, 1]
     upper: Annotated[float, 0x607D, 2]
@@ -59,12 +63,7 @@ _OBJECTS = {
 
 def settings(objects: Objects) -> MotionSettings:
     """The settings that a dictionary holds now."""
-    return MotionSettings(
-        **{
-            name: objects[index, sub] * math.prod(unit)
-            for name, (index, sub, *unit) in _OBJECTS.items()
-        }
-    )
+    return MotionSettings(**{name: objects[key] for name, key in _OBJECTS.items()})
 
 
 @dataclass
@@ -95,44 +94,49 @@ class SetPoint:
         return False
 
 
-class Timer:
-    """Whether something has held for some time."""
+class Line(NamedTuple):
+    """From one target [count] to the next in a period [s] from a time on [s]."""
+
+    begin: float
+    start: float
+    end: float
+    period: float
+    locked: bool
+
+
+class Interpolation:
+    """The path through the targets of one axis in cyclic synchronous position mode."""
 
     def __init__(self) -> None:
-        self._held = 0.0
-
-    def held(self, holds: bool, needed: float, seconds: float) -> bool:
-        """One more step [s]; whether it has held as long as is needed [s]."""
-        self._held = self._held + seconds if holds else 0.0
-        return holds and self._held >= needed
-
-
-class SetPoints:
-    """Set-points of profile position mode: the one that is followed, and the one after it."""
-
-    def __init__(self) -> None:
-        self.goal: float | None = None
-        self.next: float | None = None
+        self._lines: deque[Line] = deque(maxlen=_LINES)
 
     def clear(self) -> None:
-        """Forget both."""
-        self.goal = self.next = None
+        """Forget all targets."""
+        self._lines.clear()
 
-    def take(self, target: float, at_once: bool) -> bool:
-        """A new one; False where there is no room for it."""
-        if self.goal is None or at_once:
-            self.goal, self.next = target, None
-        elif self.next is None:
-            self.next = target
-        else:
-            return False
-        return True
-
-    def arrived(self) -> None:
-        """The one that is followed is reached."""
-        self.goal, self.next = self.next, None
+    def take(self, t: float, command: float, target: float, period: float) -> None:
+        """A target came with the SYNC of a time [s]; the axis shall be at ``command`` [count]."""
+        line = Line(t, command, target, period, locked=False)
+        if self._lines and period == self._lines[-1].period > 0.0:
+            last = self._lines[-1]
+            error = (t - last.begin) / period - 1.0
+            missed = max(0, math.ceil(error - _LATEST)) if error > -_LOCKED else -1
+            if missed <= _MISSED and error > -1.0 - _LOCKED:
+                begin = last.begin + (1 + missed) * period
+                start = last.start if missed < 0 else self.at(begin) if missed else last.end
+                line = Line(begin + _GAIN * (t - begin), start, target, period, locked=True)
+        self._lines.append(line)
 
     @property
-    def last(self) -> float | None:
-        """Where the axis will be in the end."""
-        return self.goal if self.next is None else self.next
+    def known(self) -> bool:
+        """Whether there is a target."""
+        return bool(self._lines)
+
+    def at(self, t: float) -> float:
+        """Where the axis shall be at a time [s] [count]."""
+        begin, start, end, period, locked = next(
+            (line for line in reversed(self._lines) if line.begin <= t), self._lines[0]
+        )
+        most = 1.0 + _MISSED * locked
+        fraction = min(most, max(0.0, (t - begin) / period)) if period > 0.0 else 1.0
+        return start + fraction * (end - start)

@@ -9,22 +9,20 @@ from dataclasses import dataclass
 from importlib import resources
 
 from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects
-from robot_emulators.medrue.axis import CYCLIC, HOMING, PROFILE, VELOCITY
+from robot_emulators.medrue.axis import CYCLIC, HOMING, PROFILE
 from robot_emulators.medrue.motion import METHODS
 
 SHEET = resources.files(__package__).joinpath("cia402.eds").read_text("utf-8")
 """The EDS file; its values after power-up are those of an axis of 2,000,000 counts."""
-CONTROL, STATUS, TARGET, TARGET_SPEED = (0x6040, 0), (0x6041, 0), (0x607A, 0), (0x60FF, 0)
-ACTUAL, POLARITY = (0x6064, 0), (0x607E, 0)
-COMMANDS = (CONTROL, TARGET, TARGET_SPEED)
+CONTROL, STATUS, TARGET, ACTUAL = (0x6040, 0), (0x6041, 0), (0x607A, 0), (0x6064, 0)
+COMMANDS = (CONTROL, TARGET)
 """Objects whose writing is a command, no setting."""
 FAULT_SIGNAL, QUICK_STOP = 1, 3
 """Values of the abort connection option code (0x6007); 0 does nothing."""
 ALLOWED: dict[Key, tuple[int, ...]] = {
     (0x6007, 0): (0, FAULT_SIGNAL, QUICK_STOP),
     (0x605A, 0): (0, 1, 2, 5, 6),
-    (0x6060, 0): (PROFILE, VELOCITY, HOMING, CYCLIC),
-    POLARITY: (0x00, 0x40, 0x80, 0xC0),
+    (0x6060, 0): (PROFILE, HOMING, CYCLIC),
     (0x6098, 0): (0, *METHODS),
 }
 """Objects of which only some values may be written."""
@@ -33,8 +31,6 @@ RATED_A = 4.0
 thousandths of it, in 16 bits with a sign, so that 130 A can be reported."""
 _NEAR = 0.05
 """Position window as a part of the largest following error: a servo at rest is well within it."""
-_STEADY, _STILL = 0.01, 0.001
-"""Velocity window and threshold as parts of the top speed; the set-point's own steps are zero."""
 
 
 @dataclass(frozen=True)
@@ -66,8 +62,6 @@ def rate(objects: Objects, ratings: Ratings, position: int) -> None:
     values = {
         (0x6062, 0): position, ACTUAL: position, TARGET: position,
         (0x6065, 0): ratings.window, (0x6067, 0): round(_NEAR * ratings.window),
-        (0x606D, 0): min(round(_STEADY * speed), 0xFFFF),
-        (0x606F, 0): min(round(_STILL * speed), 0xFFFF),
         (0x6075, 0): round(RATED_A * 1000.0), (0x6076, 0): round(ratings.torque * 1000.0),
         (0x607D, 1): ratings.lower, (0x607D, 2): ratings.upper,
         (0x607F, 0): speed, (0x6081, 0): speed,

@@ -1,6 +1,8 @@
-"""The MedRUE emulator: hub, drives, sensor board and plant, with its settings and faults."""
+"""The MedRUE emulator: hub, drives, sensor board and the robot behind them in real time."""
 
 import threading
+import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from math import tau
@@ -13,22 +15,25 @@ from robot_emulators.base.arguments import (
     Settings,
     above,
     described,
-    flag,
     integer,
     read,
     setting,
     text,
 )
 from robot_emulators.base.emulator import Emulator, Options
-from robot_emulators.can_bus.bridge import Bridge
-from robot_emulators.can_bus.hub import Hub
+from robot_emulators.base.real_time import CycleThread
+from robot_emulators.can_bus.hub import Bridge, Hub
 from robot_emulators.medrue.board import BoardEmulator
 from robot_emulators.medrue.drive import DriveEmulator
-from robot_emulators.medrue.faults import BusFaults, lasting, names
-from robot_emulators.medrue.plant import CYCLE_S, RealTimePlant
+from robot_emulators.medrue.faults import BusFaults
 from robot_emulators.medrue.profile import Ratings
-from robot_emulators.plant import Arm, PlantMaker, PlantRequest
+from robot_emulators.plant import Arm, Plant, PlantMaker, PlantRequest
 
+CYCLE_S = 0.004
+_READINGS = 2
+"""Readings of the sensor in a cycle, so that its board can be asked at up to 500 Hz."""
+_LATE_S = 0.1
+"""How far the clock may run behind before it skips [s]; so long, drives wait for targets."""
 _JOINTS = 6
 _WINDOW_M, _WINDOW_RAD = 0.02, 0.1
 """Largest following error; the simulated servos follow 24 ms behind, so at 80 % of top speed it
@@ -61,8 +66,6 @@ class BusSettings(Settings):
 
     port: int = setting(29536, integer(0, 65535), "TCP port of the bus (29536)")
     channel: str = setting("can0", text(), "name of the bus (can0)")
-    bitrate: int = setting(1_000_000, integer(1000, 1 << 31), "of the wire model [bit/s] (1000000)")
-    wire: bool = setting(False, flag(), "on: frames take the time that their bits take (off)")
     bus: str = setting(
         "", _BUS, "virtual:NAME or socketcan:vcanN, a bus of python-can to serve as well (none)"
     )
@@ -90,6 +93,61 @@ class BusSettings(Settings):
         return np.where(arm.linear, self.counts_per_metre, self.counts_per_turn / tau)
 
 
+class RealTimePlant:
+    """Steps the robot at 250 Hz towards where the drives' servos want it.
+
+    Args:
+        body: the robot, with a control cycle of `CYCLE_S`.
+        counts: per unit of each joint (J,).
+        lock: shared with the drives.
+        failed: called with the error that ended its clock.
+    """
+
+    def __init__(
+        self, body: Plant, counts: np.ndarray, lock: threading.RLock,
+        failed: Callable[[Exception], None],
+    ) -> None:  # fmt: skip
+        self.body, self.counts = body, counts
+        self.drives: Sequence[DriveEmulator] = ()
+        self._lock = lock
+        self._thread = CycleThread("medrue plant", CYCLE_S, _LATE_S, self._step, failed)
+        self._readings: tuple[float, np.ndarray] = (0.0, np.zeros((_READINGS, 6)))
+
+    def wrench(self, t: float) -> np.ndarray:
+        """Reading of the sensor at a time [s] of `time.monotonic` (6,)."""
+        begun, rows = self._readings
+        k = int((t - begun) / CYCLE_S * len(rows))
+        return np.asarray(rows[min(max(k, 0), len(rows) - 1)])
+
+    def start(self) -> None:
+        """Let time run."""
+        self._measure(time.monotonic())
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Hold the clock; may be called twice."""
+        self._thread.stop()
+
+    def _step(self, due: float) -> None:
+        t = time.monotonic()
+        with self._lock:
+            q, qd = self.body.q * self.counts, self.body.qd * self.counts
+            torque, current, _ = self.body.efforts
+            rows = np.stack([q, qd, torque, current], axis=1).tolist()
+            commands = [
+                drive.track(t, CYCLE_S, position, speed, effort, due)
+                for drive, (position, speed, *effort) in zip(self.drives, rows, strict=True)
+            ]
+            self.body.step(np.array(commands) / self.counts, due)
+        for drive in self.drives:
+            drive.tick(t)
+        self._measure(due)
+
+    def _measure(self, t: float) -> None:
+        times = self.body.time + CYCLE_S * np.arange(_READINGS) / _READINGS
+        self._readings = (t, self.body.readings(times)[0])
+
+
 class MedrueEmulator(Emulator):
     """Six CiA 402 drives and an ATI Mini40 with NETCANOEM on one CAN bus."""
 
@@ -101,14 +159,11 @@ class MedrueEmulator(Emulator):
         super().__init__(options, make_plant)
         (setting,) = read(options.setting, BusSettings)
         self.setting: BusSettings = setting
-        hub = self.hub = Hub(
-            options.host, setting.port, setting.channel, setting.bitrate, setting.wire, self.fail
-        )
+        hub = self.hub = Hub(options.host, setting.port, setting.channel, self.fail)
         body = make_plant(PlantRequest("medrue", CYCLE_S, drives=True))
         counts = setting.per_unit(body.arm)
         lock = threading.RLock()
         self.plant = RealTimePlant(body, counts, lock, self.fail)
-        active = lasting(self.faults, setting.nodes)
         self.drives: list[DriveEmulator] = []
         for j, node in enumerate(setting.nodes):
             device = hub.attach()
@@ -116,18 +171,19 @@ class MedrueEmulator(Emulator):
             drive = DriveEmulator(
                 node, device.send, ratings, position, setting.watchdog, lock, device.listen
             )
-            drive.fails = partial(names, active, node)
             device.heard = drive.hear
             self.drives.append(drive)
         self.plant.drives = self.drives
         device = hub.attach()
         self.board = BoardEmulator(
             device.send, setting.base, setting.slot, setting.counts, self.plant.wrench,
-            body.gauges, setting.bitrate, active.now,
+            body.gauges, fault=partial(self.faults.now, "can"),
         )  # fmt: skip
         device.heard = self.board.hear
         self._bridge: Bridge | None = None
-        BusFaults(self.faults, active, hub, self.drives, self.board)
+        faults = BusFaults(self.faults, hub, self.drives, self.board)
+        for drive in self.drives:
+            drive.fails = partial(faults.names, drive.node)
 
     def serve(self) -> dict[str, str]:
         self.hub.start()

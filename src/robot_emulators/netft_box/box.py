@@ -1,45 +1,47 @@
-"""A Net F/T box on a body's sensor: RDT over UDP, web pages over HTTP, and their faults."""
+"""A Net F/T box on a plant's sensor, alone or beside a robot: RDT over UDP, pages over HTTP."""
 
 import socket
 import traceback
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
 
 from robot_emulators.base import arguments
-from robot_emulators.base.arguments import Argument
-from robot_emulators.base.event_loop import LoopThread
-from robot_emulators.base.faults import Faults, LinkFaults, TimedFault
+from robot_emulators.base.arguments import Argument, Settings, described, read, setting, text
+from robot_emulators.base.emulator import Emulator, Options
+from robot_emulators.base.event_loop import LoopThread, taken
+from robot_emulators.base.faults import Faults, TimedFault
+from robot_emulators.base.real_time import CycleThread
 from robot_emulators.errors import EmulatorError
 from robot_emulators.netft_box.pages import Pages, Reply
 from robot_emulators.netft_box.rdt import Pace, Rdt
 from robot_emulators.netft_box.sensing import BoxSettings, Sensing
 from robot_emulators.netft_box.web import Web
-from robot_emulators.plant import Plant
+from robot_emulators.plant import Plant, PlantMaker, PlantRequest
 
-_SHARE = {"share": arguments.number(0.0, 1.0, 0.1)}
-_RDT: dict[str, dict[str, Argument]] = {
-    "drop": _SHARE, "duplicate": _SHARE, "swap": _SHARE, "buffered": {}, "freeze": {}, "stall": {},
-    "short": {}, "garbage": {}, "foreign": {},
-    "saturate": {"channel": arguments.integer(0, 5, 0)},
-    "status": {"bits": arguments.integer(0, 2**32 - 1, 2**31)},
-    "skew": {"factor": arguments.number(0.5, 2.0, 1.01)},
-    "wrong_counts": {"factor": arguments.number(1e-6, 1e6, 10.0)},
+_CYCLE = 0.008
+_FRACTION = {"share": arguments.number(0.0, 1.0, 0.1)}
+_FACTOR = {"factor": arguments.number(1e-6, 1e6, 10.0)}
+_KINDS: dict[str, dict[str, dict[str, Argument]]] = {
+    "rdt": {
+        "drop": _FRACTION, "duplicate": _FRACTION, "swap": _FRACTION, "buffered": {},
+        "freeze": {}, "stall": {}, "short": {}, "garbage": {}, "foreign": {},
+        "saturate": {"channel": arguments.integer(0, 5, 0)},
+        "status": {"bits": arguments.integer(0, 2**32 - 1, 2**31)},
+        "skew": {"factor": arguments.number(0.5, 2.0, 1.01)},
+        "wrong_counts": _FACTOR,
+    },
+    "http": {
+        "stall": {}, "unlisten": {}, "garbage": {}, "other_counts": _FACTOR,
+        "missing_field": {"name": arguments.text("cfgcpf")},
+    },
 }  # fmt: skip
-_HTTP: dict[str, dict[str, Argument]] = {
-    "stall": {}, "unlisten": {}, "garbage": {},
-    "missing_field": {"name": arguments.text("cfgcpf")},
-    "other_counts": {"factor": arguments.number(1e-6, 1e6, 10.0)},
-}  # fmt: skip
+"""Lasting faults of each link, with their arguments."""
 
 
 class Box:
-    """Serves the readings of a body's sensor; someone else steps the body in real time.
-
-    Faults of link ``rdt``: ``drop``, ``duplicate``, ``swap`` (each with ``share``), ``buffered``,
-    ``freeze``, ``stall``, ``short``, ``garbage``, ``foreign``, ``restart``, ``saturate``
-    (``channel`` 0 … 5), ``status`` (``bits``), ``skew`` (``factor``) and ``wrong_counts``
-    (``factor``). Of link ``http``: ``stall``, ``unlisten``, ``garbage``, ``missing_field``
-    (``name``, for instance ``cfgcpf``) and ``other_counts`` (``factor``). ``seconds`` 0 lasts until
-    the next fault of this kind.
+    """Serves the readings of a plant's sensor; someone else steps the plant in real time.
 
     Args:
         body: whose sensor; its `Plant.readings` are this box's alone.
@@ -60,19 +62,18 @@ class Box:
         failed: Callable[[Exception], None] = traceback.print_exception,
     ) -> None:
         self.settings = settings or BoxSettings()
-        self._host, self._seed = host, seed
-        self._rdt_faults = LinkFaults(faults, "rdt", _RDT)
-        self._web_faults = LinkFaults(faults, "http", _HTTP)
+        self._host, self._seed, self._faults = host, seed, faults
+        for link, kinds in _KINDS.items():
+            for kind, more in kinds.items():
+                faults.on(link, kind, None, more)
+        faults.on("rdt", "restart", self._restart)
         self._pace = Pace(self.settings.rate, self.settings.buffer)
-        self._sensing = Sensing(body, self.settings, self._rdt_faults)
+        self._sensing = Sensing(body, self.settings, faults)
         self._pages = Pages(self.settings, self._pace, self._sensing)
         self._thread = LoopThread("netft box", failed)
-        self._missing = ""
         self._socket: socket.socket | None = None
         self._rdt: Rdt | None = None
         self._web: Web | None = None
-        faults.on("rdt", "restart", self._restart)
-        self._web_faults.at_once("missing_field", self._leave_out)
 
     def start(self) -> dict[str, str]:
         """Serve from now on; the addresses of ``rdt`` and ``http``.
@@ -89,7 +90,7 @@ class Box:
         self._sensing.warm_up()
         self._thread.start()
         self._rdt = Rdt(
-            self._thread, self._socket, self._sensing, self._pace, self._rdt_faults, self._seed
+            self._thread, self._socket, self._sensing, self._pace, self._faults, self._seed
         )
         self._thread.soon(self._rdt.start)
         host, port = self._socket.getsockname()
@@ -107,9 +108,9 @@ class Box:
         self._rdt = self._web = self._socket = None
 
     @property
-    def counters(self) -> dict[str, int]:
+    def counters(self) -> Counter[str]:
         """Records ``sent``, ``dropped``, ``duplicated`` …, and datagrams."""
-        return dict(self._rdt.counters) if self._rdt is not None else {}
+        return Counter() if self._rdt is None else self._rdt.counters
 
     def _bind(self) -> socket.socket:
         sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -117,38 +118,61 @@ class Box:
             sock.bind((self._host, self.settings.rdt_port))
         except OSError as error:
             sock.close()
-            raise EmulatorError(
-                f"UDP port {self._host}:{self.settings.rdt_port}: {error.strerror}: "
-                "end what uses it, or serve at another 127.x address"
-            ) from error
+            raise taken("RDT (UDP)", self._host, self.settings.rdt_port, error) from error
         return sock
 
     def _listen(self) -> Web:
         ports = [self.settings.http_port] if self.settings.http_port else [80, 8080]
-        why: OSError | None = None
         for port in ports:
             try:
-                return Web((self._host, port), self._page, self._web_faults)
-            except PermissionError as error:
-                why = error
+                return Web((self._host, port), self._page, self._faults)
             except OSError as error:
-                why = error
-                break
-        reason = why.strerror if why else "refused"
-        raise EmulatorError(
-            f"TCP port {self._host}:{port}: {reason}: end what uses it, set another http_port, "
-            "or serve at another 127.x address"
-        ) from why
+                if not isinstance(error, PermissionError) or port == ports[-1]:
+                    raise taken("HTTP (TCP)", self._host, port, error) from error
+        raise AssertionError("a port is served or refused")
 
     def _page(self, target: str, body: str) -> Reply:
-        missing = self._missing if self._web_faults.now("missing_field") is not None else ""
-        other = self._web_faults.now("other_counts")
-        return self._pages.answer(target, body, other["factor"] if other else 1.0, missing)
+        missing = self._faults.now("http", "missing_field")
+        other = self._faults.now("http", "other_counts")
+        return self._pages.answer(
+            target, body, other["factor"] if other else 1.0, missing["name"] if missing else ""
+        )
 
     def _restart(self, fault: TimedFault) -> None:
         if self._rdt is not None:
             self._rdt.forget()
         self._sensing.restart()
 
-    def _leave_out(self, fault: TimedFault) -> None:
-        self._missing = fault.values["name"]
+
+@dataclass(frozen=True)
+class MountSettings(Settings):
+    """Where the sensor is."""
+
+    robot: str = setting("ur5", text(), "whose flange the sensor is on, default ur5")
+
+
+class NetftEmulator(Emulator):
+    """A Net Box with its sensor on a robot that rests at home."""
+
+    name = "netft"
+    title = "ATI Net F/T: RDT over UDP, netftapi2.xml over HTTP"
+    settings: ClassVar[Mapping[str, str]] = described(MountSettings, BoxSettings)
+
+    def __init__(self, options: Options, make_plant: PlantMaker) -> None:
+        super().__init__(options, make_plant)
+        mount, settings = read(options.setting, MountSettings, BoxSettings)
+        self.body = make_plant(PlantRequest(mount.robot, _CYCLE))
+        self.box = Box(self.body, options.host, self.faults, settings, options.seed, self.fail)
+        self._thread = CycleThread("netft body", _CYCLE, 2.0 * _CYCLE, self._step, self.fail)
+        self._home = self.body.arm.home
+
+    def serve(self) -> dict[str, str]:
+        self._thread.start()
+        return self.box.start()
+
+    def stop(self) -> None:
+        self._thread.stop()
+        self.box.stop()
+
+    def _step(self, due: float) -> None:
+        self.body.step(self._home, due)

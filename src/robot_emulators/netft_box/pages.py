@@ -2,14 +2,12 @@
 
 Sources: ATI 9620-05 Net F/T manual, sections on CGI and XML pages, and the elements that public
 clients of the box read. Not carried out, and shown as off: the low-pass filter, the tool transform,
-peak logging and monitor conditions. Network settings are kept and act, as in a box, from the next
-power-up on.
+peak logging and monitor conditions; nor network settings, which stay those of the maker.
 """
 
 import math
 from dataclasses import replace
 from html import escape
-from ipaddress import IPv4Address
 from urllib.parse import parse_qsl, urlsplit
 
 import numpy as np
@@ -32,13 +30,13 @@ _TORQUE = {1: "lbf-in", 2: "lbf-ft", 3: "Nm", 4: "Nmm", 5: "kgf-cm", 6: "kNm"}
 """Codes of cfgfu and cfgtu; source: ATI 9620-05, configurations."""
 _NAMES = {"cfgnam": 32, "cfgusra": 16, "cfgusrb": 16}
 """Variables of text, and their longest."""
-_NET = {"comnetip": "192.168.1.1", "comnetmsk": "255.255.255.0", "comnetgw": "0.0.0.0"}
 _SERIAL = "FT00000"
 _CONSTANT = {
     "runmcb": "0x00000000", "runmco": "0x00", "runmcl": "0", "setuserfilter": "0", "setpke": "0",
     "setmce": "0", "cfgcalsn": _SERIAL, "cfgtfx": "0;0;0;0;0;0", "scfgtdu": "mm",
     "scfgtau": "degrees", "nethwaddr": "02:00:00:00:00:00", "mfgdigsn": "EMULATOR",
-    "mfgdigver": "2.2.59",
+    "mfgdigver": "2.2.59", "comnetip": "192.168.1.1", "netip": "192.168.1.1",
+    "comnetmsk": "255.255.255.0", "comnetgw": "0.0.0.0", "comnetdhcp": "Disabled",
 } | {name: ";".join(16 * [off]) for name, off in
      {"mce": "0", "mcx": "-1", "mcc": "1", "mcv": "0", "mco": "0x00"}.items()}  # fmt: skip
 """Elements of what a box has and this one does not carry out."""
@@ -59,7 +57,7 @@ class Pages:
 
     def __init__(self, settings: BoxSettings, pace: Pace, sensing: Sensing) -> None:
         self._settings, self._pace, self._sensing = settings, pace, sensing
-        self._active, self._net, self._dhcp = 0, dict(_NET), 1
+        self._active = 0
         usual = {"cfgnam": "emulator", "cfgusra": "empty", "cfgusrb": "empty", "cfgcalsel": "0",
                  "force": settings.force_unit, "torque": settings.torque_unit}  # fmt: skip
         self._slots = [dict(usual) for _ in range(SLOTS)]
@@ -112,7 +110,7 @@ class Pages:
         s, pace, sensing, one = self._settings, self._pace, self._sensing, self._slots[slot]
         rate = sensing.rate / pace.every(sensing.rate)
         force, torque = one["force"], one["torque"]
-        return _CONSTANT | self._net | {
+        return _CONSTANT | {
             "runstat": f"0x{sensing.status:08x}", "runft": _row(sensing.newest),
             "runrate": str(sensing.rate), "setcfgsel": str(self._active),
             "setbias": _row(sensing.bias), "cfgid": str(slot), "cfgnam": one["cfgnam"],
@@ -121,8 +119,7 @@ class Pages:
             "cfgcpf": f"{s.counts_per_force * factor:.12g}",
             "cfgcpt": f"{s.counts_per_torque:.12g}",
             "cfgmr": _ratings(sensing, force, torque),
-            "cfgusra": one["cfgusra"], "cfgusrb": one["cfgusrb"], "netip": self._net["comnetip"],
-            "comnetdhcp": "Disabled" if self._dhcp else "Enabled",
+            "cfgusra": one["cfgusra"], "cfgusrb": one["cfgusrb"],
             "comrdte": "Enabled" if pace.on else "Disabled",
             "comrdtrate": f"{math.ceil(rate - 1e-9)}", "comrdtbsiz": str(pace.buffer),
         }  # fmt: skip
@@ -148,11 +145,6 @@ class Pages:
             self._sensing.set_bias(int(name[7:]), min(max(number, -(2.0**31)), 2.0**31))
 
     def _comm(self, name: str, value: str) -> None:
-        if name in self._net:
-            try:
-                self._net[name] = str(IPv4Address(value))
-            except ValueError:
-                return
         number = _number(value)
         if number is None:
             return
@@ -162,8 +154,6 @@ class Pages:
             self._pace.buffer = min(max(int(number), 1), LARGEST_BUFFER)
         elif name == "comrdte":
             self._pace.on = number != 0.0
-        elif name == "comnetdhcp" and number in (0.0, 1.0):
-            self._dhcp = int(number)
 
     def _configuration(self, asked: dict[str, str]) -> None:
         """Change the configuration that ``cfgid`` names."""

@@ -8,13 +8,14 @@ import contextlib
 import socket
 import time
 from asyncio import TimerHandle
+from collections import Counter
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
 from robot_emulators.base.event_loop import LoopThread
-from robot_emulators.base.faults import LinkFaults
+from robot_emulators.base.faults import Faults
 from robot_emulators.netft_box.sensing import LARGEST_BUFFER, Sensing
 
 STOP, HIGH_SPEED, BUFFERED, MULTI_UNIT = 0x0000, 0x0002, 0x0003, 0x0004
@@ -77,15 +78,12 @@ def pack(first: int, ft: np.ndarray, status: np.ndarray, counts: np.ndarray) -> 
 class FaultySender:
     """Sends records; ``counters`` say how many, and what became of the rest."""
 
-    def __init__(self, sock: socket.socket, faults: LinkFaults, seed: int) -> None:
+    def __init__(self, sock: socket.socket, faults: Faults, seed: int) -> None:
         self._socket, self._faults = sock, faults
         self._random = np.random.default_rng([seed, 49152])
         self._held: memoryview | None = None
         self._other: socket.socket | None = None
-        self.counters = dict.fromkeys(
-            ("sent", "datagrams", "dropped", "duplicated", "swapped", "silent", "spoilt",
-             "foreign", "refused"), 0,
-        )  # fmt: skip
+        self.counters: Counter[str] = Counter()
 
     def close(self) -> None:
         """Close what `send` opened."""
@@ -96,11 +94,11 @@ class FaultySender:
     def send(self, data: memoryview, size: int, group: int, to: tuple[str, int]) -> None:
         """Send records of a size [bytes] in datagrams of ``group`` bytes at most."""
         parts = [data[k : k + group] for k in range(0, len(data), group)]
-        if not self._faults.any and self._held is None:
+        if not self._faults.any("rdt") and self._held is None:
             self.counters["sent"] += len(data) // size
             self._out(parts, to)
             return
-        if self._faults.now("stall") is not None:
+        if self._faults.now("rdt", "stall") is not None:
             self.counters["silent"] += len(data) // size
             return
         through = self._swap(self._thin(parts, size))
@@ -118,7 +116,7 @@ class FaultySender:
     def _thin(self, parts: list[memoryview], size: int) -> list[memoryview]:
         """Drop and double a share."""
         out = []
-        drop, double = self._faults.now("drop"), self._faults.now("duplicate")
+        drop, double = (self._faults.now("rdt", kind) for kind in ("drop", "duplicate"))
         for part in parts:
             if drop and self._random.random() < drop["share"]:
                 self.counters["dropped"] += len(part) // size
@@ -131,7 +129,7 @@ class FaultySender:
 
     def _swap(self, parts: list[memoryview]) -> list[memoryview]:
         """Send a share one place later than its turn."""
-        swap = self._faults.now("swap")
+        swap = self._faults.now("rdt", "swap")
         out = []
         for part in parts:
             if self._held is not None:
@@ -147,13 +145,13 @@ class FaultySender:
     def _spoil(self, record: bytes, to: tuple[str, int]) -> None:
         """Add datagrams that are no records, or come from another port."""
         random = self._random
-        if self._faults.now("short") is not None:
+        if self._faults.now("rdt", "short") is not None:
             cut = int(random.choice([1, 17, 35, 37, 71]))
             self._extra(self._socket, (record * 2)[:cut], to, "spoilt")
-        if self._faults.now("garbage") is not None:
+        if self._faults.now("rdt", "garbage") is not None:
             self._extra(self._socket, random.bytes(int(random.choice([8, 36, 72, 500]))), to,
                         "spoilt")  # fmt: skip
-        if self._faults.now("foreign") is not None:
+        if self._faults.now("rdt", "foreign") is not None:
             if self._other is None:
                 self._other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
                 self._other.bind((self._socket.getsockname()[0], 0))
@@ -208,7 +206,7 @@ class Rdt:
         sock: socket.socket,
         sensing: Sensing,
         pace: Pace,
-        faults: LinkFaults,
+        faults: Faults,
         seed: int,
     ) -> None:
         self._loop = thread.loop
@@ -281,7 +279,7 @@ class Rdt:
             request = parse(data)
             if request is None:
                 self.counters["refused"] += 1
-            elif self._faults.now("stall") is None:
+            elif self._faults.now("rdt", "stall") is None:
                 self.answer(request, sender, now)
                 if self._timer is not None:
                     self._timer.cancel()
@@ -299,7 +297,7 @@ class Rdt:
             first = stream.tick + len(self._ready) // _SIZE * stream.every
             n = min(n, len(self._ready) // _SIZE + self._sensing.ahead(first, stream.every))
         group = self._pace.buffer if stream.buffered else 1
-        if self._faults.now("buffered"):
+        if self._faults.now("rdt", "buffered"):
             group = LARGEST_BUFFER
         if stream.left != n:
             n -= n % group

@@ -3,12 +3,12 @@
 import threading
 import time
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from robot_emulators.base.arguments import Settings, above, integer, number, setting, word
-from robot_emulators.base.faults import LinkFaults
-from robot_emulators.base.timeline import Timeline
+from robot_emulators.base.faults import Faults
 from robot_emulators.errors import SettingError
 from robot_emulators.plant import Plant
 
@@ -80,11 +80,35 @@ def _per_si(settings: BoxSettings) -> np.ndarray:
     return np.repeat([settings.counts_per_force, settings.counts_per_torque], 3) / unit
 
 
-class Sensing:
-    """A transducer and its electronics, sampled at `Settings.internal_rate` since power-up."""
+class Timeline:
+    """The simulated time that a sensor reports at a time of this machine.
 
-    def __init__(self, body: Plant, settings: BoxSettings, faults: LinkFaults) -> None:
+    A reading between two states is known only when the later one exists. The reported time is
+    therefore one cycle behind, at least 8 ms (a block of samples at a time costs least), and 2 ms
+    more because steps are not punctual. The delay is constant; a later state is waited for.
+    """
+
+    _SHORTEST_S, _SLACK_S = 8e-3, 2e-3
+
+    def __init__(self, cycle: float) -> None:
+        self._lag = max(cycle, self._SHORTEST_S) + self._SLACK_S
+        self._offset = 0.0
+
+    def observe(self, due: float, newest: float) -> None:
+        """Take in the simulated time of the newest state, and when it was due here [s]."""
+        self._offset = due - newest
+
+    def simulated(self, host: float) -> float:
+        """Simulated time reported at a time of this machine [s]."""
+        return host - self._offset - self._lag
+
+
+class Sensing:
+    """A transducer and its electronics, sampled at `BoxSettings.internal_rate` since power-up."""
+
+    def __init__(self, body: Plant, settings: BoxSettings, faults: Faults) -> None:
         self._body, self._settings, self._faults = body, settings, faults
+        self._fault = partial(faults.now, "rdt")
         self.range = np.asarray(body.sensor_range)
         self.per_si = _per_si(settings)
         """(6,) counts per newton and newton metre."""
@@ -136,8 +160,8 @@ class Sensing:
         values, flagged = self._body.readings(t + np.arange(n) * (every / self.rate))
         if not np.isfinite(values.sum()):
             values = np.nan_to_num(values)
-        wrong = self._faults if self._faults.any else None
-        if wrong and (one := wrong.now("saturate")):
+        wrong = self._fault if self._faults.any("rdt") else None
+        if wrong and (one := wrong("saturate")):
             values[:, int(one["channel"])] = self.range[int(one["channel"])]
         status = np.zeros(n, dtype=np.int64)
         over = np.abs(values) >= self.range
@@ -147,9 +171,9 @@ class Sensing:
         with self._lock:
             self._raw = raw[-1]
             counts = raw - self._bias
-        if wrong and (one := wrong.now("wrong_counts")):
+        if wrong and (one := wrong("wrong_counts")):
             counts *= one["factor"]
-        if wrong and (one := wrong.now("status")):
+        if wrong and (one := wrong("status")):
             status |= int(one["bits"])
         self.status = int(status[-1])
         counts = np.maximum(np.minimum(np.rint(counts), _LARGEST), -_LARGEST).astype(np.int64)
@@ -185,7 +209,7 @@ class Sensing:
     def stamps(self, ticks: np.ndarray) -> np.ndarray:
         """ft_sequence (n,) of samples: their number, unless the clock runs wrong."""
         since, stamp, last = self._skew
-        wrong = self._faults.now("skew")
+        wrong = self._fault("skew")
         factor = wrong["factor"] if wrong else 1.0
         if factor != last:
             since, stamp = float(ticks[0]), stamp + last * (float(ticks[0]) - since)
@@ -200,7 +224,7 @@ class Sensing:
         return counts
 
     def _frozen_or(self, counts: np.ndarray) -> np.ndarray:
-        if self._faults.now("freeze") is None:
+        if self._fault("freeze") is None:
             self._frozen = None
         elif self._frozen is None:
             self._frozen = counts[0].copy()

@@ -14,7 +14,7 @@ from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from socketserver import TCPServer
 
-from robot_emulators.base.faults import LinkFaults
+from robot_emulators.base.faults import Faults
 from robot_emulators.netft_box.pages import Reply
 
 _BODY_BYTES = 8192
@@ -87,7 +87,7 @@ class Web:
     """
 
     def __init__(
-        self, address: tuple[str, int], answer: Callable[[str, str], Reply], faults: LinkFaults
+        self, address: tuple[str, int], answer: Callable[[str, str], Reply], faults: Faults
     ) -> None:
         self._answer, self._faults = answer, faults
         self._server = self._opened(address)
@@ -109,24 +109,24 @@ class Web:
 
     def _run(self) -> None:
         while not self._stopped.is_set():
-            if self._faults.now("unlisten") is None:
+            if self._faults.now("http", "unlisten") is None:
                 self._server.handle_request()
                 continue
             self._server.server_close()
             while not self._stopped.wait(_LOOK_S):
-                if self._faults.now("unlisten") is None:
+                if self._faults.now("http", "unlisten") is None:
                     with contextlib.suppress(OSError):
                         self._server = self._opened(self.address)
                         break
         self._server.server_close()
 
     def _reply(self, target: str, body: str) -> tuple[str, str, bytes]:
-        while self._faults.now("stall") is not None and not self._stopped.wait(_LOOK_S):
+        while self._faults.now("http", "stall") is not None and not self._stopped.wait(_LOOK_S):
             pass
         with self._lock:
             status, kind, text = self._answer(target, body)
         content = text.encode()
-        if self._faults.now("garbage") is not None:
+        if self._faults.now("http", "garbage") is not None:
             cut = self._random.randrange(len(content) // 2)
             content = content[:cut] + self._random.randbytes(64) + b"<unclosed>"
         return status, kind, content

@@ -3,9 +3,11 @@
 import time
 from asyncio import BaseTransport
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 from robot_emulators.base.event_loop import Connection, Listener, LoopThread, taken
+from robot_emulators.base.faults import Faults, TimedFault
 
 _MOST_PEERS = 64
 _KERNEL_HOLDS = 1 << 18
@@ -26,12 +28,29 @@ class Conversation(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Network:
+    """What all ports of a controller share.
+
+    Attributes:
+        thread: of the loop that serves them.
+        host: address where they listen.
+        faults: of the emulator.
+        patience: seconds after which a client that takes nothing is closed.
+    """
+
+    thread: LoopThread
+    host: str
+    faults: Faults
+    patience: float
+
+
 class Peer(Connection):
     """One client's connection."""
 
     def __init__(self, port: "Port") -> None:
         super().__init__(_KERNEL_HOLDS)
-        self._port, self._deaf_until = port, port.deaf_until
+        self._port, self._deaf = port, port.suffers("deaf")
         self._held = bytearray()
         self._conversation: Conversation | None = None
         self._stuck: tuple[int, float] = (0, 0.0)
@@ -64,7 +83,7 @@ class Peer(Connection):
         if self.closed:
             return
         self._held += data
-        self._flush(time.monotonic())
+        self._flush()
         if len(self._held) + self.waiting > max(_HOLDS, most):
             self.close()
 
@@ -77,11 +96,11 @@ class Peer(Connection):
         """Listen, or do not; send what waits; close where nothing was taken for too long."""
         if self.closed:
             return
-        if self._quiet(now):
+        if self._quiet():
             self.transport.pause_reading()
             return
         self.transport.resume_reading()
-        self._flush(now)
+        self._flush()
         before, since = self._stuck
         waiting = self.waiting
         stuck = 0 < before <= waiting
@@ -89,12 +108,12 @@ class Peer(Connection):
         if now - self._stuck[1] > self._port.patience:
             self.close()
 
-    def _quiet(self, now: float) -> bool:
+    def _quiet(self) -> bool:
         """Whether nothing is heard from or said to this client at present."""
-        return now < self._deaf_until or now < self._port.stalled_until
+        return self._port.suffers("stall") or (self._deaf and self._port.suffers("deaf"))
 
-    def _flush(self, now: float) -> None:
-        if self._held and not self._quiet(now):
+    def _flush(self) -> None:
+        if self._held and not self._quiet():
             self.transport.write(bytes(self._held))
             self._held.clear()
 
@@ -103,25 +122,34 @@ class Port:
     """One listening port and its clients.
 
     Args:
-        thread: of the loop that serves them.
-        host, number: where to listen.
+        network: what it is served with.
+        name: of the link, under which its faults are registered.
+        number: where to listen.
         answer: makes the conversation with a new client.
-        patience: seconds after which a client that takes nothing is closed.
     """
 
     def __init__(
-        self,
-        thread: LoopThread,
-        host: str,
-        number: int,
-        answer: Callable[[Peer], Conversation],
-        patience: float = 10.0,
+        self, network: Network, name: str, number: int, answer: Callable[[Peer], Conversation]
     ) -> None:
-        self.host, self.number = host, number
+        self.host, self.number, self.answer = network.host, number, answer
+        self.patience = network.patience
         self.peers: set[Peer] = set()
-        self.stalled_until = self.deaf_until = 0.0
-        self.answer, self.patience = answer, patience
-        self._listener = Listener(thread, lambda: Peer(self))
+        self._listener = Listener(network.thread, lambda: Peer(self))
+        self._name, self._faults = name, network.faults
+        for kind in ("stall", "deaf"):
+            network.faults.on(name, kind)
+
+    def suffers(self, kind: str) -> bool:
+        """Whether a lasting fault of this port is under way."""
+        return self._faults.now(self._name, kind) is not None
+
+    def handlers(self) -> dict[str, Callable[[TimedFault], None]]:
+        """Faults that happen at once, in the loop's thread."""
+        return {
+            "fin": lambda fault: self.hang_up(),
+            "rst": lambda fault: self.hang_up(reset=True),
+            "unlisten": lambda fault: self.unlisten(fault.end),
+        }
 
     @property
     def address(self) -> str:
@@ -145,11 +173,6 @@ class Port:
             return False
         self.peers.add(peer)
         return True
-
-    def stall(self, until: float) -> None:
-        """Hear nothing from any client and say nothing until a time of `time.monotonic` [s]."""
-        self.stalled_until = until
-        self.tick(time.monotonic())
 
     def unlisten(self, until: float) -> None:
         """Accept nobody until a time of `time.monotonic` [s]; clients stay."""

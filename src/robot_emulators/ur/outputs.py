@@ -154,32 +154,16 @@ class Timestamp:
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
         self._offset = -plant.time
-        self._scale, self._scale_until, self._scale_from = 1.0, 0.0, 0.0
 
     def now(self) -> float:
         """Time stamp of the newest state [s]."""
-        if self._scale != 1.0 and time.monotonic() >= self._scale_until:
-            self.scale(1.0, float("inf"))
-        return self._offset + self._plant.time + self._gain()
+        return self._offset + self._plant.time
 
     def jump(self, by: float) -> None:
-        """Move the clock [s]."""
+        """Move the clock [s], also for time in which the loop stood still."""
         self._offset += by
-
-    def lost(self, seconds: float) -> None:
-        """Count time in which the loop stood still [s]."""
-        self._offset += seconds
-
-    def scale(self, factor: float, until: float) -> None:
-        """Let the clock run faster or slower until a time of `time.monotonic` [s]."""
-        self._offset += self._gain()
-        self._scale, self._scale_until, self._scale_from = factor, until, self._plant.time
 
     def restart(self, at: float) -> None:
         """Begin near zero at a time of `time.monotonic` [s]."""
-        self._scale = 1.0
-        left = max(0.0, at - time.monotonic())
-        self._offset = -self._plant.time - (left if left != float("inf") else 0.0)
-
-    def _gain(self) -> float:
-        return (self._scale - 1.0) * (self._plant.time - self._scale_from)
+        off = max(0.0, at - time.monotonic())
+        self._offset = -self._plant.time - (off if off != float("inf") else 0.0)

@@ -1,15 +1,14 @@
 """The RTDE server: one session a client, the stream of data packets, and its faults."""
 
 import struct
-import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
-from robot_emulators.base.event_loop import LoopThread
 from robot_emulators.errors import EmulatorError
 from robot_emulators.ur import packets as wire
 from robot_emulators.ur.inputs import IN_USE, NOT_FOUND, Inputs
-from robot_emulators.ur.network import Conversation, Peer, Port
+from robot_emulators.ur.network import Conversation, Network, Peer, Port
 from robot_emulators.ur.packets import Recipe, Values
 
 _MOST_RECIPES = 255
@@ -27,15 +26,14 @@ class Offer:
         rate: of its control cycle [Hz].
         outputs: name → type of what it sends.
         inputs: what it takes.
-        denials: until when it refuses ``start``, ``inputs``, or an output by its name, on
-            `time.monotonic` [s].
+        fault: values of a kind of lasting fault that is under way, else None.
     """
 
     version: tuple[int, int, int, int]
     rate: float
     outputs: Mapping[str, str]
     inputs: Inputs
-    denials: dict[str, float] = field(default_factory=dict)
+    fault: Callable[[str], Mapping[str, Any] | None] = lambda kind: None
 
 
 class RtdeSession:
@@ -133,7 +131,8 @@ class RtdeSession:
         self._answer(wire.OUTPUTS, head + ",".join(types).encode())
 
     def _output_type(self, name: str) -> str:
-        if self._offer.denials.get(name, 0.0) > self._now:
+        missing = self._offer.fault("not_found")
+        if missing is not None and missing["field"] == name:
             return NOT_FOUND
         return self._offer.outputs.get(name, NOT_FOUND)
 
@@ -142,7 +141,7 @@ class RtdeSession:
         if asked is None or len(self.inputs) >= _MOST_RECIPES:
             self._answer(wire.INPUTS, bytes([0]) + NOT_FOUND.encode())
             return
-        if self._offer.denials.get("inputs", 0.0) > self._now:
+        if self._offer.fault("in_use") is not None:
             types = [IN_USE] * len(asked)
         else:
             types = self._offer.inputs.claim(id(self), asked)
@@ -153,7 +152,7 @@ class RtdeSession:
         self._answer(wire.INPUTS, bytes([number]) + ",".join(types).encode())
 
     def _start(self, payload: bytes) -> None:
-        accepted = self._offer.denials.get("start", 0.0) <= self._now
+        accepted = self._offer.fault("refuse_start") is None
         self.started = self.started or accepted
         self._answer(wire.START, bytes([accepted]))
 
@@ -170,24 +169,13 @@ class RtdeSession:
 
 
 class Rtde:
-    """RTDE on one port.
+    """RTDE on one port."""
 
-    Attributes:
-        frozen_until, silent_until, held_until: until when the content of packets stays the same,
-            packets are skipped, or held back to be sent at once, `time.monotonic` [s].
-    """
-
-    def __init__(self, thread: LoopThread, host: str, offer: Offer, patience: float) -> None:
-        self.offer = offer
-        self.port = Port(thread, host, PORT, self._answer, patience)
-        self._frozen: dict[str, Values] = {}
+    def __init__(self, network: Network, offer: Offer) -> None:
+        self.port = Port(network, "rtde", PORT, self._answer)
+        self._offer = offer
+        self._frozen: dict[str, Values] | None = None
         self._sessions: dict[Peer, RtdeSession] = {}
-        self.restart()
-
-    def restart(self) -> None:
-        """Nothing is denied, frozen or held back, as after switching on."""
-        self.frozen_until = self.silent_until = self.held_until = 0.0
-        self.offer.denials.clear()
 
     @property
     def wanted(self) -> set[str]:
@@ -195,30 +183,30 @@ class Rtde:
         recipes = [session.output for session in self._sessions.values() if session.started]
         return {name for recipe in recipes if recipe is not None for name in recipe.names}
 
-    def freeze(self, until: float, values: Mapping[str, Values]) -> None:
-        """Repeat these values in all packets until a time [s]."""
-        self.frozen_until, self._frozen = until, dict(values)
-
     def stream(self, values: Mapping[str, Values], send: bool) -> None:
         """Send what is due, unless the controller is so late that it leaves packets out."""
-        now = time.monotonic()
         self._sessions = {p: s for p, s in self._sessions.items() if not p.closed}
-        current = self._frozen if now < self.frozen_until else values
+        if self._offer.fault("freeze") is None:
+            self._frozen = None
+        elif self._frozen is None:
+            self._frozen = dict(values)
+        held = self._offer.fault("burst") is not None
+        silent = self._offer.fault("drop") is not None or self.port.suffers("stall")
         for peer, session in self._sessions.items():
-            if session.burst and now >= self.held_until:
+            if session.burst and not held:
                 peer.send(bytes(session.burst), _MOST_HELD)
                 session.burst.clear()
-            if session.due() and send and now >= max(self.silent_until, self.port.stalled_until):
-                data = session.data(current)
-                if now >= self.held_until:
+            if session.due() and send and not silent:
+                data = session.data(values if self._frozen is None else self._frozen)
+                if not held:
                     peer.send_or_skip(data)
                 elif len(session.burst) + len(data) <= _MOST_HELD:
                     session.burst += data
 
-    def hang_up(self, reset: bool = False, writers_only: bool = False) -> None:
-        """Close connections: all, or of those clients that set up inputs."""
+    def hang_up(self, reset: bool) -> None:
+        """Close connections of those clients that set up inputs."""
         for peer, session in self._sessions.items():
-            if session.inputs or not writers_only:
+            if session.inputs:
                 peer.close(reset)
 
     def inject(self, data: bytes) -> None:
@@ -233,5 +221,5 @@ class Rtde:
             peer.send(wire.text(message, "twin", level, session.protocol))
 
     def _answer(self, peer: Peer) -> Conversation:
-        self._sessions[peer] = session = RtdeSession(self.offer, peer.send)
+        self._sessions[peer] = session = RtdeSession(self._offer, peer.send)
         return session

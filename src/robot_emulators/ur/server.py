@@ -4,6 +4,7 @@ import struct
 import time
 import traceback
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
@@ -12,15 +13,16 @@ from robot_emulators.base import arguments
 from robot_emulators.base.arguments import Argument, described, read
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.event_loop import LoopThread
-from robot_emulators.base.faults import Faults, Handler, TimedFault
+from robot_emulators.base.faults import Handler
 from robot_emulators.base.real_time import CycleClock
 from robot_emulators.errors import EmulatorError
-from robot_emulators.netft_box import Box, BoxSettings
+from robot_emulators.netft_box.box import Box
+from robot_emulators.netft_box.sensing import BoxSettings
 from robot_emulators.plant import PlantMaker, PlantRequest
 from robot_emulators.ur import packets
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.dashboard import Dashboard
-from robot_emulators.ur.network import Conversation, Peer, Port
+from robot_emulators.ur.network import Network, Port
 from robot_emulators.ur.outputs import Outputs, Timestamp
 from robot_emulators.ur.primary import Primary, ScriptClient
 from robot_emulators.ur.rtde import Offer, Rtde
@@ -35,16 +37,7 @@ _BROKEN = {
 }
 _MOST_OFF = 0.5
 """Largest following error [rad]."""
-_ARGUMENTS: dict[tuple[str, str], dict[str, Argument]] = {
-    ("rtde", "malformed"): {"how": arguments.word(_BROKEN)},
-    ("rtde", "text"): {"message": arguments.text("this is a fault that was asked for")},
-    ("rtde", "timestamp_jump"): {"by": arguments.number(-1e6, 1e6)},
-    ("rtde", "timestamp_scale"): {"factor": arguments.number(0.0, 100.0)},
-    ("robot", "follow_error"): {"joints": arguments.numbers(6, _MOST_OFF)},
-}
-"""Arguments of a kind of fault, besides its time."""
-_DASHBOARD, _PRIMARY, _SECONDARY, _SCRIPT = 29999, 30001, 30002, 30003
-_NAMED = ("rtde", "dashboard", "primary", "secondary", "script")
+_PORTS = {"dashboard": 29999, "primary": 30001, "secondary": 30002, "script": 30003}
 _LATE_S = 0.05
 """Lag beyond which the loop leaves out packets to catch up [s] …"""
 _SHARE = 4
@@ -53,78 +46,6 @@ _PAUSE = 0.25
 """Between cycles that are made up for, in periods, until the lag is `_LATE_S`: a client that keeps
 the newest state alone would else miss those between. Estimate."""
 _INJECT_S = 2.0
-
-
-def register(emulator: "UREmulator", faults: Faults) -> None:
-    """Register every fault of the emulator; each runs in the loop's thread."""
-    outputs = emulator.controller.fields
-    field = Argument(lambda v: isinstance(v, str) and v in outputs, "an output's name")
-    known = _ARGUMENTS | {("rtde", "not_found"): {"field": field}}
-    links = {
-        "rtde": _port(emulator.ports["rtde"]) | _rtde(emulator),
-        "dashboard": _port(emulator.ports["dashboard"]),
-        "primary": _port(emulator.ports["primary"]),
-        "secondary": _port(emulator.ports["secondary"]),
-        "script": _port(emulator.ports["script"]),
-        "control": {
-            "fin": lambda f: emulator.rtde.hang_up(writers_only=True),
-            "rst": lambda f: emulator.rtde.hang_up(reset=True, writers_only=True),
-        },
-        "robot": _robot(emulator),
-    }
-    for link, handlers in links.items():
-        for kind, handler in handlers.items():
-            faults.on(link, kind, _in_loop(emulator, handler), known.get((link, kind)))
-
-
-def _in_loop(emulator: "UREmulator", handler: Handler) -> Handler:
-    return lambda fault: emulator.soon(lambda: handler(fault))
-
-
-def _port(port: Port) -> dict[str, Handler]:
-    """Faults of every port."""
-    return {
-        "fin": lambda f: port.hang_up(),
-        "rst": lambda f: port.hang_up(reset=True),
-        "stall": lambda f: port.stall(_end(f)),
-        "deaf": lambda f: setattr(port, "deaf_until", _end(f)),
-        "unlisten": lambda f: port.unlisten(_end(f)),
-    }
-
-
-def _rtde(emulator: "UREmulator") -> dict[str, Handler]:
-    rtde, denials = emulator.rtde, emulator.rtde.offer.denials
-    controller, timestamp = emulator.controller, emulator.timestamp
-    return {
-        "freeze": lambda f: rtde.freeze(_end(f), controller.values),
-        "drop": lambda f: setattr(rtde, "silent_until", _end(f)),
-        "burst": lambda f: setattr(rtde, "held_until", _end(f)),
-        "refuse_start": lambda f: denials.update(start=_end(f)),
-        "in_use": lambda f: denials.update(inputs=_end(f)),
-        "not_found": lambda f: denials.update({f.values["field"]: _end(f)}),
-        "malformed": lambda f: rtde.inject(_BROKEN[f.values["how"]]),
-        "text": lambda f: rtde.say(f.values["message"], packets.WARNING),
-        "timestamp_jump": lambda f: timestamp.jump(float(f.values["by"])),
-        "timestamp_scale": lambda f: timestamp.scale(float(f.values["factor"]), _end(f)),
-    }
-
-
-def _robot(emulator: "UREmulator") -> dict[str, Handler]:
-    controller = emulator.controller
-    return {
-        "protective_stop": lambda f: controller.protective_stop(),
-        "emergency_stop": lambda f: controller.emergency_stop(_end(f)),
-        "program_stop": lambda f: controller.stop_program(),
-        "power_off": lambda f: controller.power_off(),
-        "script_never_starts": lambda f: setattr(controller, "script_denied_until", _end(f)),
-        "follow_error": lambda f: controller.arm.deviate(np.array(f.values["joints"]), _end(f)),
-        "restart": lambda f: emulator.restart(f.seconds),
-    }
-
-
-def _end(fault: TimedFault) -> float:
-    """When it ends on `time.monotonic` [s]; without seconds never."""
-    return time.monotonic() + fault.seconds if fault.seconds else float("inf")
 
 
 class UREmulator(Emulator):
@@ -152,8 +73,7 @@ class UREmulator(Emulator):
         self.controller.now = time.monotonic()  # clients are heard before the first cycle
         self._thread.soon(self._begin)
         self._thread.start()
-        addresses = {name: self.ports[name].address for name in _NAMED if name in served}
-        return addresses | more
+        return {name: port.address for name, port in served.items()} | more
 
     def stop(self) -> None:
         if self._thread.running:
@@ -190,27 +110,64 @@ class UREmulator(Emulator):
         self.controller.address = options.host
         self.primary = Primary(self.controller, self.timestamp)
         offer = Offer(
-            settings.version, 1.0 / settings.cycle, self.controller.fields, self.controller.inputs
-        )
-        host, patience = options.host, settings.slow_reader
-        self.rtde = Rtde(self._thread, host, offer, patience)
-        self.ports: dict[str, Port] = {
-            "rtde": self.rtde.port,
-            "dashboard": Port(self._thread, host, _DASHBOARD, self._dashboard, patience),
-            "primary": Port(self._thread, host, _PRIMARY, self.primary.primary, patience),
-            "secondary": Port(self._thread, host, _SECONDARY, self.primary.secondary, patience),
-            "script": Port(self._thread, host, _SCRIPT, self._script, patience),
+            settings.version, 1.0 / settings.cycle, self.controller.fields, self.controller.inputs,
+            partial(self.faults.now, "rtde"),
+        )  # fmt: skip
+        network = Network(self._thread, options.host, self.faults, settings.slow_reader)
+        self.rtde = Rtde(network, offer)
+        answers = {
+            "dashboard": lambda peer: Dashboard(self.controller, peer, self._shut_down),
+            "primary": self.primary.primary,
+            "secondary": self.primary.secondary,
+            "script": lambda peer: ScriptClient(self.controller),
         }
+        self.ports = {"rtde": self.rtde.port}
+        for name, number in _PORTS.items():
+            self.ports[name] = Port(network, name, number, answers[name])
+        self._register()
         self._box: Box | None = None
         if settings.box:
-            self._box = Box(self.plant, host, self.faults, box, options.seed, self.fail)
-        register(self, self.faults)
+            self._box = Box(self.plant, options.host, self.faults, box, options.seed, self.fail)
 
-    def _dashboard(self, peer: Peer) -> Conversation:
-        return Dashboard(self.controller, peer, self._shut_down)
+    def _register(self) -> None:
+        """Register the faults of ports and robot; those at once run in the loop's thread."""
+        rtde, controller, timestamp = self.rtde, self.controller, self.timestamp
+        named = Argument(lambda v: str(v) in controller.fields, "an output's name")
+        for kind in ("freeze", "drop", "burst", "refuse_start", "in_use", "not_found"):
+            self.faults.on("rtde", kind, None, {"field": named} if kind == "not_found" else None)
+        at_once: dict[str, dict[str, Handler]] = {
+            name: port.handlers() for name, port in self.ports.items()
+        }
+        at_once["rtde"] |= {
+            "malformed": lambda f: rtde.inject(_BROKEN[f.values["how"]]),
+            "text": lambda f: rtde.say(f.values["message"], packets.WARNING),
+            "timestamp_jump": lambda f: timestamp.jump(float(f.values["by"])),
+        }
+        at_once["control"] = {
+            "fin": lambda f: rtde.hang_up(reset=False),
+            "rst": lambda f: rtde.hang_up(reset=True),
+        }
+        at_once["robot"] = {
+            "protective_stop": lambda f: controller.protective_stop(),
+            "emergency_stop": lambda f: controller.emergency_stop(f.end),
+            "program_stop": lambda f: controller.stop_program(),
+            "power_off": lambda f: controller.power_off(),
+            "script_never_starts": lambda f: setattr(controller, "script_denied_until", f.end),
+            "follow_error": lambda f: controller.arm.deviate(np.array(f.values["joints"]), f.end),
+            "restart": lambda f: self.restart(f.seconds),
+        }
+        more = {
+            "malformed": {"how": arguments.word(_BROKEN)},
+            "text": {"message": arguments.text("this is a fault that was asked for")},
+            "timestamp_jump": {"by": arguments.number(-1e6, 1e6)},
+            "follow_error": {"joints": arguments.numbers(6, _MOST_OFF)},
+        }
+        for link, handlers in at_once.items():
+            for kind, handler in handlers.items():
+                self.faults.on(link, kind, self._in_loop(handler), more.get(kind))
 
-    def _script(self, peer: Peer) -> Conversation:
-        return ScriptClient(self.controller)
+    def _in_loop(self, handler: Handler) -> Handler:
+        return lambda fault: self.soon(lambda: handler(fault))
 
     def _shut_down(self) -> None:
         self._thread.soon(lambda: self.restart(float("inf")))
@@ -220,7 +177,7 @@ class UREmulator(Emulator):
         until = time.monotonic() + seconds
         self.controller.reboot()
         self._outputs.restart()
-        self.rtde.restart()
+        self.faults.clear("rtde")
         for port in self.ports.values():
             port.hang_up()
             port.unlisten(until)
@@ -239,7 +196,7 @@ class UREmulator(Emulator):
         clock = self._clock
         lost = clock.lost
         behind = clock.advance()
-        self.timestamp.lost(clock.lost - lost)
+        self.timestamp.jump(clock.lost - lost)
         self.controller.arm.due = clock.due - clock.period
         self._cycle(behind)
         self.controller.inputs.cycle(time.monotonic(), clock.due)
