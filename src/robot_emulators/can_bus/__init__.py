@@ -1,4 +1,4 @@
-"""A CAN bus between processes, with a model of the wire that the frames would travel on.
-Imports: robot_emulators/base, errors.
+"""A CAN bus between processes, and from there to a bus of python-can.
+Imports: base, errors.
 Read first: hub.py.
 """
