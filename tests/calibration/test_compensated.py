@@ -17,8 +17,8 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import CalibrationError
-from wrenchbed.hardware.drivers.rtde import wrench_source
-from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
+from wrenchbed.hardware.drivers.rtde import own_wrench
+from wrenchbed.hardware.drivers.rtde.states import Snapshot
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -46,9 +46,9 @@ def reported(whole: Recording, major: int, tcp: np.ndarray, **told) -> Recording
         estimate.update(load, turn, np.r_[tcp, np.zeros(3)])
         pose = (*(origin + turn @ tcp), 0.0, 0.0, 0.0)
         state = Snapshot(t=1.0, q=tuple(q), pose=pose, force=tuple(estimate.wrench), major=major)
-        rows.append(wrench_source.reading(state, UR5).wrench)
+        rows.append(own_wrench.reading(state, UR5).wrench)
     settings = {"payload": MASS, "payload_cog": COG}
-    facts = dict(wrench_source.facts(Snapshot(major=float(major)), settings)) | told
+    facts = dict(own_wrench.facts(Snapshot(major=float(major)), settings)) | told
     columns = {**whole.columns, **dict(zip(CHANNELS, np.transpose(rows), strict=True))}
     return Recording(replace(whole.metadata, extra={"wrench": facts}), columns, "rec")
 

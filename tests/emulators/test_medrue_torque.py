@@ -74,14 +74,14 @@ def test_the_drivers_effort_is_what_the_motors_give():
 
         body.step = recorded
         driver = CanDriver(
-            CanOptions(interface="virtual", channel="medrue torque", torque=True, rate=100.0)
+            CanOptions(interface="virtual", channel="medrue torque", effort="torque", rate=100.0)
         )
         with driver:
             assert driver.health().counters["arm bus_load"] < 0.9
             assert until(lambda: driver.health().ok)
             driver.move(away(driver))
             told = []
-            until(lambda: told.append(driver.read().effort), 0.5)
+            until(lambda: told.append(driver.read().evidence["tau"]), 0.5)
         rows = np.unique(1000.0 * np.array(told) / rated, axis=0)
         assert np.abs(rows[:, 0]).max() > 5 and len(rows) > 5
         assert np.abs(rows - np.rint(rows)).max() < 1e-6

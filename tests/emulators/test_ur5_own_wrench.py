@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.hardware.drivers.rtde import wrench_source
-from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
+from wrenchbed.hardware.drivers.rtde import own_wrench
+from wrenchbed.hardware.drivers.rtde.states import Snapshot
 from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 HOST = "127.0.1.36"
@@ -126,4 +126,4 @@ def test_each_generation_refers_its_wrench_to_the_point_that_the_maker_says(seri
     assert at_the_tcp(5 if major < 5 else 3, wrench, pose, tcp) != pytest.approx(true, abs=0.1)
 
     state = Snapshot(t=1.0, q=tuple(q), pose=tuple(pose), force=tuple(wrench), major=float(major))
-    assert wrench_source.reading(state, arm.plant.robot).wrench == pytest.approx(load)
+    assert own_wrench.reading(state, arm.plant.robot).wrench == pytest.approx(load)

@@ -10,9 +10,9 @@ import pytest
 from emulator_process import running
 from wrenchbed import registry
 from wrenchbed.cli import main
-from wrenchbed.errors import LinkError, ParameterError
-from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs
-from wrenchbed.hardware.preflight import doctor as looking
+from wrenchbed.errors import DriverError, LinkError, ParameterError
+from wrenchbed.hardware.drivers.rtde import doctor as looking
+from wrenchbed.hardware.drivers.rtde import identity, states, status
 from wrenchbed.hardware.transducers.netft.transducer import NetftTransducer
 
 UR5 = registry.load("robots", "ur5")
@@ -55,10 +55,10 @@ def look(monkeypatch):
         clock = iter(np.arange(0.0, 1e6, 0.008))
         monkeypatch.setattr(looking.time, "monotonic", lambda: next(clock))
         monkeypatch.setattr(looking, "_open", lambda host, port: port not in closed)
-        monkeypatch.setattr(outputs, "outputs", lambda *a: contextlib.nullcontext(stream))
+        monkeypatch.setattr(states, "Outputs", lambda *a: contextlib.nullcontext(stream))
         said = {"model": "UR5", "serial": "2015350000"} if told is None else told
         monkeypatch.setattr(identity, "stated", lambda host: said)
-        monkeypatch.setattr(dashboard, "request", lambda *a: remote)
+        monkeypatch.setattr(status, "request", lambda *a: remote)
         monkeypatch.setattr(identity, "read_kinematics", lambda *a: kinematics)
         report = looking.doctor(robot, "192.0.2.7", seconds=4.0)
         return report, {line.name: line for line in report.lines}
@@ -142,7 +142,7 @@ def test_an_e_series_needs_remote_control(look):
 
 def test_a_controller_that_answers_nonsense_ends_the_look(look, monkeypatch):
     def refuse(*_):
-        raise outputs.Unfit("the controller refuses to start")
+        raise DriverError("the controller refuses to start")
 
     stream = Stream()
     stream.next = refuse

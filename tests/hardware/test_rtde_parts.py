@@ -1,99 +1,77 @@
-"""The parts of the driver of UR robots that need no robot."""
+"""The parts of the driver of UR robots that need no robot: messages, states, words, options."""
 
 import contextlib
 import math
-import os
 import random
+import socket
+import struct
 import subprocess
 import sys
+import threading
+import time
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from wrenchbed.hardware.drivers.rtde.control_worker import sound
+from wrenchbed import registry
+from wrenchbed.errors import DriverError, LinkError, ParameterError
+from wrenchbed.hardware.drivers.rtde import (
+    RtdeDriver,
+    RtdeOptions,
+    identity,
+    own_wrench,
+    states,
+    status,
+)
+from wrenchbed.hardware.drivers.rtde.control_worker import (
+    Closed,
+    MessageChannel,
+    SharedNumbers,
+    sound,
+)
 from wrenchbed.hardware.drivers.rtde.driver import Followed, trapezoid
-from wrenchbed.hardware.drivers.rtde.shared_state import SharedState, Snapshot
-from wrenchbed.hardware.drivers.rtde.state_worker import Copier, implausible
-from wrenchbed.hardware.drivers.rtde.worker import Closed, pair
+from wrenchbed.hardware.drivers.rtde.states import Snapshot, StateReceiver, implausible
 
+HOST = "127.0.2.9"
 OK = Snapshot(t=1.0, stamp=1.0, q=(0.1,) * 6, mode=7.0, safety=1.0, runtime=2.0, major=3.0)
 HAMMER = """
 import sys, time
-from wrenchbed.hardware.drivers.rtde.shared_state import SharedState, Snapshot
-shared = SharedState(int(sys.argv[1]))
-end = time.monotonic() + 1.5
-k = 0
+sys.path.insert(0, sys.argv[2])
+from control_worker import SharedNumbers
+shared = SharedNumbers(int(sys.argv[1]))
+end = time.monotonic() + 0.8
 while time.monotonic() < end:
-    k += 1
-    v = (float(k),) * 6
-    shared.write(Snapshot(k, k, *(v,) * 10, *(k,) * 13))
+    shared.beat("driver")
 """
 
 
-@contextlib.contextmanager
-def memory():
-    shared = SharedState.create()
-    try:
-        yield shared
-    finally:
-        shared.close()
+@pytest.fixture
+def shared():
+    memory = SharedNumbers.create()
+    yield memory
+    memory.close()
+    memory.close()
 
 
-def test_a_reader_never_sees_a_torn_state():
-    with memory() as shared:
-        writer = subprocess.Popen(
-            [sys.executable, "-c", HAMMER, str(shared.descriptor)], pass_fds=(shared.descriptor,)
-        )
-        seen, last = 0, 0.0
+def test_a_heartbeat_ages_and_is_never_seen_half_written(shared):
+    assert shared.silence("driver") > 1.0
+    shared.beat("driver")
+    assert shared.silence("driver") < 0.05 < shared.silence("control")
+    folder = states.__file__.rpartition("/")[0]
+    with subprocess.Popen(
+        [sys.executable, "-c", HAMMER, str(shared.descriptor), folder],
+        pass_fds=(shared.descriptor,),
+    ) as writer:
         while writer.poll() is None:
-            state = shared.read()
-            if state is None:
-                continue
-            flat = {v for value in state for v in (value if isinstance(value, tuple) else [value])}
-            assert len(flat) == 1, state
-            assert state.t >= last
-            seen += state.t > last
-            last = state.t
-        assert writer.returncode == 0
-        assert seen > 20  # it did read while the other wrote, however busy the machine
-
-
-def test_a_writer_that_died_halfway_leaves_the_state_before_and_the_next_one_goes_on():
-    with memory() as shared:
-        assert shared.read() is None
-        shared.write(OK)
-        shared._memory[0:8] = (int.from_bytes(shared._memory[0:8], "little") + 1).to_bytes(
-            8, "little"
-        )
-        assert shared.read() is None
-        again = SharedState(os.dup(shared.descriptor))
-        again.write(OK._replace(t=2.0))
-        assert shared.read().t == again.read().t == 2.0
-        again.close()
-
-
-def test_heartbeats_age():
-    with memory() as shared:
-        assert shared.silence("driver") > 1.0
-        shared.beat("driver")
-        assert shared.silence("driver") < 0.05 < shared.silence("control")
-
-
-def test_a_heartbeat_is_never_seen_half_written():
-    code = HAMMER.replace("shared.write(", "shared.beat('driver') or (").replace("1.5", "0.8")
-    with memory() as shared:
-        shared.beat("driver")
-        with subprocess.Popen(
-            [sys.executable, "-c", code, str(shared.descriptor)], pass_fds=(shared.descriptor,)
-        ) as writer:
-            while writer.poll() is None:
-                assert 0.0 <= shared.silence("driver") < 2.0
+            assert 0.0 <= shared.silence("driver") < 2.0
+    assert writer.returncode == 0 and shared.get("speed") == 0.0
 
 
 def test_messages_keep_their_borders_and_an_end_is_told():
-    mine, other = pair()
+    one, other = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    mine = MessageChannel(one)
     assert mine.send({"a": 1}) and mine.send({"b": [2.0]})
     assert other.recv(100) == b'{"a": 1}' and other.recv(100) == b'{"b": [2.0]}'
     assert mine.receive(0.0) is None
@@ -109,44 +87,36 @@ def test_a_move_uses_no_more_than_its_speed(distance, seconds, top):
     speed, acceleration = trapezoid(distance, seconds, top)
     assert speed <= max(top, 0.01) and 0.05 <= acceleration <= 15.0
     if top >= 1.5 * distance / seconds > 0.01 and 4.5 * distance / seconds**2 > 0.05:
-        ramp = speed / acceleration
-        took = distance / speed + ramp
+        took = distance / speed + speed / acceleration
         assert took == pytest.approx(seconds, rel=1e-6) or acceleration == 15.0
 
 
-@given(st.lists(st.floats(), max_size=8))
+@given(
+    st.one_of(
+        st.lists(st.floats(), max_size=8),
+        st.sampled_from([None, [None] * 6, ["1"] * 6, (0.0,) * 6]),
+    )
+)
 def test_only_six_finite_angles_are_sent(q):
-    assert sound(q) == (len(q) == 6 and all(math.isfinite(v) for v in q))
+    numbers = isinstance(q, list) and all(isinstance(v, float) and math.isfinite(v) for v in q)
+    assert sound(q) == (numbers and len(q) == 6)
 
 
-@pytest.mark.parametrize("q", [None, [None] * 6, ["1"] * 6, (0.0,) * 6, [float("nan")] * 6])
-def test_other_things_are_no_angles(q):
-    assert not sound(q)
-
-
-def follow(gain, n=120):
-    followed, rng = Followed(), random.Random(3)
-    why = ""
-    for k in range(n):
+@pytest.mark.parametrize("gain, why", [(1.0, ""), (0.0, "does not follow")])
+def test_targets_that_are_dropped_are_noticed_and_late_ones_are_followed(gain, why):
+    followed, rng, said = Followed(), random.Random(3), ""
+    for k in range(120):
         sent = np.full(6, 0.2 * math.sin(0.05 * k))
         late = np.full(6, gain * 0.2 * math.sin(0.05 * max(0, k - 12)) + rng.gauss(0.0, 1e-5))
-        why = why or followed.add(0.008 * k, sent, late)
-    return why
-
-
-def test_targets_that_are_followed_late_are_followed():
-    assert follow(1.0) == ""
-
-
-def test_targets_that_are_dropped_are_noticed():
-    assert "does not follow" in follow(0.0)
+        said = said or followed.add(0.008 * k, sent, late)
+    assert why in said and bool(why) == bool(said)
 
 
 @pytest.mark.parametrize(
     "change, wrong",
     [
         ({}, 0), ({"q": (float("nan"),) * 6}, 1), ({"force": (math.inf,) * 6}, 1),
-        ({"q": (1e86,) * 6}, 2), ({"q": (0.0,) * 5}, 2), ({"mode": 99.0}, 2), ({"safety": 0.0}, 2),
+        ({"q": (1e86,) * 6}, 2), ({"mode": 99.0}, 2), ({"safety": 0.0}, 2),
         ({"runtime": 1e9}, 2), ({"q": (0.5,) * 6}, 3), ({"stamp": 0.992}, 4),
         ({"stamp": -0.5, "q": (0.5,) * 6}, 0), ({"stamp": 0.0, "current": (5e30,) * 6}, 2),
         ({"stamp": 0.0, "q": (3.4e-322,) * 6}, 2), ({"target_moment": (-1.5e36,) * 6}, 2),
@@ -157,37 +127,292 @@ def test_what_no_robot_sends_is_refused(change, wrong):
     assert implausible(OK._replace(**{"t": 1.008, "stamp": 1.008} | change), OK) == wrong
 
 
-class Link:
-    """A receive interface that shows states one after another."""
+def judged(state, ended="", **known):
+    control = {"gone": "", "silent": 0.01, "ended": False, "halts": 0.0} | known
+    return status.judge(state, ended, status.Control(**control), {})
 
-    def __init__(self, states):
-        self.states, self.at = states, 0
 
-    def __getattr__(self, name):
-        state = self.states[self.at]
-        return lambda: {
-            "getTimestamp": state.stamp, "getActualQ": list(state.q), "getActualQd": list(state.qd),
-            "getActualCurrent": [0.0] * 6, "getTargetQ": list(state.q),
-            "getTargetQd": [0.1] * 6, "getTargetMoment": list(state.target_moment),
-            "getJointTemperatures": [31.0] * 6,
-            "getActualTCPPose": [0.0] * 6, "getActualTCPForce": [0.0] * 6,
-            "getSpeedScaling": 1.0, "getRobotMode": state.mode, "getSafetyMode": state.safety,
-            "getSafetyStatusBits": state.bits, "getRuntimeState": state.runtime,
-        }[name]  # fmt: skip
+@pytest.mark.parametrize(
+    "age, change, more, expected, words",
+    [
+        (0.0, {}, {}, "ok", ""),
+        (0.09, {}, {}, "stale", "silent or repeats itself"),
+        (0.09, {"wrong": 3.0}, {}, "stale", "jump faster"),
+        (1.2, {}, {}, "lost", "no fresh reading for 1.2"),
+        (0.0, {}, {"ended": "the stream of states ended"}, "lost", "stream of states ended"),
+        (0.0, {"back": 3.0}, {}, "lost", "clock went back by 3 s"),
+        (0.0, {"bits": 5.0}, {}, "stopped", "protective stop"),
+        (0.0, {"safety": 3.0}, {}, "stopped", "protective stop"),
+        (0.0, {"bits": 64.0}, {}, "stopped", "emergency stop"),
+        (0.0, {"bits": 256.0}, {}, "fault", "safety"),
+        (0.0, {"mode": 3.0}, {}, "stopped", "the robot is off"),
+        (0.0, {"runtime": 4.0}, {}, "stopped", "program is paused"),
+        (0.0, {"halts": 1.0}, {}, "stopped", "another one plays"),
+    ],
+)
+def test_each_trouble_has_a_name(age, change, more, expected, words):
+    health = judged(OK._replace(t=time.monotonic() - age, **change), **more)
+    assert health.state == expected and words in health.detail
+
+
+def test_the_process_that_commands_is_judged_where_there_is_one():
+    now = OK._replace(t=time.monotonic() + 9.0)
+    assert judged(None).state == "lost" and "no state" in judged(None).detail
+    assert "watchdog" in judged(now, gone="the control process died by signal 11").detail
+    assert "hangs" in judged(now, silent=1.5).detail
+    did_not_take = status.judge(now, "", status.Control("", 0.01, True, 0.0), {})
+    assert did_not_take.state == "stopped" and "did not take" in did_not_take.detail
+    assert status.judge(now._replace(runtime=1.0), "", None, {}).ok
+
+
+@settings(max_examples=200)
+@given(st.floats(-1, 8), st.floats(0, 13), st.integers(0, 2047))
+def test_every_state_of_the_robot_has_words(mode, safety, bits):
+    state = OK._replace(mode=mode, safety=safety, bits=float(bits))
+    assert status.mode(state) and status.safety(state) and status.program(state)
+    trouble = status.problem(state)
+    assert trouble is None or (trouble[0] in ("stopped", "fault") and trouble[1])
+
+
+@contextlib.contextmanager
+def server(port, serve):
+    """A TCP server that treats each connection with `serve`."""
+    listener = socket.create_server((HOST, port))
+    listener.settimeout(5.0)
+
+    def run():
+        with contextlib.suppress(OSError):
+            link, _ = listener.accept()
+            with link:
+                link.settimeout(5.0)
+                serve(link)
+
+    thread = threading.Thread(target=run, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        listener.close()
+        thread.join(6.0)
+
+
+def test_the_dashboard_answers_within_a_deadline():
+    def serve(link):
+        link.sendall(b"Connected: Universal Robots Dashboard Server\n")
+        assert link.recv(100) == b"stop\n"
+        link.sendall(b"Stopped\n")
+
+    with server(status.PORT, serve):
+        assert status.request(HOST, "stop") == "Stopped"
+    with server(status.PORT, lambda link: time.sleep(0.5)):
+        begun = time.monotonic()
+        with pytest.raises(LinkError, match="no answer to 'stop'"):
+            status.request(HOST, "stop", 0.2)
+        assert time.monotonic() - begun < 0.4
+    with pytest.raises(LinkError, match="refused"):
+        status.request(HOST, "stop", 0.2)
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        b"\x00\x01V",
+        b"\x00\x02V",
+        b"\xff\xffV" * 3,
+        b"\x00\x04V\x00",
+        b"\x00\x04Q\x01",
+        b"\x00",
+        b"",
+    ],
+)
+def test_a_controller_that_answers_nonsense_is_refused(answer):
+    def serve(link):
+        link.recv(5)
+        link.sendall(answer)
+
+    with server(states.PORT, serve), pytest.raises(DriverError) as caught:
+        states.Outputs(HOST, ["timestamp"], 1.0)
+    assert isinstance(caught.value, LinkError) == (len(answer) < 3)
+
+
+def test_a_silent_controller_is_named_in_time():
+    begun = time.monotonic()
+    with (
+        server(states.PORT, lambda link: time.sleep(0.6)),
+        pytest.raises(LinkError, match="answer"),
+    ):
+        states.Outputs(HOST, ["timestamp"], 0.2)
+    assert time.monotonic() - begun < 1.0
+
+
+def packet(kind: bytes, body: bytes) -> bytes:
+    return (3 + len(body)).to_bytes(2, "big") + kind + body
+
+
+SETTINGS = {
+    "timestamp": (41.5,), "payload": (1.25,), "payload_cog": (0.0, 0.01, 0.05),
+    "tcp_offset": (0.0, 0.0, 0.1, 0.0, 0.0, 0.5), "safety_mode": (3,), "robot_mode": (7,),
+    "speed_scaling": (0.5,),
+}  # fmt: skip
+KINDS = {1: "DOUBLE", 3: "VECTOR3D", 6: "VECTOR6D"}
+
+
+def controller(*rows, lacks: str = "", start: bytes = b"\x01"):
+    """Serves packets of named values, as an old controller does that lacks one output."""
+
+    def kind(name):
+        return "INT32" if name.endswith("_mode") else KINDS[len(rows[0][name])]
+
+    def serve(link):
+        while request := link.recv(3):
+            body = link.recv(int.from_bytes(request[:2], "big") - 3) if request[1] > 3 else b""
+            match request[2:]:
+                case b"V":
+                    link.sendall(packet(b"V", b"\x01"))
+                case b"v":
+                    version = b"".join(n.to_bytes(4, "big") for n in (3, 4, 1, 2))
+                    link.sendall(packet(b"M", b"\x01a\x01b") + packet(b"v", version))
+                case b"O":
+                    names = body[8:].decode().split(",")
+                    kinds = [
+                        "NOT_FOUND" if n in (lacks, "ft_raw_wrench") else kind(n) for n in names
+                    ]
+                    link.sendall(packet(b"O", b"\x01" + ",".join(kinds).encode()))
+                case b"S":
+                    link.sendall(packet(b"S", start))
+                    for row in rows:
+                        flat = b"".join(
+                            struct.pack(*((">i", int(v)) if kind(n) == "INT32" else (">d", v)))
+                            for n in names for v in row[n]
+                        )  # fmt: skip
+                        link.sendall(packet(b"M", b"\x01a\x01b\x03") + packet(b"U", b"\x01" + flat))
+
+    return serve
+
+
+def test_how_the_controller_is_set_up_is_read_by_its_own_types():
+    with server(states.PORT, controller(SETTINGS)):
+        assert identity.settings(HOST) == {
+            "payload": 1.25, "payload_cog": [0.0, 0.01, 0.05], "time": 41.5,
+            "tcp_offset": [0.0, 0.0, 0.1, 0.0, 0.0, 0.5], "safety_mode": "protective stop",
+            "robot_mode": "running", "speed_scaling": 0.5,
+        }  # fmt: skip
+
+
+def test_an_older_controller_says_less_and_no_answer_is_no_settings():
+    with server(states.PORT, controller(SETTINGS, lacks="payload_cog")):
+        settings = identity.settings(HOST)
+    assert (
+        "payload_cog" not in settings and settings["payload"] == 1.25 and settings["time"] == 41.5
+    )
+    with server(states.PORT, controller(SETTINGS, start=b"\x00")):
+        assert identity.settings(HOST) == {}
+    assert identity.settings(HOST) == {}
+
+
+def sent(**change):
+    """Outputs of a state of a healthy robot."""
+    state = OK._replace(current=(0.0,) * 6, **change)._asdict()
+    values = {name: state[field] for field, name in states._FIELDS.items() if field != "raw"}
+    return {name: v if isinstance(v, tuple) else (v,) for name, v in values.items()}
 
 
 def test_states_are_counted_refused_and_dated():
-    stamps = [2.0, 2.0, 2.008, 2.04, 2.048, 2.032, 0.5]
-    states = [OK._replace(stamp=s) for s in stamps]
-    states[4] = states[4]._replace(safety=0.0)
-    link = Link(states)
-    with memory() as shared:
-        copier = Copier(link, False, 3, 0.008, shared)
-        for link.at in range(len(states)):
-            copier.look()
-        state = shared.read()
-        assert (state.received, state.skipped, state.bad) == (4.0, 3.0, 2.0)
-        assert state.back == pytest.approx(1.54)
-        going_on = Copier(link, False, 3, 0.008, shared)
-        going_on.look()
-        assert shared.read().received == 5.0 and shared.read().back == 0.0
+    rows = [sent(stamp=s) for s in (2.0, 2.0, 2.008, 2.04, 2.048, 2.032, 0.5)]
+    rows[4]["safety_mode"] = (0,)
+    published = []
+    with server(states.PORT, controller(*rows)):
+        receiver = StateReceiver(HOST, None, Snapshot(), published.append)
+        end = time.monotonic() + 3.0
+        while receiver.newest.back == 0.0 and time.monotonic() < end:
+            time.sleep(0.002)
+        receiver.close()
+    state = receiver.newest
+    assert (state.received, state.skipped, state.bad) == (4.0, 3.0, 2.0)
+    assert state.back == pytest.approx(1.54) and published[-1] is state and receiver.ended
+    with server(states.PORT, controller(rows[0])):
+        renewed = StateReceiver(HOST, None, state, published.append)
+        while renewed.newest.t == 0.0 and time.monotonic() < end:
+            time.sleep(0.002)
+        renewed.close()
+    assert renewed.newest.received == 5.0 and renewed.newest.back == 0.0
+
+
+def test_a_controller_without_an_output_is_refused():
+    refused = pytest.raises(DriverError, match="no output actual_qd")
+    with server(states.PORT, controller(sent(), lacks="actual_qd")), refused:
+        StateReceiver(HOST, None, Snapshot(), print)
+
+
+UR5 = registry.load("robots", "ur5")
+
+
+def test_the_own_wrench_comes_in_the_sensors_axes():
+    """A force at the TCP, 0.1 m along the flange's z, turns about the sensor's origin."""
+    q = np.array([0.3, -1.2, -1.5, -1.1, 1.4, 0.5])
+    rotation, origin = (a[0] for a in UR5.sensor_pose(q[None], UR5.parameters.nominal))
+    force, torque = np.array([3.0, -2.0, 7.0]), np.array([0.1, 0.2, -0.3])
+    tcp = origin + rotation @ [0.0, 0.0, 0.1]
+    in_base = (*(rotation @ force), *(rotation @ torque))
+    state = OK._replace(q=tuple(q), pose=(*tcp, 0.0, 0.0, 0.0), force=in_base)
+    expected = np.concatenate([force, torque + np.cross([0.0, 0.0, 0.1], force)])
+    assert own_wrench.reading(state, UR5).wrench == pytest.approx(expected, abs=1e-9)
+    series_e = state._replace(major=5.0)
+    about_flange = own_wrench.reading(series_e, UR5).wrench
+    assert about_flange == pytest.approx([*force, *torque], abs=1e-9)
+    raw = series_e._replace(raw=(1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+    assert own_wrench.reading(raw, UR5).wrench == pytest.approx([1, 2, 3, 4, 5, 6])
+    assert own_wrench.facts(state, {})["reference"] == "tcp"
+    assert own_wrench.facts(raw, {})["frame"] == "flange"
+
+
+def test_the_own_wrench_is_a_transducer():
+    now = time.monotonic() + 60.0  # whatever the test's machine does meanwhile
+    rows = iter([OK._replace(t=now - 0.45 + 0.05 * k, received=float(k)) for k in range(9)])
+    latest = OK._replace(t=now - 0.6)
+    options = own_wrench.OwnWrenchOptions(UR5, lambda: latest)
+    with own_wrench.transducer("rtde", "", options) as wrench:
+        for latest in rows:  # noqa: B007
+            assert wrench.read().fresh and not wrench.read().fresh
+        assert wrench.at(now - 0.23).wrench.shape == (6,)
+        assert wrench.at(now - 0.23).age == pytest.approx(0.02, abs=1e-6)
+        assert wrench.at(now - 0.55) is None and wrench.at(now - 9.0) is None
+        assert wrench.health().state == "ok"
+
+
+@pytest.mark.parametrize(
+    "change, error",
+    [
+        ({"sensor": "nonsense"}, "netft"), ({"sensor": "netft://"}, "netft"),
+        ({"sensor": "netft://h?x=1"}, "netft"), ({"sensor": "ftp://h"}, "netft"),
+        ({"frequency": 0.0}, "frequency"), ({"watchdog_hz": 500.0}, "watchdog_hz"),
+        ({"attempts": 0}, "attempts"), ({"connect_s": -1.0}, "connect_s"),
+    ],
+)  # fmt: skip
+def test_wrong_options_are_refused(change, error):
+    with pytest.raises(ParameterError, match=error):
+        RtdeDriver(RtdeOptions(**change))
+
+
+def test_what_the_robot_is_can_be_read_while_disconnected():
+    driver = RtdeDriver(RtdeOptions(sensor="rtde"))
+    assert driver.robot.name == "ur5" and driver.live and driver.source == "ur_rtde"
+    assert driver.health().state == "closed"
+    assert driver.metadata("static", 100.0).source == "ur_rtde"
+    with pytest.raises(ParameterError, match="address"):
+        driver.connect()
+    with pytest.raises(DriverError, match="connect"):
+        driver.read()
+    driver.close()
+
+
+def test_a_controller_that_is_off_or_silent_is_named_within_the_deadline():
+    driver = RtdeDriver(RtdeOptions(host="127.0.2.8", sensor="rtde", connect_s=2.0, attempts=3))
+    begun = time.monotonic()
+    with pytest.raises(LinkError, match="refused"):
+        driver.connect()
+    assert time.monotonic() - begun < 4.0
+    with server(states.PORT, lambda link: time.sleep(3.0)):
+        driver = RtdeDriver(RtdeOptions(host=HOST, sensor="rtde", connect_s=2.5, attempts=1))
+        with pytest.raises(LinkError, match="does not answer"):
+            driver.connect()

@@ -5,7 +5,6 @@ option but ``robot`` has one by itself; add one for any other new plug-in.
 """
 
 import os
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields
@@ -20,9 +19,8 @@ from wrenchbed.campaigns.recording.run import record
 from wrenchbed.data.plan import Plan
 from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
-from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
+from wrenchbed.hardware.transducers.base import Transducer
 from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
-from wrenchbed.hardware.transducers.ur_wrench import UrWrench, UrWrenchOptions
 from wrenchbed.robots.motion_limits import Limits
 
 SMALL = 0.03
@@ -132,19 +130,8 @@ def _netcanoem() -> Iterator[Callable[[], Transducer]]:
         yield lambda: kind(kind.options(host="127.0.5.4", rate=200.0))
 
 
-@contextmanager
-def _ur_wrench() -> Iterator[Callable[[], Transducer]]:
-    def reading() -> WrenchSample:
-        k = int(time.monotonic() / 0.008)  # a controller of 125 Hz
-        load = np.array([1.0, 2.0, 3.0, 0.1, 0.2, 0.3])
-        return WrenchSample(0.008 * k, 0.008 * k, k, 0.0, True, load)
-
-    yield lambda: UrWrench(UrWrenchOptions(reading))
-
-
 TRANSDUCERS = {
     "netft": _netft,
     "netcanoem": _netcanoem,
-    "ur-wrench": _ur_wrench,
 }
 """Transducer → a context in which a function makes closed ones."""

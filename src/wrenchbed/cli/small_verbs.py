@@ -174,7 +174,7 @@ def doctor_(
         sensor: HOST of a Net F/T box, or its address: netft://HOST.
         seconds: For which each stream is watched [s].
     """
-    from wrenchbed.hardware.preflight.doctor import doctor
+    from wrenchbed.hardware.drivers.rtde.doctor import doctor
 
     report = doctor(wb.load("robots", robot), host or "", sensor or "", seconds)
     table = console.table()

@@ -29,13 +29,10 @@ class ArmSample:
         fresh: newer than what the call before returned.
         q: joint values (J,) [rad or m].
         qd: their speeds (J,).
-        effort: torque of each joint (J,) [N·m or N], or its current [A] where a robot reports that.
-        pose: flange in the robot's base x y z qw qx qy qz, None where it is unknown.
         target_q: where the robot's own controller wants its joints (J,).
         mode: ``off``, ``idle``, ``running``, ``fault`` or what the device calls it.
         safety: ``normal``, ``protective stop``, ``emergency stop`` …
-        program: ``playing``, ``paused``, ``stopped`` or empty.
-        faults: what is wrong, in words.
+        program: ``playing``, ``paused``, ``stopped``; empty where the robot runs none.
         evidence: what recordings keep beside the joints, (J,) by the name of its columns without
             their number, as ``i`` of motor currents i1… [A].
     """
@@ -47,13 +44,10 @@ class ArmSample:
     fresh: bool
     q: np.ndarray
     qd: np.ndarray
-    effort: np.ndarray | None = None
-    pose: np.ndarray | None = None
     target_q: np.ndarray | None = None
     mode: str = "running"
     safety: str = "normal"
     program: str = ""
-    faults: tuple[str, ...] = ()
     evidence: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 

@@ -262,15 +262,14 @@ class CanDriver(LiveDriver):
         if answers is None:
             raise LinkError("the drives have sent no state yet")
         before, self._seen = self._seen, answers.sequence
-        faults = tuple(t[1] for d in cycle.drives if (t := d.trouble(enabled=False)))
         effort = None if self._rated is None else answers.torque * 1e-3 * self._rated
         return ArmSample(
             t=answers.t, device_time=None, sequence=answers.sequence,
             age=time.monotonic() - answers.t, fresh=answers.sequence != before,
-            q=answers.q.copy(), qd=answers.qd.copy(), effort=effort,
+            q=answers.q.copy(), qd=answers.qd.copy(),
             target_q=(self._setpoints.command if cycle.following else answers.q).copy(),
             mode=self._mode(cycle),
-            safety="quick stop" if cycle.want is Want.QUICK_STOP else "normal", faults=faults,
+            safety="quick stop" if cycle.want is Want.QUICK_STOP else "normal",
             evidence=self._evidence(effort),
         )  # fmt: skip
 

@@ -1,32 +1,38 @@
-"""Connection to one UR robot: its options, the driver's heartbeat, and the two worker processes.
+"""Connection to one UR robot: its options, the stream of states, and the process that commands.
 
-Workers are started with retries within a deadline, and replaced when they fail.
+ur_rtde can hang and crash, so it commands the robot in a process of its own. Both links are tried
+again within a deadline, and replaced when they fail.
 """
 
 import contextlib
 import itertools
 import json
-import os
 import signal
-import socket
 import subprocess
 import sys
 import threading
 import time
 import weakref
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from socket import AF_UNIX, SOCK_SEQPACKET, socketpair
+from typing import Any, TypeVar
 
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, ParameterError, StoppedError
 from wrenchbed.hardware.device import STALE_S, wait_until
-from wrenchbed.hardware.drivers.rtde.outputs import NATIVE_HZ
-from wrenchbed.hardware.drivers.rtde.shared_state import SharedState
-from wrenchbed.hardware.drivers.rtde.worker import Closed, Message, pair
+from wrenchbed.hardware.drivers.rtde import control_worker
+from wrenchbed.hardware.drivers.rtde.control_worker import (
+    Closed,
+    Message,
+    MessageChannel,
+    SharedNumbers,
+)
+from wrenchbed.hardware.drivers.rtde.states import NATIVE_HZ, Snapshot, StateReceiver
 from wrenchbed.robots.motion_limits import Limits
 
+T = TypeVar("T")
 PERIOD_S = 0.05
 """Period of the driver's heartbeat [s], a tenth of `control_worker.DRIVER_SILENT_S`."""
 _JOINTS = 6
@@ -34,51 +40,30 @@ _JOINTS = 6
 _FIRST_PAUSE_S = 0.1
 """Pause before the second attempt [s]; it doubles each time."""
 _FRESH_S = 1.0
-"""Time within which a connected worker must deliver a state [s], a hundred cycles."""
+"""Time within which a new stream must deliver a state [s], a hundred cycles."""
 _LEAST_S = 1.0
-"""Time that must remain for another attempt [s], in which a worker can start and connect."""
+"""Time that must remain for another attempt [s], in which a process can start and connect."""
 _LOOK = "check --host, power, cable, and that nothing blocks TCP 30004"
 """What to check when the robot cannot be reached."""
-_REFUSALS: tuple[tuple[str, type[DriverError], str, bool], ...] = (
-    ("already in use", DriverError, "another client controls this robot: close it", True),
+_REFUSALS: tuple[tuple[str, type[DriverError], str], ...] = (
+    ("already in use", DriverError, "another client controls this robot: close it"),
     (
         "remote control",
         StoppedError,
         "the robot is in local control: switch it to remote control at its pendant",
-        False,
     ),
     (
         "start control script",
         StoppedError,
         "the robot does not start the program that it was sent: look at its pendant",
-        False,
     ),
 )
-"""Text of a worker, the error to raise, its message, and whether another attempt may help."""
-_ROOT = str(Path(__file__).parents[4])
+"""What ur_rtde says, the error to raise, and its message; after `StoppedError` no other attempt
+helps."""
 _POLL_S, _ANSWER_POLL_S = 0.01, 0.001
 """Time between two looks for the first event and for an answer [s]; a stop must not wait longer."""
 _END_S = 5.0
 """Time that a killed process gets to end [s]; it ends at once unless the kernel is stuck."""
-
-
-class Pulse:
-    """The driver's heartbeat in shared memory; without it the control worker stops the robot."""
-
-    def __init__(self, shared: SharedState) -> None:
-        self._shared, self._stopped = shared, threading.Event()
-        self._thread = threading.Thread(target=self._run, name="rtde-pulse", daemon=True)
-        shared.beat("driver")
-        self._thread.start()
-
-    def stop(self) -> None:
-        """End the heartbeat; may be called twice."""
-        self._stopped.set()
-        self._thread.join(1.0)
-
-    def _run(self) -> None:
-        while not self._stopped.wait(PERIOD_S):
-            self._shared.beat("driver")
 
 
 @dataclass(frozen=True)
@@ -136,18 +121,17 @@ class RtdeOptions:
             raise ParameterError("connect_s and attempts must be above 0, recoveries at least 0")
 
 
-class Worker:
-    """One process that uses ur_rtde.
+class ControlProcess:
+    """The process that commands the robot.
 
     Args:
-        kind: ``state`` or ``control``.
-        setting: of the worker.
+        setting: of `control_worker`.
         shared: memory that it inherits.
     """
 
-    def __init__(self, kind: str, setting: dict[str, Any], shared: SharedState) -> None:
-        self.kind = kind
-        self.wire, other = pair()
+    def __init__(self, setting: dict[str, Any], shared: SharedNumbers) -> None:
+        mine, other = socketpair(AF_UNIX, SOCK_SEQPACKET)
+        self.wire = MessageChannel(mine)
         self._lock = threading.Lock()
         self._ids = itertools.count(1)
         self._replies: dict[int, Message] = {}
@@ -156,28 +140,41 @@ class Worker:
         """Why the newest streamed target was refused."""
         self.program_ended = False
         self._why = ""
+        inherited = {"memory": shared.descriptor, "wire": other.fileno()}
         with other:
-            self._process = _spawn(kind, setting, shared, other)
+            self._process = subprocess.Popen(
+                [sys.executable, "-P", control_worker.__file__, json.dumps(setting | inherited)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                pass_fds=tuple(inherited.values()),
+                process_group=0,
+            )
         self._kill = weakref.finalize(self, _end, self._process)
 
-    def wait_ready(self, deadline: float) -> Message:
-        """The worker's first event; a worker without one by then is killed.
+    def wait_ready(self, deadline: float) -> None:
+        """Wait for its first event, and kill it where none comes by then (`time.monotonic`, [s]).
 
         Raises:
-            LinkError: none came in time (`time.monotonic`, [s]).
+            LinkError: none came in time, or the robot cannot be reached.
+            DriverError: it does not let itself be controlled; the message says why.
         """
         begun = time.monotonic()
         while time.monotonic() < deadline:
             gone = self.gone()
             with self._lock:
-                if self.events:
-                    return self.events.popleft()
-            if gone:
-                raise LinkError(gone)
+                event = self.events.popleft() if self.events else {}
+            if event.get("event") == "ready":
+                return
+            if why := str(event.get("why", gone)):
+                for sign, error, meaning in _REFUSALS:
+                    if sign in why:
+                        raise error(meaning)
+                raise LinkError(why)
             time.sleep(_POLL_S)
         self.kill()
         waited = time.monotonic() - begun
-        raise LinkError(f"the {self.kind} worker did not connect within {waited:.1f} s: killed")
+        raise LinkError(f"the control process did not connect within {waited:.1f} s: killed")
 
     def send(self, do: str, **more: Any) -> bool:
         """Send a command that is not answered; whether it could be sent at once."""
@@ -191,7 +188,7 @@ class Worker:
         """
         number = next(self._ids)
         if not self.wire.send({"do": do, "id": number} | more):
-            raise LinkError(self.gone() or f"the {self.kind} worker takes no orders")
+            raise LinkError(self.gone() or "the control process takes no orders")
         end = time.monotonic() + timeout
         while True:
             gone = self.gone()
@@ -203,7 +200,7 @@ class Worker:
                 raise LinkError(gone)
             remaining = end - time.monotonic()
             if remaining <= 0.0:
-                raise LinkError(f"the {self.kind} worker did not answer {do!r} in {timeout:g} s")
+                raise LinkError(f"the control process did not answer {do!r} in {timeout:g} s")
             time.sleep(min(remaining, _ANSWER_POLL_S))
 
     def gone(self) -> str:
@@ -215,11 +212,11 @@ class Worker:
         if code is None:
             return ""
         for event in self.events:
-            if event.get("event") in ("lost", "failed", "refused"):
-                return f"the {self.kind} worker ended: {event.get('why')}"
+            if event.get("event") in ("lost", "failed"):
+                return f"the control process ended: {event.get('why')}"
         if code < 0:
-            return f"the {self.kind} worker died by signal {-code} ({signal.Signals(-code).name})"
-        return f"the {self.kind} worker ended with code {code}"
+            return f"the control process died by signal {-code} ({signal.Signals(-code).name})"
+        return f"the control process ended with code {code}"
 
     def quit(self, timeout: float) -> None:
         """Ask it to end, kill it when it has not ended by then [s], and release it."""
@@ -259,23 +256,6 @@ class Worker:
         return self._process.pid
 
 
-def _spawn(
-    kind: str, setting: dict[str, Any], shared: SharedState, other: socket.socket
-) -> subprocess.Popen[bytes]:
-    inherited = (shared.descriptor, other.fileno())
-    arguments = json.dumps(setting | {"memory": inherited[0], "wire": inherited[1]})
-    path = os.pathsep.join(p for p in (_ROOT, os.environ.get("PYTHONPATH", "")) if p)
-    return subprocess.Popen(
-        [sys.executable, "-P", "-m", "wrenchbed.hardware.drivers.rtde.worker", kind, arguments],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        pass_fds=inherited,
-        process_group=0,
-        env=os.environ | {"PYTHONPATH": path},
-    )
-
-
 def _end(process: subprocess.Popen[bytes]) -> None:
     if process.poll() is None:
         process.kill()
@@ -284,14 +264,28 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 class Links:
-    """Shared memory, heartbeat and state worker of one robot; starts control workers."""
+    """Shared memory, heartbeat and stream of states of one robot; starts control processes."""
 
     def __init__(self, options: RtdeOptions) -> None:
-        self.shared = SharedState.create()
+        self.shared = SharedNumbers.create()
         self.restarts = 0
         self._options = options
-        self._pulse = Pulse(self.shared)
-        self._state: Worker | None = None
+        self._receiver: StateReceiver | None = None
+        self._closed = threading.Event()
+        self.shared.beat("driver")
+        self._thread = threading.Thread(target=self._beat, name="rtde pulse", daemon=True)
+        self._thread.start()
+
+    @property
+    def state(self) -> Snapshot | None:
+        """The newest state; None before the first."""
+        newest = self._receiver.newest if self._receiver else None
+        return newest if newest and newest.t > 0.0 else None
+
+    @property
+    def ended(self) -> str:
+        """Why no more states will come; empty while the stream goes on."""
+        return self._receiver.ended if self._receiver else "the stream of states was not opened"
 
     def open_state(self) -> None:
         """Start receiving states.
@@ -300,95 +294,90 @@ class Links:
             LinkError: the robot cannot be reached within the deadline.
             DriverError: its answer cannot be used.
         """
-        begun = time.monotonic()
-        self._state = self._open("state", {})
+        before = self._receiver.newest if self._receiver else Snapshot()
 
-        def fresh() -> bool:
-            state = self.shared.read()
-            return (state is not None and state.t >= begun) or bool(self.state_gone())
+        def attempt(_: float) -> None:
+            options = self._options
+            receiver = StateReceiver(options.host, options.frequency, before, self._published)
+            self._receiver = receiver
+            wait_until(lambda: receiver.newest.t > 0.0 or bool(receiver.ended), _FRESH_S)
+            if receiver.ended or receiver.newest.t == 0.0:
+                receiver.close()
+                raise LinkError(receiver.ended or "the controller sends no states")
 
-        if not wait_until(fresh, _FRESH_S) or self.state_gone():
-            gone = self.state_gone()
-            raise LinkError(gone or f"{self._options.host}: the controller sends no states")
+        self._try(attempt)
 
     def renew_state(self) -> None:
-        """Replace a state worker that delivers no fresh states.
-
-        Raises:
-            LinkError: the robot cannot be reached within the deadline.
-            DriverError: its answer cannot be used.
-        """
-        state = self.shared.read()
+        """Replace a stream that delivers no fresh states; raises as `open_state`."""
+        state = self.state
         silent = state is None or time.monotonic() - state.t > STALE_S or state.back > 0.0
-        if not silent and not self.state_gone():
-            return
-        if self._state is not None:
-            self._state.kill()
-        self.restarts += 1
-        self.open_state()
+        if silent or self.ended:
+            if self._receiver is not None:
+                self._receiver.close()
+            self.restarts += 1
+            self.open_state()
 
-    def state_gone(self) -> str:
-        """Why the state worker is gone; empty while it lives."""
-        return self._state.gone() if self._state else "the state worker was not started"
-
-    def open_control(self) -> Worker:
-        """A worker that controls the robot, with the robot's watchdog on.
+    def open_control(self) -> ControlProcess:
+        """A process that controls the robot, with the robot's watchdog on.
 
         Raises:
             StoppedError: the robot does not take a program.
             DriverError: someone else controls it.
             LinkError: it cannot be reached within the deadline.
         """
-        state = self.shared.read()
+        options, state = self._options, self.state
         native = NATIVE_HZ[state is not None and state.major > 3]
-        period = 1.0 / (self._options.frequency or native)
-        more = {"watchdog_hz": self._options.watchdog_hz, "period": period}
-        return self._open("control", more)
-
-    def close(self) -> None:
-        """End the state worker; may be called twice."""
-        if self._state is not None:
-            self._state.kill()
-        self._state = None
-        self._pulse.stop()
-        self.shared.close()
-
-    def _open(self, kind: str, more: dict[str, Any]) -> Worker:
-        options = self._options
         setting = {
             "host": options.host, "frequency": options.frequency,
-            "alarm": int(options.connect_s) + 2,
+            "alarm": int(options.connect_s) + 2, "watchdog_hz": options.watchdog_hz,
+            "period": 1.0 / (options.frequency or native),
         }  # fmt: skip
-        deadline, pause = time.monotonic() + options.connect_s, _FIRST_PAUSE_S
-        failure: DriverError | None = None
-        for _ in range(options.attempts):
-            worker = Worker(kind, setting | more, self.shared)
+
+        def attempt(deadline: float) -> ControlProcess:
+            process = ControlProcess(setting, self.shared)
             try:
-                event = worker.wait_ready(deadline)
-                if event.get("event") == "ready":
-                    return worker
-                failure, passes = _refusal(kind, event)
-            except LinkError as error:
-                failure, passes = failure or error, True
+                process.wait_ready(deadline)
             except BaseException:
-                worker.kill()
+                process.kill()
                 raise
-            worker.kill()
-            if not passes or time.monotonic() + pause + _LEAST_S > deadline:
-                break
-            time.sleep(pause)
-            pause *= 2.0
-        failure = failure or LinkError("not tried")
+            return process
+
+        return self._try(attempt)
+
+    def close(self) -> None:
+        """End the stream and the heartbeat; may be called twice."""
+        if self._receiver is not None:
+            self._receiver.close()
+        self._receiver = None
+        self._closed.set()
+        self._thread.join(1.0)
+        self.shared.close()
+
+    def _published(self, state: Snapshot) -> None:
+        self.shared.put("speed", max(map(abs, state.qd)))
+        self.shared.put("state", state.t)
+
+    def _beat(self) -> None:
+        """The driver's heartbeat; without it the control process stops the robot."""
+        while not self._closed.wait(PERIOD_S):
+            self.shared.beat("driver")
+
+    def _try(self, attempt: Callable[[float], T]) -> T:
+        """What an attempt returns before a deadline; it is repeated where that may help."""
+        options = self._options
+        deadline, pause = time.monotonic() + options.connect_s, _FIRST_PAUSE_S
+        failure: DriverError = LinkError("not tried")
+        for tried in range(options.attempts):
+            if tried:
+                if time.monotonic() + pause + _LEAST_S > deadline:
+                    break
+                time.sleep(pause)
+                pause *= 2.0
+            try:
+                return attempt(deadline)
+            except DriverError as error:
+                failure = error
+                if isinstance(error, StoppedError):
+                    break
         look = f": {_LOOK}" if isinstance(failure, LinkError) else ""
         raise type(failure)(f"robot at {options.host}: {failure}{look}") from failure
-
-
-def _refusal(kind: str, event: Message) -> tuple[DriverError, bool]:
-    """Why a worker ended, and whether another attempt may help."""
-    why = str(event.get("why", ""))
-    for sign, error, meaning, passes in _REFUSALS:
-        if sign in why:
-            return error(meaning), passes
-    if kind == "state" and event.get("event") == "failed":
-        return DriverError(why), False
-    return LinkError(why), True

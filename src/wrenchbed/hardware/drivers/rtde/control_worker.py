@@ -1,32 +1,44 @@
-"""The worker that commands the robot, one call of ur_rtde at a time, and feeds its watchdog.
+"""The process that commands the robot, one call of ur_rtde at a time, and feeds its watchdog.
 
-The robot-side watchdog is kicked only while the driver's heartbeat is young. Moves and their stops
-are asynchronous, since the watchdog stops what blocks longer than its period. When the driver is
-gone the robot is stopped, the kicks end, and so does this process.
+``control_worker.py SETTING`` with the setting as JSON; messages are JSON objects over a pair of
+local sockets. The robot-side watchdog is kicked only while the driver's heartbeat is young. Moves
+and their stops are asynchronous, since the watchdog stops what blocks longer than its period. When
+the driver is gone the robot is stopped, the kicks end, and so does this process.
 
-The driver sends streamed targets ahead of their time; this worker passes each on when it is due.
+The driver sends streamed targets ahead of their time; this process passes each on when it is due.
+It ends by `os._exit`: destructors of ur_rtde throw after the controller died, which would abort it.
+Only the standard library is imported, so that it starts quickly.
 """
 
+import contextlib
+import json
 import math
+import mmap
 import os
+import select
 import signal
+import socket
+import struct
+import sys
 import threading
 import time
 from collections import deque
+from collections.abc import Callable
 from importlib import import_module
-from typing import Any
+from typing import Any, Self
 
-from wrenchbed.hardware.drivers.rtde.shared_state import SharedState
-from wrenchbed.hardware.drivers.rtde.worker import (
-    LOST,
-    Closed,
-    Message,
-    MessageChannel,
-    Printed,
-    cause,
-    end_process,
-)
-
+Message = dict[str, Any]
+_LONGEST = 4096
+"""Bytes of the longest message; the longest sent have some hundred."""
+_MS = 1e3  # by definition
+_PRIORITY = -10
+"""Nice value of this process: before other programs, behind real-time ones."""
+LOST = 3
+"""Exit code of a process that lost the controller."""
+_LOSS = ("Could not receive data", "Lost connection", "Reconnecting", "closed the connection")
+"""What ur_rtde prints before it reconnects by itself, which ends in a crash."""
+_NUMBER = struct.Struct("@d")
+_NUMBERS = ("driver", "control", "state", "speed")
 KICKS = 6.0
 """Kicks of the watchdog in its period: five of them may be late."""
 DRIVER_SILENT_S = 0.5
@@ -59,6 +71,114 @@ _LOOKAHEAD_S, _GAIN = 0.1, 300.0
 _OVER = "the robot's program does not run"
 _BEGINS_S = 0.05
 """Time in which a move or a stop surely reports that it is under way [s], six cycles of a CB3."""
+
+
+class Closed(Exception):  # noqa: N818
+    """The other end is gone."""
+
+
+class MessageChannel:
+    """One end of a channel that keeps the borders and the order of messages."""
+
+    def __init__(self, end: socket.socket) -> None:
+        self._end = end
+        self._end.setblocking(False)
+        self._poll = select.poll()
+        self._poll.register(end.fileno(), select.POLLIN)
+
+    def send(self, message: Message) -> bool:
+        """Send at once; False where the other end does not take it."""
+        with contextlib.suppress(OSError):
+            self._end.send(json.dumps(message).encode()[:_LONGEST])
+            return True
+        return False
+
+    def receive(self, timeout: float) -> Message | None:
+        """The next message; None if there is none in time [s].
+
+        Raises:
+            Closed: the other end is gone.
+        """
+        try:
+            if not self._poll.poll(max(0.0, timeout) * _MS):
+                return None
+            raw = self._end.recv(_LONGEST)
+        except BlockingIOError:
+            return None
+        except (OSError, ValueError) as error:
+            raise Closed(str(error)) from error
+        if not raw:
+            raise Closed("closed")
+        return dict(json.loads(raw))
+
+    def close(self) -> None:
+        """Release it; may be called twice."""
+        self._end.close()
+
+
+class SharedNumbers:
+    """Memory that driver and this process share: two heartbeats, and the newest state's essence.
+
+    ``driver`` and ``control`` are the heartbeats; ``state`` is when the newest state arrived (all
+    `time.monotonic`, [s]); ``speed`` is its fastest joint [rad/s]. Each has one writer.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self.descriptor = descriptor
+        self._memory = mmap.mmap(descriptor, len(_NUMBERS) * _NUMBER.size)
+
+    @classmethod
+    def create(cls) -> Self:
+        """New memory; it is freed when the last process that has it ends."""
+        descriptor = os.memfd_create("wrenchbed-rtde")
+        os.ftruncate(descriptor, len(_NUMBERS) * _NUMBER.size)
+        return cls(descriptor)
+
+    def close(self) -> None:
+        """Release it; may be called twice."""
+        if self.descriptor >= 0:
+            self._memory.close()
+            os.close(self.descriptor)
+            self.descriptor = -1
+
+    def put(self, name: str, value: float) -> None:
+        """Write a number by one copy; `struct.pack_into` would let readers see zeros first."""
+        place = _NUMBERS.index(name) * _NUMBER.size
+        self._memory[place : place + _NUMBER.size] = _NUMBER.pack(value)
+
+    def get(self, name: str) -> float:
+        """A number, 0 before it was written."""
+        value: float = _NUMBER.unpack_from(self._memory, _NUMBERS.index(name) * _NUMBER.size)[0]
+        return value
+
+    def beat(self, name: str) -> None:
+        """Write the present time."""
+        self.put(name, time.monotonic())
+
+    def silence(self, name: str) -> float:
+        """Time since a moment that was written [s]."""
+        then = self.get(name)  # first: the clock is later
+        return time.monotonic() - then
+
+
+class Printed:
+    """Lines that the library prints in this process; one that reports a loss calls back."""
+
+    def __init__(self, lost: Callable[[str], None]) -> None:
+        self.lines: deque[str] = deque(maxlen=8)
+        self._lost = lost
+        out, into = os.pipe()
+        for standard in (1, 2):
+            os.dup2(into, standard)
+        os.close(into)
+        threading.Thread(target=self._read, args=(out,), daemon=True).start()
+
+    def _read(self, out: int) -> None:
+        with os.fdopen(out, "r", errors="replace") as lines:
+            for line in lines:
+                self.lines.append(line.strip())
+                if any(sign in line for sign in _LOSS):
+                    self._lost(line.strip())
 
 
 class TargetStream:
@@ -115,32 +235,13 @@ class TargetStream:
             self._shift -= math.copysign(period, self._shift)
 
 
-def run(setting: dict[str, Any], shared: SharedState, wire: MessageChannel) -> None:
-    """Take control, report it, and obey until ``quit`` or until the driver is gone."""
-    printed = Printed(lambda why: end_process(wire, "lost", why, LOST))
-    control = import_module("rtde_control").RTDEControlInterface
-    frequency = setting["frequency"]
-    signal.alarm(setting["alarm"])  # a constructor that hangs holds Python's lock
-    try:
-        robot = control(setting["host"], -1.0 if frequency is None else frequency)
-        if not robot.setWatchdog(setting["watchdog_hz"]):
-            raise RuntimeError("the robot's script does not take the watchdog")
-    except Exception as error:
-        return end_process(wire, "failed", f"{cause(error)} {' '.join(printed.lines)}".strip(), 1)
-    signal.alarm(0)
-    serving = Control(robot, shared, wire, setting["watchdog_hz"], setting["period"])
-    threading.Thread(target=serving.mind, daemon=True).start()
-    wire.send({"event": "ready"})
-    serving.serve()
-
-
 class Control:
     """Obeys the driver; all calls of ur_rtde are made in the thread of `serve`."""
 
     def __init__(
         self,
         robot: Any,
-        shared: SharedState,
+        shared: SharedNumbers,
         wire: MessageChannel,
         watchdog_hz: float,
         period: float,
@@ -197,15 +298,13 @@ class Control:
 
     def _release(self) -> None:
         """Send the newest target that is due."""
-        now, state = time.monotonic(), self._shared.read() if self._stream.due < math.inf else None
-        q = self._stream.take(now, now if state is None else state.t)
+        q = self._stream.take(time.monotonic(), self._shared.get("state"))
         if q is not None and (why := self._servo(q)):
             self._wire.send({"event": "unsent", "why": why})
 
     def _blind(self) -> bool:
         """Whether the robot moves and no recent state shows where."""
-        state = self._shared.read()
-        silent = state is None or time.monotonic() - state.t > BLIND_S
+        silent = self._shared.silence("state") > BLIND_S
         return silent and (self._servoing or self._under_way())
 
     def _ended(self) -> None:
@@ -292,9 +391,7 @@ class Control:
         end = time.monotonic() + within
         while time.monotonic() < end and self._alive() and self._playing:
             self._kick()
-            state = self._shared.read()
-            still = state is not None and max(abs(v) for v in state.qd) < _REST
-            if still and (self._servoing or not self._under_way()):
+            if self._shared.get("speed") < _REST and (self._servoing or not self._under_way()):
                 return True
             time.sleep(_POLL_S)
         return not self._playing
@@ -307,3 +404,45 @@ def sound(q: object) -> bool:
         and len(q) == 6
         and all(isinstance(v, int | float) and math.isfinite(v) for v in q)
     )
+
+
+def end_process(wire: MessageChannel, event: str, why: str, code: int) -> None:
+    """Report to the driver why this process ends, and end it."""
+    wire.send({"event": event, "why": why})
+    os._exit(code)
+
+
+def serve(setting: dict[str, Any], shared: SharedNumbers, wire: MessageChannel) -> None:
+    """Take control, report it, and obey until ``quit`` or until the driver is gone."""
+    printed = Printed(lambda why: end_process(wire, "lost", why, LOST))
+    signal.alarm(setting["alarm"])  # a constructor that hangs holds Python's lock
+    try:
+        control = import_module("rtde_control").RTDEControlInterface
+        robot = control(setting["host"], setting["frequency"] or -1.0)
+        if not robot.setWatchdog(setting["watchdog_hz"]):
+            raise RuntimeError("the robot's script does not take the watchdog")
+    except Exception as error:
+        why = " ".join(str(error).split()) or type(error).__name__
+        return end_process(wire, "failed", f"{why} {' '.join(printed.lines)}".strip(), 1)
+    signal.alarm(0)
+    serving = Control(robot, shared, wire, setting["watchdog_hz"], setting["period"])
+    threading.Thread(target=serving.mind, daemon=True).start()
+    wire.send({"event": "ready"})
+    serving.serve()
+
+
+def main(argument: str) -> None:
+    """Run as a process of its own, with the setting as JSON."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    with contextlib.suppress(OSError):  # where the system allows it
+        os.setpriority(os.PRIO_PROCESS, 0, _PRIORITY)
+    setting = dict[str, Any](json.loads(argument))
+    wire = MessageChannel(socket.socket(fileno=setting["wire"]))
+    try:
+        serve(setting, SharedNumbers(setting["memory"]), wire)
+    except BaseException as error:
+        end_process(wire, "failed", " ".join(str(error).split()) or type(error).__name__, 1)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1])

@@ -1,4 +1,4 @@
-"""Driver of UR robots: states from one worker process, commands through another one."""
+"""Driver of UR robots: states by RTDE, commands through a process that uses ur_rtde."""
 
 import time
 from collections import deque
@@ -22,12 +22,10 @@ from wrenchbed.hardware.device import GONE_S, STALE_S, Health, only_here, wait_u
 from wrenchbed.hardware.drivers.base import Applied, ArmSample, Move
 from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED, check_ready
-from wrenchbed.hardware.drivers.rtde import dashboard, identity, status, wrench_source
-from wrenchbed.hardware.drivers.rtde.connection import Links, RtdeOptions, Worker
+from wrenchbed.hardware.drivers.rtde import identity, own_wrench, status
+from wrenchbed.hardware.drivers.rtde.connection import ControlProcess, Links, RtdeOptions
 from wrenchbed.hardware.drivers.rtde.identity import Flange
-from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
-from wrenchbed.hardware.drivers.rtde.status import Observation, count, judge
-from wrenchbed.hardware.transducers.base import WrenchSample
+from wrenchbed.hardware.drivers.rtde.states import Snapshot
 
 _LEAST_SPEED, _LEAST_ACCELERATION, _MOST_ACCELERATION = 0.01, 0.05, 15.0
 """Bounds of the speed [rad/s] and acceleration [rad/s²] of a move: ``movej`` refuses 0, and stops
@@ -115,11 +113,11 @@ class RtdeDriver(LiveDriver):
         self._options = options
         self.top_rate = options.frequency or _MOST_HZ
         self.robot = registry.load("robots", options.robot)
-        self.transducer = wrench_source.transducer(options.sensor, options.host, self._robot_wrench)
+        own = own_wrench.OwnWrenchOptions(self.robot, self._look)
+        self.transducer = own_wrench.transducer(options.sensor, options.host, own)
         self._links: Links | None = None
-        self._control: Worker | None = None
+        self._control: ControlProcess | None = None
         self._followed, self._flange = Followed(), Flange(self.robot)
-        self._reading: WrenchSample | None = None
         self._recoveries, self._seen, self._halts = 0, 0.0, 0.0
         self._undelivered = ""
         self._controller: dict[str, Any] = {}
@@ -134,9 +132,9 @@ class RtdeDriver(LiveDriver):
 
     def metadata(self, mode: str, rate: float) -> Metadata:
         stated = super().metadata(mode, rate)
-        if self._options.sensor not in wrench_source.OWN:
+        if self._options.sensor not in own_wrench.OWN:
             return stated
-        facts = wrench_source.facts(self._look(), self._controller) if self._links else {}
+        facts = own_wrench.facts(self._look(), self._controller) if self._links else {}
         sensor = SensorInfo(model="ur-wrench", pose_flange=stated.sensor.pose_flange)
         return replace(stated, sensor=sensor, extra={**stated.extra, "wrench": facts})
 
@@ -145,9 +143,9 @@ class RtdeDriver(LiveDriver):
         return np.array(state.q), np.array(state.qd)
 
     def full_scale(self) -> np.ndarray:
-        if self._options.sensor not in wrench_source.OWN or self._links is None:
+        if self._options.sensor not in own_wrench.OWN or self._links is None:
             return super().full_scale()
-        return wrench_source.full_scale(int(self._look().major))
+        return own_wrench.full_scale(self._look().major)
 
     def stop(self, kind: str = "soft") -> None:
         """Brake and wait until the robot rests.
@@ -162,7 +160,6 @@ class RtdeDriver(LiveDriver):
         self._wait_for_rest()
 
     def _open(self) -> None:
-        registry.require("rtde_receive", "hil")
         registry.require("rtde_control", "hil")
         if not self._options.host:
             raise ParameterError("driver 'rtde' needs the robot's address: give its host")
@@ -186,7 +183,7 @@ class RtdeDriver(LiveDriver):
         links, options = self._live(), self._options
         self._wait_for_state()
         if options.power_on and status.safety(self._look()) in ("normal", "reduced"):
-            dashboard.switch_on(options.host, self._look)
+            status.switch_on(options.host, self._look)
         check_ready(self._arm_health())
         if not wait_until(lambda: int(self._look().runtime) == status.STOPPED, _ENDED_S):
             raise DriverError(
@@ -215,7 +212,7 @@ class RtdeDriver(LiveDriver):
         trouble = status.problem(self._look())
         if trouble is not None and not unlock:
             raise SafetyStopError(trouble[1])
-        dashboard.clear(options.host, self._look)
+        status.clear(options.host, self._look)
         self._wait_for_rest()
         if not self.transducer.health().ok:
             self.transducer.close()
@@ -224,13 +221,10 @@ class RtdeDriver(LiveDriver):
     def _read(self) -> ArmSample:
         state = self._look()
         fresh, self._seen = state.received > self._seen, state.received
-        trouble = status.problem(state)
         return ArmSample(
             state.t, state.stamp, int(state.received), time.monotonic() - state.t, fresh,
-            np.array(state.q), np.array(state.qd), np.array(state.current),
-            self._flange.pose(state), np.array(state.target_q), status.mode(state),
-            status.safety(state), status.program(state), () if trouble is None else (trouble[1],),
-            self._evidence(state),
+            np.array(state.q), np.array(state.qd), np.array(state.target_q), status.mode(state),
+            status.safety(state), status.program(state), self._evidence(state),
         )  # fmt: skip
 
     def _evidence(self, state: Snapshot) -> Mapping[str, np.ndarray]:
@@ -269,13 +263,13 @@ class RtdeDriver(LiveDriver):
         control = self._armed()
         why = control.gone() or control.refused
         if not why and not control.send("servo", q=q.tolist(), at=at):
-            why = "the control worker takes no targets"
+            why = "the control process takes no targets"
         if not why:
             why = self._followed.add(time.monotonic(), q, np.array(self._look().target_q))
         return Applied(None, why) if why else Applied(q)
 
     def _stop(self, kind: str) -> None:
-        """Brake by the control worker; where it does not answer, by the dashboard."""
+        """Brake by the control worker; where it does not answer, by the status."""
         self._followed.clear()
         self._last_target = None
         self._undelivered = ""
@@ -289,50 +283,38 @@ class RtdeDriver(LiveDriver):
             )
         except LinkError as error:
             control.kill(str(error))
-            self._undelivered = dashboard.halt(self._options.host, _DASHBOARD_S)
+            self._undelivered = status.halt(self._options.host, _DASHBOARD_S)
         control.refused = ""  # of a target that came before the stop
 
     def _arm_health(self) -> Health:
         links, control = self._links, self._control
         if links is None:
             return Health("closed", "call connect() first")
-        state = links.shared.read()
-        observation = Observation(
-            state=state,
-            age=time.monotonic() - state.t if state else np.inf,
-            worker_gone=links.state_gone(),
-            worker_silent=links.shared.silence("state"),
-            armed=control is not None,
-            control_gone=control.gone() if control else "",
-            control_silent=links.shared.silence("control"),
-            ended=control.program_ended if control else False,
-            halts=self._halts,
-        )
-        health = judge(observation, count(state, links.restarts, self._recoveries))
+        state = links.state
+        known = None
+        if control is not None:
+            silent = links.shared.silence("control")
+            known = status.Control(control.gone(), silent, control.program_ended, self._halts)
+        counters = status.count(state, links.restarts, self._recoveries)
+        health = status.judge(state, links.ended, known, counters)
         if health.ok and state is not None:
             self._flange.look(state)
         if health.ok and self._flange.trouble:
             return Health("fault", self._flange.trouble, health.counters)
         return health
 
-    def _robot_wrench(self) -> WrenchSample:
-        state, reading = self._look(), self._reading
-        if reading is None or reading.t != state.t:
-            reading = self._reading = wrench_source.reading(state, self.robot)
-        return reading
-
     def _live(self) -> Links:
         if self._links is None:
             raise DriverError("driver 'rtde' is not connected: call connect() first")
         return self._links
 
-    def _armed(self) -> Worker:
+    def _armed(self) -> ControlProcess:
         if self._control is None:
             raise DriverError("driver 'rtde' is not active: call activate() first")
         return self._control
 
     def _look(self) -> Snapshot:
-        state = self._live().shared.read()
+        state = self._live().state
         if state is None:
             raise LinkError("the robot has sent no state: call recover()")
         return state

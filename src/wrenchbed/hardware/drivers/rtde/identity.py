@@ -18,8 +18,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware.drivers.rtde import dashboard, outputs, status
-from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
+from wrenchbed.hardware.drivers.rtde import states, status
+from wrenchbed.hardware.drivers.rtde.states import Snapshot
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.ur_arm import URArm
 
@@ -69,10 +69,10 @@ def settings(host: str) -> dict[str, Any]:
     Payload [kg] and its centre of gravity (3,) in flange axes [m], TCP in the flange x y z [m] and
     rotation vector [rad], modes in words, the controller's clock [s], speed scaling 0 … 1.
     """
-    return in_words(outputs.once(host, SETTINGS, _SETTINGS_S))
+    return in_words(states.once(host, SETTINGS, _SETTINGS_S))
 
 
-def in_words(raw: Mapping[str, outputs.Values]) -> dict[str, Any]:
+def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
     """The outputs that a controller sent by the names of a recording, modes in words."""
     values: dict[str, Any] = {
         name: list(raw[name]) if len(raw[name]) > 1 else raw[name][0] for name in raw
@@ -90,7 +90,7 @@ def stated(host: str) -> dict[str, str]:
     answers = {}
     for name, command in _ASKED.items():
         try:
-            answer = dashboard.request(host, command, _ANSWER_S)
+            answer = status.request(host, command, _ANSWER_S)
         except LinkError:
             break
         if answer and not answer.lower().startswith(_UNKNOWN):
@@ -244,15 +244,6 @@ class Flange:
         self._robot = robot
         self._due = 0.0
         self._first: tuple[Rotation, np.ndarray] | None = None
-
-    def pose(self, state: Snapshot) -> np.ndarray | None:
-        """x y z [m] and qw qx qy qz in the base; None where the TCP is elsewhere."""
-        self.look(state)
-        if not self.at_tcp:
-            return None
-        tcp = Rotation.from_rotvec(state.pose[3:])
-        quaternion = tcp.as_quat(canonical=True, scalar_first=True)
-        return np.concatenate([state.pose[:3], quaternion])
 
     def look(self, state: Snapshot) -> None:
         """Compare TCP and flange, at most twice a second."""

@@ -1,15 +1,19 @@
-"""State of a UR robot and of its link in words, with remedies.
+"""A UR robot in words, with remedies; and its dashboard server's commands: power, brakes, stops.
 
-Source of the enumerations: Universal Robots, "RTDE guide", robot_mode, safety_mode,
-safety_status_bits and runtime_state.
+A protective stop only pauses the program; playing it again would continue the interrupted move. So
+the program is stopped instead, and the next `activate` sends a new one. Sources: Universal Robots,
+"RTDE guide" (robot_mode, safety_mode, safety_status_bits, runtime_state) and "Dashboard server":
+TCP 29999; a line of welcome, a command line, an answer line, one command a connection.
 """
 
-from collections.abc import Mapping
+import socket
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from wrenchbed.hardware.device import GONE_S, Health, State, by_age
-from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
-from wrenchbed.hardware.drivers.rtde.state_worker import WRONG
+from wrenchbed.errors import LinkError, StoppedError
+from wrenchbed.hardware.device import GONE_S, Health, State, by_age, wait_until
+from wrenchbed.hardware.drivers.rtde.states import WRONG, Snapshot
 
 PLAYING, STOPPED = 2, 1
 RUNNING = 7
@@ -24,8 +28,6 @@ SAFETY = {
     10: "validate joint id", 11: "undefined", 12: "safeguard stop", 13: "three-position stop",
 }  # fmt: skip
 _PROGRAM = {0: "stopping", 1: "stopped", 2: "playing", 3: "pausing", 4: "paused", 5: "resuming"}
-_WORKER_SILENT_S = 0.06
-"""Age of the state worker's heartbeat from which it hangs [s], three of its periods."""
 _REMEDIES: dict[str, tuple[State, str]] = {
     "emergency stop": ("stopped", "release the button and power the robot on at its pendant"),
     "protective stop": ("stopped", "look what the robot hit, then call recover(unlock=True)"),
@@ -37,6 +39,22 @@ _REMEDIES: dict[str, tuple[State, str]] = {
     "validate joint id": ("fault", "confirm the joints at the pendant"),
     "undefined": ("fault", "look at the pendant"),
 }
+
+
+PORT = 29999
+"""TCP port; source: Universal Robots, "Dashboard server"."""
+UNLOCK_AFTER_S = 5.1
+"""The controller refuses to unlock a protective stop within 5 s [s]; source: Universal Robots,
+"Dashboard server"; 0.1 s more, since states arrive late."""
+IDLE = 5
+"""``robot_mode`` with power and closed brakes; source: Universal Robots, RTDE guide."""
+_LONGEST, _CHUNK = 4096, 1024
+"""Bytes of the longest answer, which is a line, and bytes read at once."""
+_CLEARED_S, _STOPPED_S = 3.0, 2.0
+_POWER_S, _BRAKES_S = 15.0, 20.0
+"""Deadlines: stop cleared, program ended; power on, for which an arm boots; brakes released, one by
+one [s]."""
+Look = Callable[[], Snapshot]
 
 
 def mode(state: Snapshot) -> str:
@@ -76,75 +94,65 @@ def problem(state: Snapshot) -> tuple[State, str] | None:
 
 
 @dataclass(frozen=True)
-class Observation:
-    """What the driver knows of the link and of both workers.
+class Control:
+    """What the driver knows of the process that commands the robot.
 
     Attributes:
-        state: newest state, None before the first.
-        age: of it [s].
-        worker_gone: why the state worker is gone, empty while it lives.
-        worker_silent: time since its heartbeat [s].
-        armed: whether the robot was made ready to move.
-        control_gone: why the control worker is gone, empty while it lives.
-        control_silent: time since its heartbeat [s].
-        ended: whether the control worker saw its program ended.
+        gone: why it is gone, empty while it lives.
+        silent: time since its heartbeat [s].
+        ended: whether it saw its program ended.
         halts: how often a program had stopped playing when the robot was made ready.
     """
 
-    state: Snapshot | None
-    age: float
-    worker_gone: str
-    worker_silent: float
-    armed: bool
-    control_gone: str
-    control_silent: float
+    gone: str
+    silent: float
     ended: bool
     halts: float
 
 
-def judge(seen: Observation, counters: Mapping[str, float]) -> Health:
-    """What is wrong: the link first, then the robot's safety, its program, its control."""
-    state = seen.state
-    if seen.worker_gone or state is None:
-        why = seen.worker_gone or "no state yet"
-        return Health("lost", f"{why}: call recover()", counters)
+def judge(
+    state: Snapshot | None, ended: str, control: Control | None, counters: Mapping[str, float]
+) -> Health:
+    """What is wrong: the link first, then the robot's safety, its program, its control.
+
+    Args:
+        state: the newest one.
+        ended: why no more will come, empty while they do.
+        control: None where the robot was not made ready to move.
+        counters: of the link.
+    """
+    if ended or state is None:
+        return Health("lost", f"{ended or 'no state yet'}: call recover()", counters)
     if state.back > 0.0:
         text = f"the controller's clock went back by {state.back:.3g} s: it was restarted"
         return Health("lost", f"{text}: call recover()", counters)
-    link = by_age(seen.age, _silent(seen, state), counters)
+    silent = (
+        f"the controller sends {WRONG[int(state.wrong)]}" if state.wrong
+        else "the controller is silent or repeats itself"
+    )  # fmt: skip
+    link = by_age(time.monotonic() - state.t, silent, counters)
     if not link.ok:
         return link
     trouble = problem(state)
     if trouble is not None:
         return Health(*trouble, counters)
-    return _program(seen, state, counters) if seen.armed else link
-
-
-def _silent(seen: Observation, state: Snapshot) -> str:
-    if seen.worker_silent > _WORKER_SILENT_S:
-        return "the state worker hangs"
-    if state.wrong:
-        return f"the controller sends {WRONG[int(state.wrong)]}"
-    return "the controller is silent or repeats itself"
-
-
-def _program(seen: Observation, state: Snapshot, counters: Mapping[str, float]) -> Health:
-    if seen.control_gone:
-        text = f"{seen.control_gone}; the robot's watchdog stops it: call recover()"
-        return Health("lost", text, counters)
-    if seen.control_silent > GONE_S:
-        text = f"the control worker hangs for {seen.control_silent:.1f} s: call recover()"
-        return Health("lost", text, counters)
-    if int(state.runtime) != PLAYING:
-        text = f"the robot's program is {program(state)}: call recover()"
-        return Health("stopped", text, counters)
-    if state.halts > seen.halts:
-        text = "the robot's program was stopped, and another one plays: call recover()"
-        return Health("stopped", text, counters)
-    if seen.ended:
-        text = "the robot's program did not take what it was sent: call recover()"
-        return Health("stopped", text, counters)
-    return Health("ok", "", counters)
+    if control is None:
+        return link
+    rules: tuple[tuple[bool, State, str], ...] = (
+        (bool(control.gone), "lost", f"{control.gone}; the robot's watchdog stops it"),
+        (control.silent > GONE_S, "lost", f"the control process hangs for {control.silent:.1f} s"),
+        (int(state.runtime) != PLAYING, "stopped", f"the robot's program is {program(state)}"),
+        (
+            state.halts > control.halts,
+            "stopped",
+            "the robot's program was stopped, and another one plays",
+        ),
+        (control.ended, "stopped", "the robot's program did not take what it was sent"),
+    )
+    for holds, kind, text in rules:
+        if holds:
+            return Health(kind, f"{text}: call recover()", counters)
+    return link
 
 
 def count(state: Snapshot | None, restarts: int, recoveries: int) -> dict[str, float]:
@@ -152,9 +160,104 @@ def count(state: Snapshot | None, restarts: int, recoveries: int) -> dict[str, f
     counters: dict[str, float] = {"restarts": restarts, "recoveries": recoveries}
     if state is not None:
         counters |= {
-            "states": state.received,
-            "skipped": state.skipped,
-            "refused states": state.bad,
-        }
-        counters["speed scaling"] = state.scaling
+            "states": state.received, "skipped": state.skipped, "refused states": state.bad,
+            "speed scaling": state.scaling,
+        }  # fmt: skip
     return counters
+
+
+def request(host: str, command: str, timeout: float = 1.0) -> str:
+    """The answer to one command.
+
+    Raises:
+        LinkError: none came in time [s].
+    """
+    deadline = time.monotonic() + timeout
+    try:
+        with socket.create_connection((host, PORT), timeout) as link:
+            after_welcome = _line(link, b"", deadline)[1]
+            link.sendall(command.encode() + b"\n")
+            return _line(link, after_welcome, deadline)[0].decode(errors="replace").strip()
+    except OSError as error:
+        why = error.strerror or str(error)
+        raise LinkError(f"dashboard of {host}: no answer to {command!r}: {why}") from error
+
+
+def _line(link: socket.socket, data: bytes, deadline: float) -> tuple[bytes, bytes]:
+    while b"\n" not in data:
+        remaining = deadline - time.monotonic()
+        if remaining <= 0.0 or len(data) > _LONGEST:
+            raise TimeoutError("timed out")
+        link.settimeout(remaining)
+        part = link.recv(_CHUNK)
+        if not part:
+            raise ConnectionResetError("the connection was closed")
+        data += part
+    line, _, following = data.partition(b"\n")
+    return line, following
+
+
+def clear(host: str, look: Look) -> None:
+    """Unlock a protective stop and end any program.
+
+    Raises:
+        StoppedError: it cannot be cleared from here; the message says what to do.
+        LinkError: the dashboard does not answer.
+    """
+    state = look()
+    word = safety(state)
+    if word == "protective stop":
+        _unlock(host, look)
+    elif word not in ("normal", "reduced"):
+        trouble = problem(state)
+        raise StoppedError(f"cannot be cleared from here: {trouble[1] if trouble else word}")
+    end_program(host, look)
+
+
+def end_program(host: str, look: Look) -> None:
+    """Stop the program that plays or is paused.
+
+    Raises:
+        StoppedError: it still runs.
+        LinkError: the dashboard does not answer.
+    """
+    if int(look().runtime) == STOPPED:
+        return
+    answer = request(host, "stop")
+    if not wait_until(lambda: int(look().runtime) == STOPPED, _STOPPED_S):
+        raise StoppedError(f"the robot's program does not stop, the dashboard says {answer!r}")
+
+
+def switch_on(host: str, look: Look) -> None:
+    """Power on and release the brakes.
+
+    Raises:
+        StoppedError: the robot does not come up in time.
+        LinkError: the dashboard does not answer.
+    """
+    if int(look().mode) not in (IDLE, RUNNING):
+        request(host, "power on")
+        if not wait_until(lambda: int(look().mode) in (IDLE, RUNNING), _POWER_S):
+            raise StoppedError(f"the robot does not power on: it is {mode(look())}")
+    if int(look().mode) == IDLE:
+        request(host, "brake release")
+        if not wait_until(lambda: int(look().mode) == RUNNING, _BRAKES_S):
+            raise StoppedError(f"the brakes are not released: the robot is {mode(look())}")
+
+
+def _unlock(host: str, look: Look) -> None:
+    state = look()
+    time.sleep(max(0.0, state.protective + UNLOCK_AFTER_S - time.monotonic()))
+    request(host, "close safety popup")
+    answer = request(host, "unlock protective stop")
+    if not wait_until(lambda: problem(look()) is None, _CLEARED_S):
+        raise StoppedError(f"the protective stop is not cleared, the dashboard says {answer!r}")
+
+
+def halt(host: str, timeout: float) -> str:
+    """Stop the program; empty when the dashboard confirms it, else the reason."""
+    try:
+        answer = request(host, "stop", timeout)
+    except LinkError as error:
+        return str(error)
+    return "" if answer.lower().startswith("stopp") else f"the dashboard says {answer!r}"

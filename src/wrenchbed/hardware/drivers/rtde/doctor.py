@@ -16,16 +16,14 @@ import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError, WrenchbedError
 from wrenchbed.hardware.device import STALE_S
-from wrenchbed.hardware.drivers.rtde import dashboard, identity, outputs, wrench_source
-from wrenchbed.hardware.drivers.rtde.outputs import NATIVE_HZ, Unfit
+from wrenchbed.hardware.drivers.rtde import identity, own_wrench, states, status
+from wrenchbed.hardware.drivers.rtde.states import ANSWER_S, NATIVE_HZ
 from wrenchbed.hardware.transducers.base import Transducer, transducer_at
 from wrenchbed.robots.base import Robot
 
 Grade = Literal["ok", "note", "fails"]
 """``fails``: a recording run would not start or not end; ``note``: look at it."""
 _PORTS = {30004: "RTDE", 30003: "scripts", 29999: "dashboard"}
-_ANSWER_S = 2.0
-"""Deadline of a port or an answer [s], as long as the driver waits for the version."""
 _SPARSE = 0.9
 """Fraction of the states that must arrive: fewer make a recording run wait for its rows."""
 _NEEDED_HZ, _LONGEST_S = 100.0, 600.0
@@ -111,11 +109,11 @@ def _controller(robot: Robot, host: str, seconds: float) -> Iterator[Line]:
         return
     stated = identity.stated(host) if 29999 not in closed else {}
     try:
-        with outputs.outputs(host, identity.SETTINGS, _ANSWER_S) as stream:
+        with states.Outputs(host, identity.SETTINGS, ANSWER_S) as stream:
             version = stream.version
             times, values = _watched(stream, seconds)
-    except (OSError, Unfit) as error:
-        yield Line("RTDE", "fails", str(error) or type(error).__name__, "restart the controller")
+    except DriverError as error:
+        yield Line("RTDE", "fails", str(error), "restart the controller")
         return
     yield _version(version, stated)
     yield _model(robot, stated, version[0])
@@ -127,14 +125,15 @@ def _controller(robot: Robot, host: str, seconds: float) -> Iterator[Line]:
 
 
 def _watched(
-    stream: outputs.Outputs, seconds: float
-) -> tuple[list[tuple[float, float]], Mapping[str, outputs.Values]]:
+    stream: states.Outputs, seconds: float
+) -> tuple[list[tuple[float, float]], Mapping[str, states.Values]]:
     """(arrival, the controller's clock) of all states [s], and the last values."""
     times: list[tuple[float, float]] = []
     end = time.monotonic() + seconds
-    values: Mapping[str, outputs.Values] = {}
+    values: Mapping[str, states.Values] = {}
     while time.monotonic() < end:
-        arrival, values = stream.next(time.monotonic() + _ANSWER_S)
+        arrival, packet = stream.next(time.monotonic() + ANSWER_S)
+        values = packet or values
         times.append((arrival, values.get("timestamp", (math.nan,))[0]))
     return times, values
 
@@ -174,7 +173,7 @@ def _geometry(robot: Robot, host: str) -> Line:
 
 def _remote(host: str) -> Line:
     try:
-        answer = dashboard.request(host, "is in remote control", _ANSWER_S)
+        answer = status.request(host, "is in remote control", ANSWER_S)
     except LinkError as error:
         return Line("remote control", "note", str(error), "look at the pendant")
     on = "true" in answer.lower()
@@ -182,7 +181,7 @@ def _remote(host: str) -> Line:
     return _line("remote control", on, text, "switch it on at the pendant, top right", "fails")
 
 
-def _settings(robot: Robot, values: Mapping[str, outputs.Values]) -> Iterator[Line]:
+def _settings(robot: Robot, values: Mapping[str, states.Values]) -> Iterator[Line]:
     words = identity.in_words(values)
     safety, mode = words.get("safety_mode", "unknown"), words.get("robot_mode", "unknown")
     fine = safety in ("normal", "reduced")
@@ -265,7 +264,7 @@ def _drift(at: np.ndarray, clock: np.ndarray) -> float:
 
 
 def _transducer(sensor: str) -> Transducer | None:
-    if not sensor or sensor in wrench_source.OWN:
+    if not sensor or sensor in own_wrench.OWN:
         return None
     return transducer_at(sensor if "://" in sensor else f"netft://{sensor}")
 
@@ -334,7 +333,7 @@ def _lost(box: Transducer) -> Line:
 
 def _open(host: str, port: int, connect: Callable[..., Any] = socket.create_connection) -> bool:
     try:
-        with connect((host, port), _ANSWER_S):
+        with connect((host, port), ANSWER_S):
             return True
     except OSError:
         return False

@@ -1,13 +1,23 @@
-"""Sensors of a UR robot: the transducer of an option, and the robot's own wrench."""
+"""Sensors of a UR robot: the transducer of an option, and the robot's own wrench over RTDE.
 
+Where the controller has it (e-Series from 5.9), ``ft_raw_wrench``: the flange's sensor, not
+compensated for the payload, taken as it is. Else ``actual_TCP_force``: in the base's axes, without
+the payload's weight; about the TCP on a CB3, which estimates it from motor currents to some ten
+newtons, and about the flange on an e-Series. Both count as the load of the world on the tool side;
+check the sign once on the robot's software version by a push.
+"""
+
+import time
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import ParameterError
-from wrenchbed.hardware.drivers.rtde.shared_state import Snapshot
+from wrenchbed.hardware.device import Health, by_age
+from wrenchbed.hardware.drivers.rtde.states import Snapshot
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample, forms, transducer_at
 from wrenchbed.robots.base import Robot
 
@@ -18,18 +28,66 @@ _CB3_END, _E_END = (150.0, 30.0), (50.0, 10.0)
 whose torque is that force 0.2 m from the flange, and the sensor's range in UR5e's data sheet."""
 
 
-def transducer(sensor: str, host: str, source: Callable[[], WrenchSample]) -> Transducer:
+@dataclass(frozen=True)
+class OwnWrenchOptions:
+    """Where readings come from.
+
+    Attributes:
+        robot: whose nominal sensor pose gives the sensor's axes.
+        look: returns the robot's newest state without blocking.
+    """
+
+    robot: Robot
+    look: Callable[[], Snapshot]
+
+
+class OwnWrench(Transducer):
+    """The robot's own wrench in the sensor's axes about the sensor's origin."""
+
+    name = "ur-wrench"
+    title = "a UR robot's own wrench over RTDE"
+    options = OwnWrenchOptions
+
+    def __init__(self, options: OwnWrenchOptions) -> None:
+        super().__init__()
+        self._options = options
+        self._newest: WrenchSample | None = None
+
+    def _connect(self) -> None:
+        self._read()
+
+    def _close(self) -> None:
+        self._past.clear()
+
+    def _read(self) -> WrenchSample:
+        state, newest = self._options.look(), self._newest
+        if newest is None or newest.t != state.t:
+            self._newest = newest = reading(state, self._options.robot)
+            self._past.add(newest)
+        return newest
+
+    def _at(self, t: float) -> WrenchSample | None:
+        self._read()
+        return super()._at(t)
+
+    def _health(self) -> Health:
+        sample = self._read()
+        counters = {"readings": float(sample.sequence), "lost": float(sample.lost)}
+        return by_age(time.monotonic() - sample.t, "the robot's own wrench", counters)
+
+
+def transducer(sensor: str, host: str, own: OwnWrenchOptions) -> Transducer:
     """The sensor that an option names.
 
     Raises:
         ParameterError: it names none; the message lists the forms.
     """
     if sensor in OWN:
-        kind = registry.load("transducers", "ur-wrench")
-        return kind(kind.options(source=source))
+        return OwnWrench(own)
     if sensor in ("", "netft"):
         kind = registry.load("transducers", "netft")
-        return kind(kind.options(host=host))
+        netft: Transducer = kind(kind.options(host=host))
+        return netft
     if "://" not in sensor:
         raise ParameterError(f"sensor {sensor!r}: give netft, rtde, {forms()}")
     return transducer_at(sensor)
@@ -49,7 +107,7 @@ def reading(state: Snapshot, robot: Robot) -> WrenchSample:
     )
 
 
-def full_scale(major: int) -> np.ndarray:
+def full_scale(major: float) -> np.ndarray:
     """Where the robot's own wrench ends (6,) [N, N·m], by the version of its software."""
     return np.repeat(_CB3_END if major <= 3 else _E_END, 3)
 

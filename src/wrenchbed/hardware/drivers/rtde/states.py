@@ -1,0 +1,364 @@
+"""RTDE: named outputs over a connection of its own, and the robot's newest state from them.
+
+The controller's own types say how each output is packed. A state counts only when its time stamp is
+new and a robot can have sent its values. Source of the protocol: Universal Robots, "RTDE guide":
+header uint16 size, uint8 type, big endian.
+"""
+
+import contextlib
+import math
+import socket
+import struct
+import threading
+import time
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, Self
+
+from wrenchbed.errors import DriverError, LinkError
+
+PORT = 30004
+"""TCP port of RTDE; source: Universal Robots, "RTDE guide"."""
+NATIVE_HZ = {False: 125.0, True: 500.0}
+"""States per second of a CB3 and of an e-Series; source: Universal Robots, "RTDE guide"."""
+ANSWER_S = 2.0
+"""Time in which the controller must start its stream [s]; a healthy one needs 10 ms."""
+_HEADER = struct.Struct(">HB")
+_PROTOCOL, _VERSION, _TEXT = ord("V"), ord("v"), ord("M")
+_OUTPUTS, _START, _DATA = ord("O"), ord("S"), ord("U")
+_LONGEST = 4096
+"""Bytes of the longest packet that is taken; a longer one is no RTDE."""
+_TYPES = {
+    "BOOL": "?", "UINT8": "B", "UINT32": "I", "UINT64": "Q", "INT32": "i", "DOUBLE": "d",
+    "VECTOR3D": "3d", "VECTOR6D": "6d", "VECTOR6INT32": "6i", "VECTOR6UINT32": "6I",
+}  # fmt: skip
+"""Type that the controller names, and how it is packed; source: Universal Robots, "RTDE guide"."""
+_MISSING = "NOT_FOUND"
+_FIELDS = {
+    "stamp": "timestamp", "q": "actual_q", "qd": "actual_qd", "current": "actual_current",
+    "target_q": "target_q", "target_qd": "target_qd", "target_moment": "target_moment",
+    "temperatures": "joint_temperatures", "pose": "actual_TCP_pose", "force": "actual_TCP_force",
+    "scaling": "speed_scaling", "mode": "robot_mode", "safety": "safety_mode",
+    "bits": "safety_status_bits", "runtime": "runtime_state", "raw": "ft_raw_wrench",
+}  # fmt: skip
+"""Field of a `Snapshot` → output of the controller."""
+_OPTIONAL = {"ft_raw_wrench"}
+"""Outputs that older controllers lack: e-Series have it from 5.9 on."""
+WRONG = (
+    "", "numbers that are not finite", "values or modes that no robot has",
+    "joints that jump faster than any robot", "time stamps that go back", "data of a wrong length",
+)  # fmt: skip
+"""Reasons to refuse a state; the index is stored in `Snapshot.wrong`."""
+_SHORT = 5
+_SPEED, _SLACK = 7.0, 0.05
+"""Fastest joint [rad/s], above the 6.3 of a UR3's wrists, and jump beyond that [rad] of a plausible
+state, since arrival and time stamp may differ by some milliseconds."""
+_LARGEST = {
+    "q": 7.0, "target_q": 7.0, "qd": 50.0, "target_qd": 50.0, "current": 500.0,
+    "target_moment": 1e4, "temperatures": 200.0, "pose": 10.0, "force": 1e5,
+}  # fmt: skip
+"""Largest plausible values [rad, rad/s, A, N·m, °C, m and rad, N and N·m]: joint angles above the
+2π of a UR robot, the others far above what one can have."""
+_TINY = 1e-200
+"""Numbers nearer to zero, and not zero, are bytes of something else."""
+_PLAYING = 2
+_PROTECTIVE = 1 << 2
+_RESTART_S = 1.0
+"""Least backward step of the clock of a controller that was restarted [s]; smaller ones are states
+in the wrong order."""
+_GAP = 1.5
+"""Step of the time stamps in periods from which states are missing."""
+Values = tuple[float, ...]
+_ZERO, _NAN = (0.0,) * 6, (math.nan,) * 6
+
+
+class Outputs:
+    """Named outputs that a controller streams. Use as a context manager.
+
+    Args:
+        host: of the controller.
+        names: of the outputs; those that it lacks are left out.
+        timeout: within which the stream starts [s].
+        rate: of the stream [Hz]; the controller's own if None.
+
+    Attributes:
+        names: those that it has, of those asked for.
+        version: of its software, four numbers.
+        rate: of the stream [Hz].
+
+    Raises:
+        LinkError: it cannot be reached, or does not answer in time.
+        DriverError: its answer is not RTDE, or it has none of the outputs.
+    """
+
+    def __init__(
+        self, host: str, names: Sequence[str], timeout: float, rate: float | None = None
+    ) -> None:
+        end = time.monotonic() + timeout
+        try:
+            self._link = socket.create_connection((host, PORT), timeout)
+        except OSError as error:
+            raise LinkError(error.strerror or str(error)) from error
+        try:
+            if self._ask(_PROTOCOL, struct.pack(">H", 2), end) != b"\x01":
+                raise DriverError("the controller refuses protocol version 2 of RTDE")
+            answer = self._ask(_VERSION, b"", end)
+            if len(answer) != 16:
+                raise DriverError(f"the controller's version has {len(answer)} bytes instead of 16")
+            self.version: tuple[int, ...] = struct.unpack(">IIII", answer)
+            self.rate = rate or NATIVE_HZ[self.version[0] > 3]
+            self._choose(names, end)
+        except BaseException:
+            self._link.close()
+            raise
+
+    def _choose(self, names: Sequence[str], end: float) -> None:
+        """Ask for outputs until the controller has all of them, and start the stream."""
+        wanted, types = list(names), [_MISSING]
+        while _MISSING in types:
+            body = struct.pack(">d", self.rate) + ",".join(wanted).encode()
+            types = self._ask(_OUTPUTS, body, end)[1:].decode("latin-1").split(",")
+            if len(types) != len(wanted):
+                raise DriverError(
+                    f"the controller names {len(types)} types for {len(wanted)} outputs"
+                )
+            known = [name for name, kind in zip(wanted, types, strict=True) if kind != _MISSING]
+            if not known:
+                raise DriverError("the controller has none of the outputs")
+            wanted = known
+        if unknown := [kind for kind in types if kind not in _TYPES]:
+            raise DriverError(f"the controller names a type {unknown[0][:20]!r}")
+        self.names = tuple(wanted)
+        self._packing = [struct.Struct(">" + _TYPES[kind]) for kind in types]
+        if self._ask(_START, b"", end) != b"\x01":
+            raise LinkError("the controller refuses to start: it sends no states")
+
+    def next(self, end: float = math.inf) -> tuple[float, dict[str, Values] | None]:
+        """Arrival [s] and values of the next packet of data, None where its length is wrong.
+
+        Raises:
+            LinkError: none comes by ``end`` (`time.monotonic`, [s]).
+            DriverError: what comes is not RTDE.
+        """
+        kind = None
+        while kind != _DATA:
+            kind, content = self._packet(end)
+        arrival = time.monotonic()
+        if len(content) != 1 + sum(packing.size for packing in self._packing):
+            return arrival, None
+        values, at = {}, 1
+        for name, packing in zip(self.names, self._packing, strict=True):
+            values[name] = tuple(map(float, packing.unpack_from(content, at)))
+            at += packing.size
+        return arrival, values
+
+    def close(self) -> None:
+        """End the stream, also for a thread that waits for it; may be called twice."""
+        with contextlib.suppress(OSError):
+            self._link.shutdown(socket.SHUT_RDWR)
+        self._link.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _ask(self, kind: int, body: bytes, end: float) -> bytes:
+        """The answer to a request; texts before it are skipped."""
+        try:
+            self._link.sendall(_HEADER.pack(_HEADER.size + len(body), kind) + body)
+        except OSError as error:
+            raise LinkError(error.strerror or str(error)) from error
+        answered, content = self._packet(end)
+        while answered == _TEXT:
+            answered, content = self._packet(end)
+        if answered != kind:
+            raise DriverError(f"the controller answered with a packet of type {answered}")
+        return content
+
+    def _packet(self, end: float) -> tuple[int, bytes]:
+        size, kind = _HEADER.unpack(self._exactly(_HEADER.size, end))
+        if not _HEADER.size <= size <= _LONGEST:
+            raise DriverError(f"the controller sent a packet of {size} bytes: this is no RTDE")
+        return kind, self._exactly(size - _HEADER.size, end)
+
+    def _exactly(self, n: int, end: float) -> bytes:
+        data = b""
+        while len(data) < n:
+            remaining = end - time.monotonic()
+            if remaining <= 0.0:
+                raise LinkError("the controller accepts connections and does not answer")
+            try:
+                self._link.settimeout(remaining if math.isfinite(remaining) else None)
+                part = self._link.recv(n - len(data))
+            except TimeoutError:
+                continue
+            except OSError as error:
+                raise LinkError(error.strerror or str(error)) from error
+            if not part:
+                raise LinkError("the controller closed the connection")
+            data += part
+        return data
+
+
+def once(host: str, names: Sequence[str], timeout: float) -> dict[str, Values]:
+    """One packet of named outputs; less where the controller lacks some or does not answer."""
+    try:
+        with Outputs(host, names, timeout) as stream:
+            values = stream.next(time.monotonic() + timeout)[1] or {}
+    except DriverError:
+        return {}
+    return {name: v for name, v in values.items() if all(map(math.isfinite, v))}
+
+
+class Snapshot(NamedTuple):
+    """One state of the robot.
+
+    Attributes:
+        t: `time.monotonic` when it arrived [s].
+        stamp: the controller's own clock [s].
+        q: joint angles [rad].
+        qd: their speeds [rad/s].
+        current: of the motors [A].
+        target_q: where the controller wants its joints [rad].
+        target_qd: their speeds there [rad/s].
+        target_moment: the controller's own torques for that [N·m].
+        temperatures: of the joints [°C].
+        pose: of the TCP in the base, x y z [m] and rotation vector [rad].
+        force: ``actual_TCP_force`` [N, N·m], as the controller gives it.
+        raw: ``ft_raw_wrench`` [N, N·m], NaN where the controller has none.
+        scaling: speed scaling 0 … 1.
+        mode: ``robot_mode``.
+        safety: ``safety_mode``.
+        bits: ``safety_status_bits``.
+        runtime: ``runtime_state``.
+        major: version of the controller.
+        protective: `time.monotonic` when a protective stop was first seen, 0 without one [s].
+        halts: how often a program stopped playing.
+        received: states received.
+        skipped: states known to be lost.
+        bad: states that were refused.
+        wrong: why the newest was refused, an index of `WRONG`; 0: it was not.
+        back: by how much the controller's clock went back [s], 0 if it never did.
+    """
+
+    t: float = 0.0
+    stamp: float = 0.0
+    q: Values = _ZERO
+    qd: Values = _ZERO
+    current: Values = _ZERO
+    target_q: Values = _ZERO
+    target_qd: Values = _ZERO
+    target_moment: Values = _ZERO
+    temperatures: Values = _ZERO
+    pose: Values = _ZERO
+    force: Values = _ZERO
+    raw: Values = _NAN
+    scaling: float = 1.0
+    mode: float = -1.0
+    safety: float = 0.0
+    bits: float = 0.0
+    runtime: float = 0.0
+    major: float = 0.0
+    protective: float = 0.0
+    halts: float = 0.0
+    received: float = 0.0
+    skipped: float = 0.0
+    bad: float = 0.0
+    wrong: float = 0.0
+    back: float = 0.0
+
+    def followed_by(self, new: "Snapshot", period: float) -> "Snapshot":
+        """The state after a new one was judged and counted; states come a period [s] apart."""
+        wrong = implausible(new, self)
+        if wrong:
+            return self._replace(bad=self.bad + 1, wrong=float(wrong))
+        back, skipped, step = self.back, self.skipped, new.stamp - self.stamp
+        if self.t > 0.0 and step < -_RESTART_S:
+            back = -step
+        elif self.t > 0.0 and step > _GAP * period:
+            skipped += round(step / period) - 1
+        halted = int(self.runtime) == _PLAYING and int(new.runtime) != _PLAYING
+        protective = (self.protective or new.t) if int(new.bits) & _PROTECTIVE else 0.0
+        return new._replace(
+            major=self.major, halts=self.halts + halted, received=self.received + 1,
+            skipped=skipped, bad=self.bad, back=back, protective=protective,
+        )  # fmt: skip
+
+
+class StateReceiver:
+    """Receives states in a thread.
+
+    Args:
+        host: of the controller.
+        rate: of the states [Hz]; the controller's own if None.
+        before: the newest state of an earlier connection, whose counts go on.
+        published: called with each new state, in the thread.
+
+    Attributes:
+        newest: the newest state, without arrival (0) before the first one.
+        ended: why nothing more will come; empty while the stream goes on.
+
+    Raises:
+        LinkError: the controller cannot be reached, or does not answer within `ANSWER_S`.
+        DriverError: its answer cannot be used.
+    """
+
+    def __init__(
+        self, host: str, rate: float | None, before: Snapshot, published: Callable[[Snapshot], None]
+    ) -> None:
+        self._stream = stream = Outputs(host, list(_FIELDS.values()), ANSWER_S, rate)
+        if missing := {*_FIELDS.values()} - _OPTIONAL - {*stream.names}:
+            stream.close()
+            raise DriverError(f"the controller has no output {', '.join(sorted(missing))}")
+        self.ended = ""
+        self.newest = Snapshot(
+            major=stream.version[0], received=before.received, skipped=before.skipped,
+            bad=before.bad, protective=before.protective, halts=before.halts,
+            runtime=before.runtime,
+        )  # fmt: skip
+        self._published = published
+        self._thread = threading.Thread(target=self._run, name="rtde states", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """End the stream and the thread; may be called twice."""
+        self._stream.close()
+        self._thread.join(1.0)
+
+    def _run(self) -> None:
+        try:
+            while True:
+                self._take(*self._stream.next())
+        except (DriverError, OSError) as error:
+            self.ended = f"the stream of states ended: {error}"
+
+    def _take(self, arrival: float, values: dict[str, Values] | None) -> None:
+        """Count a packet and publish its state, unless its time stamp is that of the last one."""
+        last = self.newest
+        if values is None:
+            self.newest = last._replace(bad=last.bad + 1, wrong=float(_SHORT))
+            return
+        sent = {field: values[name] for field, name in _FIELDS.items() if name in values}
+        plain = {field: v if len(v) > 1 else v[0] for field, v in sent.items()}
+        state = Snapshot(arrival, **plain)  # type: ignore[arg-type]
+        if state.stamp != last.stamp or last.t == 0.0:
+            self.newest = last.followed_by(state, 1.0 / self._stream.rate)
+            self._published(self.newest)
+
+
+def implausible(new: Snapshot, last: Snapshot) -> int:
+    """Why a robot cannot have sent this state, as an index of `WRONG`; 0 if it can."""
+    sixes = [(most, getattr(new, name)) for name, most in _LARGEST.items()]
+    if not all(math.isfinite(v) for _, six in sixes for v in six) or not math.isfinite(new.stamp):
+        return 1
+    modes = -1 <= new.mode <= 8 and 1 <= new.safety <= 13 and 0 <= new.runtime <= 5
+    odd = any(abs(v) > most or 0.0 < abs(v) < _TINY for most, six in sixes for v in six)
+    if not modes or odd:
+        return 2
+    if last.t == 0.0 or new.stamp < last.stamp - _RESTART_S:
+        return 0
+    if new.stamp < last.stamp:
+        return 4
+    reach = _SPEED * max(new.stamp - last.stamp, new.t - last.t) + _SLACK
+    return 3 if max(abs(a - b) for a, b in zip(new.q, last.q, strict=True)) > reach else 0

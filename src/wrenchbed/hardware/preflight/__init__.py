@@ -1,4 +1,0 @@
-"""Devices looked at before a first session, without moving or setting anything.
-May import: drivers, transducers, registry, robots, errors.
-Read first: doctor.py.
-"""

@@ -1,0 +1,351 @@
+"""A UR robot that is cut off, silent, stopped or taken during a move: it is named and rests."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import rtde_moves
+from emulator_process import running
+from rtde_moves import NAMED_S, A, B, alive, disturbed, recovered
+from wrenchbed.errors import DriverError, LateError, LinkError, SafetyStopError, StoppedError
+from wrenchbed.hardware.device import GONE_S
+
+pytest.importorskip("rtde_control")
+pytestmark = pytest.mark.wire
+HOST, KILLED = "127.0.2.12", "127.0.2.19"
+DRIVER = {"power_on": True}
+REFUSED = "arm refused states"
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize(
+    "where, kind, values, words",
+    [
+        ("rtde", "fin", {}, "closed the connection"),
+        ("rtde", "rst", {}, "stream of states ended"),
+        ("control", "fin", {}, "control process"),
+        ("control", "rst", {}, "control process"),
+        ("rtde", "malformed", {"how": "short_header"}, "this is no RTDE"),
+        ("rtde", "malformed", {"how": "garbage"}, "this is no RTDE"),
+        ("rtde", "timestamp_jump", {"by": -50.0}, "clock went back"),
+        ("robot", "restart", {"seconds": 0.5}, "ended"),
+    ],
+)
+def test_a_link_that_is_gone_is_lost_at_once(bench, link, where, kind, values, words):
+    seen = disturbed(bench, lambda: bench.emulator.fault(where, kind, **values), rest_from=0.8)
+    assert seen.state == "lost" and words in seen.detail and "recover()" in seen.detail
+    assert seen.named < 1.0 and isinstance(seen.error, LinkError)
+    assert seen.ended < 1.0
+    assert seen.late_travel < 1e-3
+    assert recovered(link) < 8.0
+
+
+@pytest.mark.slow
+def test_ten_cuts_of_the_control_link_in_a_row_do_not_end_a_campaign(bench, link):
+    poses = [A + 0.05 * np.sin(k + np.arange(6)) for k in range(4)]
+    cuts, visited, begun = 10, 0, time.monotonic()
+    while visited < len(poses):
+        try:
+            motion = link.move(poses[visited])
+            if cuts:
+                cuts -= 1
+                bench.emulator.fault("control", "fin")
+            assert motion.wait().q == pytest.approx(poses[visited], abs=1e-3)
+            visited += 1
+        except DriverError:
+            assert time.monotonic() - begun < 30.0
+            recovered(link)
+    assert cuts == 0 and link.health().ok
+
+
+def test_a_stream_that_is_cut_says_why(bench, link):
+    q = link.position()
+    t = np.arange(0.0, 3.0, 0.008)
+    targets = q + 0.1 * np.sin(t)[:, None] * np.sign(B - A + 1e-9)
+    with pytest.raises(DriverError) as caught:
+        for k, _ in enumerate(link.track(targets, 125.0)):
+            if k == 1:
+                bench.emulator.fault("control", "fin")
+                begun = time.monotonic()
+    assert time.monotonic() - begun < 1.5 and "control process" in str(caught.value)
+    time.sleep(0.7)
+    assert bench.observer.travel(begun + 0.5) < 1e-3
+    recovered(link)
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize(
+    "how, counted", [("empty_data", True), ("short_data", True), ("unknown_type", False)]
+)
+def test_nonsense_in_the_stream_is_never_shown(bench, link, how, counted):
+    """Data of a wrong length are refused and counted; an unknown packet is passed over."""
+    before, odd = link.health().counters[REFUSED], bench.observer.odd
+    states = []
+
+    def disturb():
+        bench.emulator.fault("rtde", "malformed", how=how)
+        for _ in range(50):
+            states.append(link.read())
+            time.sleep(0.004)
+
+    seen = disturbed(bench, disturb)
+    assert bench.observer.odd > odd  # it was in the stream
+    assert not [s for s in states if np.abs(s.q - A).max() >= 1.0 or s.safety != "normal"]
+    assert (link.health().counters[REFUSED] > before) == counted
+    if counted and seen.error is not None:  # it may kill ur_rtde, which commands
+        assert isinstance(seen.error, LinkError | StoppedError) and seen.late_travel < 1e-3
+        assert recovered(link) < 6.0
+    else:
+        assert seen.error is None and seen.last == "ok"
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize(
+    "where, kind, values",
+    [
+        ("rtde", "text", {}),
+        ("rtde", "timestamp_jump", {"by": 30.0}),
+        ("script", "fin", {}),
+        ("script", "unlisten", {"seconds": 1.0}),
+        ("dashboard", "stall", {"seconds": 1.0}),
+        ("dashboard", "unlisten", {"seconds": 1.0}),
+    ],
+)
+def test_what_does_no_harm_stops_nothing(bench, link, where, kind, values):
+    before = link.health().counters["arm skipped"]
+    seen = disturbed(bench, lambda: bench.emulator.fault(where, kind, **values))
+    assert seen.error is None and seen.last == "ok"
+    if kind == "timestamp_jump":
+        assert link.health().counters["arm skipped"] > before + 1000
+    time.sleep(max(0.0, values.get("seconds", 0.0) - seen.ended))
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize(
+    "kind, seconds",
+    [("stall", 1.4), ("stall", 4.0), ("freeze", 1.4), ("drop", 1.4), ("burst", 1.4)],
+)
+def test_silence_is_stale_then_lost(bench, link, kind, seconds):
+    seen = disturbed(bench, lambda: bench.emulator.fault("rtde", kind, seconds=seconds), 1.9)
+    assert seen.first == "stale" and seen.named <= NAMED_S
+    assert isinstance(seen.error, LinkError | StoppedError)
+    assert seen.ended < GONE_S + 1.2
+    assert seen.late_travel < 1e-3
+    assert recovered(link) < 6.0
+
+
+def test_a_short_stall_is_named_and_the_robots_watchdog_stops_it(bench, link):
+    """Nothing that is written reaches the robot meanwhile."""
+    seen = disturbed(bench, lambda: bench.emulator.fault("rtde", "stall", seconds=0.3))
+    assert seen.first == "stale" and seen.named <= NAMED_S
+    assert isinstance(seen.error, StoppedError) and "program is stopped" in str(seen.error)
+    assert seen.state == "stopped" and 0.25 < seen.ended < 0.8
+    assert seen.late_travel < 1e-3
+    assert recovered(link) < 6.0
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("kind", ["drop", "burst"])
+def test_a_short_silence_is_named_and_survived(bench, link, kind):
+    seen = disturbed(bench, lambda: bench.emulator.fault("rtde", kind, seconds=0.3))
+    assert seen.first == "stale" and seen.named <= NAMED_S
+    assert seen.error is None and seen.last == "ok"
+
+
+def test_targets_are_refused_while_states_are_stale(bench, link):
+    q = link.position()
+    assert link.write(q).ok
+    bench.emulator.fault("rtde", "drop", seconds=0.4)
+    time.sleep(0.2)
+    applied = link.write(q)
+    assert not applied.ok and "stale" in applied.reason
+    time.sleep(0.5)
+    link.stop()
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize(
+    "kind, values, words",
+    [
+        ("protective_stop", {}, "protective stop"),
+        ("emergency_stop", {"seconds": 0.9}, "emergency stop"),
+        ("program_stop", {}, "program is stop"),
+        ("power_off", {}, "is off"),
+    ],
+)
+def test_a_robot_that_stops_is_named_at_once(bench, link, kind, values, words):
+    seen = disturbed(bench, lambda: bench.emulator.fault("robot", kind, **values))
+    assert isinstance(seen.error, StoppedError) and words in str(seen.error)
+    assert seen.state == "stopped" and words in seen.detail
+    assert seen.ended < 1.0
+    assert seen.late_travel < 1e-3
+    assert not link.write(link.read().q).ok
+    begun = time.monotonic()
+    if kind == "protective_stop":
+        with pytest.raises(SafetyStopError, match="look what the robot hit"):
+            link.recover(unlock=False)
+    took = recovered(link)
+    if kind == "protective_stop":
+        assert 3.0 < took < 9.0
+        assert bench.observer.travel(begun, begun + took) < 1e-3
+    link.move(A).wait()
+
+
+@pytest.mark.slow
+def test_joints_that_do_not_follow_end_no_move_before_they_arrive(bench, link):
+    """The controller of this emulator allows it; a real one may stop by itself."""
+    apart, off = [], [0.0, 0.0, 0.0, 0.2, 0.0, 0.0]
+
+    def disturb():
+        bench.emulator.fault("robot", "follow_error", joints=off, seconds=2.5)
+        for _ in range(100):
+            time.sleep(0.01)
+            state = link.read()
+            apart.append(state.q[3] - state.target_q[3])
+
+    seen = disturbed(bench, disturb)
+    assert max(apart) == pytest.approx(0.2, abs=0.02)
+    assert seen.error is None and seen.last == "ok" and seen.ended > 1.3
+    assert np.abs(link.read().q - link.read().target_q).max() < 1e-3
+    goal = A if np.abs(link.position() - A).max() > 0.3 else B
+    motion = link.move(goal)
+    bench.emulator.fault("robot", "follow_error", joints=off, seconds=60.0)
+    try:
+        with pytest.raises(LateError, match=r"0\.2 off its goal"):
+            motion.wait(6.0)
+    finally:
+        bench.emulator.fault("robot", "follow_error", joints=[0.0] * 6, seconds=0.1)
+    time.sleep(0.6)
+    recovered(link)
+
+
+def test_an_emergency_stop_is_not_cleared_from_here(bench, link):
+    bench.emulator.fault("robot", "emergency_stop", seconds=0.5)
+    time.sleep(0.1)
+    assert link.read().safety == "emergency stop"
+    with pytest.raises(StoppedError, match="cannot be cleared from here"):
+        link.recover(unlock=True)
+    with pytest.raises(DriverError, match="not active"):
+        link.move(A)
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("how", ["SIGKILL", "SIGSEGV", "SIGSTOP"])
+def test_a_control_process_that_dies_or_hangs_is_named(bench, link, how):
+    process = link._control
+    seen = disturbed(bench, lambda: os.kill(process.pid, getattr(signal, how)), rest_from=0.5)
+    if how == "SIGSTOP":
+        assert seen.state in ("stopped", "lost")
+    else:
+        assert seen.state == "lost"
+        assert "control process died by signal" in seen.detail and how in seen.detail
+    assert seen.named <= 1.0 and isinstance(seen.error, DriverError) and seen.ended < 2.5
+    assert seen.late_travel < 1e-3
+    assert recovered(link) < 6.0
+    assert not alive(process.pid)
+
+
+def test_recovering_is_limited(bench):
+    bench.driver.deactivate()
+    driver = rtde_moves.driver(HOST, recoveries=1)
+    with contextlib.closing(driver):
+        driver.connect()
+        driver.recover(unlock=True)
+        with pytest.raises(DriverError, match="look for the cause"):
+            driver.recover(unlock=True)
+
+
+OTHER_CLIENT = """
+import os, sys
+from rtde_control import RTDEControlInterface as Control
+Control(sys.argv[1], -1.0, Control.FLAG_UPLOAD_SCRIPT | Control.FLAG_UPPER_RANGE_REGISTERS
+        | Control.FLAG_NO_EXT_FT)
+print("in control", flush=True)
+sys.stdin.read()
+os._exit(0)
+"""
+
+
+@pytest.mark.slow
+def test_a_program_of_another_client_is_noticed(bench, link):
+    """It takes other registers, ends our program and plays its own."""
+    with subprocess.Popen(
+        [sys.executable, "-c", OTHER_CLIENT, HOST],
+        stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
+    ) as other:  # fmt: skip
+        assert any("in control" in line for line in other.stdout)
+        health = link.health()
+        assert health.state == "stopped" and "program" in health.detail
+        other.stdin.close()
+
+
+START = """
+import signal, sys, time
+signal.signal(signal.SIGINT, signal.default_int_handler)  # background jobs of a shell ignore it
+from wrenchbed.hardware.drivers.rtde import RtdeDriver, RtdeOptions
+link = RtdeDriver(RtdeOptions(host=sys.argv[1], sensor="rtde"))
+link.connect()
+link.activate()
+q = link.position()
+link.move(q + [0.9 if q[0] < 0.4 else -0.9, 0, 0, 0, 0, 0])
+time.sleep(0.4)
+print(link._control.pid, flush=True)
+"""
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("how", ["exit", "SIGINT", "SIGKILL", "SIGSTOP"])
+def test_a_process_that_ends_or_hangs_leaves_no_motion(bench, link, how):
+    link.deactivate()
+    more = "" if how == "exit" else "time.sleep(20)"
+    with subprocess.Popen(
+        [sys.executable, "-c", START + more, HOST],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    ) as child:  # fmt: skip
+        pid = int(child.stdout.readline() or child.stderr.read())
+        begun = time.monotonic()
+        if how != "exit":
+            child.send_signal(getattr(signal, how))
+        time.sleep(1.4)
+        try:
+            assert bench.observer.travel(begun) > 0.0
+            assert bench.observer.travel(begun + 1.0) < 1e-3
+            assert not alive(pid)
+        finally:
+            if how == "SIGSTOP":
+                child.kill()
+        if how == "exit":
+            assert child.wait(5.0) == 0 and child.stderr.read() == ""
+
+
+@pytest.mark.slow
+def test_a_controller_that_is_killed_is_lost_and_one_in_its_place_is_recovered():
+    link = rtde_moves.driver(KILLED)
+    with contextlib.closing(link):
+        with running("ur5", KILLED, "--set", "box=off") as emulator:
+            link.connect()
+            link.activate()
+            motion = link.move(A if np.abs(link.position() - A).max() > 0.3 else B)
+            time.sleep(0.3)
+            begun = time.monotonic()
+            os.kill(emulator.process.pid, signal.SIGKILL)
+            while link.health().state != "lost":
+                assert time.monotonic() - begun < GONE_S + 0.3
+                time.sleep(0.002)
+            with pytest.raises(DriverError):
+                motion.wait(2.0)
+            assert not link.write(link.read().q).ok
+            emulator.process.wait(5.0)
+        begun = time.monotonic()
+        with pytest.raises(LinkError, match=KILLED):
+            link.recover(unlock=True)
+        assert time.monotonic() - begun < 12.0
+        with running("ur5", KILLED, "--set", "box=off"):
+            assert recovered(link) < 12.0
+            assert link.move(A).wait().q == pytest.approx(A, abs=1e-3)
