@@ -29,8 +29,6 @@ fits as well lie among the first twenty; 100 pairs take some seconds."""
 _FEW_ROWS = 300
 """Rows by which pairs are compared before: a wrong orientation explains a share of about 9/300 of a
 noise by chance, far less than `HOPELESS` asks for."""
-_AT_ONCE = 256
-"""Readings that are compared at once with all wrenches; bounds the memory (80 MB)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +108,9 @@ def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention
             f"of {len(pairs):,} pairs of a wrench and an orientation the {MOST_TRIED} that agree "
             "best were tried in full; columns with names leave fewer"
         )
-        pairs = _most_promising(pairs, 1.0 if stated.fit is not None else HOPELESS)
+        shares, most = _unexplained_shares(pairs), 1.0 if stated.fit is not None else HOPELESS
+        best = np.argsort(shares, kind="stable")[:MOST_TRIED]
+        pairs = [pairs[k] for k in sorted(best) if shares[k] < most]
     conventions = [c for pairing, reading in pairs for c in _fitted(pairing, reading, stated)]
     return conventions, "; ".join(notes)
 
@@ -187,88 +187,47 @@ def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Conv
                 )  # fmt: skip
 
 
-Pairs = Sequence[tuple[Pairing, Reading]]
-
-
-def _most_promising(pairs: Pairs, most_left: float) -> list[tuple[Pairing, Reading]]:
-    """The pairs whose force is best explained by the weight of a load, by few of their rows.
-
-    Args:
-        pairs: all of them.
-        most_left: share of the force that a pair may leave.
-    """
-    left = np.full(len(pairs), np.inf)
-    of_tables: dict[tuple[int, int], list[int]] = {}
-    for k, (pairing, _) in enumerate(pairs):
-        of_tables.setdefault((pairing.load, pairing.sheet), []).append(k)
-    for members in of_tables.values():
-        readings = {_key(pairs[k][1]): pairs[k][1] for k in members}
-        forces = dict.fromkeys(_force(pairs[k][0]) for k in members)
-        shares = _shares(pairs[members[0]][0], [*readings.values()], [*forces])
-        place = {names: column for column, names in enumerate(forces)}
-        row = {key: number for number, key in enumerate(readings)}
-        for k in members:
-            left[k] = shares[row[_key(pairs[k][1])], place[_force(pairs[k][0])]]
-    best = np.argsort(left, kind="stable")[:MOST_TRIED]
-    return [pairs[k] for k in sorted(best) if left[k] < most_left]
-
-
-def _key(reading: Reading) -> tuple[str, tuple[str, ...]]:
-    return reading.kind, reading.names
-
-
-def _force(pairing: Pairing) -> tuple[str, ...]:
-    return tuple(pairing.wrench.values())[:3]
-
-
-def _shares(
-    pairing: Pairing, readings: Sequence[Reading], forces: Sequence[tuple[str, ...]]
-) -> np.ndarray:
-    """`unexplained` (R, W) of readings and columns of forces; infinite where one is no rotation."""
-    load = pairing.tables[pairing.load]
-    rows = np.unique(np.linspace(0, sum(load.rows) - 1, _FEW_ROWS).astype(int))
-    force = np.stack([load.block(names)[rows].astype(float) for names in forces])
-    shares = np.full((len(readings), len(forces)), np.inf)
-    for first in range(0, len(readings), _AT_ONCE):
-        turns = [_turn(pairing, r, rows) for r in readings[first : first + _AT_ONCE]]
-        known = [first + k for k, turn in enumerate(turns) if turn is not None]
-        if known:
-            shares[known] = unexplained(np.stack([t for t in turns if t is not None]), force)
+def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:
+    """`unexplained` of each pair (P,), by few of its rows; infinite where it is no rotation."""
+    shares = np.full(len(pairs), np.inf)
+    of_reading: dict[tuple[int, int, str, tuple[str, ...]], list[int]] = {}
+    for k, (pairing, reading) in enumerate(pairs):
+        key = pairing.load, pairing.sheet, reading.kind, reading.names
+        of_reading.setdefault(key, []).append(k)
+    for members in of_reading.values():
+        pairing, reading = pairs[members[0]]
+        rows = np.unique(np.linspace(0, len(pairing.readings) - 1, _FEW_ROWS).astype(int))
+        turn = _turn(pairing, reading, rows)
+        if turn is not None:
+            force = np.stack([pairs[k][0].readings[rows, :3] for k in members])
+            shares[members] = unexplained(turn, force)
     return shares
 
 
 def unexplained(turn: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Share of each force's rms (R, W) that no weight with any mount explains in an orientation.
+    """Share of each force's rms (W,) that no weight with any mount explains in an orientation.
 
     The best mount of a body explains the nuclear norm of the product of force and direction of
     gravity (orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451); a wrench in
     the base's axes has no mount.
 
     Args:
-        turn: orientations (R, N, 3, 3), of the body in the base or of the base in the body.
+        turn: orientation (N, 3, 3), of the body in the base or of the base in the body.
         force: readings (W, N, 3).
     """
-    rows = turn.shape[1]
-    flat = turn.transpose(0, 2, 3, 1).reshape(-1, rows)
-    # Σ over rows of turn_ij force_k / N, as (R, W, i, j, k)
-    cross = (flat @ force.transpose(1, 0, 2).reshape(rows, -1) / rows).reshape(
-        len(turn), 3, 3, len(force), 3
-    ).transpose(0, 3, 1, 2, 4)  # fmt: skip
-    mean_force, mean_turn = force.mean(axis=1), turn.mean(axis=1)
-    square = (force**2).sum(axis=2).mean(axis=1)  # of a force (W,)
-    variance = square - (mean_force**2).sum(axis=1)
-    share = np.zeros(cross.shape[:2])
-    for matrix, mean in ((cross, mean_turn), (cross.swapaxes(2, 3), mean_turn.swapaxes(1, 2))):
-        # matrix[r, w, a, i, k]: gravity along axis a of the base is row a of the body's orientation
-        power = np.maximum(1.0 - (mean**2).sum(axis=2), 1e-4)  # of gravity's direction (R, 3)
-        mixed = matrix - mean[:, None, :, :, None] * mean_force[None, :, None, None, :]
+    mean_force, square = force.mean(axis=1), (force**2).sum(axis=2).mean(axis=1)
+    variance = np.maximum(square - (mean_force**2).sum(axis=1), 1e-300)
+    explained = np.zeros(len(force))
+    for body in (turn, turn.swapaxes(1, 2)):
+        mean = body.mean(axis=0)  # row a: direction of gravity along axis a of the base
+        power = np.maximum(1.0 - (mean**2).sum(axis=1), 1e-4)
+        product = (body.reshape(len(turn), 9).T @ force / len(turn)).reshape(-1, 3, 3, 3)
+        mixed = product - mean[:, :, None] * mean_force[:, None, None, :]
         values = np.linalg.eigvalsh(mixed.swapaxes(-1, -2) @ mixed)
-        nuclear = np.sqrt(np.maximum(values, 0.0)).sum(axis=-1)  # (R, W, 3)
-        share = np.maximum(
-            share, (nuclear**2 / power[:, None]).max(axis=2) / np.maximum(variance, 1e-300)
-        )
-        in_body = np.einsum("rwjij->rwi", matrix)  # mean of the force turned into the body
-        rest = np.maximum(square - (in_body**2).sum(axis=2), 1e-12 * square + 1e-300)
-        along = mean_force[None] - np.einsum("rai,rwi->rwa", mean, in_body)
-        share = np.maximum(share, (along**2 / power[:, None]).max(axis=2) / rest)
-    return np.sqrt(np.maximum(1.0 - share, 0.0))
+        nuclear = np.sqrt(np.maximum(values, 0.0)).sum(axis=-1)  # (W, 3)
+        explained = np.maximum(explained, (nuclear**2 / power).max(axis=1) / variance)
+        in_body = np.einsum("wjij->wi", product)  # mean of the force turned into the body
+        rest = np.maximum(square - (in_body**2).sum(axis=1), 1e-12 * square + 1e-300)
+        along = mean_force - in_body @ mean.T
+        explained = np.maximum(explained, (along**2 / power).max(axis=1) / rest)
+    return np.sqrt(np.maximum(1.0 - explained, 0.0))

@@ -8,7 +8,7 @@ angles this is one linear least squares. What fits best is taken, what fits as w
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import takewhile
+from itertools import permutations, takewhile
 from os.path import relpath
 from pathlib import Path
 from typing import Any
@@ -18,20 +18,13 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.checked import Fields
 from wrenchbed.data.column_map import UNITS as SIZES
-from wrenchbed.data.column_map import ColumnMap, from_fields, read, ready, seen_from
-from wrenchbed.data.guess.accelerometer import match_axes, match_on_clocks
+from wrenchbed.data.column_map import ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.guess.candidates import candidates, rows_at
 from wrenchbed.data.guess.convention import Convention
-from wrenchbed.data.guess.sheets import (
-    Sheet,
-    orientations,
-    sheets,
-    wrenches,
-)
-from wrenchbed.data.guess.stated import KnownLoad, Stated
-from wrenchbed.data.import_files import import_files
+from wrenchbed.data.guess.sheets import Sheet, orientations, sheets, wrenches
+from wrenchbed.data.guess.stated import Stated
 from wrenchbed.data.logs import is_log
-from wrenchbed.errors import MapError, WrenchbedError
+from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS
 
 _SAME = 12.0
@@ -54,6 +47,15 @@ ranges leave more units possible."""
 _MOST_SHOWN = 6
 _NEAR = 0.2
 """Relative difference up to which a fitted mass agrees with a known one."""
+_LEAST = 0.2
+"""Least correlation of each axis of an accelerometer: 25 rows of noise reach 1/√25 by chance."""
+_LATEST_S, _STEP_S = 0.025, 2e-4
+"""Largest delay of an accelerometer's clock that is looked for, and the step of the search [s]."""
+_WORTH = 0.05
+"""A delay must raise the sum of the three correlations by so much: noise alone prefers some delay
+by a little, and a clock without one shall stay as it is."""
+_IN_G = 4.0
+"""Readings that are this much smaller than the forces say are in g and not in m/s²."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,7 +121,10 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     stated = stated or Stated()
     paths = [Path(f) for f in files]
     if logs := [path for path in paths if is_log(path)]:
-        raise MapError(_ready_instead(logs[0]))
+        raise MapError(
+            f"{logs[0]}: --guess reads text files; a log's topics and fields have names: give "
+            f"--map, a file or one of {', '.join(ready())}"
+        )
     tables = sheets(paths, stated.name_pattern)
     fitting, untried = candidates(tables, stated)
     more = f" ({untried})" if untried else ""
@@ -133,9 +138,8 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
             f"{tables[0].paths[0]}: {len(clearest.poses.groups)} poses are too few to distinguish "
             f"conventions; {_LEAST_POSES} are needed"
         )
-    known = stated.known()
-    if known is not None:
-        fitting = [c for c in (_as_known(c, tables, known) for c in fitting) if c is not None]
+    if stated.known is not None:
+        fitting = [_as_known(c, tables, stated) for c in fitting]
     fitting.sort(key=lambda c: c.fit.force_rms)
     best = min(fitting, key=lambda c: c.fit.against(fitting[0].fit))
     if best.fit.share > _MOST_LEFT:
@@ -159,27 +163,12 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     return Guess(tuple(chosen), maps, tuple(others), untried)
 
 
-def _ready_instead(log: Path) -> str:
-    """Sentence on the ready maps that read a log."""
-    fit = []
-    for name in ready():
-        try:
-            import_files([log], read(name))
-        except WrenchbedError:
-            continue
-        fit.append(f"--map {name}")
-    maps = f"; these ready maps read it: {', '.join(fit)}" if fit else ""
-    return f"{log}: --guess reads text files; a log's topics and fields have names{maps}"
-
-
-def _as_known(c: Convention, tables: Sequence[Sheet], known: KnownLoad) -> Convention:
-    """A convention with the tool and bias of an earlier calibration instead of fitted ones.
-
-    Its errors are those of the better rows: a hand on the tool for a while hides nothing.
-    """
-    load = tables[c.load]
-    y = c.poses.mean(load.block(list(c.wrench.values())).astype(float))
-    return replace(c, fit=known.fitted(c.fit, c.turn, y, c.in_base))
+def _as_known(c: Convention, tables: Sequence[Sheet], stated: Stated) -> Convention:
+    """A convention with the tool and bias of an earlier calibration instead of fitted ones."""
+    assert stated.known is not None
+    y = c.poses.mean(tables[c.load].block(list(c.wrench.values())).astype(float))
+    gravity = stated.gravity_size()
+    return replace(c, fit=stated.known.fitted(c.fit, c.turn, y, c.in_base, gravity))
 
 
 def _without_doubles(alike: Sequence[Convention]) -> list[Convention]:
@@ -337,24 +326,61 @@ def _besides(
 
 
 def _accelerometer(c: Convention, sheet: Sheet, load: Sheet) -> dict[str, dict[str, Any]]:
-    """Columns of an accelerometer in sensor axes, and its clock if that is late."""
+    """Columns of an accelerometer in sensor axes, and its clock if that is late; none where it does
+    not follow the forces."""
+    names = [sheet.roles[a] for a in ("ax", "ay", "az")]
+    force = c.sign * load.block([c.wrench[f] for f in CHANNELS[:3]]) * SIZES[c.units[0]][1]
+    wanted, reading = -force / c.mass, sheet.block(names)
+    ours, its = load.clock, sheet.clock
     if c.in_base:
         return {}
-    force = c.sign * load.block([c.wrench[f] for f in CHANNELS[:3]]) * SIZES[c.units[0]][1]
-    names = [sheet.roles[a] for a in ("ax", "ay", "az")]
-    ours, its = load.clock, sheet.clock
     if sheet is load or ours is None or its is None:
         at = rows_at(load, sheet)
-        axes = None if at is None else match_axes(-force / c.mass, sheet.block(names)[at])
-        return {} if axes is None else axes.columns(names)
-    axes = match_on_clocks(ours.t, -force / c.mass, its.t, sheet.block(names))
-    if axes is None:
+        return {} if at is None else _axes(wanted, reading[at], names)[1]
+    inside = (ours.t > its.t[0] + _LATEST_S) & (ours.t < its.t[-1] - _LATEST_S)
+    if inside.sum() < _LEAST_POSES:
         return {}
-    columns = axes.columns(names)
-    if axes.late:
-        zero = round(axes.late / SIZES[its.unit][1], 6)
-        columns["t"] = {"column": its.column, "unit": its.unit, "zero": zero}
-    return columns
+
+    def read(late: float) -> np.ndarray:
+        t = ours.t[inside] + late
+        return np.stack([np.interp(t, its.t, values) for values in reading.T], axis=1)
+
+    score, columns = _axes(wanted[inside], read(0.0), names)
+    delays = np.arange(-_LATEST_S, _LATEST_S + _STEP_S / 2, _STEP_S)
+    scores = [_axes(wanted[inside], read(float(late)), names)[0] for late in delays]
+    if max(scores) < score + _WORTH:
+        return columns
+    late = float(delays[int(np.argmax(scores))])
+    zero = round(late / SIZES[its.unit][1], 6)
+    clock = {"t": {"column": its.column, "unit": its.unit, "zero": zero}}
+    return _axes(wanted[inside], read(late), names)[1] | clock
+
+
+def _axes(
+    wanted: np.ndarray, reading: np.ndarray, names: Sequence[str]
+) -> tuple[float, dict[str, dict[str, Any]]]:
+    """Sum of the axes' correlations, and entries ax, ay, az of a map; (0, {}) where an axis does
+    not follow the forces.
+
+    Args:
+        wanted: −force/mass in sensor axes (N, 3) [m/s²], whatever its zero.
+        reading: columns of the accelerometer (N, 3).
+        names: of these columns.
+    """
+    wanted, reading = wanted - wanted.mean(axis=0), reading - reading.mean(axis=0)
+    power, size = (wanted**2).sum(axis=0), (reading**2).sum(axis=0)
+    alike = wanted.T @ reading / np.maximum(np.sqrt(np.outer(power, size)), 1e-12)
+    order = max(permutations(range(3)), key=lambda p: np.abs(alike[range(3), p]).sum())
+    values = alike[range(3), order]
+    if np.abs(values).min() < _LEAST:
+        return 0.0, {}
+    ratio = np.sqrt(power.sum() / max(float(size.sum()), 1e-12))
+    unit = "g" if ratio > _IN_G else "m/s²"
+    entries = {
+        f"a{axis}": {"column": names[k], "unit": unit} | ({"sign": -1} if value < 0 else {})
+        for axis, k, value in zip("xyz", order, values, strict=True)
+    }
+    return float(np.abs(values).sum()), entries
 
 
 def toml(raw: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:

@@ -1,7 +1,7 @@
 """Which column of a table is what: by its name, and where names say nothing by its values."""
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -14,17 +14,20 @@ from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS
 
-UR_JOINTS = ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
-_XYZ = ("x", "y", "z")
-_FORCE = re.compile(r"(?:^|_)(?:f|force|kraft|fts?)_?([xyz])$")
-_TORQUE = re.compile(r"(?:^|_)(?:t|m|torque|moment|mom|tau|trq|drehmoment)_?([xyz])$")
-_ACCELERATION = re.compile(r"(?:^|_)(?:a|acc|accel|acceleration)_?([xyz])$")
-_GRAVITY = re.compile(r"^(?:g|gravity)_?([xyz])$")
-_QUATERNION = re.compile(r"(?:^|_)(?:q|quat|quaternion|orientation|rotation|rot)_?([wxyz])$")
-_MATRIX = re.compile(r"(?:^|_)(?:r|rot|rotation|matrix)_?([0-3])_?([0-3])$")
-_TIME = re.compile(r"^(?:t|zeit|clock|secs?|seconds|.*time.*|.*stamp.*|elapsed.*)$")
-_TEMPERATURE = re.compile(r"(?:^|_)temp(?:erature)?$")
-_SEGMENT = re.compile(r"^(?:segment|pose|hold)(?:_?(?:id|index|nr|number))?$")
+_NAMED = (
+    (re.compile(r"^(?:g|gravity)_?([xyz])$"), "g{}"),
+    (re.compile(r"(?:^|_)(?:f|force|kraft|fts?)_?([xyz])$"), "f{}"),
+    (re.compile(r"(?:^|_)(?:q|quat|quaternion|orientation|rotation|rot)_?([wxyz])$"), "q{}"),
+    (re.compile(r"^(roll|pitch|yaw|r[xyz])$"), "{}"),
+    (re.compile(r"(?:^|_)(?:t|m|torque|moment|mom|tau|trq|drehmoment)_?([xyz])$"), "t{}"),
+    (re.compile(r"(?:^|_)(?:a|acc|accel|acceleration)_?([xyz])$"), "a{}"),
+    (re.compile(r"(?:^|_)(?:r|rot|rotation|matrix)_?([0-3])_?([0-3])$"), "r{}{}"),
+    (re.compile(r"(?:^|_)temp(?:erature)?$"), "temperature"),
+    (re.compile(r"^(?:segment|pose|hold)(?:_?(?:id|index|nr|number))?$"), "segment"),
+    (re.compile(r"^(?:t|zeit|clock|secs?|seconds|.*time.*|.*stamp.*|elapsed.*)$"), "t"),
+)
+"""Names that say what a column is, the first match counts, and its role with the found letters."""
+_KUKA = {"a": "yaw", "b": "pitch", "c": "roll"}
 _INDEXED = re.compile(r"^(.*?)_?(\d+)$")
 _WRENCH_STEM = re.compile(r"wrench|force|(?:^|_)ft|f_ext|loadcell|gauge")
 _JOINT_STEM = re.compile(
@@ -203,7 +206,7 @@ def _sheet(members: Sequence[tuple[Path, Mapping[str, np.ndarray]]]) -> Sheet:
     units = {name: unit for name in values if (unit := unit_of(name)) is not None}
     roles = _roles(values)
     loads = [{c: roles[c] for c in CHANNELS}] if "fx" in roles else []
-    loads += [load for load in _indexed_wrenches(values) if load not in loads]
+    loads += _numbered_wrenches(values)
     return Sheet(tuple(p for p, _ in members), values, rows, roles, units, tuple(loads))
 
 
@@ -227,84 +230,56 @@ def unit_of(name: str) -> str | None:
 
 
 def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
-    """Roles of columns by their names alone: column by role."""
+    """Roles of columns by their names alone: column by role, without incomplete groups."""
     roles: dict[str, str] = {}
+    for name in values:
+        role = _named(plain(name))
+        if role is not None:
+            roles.setdefault(role, name)
+    for stem, names in _numbered(values, roles.values()).items():
+        joints = _JOINT_STEM.match(stem) and not _NO_JOINT.search(stem) and len(names) > 4
+        if joints and "q1" not in roles:
+            roles |= {f"q{k}": name for k, name in enumerate(names, start=1)}
+    from_zero = {f"r{i}{j}" for i in range(3) for j in range(3)}
+    if from_zero <= roles.keys():
+        cells = {f"r{int(r[1]) + 1}{int(r[2]) + 1}": roles.pop(r) for r in sorted(from_zero)}
+        roles |= cells
+    for group in (CHANNELS, ("qw", "qx", "qy", "qz"), ROTATION, ROTATION_VECTOR, ROLL_PITCH_YAW,
+                  ("ax", "ay", "az"), ("gx", "gy", "gz")):  # fmt: skip
+        if not roles.keys() >= set(group):
+            roles = {role: name for role, name in roles.items() if role not in group}
+    return {r: c for r, c in roles.items() if not re.fullmatch(r"r0\d|r[1-3]0", r)}
+
+
+def _numbered(values: Iterable[str], taken: Collection[str] = ()) -> dict[str, list[str]]:
+    """Columns whose names end in a number, in its order, by what stands before it."""
     stems: dict[str, dict[int, str]] = {}
     for name in values:
-        short = plain(name)
-        role = _named(short)
-        if role is not None and role not in roles:
-            roles[role] = name
-            continue
-        match = _INDEXED.match(short)
-        if match:
+        match = _INDEXED.match(plain(name))
+        if match and name not in taken:
             stems.setdefault(match[1], {})[int(match[2])] = name
-    for stem, members in stems.items():
-        names = [members[k] for k in sorted(members)]
-        if _WRENCH_STEM.search(stem) and len(names) == 6 and "fx" not in roles:
-            roles |= dict(zip(CHANNELS, names, strict=True))
-        elif _JOINT_STEM.match(stem) and not _NO_JOINT.search(stem) and "q1" not in roles:
-            roles |= {f"q{k + 1}": n for k, n in enumerate(names)} if len(names) > 4 else {}
-    called = {plain(n): n for n in values}
-    for first in (0, 1):
-        parts = [f"{c}_{k + first}" for c in ("force", "torque") for k in range(3)]
-        if "fx" not in roles and all(part in called for part in parts):
-            roles |= {c: called[part] for c, part in zip(CHANNELS, parts, strict=True)}
-    _ur_joints(values, roles)
-    return _whole(roles)
+    return {stem: [names[k] for k in sorted(names)] for stem, names in stems.items()}
 
 
-def _indexed_wrenches(values: Mapping[str, np.ndarray]) -> Iterator[dict[str, str]]:
-    """Each six numbered columns that form a wrench: a robot may log several."""
-    stems: dict[str, list[str]] = {}
-    for name in values:
-        if (match := _INDEXED.match(plain(name))) and _WRENCH_STEM.search(match[1]):
-            stems.setdefault(match[1], []).append(name)
-    for names in stems.values():
-        if len(names) == 6:
+def _numbered_wrenches(values: Iterable[str]) -> Iterator[dict[str, str]]:
+    """Wrenches of numbered columns, a robot may log several: six, or three forces and torques."""
+    stems = _numbered(values)
+    for stem, names in stems.items():
+        if _WRENCH_STEM.search(stem) and len(names) == 6:
             yield dict(zip(CHANNELS, names, strict=True))
+    halves = [*stems.get("force", ()), *stems.get("torque", ())]
+    if len(halves) == 6:
+        yield dict(zip(CHANNELS, halves, strict=True))
 
 
 def _named(short: str) -> str | None:
-    for pattern, prefix in ((_GRAVITY, "g"), (_FORCE, "f"), (_QUATERNION, "q")):
+    """Role of a column by its plain name."""
+    if short in _KUKA:
+        return _KUKA[short]
+    for pattern, role in _NAMED:
         if match := pattern.search(short):
-            return prefix + match[1]
-    if short in (*ROLL_PITCH_YAW, *ROTATION_VECTOR, "a", "b", "c"):
-        return {"a": "yaw", "b": "pitch", "c": "roll"}.get(short, short)
-    for pattern, prefix in ((_TORQUE, "t"), (_ACCELERATION, "a")):
-        if match := pattern.search(short):
-            return prefix + match[1]
-    if match := _MATRIX.search(short):
-        return f"r{match[1]}{match[2]}"
-    if _TEMPERATURE.search(short):
-        return "temperature"
-    if _SEGMENT.match(short):
-        return "segment"
-    return "t" if _TIME.match(short) else None
-
-
-def _ur_joints(values: Mapping[str, np.ndarray], roles: dict[str, str]) -> None:
-    """Assign a UR's joints by their names in ROS."""
-    for j, joint in enumerate(UR_JOINTS):
-        hits = [n for n in values if joint in plain(n) and not _NO_JOINT.search(plain(n))]
-        if not hits:
-            return
-        roles[f"q{j + 1}"] = hits[0]
-
-
-def _whole(roles: dict[str, str]) -> dict[str, str]:
-    """Roles without incomplete groups."""
-    zero = [r for r in roles if re.fullmatch(r"r[0-2][0-2]", r)]
-    if len(zero) == 9 and "r00" in roles:
-        for r in sorted(zero, reverse=True):
-            roles[f"r{int(r[1]) + 1}{int(r[2]) + 1}"] = roles.pop(r)
-    groups = (CHANNELS, ("qw", "qx", "qy", "qz"), ROTATION, ROTATION_VECTOR, ROLL_PITCH_YAW,
-              ("ax", "ay", "az"), ("gx", "gy", "gz"))  # fmt: skip
-    for group in groups:
-        if not all(r in roles for r in group):
-            for r in group:
-                roles.pop(r, None)
-    return {r: c for r, c in roles.items() if not re.fullmatch(r"r0\d|r\d0|r[1-3]0", r)}
+            return role.format(*match.groups())
+    return None
 
 
 def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
@@ -465,6 +440,6 @@ def _joint_columns(sheet: Sheet, called: Sequence[str]) -> Iterator[Sequence[str
 
 def _of_joint(sheet: Sheet, name: str) -> list[str]:
     """Columns that are called after a joint, and are not its speed or torque."""
-    word = re.compile(rf"(?:^|_){re.escape(plain(name))}(?:_|$)")
+    word = re.compile(rf"(?:^|_){re.escape(plain(name).removesuffix('_joint'))}(?:_|$)")
     hits = [n for n in sheet.values if word.search(plain(n))]
     return [n for n in hits if not _NO_JOINT.search(word.sub("_", plain(n)))]

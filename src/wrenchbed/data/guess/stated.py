@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -26,39 +27,92 @@ _ZERO_FREE = 2.0
 
 @dataclass(frozen=True, eq=False)
 class KnownLoad:
-    """A load that was calibrated: weight [N], centre of gravity (3,) [m] and bias (6,)."""
+    """A load that was calibrated before.
 
-    weight: float
-    cog: np.ndarray
+    Attributes:
+        mass: [kg].
+        cog: centre of gravity in sensor axes (3,) [m].
+        bias: of the sensor (6,) [N, N·m].
+        std: standard uncertainty of each parameter by its name; 0 where the fit has none.
+        force_rms: largest residual of a force channel in that fit [N].
+    """
+
+    mass: float
+    cog: tuple[float, ...]
     bias: np.ndarray
+    std: Mapping[str, float]
+    force_rms: float
+
+    @classmethod
+    def read(cls, path: Path) -> "KnownLoad":
+        """Load of a ``fit.json``.
+
+        Raises:
+            MapError: it lacks the tool or the sensor's bias.
+        """
+        raw = Fields(load(path, MapError), f"{path}: ", MapError)
+        tool, values = raw.part("tool"), raw.part("parameters")
+        mass, cog = tool.number("mass", "kg", positive=True), tool.numbers("cog", 3)
+        bias = [values.part(f"sensor.bias.{c}").number("value", "SI") for c in CHANNELS]
+        if mass is None or cog is None or None in bias:
+            raise MapError(f"{path}: is no fit.json with tool and sensor.bias.fx … tz")
+        std = {k: v.get("std") for k, v in values.raw.items() if isinstance(v, Mapping)}
+        known = {k: float(s) for k, s in std.items() if is_number(s) and s > 0}
+        rms = [raw.part("residual_rms").number(c, "N") or 0.0 for c in CHANNELS[:3]]
+        return cls(mass, cog, np.array(bias, dtype=float), known, max(rms))
 
     def fitted(
-        self, fit: GravityFit, turn: np.ndarray, wrench: np.ndarray, in_base: bool
+        self, fit: GravityFit, turn: np.ndarray, wrench: np.ndarray, in_base: bool, gravity: float
     ) -> GravityFit:
-        """A fit with this load in the place of the fitted one, with the errors of the better rows.
+        """A fit with this load in the place of the fitted one, with the errors of the better rows:
+        a hand on the tool for a while hides nothing.
 
         Args:
             fit: gives axis, mount and sign.
             turn: the body in the base (N, 3, 3).
             wrench: (N, 6) [N, N·m].
             in_base: whether it is in the base's axes.
+            gravity: its size [m/s²].
         """
         if in_base:
             wrench = in_body(turn, wrench)
         m = np.eye(3) if fit.mount is None else fit.mount.as_matrix()
-        down = turn[:, fit.axis, :] @ m.T
+        down, cog = turn[:, fit.axis, :] @ m.T, np.asarray(self.cog)
 
         def with_weight(weight: float) -> GravityFit:
             force = weight * down
-            error = np.abs(wrench - self.bias - np.hstack([force, cross(self.cog, force)]))
+            error = np.abs(wrench - self.bias - np.hstack([force, cross(cog, force)]))
             usual = np.quantile(error, _UNTOUCHED, axis=0) / _NORMAL
             rms = [max(float(np.sqrt((p**2).mean())), 1e-9) for p in np.split(usual, 2)]
             return replace(
-                fit, weight=weight, lever=self.cog, force_rms=rms[0], torque_rms=rms[1],
-                share=rms[0] / self.weight,
+                fit, weight=weight, lever=cog, force_rms=rms[0], torque_rms=rms[1],
+                share=rms[0] / abs(weight),
             )  # fmt: skip
 
-        return min(map(with_weight, (self.weight, -self.weight)), key=lambda f: f.force_rms)
+        weight = self.mass * gravity
+        return min(map(with_weight, (weight, -weight)), key=lambda f: f.force_rms)
+
+    def put(
+        self, recording: dict[str, Any], wrench: Mapping[str, dict[str, Any]], gravity: float
+    ) -> None:
+        """Write tool, zeros and tolerances into ``[recording]`` and the columns of the wrench.
+
+        The mass is not known better than what the fit left of the force, over gravity.
+        """
+        recording["tool"] = {"mass": round(self.mass, 6), "cog": [round(x, 6) for x in self.cog]}
+        for channel, bias in zip(CHANNELS, self.bias, strict=True):
+            entry = wrench[channel]
+            size = UNITS[entry["unit"]][1] * entry.get("sign", 1)
+            entry["zero"] = float(f"{bias / size:.6g}")
+
+        def sigmas(*names: str) -> list[float]:
+            return [float(f"{_SIGMAS * self.std.get(name, 0.0):.3g}") for name in names]
+
+        mass = max(*sigmas("tool.mass"), float(f"{self.force_rms / gravity:.3g}"))
+        cog = max(sigmas(*(f"tool.cog.{a}" for a in "xyz")))
+        bias = sigmas(*(f"sensor.bias.{c}" for c in CHANNELS))
+        tolerance = {"tool.mass": mass, "tool.cog": cog, "sensor.bias": bias}
+        recording["tolerance"] = {k: v for k, v in tolerance.items() if np.min(v) > 0}
 
 
 @dataclass(frozen=True)
@@ -85,7 +139,7 @@ class Stated:
     sensor: str | None = None
     name_pattern: str | None = None
 
-    def gravity_size(self, tables: Sequence[Sheet]) -> float:
+    def gravity_size(self, tables: Sequence[Sheet] = ()) -> float:
         """Size of gravity [m/s²]: as stated, as columns gx gy gz say, else standard."""
         if self.gravity is not None:
             return self.gravity
@@ -95,6 +149,16 @@ class Stated:
                 if np.ptp(g) < 0.01 * g.mean() and 9.7 < g.mean() < 9.9:
                     return round(float(g.mean()), 6)
         return _STANDARD
+
+    @cached_property
+    def known(self) -> KnownLoad | None:
+        """The load of the earlier calibration, if there is one."""
+        return None if self.fit is None else KnownLoad.read(self.fit)
+
+    @property
+    def tool_mass(self) -> float | None:
+        """Known mass of the tool [kg], stated or calibrated before."""
+        return self.mass if self.mass is not None or self.known is None else self.known.mass
 
     def put(
         self, recording: dict[str, Any], wrench: dict[str, dict[str, Any]], sheet: Sheet
@@ -107,86 +171,29 @@ class Stated:
         if self.sensor is not None:
             recording["sensor"] = recording.get("sensor", {}) | {"model": self.sensor}
         if self.rest is not None:
-            std = self._noise(wrench)
+            std = _noise(self.rest, wrench)
             recording["sensor"] = recording.get("sensor", {}) | {"noise_std": std}
-        if self.fit is not None:
-            self._fitted(recording, wrench, self.fit)
+        if self.known is not None:
+            self.known.put(recording, wrench, self.gravity_size())
             return
         if self.mass is not None:
             recording["tool"] = {"mass": self.mass}
         most = []
         for channel in CHANNELS:
             entry = wrench[channel]
-            size = float(np.abs(sheet.values[entry["column"]]).max()) * UNITS[entry["unit"]][1]
+            size = sheet.largest[entry["column"]] * UNITS[entry["unit"]][1]
             most.append(float(f"{_ZERO_FREE * size:.2g}") or 1.0)
         recording["tolerance"] = {"sensor.bias": most}
 
-    @property
-    def tool_mass(self) -> float | None:
-        """Known mass of the tool [kg], stated or calibrated before."""
-        if self.mass is not None or self.fit is None:
-            return self.mass
-        raw = Fields(load(self.fit, MapError), f"{self.fit}: ", MapError)
-        return raw.part("tool").number("mass", "kg", positive=True)
 
-    def known(self) -> KnownLoad | None:
-        """The load of the earlier calibration, if there is one."""
-        if self.fit is None:
-            return None
-        raw = Fields(load(self.fit, MapError), f"{self.fit}: ", MapError)
-        tool, values = raw.part("tool"), raw.part("parameters")
-        mass, cog = tool.number("mass", "kg", positive=True), tool.numbers("cog", 3)
-        bias = [values.part(f"sensor.bias.{c}").number("value", "SI") for c in CHANNELS]
-        if mass is None or cog is None or None in bias:
-            raise MapError(f"{self.fit}: is no fit.json with tool and sensor.bias.fx … tz")
-        size = _STANDARD if self.gravity is None else self.gravity
-        return KnownLoad(mass * size, np.array(cog), np.array(bias, dtype=float))
-
-    def _noise(self, wrench: Mapping[str, Mapping[str, Any]]) -> list[float]:
-        assert self.rest is not None
-        (sheet,) = sheets([self.rest])
-        columns = next(wrenches(sheet), None)
-        if columns is None:
-            raise MapError(f"{self.rest}: no six columns that might be a wrench")
-        std = []
-        for channel, name in columns.items():
-            values = sheet.values[name].astype(float) * UNITS[wrench[channel]["unit"]][1]
-            std.append(float(f"{values.std(ddof=1):.3g}"))
-        return std
-
-    def _fitted(
-        self, recording: dict[str, Any], wrench: dict[str, dict[str, Any]], path: Path
-    ) -> None:
-        """Tool, zeros and tolerances of an earlier calibration.
-
-        The mass is not known better than what the fit left of the force, over gravity.
-        """
-        raw = Fields(load(path, MapError), f"{path}: ", MapError)
-        tool, values = raw.part("tool"), raw.part("parameters")
-        mass, cog = tool.number("mass", "kg", positive=True), tool.numbers("cog", 3)
-        numbers = {k: v for k, v in values.raw.items() if isinstance(v, Mapping)}
-        missing = [c for c in CHANNELS if f"sensor.bias.{c}" not in numbers]
-        if mass is None or cog is None or missing:
-            raise MapError(f"{path}: is no fit.json with tool and sensor.bias.fx … tz")
-        recording["tool"] = {"mass": round(mass, 6), "cog": [round(x, 6) for x in cog]}
-
-        def sigma(name: str) -> float:
-            std: Any = numbers.get(name, {}).get("std")
-            return _SIGMAS * float(std) if is_number(std) and std > 0 else 0.0
-
-        for channel in CHANNELS:
-            entry = wrench[channel]
-            size = UNITS[entry["unit"]][1] * entry.get("sign", 1)
-            zero = float(numbers[f"sensor.bias.{channel}"]["value"]) / size
-            entry["zero"] = float(f"{zero:.6g}")
-        left = [raw.part("residual_rms").number(c, "N") or 0.0 for c in CHANNELS[:3]]
-        size = _STANDARD if self.gravity is None else self.gravity
-        tolerance = {
-            "tool.mass": max(sigma("tool.mass"), max(left) / size),
-            "tool.cog": max(sigma(f"tool.cog.{a}") for a in "xyz"),
-            "sensor.bias": [float(f"{sigma(f'sensor.bias.{c}'):.3g}") for c in CHANNELS],
-        }
-        positive = {k: v for k, v in tolerance.items() if np.all(np.asarray(v) > 0)}
-        recording["tolerance"] = {
-            k: float(f"{v:.3g}") if isinstance(v, float) else v for k, v in positive.items()
-        }
+def _noise(rest: Path, wrench: Mapping[str, Mapping[str, Any]]) -> list[float]:
+    """Standard deviation of one row at rest (6,) [N, N·m], of a text file of the wrench."""
+    (sheet,) = sheets([rest])
+    columns = next(wrenches(sheet), None)
+    if columns is None:
+        raise MapError(f"{rest}: no six columns that might be a wrench")
+    std = []
+    for channel, name in columns.items():
+        values = sheet.values[name].astype(float) * UNITS[wrench[channel]["unit"]][1]
+        std.append(float(f"{values.std(ddof=1):.3g}"))
+    return std
