@@ -26,7 +26,7 @@ FLAGS = {
     ),
     "import": (
         "fit=None, force=False, gravity=None, guess=False, json=False, map=None, mode=None, "
-        "name-pattern=None, out=required, rest=None, robot=None, sensor=None, tool-mass=None"
+        "out=required, rest=None, robot=None, sensor=None, tool-mass=None"
     ),
     "calibrate": (
         "channels=None, constants=None, force=False, free=none, hold=none, json=False, "

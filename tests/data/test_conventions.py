@@ -52,7 +52,6 @@ KINDS = {
     "degrees": (TURN.as_rotvec(degrees=True), ["rx", "ry", "rz"], "deg", {}),
     "roll pitch yaw": (TURN.as_euler("xyz", True), ["roll", "pitch", "yaw"], "deg", {}),
     "KUKA": (TURN.as_euler("ZYX", True), ["yaw", "pitch", "roll"], "deg", {}),
-    "ZXZ": (TURN.as_euler("ZXZ"), ["e1", "e2", "e3"], "rad", {"order": "ZXZ"}),
 }
 
 
@@ -110,31 +109,6 @@ def test_a_constant_orientation_needs_no_column(tmp_path):
     assert np.allclose(found.q, 0.5)
 
 
-def test_files_of_one_pose_each_with_values_in_their_names(tmp_path):
-    angles = np.arange(11) * 13.5 - 60.0
-    for k, angle in enumerate(angles):
-        lines = [",".join(CHANNELS)] + [f"{k},{i},1,2,3,4" for i in range(3)]
-        (tmp_path / f"pose{k}_{angle:g}deg.csv").write_text("\n".join(lines))
-    columns = {c: {"column": c, "unit": "N" if c[0] == "f" else "N·m"} for c in CHANNELS}
-    columns |= {"roll": {"column": "a", "unit": "deg"}, "pitch": {"column": "a", "unit": "deg"}}
-    columns |= {"yaw": {"column": "a", "unit": "deg", "zero": 5}, "segment": {"column": "k"}}
-    raw = {
-        "recording": {"robot": "mine", "mode": "static"},
-        "file": [{"match": "*.csv", "each": "pose", "name_pattern": "pose{k}_{a}deg.csv",
-                  "columns": columns}],
-    }  # fmt: skip
-    (tmp_path / "map.json").write_text(json.dumps(raw))
-    files = list(tmp_path.glob("pose*.csv"))
-    found = import_files(files, column_map.read(tmp_path / "map.json")).recording
-    assert found.columns["segment"].tolist() == [k for k in range(11) for _ in range(3)]
-    assert found.wrench[:, 0].tolist() == found.columns["segment"].tolist()  # pose10 after pose9
-    wanted = Rotation.from_euler("xyz", np.stack([angles, angles, angles - 5], axis=1), True)
-    assert np.abs(found.rotation[::3] - wanted.as_matrix()).max() < 1e-9
-    (tmp_path / "pose_left.csv").write_text("fx,fy\n1,2\n")
-    with pytest.raises(MapError, match=r"pose_left.csv: the name does not fit name_pattern"):
-        import_files([*files, tmp_path / "pose_left.csv"], column_map.read(tmp_path / "map.json"))
-
-
 def test_files_without_a_clock_are_laid_side_by_side(tmp_path):
     written(tmp_path, np.zeros((N, 0)), name="wrench.csv")
     columns = mapped(tmp_path, []) and json.loads((tmp_path / "map.json").read_text())
@@ -164,7 +138,6 @@ def test_files_without_a_clock_are_laid_side_by_side(tmp_path):
         ({"file": {"delimeter": ";"}}, "delimeter; did you mean 'delimiter'"),
         ({"orientation": {"inverted": True}}, "orientation.inverted; did you mean 'inverse'"),
         ({"orientation": {"of": "flange"}}, "needs recording.sensor.pose_flange"),
-        ({"orientation": {"order": "ZYX"}}, "e1 e2 e3 need"),
         ({"orientation": {"constant": [1, 0, 0, 0]}}, "one orientation is needed, found qw"),
         ({"wrench": {"axes": "tool"}}, "must be 'sensor', 'flange' or 'base'"),
     ],

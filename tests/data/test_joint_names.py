@@ -8,7 +8,7 @@ from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.data import column_map
 from wrenchbed.data.guess.guess import guess
-from wrenchbed.data.guess.sheets import joints, sheets
+from wrenchbed.data.guess.sheets import joints, sheet_of
 from wrenchbed.data.guess.stated import Stated
 from wrenchbed.data.logs import table, write_mcap
 from wrenchbed.data.metadata import Metadata
@@ -48,7 +48,7 @@ def test_a_table_in_any_order_is_read_by_the_joints_names(digger, tmp_path):
     (tmp_path / "log.csv").write_text("\n".join(lines))
     found = guess([tmp_path / "log.csv"], Stated(robot=str(folder / "my.toml")))
     assert found.conventions[0].reading.names == NAMES
-    (sheet,) = sheets([tmp_path / "log.csv"])
+    sheet = sheet_of(tmp_path / "log.csv")
     assert {r.names for r in joints(sheet, "r", ("turret", "boom"))} == {("turret", "boom")}
     assert ("turret", "nobody") not in {r.names for r in joints(sheet, "r", ("turret", "nobody"))}
 

@@ -1,7 +1,6 @@
 """Ready maps, on files in the form that their programs document or their libraries write."""
 
 import numpy as np
-import pytest
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -10,7 +9,6 @@ from scipy.spatial.transform import Rotation, Slerp
 import wrenchbed as wb
 from wrenchbed.data.column_map import ready
 from wrenchbed.data.import_files import import_files
-from wrenchbed.errors import MapError
 
 HOLDS = 5
 RATE = 50.0
@@ -142,33 +140,7 @@ def _dynamic(mapping):
     return replace(mapping, mode="dynamic")
 
 
-NETFT = (
-    "Start Time:,11/23/2026 08:00:00", "RDT Sample Rate:,100", "Force Units:,N",
-    "Counts per Unit Force:,1000000", "Torque Units:,Nm", "Counts per Unit Torque:,1000000",
-)  # fmt: skip
-
-
-def netft(folder, before=NETFT):
-    names = ["Status (hex)", "RDT Sequence", "F/T Sequence", *"Fx Fy Fz Tx Ty Tz".split(), "Time"]
-    counts = np.rint(1e6 * LOAD).astype(int)
-    rows = [["0x0", k + 1, 70 * k, *c, "8:00:00"] for k, c in enumerate(counts.tolist())]
-    return save(folder / "netft.csv", names, rows, before)
-
-
-def test_a_csv_file_of_atis_net_ft(tmp_path):
-    found = import_files([netft(tmp_path)], wb.read_map("ati-netft")).recording
-    assert np.abs(found.wrench - LOAD).max() < 1e-6
-    assert np.allclose(found.t, np.arange(len(LOAD)) / 100.0)
-    assert np.allclose(found.q, [1.0, 0.0, 0.0, 0.0]) and (found.columns["status"] == 0).all()
-
-
-def test_counts_without_their_size_are_refused(tmp_path):
-    without = [line for line in NETFT if "Force:" not in line]
-    with pytest.raises(MapError, match="per = 'Counts per Unit Force' is no positive number"):
-        import_files([netft(tmp_path, without)], wb.read_map("ati-netft"))
-
-
 def test_every_ready_map_is_tried():
-    here = {"franka-csv", "franka-ros", "ros-tf", "kuka-fri", "ati-netft"}
+    here = {"franka-csv", "franka-ros", "ros-tf", "kuka-fri"}
     in_test_logs = {"ur-rtde-current", "ros-ur5", "ros-oriented", "ur-rtde", "ur-client"}
     assert set(ready()) == here | in_test_logs

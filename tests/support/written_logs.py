@@ -23,7 +23,7 @@ KINDS = (
     "matrix of the base", "pose by rows", "pose by columns", "rotation vector",
     "roll pitch yaw rad", "roll pitch yaw deg", "KUKA A B C", "joints rad", "joints deg",
 )  # fmt: skip
-LAYOUTS = ("static", "static", "poses", "beside", "log", "two clocks")
+LAYOUTS = ("static", "static", "static", "beside", "log", "two clocks")
 SEPARATORS = (",", ";", "\t", " ", " \t ")
 
 
@@ -178,12 +178,6 @@ def _files(rng, folder, layout, headed, unit, data, names) -> list[Path]:
         return [save("log.csv", [clock] * bool(turns) + turns + wrench, values)]
     if layout == "beside":
         return [save("wrench.csv", wrench, load), save("turns.csv", turns, turn)]
-    if layout == "two clocks":
-        at = t[:, None]
-        first = save("run_wrench.csv", [clock] * bool(wrench) + wrench, np.hstack([at, load]))
-        return [first, save("run_turns.csv", [clock] * bool(turns) + turns, np.hstack([at, turn]))]
-    values = np.hstack([turn, load])
-    header = turns + wrench
-    return [
-        save(f"pose{k}.csv", header, np.repeat(values[k : k + 1], 3, axis=0)) for k in range(len(t))
-    ]
+    at = t[:, None]
+    first = save("run_wrench.csv", [clock] * bool(wrench) + wrench, np.hstack([at, load]))
+    return [first, save("run_turns.csv", [clock] * bool(turns) + turns, np.hstack([at, turn]))]

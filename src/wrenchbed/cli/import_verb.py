@@ -48,7 +48,6 @@ def import_(
     guessing: GuessArguments,
     map: Path | None = None,
     mode: Literal["static", "dynamic", "auto"] | None = None,
-    name_pattern: str | None = None,
     force: Flag = False,
     as_json: Json = False,
 ) -> None:
@@ -60,8 +59,6 @@ def import_(
         map: TOML or JSON column map (docs/how-to/import.md), or the name of a ready one.
         mode: static, dynamic, or auto: a log of holds and moves is split into poses by itself. As
             the map says if none.
-        name_pattern: Every file is one pose, and its name holds values, as pose_{roll}_{yaw}.csv;
-            the map, or the guess, uses them as columns.
         force: Replace recordings at OUT; they are kept as OUT~, or OUT~2 and so on.
         as_json: Print the result as JSON.
     """
@@ -75,10 +72,8 @@ def import_(
         _no_guess(guessing)
         column_map = wb.read_map(map)
     else:
-        column_map, guessed = _guessed(
-            files, guessing, out, wb.Stated(mode=mode, name_pattern=name_pattern)
-        )
-    imported = wb.import_files(files, _changed(column_map, mode, name_pattern))
+        column_map, guessed = _guessed(files, guessing, out, wb.Stated(mode=mode))
+    imported = wb.import_files(files, _changed(column_map, mode))
     if imported.motion is not None:
         console.check_out(whole, Kind.RECORDING, *inputs, out, force=force)
     keeping(out, imported.recording.write)
@@ -134,13 +129,9 @@ def _guessed(
     return found.column_map(), {"guess": [*found.lines, f"map → {path}"]}
 
 
-def _changed(column_map: ColumnMap, mode: str | None, name_pattern: str | None) -> ColumnMap:
-    """A map with what the command line says otherwise."""
-    if mode is not None:
-        metadata = replace(column_map.metadata, mode="dynamic" if mode == "auto" else mode)
-        column_map = replace(column_map, mode=mode, metadata=metadata)
-    if name_pattern is not None:
-        first, *rest = column_map.files
-        first = replace(first, each="pose", name_pattern=name_pattern)
-        column_map = replace(column_map, files=(first, *rest))
-    return column_map
+def _changed(column_map: ColumnMap, mode: str | None) -> ColumnMap:
+    """A map with the mode of the command line, if one is given there."""
+    if mode is None:
+        return column_map
+    metadata = replace(column_map.metadata, mode="dynamic" if mode == "auto" else mode)
+    return replace(column_map, mode=mode, metadata=metadata)

@@ -1,15 +1,17 @@
 """A column map: which columns of which files make a recording, in which units. TOML or JSON."""
 
-import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from scipy.spatial.transform import Rotation
+
 from wrenchbed.data.checked import Fields, load
 from wrenchbed.data.metadata import MODES, Metadata, SensorInfo, ToolInfo, parse
-from wrenchbed.data.recording import effort_prefix
+from wrenchbed.data.recording import QUATERNION, effort_prefix
 from wrenchbed.errors import MapError, RecordingError, did_you_mean
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -36,26 +38,26 @@ UNITS: dict[str, tuple[str, float]] = {
 AUTO = "auto"
 """Mode of a log of holds and moves, whose rows are classified automatically."""
 TOLERANCES = ("tool.mass", "tool.cog", "sensor.bias")
-_FILE = ("match", "topic", "delimiter", "each", "name_pattern", "columns")
+_FILE = ("match", "topic", "delimiter", "columns")
 _COLUMN = ("column", "unit", "sign", "zero", "per")
-_ORDER = re.compile(r"^(?:[XYZ]{3}|[xyz]{3})$")
 _UNIT_SQUARE = 2e-3
 """Largest error of a unit quaternion's square: four digits are enough."""
+ORTHONORMAL = 1e-3
+"""Largest |RᵀR − I| of a rotation matrix; printed with four digits it is about 1e-4."""
+UNIT = 1e-2
+"""Largest error of a quaternion's length: two digits are enough to see that it is one."""
 ROTATION = tuple(f"r{i}{j}" for i in (1, 2, 3) for j in (1, 2, 3))
 """Elements of R_base_sensor in row order, for a map that gives a rotation matrix."""
 ROTATION_VECTOR = ("rx", "ry", "rz")
 """Rotation vector of the sensor in the base, as a UR writes its tool's."""
 ROLL_PITCH_YAW = ("roll", "pitch", "yaw")
 """R = Rz(yaw) Ry(pitch) Rx(roll): ROS's angles, and KUKA's C, B, A."""
-EULER = ("e1", "e2", "e3")
-"""Angles about the axes that ``orientation.order`` names."""
-ANGLES = (ROTATION_VECTOR, ROLL_PITCH_YAW, EULER)
-_QUATERNION = ("qw", "qx", "qy", "qz")
+ANGLES = (ROTATION_VECTOR, ROLL_PITCH_YAW)
 _FIXED = {
     "t": "time", "temperature": "temperature", "ax": "acceleration", "ay": "acceleration",
     "az": "acceleration", **dict.fromkeys(CHANNELS[:3], "force"),
     **dict.fromkeys(CHANNELS[3:], "torque"), **dict.fromkeys(ROTATION, "number"),
-    **dict.fromkeys((*_QUATERNION, "segment", "status"), "number"),
+    **dict.fromkeys((*QUATERNION, "segment", "status"), "number"),
     **dict.fromkeys((name for three in ANGLES for name in three), "angle"),
 }  # fmt: skip
 _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("angle", "length"),
@@ -64,17 +66,14 @@ _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("a
 
 @dataclass(frozen=True)
 class Source:
-    """Source of a column of the recording: (column / per − zero) of a file, in SI.
-
-    ``per`` is a number, or the name of one that stands before the table: counts per unit.
-    """
+    """Source of a column of the recording: (column / per − zero) of a file, in SI."""
 
     target: str
     column: str
     unit: str
     sign: float
     zero: float = 0.0
-    per: float | str = 1.0
+    per: float = 1.0
 
     @property
     def factor(self) -> float:
@@ -88,16 +87,12 @@ class FileMap:
     Attributes:
         topic: of a log, whose messages' fields are its columns.
         delimiter: of a text file; found out if none.
-        each: ``pose`` if every file that matches is one pose.
-        name_pattern: of file names, with ``{column}`` where a value stands.
     """
 
     match: str
     columns: tuple[Source, ...]
     topic: str | None = None
     delimiter: str | None = None
-    each: str | None = None
-    name_pattern: str | None = None
 
     @property
     def clock(self) -> Source | None:
@@ -112,14 +107,12 @@ class Conventions:
         wrench_axes: ``sensor``, ``flange`` (torque about the flange's origin) or ``base``.
         of: whose orientation is given, ``sensor`` or ``flange``.
         inverse: whether it is that of the base in the sensor or flange (a conjugate).
-        order: axes of e1 e2 e3; moving axes in capitals (``ZYX``), fixed ones in small letters.
         constant: orientation w x y z of a sensor that is never turned.
     """
 
     wrench_axes: str = "sensor"
     of: str = "sensor"
     inverse: bool = False
-    order: str | None = None
     constant: tuple[float, ...] | None = None
 
 
@@ -214,15 +207,12 @@ def seen_from(recording: Mapping[str, Any], moved: Callable[[str], str]) -> dict
 def _conventions(raw: Fields, metadata: Metadata) -> Conventions:
     wrench, turn = raw.part("wrench"), raw.part("orientation")
     wrench.only({"axes"}, "[wrench]")
-    turn.only({"of", "inverse", "order", "constant"}, "[orientation]")
+    turn.only({"of", "inverse", "constant"}, "[orientation]")
     mounted = metadata.sensor.pose_flange is not None
     bodies = ("sensor", "flange")
     inverse = turn.raw.get("inverse", False)
     if not isinstance(inverse, bool):
         raise turn.error("inverse", "must be true or false")
-    order = turn.text("order", rule="must name three axes")
-    if order is not None and not _ORDER.match(order):
-        raise turn.error("order", "must name three axes, as ZYX (moving) or xyz (fixed)")
     constant = turn.numbers("constant", 4, rule="must be a unit quaternion w, x, y, z")
     if constant is not None and abs(sum(x * x for x in constant) - 1.0) > _UNIT_SQUARE:
         raise turn.error("constant", "must be a unit quaternion w, x, y, z")
@@ -238,13 +228,13 @@ def _conventions(raw: Fields, metadata: Metadata) -> Conventions:
             "of" if body == "flange" else "axes",
             "needs recording.sensor.pose_flange = [x, y, z, qw, qx, qy, qz]",
         )
-    return Conventions(axes, body, inverse, order, constant)
+    return Conventions(axes, body, inverse, constant)
 
 
 def _one_orientation(name: str, files: tuple[FileMap, ...], conventions: Conventions) -> None:
     """Refuse an incomplete orientation, or two of them."""
     seen = {c.target for f in files for c in f.columns}
-    kinds = (_QUATERNION, ROTATION, *ANGLES)
+    kinds = (QUATERNION, ROTATION, *ANGLES)
     given = [kind for kind in kinds if seen & set(kind)]
     for kind in given:
         missing = [c for c in kind if c not in seen]
@@ -258,8 +248,6 @@ def _one_orientation(name: str, files: tuple[FileMap, ...], conventions: Convent
             f"{name}: one orientation is needed, found "
             + " and ".join([" ".join(k) for k in given] + ["orientation.constant"])
         )
-    if (EULER in given) != (conventions.order is not None):
-        raise MapError(f'{name}: e1 e2 e3 need [orientation] order = "ZYX", and only they')
 
 
 def _load(path: Path) -> Fields:
@@ -282,16 +270,11 @@ def _file(where: str, entry: Any) -> FileMap:
     delimiter = fields.text("delimiter", rule="must be one character")
     if delimiter is not None and len(delimiter) != 1:
         raise fields.error("delimiter", "must be one character")
-    each = fields.text("each")
-    if each not in (None, "pose"):
-        raise fields.error("each", "must be 'pose' (every file is one) or absent")
     return FileMap(
         fields.text("match", rule="must be a file name or pattern") or "*",
         tuple(_source(where, target, entry) for target, entry in columns.raw.items()),
         fields.text("topic", rule="must be the name of one"),
         delimiter,
-        each,
-        fields.text("name_pattern", rule="must be a file name with {column} for each value"),
     )
 
 
@@ -300,7 +283,7 @@ def _source(where: str, target: str, entry: Any) -> Source:
     if not quantities:
         known = (
             "t, fx…tz, q1…, tau1…, i1…, qd1…, q_target1…, qw qx qy qz, r11…r33, rx ry rz, "
-            "roll pitch yaw, e1 e2 e3, ax ay az, temperature, segment, status"
+            "roll pitch yaw, ax ay az, temperature, segment, status"
         )
         close = did_you_mean(target, _FIXED)
         raise MapError(
@@ -323,9 +306,7 @@ def _source(where: str, target: str, entry: Any) -> Source:
     if sign not in (1, -1):
         raise fields.error("sign", "must be 1 or -1")
     zero = fields.number("zero", unit) or 0.0
-    per = entry.get("per", 1.0)
-    if not isinstance(per, str):
-        per = fields.number("per", f"per {unit}", positive=True) or 1.0
+    per = fields.number("per", f"per {unit}", positive=True) or 1.0
     return Source(target, column, unit, float(sign), zero, per)
 
 
@@ -351,3 +332,89 @@ def _consistent(name: str, files: tuple[FileMap, ...]) -> None:
     effort = len(missing) == len(CHANNELS) and effort_prefix(seen) is not None
     if missing and not effort:
         raise MapError(f"{name}: no column is mapped to {', '.join(missing)}")
+
+
+# conventions applied: orientations become unit quaternions of the sensor in the base
+
+
+def turned(data: Mapping[str, np.ndarray], where: str) -> Rotation | None:
+    """The orientation (N,) that a file's columns give, as the file means it; None without one.
+
+    Args:
+        data: columns (N,), angles in rad.
+        where: name of the file, for messages.
+
+    Raises:
+        MapError: a matrix or quaternion that is no rotation; names the row.
+    """
+    if QUATERNION[0] in data:
+        q = np.stack([data[c] for c in QUATERNION], axis=-1)
+        length = np.linalg.norm(q, axis=1)
+        bad = np.flatnonzero(~(np.abs(length - 1.0) < UNIT))
+        if len(bad):
+            raise MapError(
+                f"{where}: row {bad[0]}: qw qx qy qz has length {length[bad[0]]:.4g}, "
+                "a unit quaternion has 1"
+            )
+        return Rotation.from_quat(q, scalar_first=True)
+    if ROTATION[0] in data:
+        return Rotation.from_matrix(_matrices(data, where))
+    if ROTATION_VECTOR[0] in data:
+        return Rotation.from_rotvec(np.stack([data[c] for c in ROTATION_VECTOR], axis=-1))
+    if ROLL_PITCH_YAW[0] in data:
+        return Rotation.from_euler("xyz", np.stack([data[c] for c in ROLL_PITCH_YAW], axis=-1))
+    return None
+
+
+def _matrices(data: Mapping[str, np.ndarray], where: str) -> np.ndarray:
+    matrix = np.stack([data[r] for r in ROTATION], axis=-1).reshape(-1, 3, 3)
+    error = np.abs(np.swapaxes(matrix, -1, -2) @ matrix - np.eye(3)).max(axis=(1, 2))
+    left = np.linalg.det(matrix) < 0
+    bad = np.flatnonzero((error > ORTHONORMAL) | left)
+    if len(bad):
+        row = bad[0]
+        why = "it is left-handed" if error[row] <= ORTHONORMAL else f"RᵀR off by {error[row]:.2g}"
+        raise MapError(f"{where}: row {row}: r11…r33 is not a rotation ({why})")
+    return matrix
+
+
+def of_sensor(
+    given: Rotation, conventions: Conventions, pose_flange: tuple[float, ...] | None
+) -> Rotation:
+    """The sensor in the base, from the orientation (N,) as a file means it."""
+    rotation = given.inv() if conventions.inverse else given
+    if conventions.of == "flange" and pose_flange is not None:
+        rotation = rotation * Rotation.from_quat(pose_flange[3:], scalar_first=True)
+    return rotation
+
+
+def columns_of(rotation: Rotation) -> dict[str, np.ndarray]:
+    """Quaternion columns qw qx qy qz (N,), qw ≥ 0."""
+    q = rotation.as_quat(canonical=True, scalar_first=True)
+    return dict(zip(QUATERNION, q.T, strict=True))
+
+
+def wrench_in_sensor(
+    wrench: np.ndarray,
+    conventions: Conventions,
+    rotation: Rotation | None,
+    pose_flange: tuple[float, ...] | None,
+) -> np.ndarray:
+    """A wrench (N, 6) [N, N·m] in the sensor's axes about its origin.
+
+    Args:
+        wrench: in the axes that the conventions name: of the base about the sensor's origin, of
+            the flange about the flange's origin.
+        conventions: of the file.
+        rotation: sensor in base (N,), for a wrench in the base's axes.
+        pose_flange: of the sensor, x y z qw qx qy qz, for a wrench in the flange's axes.
+    """
+    force, torque = wrench[:, :3], wrench[:, 3:]
+    if conventions.wrench_axes == "base" and rotation is not None:
+        back = rotation.inv()
+        return np.concatenate([back.apply(force), back.apply(torque)], axis=1)
+    if conventions.wrench_axes == "flange" and pose_flange is not None:
+        back = Rotation.from_quat(pose_flange[3:], scalar_first=True).inv()
+        about = torque - np.cross(np.asarray(pose_flange[:3]), force)
+        return np.concatenate([back.apply(force), back.apply(about)], axis=1)
+    return wrench

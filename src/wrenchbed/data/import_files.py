@@ -6,37 +6,45 @@ files without a clock are laid beside it row by row.
 """
 
 import fnmatch
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-from scipy.spatial.transform import Rotation
+from scipy.spatial.transform import Rotation, Slerp
 
 from wrenchbed import registry
-from wrenchbed.data.clocks import at_times, even_clock, since
-from wrenchbed.data.column_map import ANGLES, AUTO, ROTATION, ColumnMap, FileMap, Source
+from wrenchbed.data.column_map import (
+    ANGLES,
+    AUTO,
+    ROTATION,
+    ColumnMap,
+    FileMap,
+    columns_of,
+    of_sensor,
+    turned,
+    wrench_in_sensor,
+)
 from wrenchbed.data.holds import Split, check_at_rest, split, with_noise
 from wrenchbed.data.logs import is_log
 from wrenchbed.data.logs import table as log_table
 from wrenchbed.data.metadata import Metadata
-from wrenchbed.data.orientation_columns import columns_of, of_sensor, turned, wrench_in_sensor
-from wrenchbed.data.recording import Recording, joint_columns
+from wrenchbed.data.recording import QUATERNION, Recording, joint_columns
 from wrenchbed.data.text_table import BLANKS, column_numbers, read_text
 from wrenchbed.errors import MapError, NotFoundError
 from wrenchbed.physics.wrench import CHANNELS
 
 HOLD = "hold"
 """Column of a whole log of mode auto: the number of the row's hold from 0, −1 in a move."""
+JITTER = 0.02
+"""Steps that differ by less than this fraction are even; as `calibrate` demands of a motion."""
+_GAP = 3.5
+"""A step of more than so many usual ones is a gap and is not filled: over two lost frames in a row
+the joints' path is known, over more of them an acceleration would be invented."""
 _POSES_PER_SECOND = 1.0
-_BETWEEN_POSES_S = 1.0
-"""Time between the last row of a pose's file and the first of the next [s]."""
 _GIVEN = {*ROTATION, *(name for three in ANGLES for name in three)}
 """Names of the columns that become a quaternion."""
-_VALUE = re.compile(r"\{(\w+)\}")
-_NUMBER = r"([+-]?\d+(?:\.\d+)?(?:[eE][+-]?\d+)?)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,13 +119,10 @@ def merged(
         MapError: see `import_files`.
     """
     paths = [Path(f) for f in files]
-    groups = [(_matching(m, paths, column_map.name), m) for m in column_map.files]
-    used = {p for hits, _ in groups for p in hits}
-    for path in paths:
-        if path not in used:
-            raise MapError(f"{path}: no [[file]] of {column_map.name} matches this file")
-    parts = [_part(hits, m, column_map) for hits, m in groups]
-    names = [hits[0] for hits, _ in groups]
+    names = [_matching(m, paths, column_map.name) for m in column_map.files]
+    if unused := [path for path in paths if path not in names]:
+        raise MapError(f"{unused[0]}: no [[file]] of {column_map.name} matches this file")
+    parts = [_columns(path, m) for path, m in zip(names, column_map.files, strict=True)]
     first = parts[0] | {"t": _clock(parts[0], names[0], column_map)}
     t = since(first["t"], first["t"][0])
     data = {k: v for k, v in first.items() if k != "t"}
@@ -136,78 +141,38 @@ def merged(
     return data, int((~inside).sum()), str(names[0])
 
 
-def _matching(file_map: FileMap, paths: list[Path], name: str) -> list[Path]:
+def _matching(file_map: FileMap, paths: list[Path], name: str) -> Path:
     hits = [p for p in paths if fnmatch.fnmatch(p.name, file_map.match)]
-    if file_map.each is not None and hits:
-        return sorted(hits, key=natural)
     if len(hits) != 1:
         files = ", ".join(p.name for p in hits[:5]) or "none"
-        more = ' (every file one pose? each = "pose")' if len(hits) > 1 else ""
         raise MapError(
-            f"{name}: match = {file_map.match!r} must fit one of the files, found {files}{more}"
+            f"{name}: match = {file_map.match!r} must fit one of the files, found {files}"
         )
-    return hits
+    return hits[0]
 
 
-def _part(paths: list[Path], file_map: FileMap, column_map: ColumnMap) -> dict[str, np.ndarray]:
-    """Columns of one [[file]], of all its files one behind the other."""
-    if file_map.each is None:
-        return _columns(paths[0], file_map, column_map)
-    parts = []
-    begin: float | np.int64 = 0.0
-    for k, path in enumerate(paths):
-        part = _columns(path, file_map, column_map)
-        rows = len(next(iter(part.values())))
-        rate = column_map.rate_hz or _POSES_PER_SECOND
-        own = since(part["t"], part["t"][0]) if "t" in part else np.arange(rows) / rate
-        part["t"] = own + begin
-        begin = float(part["t"][-1]) + _BETWEEN_POSES_S
-        if "segment" not in part:
-            part["segment"] = np.full(rows, float(k))
-        parts.append(part)
-    return {name: np.concatenate([p[name] for p in parts]) for name in parts[0]}
-
-
-def _columns(path: Path, file_map: FileMap, column_map: ColumnMap) -> dict[str, np.ndarray]:
-    table, first_line, notes = _table(path, file_map)
+def _columns(path: Path, file_map: FileMap) -> dict[str, np.ndarray]:
+    table, first_line = _table(path, file_map)
     if table.num_rows == 0:
         raise MapError(f"{path}: the file has 0 rows")
     data: dict[str, np.ndarray] = {}
     for source in file_map.columns:
         values = column_numbers(table, source.column, str(path), first_line)
-        data[source.target] = (values / _per(source, notes, path) - source.zero) * source.factor
+        data[source.target] = (values / source.per - source.zero) * source.factor
     if "t" in data:
         data["t"] = _times(path, table, file_map, data["t"])
-    given = turned(data, str(path), column_map.conventions)
+    given = turned(data, str(path))
     kept = {k: v for k, v in data.items() if k not in _GIVEN}
     return kept if given is None else kept | columns_of(given)
 
 
-def _per(source: Source, notes: Mapping[str, float], path: Path) -> float:
-    """Divisor of a column: a number, or one that stands before the table."""
-    if not isinstance(source.per, str):
-        return source.per
-    value = notes.get(source.per, 0.0)
-    if not value > 0:
-        known = ", ".join(notes) or "none"
-        raise MapError(
-            f"{path}: {source.target}: per = {source.per!r} is no positive number before the "
-            f"table; found {known}"
-        )
-    return value
-
-
-def _table(path: Path, file_map: FileMap) -> tuple[pa.Table, int | None, Mapping[str, float]]:
-    """The file's table, the name's values among its columns, the line of its first row, and the
-    numbers before it."""
+def _table(path: Path, file_map: FileMap) -> tuple[pa.Table, int | None]:
+    """The file's table, and the line of its first row."""
     if is_log(path):
-        return log_table(path, file_map.topic, [c.column for c in file_map.columns]), None, {}
+        return log_table(path, file_map.topic, [c.column for c in file_map.columns]), None
     separator = BLANKS if file_map.delimiter in (" ", "\t ") else file_map.delimiter
     text = read_text(path, separator)
-    table = text.table
-    for name, value in values_in_name(path, file_map.name_pattern).items():
-        table = table.append_column(name, pa.array(np.full(table.num_rows, value)))
-    return table, text.first_line, text.layout.notes
+    return text.table, text.first_line
 
 
 def _times(path: Path, table: pa.Table, file_map: FileMap, scaled: np.ndarray) -> np.ndarray:
@@ -261,8 +226,8 @@ def _in_sensor_axes(
     rows = len(data["t"])
     if conventions.constant is not None:
         still = np.tile(np.asarray(conventions.constant), (rows, 1))
-        data |= dict(zip(("qw", "qx", "qy", "qz"), still.T, strict=True))
-    given = turned(data, str(path), conventions)
+        data |= dict(zip(QUATERNION, still.T, strict=True))
+    given = turned(data, str(path))
     rotation = None if given is None else of_sensor(given, conventions, pose)
     if rotation is not None:
         data |= columns_of(rotation)
@@ -304,24 +269,61 @@ def sensor_by_joints(data: Mapping[str, np.ndarray], metadata: Metadata, where: 
     return Rotation.from_matrix(rotation)
 
 
-def natural(path: Path) -> list[tuple[int, str]]:
-    """Key of an order in which pose_2 comes before pose_10."""
-    return [(int(p), "") if p.isdecimal() else (-1, p) for p in re.split(r"(\d+)", path.name)]
+def since(t: np.ndarray, origin: np.int64 | np.float64) -> np.ndarray:
+    """Seconds (N,) since an origin; times and origin are whole nanoseconds or seconds each.
 
-
-def values_in_name(path: Path, pattern: str | None) -> dict[str, float]:
-    """Values that stand in a file's name.
-
-    Raises:
-        MapError: the name does not fit the pattern.
+    An epoch time in µs has 16 digits; a float of seconds would lose the last of them.
     """
-    if pattern is None:
-        return {}
-    pieces = _VALUE.split(pattern)
-    text = "".join(_NUMBER if k % 2 else re.escape(p) for k, p in enumerate(pieces))
-    match = re.fullmatch(text.replace(r"\*", ".*"), path.name) or re.fullmatch(
-        text.replace(r"\*", ".*"), path.stem
+    if t.dtype.kind == "i" and isinstance(origin, np.int64):
+        return np.asarray((t - origin) / 1e9)
+    seconds = t / 1e9 if t.dtype.kind == "i" else t
+    start = float(origin) / 1e9 if isinstance(origin, np.int64) else float(origin)
+    return np.asarray(seconds - start)
+
+
+def even_clock(t: np.ndarray) -> tuple[np.ndarray, str] | None:
+    """The even clock (M,) [s] nearest to a clock (N,) [s], without times in gaps, and what was done
+    in words; None if the clock is even already, or too short."""
+    step = np.diff(t)
+    if len(step) < 2:
+        return None
+    usual = float(np.median(step))
+    # mean step of rows that follow each other: less than a frame is lost between them
+    h = float(step[(step > 0.5 * usual) & (step < 1.5 * usual)].mean())
+    if np.abs(step - h).max() <= JITTER * h:
+        return None
+    breaks = np.flatnonzero(step > _GAP * usual)
+    parts = []
+    for begin, end in zip([0, *(breaks + 1)], [*breaks, len(t) - 1], strict=True):
+        first = np.ceil((t[begin] - t[0]) / h - 1e-6)
+        last = np.floor((t[end] - t[0]) / h + 1e-6)
+        parts.append(t[0] + h * np.arange(first, last + 1))
+    inside = step[step <= _GAP * usual]
+    sentence = (
+        f"steps of {1e3 * inside.min():.3g} … {1e3 * inside.max():.3g} ms resampled to "
+        f"{1.0 / h:.6g} Hz"
     )
-    if match is None:
-        raise MapError(f"{path}: the name does not fit name_pattern = {pattern!r}")
-    return {name: float(v) for name, v in zip(pieces[1::2], match.groups(), strict=True)}
+    if dropped := int(np.maximum(np.rint(inside / usual) - 1, 0).sum()):
+        sentence += f", {dropped} dropped frames interpolated"
+    if len(breaks):
+        sentence += f", {len(breaks)} gaps of {step[breaks].sum():.3g} s in all kept"
+    return np.concatenate(parts), sentence
+
+
+def at_times(data: Mapping[str, np.ndarray], t: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns, ``t`` among them, interpolated to times (M,): linearly, orientations along the
+    shortest rotation, whole numbers from the nearest row."""
+    old = data["t"]
+    columns: dict[str, np.ndarray] = {}
+    if QUATERNION[0] in data:
+        q = Rotation.from_quat(np.stack([data[c] for c in QUATERNION], axis=-1), scalar_first=True)
+        turned = Slerp(old, q)(np.clip(t, old[0], old[-1]))
+        quaternion = turned.as_quat(canonical=True, scalar_first=True)
+        columns |= dict(zip(QUATERNION, quaternion.T, strict=True))
+    nearest = np.searchsorted((old[1:] + old[:-1]) / 2.0, t, side="right")
+    for name, values in data.items():
+        if name in ("t", *QUATERNION):
+            continue
+        whole = name in ("segment", "status") or values.dtype.kind in "iu"
+        columns[name] = values[nearest] if whole else np.interp(t, old, values)
+    return columns

@@ -7,8 +7,8 @@ settings) are skipped; the columns of a table without header are called 1, 2, 3 
 import io
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import accumulate
 from pathlib import Path
 
@@ -47,7 +47,6 @@ class Layout:
         skipped: lines before the first row of numbers, the header among them.
         names: of the columns.
         header: whether the file itself names them.
-        notes: numbers that stand before the table, by their names.
     """
 
     separator: str
@@ -55,7 +54,6 @@ class Layout:
     skipped: int
     names: tuple[str, ...]
     header: bool
-    notes: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,19 +241,7 @@ def find_layout(lines: Sequence[str], path: Path, separator: str | None = None) 
     if best is None:
         first = lines[plain[0]]
         raise MapError(f"{path}: the file has 0 rows of numbers; it begins {first[:60]!r}")
-    layout = best[1]
-    return replace(layout, notes=_notes(lines[: layout.skipped]))
-
-
-def _notes(lines: Sequence[str]) -> dict[str, float]:
-    """Numbers before a table: ``Counts per Unit Force, 1000000`` or ``rate = 100``."""
-    numbers = {}
-    for line in lines:
-        cells = [c.strip() for c in re.split(r"[,;:=\t]", _COMMENT.sub("", line))]
-        name, *rest = [c for c in cells if c] or [""]
-        if len(rest) == 1 and is_number(rest[0]):
-            numbers[name] = float(rest[0])
-    return numbers
+    return best[1]
 
 
 def _table_at(

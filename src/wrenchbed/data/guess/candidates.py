@@ -9,7 +9,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data.column_map import UNITS as SIZES
-from wrenchbed.data.column_map import Conventions
+from wrenchbed.data.column_map import turned
 from wrenchbed.data.guess.convention import HOPELESS, Convention, Poses, fits, gather
 from wrenchbed.data.guess.sheets import (
     MOST_UNNAMED,
@@ -20,7 +20,6 @@ from wrenchbed.data.guess.sheets import (
     wrenches,
 )
 from wrenchbed.data.guess.stated import Stated
-from wrenchbed.data.orientation_columns import turned
 from wrenchbed.errors import WrenchbedError
 
 MOST_TRIED = 100
@@ -78,9 +77,6 @@ class Pairing:
 
     def _gathered(self, names: Sequence[str]) -> Poses:
         load, sheet = self.tables[self.load], self.tables[self.sheet]
-        if len(load.rows) > 1:
-            ends = np.cumsum(load.rows)
-            return Poses("static", np.stack([ends - load.rows, ends], axis=1))
         if sheet is load or load.clock is None or sheet.clock is None:
             turn = sheet.block(names)[self.at].astype(float)
         else:
@@ -137,13 +133,13 @@ def _of_joints(sheet: Sheet, stated: Stated) -> Iterator[Reading]:
 
 def rows_at(load: Sheet, sheet: Sheet) -> np.ndarray | None:
     """Row of a table (N,) at each row of the wrench's; None if they do not belong together."""
-    rows = sum(load.rows)
+    rows = len(load)
     if sheet is load:
         return np.arange(rows)
     if load.clock is not None and sheet.clock is not None:
         nearest = np.searchsorted(sheet.clock.t, load.clock.t)
         return np.asarray(np.clip(nearest, 0, len(sheet.clock.t) - 1))
-    return np.arange(rows) if rows == sum(sheet.rows) and sheet.clock is None else None
+    return np.arange(rows) if rows == len(sheet) and sheet.clock is None else None
 
 
 def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | None:
@@ -159,7 +155,7 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
         return None if robot.infeasible(q, theta) else np.asarray(robot.sensor_pose(q, theta)[0])
     try:
         scaled = {t: values * size for t, values in columns.items()}
-        orientation = turned(scaled, str(sheet.paths[0]), Conventions())
+        orientation = turned(scaled, str(sheet.path))
     except WrenchbedError:
         return None
     return None if orientation is None else orientation.as_matrix()

@@ -21,7 +21,7 @@ from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.column_map import ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.guess.candidates import candidates, rows_at
 from wrenchbed.data.guess.convention import Convention
-from wrenchbed.data.guess.sheets import Sheet, orientations, sheets, wrenches
+from wrenchbed.data.guess.sheets import Sheet, orientations, sheet_of, wrenches
 from wrenchbed.data.guess.stated import Stated
 from wrenchbed.data.logs import is_log
 from wrenchbed.errors import MapError
@@ -125,7 +125,7 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
             f"{logs[0]}: --guess reads text files; a log's topics and fields have names: give "
             f"--map, a file or one of {', '.join(ready())}"
         )
-    tables = sheets(paths, stated.name_pattern)
+    tables = [sheet_of(path) for path in paths]
     fitting, untried = candidates(tables, stated)
     more = f" ({untried})" if untried else ""
     if not fitting:
@@ -135,7 +135,7 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     fitting = [c for c in fitting if (c.load, c.wrench) == (clearest.load, clearest.wrench)]
     if len(clearest.poses.groups) < _LEAST_POSES:
         raise MapError(
-            f"{tables[0].paths[0]}: {len(clearest.poses.groups)} poses are too few to distinguish "
+            f"{tables[0].path}: {len(clearest.poses.groups)} poses are too few to distinguish "
             f"conventions; {_LEAST_POSES} are needed"
         )
     if stated.known is not None:
@@ -144,7 +144,7 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     best = min(fitting, key=lambda c: c.fit.against(fitting[0].fit))
     if best.fit.share > _MOST_LEFT:
         raise MapError(
-            f"{tables[0].paths[0]}: no convention makes the wrench the weight of one rigid load: "
+            f"{tables[0].path}: no convention makes the wrench the weight of one rigid load: "
             f"the best ({best.sentence}) leaves {best.fit.share:.0%} of what changes. Is the "
             f"weight already compensated, or did something touch the tool?{more}"
         )
@@ -154,7 +154,7 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     whole = [w for c in _without_doubles(alike) for w in _signs_and_units(c, tables, stated)]
     if not whole:
         raise MapError(
-            f"{tables[0].paths[0]}: {best.sentence} fits, but in no unit is the load a tool of "
+            f"{tables[0].path}: {best.sentence} fits, but in no unit is the load a tool of "
             f"{_MASSES[0]} … {_MASSES[1]} kg at {_LEVERS[0]} … {_LEVERS[1]} m"
         )
     whole.sort(key=lambda pair: pair[0])
@@ -200,7 +200,7 @@ def _nothing(tables: Sequence[Sheet]) -> str:
         )
     unread = [u.partition(": ")[2] for s in tables for u in s.unread]
     why = f"; not used: {'; '.join(unread[:3])}" if unread else ""
-    return f"{tables[0].paths[0]}: {what}; columns: {names}{why}"
+    return f"{tables[0].path}: {what}; columns: {names}{why}"
 
 
 def _signs_and_units(
@@ -269,22 +269,14 @@ def raw_map(c: Convention, tables: Sequence[Sheet], stated: Stated) -> dict[str,
             columns = {"t": {"column": time.column, "unit": time.unit}} | columns
         columns |= _besides(c, tables, k, load)
         if set(columns) - {"t"}:
-            files.append(_file_entry(sheet, tables, stated) | {"columns": columns})
+            match = _pattern(sheet.path.name, [s.path.name for s in tables])
+            files.append({"match": match, "columns": columns})
     raw: dict[str, Any] = {"recording": recording}
     if c.in_base:
         raw["wrench"] = {"axes": "base"}
     if c.inverse:
         raw["orientation"] = {"inverse": True}
     return raw | {"file": files}
-
-
-def _file_entry(sheet: Sheet, tables: Sequence[Sheet], stated: Stated) -> dict[str, Any]:
-    if len(sheet.rows) == 1:
-        return {"match": _pattern(sheet.paths[0].name, [s.paths[0].name for s in tables])}
-    first, last = sheet.paths[0].name, sheet.paths[-1].name
-    begin = next((i for i, (a, b) in enumerate(zip(first, last, strict=False)) if a != b), 0)
-    entry = {"match": f"{_escaped(first[:begin])}*{sheet.paths[0].suffix}", "each": "pose"}
-    return entry | ({"name_pattern": stated.name_pattern} if stated.name_pattern else {})
 
 
 def _pattern(name: str, names: Sequence[str]) -> str:

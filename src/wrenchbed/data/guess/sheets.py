@@ -2,14 +2,13 @@
 
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 
 from wrenchbed.data.column_map import ROLL_PITCH_YAW, ROTATION, ROTATION_VECTOR, UNITS
-from wrenchbed.data.import_files import natural, values_in_name
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS
@@ -68,25 +67,26 @@ class Clock:
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """Table of a log: its file (or the files of one pose each) and its numeric columns.
+    """Table of a text file.
 
     Attributes:
-        paths: of the file, or of all files of one pose each.
+        path: of the file.
         values: columns of numbers (N,) by name, in their order.
-        rows: of each path.
         roles: column by role (``t``, ``fx``, ``qw``, ``ax``, ``temperature`` …) by the names.
         units: by column, where the name states one.
         loads: every six columns whose names say that they are a wrench.
         unread: why other columns are not used: cells without a number.
     """
 
-    paths: tuple[Path, ...]
+    path: Path
     values: Mapping[str, np.ndarray]
-    rows: tuple[int, ...]
     roles: Mapping[str, str] = field(default_factory=dict)
     units: Mapping[str, str] = field(default_factory=dict)
     loads: tuple[Mapping[str, str], ...] = ()
     unread: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(next(iter(self.values.values())))
 
     @cached_property
     def free(self) -> list[str]:
@@ -96,9 +96,7 @@ class Sheet:
 
     @cached_property
     def clock(self) -> Clock | None:
-        """The clock, by name or by its steady steps; None of files of one pose each."""
-        if len(self.rows) > 1:
-            return None
+        """The clock, by name or by its steady steps."""
         named = [self.roles["t"]] if "t" in self.roles else []
         for name in named or self.free:
             values = self.values[name]
@@ -118,7 +116,7 @@ class Sheet:
 
     def holds(self, names: Sequence[str], rule: Callable[[np.ndarray], bool]) -> bool:
         """Whether columns (N, K) obey a rule, checked in a few rows first."""
-        every = max(1, sum(self.rows) // _FEW)
+        every = max(1, len(self) // _FEW)
         return rule(self.block(names, every)) and rule(self.block(names))
 
     def windows(self, width: int) -> Iterator[list[str]]:
@@ -153,32 +151,18 @@ class Reading:
         return tuple(self.targets.values())
 
 
-def sheets(paths: Sequence[Path], name_pattern: str | None = None) -> list[Sheet]:
-    """Tables of files; files with the same columns and numbers in their names are poses.
-
-    Args:
-        paths: of text files.
-        name_pattern: of their names, whose values become columns.
+def sheet_of(path: Path) -> Sheet:
+    """Table of a text file.
 
     Raises:
-        MapError: a file without a table.
+        MapError: a file without a table of numbers.
     """
-    read: dict[tuple[object, ...], list[tuple[Path, dict[str, np.ndarray]]]] = {}
-    unread: dict[Path, tuple[str, ...]] = {}
-    for path in sorted(paths, key=natural):
-        values, unread[path] = _numbers(path)
-        rows = len(next(iter(values.values())))
-        for name, value in values_in_name(path, name_pattern).items():
-            values[name] = np.full(rows, value)
-        stem = re.sub(r"[+-]?\d+(?:\.\d+)?", "#", path.name)
-        read.setdefault((tuple(values), stem), []).append((path, values))
-    tables = []
-    for members in read.values():
-        if len(members) < 3:  # repetitions, not poses
-            tables += [_sheet([m]) for m in members]
-        else:
-            tables.append(_sheet(members))
-    return [replace(s, unread=tuple(u for p in s.paths for u in unread[p])) for s in tables]
+    values, unread = _numbers(path)
+    units = {name: unit for name in values if (unit := unit_of(name)) is not None}
+    roles = _roles(values)
+    loads = [{c: roles[c] for c in CHANNELS}] if "fx" in roles else []
+    loads += _numbered_wrenches(values)
+    return Sheet(path, values, roles, units, tuple(loads), unread)
 
 
 def _numbers(path: Path) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
@@ -198,16 +182,6 @@ def _numbers(path: Path) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     if not values:
         raise MapError(unread[0])
     return values, tuple(unread)
-
-
-def _sheet(members: Sequence[tuple[Path, Mapping[str, np.ndarray]]]) -> Sheet:
-    values = {n: np.concatenate([v[n] for _, v in members]) for n in members[0][1]}
-    rows = tuple(len(next(iter(v.values()))) for _, v in members)
-    units = {name: unit for name in values if (unit := unit_of(name)) is not None}
-    roles = _roles(values)
-    loads = [{c: roles[c] for c in CHANNELS}] if "fx" in roles else []
-    loads += _numbered_wrenches(values)
-    return Sheet(tuple(p for p, _ in members), values, rows, roles, units, tuple(loads))
 
 
 def plain(name: str) -> str:

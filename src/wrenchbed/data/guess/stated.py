@@ -11,7 +11,7 @@ import numpy as np
 from wrenchbed.data.checked import Fields, is_number, load
 from wrenchbed.data.column_map import UNITS
 from wrenchbed.data.guess.convention import GravityFit, in_body
-from wrenchbed.data.guess.sheets import Sheet, sheets, wrenches
+from wrenchbed.data.guess.sheets import Sheet, sheet_of, wrenches
 from wrenchbed.errors import MapError
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import CHANNELS
@@ -127,7 +127,6 @@ class Stated:
         fit: ``fit.json`` of an earlier calibration of the same sensor and tool.
         rest: text file of the wrench at rest, in the same units: the noise of one row.
         sensor: model.
-        name_pattern: of files of one pose each, whose names hold values.
     """
 
     robot: str | None = None
@@ -137,7 +136,6 @@ class Stated:
     fit: Path | None = None
     rest: Path | None = None
     sensor: str | None = None
-    name_pattern: str | None = None
 
     def gravity_size(self, tables: Sequence[Sheet] = ()) -> float:
         """Size of gravity [m/s²]: as stated, as columns gx gy gz say, else standard."""
@@ -188,7 +186,7 @@ class Stated:
 
 def _noise(rest: Path, wrench: Mapping[str, Mapping[str, Any]]) -> list[float]:
     """Standard deviation of one row at rest (6,) [N, N·m], of a text file of the wrench."""
-    (sheet,) = sheets([rest])
+    sheet = sheet_of(rest)
     columns = next(wrenches(sheet), None)
     if columns is None:
         raise MapError(f"{rest}: no six columns that might be a wrench")
