@@ -1,6 +1,7 @@
 """The second vote is the exact predictive density; learnt reliability tempers what is claimed."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,13 @@ from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.scoring import reliability_at_design as at_design
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.explain.refit import Finalist
-from wrenchbed.diagnosis.explain.reliability import NAMES, Reliability, learnt, shipped
+from wrenchbed.diagnosis.explain.reliability import (
+    NAMES,
+    RIGHT_ELSEWHERE,
+    Reliability,
+    learnt,
+    shipped,
+)
 from wrenchbed.diagnosis.explain.structures import prediction_errors, predictive_score
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, tempered
 from wrenchbed.errors import DiagnosisError
@@ -129,3 +136,29 @@ def test_one_look_alike_is_drawn_and_judged():
     row = at_design._case(6)  # a case without a gap
     assert (row["kind"], row["raw"], row["right"]) == ("none", "none", True)
     assert len(row["features"]) == len(NAMES)
+
+
+# ---- what ships ----------------------------------------------------------------------------------
+
+
+def test_a_model_for_recordings_unlike_its_cases_knows_only_the_share_that_was_right():
+    known = learnt([((1.0,) * len(NAMES), k % 10 > 0) for k in range(100)], (9, 10), (9, 10), "me")
+    assert known.right == pytest.approx(91 / 102)
+    odd = (1.0, *(5.0,) * (len(NAMES) - 1))
+    assert known.plain().of(odd) == pytest.approx(RIGHT_ELSEWHERE)
+    poor = replace(known, right=0.6)
+    assert poor.plain().of(odd) == pytest.approx(0.6)
+    assert known.plain().spread == known.spread
+
+
+@pytest.mark.parametrize(("robot", "moving"), [("ur5", False), ("medrue", False), ("ur5", True)])
+def test_what_ships_was_learnt_from_many_cases_most_of_them_right(robot, moving):
+    known = shipped(robot, moving)
+    assert known is not None
+    assert known.cases >= 60
+    assert 0.8 < known.right < 1.0
+
+
+def test_other_robots_get_what_all_robots_taught():
+    assert shipped("another", False) == shipped("yet another", False)
+    assert shipped("another", False).cases > shipped("ur5", False).cases

@@ -1,4 +1,4 @@
-"""The next experiment: it separates what is left, is feasible, and says so."""
+"""What a design of poses can show and at what size, and the next experiment that it lacks."""
 
 import numpy as np
 import pytest
@@ -7,6 +7,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.evidence.dictionary import build
+from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain.structures import analyse
 from wrenchbed.diagnosis.next.actions import ExperimentRun, actions, feasible, posed
 from wrenchbed.diagnosis.next.dry_run import of_plan
@@ -18,39 +19,177 @@ from wrenchbed.diagnosis.next.experiments import (
     propose,
     separate,
 )
+from wrenchbed.diagnosis.next.isolability import (
+    VisibleSize,
+    cannot_tell,
+    classes,
+    isolability,
+    visible_sizes,
+)
 from wrenchbed.diagnosis.prepare.baseline import calibrate
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
-from wrenchbed.planning.choose import poses
+from wrenchbed.errors import DiagnosisError
+from wrenchbed.planning.choose import multisine, poses
 
 UR5 = registry.load("robots", "ur5")
 WIDE = UR5.sample(60, np.random.default_rng(3))
 NARROW = UR5.home + np.random.default_rng(0).uniform(-1, 1, (60, 6)) * np.deg2rad(20)
 STILL = np.column_stack([np.full(60, 0.3), WIDE[:, 1:]])
+TIMING = {"timing.delay", "timing.lowpass", "timing.skew"}
+TILT_OR_OFFSET = (("joint.offset", "joint 2", 1.5), ("base.tilt", "about x and y", 0.6))
 
 
-def dictionary(robot, q):
-    prepared = of_plan(Plan.of(robot, q))
+def dictionary(plan):
+    prepared = of_plan(plan)
     return build(prepared, prepared.configuration.robot_theta, calibrate(prepared).tolerance)
+
+
+def of_poses(q):
+    d = dictionary(Plan.of("ur5", q))
+    return d, Similarity(d)
 
 
 @pytest.fixture(scope="module")
 def wide():
-    return dictionary("ur5", WIDE)
+    return of_poses(WIDE)
 
 
 @pytest.fixture(scope="module")
 def still():
-    return dictionary("ur5", STILL)
+    return of_poses(STILL)
 
 
 @pytest.fixture(scope="module")
 def narrow():
-    return dictionary("ur5", NARROW)
+    return of_poses(NARROW)
 
 
-def candidate(d, name, label, *sizes):
-    h = next(h for h in d.hypotheses if (h.name, h.variant.label) == (name, label))
-    return h, np.broadcast_to(np.array(sizes, dtype=float), len(h.columns))
+def candidates(d, *named):
+    """Hypotheses (name, label, size) with their amplitudes."""
+    known = {(h.name, h.variant.label): h for h in d.hypotheses}
+    each = [(known[name, label], size) for name, label, size in named]
+    return [(h, np.full(len(h.columns), float(size))) for h, size in each]
+
+
+# ---- what a design shows ------------------------------------------------------------------------
+
+
+def within(similarity, first, second):
+    """Whether the readings of (effect, label) can be made by the other."""
+    place = {(w.name, w.variant.label): k for k, w in enumerate(similarity.signatures)}
+    return bool(similarity.inside[place[first], place[second]])
+
+
+@pytest.mark.slow
+def test_every_effect_with_a_mean_is_told_once(wide):
+    told = isolability(*wide)
+    names = [s.effect for s in told]
+    assert len(set(names)) == len(names) >= 30
+    assert "sensor.noise" not in names
+    tilt = next(s for s in told if s.effect == "base.tilt")
+    assert tilt.detectable and tilt.size["x"][1] == "rad"
+    assert 1e-4 < tilt.size["x"][0] < np.deg2rad(0.5)
+
+
+def test_the_smallest_size_adds_a_gap_of_one(wide):
+    d, similarity = wide
+    told = visible_sizes(similarity, "joint.offset", "joint 6")
+    (k,) = next(h.columns for h in d.hypotheses if (h.name, h.variant.label) == (
+        "joint.offset", "joint 6"))  # fmt: skip
+    assert d.gap(told.smallest * d.E[:, k]) == pytest.approx(1.0)
+    assert told.size["offset.q6"][0] == pytest.approx(told.smallest * d.size[k])
+
+
+def test_torque_from_torque_crosstalk_lies_in_torque_from_force(wide):
+    _, similarity = wide
+    tt, tf = (("sensor.crosstalk", f"torques from {x}") for x in ("torques", "forces"))
+    assert within(similarity, tt, tf)
+    assert not within(similarity, tf, tt)
+
+
+def test_mass_hides_in_a_gain_of_forces_and_cog_in_a_shifted_origin(wide):
+    d, similarity = wide
+    assert within(similarity, ("tool.mass", "mass"), ("sensor.gain", "forces"))
+    assert within(similarity, ("tool.cog", "x, y and z"), ("sensor.crosstalk", "shifted origin"))
+    told = {s.effect: s for s in isolability(d, similarity)}
+    assert "sensor.crosstalk" in told["tool.cog"].rivals
+    assert "sensor.gain" in told["tool.mass"].rivals
+
+
+def test_offsets_of_parallel_joints_enter_as_their_sum(wide):
+    d, similarity = wide
+    assert within(similarity, ("joint.offset", "joint 2"), ("joint.offset", "joint 4"))
+    told = cannot_tell(d, similarity, among={"joint.offset"})
+    assert "joint.offset of joints 2, 3 and 4 are identifiable only as a sum" in told
+    assert "joint.offset of joint 1 has no effect on these readings" in told
+    assert not any("tool.cog" in text for text in told)
+
+
+def test_a_turn_of_the_sensor_about_z_is_joint_six(wide):
+    d, similarity = wide
+    turn, joint = ("mount.rotation", "about z"), ("joint.offset", "joint 6")
+    assert within(similarity, turn, joint) and within(similarity, joint, turn)
+    pair = {"mount.rotation about z", "joint.offset of joint 6"}
+    assert any(
+        all(p in text for p in pair) and "any free-space data" in text
+        for text in cannot_tell(d, similarity)
+    )
+
+
+def test_timing_cannot_show_at_rest(wide):
+    d, similarity = wide
+    told = {s.effect: s for s in isolability(d, similarity)}
+    for name in TIMING | {"tool.inertia", "tool.self_weight"}:
+        assert told[name].smallest is None and not told[name].detectable
+    assert any(
+        "timing.delay" in text and "poses at rest" in text for text in cannot_tell(d, similarity)
+    )
+
+
+def test_without_turning_joint_one_a_tilt_looks_like_an_offset(still, wide):
+    for (_, similarity), alike in ((still, True), (wide, False)):
+        rivals = visible_sizes(similarity, "joint.offset", "joint 2").rivals
+        assert ("base.tilt" in rivals) is alike
+
+
+def test_narrow_orientations_merge_more_and_show_less(wide, narrow):
+    more, less = ({s.effect: s for s in isolability(*design)} for design in (wide, narrow))
+    rivals = [sum(len(s.rivals) for s in sizes.values()) for sizes in (more, less)]
+    assert rivals[1] > rivals[0]
+    for name in ("mount.rotation", "joint.offset", "sensor.crosstalk", "base.tilt"):
+        assert less[name].smallest > 1.5 * more[name].smallest
+
+
+def test_classes_join_what_is_mutual():
+    def told(name, *rivals):
+        return VisibleSize(name, "", 1.0, {}, True, rivals)
+
+    chain = [told("a", "b"), told("b", "a", "c"), told("c", "b"), told("d", "a"), told("e")]
+    assert classes(chain) == (frozenset("abc"),)
+
+
+def test_a_motion_shows_timing():
+    d = dictionary(multisine(UR5, 8.0, 60.0, 1))
+    told = {s.effect: s for s in isolability(d)}
+    assert told["timing.delay"].detectable
+    assert told["timing.delay"].size["delay"][1] == "s"
+    assert not any("timing.delay cannot" in text for text in cannot_tell(d))
+
+
+def test_a_plan_too_short_is_refused():
+    with pytest.raises(DiagnosisError, match="poses cannot separate"):
+        of_plan(Plan.of("ur5", WIDE[:5]))
+    with pytest.raises(DiagnosisError, match="touches"):
+        of_plan(Plan.of("ur5", WIDE, points=np.zeros((60, 3))))
+
+
+def test_a_rehearsed_plan_carries_only_noise(wide):
+    d, _ = wide
+    left = d.prepared.rows(d.prepared.y).ravel() - d.baseline
+    assert 0.005 < d.gap(left) < 0.1  # white noise of 60 rows, 0.017, and the sensor's wander
+
+
+# ---- the next experiment ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("d", [0.0, 0.5, 2.0, 8.0])
@@ -65,13 +204,8 @@ def test_divergence_of_two_gaussians(d):
 
 @pytest.mark.slow
 def test_tilt_and_offset_are_separated_by_moving_joint_one(still):
-    found = separate(
-        still,
-        [
-            candidate(still, "joint.offset", "joint 2", 1.5),
-            candidate(still, "base.tilt", "about x and y", 0.6),
-        ],
-    )
+    d, _ = still
+    found = separate(d, candidates(d, *TILT_OR_OFFSET))
     assert [e.gain for e in found] == sorted((e.gain for e in found), reverse=True)
     sweep = next(e for e in found if "q1" in e.action)
     assert set(sweep.separates) == {"joint.offset", "base.tilt"}
@@ -86,22 +220,16 @@ def test_tilt_and_offset_are_separated_by_moving_joint_one(still):
 
 @pytest.mark.slow
 def test_nothing_separates_a_turned_sensor_from_joint_six(narrow):
-    pair = [
-        candidate(narrow, "joint.offset", "joint 6", 2.6),
-        candidate(narrow, "mount.rotation", "about z", 1.0),
-    ]
-    assert separate(narrow, pair) == ()
+    d, _ = narrow
+    pair = ("joint.offset", "joint 6", 2.6), ("mount.rotation", "about z", 1.0)
+    assert separate(d, candidates(d, *pair)) == ()
 
 
 @pytest.mark.slow
 def test_a_second_payload_separates_crosstalk_from_cog(narrow):
-    found = separate(
-        narrow,
-        [
-            candidate(narrow, "sensor.crosstalk", "torques from forces", 3.0),
-            candidate(narrow, "tool.cog", "x, y and z", 1.0),
-        ],
-    )
+    d, _ = narrow
+    pair = ("sensor.crosstalk", "torques from forces", 3.0), ("tool.cog", "x, y and z", 1.0)
+    found = separate(d, candidates(d, *pair))
     payload = next(e for e in found if "payload" in e.action)
     assert set(payload.separates) == {"sensor.crosstalk", "tool.cog"}
     assert payload.minutes > 2.0
@@ -109,34 +237,23 @@ def test_a_second_payload_separates_crosstalk_from_cog(narrow):
 
 
 def test_poses_are_chosen_where_the_explanations_differ(still):
-    pair = [
-        candidate(still, "joint.offset", "joint 2", 1.5),
-        candidate(still, "base.tilt", "about x and y", 0.6),
-    ]
-    comparison = Comparison(still, pair)
-    noise = still.prepared.noise
+    d, _ = still
+    comparison = Comparison(d, candidates(d, *TILT_OR_OFFSET))
     q = np.concatenate([STILL[:5], STILL[:5] + np.array([2.0, 0, 0, 0, 0, 0])])
-    rows = comparison.rows(
-        ExperimentRun(posed(still.prepared, q, np.arange(10.0), noise, after=False))
-    )
-    told = comparison.contrast([comparison.old], rows)
-    assert told[5:].min() > 0.0 and told[5:].mean() > 10 * told[:5].mean()
+    run = ExperimentRun(posed(d.prepared, q, np.arange(10.0), d.prepared.noise, after=False))
+    contrast = comparison.contrast([comparison.old], comparison.rows(run))
+    assert contrast[5:].min() > 0.0 and contrast[5:].mean() > 10 * contrast[:5].mean()
 
 
 def test_columns_of_a_contest_are_those_of_the_dictionary(wide):
-    pair = [
-        candidate(wide, "joint.offset", "joint 2", 1.0),
-        candidate(wide, "sensor.gain", "all channels", 1.0),
-    ]
-    comparison = Comparison(wide, pair)
-    again = comparison.rows(ExperimentRun(wide.prepared))
+    d, _ = wide
+    pair = candidates(d, ("joint.offset", "joint 2", 1), ("sensor.gain", "all channels", 1))
+    comparison = Comparison(d, pair)
+    again = comparison.rows(ExperimentRun(d.prepared))
     assert np.allclose(again.E, comparison.old.E, atol=1e-9)
     far = comparison.distance(0, 1, [comparison.old])
     assert comparison.distance(0, 1, [again, again]) > far > 0
-
-
-def test_one_explanation_needs_no_experiment(wide):
-    assert separate(wide, [candidate(wide, "joint.offset", "joint 2", 1.0)]) == ()
+    assert separate(d, pair[:1]) == ()  # one explanation needs no experiment
 
 
 @pytest.mark.parametrize(
@@ -144,7 +261,7 @@ def test_one_explanation_needs_no_experiment(wide):
     [("joint 3", "sweep joint q3"), ("direction", "both sides"), ("time", "return to the first")],
 )
 def test_the_unknown_is_asked_for_its_variable(wide, kernel, word):
-    found = explore(wide, kernel)
+    found = explore(wide[0], kernel)
     own = next(e for e in found if word in e.action)
     assert own.separates == (kernel,) and own.gain > 0 and kernel in own.sentence
 

@@ -2,73 +2,95 @@
 
 import mujoco
 import numpy as np
+from scipy.signal import lfilter
 
 from wrenchbed import registry
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
+from wrenchbed.physics.time_derivatives import Jet
 
 UR5 = registry.load("robots", "ur5")
 NOISE = np.array([0.6, 0.9, 0.5, 0.12, 0.1, 0.08])
 """Standard deviation of a row's torque [N·m]; estimate, a UR5's currents times 10 N·m/A."""
+COULOMB = np.array([8.0, 9.0, 7.0, 2.0, 1.5, 1.2])
+VISCOUS = np.array([5.0, 6.0, 4.0, 1.0, 0.8, 0.7])
+MASS, COG, ROTOR = 1.9, (0.01, -0.006, 0.09), 0.1
+"""Load of the UR5 [kg, m], and inertia of each of its motors [kg·m²]; estimates."""
+LOADED = UR5.theta_of_tool(UR5.parameters.nominal.copy(), MASS, COG)
+SWING, HARMONICS, BASE_HZ = 0.28, 5, 0.1
+"""Typical amplitude of a harmonic [rad], their number and the first one's frequency [Hz]."""
 
 
-def fourier(rng, seconds=60.0, rate=125.0, harmonics=5, base=0.1):
-    """A periodic motion (N, 6) about home [rad], analytic speeds and accelerations."""
+def fourier(rng, seconds=60.0, rate=125.0, home=UR5.home, swing=SWING):
+    """Clock (N,) and a periodic motion (N, 6) about a pose, analytic speeds and accelerations."""
     t = np.arange(round(seconds * rate)) / rate
-    q = np.tile(np.array(UR5.home), (len(t), 1))
+    q = np.tile(np.asarray(home), (len(t), 1))
     qd, qdd = np.zeros_like(q), np.zeros_like(q)
-    for k in range(1, harmonics + 1):
-        w = 2.0 * np.pi * base * k
-        a, b = rng.normal(0.0, 0.28, (2, 6)) / np.sqrt(k)
-        q = q + a * np.sin(w * t)[:, None] + b * np.cos(w * t)[:, None]
-        qd = qd + w * (a * np.cos(w * t)[:, None] - b * np.sin(w * t)[:, None])
-        qdd = qdd - w * w * (a * np.sin(w * t)[:, None] + b * np.cos(w * t)[:, None])
-    return t, q, qd, qdd
+    for k in range(1, HARMONICS + 1):
+        w = 2.0 * np.pi * BASE_HZ * k
+        a, b = rng.normal(size=(2, 6)) * swing / np.sqrt(k)
+        s, c = np.sin(w * t)[:, None], np.cos(w * t)[:, None]
+        q, qd, qdd = q + a * s + b * c, qd + w * (a * c - b * s), qdd - w * w * (a * s + b * c)
+    return t, Jet(q, qd, qdd)
 
 
-def torques(theta, q, qd, qdd, armature=0.1):
-    """MuJoCo's inverse dynamics (N, 6) [N·m] without friction."""
-    model = UR5.spec(theta).compile()
+def inverse(robot, theta, q, gravity=None, edit=lambda model: None):
+    """MuJoCo's torques (N, J) without friction, gravity compensation and the servos' damping.
+
+    Args:
+        edit: changes the compiled model.
+    """
+    spec = robot.spec(theta)
+    spec.option.gravity = robot.gravity if gravity is None else gravity
+    model = spec.compile()
     model.body_gravcomp[:], model.opt.integrator = 0.0, mujoco.mjtIntegrator.mjINT_EULER
-    model.dof_armature[:] = armature
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    data, found = mujoco.MjData(model), np.zeros_like(q)
-    for k in range(len(q)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = q[k], qd[k], qdd[k]
+    edit(model)
+    data, torque = mujoco.MjData(model), np.zeros(q.v.shape)
+    at = robot.qpos(q.v, theta)
+    for k in range(len(torque)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = at[k], q.d[k], q.dd[k]
         mujoco.mj_inverse(model, data)
-        found[k] = data.qfrc_inverse
-    return found
+        torque[k] = data.qfrc_inverse
+    return torque
+
+
+def torques(q, theta=LOADED, armature=ROTOR, edit=lambda model: None):
+    """Torques (N, 6) [N·m] of the UR5 without friction."""
+
+    def edited(model):
+        model.dof_armature[:] = armature
+        edit(model)
+
+    return inverse(UR5, theta, q, edit=edited)
+
+
+def bristles(speed, step, coulomb, static, stiffness=3e4, fall=0.05):
+    """Friction (N,) of LuGre bristles, levels by row (N,), by an exact step of each row.
+
+    Canudas de Wit et al. 1995, doi 10.1109/9.376053, without the bristles' damping.
+    """
+    z, friction = 0.0, np.zeros_like(speed)
+    for k, v in enumerate(speed):
+        level = coulomb[k] + (static[k] - coulomb[k]) * np.exp(-((v / fall) ** 2))
+        if v != 0.0:
+            goal, rate = level * np.sign(v) / stiffness, stiffness * abs(v) / level
+            z = goal + (z - goal) * np.exp(-rate * step)
+        friction[k] = stiffness * z
+    return friction
 
 
 def coloured(rng, shape, memory=0.7):
     """Noise of unit variance whose rows remember (N, J)."""
     white = rng.normal(size=shape)
-    out = np.zeros(shape)
-    out[0] = white[0]
-    for k in range(1, shape[0]):
-        out[k] = memory * out[k - 1] + np.sqrt(1.0 - memory**2) * white[k]
-    return out
+    fresh = np.sqrt(1.0 - memory**2)
+    white[0] /= fresh
+    return lfilter([fresh], [1.0, -memory], white, axis=0)
 
 
-def recording(t, q, effort, prefix="tau", **more):
-    """Of a UR5 as stated, with torques or currents alone."""
-    raw = {"format": 1, "robot": "ur5", "source": "test", "mode": "dynamic",
-           "rate_hz": 125.0, "gravity": [0.0, 0.0, -9.80665]} | more  # fmt: skip
+def recording(t, q, effort, prefix="tau", robot="ur5", **more):
+    """Of a robot as stated, with torques or currents alone."""
+    raw = {"format": 1, "robot": robot, "source": "test", "mode": "dynamic", "rate_hz": 125.0}
     columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(6)}
     columns |= {f"{prefix}{j + 1}": effort[:, j] for j in range(6)}
-    return Recording(parse(raw, "test"), columns, "effort.parquet")
-
-
-def lugre(qd, step, coulomb, static, viscous, stiffness=1e4, stribeck=0.05):
-    """Friction (N, J) [N·m] of bristles: Canudas de Wit et al. 1995, doi 10.1109/9.376053.
-
-    The bristles' damping is 2 √stiffness; implicit steps, a tenth of the recording's.
-    """
-    z, found, damping = np.zeros(qd.shape[1]), np.zeros_like(qd), 2.0 * np.sqrt(stiffness)
-    for k, v in enumerate(qd):
-        level = coulomb + (static - coulomb) * np.exp(-((v / stribeck) ** 2))
-        decay = stiffness * np.abs(v) / level
-        for _ in range(10):
-            z = (z + 0.1 * step * v) / (1.0 + 0.1 * step * decay)
-        found[k] = stiffness * z + damping * (v - decay * z) + viscous * v
-    return found
+    return Recording(parse(raw | more, "test"), columns, "effort.parquet")

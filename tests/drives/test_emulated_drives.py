@@ -1,9 +1,9 @@
 """Efforts of the emulated robots: weight, motion, faults; a changed friction is found."""
 
+import arm_torques as arm
 import loop_torques as loops
 import numpy as np
 import pytest
-from arm_torques import recording
 
 from wrenchbed import multisine, registry
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
@@ -15,31 +15,26 @@ from wrenchbed.simulation.drives.drive_train import DriveTrain
 UR5, MEDRUE = (registry.load("robots", name) for name in ("ur5", "medrue"))
 COULOMB = np.array([6.0, 6.5, 4.5, 1.4, 1.2, 1.0])
 """Of the emulated UR5 [N·m]."""
+CONSTANT = (12.6, 12.6, 12.6, 9.3, 9.3, 9.3)
+"""Of the emulated UR5 [N·m/A]."""
 SECONDS = 25.0
 
 
-def changed(recording):
-    """Change of each joint's friction over what the robot is known to have."""
-    fit = calibrate_efforts(recording, constants=(12.6, 12.6, 12.6, 9.3, 9.3, 9.3))
-    return np.array([fit[f"drive.coulomb.{j + 1}"].value for j in range(6)]) - COULOMB, fit
-
-
-def looped(effects, seed, kind):
-    """MedRUE's, at 125 Hz of its drives' 250 Hz, likewise."""
-    body = Body(BodyOptions("medrue", seed=seed, effects=effects), 0.004, drives=True)
-    plan, rows = multisine(MEDRUE, SECONDS, 250.0, seed).q, []
-    for k in range(400):
-        body.step(MEDRUE.home + min(1.0, k / 300) * (plan[0] - MEDRUE.home))
+def emulated(robot, effects, seed, kind):
+    """What the emulator would report at 125 Hz, without a wire and in no real time."""
+    cycle, warm = (0.008, 200) if robot is UR5 else (0.004, 400)
+    body = Body(BodyOptions(robot.name, seed=seed, effects=effects), cycle, drives=True)
+    plan, rows = multisine(robot, SECONDS, 1.0 / cycle, seed).q, []
+    for k in range(warm):
+        body.step(robot.home + min(1.0, k / (0.75 * warm)) * (plan[0] - robot.home))
     for q in plan:
         body.step(q)
         rows.append((body.time, body.q, getattr(body.drives.now, kind)))
-    t, q, effort = (np.array(part)[::2] for part in zip(*rows, strict=True))
+    t, q, effort = (np.array(part)[:: round(0.008 / cycle)] for part in zip(*rows, strict=True))
     prefix = {"torque": "tau", "current": "i"}[kind]
-    return loops.recording(t - t[0], Jet(q, q, q), effort, prefix, tool=PROBE)
-
-
-PROBE = {"mass": 0.365, "cog": [-0.015872, -0.038343, 0.1107]}
-"""MedRUE's own tool."""
+    if robot is UR5:
+        return arm.recording(t - t[0], q, effort, prefix)
+    return loops.recording(t - t[0], Jet(q, q, q), effort, prefix, tool=loops.PROBE)
 
 
 @pytest.mark.sampled
@@ -47,11 +42,11 @@ PROBE = {"mass": 0.365, "cog": [-0.015872, -0.038343, 0.1107]}
 def test_half_more_friction_of_medrue_is_diagnosed_beside_a_healthy_fit(
     tmp_path, kind, joint, seed
 ):
-    healthy = calibrate_efforts(looped((), 100, kind))
+    healthy = calibrate_efforts(emulated(MEDRUE, (), 100, kind))
     healthy.write(tmp_path / "healthy.json")
     size = 0.5 * healthy[f"drive.coulomb.{joint}"].value
     fault = (f"drive.coulomb:joint={joint},size={size}",)
-    later = looped(fault, seed, kind)
+    later = emulated(MEDRUE, fault, seed, kind)
     d = diagnose_efforts(later, drives=tmp_path / "healthy.json", loops=True).diagnosis
     assert d.verdict == "identified" and [w["effect"] for w in d.which] == ["drive.coulomb"]
     told = d.which[0]["parameters"]
@@ -59,26 +54,14 @@ def test_half_more_friction_of_medrue_is_diagnosed_beside_a_healthy_fit(
     assert told["coulomb"]["value"] == pytest.approx(size, rel=0.06)
 
 
-def cycle_by_cycle(effects, seed):
-    """What the emulator would report at 125 Hz, without a wire and in no real time."""
-    body = Body(BodyOptions("ur5", seed=seed, effects=effects), 0.008, drives=True)
-    plan, rows = multisine(UR5, SECONDS, 125.0, seed).q, []
-    for k in range(200):
-        body.step(UR5.home + min(1.0, k / 150) * (plan[0] - UR5.home))
-    for q in plan:
-        body.step(q)
-        rows.append((body.time, body.q, body.drives.now.current))
-    t, q, current = (np.array(part) for part in zip(*rows, strict=True))
-    return recording(t - t[0], q, current, "i")
-
-
 @pytest.mark.slow
 def test_the_joint_of_a_changed_friction_is_found_in_ten_of_ten_seeds():
     for seed in range(10):
         joint = seed % 6 + 1
         size = 0.5 * COULOMB[joint - 1]
-        fault = f"drive.coulomb:joint={joint},size={size}"
-        change, fit = changed(cycle_by_cycle((fault,), seed))
+        fault = (f"drive.coulomb:joint={joint},size={size}",)
+        fit = calibrate_efforts(emulated(UR5, fault, seed, "current"), constants=CONSTANT)
+        change = [fit[f"drive.coulomb.{j + 1}"].value for j in range(6)] - COULOMB
         assert np.argmax(np.abs(change) / COULOMB) == joint - 1, fit.status
         assert change[joint - 1] == pytest.approx(size, rel=0.05)
 

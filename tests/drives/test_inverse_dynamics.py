@@ -1,8 +1,8 @@
 """Closed-form joint torques against MuJoCo's inverse dynamics and constraint forces."""
 
-import mujoco
 import numpy as np
 import pytest
+from arm_torques import inverse
 from test_robots import random_theta
 
 from arm_files import CASES, TOOL_COG, TOOL_MASS
@@ -17,22 +17,6 @@ from wrenchbed.robots.described import describe
 from wrenchbed.robots.link_inertias import link_inertias
 from wrenchbed.robots.ur_family import ur_arm
 from wrenchbed.simulation.drives.joint_torques import JointTorques
-
-
-def inverse(robot, theta, q, gravity):
-    """MuJoCo's torques (N, J) without friction, gravity compensation and the servos' damping."""
-    spec = robot.spec(theta)
-    spec.option.gravity = gravity
-    model = spec.compile()
-    model.body_gravcomp[:], model.opt.integrator = 0.0, mujoco.mjtIntegrator.mjINT_EULER
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    data, found = mujoco.MjData(model), []
-    for k in range(len(q.v)):
-        data.qpos[:] = robot.qpos(q.v[k][None], theta)[0]
-        data.qvel[:], data.qacc[:] = q.d[k], q.dd[k]
-        mujoco.mj_inverse(model, data)
-        found.append(data.qfrc_inverse.copy())
-    return np.array(found)
 
 
 def moving(robot, rng):
@@ -75,11 +59,11 @@ def closed_form(robot, theta, q):
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("way", [0.0, 1.0], ids=["rest", "motion"])
-@pytest.mark.parametrize("name", ["medrue", "five_bar", "stewart"])
+@pytest.mark.parametrize("name", ["medrue", "ur5", "five_bar", "stewart"])
 def test_torques_of_closed_loops_are_those_of_mujocos_constraint_forces(name, way, tmp_path):
     """MedRUE at random parameters too; out of its plane, a five-bar's are of its joints' play."""
-    rng, described = np.random.default_rng(3), name != "medrue"
-    robot = registry.load("robots", "medrue")
+    rng, described = np.random.default_rng(3), name in ("five_bar", "stewart")
+    robot = registry.load("robots", "medrue" if described else name)
     if described:
         robot = describe(models() / name / f"{name}.xml", "sensor", tmp_path / "my.toml").robot
     nominal = robot.parameters.nominal

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.recording import Recording
+from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.medrue.kinematics import PAPER
 from wrenchbed.simulation.closed_form import Model
@@ -47,6 +49,17 @@ def static(
     assert not arm.infeasible(q, own)
     load = model.read(Simulation(arm, own).wrench(q), theta)
     return recording(robot, q, load, samples, noise, wander, rng)
+
+
+def as_driven(rec: Recording) -> Recording:
+    """The recording with all that the simulator's driver states, its noise included."""
+    with SimDriver(SimOptions(rec.metadata.robot)) as driver:
+        return replace(rec, metadata=driver.metadata("static", rec.metadata.rate_hz))
+
+
+def with_tool(rec: Recording, mass: float, *cog: float) -> Recording:
+    """The recording with a tool [kg, m] as its metadata state it."""
+    return replace(rec, metadata=replace(rec.metadata, tool=ToolInfo(float(mass), tuple(cog))))
 
 
 def recording(robot, q, load, samples, noise, wander, rng) -> Recording:

@@ -5,16 +5,27 @@ MuJoCo's inverse dynamics, bristles for friction (LuGre), laws of the causes wri
 
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
-from arm_torques import NOISE, UR5, coloured, fourier, recording
+from arm_torques import (
+    COG,
+    COULOMB,
+    MASS,
+    NOISE,
+    ROTOR,
+    UR5,
+    VISCOUS,
+    bristles,
+    coloured,
+    fourier,
+    recording,
+    torques,
+)
 
-COULOMB = np.array([8.0, 9.0, 7.0, 2.0, 1.5, 1.2])
-VISCOUS = np.array([5.0, 6.0, 4.0, 1.0, 0.8, 0.7])
-MASS, COG, ROTOR = 1.9, (0.01, -0.006, 0.09), 0.1
-CONFIGURED = {f"drive.{kind}.{j + 1}": float(values[j]) for j in range(6)
-              for kind, values in (("coulomb", COULOMB), ("viscous", VISCOUS))} | {
-              f"drive.inertia.{j + 1}": ROTOR for j in range(6)}  # fmt: skip
+CONFIGURED = {
+    f"drive.{kind}.{j}": float(x)
+    for kind, values in (("coulomb", COULOMB), ("viscous", VISCOUS), ("inertia", [ROTOR] * 6))
+    for j, x in enumerate(values, 1)
+}
 
 
 @dataclass(frozen=True)
@@ -24,36 +35,6 @@ class Gap:
     effect: str | None = None
     joint: int = 2
     size: float = 5.0
-
-
-def rigid(q, qd, qdd, edit=lambda model: None, mass=MASS):
-    """MuJoCo's inverse dynamics (N, 6) [N·m] of a UR5 whose compiled model was edited."""
-    theta = UR5.theta_of_tool(UR5.parameters.nominal.copy(), mass, COG)
-    model = UR5.spec(theta).compile()
-    model.body_gravcomp[:], model.opt.integrator = 0.0, mujoco.mjtIntegrator.mjINT_EULER
-    model.dof_armature[:] = ROTOR
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-    edit(model)
-    data, found = mujoco.MjData(model), np.zeros_like(q)
-    for k in range(len(q)):
-        data.qpos[:], data.qvel[:], data.qacc[:] = q[k], qd[k], qdd[k]
-        mujoco.mj_inverse(model, data)
-        found[k] = data.qfrc_inverse
-    return found
-
-
-def bristles(speed, step, coulomb, static, stiffness=3e4, fall=0.05):
-    """Friction (N,) of LuGre bristles, level by row (N,), by an exact step of each row."""
-    z, found = 0.0, np.zeros_like(speed)
-    for k, v in enumerate(speed):
-        level = coulomb[k] + (static[k] - coulomb[k]) * np.exp(-((v / fall) ** 2))
-        if v == 0.0:
-            found[k] = stiffness * z
-            continue
-        goal, rate = level * np.sign(v) / stiffness, stiffness * abs(v) / level
-        z = goal + (z - goal) * np.exp(-rate * step)
-        found[k] = stiffness * z
-    return found
 
 
 @dataclass(frozen=True)
@@ -158,21 +139,22 @@ def edited(gap):
 def case(gap=Gap(), seed=1, seconds=60.0, spread=0.02, configured=True, **more):
     """A recording of a robot with one cause, everything else ordinary."""
     rng = np.random.default_rng(seed)
-    t, q, qd, qdd = fourier(rng, seconds)
+    t, q = fourier(rng, seconds)
     j = gap.joint - 1
     true_c, true_v = (v * (1.0 + spread * rng.normal(size=6)) for v in (COULOMB, VISCOUS))
     heavier = gap.size if gap.effect == "tool.mass" else 0.0
-    body = rigid(q, qd, qdd, edited(gap), MASS + heavier)
+    theta = UR5.theta_of_tool(UR5.parameters.nominal.copy(), MASS + heavier, COG)
+    body = torques(q, theta, edit=edited(gap))
     level = np.tile(true_c, (len(t), 1))
-    m = Moved(t, q[:, j], qd[:, j], qdd[:, j], body[:, j], body[:, j], NOISE[j])
+    m = Moved(t, q.v[:, j], q.d[:, j], q.dd[:, j], body[:, j], body[:, j], NOISE[j])
     if gap.effect in LEVELS:
         level[:, j] += LEVELS[gap.effect](m, gap.size)
     static = level.copy()
     static[:, j] += 4.0 * gap.size * NOISE[j] * (gap.effect == "drive.stribeck")
-    friction = [bristles(qd[:, k], t[1] - t[0], level[:, k], static[:, k]) for k in range(6)]
-    effort = body + np.stack(friction, axis=-1) + true_v * qd
+    friction = [bristles(q.d[:, k], t[1] - t[0], level[:, k], static[:, k]) for k in range(6)]
+    effort = body + np.stack(friction, axis=-1) + true_v * q.d
     if gap.effect in ADDED:
         effort[:, j] += ADDED[gap.effect](replace(m, effort=effort[:, j].copy()), gap.size)
-    seen = effort + NOISE * coloured(rng, q.shape)
+    seen = effort + NOISE * coloured(rng, effort.shape)
     stated = {"configured": CONFIGURED} if configured else {}
-    return recording(t, q, seen, tool={"mass": MASS, "cog": list(COG)}, **stated, **more)
+    return recording(t, q.v, seen, tool={"mass": MASS, "cog": list(COG)}, **stated, **more)

@@ -4,8 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from arm_gaps import COULOMB, Gap, case
-from arm_torques import NOISE
+from arm_gaps import Gap, case
+from arm_torques import COULOMB, NOISE
 
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts

@@ -15,12 +15,6 @@ from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.verdict import Cause, Verdict, upheld
 from wrenchbed.diagnosis.gap.closure import Closure, Interval
 
-CONFIGURED = {
-    f"drive.{kind}.{j + 1}": float(values[j]) for j in range(6) for kind, values in (
-        ("coulomb", loops.COULOMB), ("viscous", loops.VISCOUS), ("offset", loops.OFFSET),
-        ("inertia", loops.ROTOR))
-}  # fmt: skip
-
 
 def case(seed, effect=None, joint=1, size=0.0):
     """A recording of 40 s with one cause; friction ordinary, within 2 %."""
@@ -41,7 +35,7 @@ def case(seed, effect=None, joint=1, size=0.0):
         "drive.load": size * np.abs(own) * np.sign(speed),
     }.get(effect, 0.0)
     effort = effort + loops.NOISE * coloured(rng, effort.shape)
-    return loops.recording(t, q, effort, configured=CONFIGURED)
+    return loops.recording(t, q, effort, configured=loops.DRIVES)
 
 
 @pytest.mark.sampled

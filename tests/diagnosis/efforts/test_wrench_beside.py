@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from arm_gaps import COG, MASS, Gap, case
-from arm_torques import UR5, fourier
+from arm_gaps import Gap, case
+from arm_torques import COG, MASS, UR5, fourier
 
 from wrenchbed.benchmark.efforts.arm import Path, TrueArm
 from wrenchbed.cli import main
@@ -21,8 +21,8 @@ NOISE = np.array([0.2, 0.2, 0.3, 0.02, 0.02, 0.01])  # [N, N·m]
 def both(gap=HEALTHY, more=0.0):
     """A case with the wrench of the same motion by differentiated poses of MuJoCo's sensor."""
     made = case(gap, SEED, SECONDS, configured=True)
-    t, q, qd, qdd = fourier(np.random.default_rng(SEED), SECONDS)
-    path = Path("fourier", 1.0 / (t[1] - t[0]), t, q, qd, qdd)
+    t, q = fourier(np.random.default_rng(SEED), SECONDS)
+    path = Path("fourier", 1.0 / (t[1] - t[0]), t, q.v, q.d, q.dd)
     theta = UR5.theta_of_tool(UR5.parameters.nominal.copy(), MASS + more, COG)
     load = TrueArm(UR5, theta).wrench(path)
     load = load + NOISE * np.random.default_rng(9).normal(size=load.shape) + [3, -2, 5, 0, 0.1, 0]
