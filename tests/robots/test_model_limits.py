@@ -75,7 +75,7 @@ ENDLESS = {
     "a copied model": (copied_model, "elements"),
     "a cloth": (
         lambda f: written(f, ARM.format('<flexcomp name="c" count="1000 1000 1" dim="2"/>')),
-        "elements",
+        "holds a <flexcomp>",
     ),
     "many bodies": (lambda f: written(f, ARM.format(f"<body>{BALL}</body>" * 5_000)), "elements"),
 }

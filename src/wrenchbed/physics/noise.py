@@ -147,18 +147,14 @@ OFF = NoiseModel()
 """A perfect sensor: reads the load, bit by bit."""
 
 
-def white_variant(model: NoiseModel) -> NoiseModel:
-    """Independent Gaussian noise of the same ``row_std`` and nothing else."""
-    return NoiseModel(white=model.row_std)
-
-
 def noise_model(kind: str, model: NoiseModel) -> NoiseModel:
-    """The model itself (``real``), its white variant (``white``) or none (``off``).
+    """The model itself (``real``), independent Gaussian noise of its ``row_std`` (``white``) or
+    none (``off``).
 
     Raises:
         ParameterError: no such kind.
     """
-    variants = {"real": model, "white": white_variant(model), "off": OFF}
+    variants = {"real": model, "white": NoiseModel(white=model.row_std), "off": OFF}
     if kind not in variants:
         raise ParameterError(f"there is no noise {kind!r}. Known: {', '.join(variants)}")
     return variants[kind]

@@ -226,6 +226,13 @@ def _shapes(raw: Mapping[str, Any]) -> tuple[Shape, ...]:
     return tuple(_made(Shape, shape) for shape in raw["shapes"])
 
 
+def about(axis: np.ndarray, angle: float) -> np.ndarray:
+    """Rotation (3, 3) by an angle [rad] about a unit axis (3,)."""
+    from scipy.spatial.transform import Rotation  # slow to load: only when it is used
+
+    return np.asarray(Rotation.from_rotvec(angle * np.asarray(axis)).as_matrix())
+
+
 def lighter(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A mesh (V, 3), (F, 3) with at most about `MESH_VERTICES` vertices, by joining near ones.
 

@@ -17,7 +17,7 @@ from wrenchbed.errors import NotFoundError, PlanError, WrenchbedError
 from wrenchbed.physics.gravity import ArmBodies
 from wrenchbed.physics.newton_euler import Motion, motion_of
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.rotations import euler, exp
+from wrenchbed.physics.rotations import apply, euler, exp
 from wrenchbed.physics.time_derivatives import Jet, Value, stack_jets
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.compiled.statics import Packed
@@ -340,6 +340,43 @@ class LoadInSensorAxes(Robot):
         return self.parameters.vector(values, start=theta)
 
 
+class MountedArm(LoadInSensorAxes, SimulatedRobot):
+    """An arm whose base may lean, with a sensor mounted on its flange: `mounted_parameters`.
+
+    Subclasses set ``parameters`` and call `_prepare`.
+    """
+
+    def _prepare(self) -> None:
+        self._tilt, self._offset, self._turn = (
+            slice(columns[0], columns[-1] + 1)
+            for columns in (
+                self.parameters.select([group])
+                for group in ("base.tilt", "mount.position", "mount.rotation")
+            )
+        )
+
+    @abstractmethod
+    def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
+        """R_world_flange (…, N, 3, 3) and the flange's origin in the world (…, N, 3) [m]."""
+
+    def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
+        rotation, position = self.flange_pose(q, theta)
+        offset, turn = theta[..., self._offset], theta[..., self._turn]
+        if offset.any():
+            position = position + apply(rotation, offset)
+        return (rotation @ mount_turn(turn) if turn.any() else rotation), position
+
+    def _leaning(self, base: np.ndarray, theta: np.ndarray) -> np.ndarray:
+        """R_world_base (…, 3, 3) of a base (3, 3) that leans.
+
+        The tilt turns gravity as the base sees it: the base turns against it.
+        """
+        tilt = theta[..., self._tilt]
+        if not tilt.any():
+            return base
+        return np.asarray(exp(-tilt[..., 0], -tilt[..., 1], 0.0 * tilt[..., 0]) @ base)
+
+
 def tool_parameters(mass: float, cog: Sequence[float]) -> tuple[Parameter, ...]:
     """``tool.mass`` [kg] and ``tool.cog`` [m] of a `LoadInSensorAxes`."""
     return (
@@ -410,16 +447,6 @@ def models() -> Path:
         if folder.is_dir():
             return folder
     raise NotFoundError(f"the models folder is missing: neither {inside} nor {checkout} exists")
-
-
-def tilted_base(tilt: np.ndarray) -> np.ndarray | None:
-    """R_world_base of a tilt (…, 2) [rad]; None of none.
-
-    The tilt turns gravity as the base sees it: the base turns against it.
-    """
-    if not tilt.any():
-        return None
-    return np.asarray(exp(-tilt[..., 0], -tilt[..., 1], 0.0 * tilt[..., 0]))
 
 
 def mount_turn(vector: np.ndarray) -> np.ndarray:

@@ -6,8 +6,7 @@ rotation vector in the body's own axes; then the base's tilt, the sensor's mount
 load as of every arm. The closed form stands in `chain`; arms with closed loops are in `loop_arm`.
 """
 
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -19,20 +18,17 @@ from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, exp, exp_rates
 from wrenchbed.robots.arm_model import COUPLED, HINGE, WELD, ArmModel, Load
-from wrenchbed.robots.arm_xml import mjcf_of, standing
 from wrenchbed.robots.base import (
     ANGLE,
     Joint,
-    LoadInSensorAxes,
-    SimulatedRobot,
+    MountedArm,
     mount_turn,
     mounted_parameters,
     sample_until,
     segment_distance,
-    tilted_base,
     vector_parameters,
 )
-from wrenchbed.robots.chain import Fixed, SerialChain, Spin
+from wrenchbed.robots.chain import Fixed, SerialChain
 
 if TYPE_CHECKING:
     import mujoco
@@ -71,7 +67,7 @@ class ArmDescription:
     load: Load
 
 
-class DescribedArm(LoadInSensorAxes, SimulatedRobot):
+class DescribedArm(MountedArm):
     """An arm from MJCF or URDF with a six-axis sensor at a named frame.
 
     Args:
@@ -107,13 +103,7 @@ class DescribedArm(LoadInSensorAxes, SimulatedRobot):
             np.array([[index(f"link.{x.body}.{what}.{a}") for a in "xyz"] for x in arm.links])
             for what in ("position", "rotation")
         )
-        self._tilt, self._offset, self._turn = (
-            self._columns(group) for group in ("base.tilt", "mount.position", "mount.rotation")
-        )
-
-    def _columns(self, group: str) -> slice:
-        columns = self.parameters.select([group])
-        return slice(columns[0], columns[-1] + 1)
+        self._prepare()
 
     @property
     def joint_names(self) -> tuple[str, ...]:
@@ -147,27 +137,22 @@ class DescribedArm(LoadInSensorAxes, SimulatedRobot):
         middle = np.minimum(middle, high - np.minimum(turn, (high - low) / 2))
         return np.maximum(low, middle - turn), np.minimum(high, middle + turn)
 
-    @cached_property
-    def xml(self) -> str:
-        """MJCF of the robot, nominal and at home."""
-        return mjcf_of(self.description.arm.name, self.arm_model, self.description.load)
+    def at(self, theta: np.ndarray) -> ArmModel:
+        """The arm with its parameters (P,)."""
+        arm, turns = self.arm_model, theta[self._turns]
+        links = tuple(
+            replace(link, turn=link.turn @ exp(*turn), shift=shift)
+            for link, turn, shift in zip(arm.links, turns, theta[self._places], strict=True)
+        )
+        return replace(arm, base_turn=self._leaning(arm.base_turn, theta), links=links)
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        import mujoco
-
+        from wrenchbed.robots.arm_spec import spec_of
         from wrenchbed.robots.mjcf import place, write_load
 
-        spec = mujoco.MjSpec.from_string(self.xml)
-        arm = self.arm_model
-        leaning = tilted_base(theta[..., self._tilt])
-        if leaning is not None:
-            place(spec, "base", arm.base_shift.tolist(), leaning @ arm.base_turn)
-        zeros = dict(zip(arm.driven, self.zeros(theta).tolist(), strict=True))
-        for k, link in enumerate(arm.links):
-            turn = link.turn @ exp(*theta[self._turns[k]])
-            at = zeros.get(k, 0.0) + link.home
-            turn, shift = standing(link, turn, theta[self._places[k]], at)
-            place(spec, link.body, shift.tolist(), turn)
+        zeros = np.zeros(len(self.arm_model.links))
+        zeros[list(self.arm_model.driven)] = self.zeros(theta)
+        spec = spec_of(self.at(theta), self.description.load, zeros)
         place(spec, "tool", theta[self._offset].tolist(), mount_turn(theta[..., self._turn]))
         write_load(spec, self.tool(theta))
         return spec
@@ -186,7 +171,6 @@ class FileArm(DescribedArm, SerialChain):
                 (link, turn.T @ link.cog) for link, turn in zip(links, self._to_z, strict=True)
             )
         )
-        self._prepare()
         before = np.concatenate([np.eye(3)[None], self._to_z[:-1]]).swapaxes(-1, -2)
         self._before = before
         self._pre = before @ np.stack([link.turn for link in links])
@@ -217,35 +201,18 @@ class FileArm(DescribedArm, SerialChain):
         place = middle + arm.reach * np.array([1.1, -1.4, 0.7])
         return tuple(place.tolist()), tuple(middle.tolist())
 
-    def fixed(self, theta: np.ndarray, mounted: bool = True) -> Fixed:
+    def fixed(self, theta: np.ndarray) -> Fixed:
         arm, turned = self.arm_model, theta[..., self._turns]
         pre = self._pre @ exp(*np.moveaxis(turned, -1, 0)) if turned.any() else self._pre
         turns = pre @ self._to_z  # (…, J, 3, 3)
         shifts = (self._before @ theta[..., self._places][..., None])[..., 0]
-        leaning = tilted_base(theta[..., self._tilt])
-        base = arm.base_turn if leaning is None else leaning @ arm.base_turn
+        base = self._leaning(arm.base_turn, theta)
         first = apply(base, shifts[..., 0, :]) + arm.base_shift
-        end, last = self._end, self._to_z[-1].T @ arm.end_shift
-        if mounted and theta[..., self._offset].any():
-            last = last + apply(end, theta[..., self._offset])
-        if mounted and theta[..., self._turn].any():
-            end = end @ mount_turn(theta[..., self._turn])
         middle = range(1, len(self.joints))
         return Fixed(
-            [base @ turns[..., 0, :, :], *(turns[..., k, :, :] for k in middle), end],
-            [first, *(shifts[..., k, :] for k in middle), last],
+            [base @ turns[..., 0, :, :], *(turns[..., k, :, :] for k in middle), self._end],
+            [first, *(shifts[..., k, :] for k in middle), self._to_z[-1].T @ arm.end_shift],
         )
-
-    def spin(self, name: str, theta: np.ndarray) -> Spin | None:
-        group, _, axis = name.rpartition(".")
-        if not (group.startswith("link.") and group.endswith(".rotation")):
-            return None
-        column = self.parameters.index(name)
-        k = int(np.flatnonzero((self._turns == column).any(axis=1))[0])
-        vector = theta[self._turns[k]]
-        own = exp(*vector).T @ exp_rates(vector)[:, "xyz".index(axis)] if vector.any() else None
-        seen = np.eye(3)["xyz".index(axis)] if own is None else own
-        return Spin(k, self._to_z[k].T @ seen)
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Random poses (n, J) within limits, above the floor, with the tool clear of the limbs."""

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from wrenchbed.physics.gravity import BodyMass, masses
+from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.rotations import apply, exp
 from wrenchbed.physics.time_derivatives import Value, stack_jets
-from wrenchbed.robots.arm_model import COUPLED, WELD
-from wrenchbed.robots.base import STEP, mount_turn, sample_until, tilted_base
+from wrenchbed.robots.arm_model import COUPLED, WELD, ArmModel
+from wrenchbed.robots.base import STEP, sample_until
 from wrenchbed.robots.closed_loop import ClosedLoops, Geometry
 from wrenchbed.robots.file_arm import ArmDescription, DescribedArm
 
@@ -43,7 +43,6 @@ class LoopArm(DescribedArm):
             BodyMass(x.body, x.mass, (float(x.cog[0]), float(x.cog[1]), float(x.cog[2])))
             for x in arm.links
         )
-        self._masses = masses(self.bodies)
         self._index_closures()
         self._loops = ClosedLoops(arm, self._geometry(self.parameters.nominal))
         homes = zip(arm.links, self._loops.home.tolist(), strict=True)
@@ -133,8 +132,8 @@ class LoopArm(DescribedArm):
 
     def _placed(self, frame: tuple[Value, Value], theta: np.ndarray) -> tuple[Value, Value]:
         """Frame in world axes from one in base axes."""
-        arm, leaning = self.arm_model, tilted_base(theta[..., self._tilt])
-        base = arm.base_turn if leaning is None else leaning @ arm.base_turn
+        arm = self.arm_model
+        base = self._leaning(arm.base_turn, theta)
         return base @ frame[0], apply(base, frame[1]) + arm.base_shift
 
     def link_frames(self, q: Value, theta: np.ndarray) -> list[tuple[Value, Value]]:
@@ -145,23 +144,17 @@ class LoopArm(DescribedArm):
     def carrier(self) -> int:
         return self.arm_model.end
 
-    def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
+    def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         arm = self.arm_model
         at, geometry = self._solved(q, theta)
         turn, origin = self._placed(self._loops.frames(at, geometry)[arm.end + 1], theta)
-        origin = origin + apply(turn, arm.end_shift)
-        turn = turn @ arm.end_turn
-        if theta[..., self._offset].any():
-            origin = origin + apply(turn, theta[..., self._offset])
-        if theta[..., self._turn].any():
-            turn = turn @ mount_turn(theta[..., self._turn])
-        return turn, origin
+        return turn @ arm.end_turn, origin + apply(turn, arm.end_shift)
 
     def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         centres = np.empty((len(q), len(self.bodies), 3))
         for i, (turn, origin) in enumerate(self.link_frames(q, theta)):
             centres[:, i] = origin + apply(turn, self.arm_model.links[i].cog)
-        return self._masses, centres
+        return np.array([link.mass for link in self.bodies]), centres
 
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
         bad = self._outside_limits(q)
@@ -191,20 +184,24 @@ class LoopArm(DescribedArm):
             at[k] = q[..., j]
         return stack_jets(at)
 
-    def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        from wrenchbed.robots.mjcf import rotate_body
+    def at(self, theta: np.ndarray) -> ArmModel:
+        arm, geometry = super().at(theta), self._geometry(theta)
+        assert arm.loops is not None
+        closures = tuple(
+            closure if closure.kind == COUPLED else replace(closure, places=places, turn=weld)
+            for closure, places, weld in zip(
+                arm.loops.closures, geometry.places, geometry.welds, strict=True
+            )
+        )
+        return replace(arm, loops=replace(arm.loops, closures=closures))
 
+    def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
         spec, arm, geometry = super().spec(theta), self.arm_model, self._geometry(theta)
         assert arm.loops is not None
         zeros = dict(zip(arm.driven, geometry.zeros.tolist(), strict=True))
         for n, closure in enumerate(arm.loops.closures):
             if closure.kind == COUPLED:
                 spec.equality(closure.name).data[:5] = self._law(n, geometry, zeros)
-                continue
-            for side, turn in enumerate((geometry.welds[n], np.eye(3))):
-                site = spec.site(f"{closure.name}_{side + 1}")
-                site.pos = geometry.places[n][side].tolist()
-                rotate_body(site, turn)
         spec.key("home").qpos = self.qpos(self.home[None], theta)[0]
         return spec
 

@@ -1,6 +1,6 @@
 """MJCF's actuators and equality constraints → which joints are driven, and what closes loops."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
@@ -23,11 +23,6 @@ def actuated(spec: mujoco.MjSpec) -> tuple[str, ...]:
     """Names of the joints that actuators drive, in the actuators' order."""
     kinds = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
     return tuple(dict.fromkeys(a.target for a in spec.actuators if a.trntype in kinds))
-
-
-def closes(equality: "mujoco.MjsEquality") -> bool:
-    """Whether a file's equality closes a loop or couples joints, and is active."""
-    return bool(equality.active) and equality.type in KINDS
 
 
 def sides(model: mujoco.MjModel, e: int) -> tuple[int, int]:
@@ -115,7 +110,7 @@ def loops_of(
     model: mujoco.MjModel,
     data: mujoco.MjData,
     equalities: Sequence[int],
-    links: Mapping[int, int],
+    chain: Sequence[int],
     frames: Sequence[Frame],
     segment: np.ndarray,
 ) -> tuple[Closure, ...]:
@@ -124,7 +119,7 @@ def loops_of(
     Args:
         data: the joints of the arm at their reference values.
         equalities: which.
-        links: number of the link of each joint.
+        chain: joints of the arm; each moves a link.
         frames: of base and links in the world.
         segment: link of each body, counted from 1; 0 is the base.
     """
@@ -137,8 +132,8 @@ def loops_of(
             y, x = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
             start = [float(model.qpos0[model.jnt_qposadr[j]]) if j >= 0 else 0.0 for j in (y, x)]
             law = (*start, *(float(a) for a in values[: 5 if x >= 0 else 1]))
-            two = links[x] if x >= 0 else -1
-            closures.append(Closure(name, kind, links[y], two, np.zeros((2, 3)), np.eye(3), law))
+            one, two = chain.index(y), chain.index(x) if x >= 0 else -1
+            closures.append(Closure(name, kind, one, two, np.zeros((2, 3)), np.eye(3), law))
             continue
         poses = _held(model, data, e, kind)
         pair = [int(segment[b]) for b in sides(model, e)]

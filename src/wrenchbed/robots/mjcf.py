@@ -77,6 +77,11 @@ def rotate_body(element: "mujoco.MjsBody | mujoco.MjsSite", rotation: np.ndarray
     element.quat = quaternion(rotation)
 
 
+def six_of(inertia: np.ndarray) -> np.ndarray:
+    """xx yy zz xy xz yz (6,) of a symmetric matrix (3, 3)."""
+    return inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+
+
 def write_load(spec: mujoco.MjSpec, tool: Tool) -> None:
     """Write the load into the bodies ``tool`` (frame = the sensor's) and ``sensor_side``.
 
@@ -85,8 +90,7 @@ def write_load(spec: mujoco.MjSpec, tool: Tool) -> None:
     Raises:
         ParameterError: the inertia is not that of any body.
     """
-    inertia = np.asarray(tool.inertia, dtype=float)
-    six = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+    six = six_of(np.asarray(tool.inertia, dtype=float))
     if not physical_inertia(six):
         raise ParameterError(f"tool.inertia xx yy zz xy xz yz = {six} kg·m² is that of no body")
     if not six.any():  # static data say nothing of it

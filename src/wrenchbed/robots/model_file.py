@@ -8,7 +8,6 @@ frame of the sensor.
 import difflib
 import os
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
@@ -18,29 +17,22 @@ import numpy as np
 
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.physics.rotations import matrix, quaternion
+from wrenchbed.robots import loop_file
 from wrenchbed.robots.arm_model import (
     HINGE,
     SLIDE,
     ArmFile,
     ArmLink,
     ArmModel,
-    Closure,
     Load,
     Loops,
     Shape,
+    about,
     lighter,
 )
-from wrenchbed.robots.chain import about
-from wrenchbed.robots.loop_file import (
-    UNLIMITED,
-    actuated,
-    closes,
-    driven_joints,
-    joined,
-    loaded_beside,
-    loops_of,
-    parents,
-)
+from wrenchbed.robots.arm_spec import KINDS
+from wrenchbed.robots.loop_file import Frame
+from wrenchbed.robots.mjcf import six_of
 from wrenchbed.robots.model_source import ModelSource
 
 JOINT = mujoco.mjtJoint
@@ -65,12 +57,7 @@ _MESHES = (".stl", ".obj", ".msh")
 _MOST_MESH_BYTES = 2**27
 """Largest size of all meshes of a model: MuJoCo reads 2.7 million triangles of binary STL without a
 look at signals, in seconds."""
-_KINDS = {
-    mujoco.mjtGeom.mjGEOM_PLANE: "plane", mujoco.mjtGeom.mjGEOM_BOX: "box",
-    mujoco.mjtGeom.mjGEOM_SPHERE: "sphere", mujoco.mjtGeom.mjGEOM_CAPSULE: "capsule",
-    mujoco.mjtGeom.mjGEOM_CYLINDER: "cylinder", mujoco.mjtGeom.mjGEOM_ELLIPSOID: "ellipsoid",
-    mujoco.mjtGeom.mjGEOM_MESH: "mesh",
-}  # fmt: skip
+_SHAPES = {kind: word for word, kind in KINDS.items()}
 _LONGEST = 300
 """Largest number of characters shown of MuJoCo's error."""
 _FRAME = "wrenchbed frame"
@@ -95,15 +82,13 @@ def read_arm(path: Path, frame: str, hold_others: bool = False) -> ArmFile:
     """
     source = ModelSource.of(path)
     spec, notes = _spec(source)
-    loops, home, actuators = _loops(spec), _home(spec), actuated(spec)
+    key = _home(spec)
+    actuators = loop_file.actuated(spec)
     _place_frame(spec, frame, source)
-    _strip(spec)
-    model = _compiled(spec, source, notes)
-    data = mujoco.MjData(model)
-    if home is not None and len(home) == model.nq:
-        data.qpos[:] = home
-    tree = _Tree(model, data, source, actuators)
-    return tree.arm(frame, loops, hold_others, notes, home is not None)
+    _strip(spec, source)
+    tree = _Tree(_compiled(spec, source, notes), source, frame, key)
+    held = tree.held(hold_others)
+    return ArmFile(tree.arm(actuators), tuple(held), tuple(notes))
 
 
 def _spec(source: ModelSource) -> tuple[mujoco.MjSpec, list[str]]:
@@ -131,7 +116,7 @@ def _with_options(source: ModelSource) -> str:
         options, "compiler", fusestatic="false", discardvisual="false", strippath="false"
     )
     for joint in root.findall("joint"):
-        for mimic in joint.findall("mimic"):  # judged in `_refuse_loops`; MuJoCo would couple them
+        for mimic in joint.findall("mimic"):  # judged in `_Tree`; MuJoCo would couple them
             joint.remove(mimic)
     return ElementTree.tostring(root, encoding="unicode")
 
@@ -143,30 +128,25 @@ def _refused(source: ModelSource, cause: Exception) -> ParameterError:
 
 
 def _drop_missing(spec: mujoco.MjSpec, source: ModelSource) -> list[str]:
+    """Delete meshes that cannot be drawn, with their geoms; a note on them."""
     missing, size = set(), 0
     folder = source.path.resolve().parent
-    for mesh in list(spec.meshes):
-        if not mesh.file:
-            continue
+    for mesh in [m for m in spec.meshes if m.file]:
         file = _mesh_file(mesh.file, folder, spec.meshdir)
         size += 0 if file is None else file.stat().st_size
         if file is None or size > _MOST_MESH_BYTES:
             missing.add(mesh.name or Path(mesh.file).stem)
+            spec.delete(mesh)
         elif source.urdf:
             mesh.file = str(file)
-    for geom in list(spec.geoms):
-        if geom.meshname and geom.meshname in missing:
-            spec.delete(geom)
-    for mesh in list(spec.meshes):
-        if mesh.file and (mesh.name or Path(mesh.file).stem) in missing:
-            spec.delete(mesh)
-    notes = []
-    if missing:
-        notes.append(
-            f"{len(missing)} meshes are missing, not in {', '.join(_MESHES)}, or beyond "
-            f"{_MOST_MESH_BYTES:,} bytes in all: they are not drawn"
-        )
-    return notes
+    for geom in [g for g in spec.geoms if g.meshname in missing]:
+        spec.delete(geom)
+    if not missing:
+        return []
+    return [
+        f"{len(missing)} meshes are missing, not in {', '.join(_MESHES)}, or beyond "
+        f"{_MOST_MESH_BYTES:,} bytes in all: they are not drawn"
+    ]
 
 
 def _mesh_file(name: str, folder: Path, meshdir: str) -> Path | None:
@@ -183,21 +163,6 @@ def _mesh_file(name: str, folder: Path, meshdir: str) -> Path | None:
     else:
         places = [folder / meshdir / plain, folder / plain]
     return next((p for p in places if p.is_file()), None)
-
-
-def _loops(spec: mujoco.MjSpec) -> list[tuple[str, str, bool]]:
-    """Names of the two sides of each equality that `loop_file` cannot read; whether of joints."""
-    loops = []
-    for e in spec.equalities:
-        if closes(e) or not e.active:
-            continue
-        joints = e.type == mujoco.mjtEq.mjEQ_TENDON
-        names = [e.name1, e.name2]
-        if e.objtype == mujoco.mjtObj.mjOBJ_SITE:
-            sites = {s.name: s.parent.name for s in spec.sites}
-            names = [sites.get(n, n) for n in names]
-        loops.append((names[0], names[1], joints))
-    return loops
 
 
 def _home(spec: mujoco.MjSpec) -> np.ndarray | None:
@@ -232,13 +197,20 @@ def _place_frame(spec: mujoco.MjSpec, frame: str, source: ModelSource) -> None:
         )
 
 
-def _strip(spec: mujoco.MjSpec) -> None:
-    """Remove all elements but the tree of bodies and their shapes."""
-    for group in ("sensors", "actuators", "tendons", "equalities", "skins", "keys", "excludes",
-                  "pairs", "flexes", "tuples", "plugins"):  # fmt: skip
+def _strip(spec: mujoco.MjSpec, source: ModelSource) -> None:
+    """Remove all elements but the tree of bodies, their shapes, and what closes loops."""
+    for equality in list(spec.equalities):
+        if not equality.active:
+            spec.delete(equality)
+        elif equality.type not in loop_file.KINDS:
+            raise ParameterError(
+                f"{source.path}: the file couples {equality.name1!r} and {equality.name2!r}: of "
+                "equality constraints only connect, weld and joint can be read: leave it out"
+            )
+    for group in ("sensors", "actuators", "tendons", "skins", "keys", "excludes", "pairs",
+                  "flexes", "tuples", "plugins"):  # fmt: skip
         for element in list(getattr(spec, group, ())):
-            if group != "equalities" or not closes(element):
-                spec.delete(element)
+            spec.delete(element)
     for material in spec.materials:
         material.textures = [""] * len(material.textures)
     for geom in list(spec.geoms):
@@ -276,75 +248,95 @@ def _possible(spec: mujoco.MjSpec) -> None:
 
 
 class _Tree:
-    """Compiled file with its joints at home."""
+    """A compiled file at home: the joints of the arm, and which bodies load the sensor."""
 
     def __init__(
-        self,
-        model: mujoco.MjModel,
-        data: mujoco.MjData,
-        source: ModelSource,
-        actuators: tuple[str, ...],
+        self, model: mujoco.MjModel, source: ModelSource, frame: str, key: np.ndarray | None
     ) -> None:
-        self.model, self.data, self.source, self.actuators = model, data, source, actuators
-        self.path = source.path
+        self.model, self.data, self.source = model, mujoco.MjData(model), source
+        self.path, self.key = source.path, key
+        if key is not None and len(key) == model.nq:
+            self.data.qpos[:] = key
         self.site = model.site(_FRAME).id
         self.end = int(model.site_bodyid[self.site])
-
-    def arm(
-        self,
-        frame: str,
-        others: list[tuple[str, str, bool]],
-        hold_others: bool,
-        notes: list[str],
-        with_key: bool,
-    ) -> ArmFile:
-        model, data = self.model, self.data
-        chain, behind = self._chain(frame), self._behind()
-        if beside := loaded_beside(model, behind):
-            raise ParameterError(f"{self.path}: {beside}")
-        chain, equalities = joined(model, chain, behind, self._above)
-        self._refuse_kinds(chain)
-        ref = data.qpos.copy()
-        for j in chain:
-            data.qpos[model.jnt_qposadr[j]] = model.qpos0[model.jnt_qposadr[j]]
-        mujoco.mj_kinematics(model, data)
-        held = self._others(chain, behind, hold_others)
-        self._refuse_loops(chain, behind, others)
-        segment = self._segments(chain, behind)
-        base = self._base_body(chain)
-        base_turn, base_shift = data.xmat[base].reshape(3, 3).copy(), data.xpos[base].copy()
-        speeds = self.source.speeds()
-        before = parents(model, chain, self._above)
-        frames = [(base_turn, base_shift)]
-        links = []
-        for k, j in enumerate(chain):
-            here = (data.xmat[model.jnt_bodyid[j]].reshape(3, 3).copy(), data.xanchor[j].copy())
-            links.append(
-                self._link(k, j, segment, frames[before[k] + 1], here, speeds, ref, with_key)
+        above = self._above(self.end)
+        if not above:
+            raise ParameterError(
+                f"{self.path}: no joint moves the frame {frame!r}: name one at the arm's end"
             )
-            frames.append(here)
+        self._refuse_kinds(above)
+        below = {b for b in range(1, model.nbody) if self.end in self._path(b)}
+        self.behind = below - {self.end} if model.body_jntnum[self.end] else below
+        if beside := loop_file.loaded_beside(model, self.behind):
+            raise ParameterError(f"{self.path}: {beside}")
+        self.chain, self.equalities = loop_file.joined(model, above, self.behind, self._above)
+        self._refuse_kinds(self.chain)
+        names = {self._joint_name(j) for j in self.chain}
+        for pair in source.mimics():
+            if names & set(pair):
+                raise ParameterError(
+                    f"{self.path}: the file couples joints {pair[0]!r} and {pair[1]!r}: of coupled "
+                    "joints only MJCF's equality constraints connect, weld and joint can be read"
+                )
+        self.home = self.data.qpos.copy()
+        for j in self.chain:
+            self.data.qpos[model.jnt_qposadr[j]] = model.qpos0[model.jnt_qposadr[j]]
+        mujoco.mj_kinematics(model, self.data)
+
+    def arm(self, actuators: tuple[str, ...]) -> ArmModel:
+        """The arm as numbers; ``actuators`` are the joints that are driven where loops close."""
+        model, data, chain = self.model, self.data, self.chain
+        segment = self._segments()
+        base = int(model.body_parentid[model.jnt_bodyid[chain[0]]])
+        frames = [(data.xmat[base].reshape(3, 3).copy(), data.xpos[base].copy())]
+        frames += [
+            (data.xmat[model.jnt_bodyid[j]].reshape(3, 3).copy(), data.xanchor[j].copy())
+            for j in chain
+        ]
+        parents = loop_file.parents(model, chain, self._above)
+        links = [self._link(k, segment, frames[p + 1], frames[k + 1])
+                 for k, p in enumerate(parents)]  # fmt: skip
         last = chain.index(self._above(self.end)[-1])
-        turn, origin = frames[last + 1]
         loops = None
-        if equalities:
-            loops = Loops(before, last, *self._closed(chain, equalities, frames, segment))
-            links = self._passive(links, loops, chain, ref)
-        end = data.site_xmat[self.site].reshape(3, 3)
-        at = data.site_xpos[self.site]
-        gravity = tuple(model.opt.gravity) if not self.source.urdf else (0.0, 0.0, -9.80665)
-        arm = ArmModel(
-            name=self._name(),
-            base_turn=base_turn,
-            base_shift=base_shift,
-            base_shapes=self._shapes(np.flatnonzero(segment == 0), base_turn, base_shift),
-            links=tuple(_distinct(links)),
-            end_turn=turn.T @ end,
-            end_shift=turn.T @ (at - origin),
-            load=self._load(behind, end, at),
-            gravity=tuple(float(g) for g in gravity),
-            loops=loops,
-        )
-        return ArmFile(arm, tuple(held), tuple(notes))
+        if self.equalities:
+            try:
+                driven = loop_file.driven_joints(model, chain, self.equalities, actuators)
+            except ParameterError as cause:
+                raise ParameterError(f"{self.path}: {cause}") from None
+            closures = loop_file.loops_of(model, data, self.equalities, chain, frames, segment)
+            closures = tuple(replace(c, name=_plain(c.name)) for c in closures)
+            loops = Loops(parents, last, driven, closures)
+            links = [self._at_key(k, link, k in driven) for k, link in enumerate(links)]
+        turn, origin = frames[last + 1]
+        end, at = data.site_xmat[self.site].reshape(3, 3), data.site_xpos[self.site]
+        gravity = (0.0, 0.0, -9.80665) if self.source.urdf else model.opt.gravity
+        return ArmModel(
+            name=self._name(), base_turn=frames[0][0], base_shift=frames[0][1],
+            base_shapes=self._shapes(np.flatnonzero(segment == 0), *frames[0]),
+            links=tuple(_distinct(links)), end_turn=turn.T @ end, end_shift=turn.T @ (at - origin),
+            load=self._load(end, at), gravity=tuple(float(g) for g in gravity), loops=loops,
+        )  # fmt: skip
+
+    def held(self, allowed: bool) -> list[str]:
+        """Names of joints that are neither on the way to the sensor nor behind it.
+
+        Raises:
+            ParameterError: they are a second arm, and that is not ``allowed``.
+        """
+        depth, names = 0, list[str]()
+        for body in range(1, self.model.nbody):
+            if body in self.behind:
+                continue
+            above = [j for j in self._above(body) if j not in self.chain]
+            series = [j for j in above if self.model.jnt_type[j] != JOINT.mjJNT_FREE]
+            depth = max(depth, len(series))
+            names += [self._joint_name(j) for j in series if self._joint_name(j) not in names]
+        if depth >= _SECOND_ARM and not allowed:
+            raise ParameterError(
+                f"{self.path}: holds a second arm: {', '.join(names)} are neither on the way to "
+                "the frame nor behind it; --hold-others keeps them where the file has them"
+            )
+        return names
 
     def _name(self) -> str:
         stated = str(self.source.root.get("model") or self.source.root.get("name") or "")
@@ -359,151 +351,59 @@ class _Tree:
             body = int(self.model.body_parentid[body])
         return bodies[::-1]
 
-    def _joints(self, body: int) -> Iterator[int]:
-        first, count = int(self.model.body_jntadr[body]), int(self.model.body_jntnum[body])
-        yield from range(first, first + count)
-
-    def _chain(self, frame: str) -> list[int]:
-        """Joints from the base to the sensor."""
-        joints = self._above(self.end)
-        if not joints:
-            raise ParameterError(
-                f"{self.path}: no joint moves the frame {frame!r}: name one at the arm's end"
-            )
-        self._refuse_kinds(joints)
-        return joints
+    def _joints(self, body: int) -> range:
+        first = int(self.model.body_jntadr[body])
+        return range(first, first + int(self.model.body_jntnum[body]))
 
     def _above(self, body: int) -> list[int]:
         """Joints that move a body."""
         return [j for b in self._path(body) for j in self._joints(b)]
 
+    def _joint_name(self, j: int) -> str:
+        return self.model.joint(j).name or f"joint{j + 1}"
+
     def _refuse_kinds(self, joints: list[int]) -> None:
         """Refuse joints other than hinges and slides."""
         for j in joints:
-            kind = JOINT(self.model.jnt_type[j])
             body = int(self.model.jnt_bodyid[j])
             named = f"{self._joint_name(j)!r} of {self.model.body(body).name!r}"
-            if kind == JOINT.mjJNT_FREE:
+            if self.model.jnt_type[j] == JOINT.mjJNT_FREE:
                 raise ParameterError(f"{self.path}: free joint {named}: {_FLOATS}")
-            if kind == JOINT.mjJNT_BALL:
+            if self.model.jnt_type[j] == JOINT.mjJNT_BALL:
                 raise ParameterError(
                     f"{self.path}: {named} is a ball joint: only hinges and slides can be moved "
                     "(three hinges in one body turn like a ball)"
                 )
 
-    def _closed(
-        self,
-        chain: list[int],
-        equalities: list[int],
-        frames: list[tuple[np.ndarray, np.ndarray]],
-        segment: np.ndarray,
-    ) -> tuple[tuple[int, ...], tuple[Closure, ...]]:
-        """Driven joints and the closures of the loops."""
-        try:
-            driven = driven_joints(self.model, chain, equalities, self.actuators)
-        except ParameterError as cause:
-            raise ParameterError(f"{self.path}: {cause}") from None
-        links = {j: k for k, j in enumerate(chain)}
-        closures = loops_of(self.model, self.data, equalities, links, frames, segment)
-        return driven, tuple(replace(c, name=_plain(c.name)) for c in closures)
-
-    def _passive(
-        self, links: list[ArmLink], loops: Loops, chain: list[int], home: np.ndarray
-    ) -> list[ArmLink]:
-        """Links with the keyframe's joint values, and passive joints without limits unless
-        stated."""
-        complete = []
-        for k, (link, j) in enumerate(zip(links, chain, strict=True)):
-            at = float(home[self.model.jnt_qposadr[j]])
-            low, high = link.lower, link.upper
-            if k not in loops.driven and not self.model.jnt_limited[j]:
-                low, high = -UNLIMITED, UNLIMITED
-            if not low <= at <= high:
-                raise ParameterError(
-                    f"{self.path}: joint {link.joint} stands at {at:g}, outside its limits "
-                    f"{low:g} … {high:g}: state a keyframe within"
-                )
-            complete.append(replace(link, lower=low, upper=high, home=at))
-        return complete
-
-    def _joint_name(self, j: int) -> str:
-        return self.model.joint(j).name or f"joint{j + 1}"
-
-    def _behind(self) -> set[int]:
-        """Bodies that load the sensor: below its frame, and its own where no joint moves that."""
-        below = {b for b in range(1, self.model.nbody) if self.end in self._path(b)}
-        if self.model.body_jntnum[self.end]:
-            below.discard(self.end)
-        return below
-
-    def _others(self, chain: list[int], behind: set[int], hold: bool) -> list[str]:
-        """Names of joints that are neither on the way to the sensor nor behind it."""
-        model = self.model
-        moved = {JOINT.mjJNT_HINGE, JOINT.mjJNT_SLIDE, JOINT.mjJNT_BALL}
-        depth, names = 0, []
-        for body in range(1, model.nbody):
-            if body in behind:
-                continue
-            above = [j for j in self._above(body) if j not in chain]
-            series = [j for j in above if JOINT(model.jnt_type[j]) in moved]
-            depth = max(depth, len(series))
-            names += [self._joint_name(j) for j in series if self._joint_name(j) not in names]
-        if depth >= _SECOND_ARM and not hold:
+    def _at_key(self, k: int, link: ArmLink, driven: bool) -> ArmLink:
+        """A link of a loop: home is the keyframe's, a passive joint unlimited unless stated."""
+        j = self.chain[k]
+        at = float(self.home[self.model.jnt_qposadr[j]])
+        low, high = link.lower, link.upper
+        if not driven and not self.model.jnt_limited[j]:
+            low, high = -loop_file.UNLIMITED, loop_file.UNLIMITED
+        if not low <= at <= high:
             raise ParameterError(
-                f"{self.path}: holds a second arm: {', '.join(names)} are neither on the way to "
-                "the frame nor behind it; --hold-others keeps them where the file has them"
+                f"{self.path}: joint {link.joint} stands at {at:g}, outside its limits "
+                f"{low:g} … {high:g}: state a keyframe within"
             )
-        return names
+        return replace(link, lower=low, upper=high, home=at)
 
-    def _refuse_loops(
-        self, chain: list[int], behind: set[int], loops: list[tuple[str, str, bool]]
-    ) -> None:
-        """Closed loops and coupled joints of the arm are refused; those of the tool are held."""
-        joints = {self._joint_name(j) for j in chain}
-        moving = {
-            self.model.body(b).name
-            for b in range(1, self.model.nbody)
-            if b not in behind and any(j in chain for j in self._above(b))
-        }
-        for first, second, coupled in [*loops, *((*pair, True) for pair in self.source.mimics())]:
-            inside = joints if coupled else moving
-            if first in inside or second in inside:
-                what = "couples joints" if coupled else "closes a loop between"
-                raise ParameterError(
-                    f"{self.path}: the file {what} {first!r} and {second or 'the world'!r}: of "
-                    "coupled joints only MJCF's equality constraints connect, weld and joint can "
-                    "be read"
-                )
-
-    def _segments(self, chain: list[int], behind: set[int]) -> np.ndarray:
+    def _segments(self) -> np.ndarray:
         """The link of each body (B,) from 1 on, 0 of the base; −1 of the tool's and loose ones."""
         result = np.zeros(self.model.nbody, dtype=int)
         for body in range(1, self.model.nbody):
             above = self._above(body)
-            loose = any(JOINT(self.model.jnt_type[j]) == JOINT.mjJNT_FREE for j in above)
-            moving = [chain.index(j) + 1 for j in above if j in chain]
-            result[body] = -1 if loose or body in behind else max(moving, default=0)
+            loose = any(self.model.jnt_type[j] == JOINT.mjJNT_FREE for j in above)
+            moving = [self.chain.index(j) + 1 for j in above if j in self.chain]
+            result[body] = -1 if loose or body in self.behind else max(moving, default=0)
         return result
 
-    def _base_body(self, chain: list[int]) -> int:
-        return int(self.model.body_parentid[self.model.jnt_bodyid[chain[0]]])
-
-    def _link(
-        self,
-        k: int,
-        j: int,
-        segment: np.ndarray,
-        before: tuple[np.ndarray, np.ndarray],
-        here: tuple[np.ndarray, np.ndarray],
-        speeds: dict[str, float],
-        home: np.ndarray,
-        with_key: bool,
-    ) -> ArmLink:
-        model = self.model
+    def _link(self, k: int, segment: np.ndarray, before: Frame, here: Frame) -> ArmLink:
+        model, j = self.model, self.chain[k]
         kind = HINGE if model.jnt_type[j] == JOINT.mjJNT_HINGE else SLIDE
         axis = model.jnt_axis[j] / np.linalg.norm(model.jnt_axis[j])
-        at = int(model.jnt_qposadr[j])
-        ref = float(model.qpos0[at])
+        ref = float(model.qpos0[model.jnt_qposadr[j]])
         turn, shift = before[0].T @ here[0], before[0].T @ (here[1] - before[1])
         if kind == HINGE and ref:
             turn = turn @ about(axis, -ref)
@@ -512,21 +412,19 @@ class _Tree:
         lower, upper = -_RANGE[kind], _RANGE[kind]
         if model.jnt_limited[j]:
             lower, upper = (float(x) for x in model.jnt_range[j])
-        start = float(home[at])
-        if not lower <= start <= upper or (not with_key and start in (lower, upper)):
+        start = float(self.home[model.jnt_qposadr[j]])
+        if not lower <= start <= upper or (self.key is None and start in (lower, upper)):
             start = 0.5 * (lower + upper)
-        mass, cog, inertia = self._together(np.flatnonzero(segment == k + 1), *here)
-        name = self._joint_name(j)
+        bodies, name = np.flatnonzero(segment == k + 1), self._joint_name(j)
         body = int(model.jnt_bodyid[j])
-        last = j == max(self._joints(body))
         own = model.body(body).name or f"link{k + 1}"
+        own = own if j == self._joints(body)[-1] else f"{own}_{name}"
+        mass, cog, inertia = self._together(bodies, *here)
         return ArmLink(
-            joint=_plain(name),
-            body=_plain(own if last else f"{own}_{name}"),
-            kind=kind, axis=axis, turn=turn, shift=shift, lower=lower, upper=upper,
-            speed=speeds.get(name, float(_SPEED[kind])), home=start,
-            mass=mass, cog=cog, inertia=inertia,
-            shapes=self._shapes(np.flatnonzero(segment == k + 1), *here),
+            joint=_plain(name), body=_plain(own), kind=kind, axis=axis, turn=turn, shift=shift,
+            lower=lower, upper=upper,
+            speed=self.source.speeds().get(name, float(_SPEED[kind])), home=start,
+            mass=mass, cog=cog, inertia=inertia, shapes=self._shapes(bodies, *here),
         )  # fmt: skip
 
     def _together(
@@ -548,19 +446,14 @@ class _Tree:
             inertia += model.body_mass[b] * (r @ r * np.eye(3) - np.outer(r, r))
         return mass, turn.T @ (centre - origin), turn.T @ inertia @ turn
 
-    def _load(self, behind: set[int], turn: np.ndarray, origin: np.ndarray) -> Load | None:
-        bodies = np.array(sorted(behind), dtype=int)
+    def _load(self, turn: np.ndarray, origin: np.ndarray) -> Load | None:
+        bodies = np.array(sorted(self.behind), dtype=int)
         mass, cog, inertia = self._together(bodies, turn, origin)
         if mass <= 0.0:
             return None
-        six = inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-        return Load(
-            mass,
-            tuple(cog.tolist()),
-            tuple(six.tolist()),
-            tuple(self.model.body(b).name for b in bodies),
-            self._shapes(bodies, turn, origin),
-        )
+        names = tuple(self.model.body(b).name for b in bodies)
+        shapes = self._shapes(bodies, turn, origin)
+        return Load(mass, _floats(cog), _floats(six_of(inertia)), names, shapes)
 
     def _shapes(
         self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
@@ -573,7 +466,7 @@ class _Tree:
             ghost = (model.geom_contype[own] == 0) & (model.geom_conaffinity[own] == 0)
             visual = own[ghost & (model.geom_group[own] < _HIDDEN_GROUP)]
             for g in visual if len(visual) else own:
-                kind = _KINDS.get(mujoco.mjtGeom(model.geom_type[g]))
+                kind = _SHAPES.get(mujoco.mjtGeom(model.geom_type[g]))
                 if kind is None:
                     continue
                 axes = data.xmat[body].reshape(3, 3)

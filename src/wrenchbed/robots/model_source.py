@@ -7,7 +7,6 @@ that belong to a model, and the number of elements that it expands to, are bound
 
 import stat
 from dataclasses import dataclass
-from math import prod
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,12 +18,10 @@ in example-robot-data, 1 MB."""
 _MOST_ELEMENTS = 8_000
 """Of the expanded model: 4,000 bodies with a geom each, which MuJoCo reads in about 2 s; the files
 of robots in `tests/data/robots` have 90 to 450."""
-_NODE = 4
-"""Elements that a node of a flexcomp or composite counts as: MuJoCo takes 43 s for 10,000 nodes,
-as for the same number of bodies with geom, joint and site."""
 _DEEPEST = 200
 """Levels of elements: MuJoCo descends by recursion; robots have 20 levels."""
-_FOLDERS = ("assetdir", "meshdir")
+_SOFT = ("flexcomp", "composite")
+"""Elements of many nodes: MuJoCo takes 43 s for 10,000 of them."""
 _XACRO = "{http://www.ros.org/wiki/xacro}"
 
 
@@ -56,13 +53,8 @@ class ModelSource:
             raise ParameterError(
                 f"{path}: is neither MJCF (<mujoco>) nor URDF (<robot>): begins with <{root.tag}>"
             )
-        elements = files.elements(path)
-        if elements > _MOST_ELEMENTS:
-            raise ParameterError(
-                f"{path}: expands to {elements:,} elements (with replicate, include, attach, "
-                f"flexcomp), more than {_MOST_ELEMENTS:,}: leave out what is no part of the robot"
-            )
-        return cls(path, files.text(path), root)
+        files.check_size()
+        return cls(path, files.texts[path.resolve()], root)
 
     @property
     def urdf(self) -> bool:
@@ -133,17 +125,9 @@ class _Files:
     """Text files that belong to one model, each read once."""
 
     def __init__(self, main: Path) -> None:
-        self._folder, self._remaining = main.parent, _MOST_BYTES
-        self._texts: dict[Path, str] = {}
+        self._main, self._remaining = main, _MOST_BYTES
+        self.texts: dict[Path, str] = {}
         self._roots: dict[Path, ElementTree.Element] = {}
-        self._counts: dict[Path, int] = {}
-        self._models: dict[Path, dict[str, str]] = {}
-        self._folders: dict[Path, list[str]] = {}
-        self._open: list[Path] = []
-
-    def text(self, path: Path) -> str:
-        """Text of a file."""
-        return self._texts[path.resolve()]
 
     def root(self, path: Path) -> ElementTree.Element:
         """Root element of a file."""
@@ -162,62 +146,56 @@ class _Files:
             self._roots[place] = ElementTree.fromstring(text)
         except ElementTree.ParseError as cause:
             raise ParameterError(f"{path}: is no MJCF or URDF: not XML ({cause})") from None
-        self._texts[place] = text
+        self.texts[place] = text
         return self._roots[place]
 
-    def elements(self, path: Path, level: int = 0) -> int:
-        """Number of elements that a file expands to."""
-        place = path.resolve()
-        if place in self._open:
-            raise ParameterError(f"{path}: includes or attaches itself: leave that out")
-        if place not in self._counts:
-            self._open.append(place)
-            self._counts[place] = self._below(self.root(path), path, level)
-            self._open.pop()
-        return self._counts[place]
+    def check_size(self) -> None:
+        """Refuse a model that expands to more elements than any robot's, or to endless ones."""
+        self._elements(self.root(self._main), self._main, (), 0)
 
-    def _below(self, element: ElementTree.Element, path: Path, level: int) -> int:
-        """Number of elements that an element of a file expands to, itself included."""
+    def _elements(
+        self, element: ElementTree.Element, path: Path, parents: tuple[Path, ...], level: int
+    ) -> int:
+        """Number of elements that an element of a file expands to, itself included.
+
+        Args:
+            element, path: of the file that holds it.
+            parents: files that include or attach that one.
+            level: depth so far.
+        """
         if level > _DEEPEST:
             raise ParameterError(
                 f"{path}: nested more than {_DEEPEST} levels deep: give a flat one"
             )
+        if element.tag in _SOFT:
+            raise ParameterError(f"{path}: holds a <{element.tag}>: leave it out, no arm has one")
+        total = 1
+        if element.tag in ("include", "attach") and (file := self._named(element, path)):
+            inside = (*parents, path.resolve())
+            if file.resolve() in inside:
+                raise ParameterError(f"{file}: includes or attaches itself: leave that out")
+            total += self._elements(self.root(file), file, inside, level + 1)
+        for inner in element:
+            total += self._elements(inner, path, parents, level + 1)
+            if total > _MOST_ELEMENTS:
+                break
+        if element.tag == "replicate" and (count := element.get("count", "")).isdecimal():
+            total *= max(int(count[:18]), 1)
+        if total > _MOST_ELEMENTS:
+            raise ParameterError(
+                f"{path}: expands to more than {_MOST_ELEMENTS:,} elements (with replicate, "
+                "include, attach): leave out what is no part of the robot"
+            )
+        return total
+
+    def _named(self, element: ElementTree.Element, path: Path) -> Path | None:
+        """The file that an element includes or attaches, beside the one that names it or the main
+        one, or in its folder of assets; None if there is none."""
         name = element.get("file", "")
         if element.tag == "attach":
-            name = self._attached(element.get("model", ""), path)
-        total = 1
-        if element.tag in ("include", "attach") and (file := self._found(name, path)):
-            total += self.elements(file, level + 1)
-        if element.tag == "flexcomp" and (file := self._found(name, path)):
-            total += len(content(file, self._remaining)) // 100  # a line of a node or face
-        for inner in element:
-            total += self._below(inner, path, level + 1)
-        copies = prod(_whole(word) for word in element.get("count", "").split())
-        if element.tag == "replicate":
-            return total * copies
-        return total + _NODE * copies if element.tag in ("flexcomp", "composite") else total
-
-    def _attached(self, model: str, path: Path) -> str:
-        """Path of a model as a file states it in its assets; empty if it does not."""
-        if path not in self._models:
-            assets = self.root(path).iter("model")
-            self._models[path] = {x.get("name", ""): x.get("file", "") for x in assets}
-        return self._models[path].get(model, "")
-
-    def _found(self, name: str, path: Path) -> Path | None:
-        """A file beside the one that names it or the main one, or in its folder of meshes; None if
-        there is none."""
-        if not name:
-            return None
-        if path not in self._folders:
-            compilers = self.root(path).findall("compiler")
-            self._folders[path] = ["", *(c.get(d, "") for c in compilers for d in _FOLDERS)]
-        places = [
-            folder / d / name for folder in (path.parent, self._folder) for d in self._folders[path]
-        ]
-        return next((p for p in places if p.exists()), None)
-
-
-def _whole(word: str) -> int:
-    """A whole number; 1 of what is none, which MuJoCo refuses."""
-    return max(int(word[:18]), 1) if word.isascii() and word.isdigit() else 1
+            models = {x.get("name"): x.get("file", "") for x in self.root(path).iter("model")}
+            name = models.get(element.get("model"), "")
+        compilers = self.root(path).findall("compiler")
+        inner = ["", *(c.get(d, "") for c in compilers for d in ("assetdir", "meshdir"))]
+        places = [folder / d / name for folder in (path.parent, self._main.parent) for d in inner]
+        return next((p for p in places if p.exists()), None) if name else None

@@ -19,7 +19,7 @@ import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.rotations import apply, exp_rates, rot_x, rot_z
+from wrenchbed.physics.rotations import exp_rates, rot_x, rot_z
 from wrenchbed.physics.time_derivatives import Value
 from wrenchbed.robots.base import (
     ANGLE,
@@ -28,9 +28,8 @@ from wrenchbed.robots.base import (
     mounted_parameters,
     sample_until,
     segment_distance,
-    tilted_base,
 )
-from wrenchbed.robots.chain import Fixed, SerialChain, Spin
+from wrenchbed.robots.chain import Fixed, SerialChain
 
 if TYPE_CHECKING:
     import mujoco
@@ -157,25 +156,17 @@ class SerialArm(SerialChain):
     def zeros(self, theta: np.ndarray) -> np.ndarray:
         return np.asarray(theta[..., self._dh[3]])
 
-    def fixed(self, theta: np.ndarray, mounted: bool = True) -> Fixed:
+    def fixed(self, theta: np.ndarray) -> Fixed:
         a, d, alpha, _ = (theta[..., columns] for columns in self._dh)  # (…, J) each
-        twists = _twists(alpha)
-        shift = np.zeros((*a.shape, 3), dtype=a.dtype)
-        shift[..., 0], shift[..., 2] = a, d
+        twists = np.zeros((*alpha.shape, 3, 3), dtype=alpha.dtype)  # Rx(α)
+        twists[..., 0, 0] = 1.0
+        twists[..., 1, 1] = twists[..., 2, 2] = np.cos(alpha)
+        twists[..., 2, 1] = np.sin(alpha)
+        twists[..., 1, 2] = -twists[..., 2, 1]
+        shift = np.stack([a, 0.0 * a, d], axis=-1)
         turns = [twists[..., k, :, :] for k in range(len(self.joints))]
         shifts = [shift[..., k, :] for k in range(len(self.joints))]
-        if mounted and theta[..., self._offset].any():
-            shifts[-1] = shifts[-1] + apply(turns[-1], theta[..., self._offset])
-        if mounted and theta[..., self._turn].any():
-            turns[-1] = turns[-1] @ mount_turn(theta[..., self._turn])
-        return Fixed([self._base(theta), *turns], [np.zeros(3), *shifts])
-
-    def spin(self, name: str, theta: np.ndarray) -> Spin | None:
-        if not name.startswith("alpha"):
-            return None
-        k = int(name.removeprefix("alpha"))
-        behind = mount_turn(theta[..., self._turn]) if k == len(self.joints) else np.eye(3)
-        return Spin(k, behind[0])
+        return Fixed([self._leaning(np.eye(3), theta), *turns], [np.zeros(3), *shifts])
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Random poses (n, J): arm above the table from the elbow on, tool clear of the limbs."""
@@ -221,7 +212,7 @@ class SerialArm(SerialChain):
 
         p = {name: float(v) for name, v in self.values(theta).items()}
         spec = frictionless(self.drawn())
-        place(spec, "base", [0, 0, 0], self._base(theta))
+        place(spec, "base", [0, 0, 0], self._leaning(np.eye(3), theta))
         frame, origin = np.eye(3), [0.0, 0.0, 0.0]
         for i, (link, angle) in enumerate(zip(self.arm.links, self.home, strict=True), start=1):
             place(spec, link.body.body, origin, frame @ rot_z(p[f"dq{i}"] + angle))
@@ -232,21 +223,6 @@ class SerialArm(SerialChain):
         place(spec, "tool", shift, mount_turn(theta[..., self._turn]))
         write_load(spec, self.tool(theta))
         return spec
-
-    def _base(self, theta: np.ndarray) -> np.ndarray:
-        """Rotation R_world_base (3, 3)."""
-        leaning = tilted_base(theta[..., self._tilt])
-        return np.eye(3) if leaning is None else leaning
-
-
-def _twists(alpha: np.ndarray) -> np.ndarray:
-    """Rx(α) (…, 3, 3); `rot_x`, but a quarter of its time on few angles."""
-    result = np.zeros((*alpha.shape, 3, 3), dtype=alpha.dtype)
-    result[..., 0, 0] = 1.0
-    result[..., 1, 1] = result[..., 2, 2] = np.cos(alpha)
-    result[..., 2, 1] = np.sin(alpha)
-    result[..., 1, 2] = -result[..., 2, 1]
-    return result
 
 
 def _at(frames: list[tuple[Value, Value, Value, Value]], spot: Spot) -> np.ndarray:
