@@ -56,12 +56,10 @@ FLAGS = {
     ),
     "study": "json=False, out=None, quick=False, robots=None, seed=0",
     "blind make": (
-        "answers=required, cases=300, json=False, mode=static, on=None, out=required, plan=None, "
+        "answers=required, cases=300, json=False, mode=static, on=None, out=required, "
         "processes=2, robot=ur5, seed=None"
     ),
-    "blind run": (
-        "json=False, limit=300.0, look-alikes=0, method=repeatable, out=required, processes=2"
-    ),
+    "blind run": "json=False, limit=300.0, method=repeatable, out=required, processes=2",
     "blind score": "commitments=None, json=False, method=None, out=None",
     "blind seal": "answers=required, json=False, out=required",
 }

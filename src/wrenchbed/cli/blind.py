@@ -30,25 +30,18 @@ class FamilyArguments:
         mode: At rest at poses, or in motion.
         on: Real recording that faults are added to; it states robot and mode. One case is the
             recording as it is.
-        plan: Poses that all cases share, at rest; so is what is stated of the tool. Random poses,
-            others in each case, if left out.
     """
 
     cases: int = 300
     robot: str = "ur5"
     mode: Literal["static", "dynamic"] = "static"
     on: Path | None = None
-    plan: Path | None = None
 
     def family(self, seed: int) -> "Family":
         """Cases that follow from a seed."""
-        from wrenchbed.benchmark.sealed.make import Family, PlannedFamily
+        from wrenchbed.benchmark.sealed.make import Family
         from wrenchbed.benchmark.sealed.semi_real import SemiRealFamily
 
-        if self.plan is not None:
-            if self.on is not None or self.mode != "static":
-                raise ParameterError("--plan is of poses: it takes neither --on nor --mode dynamic")
-            return PlannedFamily.at(self.plan, self.robot, self.cases, seed)
         if self.on is not None:
             return SemiRealFamily.on(self.on, self.cases, seed)
         return Family(self.robot, self.mode, self.cases, seed)
@@ -93,7 +86,6 @@ def run(
     /,
     out: Path,
     method: Repeated = (),
-    look_alikes: int = 0,
     processes: int = 2,
     limit: float = 300.0,
     as_json: Json = False,
@@ -107,8 +99,6 @@ def run(
         out: Folder of claims: OUT/METHOD/CASE/diagnosis.json.
         method: `diagnose`, a baseline, or any command: it is called as `COMMAND RECORDING --out
             DIR` and writes DIR/diagnosis.json. May be repeated; diagnose and all baselines if none.
-        look_alikes: Let diagnose learn from so many look-alikes of the plan that all cases share
-            (make --plan), once for all; 0: use what is known of the robot or of others.
         processes: Cases at a time.
         limit: Most time of one method on one case [s].
     """
@@ -122,9 +112,6 @@ def run(
     total = len(seal.read(cases))
     console.check_folder(out)
     console.check_positive("--processes", processes)
-    if look_alikes:
-        with console.progress("look-alikes", look_alikes) as report:
-            entrants = running.taught(entrants, cases, look_alikes, processes, report)
     with console.progress("answering sealed cases", total) as report:
         failed = running.run(cases, out, entrants, processes, limit, report)
     result = {"claims": str(out), "cases": total, "failed": failed}

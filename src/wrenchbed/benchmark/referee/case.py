@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import KINDS, NEEDED, ROWS_NEEDED, SIZES, STATED, log_uniform
+from wrenchbed.benchmark.frame import KINDS, NEEDED, ROWS_NEEDED, SIZES, STATED, Rng, log_uniform
 from wrenchbed.benchmark.frame import subsystem as subsystem_of
 from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES, background, possible
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal
@@ -109,11 +109,11 @@ class World(ABC):
     def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
         """Readings and gap that the first of two causes adds beside the second."""
 
-    def drawn(self, name: str, rng: np.random.Generator, size: float) -> RefereeFault:
+    def drawn(self, name: str, rng: Rng, size: float) -> RefereeFault:
         """An effect of a size in multiples of typical."""
         return EFFECTS[name].draw(self.setting, rng, size)
 
-    def causes(self, kind: str, rng: np.random.Generator) -> list[TrueCause]:
+    def causes(self, kind: str, rng: Rng) -> list[TrueCause]:
         """Causes that show, as many as the kind has.
 
         Raises:
@@ -126,7 +126,7 @@ class World(ABC):
         first = self._one(kind, self.possible(), rng)
         return [first] if kind == "single" else self._two(first, rng)
 
-    def _one(self, kind: str, names: list[str], rng: np.random.Generator) -> TrueCause:
+    def _one(self, kind: str, names: list[str], rng: Rng) -> TrueCause:
         """A cause that shows; where it is too small, once more and larger, then another one."""
         for _ in range(self.draws):
             name = str(rng.choice(names))
@@ -146,7 +146,7 @@ class World(ABC):
                 size = log_uniform(rng, least, SIZES[1])
         raise ParameterError("nothing that was drawn shows enough")
 
-    def _two(self, first: TrueCause, rng: np.random.Generator) -> list[TrueCause]:
+    def _two(self, first: TrueCause, rng: Rng) -> list[TrueCause]:
         """The first cause and one of another subsystem that leaves it visible."""
         subsystem = subsystem_of(first.fault.name)
         others = [n for n in self.possible() if subsystem_of(n) != subsystem]
@@ -157,7 +157,7 @@ class World(ABC):
                 return [again, second]
         raise ParameterError("no second cause leaves the first one visible")
 
-    def _outside(self, rng: np.random.Generator) -> TrueCause:
+    def _outside(self, rng: Rng) -> TrueCause:
         """A fault that shows, and that no effect of the library could make."""
         for _ in range(self.draws_outside):
             family = self.families[str(rng.choice(list(self.families)))]
@@ -302,29 +302,19 @@ class RefereeCase:
     world: FaultyRobot
 
 
-def make(
-    robot: str, mode: str, kind: str, seed: tuple[int, ...], poses: np.ndarray | None = None
-) -> RefereeCase:
+def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase:
     """A case that depends on its seed alone.
-
-    Args:
-        poses: (H, J) [rad or m] of a plan. All cases of the seed's first number then share tool,
-            path and weather as they are stated; only faults and noise differ.
 
     Raises:
         ParameterError: nothing that was drawn shows enough, or the robot exists in no simulator.
     """
     rng = np.random.default_rng([*seed, KINDS.index(kind)])
-    world, minor = robot_with_minor(robot, mode, seed, rng, poses)
+    world, minor = robot_with_minor(robot, mode, seed, rng)
     return as_case(kind, world, world.causes(kind, rng), minor, rng)
 
 
 def robot_with_minor(
-    robot: str,
-    mode: str,
-    seed: tuple[int, ...],
-    rng: np.random.Generator,
-    poses: np.ndarray | None = None,
+    robot: str, mode: str, seed: tuple[int, ...], rng: Rng
 ) -> tuple[FaultyRobot, float]:
     """A robot in a setting of a seed with minor imperfections only, and their gap.
 
@@ -334,8 +324,7 @@ def robot_with_minor(
     arm = registry.load("robots", robot)
     if not isinstance(arm, SimulatedRobot):
         raise ParameterError(f"robot {robot!r} has no model to make cases with")
-    of_setting = seed if poses is None else seed[:1]
-    setting = draw(arm, mode, np.random.default_rng([*of_setting, 99]), poses)
+    setting = draw(arm, mode, np.random.default_rng([*seed, 99]))
     scale = log_uniform(rng, 0.1, 0.5)
     around = int(rng.integers(2**62))
     usual = Usual.of(setting)
@@ -354,7 +343,7 @@ def as_case(
     world: FaultyRobot,
     causes: Sequence[TrueCause],
     minor: float,
-    rng: np.random.Generator,
+    rng: Rng,
 ) -> RefereeCase:
     """The recording of a robot with causes, and what a referee knows of it."""
     setting, path = world.setting, world.setting.path

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
+from wrenchbed.benchmark.frame import Rng
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
@@ -254,13 +255,8 @@ def _coordinates(
     return p, (ahead - behind) / (2 * h), (ahead - 2 * p + behind) / h**2
 
 
-def draw(
-    robot: SimulatedRobot, mode: str, rng: np.random.Generator, poses: np.ndarray | None = None
-) -> RefereeSetting:
+def draw(robot: SimulatedRobot, mode: str, rng: Rng) -> RefereeSetting:
     """A random setting.
-
-    Args:
-        poses: (H, J) [rad or m] to rest at instead of random ones.
 
     Raises:
         ParameterError: no feasible motion was found.
@@ -274,7 +270,7 @@ def draw(
     theta = robot.theta_of_tool(robot.parameters.nominal, mass, cog.tolist())
     names = [f"tool.inertia.{a}" for a in INERTIA_AXES]
     theta = robot.parameters.vector(dict(zip(names, six, strict=True)), start=theta)
-    path = _poses(robot, rng, poses) if mode == "static" else _motion(robot, rng)
+    path = _poses(robot, rng) if mode == "static" else _motion(robot, rng)
     metadata = Metadata(
         robot=robot.name,
         mode=mode,
@@ -290,14 +286,13 @@ def draw(
     return RefereeSetting(robot, path, metadata, theta, warm)
 
 
-def _poses(robot: SimulatedRobot, rng: np.random.Generator, stated: np.ndarray | None) -> DrivePath:
-    n = int(rng.integers(POSES[0], POSES[1] + 1)) if stated is None else len(stated)
+def _poses(robot: SimulatedRobot, rng: Rng) -> DrivePath:
+    n = int(rng.integers(POSES[0], POSES[1] + 1))
     pause = rng.gamma(1.0, 0.4, n)  # somebody presses a key
-    q = robot.sample(n, rng) if stated is None else stated
-    return through(robot, q, SAMPLES, RATE_HZ, pause)
+    return through(robot, robot.sample(n, rng), SAMPLES, RATE_HZ, pause)
 
 
-def _motion(robot: SimulatedRobot, rng: np.random.Generator) -> DrivePath:
+def _motion(robot: SimulatedRobot, rng: Rng) -> DrivePath:
     """A spline through random points about a pose, from rest to rest."""
     share = rng.uniform()
     low = np.array([_REACH_M[0] if j.unit == "m" else _REACH[0] for j in robot.joints])
@@ -321,7 +316,7 @@ def _motion(robot: SimulatedRobot, rng: np.random.Generator) -> DrivePath:
     raise ParameterError(f"found no feasible motion of {robot.name!r} in {_TRIES} tries")
 
 
-def _weather(t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _weather(t: np.ndarray, rng: Rng) -> np.ndarray:
     """Temperature of a room that warms, with the cycles of its air conditioning (T,) [°C]."""
     span = float(t[-1] - t[0])
     rise = rng.uniform(1.0, 6.0) * rng.choice([-1.0, 1.0])

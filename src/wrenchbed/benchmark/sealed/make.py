@@ -6,7 +6,7 @@ A case is complete when both of its files exist, so a stopped run makes the miss
 import secrets
 from concurrent.futures import Future
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +18,6 @@ from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import Answer, of_case
 from wrenchbed.data.checked import load
-from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError, ParameterError
 from wrenchbed.files import write_bytes
@@ -84,58 +83,12 @@ class Family:
         """
         kind, name = self.kinds()[index], self.names()[index]
         seed = (self.seed, index, attempt)
-        case = referee.make(self.robot, self.mode, kind, seed, self.poses_of_all)
+        case = referee.make(self.robot, self.mode, kind, seed)
         return of_case(case, name, commitments.salt(self.seed, name)), case.recording
-
-    @property
-    def poses_of_all(self) -> np.ndarray | None:
-        """Poses (H, J) [rad or m] that all cases share; None: each has its own."""
-        return None
 
     def names(self) -> list[str]:
         """Names of the cases: numbers."""
         return [f"{k:04d}" for k in range(1, self.cases + 1)]
-
-
-@dataclass(frozen=True)
-class PlannedFamily(Family):
-    """Cases at the poses of a plan; stated tool, path and weather are the same for all.
-
-    Attributes:
-        plan: SHA-256 of its file.
-        poses: (H, J) [rad or m].
-    """
-
-    plan: str = ""
-    poses: np.ndarray = field(default_factory=lambda: np.empty((0, 0)), compare=False)
-
-    @classmethod
-    def at(cls, source: Path, robot: str, cases: int, seed: int) -> "PlannedFamily":
-        """A family at a plan's poses.
-
-        Raises:
-            PlanError: the file is no plan, or the robot cannot take its poses.
-            ParameterError: the plan is of another robot, or a motion.
-        """
-        plan = Plan.read(source)
-        name = registry.known_as("robots", robot)
-        if plan.robot != name:
-            raise ParameterError(f"{source}: is a plan for {plan.robot!r}, not for {name!r}")
-        if plan.mode != "static":
-            raise ParameterError(f"{source}: is a motion; cases share the poses of a plan only")
-        arm = registry.load("robots", robot)
-        arm.check(plan.q, arm.parameters.nominal, str(source))
-        digest = commitments.digest(source.read_bytes())
-        return cls(robot, "static", cases, seed, digest, plan.q)
-
-    def about(self) -> dict[str, object]:
-        """Contents of ``family.json``; the plan's SHA-256 stands for the poses."""
-        return {k: v for k, v in asdict(self).items() if k != "poses"}
-
-    @property
-    def poses_of_all(self) -> np.ndarray | None:
-        """Poses (H, J) [rad or m] that all cases share."""
-        return self.poses
 
 
 def drawn_seed() -> int:

@@ -15,23 +15,18 @@ import warnings
 from collections.abc import Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from wrenchbed.benchmark.lookalikes.design import STILL, ExperimentDesign
 from wrenchbed.benchmark.scoring.baselines import BASELINES, reuse_dictionary
 from wrenchbed.benchmark.scoring.case_rows import Claim
-from wrenchbed.benchmark.scoring.reliability_at_design import reliability_at_design
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.data.checked import load
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.errors import BenchmarkError, ParameterError, WorkerError
@@ -59,12 +54,10 @@ class Entrant:
     Attributes:
         name: of its folder.
         command: that is called as ``COMMAND RECORDING --out DIR``, None for a method of our own.
-        learnt: how often claims are right at the cases' common design, of `OURS` only.
     """
 
     name: str
     command: str | None = None
-    learnt: Reliability | None = None
 
     @classmethod
     def of(cls, method: str) -> "Entrant":
@@ -141,7 +134,7 @@ class _Case:
         with _at_most(limit), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             if entrant.name == OURS:
-                result = diagnose(Recording.read(self.recording), reliability=entrant.learnt)
+                result = diagnose(Recording.read(self.recording))
                 reuse_dictionary(result.analysis)
                 self._prepared = result.analysis.prepared
                 result.diagnosis.write(out)
@@ -299,39 +292,3 @@ def _remaining(
 
 def _write_crash(folder: Path) -> None:
     write_json(folder / RUN, {"seconds": 0.0, "error": "the process died"})
-
-
-def taught(
-    entrants: list[Entrant],
-    cases: Path,
-    count: int,
-    processes: int = 2,
-    report: Progress = silent,
-) -> list[Entrant]:
-    """Entrants of which the diagnosis has learnt from look-alikes of the cases' common design.
-
-    Args:
-        cases: folder of recordings and commitments.
-        count: look-alikes; those of this design that are kept are not made again.
-        report: called with the number of further look-alikes that are done.
-
-    Raises:
-        ParameterError: the cases have no common design.
-        DiagnosisError: too few look-alikes.
-    """
-    paths = [commitments.recording_of(cases, name) for name in sorted(commitments.read(cases))]
-    first = Recording.read(paths[0])
-    common = ExperimentDesign.of(first)
-    for path in paths[1:]:
-        if not _same(common, ExperimentDesign.of(Recording.read(path))):
-            raise ParameterError(
-                f"{path}: its poses or its stated numbers are not those of {paths[0].name}: "
-                "--look-alikes needs cases of one plan (wrenchbed blind make --plan)"
-            )
-    known = reliability_at_design(first, count, processes=processes, report=report)
-    return [replace(e, learnt=known) if e.name == OURS else e for e in entrants]
-
-
-def _same(one: ExperimentDesign, other: ExperimentDesign) -> bool:
-    stated = one.metadata.to_json() == other.metadata.to_json()
-    return stated and one.q.shape == other.q.shape and np.allclose(one.q, other.q, 0.0, STILL)
