@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from wrenchbed.benchmark.frame import elapsed
 from wrenchbed.benchmark.referee.case import as_case, robot_with_minor
-from wrenchbed.benchmark.referee.fault import RefereeFault, elapsed, named, touched
+from wrenchbed.benchmark.referee.fault import RefereeFault, named, touched
 from wrenchbed.benchmark.referee.memory import dahl
 from wrenchbed.benchmark.referee.sensor import BEND, LOOP, ZERO
 from wrenchbed.diagnosis.diagnose import diagnose
@@ -12,7 +13,7 @@ from wrenchbed.diagnosis.diagnose import diagnose
 
 def daily_wave(setting, rng, size):
     """A zero that follows a part of a sine."""
-    curve = np.sin(2.0 * np.pi * (rng.uniform(0.4, 2.0) * elapsed(setting) + rng.uniform()))
+    curve = np.sin(2.0 * np.pi * (rng.uniform(0.4, 2.0) * elapsed(setting.path.t) + rng.uniform()))
     shift = np.outer(curve, 3e-3 * size * setting.full_scale * touched(rng))
     return RefereeFault(gauge=lambda ride, y: y + shift, stage=ZERO)
 

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import wrenchbed
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import KINDS, NEEDED, ROWS_NEEDED, STATED
+from wrenchbed.benchmark.frame import KINDS, NEEDED, ROWS_NEEDED, STATED, Usual
 from wrenchbed.benchmark.referee import arm, case, sensor, tool
 from wrenchbed.benchmark.referee import scenario as settings
 from wrenchbed.benchmark.referee import signatures as columns
@@ -20,7 +20,7 @@ from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES, background,
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal, total
 from wrenchbed.benchmark.referee.machine import Mechanics
 from wrenchbed.benchmark.referee.memory import after, bouc_wen, lowpass
-from wrenchbed.benchmark.referee.signatures import SAME, Usual, bench
+from wrenchbed.benchmark.referee.signatures import SAME, bench
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
 
@@ -155,7 +155,7 @@ def small():
 def world(small):
     robot = registry.load("robots", "ur5")
     setting = settings.draw(robot, "static", np.random.default_rng(5))
-    return FaultyRobot.of(setting, (), Usual.of(setting))
+    return FaultyRobot.of(setting, (), Usual.of(columns.nuisance(setting), setting.noise))
 
 
 @pytest.mark.sampled
@@ -180,7 +180,7 @@ def test_every_family_outside_changes_what_is_read(world, name):
 def test_every_effect_on_means_has_a_signature(small, mode):
     """What has none in referee/signatures.py is never named as a rival of another effect."""
     setting = settings.draw(registry.load("robots", "ur5"), mode, np.random.default_rng(5))
-    world = FaultyRobot.of(setting, (), Usual.of(setting))
+    world = FaultyRobot.of(setting, (), Usual.of(columns.nuisance(setting), setting.noise))
     on_means = {n for n in possible(setting) if not EFFECTS[n].between}
     assert on_means - set(STATED) <= set(columns.blocks(setting, world.way))
 

@@ -3,13 +3,17 @@
 Look-alikes, the referee and the efforts fill it, each with physics of its own; this file has none.
 """
 
-from collections.abc import Callable, Mapping
-from typing import TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
+from wrenchbed.physics.wrench import CHANNELS
+
 Rng = np.random.Generator
 Drawn = TypeVar("Drawn")
+Shake = TypeVar("Shake")
 
 KINDS = ("none", "single", "pair", "outside")
 """Nothing wrong, one effect of the library, two of different subsystems, a fault of no library."""
@@ -56,3 +60,87 @@ def attempts(tries: int, draw: Callable[[int], Drawn], failure: type[Exception])
         except failure:
             continue
     return draw(tries - 1)
+
+
+def by_channel(values: np.ndarray, stem: str = "") -> dict[str, float]:
+    """Nonzero values (6,) by channel name, after a stem."""
+    pairs = zip(CHANNELS, values.tolist(), strict=True)
+    return {f"{stem}{c}": v for c, v in pairs if v != 0.0}
+
+
+def elapsed(t: np.ndarray) -> np.ndarray:
+    """Fraction of the run that is over at each instant (T,)."""
+    return np.asarray((t - t[0]) / max(float(t[-1] - t[0]), 1e-9))
+
+
+def hold_means(rows: np.ndarray, hold: np.ndarray) -> np.ndarray:
+    """Means (H, …) of rows (N, …) by consecutive holds 0, 0, 1, … (N,)."""
+    count = np.bincount(hold)
+    starts = np.concatenate([[0], np.cumsum(count)[:-1]])
+    total = np.add.reduceat(np.asarray(rows, dtype=float), starts, axis=0)
+    return np.asarray(total / count.reshape(-1, *[1] * (rows.ndim - 1)))
+
+
+@dataclass(frozen=True, eq=False)
+class RowChange(Generic[Shake]):
+    """Change of single rows that leaves the mean of a hold unchanged.
+
+    Attributes:
+        gain: factor on the noise per channel (6,).
+        step: of the rounding per channel (6,), 0 does not round [N, N·m].
+        shake: what shakes the robot, None if nothing does.
+        stale: chance that a row starts a repeat of the one before, and mean number of repeats.
+        limit: range that is read per channel (6,) [N, N·m].
+    """
+
+    gain: np.ndarray = field(default_factory=lambda: np.ones(6))
+    step: np.ndarray = field(default_factory=lambda: np.zeros(6))
+    shake: Shake | None = None
+    stale: tuple[float, float] = (0.0, 1.0)
+    limit: np.ndarray = field(default_factory=lambda: np.full(6, np.inf))
+
+    def rise(self, noise: np.ndarray) -> np.ndarray:
+        """Rise of a row's variance (6,) over the noise (6,) by gain and rounding.
+
+        Rounding adds the variance of a uniform distribution, by definition step²/12.
+        """
+        return np.asarray(self.gain**2 - 1.0 + (self.step / noise) ** 2 / 12.0)
+
+
+def converted(y: np.ndarray, changes: Sequence[RowChange[Any]]) -> np.ndarray:
+    """Rows (…, 6) as converters of these steps and ranges give them."""
+    for r in changes:
+        step = np.where(r.step > 0.0, r.step, 1.0)
+        y = np.where(r.step > 0.0, np.round(y / step) * step, y)
+    for r in changes:
+        y = np.clip(y, -r.limit, r.limit)
+    return y
+
+
+@dataclass(frozen=True, eq=False)
+class Usual:
+    """The part of a difference that every fit removes: bias, mass and CoG.
+
+    Attributes:
+        noise: of a row (6,).
+        basis: orthonormal columns (6 n, 10) in noises of a row.
+    """
+
+    noise: np.ndarray
+    basis: np.ndarray
+
+    @classmethod
+    def of(cls, columns: np.ndarray, noise: np.ndarray) -> "Usual":
+        """Basis of the columns (n, 6, 10) [N, N·m] of bias, mass and CoG."""
+        white = (columns / noise[:, None]).reshape(-1, columns.shape[-1])
+        return cls(noise, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
+
+    def white(self, signal: np.ndarray, configured: bool) -> np.ndarray:
+        """A difference (n, 6) in noises of a row (6 n,), after the fit unless ``configured``."""
+        x = (signal / self.noise).ravel()
+        return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
+
+    def gap(self, signal: np.ndarray, configured: bool) -> float:
+        """Mean square of a difference (n, 6) in noises of a row."""
+        x = self.white(signal, configured)
+        return float(x @ x) / len(x)

@@ -1,4 +1,4 @@
-"""Which families imitate a cause on a motion, and what an oracle closes: both before any answer.
+"""Which families imitate a cause on a motion: known before any answer.
 
 Signatures are columns at thinned rows. A family imitates a cause if, at its best size, it leaves
 of the cause no more than a gap of `SAME`, or `SHARE` of the cause's own gap.
@@ -19,8 +19,6 @@ SAME, SHARE = 0.1, 0.02
 the first as the wrench referee's."""
 _EVERY = 5
 """Recorded rows per row that is compared."""
-_BLOCKS = 10
-"""Blocks of time of which the oracle's fit sees every other one."""
 _SEEN_SPEED = 0.01
 """Speed [rad/s] over which Coulomb friction turns its sign: estimate, of the bristles here."""
 _ONE_KG, _ONE_CM, _ONE_MRAD = 1.0, 0.01, 1e-3
@@ -152,79 +150,3 @@ def whole_columns(setting: EffortSetting) -> Iterator[tuple[Key, np.ndarray]]:
     steps = [other(mass, cog + _ONE_CM * np.eye(3)[x]) for x in range(3)]
     yield ("tool.cog", None), np.stack(steps, axis=-1)
     yield (WHOLE[2], None), np.stack([edited(lambda m, x=x: tilted(m, x)) for x in range(2)], -1)
-
-
-def oracle(
-    setting: EffortSetting, fault: EffortFault, effort: np.ndarray, added: np.ndarray
-) -> tuple[float, float, float]:
-    """Gaps of the configured model, of a fit of ordinary imperfections, and with the true cause.
-
-    The last two are of rows that the fit did not see: blocks of time take turns. Friction and
-    links are free within what is ordinary (ridge); the cause is its true signature (N, J), its size
-    free.
-    """
-    sigma = setting.noise / setting.scale
-    path, rows = setting.path, setting.path.rows
-    stated = TrueArm(setting.robot, setting.stated).torque(
-        Path(path.kind, path.rate, path.t[rows], path.q[rows], path.qd[rows], path.qdd[rows])
-    )
-    joints, c = len(sigma), setting.configured
-    v, a = path.qd[rows], path.qdd[rows]
-    shapes = [np.tanh(v / _SEEN_SPEED), v, np.ones_like(v), a]
-    names = ("coulomb", "viscous", "offset", "inertia")
-    known = [np.array([c[f"drive.{n}.{j + 1}"] for j in range(joints)]) for n in names]
-    model = stated + sum(k * s for k, s in zip(known, shapes, strict=True))
-    y = (effort - model / setting.scale) / sigma
-    spread = [0.1 * known[0], 0.1 * known[1], 0.02 * setting.rated, 0.1 * known[3]]  # estimates
-    columns = [s * w / setting.noise for s, w in zip(shapes, spread, strict=True)]
-    wide = np.stack(columns, axis=-1)[::_EVERY]
-    links = [0.03 * m / setting.noise[:, None] for k, m in _link_columns(setting)]
-    use = setting.moving[::_EVERY]
-    target, cause = y[::_EVERY], (added / sigma)[::_EVERY]
-    block = np.arange(len(target)) * _BLOCKS // len(target) % 2
-    return (
-        float((y[setting.moving] ** 2).mean() - 1.0),
-        _held_out(target, wide, links, None, (block, use)),
-        _held_out(target, wide, links, cause if cause.any() else None, (block, use)),
-    )
-
-
-def _link_columns(setting: EffortSetting) -> list[tuple[Key, np.ndarray]]:
-    """Columns of the links' masses, each of a mass of its own (M, J, 1) [N·m]."""
-    mass = setting.robot.spec(setting.theta).compile()
-    columns = []
-    for key, column in whole_columns(setting):
-        if key[0] == "link.mass" and key[1] is not None:
-            columns.append((key, column * mass.body_mass[mass.jnt_bodyid[key[1] - 1]]))
-        if key[0] == "link.cog":
-            columns.append((key, column))
-    return columns
-
-
-def _held_out(
-    y: np.ndarray,
-    own: np.ndarray,
-    links: list[np.ndarray],
-    cause: np.ndarray | None,
-    split: tuple[np.ndarray, np.ndarray],
-) -> float:
-    """Gap on rows that a ridge fit did not see, of blocks (M,) and of joints in motion (M, J)."""
-    block, use = split
-    rows, joints, kinds = own.shape
-    design = np.zeros((rows, joints, joints * kinds))
-    for j in range(joints):
-        design[:, j, j * kinds : (j + 1) * kinds] = own[:, j]
-    parts = [design, *links]
-    if cause is not None:
-        parts.append(cause[..., None])
-    whole = np.concatenate(parts, axis=-1)
-    prior = np.ones(whole.shape[-1])
-    if cause is not None:
-        prior[-1] = 0.0
-    total = 0.0
-    for half in (0, 1):
-        seen, unseen = use & (block == half)[:, None], use & (block != half)[:, None]
-        x, t = whole[seen], y[seen]
-        size = np.linalg.solve(x.T @ x + np.diag(prior + 1e-9), x.T @ t)
-        total += float(((y[unseen] - whole[unseen] @ size) ** 2).sum())
-    return total / float(use.sum()) - 1.0

@@ -68,8 +68,6 @@ class EffortTruth:
         gap: that the cause adds at its worst joint, in a row's noise.
         alike: families with joints that imitate the cause on this motion, itself first.
         wrench: whether a sensor was there too.
-        configured, oracle: gap of the configured model, and of the oracle's fit on rows that it
-            did not see.
     """
 
     number: int
@@ -84,14 +82,6 @@ class EffortTruth:
     gap: float
     alike: tuple[tuple[str, int | None], ...]
     wrench: bool
-    configured: float
-    background: float
-    oracle: float
-
-    @property
-    def closed(self) -> float | None:
-        """Share of the configured gap that the oracle closes; None where there is hardly one."""
-        return 1.0 - max(self.oracle, 0.0) / self.configured if self.configured > 0.5 else None
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,11 +191,10 @@ def _recorded(
         columns |= {c: load[:, k] for k, c in enumerate(CHANNELS)}
         raw["sensor"] = {"noise_std": SENSOR_STD.tolist()}
     recording = Recording(parse(raw, "case"), columns, f"case{number[0]:04d}.parquet")
-    gaps = alike.oracle(setting, fault, effort, clean - setting.healthy)
     truth = EffortTruth(
         *number, kind, robot.name, setting.path.kind, setting.prefix, fault.family,
         fault.joint, {k: float(v) for k, v in fault.parameters.items()}, float(gap), equivalents,
-        wrench, *gaps,
+        wrench,
     )  # fmt: skip
     return EffortCase(recording, truth)
 

@@ -1,8 +1,7 @@
 """Arms of the efforts' benchmark, and what entrants say of its cases: rows of truth and claims."""
 
-import math
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,6 @@ from wrenchbed import registry
 from wrenchbed.benchmark.efforts import case
 from wrenchbed.benchmark.efforts.alike import Key
 from wrenchbed.benchmark.efforts.case import EffortTruth
-from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError, WrenchbedError
 from wrenchbed.files import write_text
 from wrenchbed.robots.base import SimulatedRobot
@@ -70,7 +68,6 @@ class EffortClaim:
         presence: probability of each.
         unknown: probability of ``unknown``.
         none: probability of ``none``.
-        closed: share of the configured gap that the answer closes by its own account.
         seconds: that it took.
         error: what went wrong, empty if nothing did.
     """
@@ -80,7 +77,6 @@ class EffortClaim:
     presence: tuple[float, ...] = ()
     unknown: float = 0.0
     none: float = 0.0
-    closed: float | None = None
     seconds: float = 0.0
     error: str = ""
 
@@ -99,18 +95,8 @@ def of_json(raw: Mapping[str, Any], seconds: float) -> EffortClaim:
         tuple(float(entry["probability"]) for entry in which),
         float(odds.get("unknown", 0.0)),
         float(odds.get("none", 0.0)),
-        _closed(raw.get("gap", {})),
         seconds,
     )
-
-
-def _closed(gap: Mapping[str, Any]) -> float | None:
-    """Share of the configured gap that is closed, as of the oracle; None without a claim."""
-    before, after = gap.get("configured"), gap.get("with_effects")
-    if before is None or after is None or not float(before) > 0.0:
-        return None
-    closed = 1.0 - max(float(after), 0.0) / float(before)
-    return closed if math.isfinite(closed) else None
 
 
 def _class(entry: Mapping[str, Any]) -> tuple[Key, ...]:
@@ -140,34 +126,17 @@ def always_none(_: EffortTruth) -> EffortClaim:
     return EffortClaim("none", none=1.0)
 
 
-def always_coulomb(_: EffortTruth) -> EffortClaim:
-    """Coulomb friction of the first joint is always wrong."""
-    return EffortClaim("identified", ((("drive.coulomb", 1),),), (1.0,), closed=0.0)
-
-
 def oracle(truth: EffortTruth) -> EffortClaim:
     """Claim of the truth itself."""
     if truth.kind == "none":
         return always_none(truth)
     if truth.kind == "outside":
         return EffortClaim("unknown", unknown=1.0)
-    return EffortClaim("identified", (((truth.family, truth.joint),),), (1.0,), closed=truth.closed)
+    return EffortClaim("identified", (((truth.family, truth.joint),),), (1.0,))
 
 
-TRIVIAL = {"always none": always_none, "always coulomb 1": always_coulomb, "oracle": oracle}
+TRIVIAL = {"always none": always_none, "oracle": oracle}
 """Entrants by rule, which show what the score is worth."""
-
-
-def _diagnosis(recording: Recording) -> Mapping[str, Any]:
-    """Result of the public diagnosis, as JSON."""
-    from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
-
-    result = diagnose_efforts(recording, wrench=recording.has_wrench)
-    return result.diagnosis.to_json()
-
-
-DIAGNOSED: dict[str, Callable[[Recording], Mapping[str, Any]]] = {OURS: _diagnosis}
-"""Entrants that see the recording, by name."""
 
 
 @dataclass(frozen=True)
@@ -216,10 +185,12 @@ def answer(job: EffortJob) -> dict[str, Any]:
 def _ask(name: str, made: case.EffortCase) -> EffortClaim:
     if name in TRIVIAL:
         return TRIVIAL[name](made.truth)
+    from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
+
     begun = time.perf_counter()
     try:
-        raw = DIAGNOSED[name](made.recording)
-        return of_json(raw, time.perf_counter() - begun)
+        result = diagnose_efforts(made.recording, wrench=made.recording.has_wrench)
+        return of_json(result.diagnosis.to_json(), time.perf_counter() - begun)
     except (WrenchbedError, ArithmeticError, LookupError, TypeError, ValueError) as error:
         spent = time.perf_counter() - begun
         return EffortClaim("error", seconds=spent, error=f"{type(error).__name__}: {error}")

@@ -11,14 +11,23 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import KINDS, NEEDED, ROWS_NEEDED, SIZES, STATED, Rng, log_uniform
+from wrenchbed.benchmark.frame import (
+    KINDS,
+    NEEDED,
+    ROWS_NEEDED,
+    SIZES,
+    STATED,
+    Rng,
+    Usual,
+    log_uniform,
+)
 from wrenchbed.benchmark.frame import subsystem as subsystem_of
 from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES, background, possible
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal
 from wrenchbed.benchmark.referee.machine import Mechanics, Ride, ride
 from wrenchbed.benchmark.referee.noise import held, rows, shaken
 from wrenchbed.benchmark.referee.scenario import SAMPLES, RefereeSetting, draw
-from wrenchbed.benchmark.referee.signatures import Bench, Usual, bench, thin
+from wrenchbed.benchmark.referee.signatures import Bench, bench, nuisance, thin
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
@@ -257,7 +266,7 @@ class FaultyRobot(World):
         r = fault.rows
         assert r is not None
         path, noise = self.setting.path, self.setting.noise
-        rise = r.gain**2 - 1.0 + (r.step / noise) ** 2 / 12.0  # of rounding, by definition
+        rise = r.rise(noise)
         if r.shake is not None:
             shaken_rows = shaken(self.setting, self.way, r.shake(path.t[path.rows]))
             rise = rise + ((shaken_rows / noise) ** 2).mean(axis=0)
@@ -327,7 +336,7 @@ def robot_with_minor(
     setting = draw(arm, mode, np.random.default_rng([*seed, 99]))
     scale = log_uniform(rng, 0.1, 0.5)
     around = int(rng.integers(2**62))
-    usual = Usual.of(setting)
+    usual = Usual.of(nuisance(setting), setting.noise)
     for _ in range(8):
         faults = background(setting, np.random.default_rng(around), scale)
         world = FaultyRobot.of(setting, faults, usual)

@@ -9,15 +9,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.frame import Rng, by_subsystem
+from wrenchbed.benchmark.frame import Rng, by_channel, by_subsystem, elapsed
 from wrenchbed.benchmark.referee import arm, sensor, tool
 from wrenchbed.benchmark.referee.fault import (
     DRAWN,
     RefereeFault,
     RowFault,
-    by_channel,
     direction,
-    elapsed,
     named,
     sign,
     touched,
@@ -126,12 +124,7 @@ def _within_tolerance(setting: RefereeSetting, rng: Rng) -> list[RefereeFault]:
         ),
         RefereeFault(shift, lambda m: tool.loaded(setting, m, dc=off), name="tool.cog"),
         RefereeFault({"mass": weight}, gauge_weight, name="tool.self_weight"),
-        RefereeFault(
-            by_channel(zero, "bias"),
-            gauge=lambda ride, y: y + zero,
-            stage=sensor.ZERO,
-            name="sensor.bias",
-        ),
+        replace(sensor.shifted(by_channel(zero, "bias."), zero), name="sensor.bias"),
     ]
 
 
@@ -239,7 +232,7 @@ def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 @family
 def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The sensor's bolts work loose: it rotates further and further on its flange."""
-    share = elapsed(setting)
+    share = elapsed(setting.path.t)
     angle = np.deg2rad(0.8) * size * sign(rng) * share ** rng.uniform(0.7, 2.0)
     turn = Rotation.from_rotvec(angle[:, None] * (np.array([0, 0, 1.0]) + 0.1 * direction(rng)))
 
@@ -253,7 +246,7 @@ def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The floor settles to one side while the run goes on."""
     heading = rng.uniform(-np.pi, np.pi)
-    share = elapsed(setting)
+    share = elapsed(setting.path.t)
     angle = np.deg2rad(0.8) * size * share ** rng.uniform(0.7, 2.0)
     turn = Rotation.from_rotvec(np.outer(angle, [np.cos(heading), np.sin(heading), 0.0]))
 

@@ -10,16 +10,18 @@ from typing import Any, Concatenate, ParamSpec
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.frame import Rng, RowChange
 from wrenchbed.benchmark.referee.machine import Mechanics, Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.physics.wrench import CHANNELS
 
 P = ParamSpec("P")
 CHANNEL = "[ft][xyz]"
 """Pattern of a channel's name."""
 Change = Callable[[Ride, np.ndarray], np.ndarray]
 """Makes another signal (T, 6) [N, N·m] of one, over the instants of a ride."""
+RowFault = RowChange[Callable[[np.ndarray], np.ndarray]]
+"""Change of single rows; it shakes the base by accelerations (n, 3) at times (n,) [s], world axes
+[m/s²]."""
 
 
 def sign(rng: Rng) -> float:
@@ -49,37 +51,6 @@ def touched(rng: Rng) -> np.ndarray:
         chosen[rng.choice(6, few, replace=False)] = True
     weight = chosen * rng.uniform(0.4, 1.0, 6) * rng.choice([-1.0, 1.0], 6)
     return np.asarray(weight / np.abs(weight).max())
-
-
-def elapsed(setting: RefereeSetting) -> np.ndarray:
-    """Fraction of the run that is over at each instant (T,)."""
-    t = setting.path.t
-    return np.asarray(np.clip((t - t[0]) / (t[-1] - t[0]), 0.0, 1.0))
-
-
-def by_channel(values: np.ndarray, stem: str) -> dict[str, float]:
-    """Nonzero values by name ``stem.fx`` …."""
-    pairs = zip(CHANNELS, values.tolist(), strict=True)
-    return {f"{stem}.{c}": float(v) for c, v in pairs if v != 0.0}
-
-
-@dataclass(frozen=True, eq=False)
-class RowFault:
-    """Change of single rows by a fault.
-
-    Attributes:
-        gain: factor on the noise (6,).
-        step: of rounding (6,), 0 does not round [N, N·m].
-        shake: acceleration of the base at times (n,) [s] in world axes (n, 3) [m/s²].
-        stale: chance that a row begins a repeat, and the mean number of rows repeated.
-        limit: range that is read (6,) [N, N·m].
-    """
-
-    gain: np.ndarray = field(default_factory=lambda: np.ones(6))
-    step: np.ndarray = field(default_factory=lambda: np.zeros(6))
-    shake: Callable[[np.ndarray], np.ndarray] | None = None
-    stale: tuple[float, float] = (0.0, 1.0)
-    limit: np.ndarray = field(default_factory=lambda: np.full(6, np.inf))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,12 +6,8 @@ armatures are estimates: large enough for a stable simulation at its step. Steps
 small against every time constant of the machine.
 """
 
-import ctypes
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
-from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -383,47 +379,23 @@ def ride(robot: SimulatedRobot, truth: Mechanics, path: DrivePath) -> Ride:
     of_site, at_site = data.site_xmat[site], data.site_xpos[site]
     force, torque = data.sensor("force").data, data.sensor("torque").data
     read, ignored = model.opt.disableflags, mujoco.mjtDisableBit.mjDSBL_SENSOR
-    with _without_clock():
-        for i, further in enumerate((steps - 1).tolist()):
-            if i in path.placed:
-                machine.place(data, q[i])
-                applied[:] = 0.0
-                mujoco.mj_step(model, data, round(_SEAT_S / h))
-            qpos[position_of], qvel[speed], applied[speed] = q[i], qd[i], push[i]
-            mujoco.mj_step(model, data)
-            load[i, :3], load[i, 3:] = force, torque
-            rotation[i], position[i] = of_site, at_site
-            if further:  # nobody reads the sensors between instants
-                model.opt.disableflags = read | ignored
-                mujoco.mj_step(model, data, further)
-                model.opt.disableflags = read
+    for i, further in enumerate((steps - 1).tolist()):
+        if i in path.placed:
+            machine.place(data, q[i])
+            applied[:] = 0.0
+            mujoco.mj_step(model, data, round(_SEAT_S / h))
+        qpos[position_of], qvel[speed], applied[speed] = q[i], qd[i], push[i]
+        mujoco.mj_step(model, data)
+        load[i, :3], load[i, 3:] = force, torque
+        rotation[i], position[i] = of_site, at_site
+        if further:  # nobody reads the sensors between instants
+            model.opt.disableflags = read | ignored
+            mujoco.mj_step(model, data, further)
+            model.opt.disableflags = read
     load *= -1.0
     if not np.isfinite(load).all() or np.abs(load).max() > 1e4:
         raise ParameterError("the simulation diverged: the faults are too large for the machine")
     return Ride(path, load, rotation.reshape(-1, 3, 3), position, truth.gravity)
-
-
-@contextmanager
-def _without_clock() -> Iterator[None]:
-    """MuJoCo's steps without its timers, which nobody reads here: they take an eighth of a step.
-
-    ``set_mjcb_time`` takes no null pointer, so C's own variable is cleared.
-    """
-    clock = _clock()
-    before, clock.value = clock.value, None
-    try:
-        yield
-    finally:
-        clock.value = before
-
-
-@cache
-def _clock() -> ctypes.c_void_p:
-    """MuJoCo's pointer to the function that tells the time; a dummy where its library is not."""
-    with suppress(StopIteration, OSError, ValueError):
-        library = next(Path(mujoco.__file__).parent.glob("libmujoco.*"))
-        return ctypes.c_void_p.in_dll(ctypes.CDLL(str(library)), "mjcb_time")
-    return ctypes.c_void_p()
 
 
 def _driven(truth: Mechanics, path: DrivePath) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

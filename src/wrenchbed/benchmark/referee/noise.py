@@ -10,6 +10,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from wrenchbed import registry
+from wrenchbed.benchmark.frame import converted
 from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault
 from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.memory import ornstein
@@ -50,11 +51,7 @@ def rows(
     for r in changed:
         if r.shake is not None:
             y = y + shaken(setting, ride, r.shake(t))
-    for r in changed:
-        step = np.where(r.step > 0, r.step, 1.0)
-        y = np.where(r.step > 0, np.round(y / step) * step, y)
-    for r in changed:
-        y = np.clip(y, -r.limit, r.limit)
+    y = converted(y, changed)
     for r in changed:
         y = y[held(len(y), r, rng)]
     unit = np.array([_ENCODER[j.unit] for j in setting.robot.joints])

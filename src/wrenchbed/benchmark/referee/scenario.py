@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.frame import Rng, hold_means
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
@@ -194,12 +194,7 @@ class RefereeSetting:
         """Mean at each pose (H, …) of a signal at all instants (T, …); in motion of each row (N,
         …)."""
         rows = signal[self.path.rows]
-        if self.mode == "dynamic":
-            return rows
-        count = np.bincount(self.path.hold)
-        starts = np.concatenate([[0], np.cumsum(count)[:-1]])
-        total = np.add.reduceat(rows, starts, axis=0)
-        return np.asarray(total / count.reshape(-1, *[1] * (rows.ndim - 1)))
+        return rows if self.mode == "dynamic" else hold_means(rows, self.path.hold)
 
     @cached_property
     def swing(self) -> np.ndarray:

@@ -8,13 +8,12 @@ saturation and quantization have the same formula there; here only their sizes a
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wrenchbed.benchmark.frame import Rng, log_uniform
+from wrenchbed.benchmark.frame import Rng, by_channel, log_uniform
 from wrenchbed.benchmark.referee.fault import (
     CHANNEL,
     RefereeFault,
     RowFault,
     about,
-    by_channel,
     drawn,
     sign,
     touched,
@@ -79,7 +78,7 @@ def bias(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     weight = touched(rng)
     least = 1.5 * setting.tolerance[2]
     value = weight * np.maximum(least, about(rng, 4e-3 * size) * setting.full_scale)
-    return _zero(by_channel(value, "bias"), value)
+    return shifted(by_channel(value, "bias."), value)
 
 
 @drawn("sensor.drift", compared=rf"rate\.{CHANNEL}")
@@ -91,15 +90,15 @@ def drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     curl = rng.uniform(-0.12, 0.12)
     shape = share + curl * share * (1.0 - share)
     rate = span / (t[-1] - t[0])
-    true = by_channel(rate, "rate")
-    return _zero(true, np.outer(shape, span))
+    true = by_channel(rate, "rate.")
+    return shifted(true, np.outer(shape, span))
 
 
 @drawn("sensor.gain", compared=rf"gain\.{CHANNEL}")
 def gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Sensitivities about 1 % off."""
     error = about(rng, 0.01 * size) * touched(rng)
-    true = by_channel(error, "gain")
+    true = by_channel(error, "gain.")
     return RefereeFault(true, gauge=lambda ride, y: y * (1.0 + error), stage=GAIN)
 
 
@@ -141,7 +140,7 @@ def hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         lag[:, used] = width[used] * bouc_wen(y[:, used] / reach[used], shape)
         return y - lag
 
-    return RefereeFault(by_channel(width, "width"), gauge=gauge, stage=LOOP)
+    return RefereeFault(by_channel(width, "width."), gauge=gauge, stage=LOOP)
 
 
 @drawn("sensor.saturation")
@@ -152,7 +151,7 @@ def saturation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     for k in rng.choice(6, int(rng.choice([1, 2], p=[0.75, 0.25])), replace=False):
         limit[k] = float(np.quantile(largest[:, k], 1.0 - min(0.05 * size, 0.2)))
         limit[k] = max(limit[k], 5.0 * setting.noise[k])
-    true = by_channel(np.where(np.isfinite(limit), limit, 0.0), "limit")
+    true = by_channel(np.where(np.isfinite(limit), limit, 0.0), "limit.")
     return RefereeFault(true, rows=RowFault(limit=limit))
 
 
@@ -233,10 +232,10 @@ def jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     step = about(rng, 4e-3 * size) * setting.full_scale * touched(rng)
     ramp = np.clip((t - when) / 0.5, 0.0, 1.0)
     first = float(t[setting.path.rows[0]])
-    true = {"time": when - first} | by_channel(step, "step")
-    return _zero(true, np.outer(ramp, step))
+    true = {"time": when - first} | by_channel(step, "step.")
+    return shifted(true, np.outer(ramp, step))
 
 
-def _zero(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
+def shifted(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
     """A zero that shifts by (6,), or instant by instant by (T, 6) [N, N·m]."""
     return RefereeFault(true, gauge=lambda ride, y: y + shift, stage=ZERO)

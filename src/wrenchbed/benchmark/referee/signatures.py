@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from wrenchbed.benchmark.frame import STATED
+from wrenchbed.benchmark.frame import STATED, Usual
 from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.memory import after, bouc_wen, dahl, lowpass
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
@@ -319,35 +319,6 @@ def _directions() -> np.ndarray:
     grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), -1).reshape(-1, 3)
     grid = grid[np.abs(grid).sum(axis=1) > 0]
     return np.asarray(grid / np.linalg.norm(grid, axis=1, keepdims=True))
-
-
-@dataclass(frozen=True, eq=False)
-class Usual:
-    """The part of a difference that every fit removes: bias, mass and CoG.
-
-    Attributes:
-        noise: of a row (6,).
-        basis: orthonormal columns (6 n, 10) in noises of a row.
-    """
-
-    noise: np.ndarray
-    basis: np.ndarray
-
-    @classmethod
-    def of(cls, setting: RefereeSetting) -> "Usual":
-        """Nuisance basis and noise of a robot's setting."""
-        white = _white(nuisance(setting), setting.noise)
-        return cls(setting.noise, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
-
-    def white(self, signal: np.ndarray, configured: bool) -> np.ndarray:
-        """A difference (n, 6) in noises of a row (6 n,), after the fit unless ``configured``."""
-        x = (signal / self.noise).ravel()
-        return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
-
-    def gap(self, signal: np.ndarray, configured: bool) -> float:
-        """Mean square of a difference (n, 6) in noises of a row."""
-        x = self.white(signal, configured)
-        return float(x @ x) / len(x)
 
 
 class Block(NamedTuple):

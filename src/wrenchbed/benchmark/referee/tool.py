@@ -8,13 +8,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.frame import Rng, elapsed
 from wrenchbed.benchmark.referee.fault import (
     RefereeFault,
     about,
     direction,
     drawn,
-    elapsed,
     sign,
 )
 from wrenchbed.benchmark.referee.machine import Hose, LoosePart, Mechanics, Pad, Ride
@@ -79,7 +78,7 @@ def loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 @drawn("tool.leak")
 def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """About 1.5 % of the tool's mass is lost: by an exponential, in two stages, or in drops."""
-    share = elapsed(setting)
+    share = elapsed(setting.path.t)
     law = rng.choice(["exponential", "two stages", "drops"])
     if law == "exponential":
         gone = -np.expm1(-share / rng.uniform(0.2, 2.0))
@@ -107,7 +106,7 @@ def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 @drawn("tool.slide")
 def slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The CoG moves by about 2 mm: a clamp creeps (Kohlrausch), or it sticks and slips."""
-    share = elapsed(setting)
+    share = elapsed(setting.path.t)
     if rng.uniform() < 0.5:
         law = -np.expm1(-((share / rng.uniform(0.1, 1.0)) ** rng.uniform(0.4, 1.0)))
     else:

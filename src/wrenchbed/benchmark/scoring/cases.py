@@ -24,10 +24,6 @@ from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number, 
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
 from wrenchbed.diagnosis.explain import reliability
-from wrenchbed.diagnosis.explain.refit import Finalist
-from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.gap import closure
-from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
 from wrenchbed.effects.chain import effects
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
@@ -41,8 +37,6 @@ SAMPLES, MOTION_S, RATE_HZ = 60, 60.0, 125.0
 """Rows of a pose; length of a motion [s] and its rate [Hz]."""
 DESIGNS = {"static": 6, "dynamic": 3}
 """Number of designs over which the cases of a mode are spread."""
-VARIANTS = 3
-"""Variants of a true effect that the oracle refits, best of its linear evidence first."""
 _TRIES = 8
 """Largest number of draws of a case."""
 
@@ -199,33 +193,32 @@ def _with_findings(
 ) -> CaseRow:
     """A row with what the diagnosis says beside its claim, and what reliability is learnt from."""
     raw, diagnosis = findings.untempered, findings.diagnosis
-    gap = diagnosis.gap.closed
-    features = reliability.features(
-        findings.analysis.ranking, raw, 0.0 if gap is None else gap.value
-    )
-    parameters, variant = _numbers(place, case, findings)
-    closed, best = None, None
-    if case.causes and not case.rows:
-        closed, best = _closed(findings, case.causes)
+    closed = diagnosis.gap.closed
+    share = 0.0 if closed is None else closed.value
+    parameters: list[Number] = []
+    variant = True
+    for cause in diagnosis.which:
+        if cause["effect"] in case.causes:
+            numbers, fits = compared(place, case, cause["effect"], cause["parameters"])
+            parameters += numbers
+            variant = variant and (fits or not numbers)
     return replace(
         row,
         where=diagnosis.where[0]["subsystem"] if diagnosis.where else None,
-        numbers=parameters,
-        variant=variant,
-        closed=closed,
-        oracle=best,
+        numbers=tuple(parameters),
+        variant=variant and bool(parameters),
         raw=raw.verdict,
         lead=raw.causes[0].names if raw.causes else (),
-        features=features,
+        features=reliability.features(findings.analysis.ranking, raw, share),
     )
 
 
 def claim_of(findings: Findings) -> Claim:
     """Diagnosis as a claim, the form that all methods share."""
-    said = findings.diagnosis
-    causes = tuple((w["effect"], *w["rivals"]) for w in said.which)
-    presence = tuple(float(w["probability"]) for w in said.which)
-    return Claim(said.verdict, causes, dict(said.probabilities), presence)
+    diagnosis = findings.diagnosis
+    causes = tuple((w["effect"], *w["rivals"]) for w in diagnosis.which)
+    presence = tuple(float(w["probability"]) for w in diagnosis.which)
+    return Claim(diagnosis.verdict, causes, dict(diagnosis.probabilities), presence)
 
 
 def _detectability(place: ExperimentDesign, case: LookalikeCase) -> dict[str, float]:
@@ -233,69 +226,3 @@ def _detectability(place: ExperimentDesign, case: LookalikeCase) -> dict[str, fl
     n = len(place)
     means = {k: float(np.sqrt(6 * n * g)) for k, g in case.gaps.items()}
     return means | {k: r * float(np.sqrt(n * place.samples / 2)) for k, r in case.rows.items()}
-
-
-def _numbers(
-    place: ExperimentDesign, case: LookalikeCase, findings: Findings
-) -> tuple[tuple[Number, ...], bool]:
-    """Parameters of every true effect that the diagnosis names first in a class."""
-    parameters: list[Number] = []
-    variant = True
-    for cause in findings.diagnosis.which:
-        if cause["effect"] in case.causes:
-            own, fits = compared(place, case, cause["effect"], cause["parameters"])
-            parameters += own
-            variant = variant and (fits or not own)
-    return tuple(parameters), variant and bool(parameters)
-
-
-def _closed(findings: Findings, causes: tuple[str, ...]) -> tuple[float | None, float | None]:
-    """Share of the held-out gap that the diagnosis closes, and that an oracle closes.
-
-    Of causes that are only wrong stated numbers, from the configured simulator on, else from the
-    calibrated one.
-    """
-    a, gap = findings.analysis, findings.diagnosis.gap
-    start = gap.configured if set(causes) <= set(STATED) else gap.calibrated.value
-    whole = start - gap.floor
-    best = oracle(a, causes)
-    if whole <= 0 or best is None:
-        return None, None
-    held_out = HeldOut(a.prepared)
-    keep = [k for k, h in enumerate(best.parts) if h.name not in STATED]
-    twin = closure.twin_of(a, best, keep)
-    reading, _ = CrossFit(a).explained(twin, best, keep, ())
-    after = held_out.mean(held_out.of(reading))
-    own = (gap.with_effects or gap.calibrated).value
-    return (start - own) / whole, (start - after) / whole
-
-
-def oracle(a: Analysis, causes: tuple[str, ...]) -> Finalist | None:
-    """The best refit of the true effects: of the first alone, then each further one beside it.
-
-    None where an effect has no hypothesis in this design.
-    """
-    searcher, refitter = a.searcher, a.refitter
-    best: Finalist | None = None
-    for name in sorted(causes, key=lambda n: n in STATED):
-        more = searcher.singles(refitter.y) if best is None else refitter.added(best)
-        own = [s for s in more if s.index >= 0 and searcher.hypotheses[s.index].name == name]
-        drafts = []
-        for s in _distinct(own):
-            h = searcher.hypotheses[s.index]
-            if best is None:
-                drafts.append(refitter.fit((h,), s.rung))
-            else:
-                start = np.concatenate([best.x, refitter.start((h,))])
-                drafts.append(refitter.fit((*best.parts, h), best.rung, start))
-        if not drafts:
-            return None
-        best = max(drafts, key=lambda f: f.log_posterior)
-    return best
-
-
-def _distinct(singles: list[Any]) -> list[Any]:
-    kept: dict[int, Any] = {}
-    for s in sorted(singles, key=lambda s: -s.log_posterior):
-        kept.setdefault(s.index, s)
-    return list(kept.values())[:VARIANTS]

@@ -73,19 +73,26 @@ class Metric:
         title: for a table.
         target: what it should be; empty where nobody stated a figure.
         parts: sums of one case, None where it does not count.
-        combine: sums (…, k) → figure (…); None: the median of the parts, without an interval.
+        combine: sums (…, k) → figure (…).
         ours: only the diagnosis states it.
         percent: a share.
-        exact: a share of several trials a case, each of which counts as one.
     """
 
     title: str
     target: str
     parts: Parts
-    combine: Callable[[np.ndarray], np.ndarray] | None = ratio
+    combine: Callable[[np.ndarray], np.ndarray] = ratio
     ours: bool = False
     percent: bool = True
-    exact: bool = False
+
+    def text(self, scored: ScoredMetric | None, *, wide: bool = True) -> str:
+        """A figure as tables show it, with its interval if ``wide``."""
+        if scored is None:
+            return "–"
+        numbers = (scored.value, scored.low, scored.high)
+        value, low, high = (f"{100 * x:.0f}" if self.percent else f"{x:.2f}" for x in numbers)
+        unit = " %" if self.percent else ""
+        return f"{value}{unit} ({low}–{high})" if wide else f"{value}{unit}"
 
 
 def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = False) -> Metric:
@@ -96,16 +103,6 @@ def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = Fal
         return (held(row, claim), 1.0) if counts(row, claim) else None
 
     return Metric(title, target, parts, ours=ours)
-
-
-def median(title: str, target: str, value: Callable[[CaseRow, str], float | None]) -> Metric:
-    """The median of a value over the cases that have it."""
-
-    def parts(row: CaseRow, method: str) -> Sequence[float] | None:
-        x = value(row, method)
-        return None if x is None else (x,)
-
-    return Metric(title, target, parts, combine=None, percent=False)
 
 
 def figure(
@@ -122,10 +119,8 @@ def figure(
         return None
     sums = np.array(every, dtype=float)
     n = len(sums)
-    if metric.combine is None:
-        return ScoredMetric(float(np.median(sums)), np.nan, np.nan, n)
     whole = metric.percent and metric.combine is ratio and sums.shape[1] == 2
-    if metric.exact or (whole and np.isin(sums, (0.0, 1.0)).all() and sums[:, 1].all()):
+    if whole and np.isin(sums, (0.0, 1.0)).all() and sums[:, 1].all():
         hits, trials = (int(x) for x in sums.sum(axis=0))
         return ScoredMetric(hits / trials, *exact_interval(hits, trials), trials, hits)
     weights = np.random.default_rng([seed, 50]).multinomial(n, np.full(n, 1.0 / n), size=draws)
@@ -353,12 +348,11 @@ def figure_cells(
     for metric in metrics.values():
         scored = figure(metric, rows, OURS, draws)
         theirs = [
-            "–" if metric.ours else _worded(metric, figure(metric, rows, m, draws)) for m in others
+            "–" if metric.ours else metric.text(figure(metric, rows, m, draws), wide=False)
+            for m in others
         ]
         count = "" if scored is None else scored.counted
-        lines.append(
-            [metric.title, metric.target, _worded(metric, scored, wide=True), count, *theirs]
-        )
+        lines.append([metric.title, metric.target, metric.text(scored), count, *theirs])
     return ["", "target", f"{main} (95 %)", "n", *others], lines
 
 
@@ -434,16 +428,6 @@ def placed(document: str, name: str, text: str) -> str:
     if not mark or not closed:
         raise DiagnosisError(f"the document has no place for {name}: it needs {begin} … {end}")
     return f"{head}{begin}\n{text.strip()}\n{end}{tail}"
-
-
-def _worded(metric: Metric, f: ScoredMetric | None, *, wide: bool = False) -> str:
-    if f is None:
-        return "–"
-    if metric.percent:
-        value, low, high = (f"{100 * x:.0f}" for x in (f.value, f.low, f.high))
-        return f"{value} % ({low}–{high})" if wide else f"{value} %"
-    value, low, high = (f"{x:.2f}" for x in (f.value, f.low, f.high))
-    return f"{value} ({low}–{high})" if wide else value
 
 
 def _line(*cells: str) -> str:

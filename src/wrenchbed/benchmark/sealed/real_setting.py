@@ -13,6 +13,7 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
+from wrenchbed.benchmark.frame import converted, hold_means
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal
 from wrenchbed.benchmark.referee.machine import Mechanics, Ride
 from wrenchbed.benchmark.referee.noise import held, shaken
@@ -109,7 +110,7 @@ class RealSetting(RefereeSetting):
 
     def means(self, rows: np.ndarray) -> np.ndarray:
         """Mean at each pose, or of each average in motion, of recorded rows (N, …)."""
-        return group_means(rows, self.path.hold)
+        return hold_means(rows, self.path.hold)
 
     def ride(self, faults: Sequence[RefereeFault] = ()) -> Ride:
         """A rigid tool along the recording, with faults of its body."""
@@ -151,10 +152,8 @@ class RealSetting(RefereeSetting):
                 y = y + more * self.scatter * rng.standard_normal(y.shape)
             if r.shake is not None:
                 y = y + shaken(self, clean, r.shake(self.recording.t))
+        y = converted(y, changed)
         for r in changed:
-            step = np.where(r.step > 0, r.step, 1.0)
-            y = np.where(r.step > 0, np.round(y / step) * step, y)
-            y = np.clip(y, -r.limit, r.limit)
             y = y[held(len(y), r, rng)]
         return y
 
@@ -195,8 +194,8 @@ def setting_of(recording: Recording) -> RealSetting:
         raise ParameterError(f"{recording.name}: states no sensor.noise_std and has no repeats")
     noise = scatter if stated is None else np.array(stated)
     own = np.maximum(_rough(recording.wrench, hold), 1e-9) if moving else noise
-    pull = group_means(gravity @ seen - acceleration, hold)
-    load = identify_from_gravity(pull, group_means(recording.wrench, hold), 1.0 / own**2)
+    pull = hold_means(gravity @ seen - acceleration, hold)
+    load = identify_from_gravity(pull, hold_means(recording.wrench, hold), 1.0 / own**2)
     tool = meta.tool
     tool = replace(
         tool,
@@ -219,14 +218,6 @@ def setting_of(recording: Recording) -> RealSetting:
     )  # fmt: skip
 
 
-def group_means(rows: np.ndarray, group: np.ndarray) -> np.ndarray:
-    """Means (n, …) of rows (N, …) by consecutive groups 0, 0, 1, … (N,)."""
-    count = np.bincount(group)
-    starts = np.concatenate([[0], np.cumsum(count)[:-1]])
-    total = np.add.reduceat(np.asarray(rows, dtype=float), starts, axis=0)
-    return np.asarray(total / count.reshape(-1, *[1] * (rows.ndim - 1)))
-
-
 def _poses(recording: Recording) -> np.ndarray:
     holds = gather(recording, np.ones(len(recording), dtype=bool))
     return np.repeat(np.arange(len(holds)), holds.count)
@@ -242,13 +233,13 @@ def _scatter(wrench: np.ndarray, group: np.ndarray) -> np.ndarray:
     free = len(wrench) - int(group[-1]) - 1
     if free == 0:
         return np.full(6, np.inf)
-    about = wrench - group_means(wrench, group)[group]
+    about = wrench - hold_means(wrench, group)[group]
     return np.sqrt((about**2).sum(axis=0) / free)
 
 
 def _rough(wrench: np.ndarray, group: np.ndarray) -> np.ndarray:
     """Noise of an average (6,) by second differences, in which a smooth motion cancels."""
-    bend = np.diff(group_means(wrench, group), 2, axis=0)
+    bend = np.diff(hold_means(wrench, group), 2, axis=0)
     return np.sqrt((bend**2).mean(axis=0) / 6.0)
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import KINDS, STATED, Rng
+from wrenchbed.benchmark.frame import KINDS, STATED, Rng, Usual
 from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.benchmark.referee import sensor
 from wrenchbed.benchmark.referee.case import TrueCause, World, between
@@ -20,7 +20,7 @@ from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.referee.catalogue import FAMILIES as OF_REFEREE
 from wrenchbed.benchmark.referee.fault import RefereeFault, named, touched
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.referee.signatures import Bench, Usual, bench, blocks_of_orientations
+from wrenchbed.benchmark.referee.signatures import Bench, bench, blocks_of_orientations
 from wrenchbed.benchmark.sealed import commitments, make
 from wrenchbed.benchmark.sealed.commitments import Answer, Fact
 from wrenchbed.benchmark.sealed.real import plain
@@ -88,9 +88,7 @@ class HostRecording(World):
     @cached_property
     def usual(self) -> Usual:
         """Readings that every calibration removes: those of bias, mass and CoG."""
-        white = self.setting.nuisance() / self.setting.own[:, None]
-        white = white.reshape(-1, white.shape[-1])
-        return Usual(self.setting.own, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
+        return Usual.of(self.setting.nuisance(), self.setting.own)
 
     @cached_property
     def signatures(self) -> Bench:
