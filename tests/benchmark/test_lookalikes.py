@@ -107,7 +107,7 @@ def test_the_background_alone_is_no_gap(kind):
         case = draw(design, seed, "none")
         assert case.causes == () and case.gaps == {}
         r = ((case.clean - design.nominal) / design.noise_std).ravel()
-        left = r - design.nuisance @ (design.nuisance.T @ r)
+        left = r - design.usual.basis @ (design.usual.basis.T @ r)
         assert 0.01 < left @ left / len(r) < 0.5
 
 

@@ -15,6 +15,7 @@ from wrenchbed.benchmark.lookalikes.imperfection import (
     Imperfection,
     ImperfectRobot,
     RowImperfection,
+    Shaking,
     gap,
     lookalike,
     named,
@@ -216,7 +217,7 @@ def vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     shake = wrench_at(design.load.cog, force)
     values = {"acceleration": level, "frequency": frequency}
     values |= dict(zip("xyz", axis.tolist(), strict=True))
-    rows = RowImperfection(shake=shake, frequency=frequency)
+    rows = RowImperfection(shake=Shaking(shake, frequency))
     return Imperfection(values, rows=rows)
 
 

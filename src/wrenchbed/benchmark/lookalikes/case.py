@@ -18,6 +18,7 @@ from wrenchbed.benchmark.frame import (
     SIZES,
     STATED,
     Rng,
+    converted,
     log_uniform,
     subsystem,
 )
@@ -287,96 +288,55 @@ def recording(design: ExperimentDesign, case: LookalikeCase) -> Recording:
     return Recording(design.metadata, columns, f"lookalike-{case.seed}")
 
 
-@dataclass(frozen=True, eq=False)
-class NoiseLaw:
-    """How one robot's rows scatter, in units of ``noise_std``.
-
-    Attributes:
-        level: per channel (6,), about 1.
-        tails: share of rows that are Student-t with ``freedom`` degrees of freedom.
-        freedom: 4 to 8.
-        memory: share of the variance that is AR(1) with coefficient ``keep``.
-        keep: 0 to 0.6.
-        mixing: (6, 6) root of the correlation between channels.
-        wander: rms of the wander per channel (6,).
-    """
-
-    level: np.ndarray
-    tails: float
-    freedom: float
-    memory: float
-    keep: float
-    mixing: np.ndarray
-    wander: np.ndarray
-
-
-def noise_law(rng: Rng) -> NoiseLaw:
-    """Random noise law of a robot's rows."""
-    lean = 0.25 * rng.standard_normal((6, 6))
-    root = np.eye(6) + lean
-    root = root / np.linalg.norm(root, axis=1, keepdims=True)
-    return NoiseLaw(
-        level=rng.uniform(0.95, 1.05, 6),
-        tails=rng.uniform(0.0, 0.7),
-        freedom=rng.uniform(4.0, 8.0),
-        memory=rng.uniform(0.0, 0.6),
-        keep=rng.uniform(0.0, 0.6),
-        mixing=root,
-        wander=rng.uniform(0.0, WANDER) * rng.uniform(0.6, 1.0, 6),
-    )
-
-
-def row_noise(design: ExperimentDesign, law: NoiseLaw, rng: Rng, samples: int) -> np.ndarray:
-    """Noise (H, samples, 6) [N, N·m], without the wander; in motion one run of all rows."""
-    count = len(design)
-    shape = (1, count, 6) if design.moving else (count, samples, 6)
-    white = rng.standard_normal(shape)
-    heavy = rng.uniform(size=shape[:2]) < law.tails
-    spread = np.sqrt((law.freedom - 2.0) / rng.chisquare(law.freedom, shape[:2]))
-    white *= np.where(heavy, spread, 1.0)[..., None]
-    kicks = rng.standard_normal(shape) * np.sqrt(1.0 - law.keep**2)
-    initial = law.keep * rng.standard_normal((shape[0], 1, 6))
-    slow = lfilter([1.0], [1.0, -law.keep], kicks, axis=1, zi=initial)[0]
-    unit = np.sqrt(1.0 - law.memory) * white + np.sqrt(law.memory) * slow
-    mixed = unit @ law.mixing.T * (law.level * design.noise_std)
-    return mixed.reshape(count, -1, 6)
-
-
-def wander(design: ExperimentDesign, law: NoiseLaw, rng: Rng) -> np.ndarray:
-    """1/f wander (N, 6) [N, N·m] over the run."""
-    return slow_noise(rng, len(design), 6) * law.wander * design.noise_std
-
-
 def _rows(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
     """Readings (N, samples, 6) [N, N·m] of a case."""
     rng = np.random.default_rng([case.seed, 2])
-    law = noise_law(rng)
     samples = 1 if design.moving else design.samples
-    slow = wander(design, law, rng)
-    scatter = row_noise(design, law, rng, samples)
+    slow, scatter = row_noise(design, rng, samples)
     load = case.unclipped
     if design.moving:  # the clock of the sensor jitters
         late = np.clip(rng.normal(0.0, 1.5e-4, len(load)), -5e-4, 5e-4)
         load = load + late[:, None] * np.gradient(load, design.t, axis=0)
-    y = (load + slow)[:, None, :]
     changed = [i.rows for i, _ in case.items if i.rows is not None]
     for r in changed:
         scatter = scatter * r.gain
-    y = y + scatter
+    y = (load + slow)[:, None, :] + scatter
     when = design.t[:, None] + np.arange(samples) / design.rate
     for r in changed:
         if r.shake is not None:
-            y = y + r.shake[:, None, :] * _shaking(when, r.frequency, rng)[..., None]
-    for r in changed:
-        step = np.where(r.step > 0.0, r.step, 1.0)
-        y = np.where(r.step > 0.0, np.round(y / step) * step, y)
-    for r in changed:
-        y = np.clip(y, -r.limit, r.limit)
+            wave = _shaking(when, r.shake.frequency, rng)
+            y = y + r.shake.wrench[:, None, :] * wave[..., None]
+    y = converted(y, changed)
     for r in changed:
         if r.stale[0] > 0.0:
             flat = y.reshape(-1, 6)
             y = flat[held_rows(len(flat), r.stale, rng)].reshape(y.shape)
     return y
+
+
+def row_noise(design: ExperimentDesign, rng: Rng, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """1/f wander over the run (N, 6), and noise of rows (N, samples, 6) [N, N·m], by a random law.
+
+    A share of rows is Student-t with 4 to 8 degrees of freedom. A share of the variance is AR(1).
+    Channels are correlated, and each has a level of its own. In motion all rows are one run.
+    """
+    mixing = np.eye(6) + 0.25 * rng.standard_normal((6, 6))
+    mixing = mixing / np.linalg.norm(mixing, axis=1, keepdims=True)
+    level, tails = rng.uniform(0.95, 1.05, 6), rng.uniform(0.0, 0.7)
+    freedom, memory = rng.uniform(4.0, 8.0), rng.uniform(0.0, 0.6)
+    keep, wander = rng.uniform(0.0, 0.6), rng.uniform(0.0, WANDER) * rng.uniform(0.6, 1.0, 6)
+    count = len(design)
+    slow = slow_noise(rng, count, 6) * wander * design.noise_std
+    shape = (1, count, 6) if design.moving else (count, samples, 6)
+    white = rng.standard_normal(shape)
+    heavy = rng.uniform(size=shape[:2]) < tails
+    spread = np.sqrt((freedom - 2.0) / rng.chisquare(freedom, shape[:2]))
+    white *= np.where(heavy, spread, 1.0)[..., None]
+    kicks = rng.standard_normal(shape) * np.sqrt(1.0 - keep**2)
+    initial = keep * rng.standard_normal((shape[0], 1, 6))
+    lagging = lfilter([1.0], [1.0, -keep], kicks, axis=1, zi=initial)[0]
+    unit = np.sqrt(1.0 - memory) * white + np.sqrt(memory) * lagging
+    return slow, (unit @ mixing.T * (level * design.noise_std)).reshape(count, -1, 6)
 
 
 def _shaking(t: np.ndarray, frequency: float, rng: Rng) -> np.ndarray:

@@ -18,6 +18,7 @@ from wrenchbed.benchmark.lookalikes.imperfection import (
     LookalikeEffect,
     RowImperfection,
     Scaled,
+    Shaking,
     gap,
     relax,
 )
@@ -119,9 +120,10 @@ def _between_rows(design: ExperimentDesign, rng: Rng) -> Imperfection:
     step = rng.uniform(0.0, 0.4) * design.noise_std
     drawn = arm.vibration(design, rng, rng.uniform(0.02, 0.2)).rows
     assert drawn is not None and drawn.shake is not None
-    rise = float(np.max(np.mean((drawn.shake / design.noise_std) ** 2, axis=0)))
-    shake = min(1.0, float(np.sqrt(MOST_RISE / max(rise, 1e-12)))) * drawn.shake
-    rows = RowImperfection(np.ones(6), step, shake, drawn.frequency)
+    wrench, frequency = drawn.shake
+    rise = float(np.max(np.mean((wrench / design.noise_std) ** 2, axis=0)))
+    wrench = min(1.0, float(np.sqrt(MOST_RISE / max(rise, 1e-12)))) * wrench
+    rows = RowImperfection(step=step, shake=Shaking(wrench, frequency))
     return Imperfection(name="background", rows=rows)
 
 

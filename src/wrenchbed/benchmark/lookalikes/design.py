@@ -13,6 +13,7 @@ from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
+from wrenchbed.benchmark.frame import Usual, hold_means
 from wrenchbed.benchmark.lookalikes.loads import (
     RigidLoad,
     SensorMotion,
@@ -34,8 +35,8 @@ STEPS = 4
 """Points on the move to each pose; the last one is the pose itself."""
 STILL = 1e-3
 """Steps of joint values below this are one hold where no segments are given [rad or m]."""
-_MOVE_S = 3.0
-"""Time of a move between planned poses [s]: an estimate."""
+_MOVE_S, _RATE_HZ = 3.0, 100.0
+"""Time of a move between planned poses [s] and rate of the rows there [Hz]: estimates."""
 _SMOOTH = (11, 4)
 """Rows and degree of the polynomials that remove encoder noise from a recorded motion."""
 _STRIDE = 8
@@ -63,25 +64,12 @@ class JointPath:
     at: np.ndarray
 
 
-def path_of_motion(
-    t: np.ndarray, q: np.ndarray, motion: SensorMotion, wrench: np.ndarray, torque: np.ndarray
-) -> JointPath:
-    """Path of a motion: its own samples."""
-    return JointPath(t, q, wrench, motion.specific_force, torque, np.arange(len(t)))
-
-
-def path_of_holds(
-    robot: Robot,
-    theta: np.ndarray,
-    t: np.ndarray,
-    q: np.ndarray,
-    gravity: np.ndarray,
-    load: RigidLoad,
-) -> JointPath:
-    """Straight joint-space moves from hold to hold (H, J), without joint torques."""
+def path_of_holds(design: "ExperimentDesign") -> JointPath:
+    """Straight joint-space moves from hold to hold."""
+    robot, theta, gravity, t = design.robot, design.theta, design.gravity, design.t
+    q = target = design.q
     share = np.arange(1, STEPS + 1) / STEPS
     before = np.concatenate([q[:1], q[:-1]])
-    target = q
     if not robot.joints:
         target = q * np.where((before * q).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
     points = before[:, None] + share[None, :, None] * (target - before)[:, None]
@@ -98,8 +86,9 @@ def path_of_holds(
         motion = at_rest(robot, theta, points, gravity)
     since = np.concatenate([t[:1] - 1.0, t[:-1]])
     times = (since[:, None] + share * (t - since)[:, None]).ravel()
-    wrench = load_wrench(motion, load)
-    return JointPath(times, points, wrench, motion.specific_force, np.zeros((len(points), 0)), at)
+    torque = weights(robot, theta, points, gravity).torque
+    wrench = load_wrench(motion, design.load)
+    return JointPath(times, points, wrench, motion.specific_force, torque, at)
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,44 +141,30 @@ class ExperimentDesign:
         change = np.abs(np.diff(q, axis=0)).max(axis=1) > STILL
         if segment is not None:
             change |= np.diff(segment) != 0
-        starts = np.concatenate([[0], np.flatnonzero(change) + 1])
-        count = np.diff(np.append(starts, len(t)))
-
-        def mean(rows: np.ndarray) -> np.ndarray:
-            return np.add.reduceat(rows, starts) / count.reshape(-1, *[1] * (rows.ndim - 1))
-
-        middle = mean(q)
+        hold = np.concatenate([[0], np.cumsum(change)])
+        middle, y = hold_means(q, hold), hold_means(recording.wrench, hold)
         if not recording.joints:
             middle = middle / np.linalg.norm(middle, axis=1, keepdims=True)
-        scatter = recording.wrench - np.repeat(mean(recording.wrench), count, axis=0)
-        dof = len(t) - len(starts)
-        measured = np.sqrt((scatter**2).sum(axis=0) / dof) if dof > 10 else None
-        average = None if warm is None else mean(warm.astype(float))
-        samples = max(1, int(np.median(count)))
-        noise = _noise(meta, robot, measured)
-        y = mean(recording.wrench)
-        return cls(robot, "static", middle, mean(t), samples, rate, meta, noise, average, y)
+        dof = len(t) - len(y)
+        scatter = ((recording.wrench - y[hold]) ** 2).sum(axis=0)
+        noise = _noise(meta, robot, np.sqrt(scatter / dof) if dof > 10 else None)
+        average = None if warm is None else hold_means(warm, hold)
+        samples = max(1, int(np.median(np.bincount(hold))))
+        at = hold_means(t, hold)
+        return cls(robot, "static", middle, at, samples, rate, meta, noise, average, y)
 
     @classmethod
-    def of_plan(
-        cls,
-        plan: Plan,
-        robot: Robot,
-        samples: int = 50,
-        rate: float = 100.0,
-        metadata: Metadata | None = None,
-        temperature: np.ndarray | None = None,
-    ) -> "ExperimentDesign":
-        """A design from a plan before it is recorded; nominal numbers where none are stated."""
-        rate = float(plan.rate_hz or rate)
-        meta = metadata if metadata is not None else _nominal(robot, plan.mode, rate)
+    def of_plan(cls, plan: Plan, robot: Robot, samples: int = 50) -> "ExperimentDesign":
+        """A design from a plan before it is recorded, with nominal numbers."""
+        rate = float(plan.rate_hz or _RATE_HZ)
+        meta = _nominal(robot, plan.mode, rate)
         noise = _noise(meta, robot, None)
         if plan.mode == "dynamic":
             t = np.arange(len(plan)) / rate
-            return cls(robot, "dynamic", plan.q, t, 1, rate, meta, noise, temperature)
+            return cls(robot, "dynamic", plan.q, t, 1, rate, meta, noise)
         dwell = np.maximum(plan.dwell, samples / rate) + _MOVE_S
         t = np.cumsum(dwell) - 0.5 * samples / rate
-        return cls(robot, "static", plan.q, t, samples, rate, meta, noise, temperature)
+        return cls(robot, "static", plan.q, t, samples, rate, meta, noise)
 
     def once(self, name: str, compute: Callable[[], Value]) -> Value:
         """A result of ``compute`` that belongs to this design, computed once."""
@@ -288,10 +263,10 @@ class ExperimentDesign:
     def path(self) -> JointPath:
         """The nominal path through all poses with the moves between them."""
         if self.moving:
-            return path_of_motion(self.t, self.q, self.motion, self.nominal, self.weights.torque)
-        path = path_of_holds(self.robot, self.theta, self.t, self.q, self.gravity, self.load)
-        torque = weights(self.robot, self.theta, path.q, self.gravity).torque
-        return replace(path, torque=torque)
+            specific, torque = self.motion.specific_force, self.weights.torque
+            every = np.arange(len(self.t))
+            return JointPath(self.t, self.q, self.nominal, specific, torque, every)
+        return path_of_holds(self)
 
     @cached_property
     def weights(self) -> Weights:
@@ -310,17 +285,14 @@ class ExperimentDesign:
         return mass, cog, np.asarray(bias, dtype=float)
 
     @cached_property
-    def nuisance(self) -> np.ndarray:
-        """Orthonormal columns (6 N, 10) of bias, mass and CoG in row noises."""
-        n, load = len(self), self.load
-        columns = np.zeros((10, n, 6))
-        columns[np.arange(6), :, np.arange(6)] = 1.0
+    def usual(self) -> Usual:
+        """What every fit removes: bias, mass and CoG."""
+        load = self.load
         changed = [replace(load, mass=load.mass + 1.0)]
         changed += [replace(load, cog=load.cog + 0.01 * axis) for axis in np.eye(3)]
-        for k, other in enumerate(changed, start=6):
-            columns[k] = load_wrench(self.motion, other) - self.nominal
-        scaled = (columns / self.noise_std).reshape(10, -1)
-        return np.linalg.qr((scaled / np.linalg.norm(scaled, axis=1, keepdims=True)).T)[0]
+        columns = [np.broadcast_to(axis, self.nominal.shape) for axis in np.eye(6)]
+        columns += [load_wrench(self.motion, other) - self.nominal for other in changed]
+        return Usual.of(np.stack(columns, axis=-1), self.noise_std)
 
 
 def _noise(meta: Metadata, robot: Robot, measured: np.ndarray | None) -> np.ndarray:

@@ -7,12 +7,12 @@ in time, 1/f noise. Numbers without a source are estimates.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_banded
 
-from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.frame import Rng, RowChange
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, load_wrench
 
@@ -87,32 +87,18 @@ def gap(design: ExperimentDesign, difference: np.ndarray, *, configured: bool = 
     Args:
         configured: count all of it, not only what bias, mass and CoG cannot take up.
     """
-    r = (difference / design.noise_std).ravel()
-    total = float(r @ r)
-    if not configured:
-        part = design.nuisance.T @ r
-        total -= float(part @ part)
-    return max(total, 0.0) / len(r)
+    return design.usual.gap(difference, configured)
 
 
-@dataclass(frozen=True, eq=False)
-class RowImperfection:
-    """Change of single rows that leaves the mean of a hold unchanged.
+class Shaking(NamedTuple):
+    """The wrench per unit of a shaking signal (N, 6), and its frequency [Hz], 0 is broad."""
 
-    Attributes:
-        gain: factor on the noise per channel (6,).
-        step: of the rounding per channel (6,), 0 does not round [N, N·m].
-        shake: the wrench per unit of a shaking signal (N, 6) and its frequency [Hz], 0 is broad.
-        stale: chance that a row starts a repeat of the one before, and mean length of it.
-        limit: range that is read per channel (6,) [N, N·m].
-    """
+    wrench: np.ndarray
+    frequency: float
 
-    gain: np.ndarray = field(default_factory=lambda: np.ones(6))
-    step: np.ndarray = field(default_factory=lambda: np.zeros(6))
-    shake: np.ndarray | None = None
-    frequency: float = 0.0
-    stale: tuple[float, float] = (0.0, 1.0)
-    limit: np.ndarray = field(default_factory=lambda: np.full(6, np.inf))
+
+RowImperfection = RowChange[Shaking]
+"""Change of single rows by an imperfection."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,11 +169,6 @@ DRAWN: dict[str, LookalikeEffect] = {}
 """Every effect by name, in the order of the files' import."""
 
 
-def always(design: ExperimentDesign) -> bool:
-    """True: for effects that every design can show."""
-    return True
-
-
 def in_motion(design: ExperimentDesign) -> bool:
     """Whether a design is a motion, for effects that only a motion can show."""
     return design.moving
@@ -204,7 +185,7 @@ def repeated(design: ExperimentDesign) -> bool:
 
 
 def lookalike(
-    name: str, fits: Callable[[ExperimentDesign], bool] = always, **options: Any
+    name: str, fits: Callable[[ExperimentDesign], bool] = lambda design: True, **options: Any
 ) -> Callable[[Draw], Draw]:
     """Register a function as the draw of an effect, and name what it draws.
 
@@ -310,10 +291,9 @@ def raised_variance(design: ExperimentDesign, item: Imperfection, base: np.ndarr
     """
     r = item.rows
     assert r is not None
-    # of rounding: variance of a uniform distribution, by definition step²/12
-    rise = r.gain**2 - 1.0 + (r.step / design.noise_std) ** 2 / 12.0
+    rise = r.rise(design.noise_std)
     if r.shake is not None:
-        rise = rise + ((r.shake / design.noise_std) ** 2).mean(axis=0)
+        rise = rise + ((r.shake.wrench / design.noise_std) ** 2).mean(axis=0)
     if r.stale[0] > 0.0:
         held = base[held_rows(len(base), r.stale, np.random.default_rng(len(base)))]
         rise = rise + (((held - base) / design.noise_std) ** 2).mean(axis=0)

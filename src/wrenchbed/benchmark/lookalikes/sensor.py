@@ -10,7 +10,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from wrenchbed.benchmark.frame import Rng, log_uniform
+from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
     Imperfection,
@@ -112,21 +112,6 @@ def channels(rng: Rng, one: float = 0.6) -> np.ndarray:
     return np.asarray(weight / np.abs(weight).max())
 
 
-def by_channel(weight: np.ndarray) -> dict[str, float]:
-    """Nonzero values by channel name."""
-    return {c: w for c, w in zip(CHANNELS, weight.tolist(), strict=True) if w != 0.0}
-
-
-def elapsed(design: ExperimentDesign) -> np.ndarray:
-    """Time as a fraction of the run (N,)."""
-    return (design.t - design.t[0]) / duration(design)
-
-
-def duration(design: ExperimentDesign) -> float:
-    """Duration of the run [s], above 0."""
-    return max(float(np.ptp(design.t)), 1e-9)
-
-
 def _of_channels(stem: str) -> Names:
     return lambda values: {f"{stem}.{k}": x for k, x in values.items() if k in CHANNELS}
 
@@ -152,16 +137,16 @@ def bias(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 def drift(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A zero that drifts steadily, swings or wanders, by about 0.4 % of full scale over the run."""
     span = 4e-3 * size * design.full_scale * channels(rng)
-    share, kind = elapsed(design), rng.uniform()
+    share, kind = elapsed(design.t), rng.uniform()
     if kind < _STEADY:
         shift = (share ** rng.uniform(0.85, 1.2))[:, None] * span
-        return Imperfection(by_channel(span / duration(design)), sensor=lambda y: y + shift)
+        return Imperfection(by_channel(span / float(np.ptp(design.t))), sensor=lambda y: y + shift)
     if kind < _STEADY + _SWINGING:
         turns = 2.0 * np.pi * rng.uniform(0.5, 3.0) * share + rng.uniform(0.0, 2.0 * np.pi)
         shift = 0.5 * np.sin(turns)[:, None] * span
     else:
         steps = np.sqrt(np.diff(design.t, prepend=design.t[0])) * rng.standard_normal(len(design))
-        shift = (np.cumsum(steps) / np.sqrt(duration(design)))[:, None] * span
+        shift = (np.cumsum(steps) / np.sqrt(float(np.ptp(design.t))))[:, None] * span
     return Imperfection({}, sensor=lambda y: y + shift)
 
 

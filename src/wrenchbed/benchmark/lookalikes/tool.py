@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.frame import Rng, elapsed
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
     Imperfection,
@@ -26,7 +26,6 @@ from wrenchbed.benchmark.lookalikes.loads import (
     rotate_back,
     wrench_at,
 )
-from wrenchbed.benchmark.lookalikes.sensor import elapsed
 
 _AXES = 8
 """Directions that are tried until a loose part really moves to and fro."""
@@ -94,7 +93,7 @@ def loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 @lookalike("tool.leak")
 def leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """About 1.5 % of the mass runs out by Torricelli's law or a power of time, or falls off."""
-    share = elapsed(design)
+    share = elapsed(design.t)
     kind = rng.choice(["tank", "power", "part"], p=[0.4, 0.4, 0.2])
     if kind == "tank":  # its level falls; it is empty at about the end or later
         level = np.maximum(1.0 - share / rng.uniform(0.9, 2.5), 0.0) ** 2
@@ -115,7 +114,7 @@ def leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 @lookalike("tool.slide")
 def slide(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The CoG moves by about 2 mm: a clamp creeps, slips in steps, or the tool bows as it warms."""
-    share = elapsed(design)
+    share = elapsed(design.t)
     kind = rng.choice(["creeps", "slips", "bows"])
     if kind == "creeps":
         slow = rng.uniform(0.03, 0.5)
