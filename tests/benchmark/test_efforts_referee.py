@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import cumulative_simpson, solve_ivp
 
 from wrenchbed import registry
-from wrenchbed.benchmark.efforts import alike, case, entrants, score, world
+from wrenchbed.benchmark.efforts import case, entrants, score, world
 from wrenchbed.benchmark.efforts.arm import Path as Motion
 from wrenchbed.benchmark.efforts.arm import TrueArm, draw, of_values
 from wrenchbed.benchmark.efforts.faults import FAMILIES
@@ -136,7 +136,7 @@ def test_an_asymmetry_without_reversal_is_like_an_offset_and_a_coulomb_fault_is_
     setting = setting_of(5)
     fault = FAMILIES["drive.coulomb"](setting, 1, np.random.default_rng(6))
     added = world.simulate(setting, fault) - setting.healthy
-    rest = alike.remaining(setting, fault, added)
+    rest = case.remaining(setting, fault, added)
     assert rest["drive.coulomb", 2] < 0.1 * rest["drive.offset", 2]
     path = setting.path
     one = np.abs(path.qd[:, 1]) + 0.05
@@ -144,8 +144,8 @@ def test_an_asymmetry_without_reversal_is_like_an_offset_and_a_coulomb_fault_is_
     q[:, 1] = q[0, 1] + np.cumsum(one) * path.step * 0.05
     oneway = replace(setting, path=of_values("oneway", path.rate, path.t, q))
     added = world.simulate(oneway, fault) - oneway.healthy
-    size, rest = alike.gap(oneway, added), alike.remaining(oneway, fault, added)
-    assert ("drive.offset", 2) in alike.classed(fault, size, rest)
+    size, rest = case.gap_of(oneway, added), case.remaining(oneway, fault, added)
+    assert ("drive.offset", 2) in case.classed(fault, size, rest)
 
 
 # ---- cases ---------------------------------------------------------------------------------------

@@ -6,7 +6,7 @@ import pytest
 from wrenchbed.benchmark.frame import elapsed
 from wrenchbed.benchmark.referee.case import as_case, robot_with_minor
 from wrenchbed.benchmark.referee.fault import RefereeFault, named, touched
-from wrenchbed.benchmark.referee.memory import dahl
+from wrenchbed.benchmark.referee.laws import dahl
 from wrenchbed.benchmark.referee.sensor import BEND, LOOP, ZERO
 from wrenchbed.diagnosis.diagnose import diagnose
 

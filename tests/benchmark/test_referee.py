@@ -12,14 +12,14 @@ from scipy.integrate import solve_ivp
 import wrenchbed
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import KINDS, NEEDED, ROWS_NEEDED, STATED, Usual
-from wrenchbed.benchmark.referee import arm, case, sensor, tool
+from wrenchbed.benchmark.referee import body, case, sensor
 from wrenchbed.benchmark.referee import scenario as settings
 from wrenchbed.benchmark.referee import signatures as columns
 from wrenchbed.benchmark.referee.case import FaultyRobot
 from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES, background, possible
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal, total
+from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.machine import Mechanics
-from wrenchbed.benchmark.referee.memory import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.signatures import SAME, bench
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
@@ -105,12 +105,12 @@ def test_lags_of_a_ramp_are_their_time_constants():
 
 
 SAME_NUMBERS = {
-    "base.tilt": arm.tilt,
-    "mount.rotation": arm.mount,
-    "joint.offset": arm.offset,
-    "joint.compliance": lambda setting, rng, size: arm.compliance(setting, rng, size, j=2),
-    "tool.mass": tool.mass,
-    "tool.cog": tool.cog,
+    "base.tilt": body.tilt,
+    "mount.rotation": body.mount,
+    "joint.offset": body.offset,
+    "joint.compliance": lambda setting, rng, size: body.compliance(setting, rng, size, j=2),
+    "body.mass": body.mass,
+    "body.cog": body.cog,
     "sensor.bias": sensor.bias,
     "sensor.gain": sensor.gain,
     "sensor.crosstalk": sensor.crosstalk,
@@ -204,7 +204,7 @@ def test_a_temperature_is_a_cause_only_where_it_is_recorded(world):
 
 
 def test_a_turned_last_joint_is_a_turned_sensor(world):
-    found = world.measured(arm.offset(world.setting, np.random.default_rng(1), 4.0, j=5))
+    found = world.measured(body.offset(world.setting, np.random.default_rng(1), 4.0, j=5))
     signatures = bench(world.setting, world.way, world.usual)
     left = signatures.imitated(found.signature, configured=False)
     assert found.gap > 1.0
@@ -215,9 +215,9 @@ def test_a_turned_last_joint_is_a_turned_sensor(world):
 
 
 def test_a_wrong_mass_is_a_gain_of_everything(world):
-    found = world.measured(tool.mass(world.setting, np.random.default_rng(1), 1.0))
+    found = world.measured(body.mass(world.setting, np.random.default_rng(1), 1.0))
     signatures = bench(world.setting, world.way, world.usual)
-    assert "sensor.gain" in signatures.alike("tool.mass", found.signature)
+    assert "sensor.gain" in signatures.alike("body.mass", found.signature)
     assert signatures.shows(found.signature, found.signature, configured=True)
     assert not signatures.shows(-found.signature, found.signature, configured=True)
 
@@ -235,7 +235,7 @@ def test_numbers_of_one_effect_add_up():
         RefereeFault({"x": 1.0, "y": 2.0}, name="base.tilt"),
         RefereeFault({"x": 0.5}, name="base.tilt"),
     ]
-    assert total([*faults, RefereeFault({"mass": 3.0}, name="tool.mass")], "base.tilt") == {
+    assert total([*faults, RefereeFault({"mass": 3.0}, name="body.mass")], "base.tilt") == {
         "x": 1.5,
         "y": 2.0,
     }
@@ -283,8 +283,8 @@ def test_mechanics_collects_the_faults_of_the_body(world):
     start = Mechanics(world.setting.theta, np.array([0.0, 0.0, -9.8]), np.zeros(6))
     rng = np.random.default_rng(0)
     faults = [
-        arm.compliance(world.setting, rng, 1.0, j=2),
-        arm.offset(world.setting, rng, 1.0, j=1),
+        body.compliance(world.setting, rng, 1.0, j=2),
+        body.offset(world.setting, rng, 1.0, j=1),
     ]
     truth = mechanics(start, faults)
     assert truth.compliance[2] == pytest.approx(faults[0].true["compliance.q3"])

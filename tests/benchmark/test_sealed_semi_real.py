@@ -15,8 +15,8 @@ from wrenchbed.benchmark.referee.fault import total
 from wrenchbed.benchmark.scoring.case_rows import Claim
 from wrenchbed.benchmark.sealed import commitments, make, report
 from wrenchbed.benchmark.sealed import score as scoring
+from wrenchbed.benchmark.sealed.real import HostRecording, SemiRealFamily
 from wrenchbed.benchmark.sealed.real_setting import setting_of
-from wrenchbed.benchmark.sealed.semi_real import HostRecording, SemiRealFamily
 from wrenchbed.calibration.calibrate import identify
 from wrenchbed.cli import main
 from wrenchbed.data.metadata import SensorInfo

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import mutated
-from wrenchbed.benchmark.scoring import reliability_at_design as at_design
+from wrenchbed.benchmark.scoring import cases as at_design
 from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.explain.reliability import shipped

@@ -9,7 +9,7 @@ from scipy.stats import multivariate_normal
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
-from wrenchbed.benchmark.scoring import reliability_at_design as at_design
+from wrenchbed.benchmark.scoring import cases as at_design
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.reliability import (
@@ -132,8 +132,8 @@ def test_another_design_has_a_cache_of_its_own():
 
 
 def test_one_look_alike_is_drawn_and_judged():
-    at_design._share(ExperimentDesign.of(still(poses=30)), 0)
-    row = at_design._case(6)  # a case without a gap
+    at_design._in_process(ExperimentDesign.of(still(poses=30)), 0)
+    row = at_design._row_of(6)  # a case without a gap
     assert (row["kind"], row["raw"], row["right"]) == ("none", "none", True)
     assert len(row["features"]) == len(NAMES)
 

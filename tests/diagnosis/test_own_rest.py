@@ -11,8 +11,8 @@ import pytest
 from scipy.special import logit
 
 from ntnu import static
+from wrenchbed.benchmark.sealed.real import FAMILIES, HostRecording
 from wrenchbed.benchmark.sealed.real_setting import setting_of
-from wrenchbed.benchmark.sealed.semi_real import FAMILIES, HostRecording
 from wrenchbed.diagnosis import diagnose as diagnose_
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.explain.claims import Part

@@ -40,7 +40,7 @@ class FamilyArguments:
     def family(self, seed: int) -> "Family":
         """Cases that follow from a seed."""
         from wrenchbed.benchmark.sealed.make import Family
-        from wrenchbed.benchmark.sealed.semi_real import SemiRealFamily
+        from wrenchbed.benchmark.sealed.real import SemiRealFamily
 
         if self.on is not None:
             return SemiRealFamily.on(self.on, self.cases, seed)

@@ -8,8 +8,7 @@ from typing import Any
 
 from wrenchbed import registry
 from wrenchbed.benchmark.efforts import case
-from wrenchbed.benchmark.efforts.alike import Key
-from wrenchbed.benchmark.efforts.case import EffortTruth
+from wrenchbed.benchmark.efforts.case import EffortTruth, Key
 from wrenchbed.errors import ParameterError, WrenchbedError
 from wrenchbed.files import write_text
 from wrenchbed.robots.base import SimulatedRobot

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from wrenchbed.benchmark.efforts.alike import Key
+from wrenchbed.benchmark.efforts.case import Key
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim
 from wrenchbed.benchmark.scoring.metrics import METRICS, figure, markdown, right
 

@@ -24,8 +24,8 @@ from wrenchbed.benchmark.frame import (
 from wrenchbed.benchmark.frame import subsystem as subsystem_of
 from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES, background, possible
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal
+from wrenchbed.benchmark.referee.laws import held, rows, shaken
 from wrenchbed.benchmark.referee.machine import Mechanics, Ride, ride
-from wrenchbed.benchmark.referee.noise import held, rows, shaken
 from wrenchbed.benchmark.referee.scenario import SAMPLES, RefereeSetting, draw
 from wrenchbed.benchmark.referee.signatures import Bench, bench, nuisance, thin
 from wrenchbed.data.recording import Recording

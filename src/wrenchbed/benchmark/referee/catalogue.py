@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.benchmark.frame import Rng, by_channel, by_subsystem, elapsed
-from wrenchbed.benchmark.referee import arm, sensor, tool
+from wrenchbed.benchmark.referee import body, sensor
 from wrenchbed.benchmark.referee.fault import (
     DRAWN,
     RefereeFault,
@@ -20,11 +20,11 @@ from wrenchbed.benchmark.referee.fault import (
     sign,
     touched,
 )
+from wrenchbed.benchmark.referee.laws import dahl, ornstein
 from wrenchbed.benchmark.referee.machine import Mechanics, Ride
-from wrenchbed.benchmark.referee.memory import dahl, ornstein
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 
-FILES = (arm, sensor, tool)
+FILES = (body, sensor)
 """Modules whose draws are registered by importing them."""
 EFFECTS = by_subsystem(DRAWN)
 """By name; `tool.self_weight` is exactly a mass and a CoG, so it is only in the background."""
@@ -45,7 +45,7 @@ _MASS = 0.06
 
 def possible(setting: RefereeSetting) -> list[str]:
     """Names of the effects that make sense for a robot and its mode."""
-    closed, moving = bool(arm.loops(setting)), setting.mode == "dynamic"
+    closed, moving = bool(body.loops(setting)), setting.mode == "dynamic"
     warm = setting.temperature is not None
     return [
         k
@@ -62,10 +62,10 @@ def background(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeF
 
     faults = [EFFECTS[n].draw(setting, _stream(rng), small()) for n in _ALWAYS]
     for j, joint in enumerate(setting.robot.joints):
-        faults.append(arm.offset(setting, _stream(rng), small(), j))
+        faults.append(body.offset(setting, _stream(rng), small(), j))
         if joint.unit == "rad":
-            faults.append(arm.compliance(setting, _stream(rng), small(), j))
-            faults.append(arm.gear_error(setting, _stream(rng), small(), j))
+            faults.append(body.compliance(setting, _stream(rng), small(), j))
+            faults.append(body.gear_error(setting, _stream(rng), small(), j))
     if setting.mode == "dynamic":
         faults.append(sensor.delay(setting, _stream(rng), small()))
     return [
@@ -97,7 +97,7 @@ def _geometry(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFa
     mass = {b.name: float(np.exp(_MASS * rng.standard_normal())) for b in spec.bodies}
     mass = {k: v for k, v in mass.items() if k not in others}
     heavier = RefereeFault(name="background", body=lambda m: replace(m, mass=mass))
-    return [arm.geometry(setting, errors), heavier]
+    return [body.geometry(setting, errors), heavier]
 
 
 def _within_tolerance(setting: RefereeSetting, rng: Rng) -> list[RefereeFault]:
@@ -120,9 +120,9 @@ def _within_tolerance(setting: RefereeSetting, rng: Rng) -> list[RefereeFault]:
     shift = {f"cog.{a}": float(o) for a, o in zip("xyz", off, strict=True)}
     return [
         RefereeFault(
-            {"mass": heavier}, lambda m: tool.loaded(setting, m, dm=heavier), name="tool.mass"
+            {"mass": heavier}, lambda m: body.loaded(setting, m, dm=heavier), name="tool.mass"
         ),
-        RefereeFault(shift, lambda m: tool.loaded(setting, m, dc=off), name="tool.cog"),
+        RefereeFault(shift, lambda m: body.loaded(setting, m, dc=off), name="tool.cog"),
         RefereeFault({"mass": weight}, gauge_weight, name="tool.self_weight"),
         replace(sensor.shifted(by_channel(zero, "bias."), zero), name="sensor.bias"),
     ]
@@ -131,7 +131,7 @@ def _within_tolerance(setting: RefereeSetting, rng: Rng) -> list[RefereeFault]:
 def _between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
     """Quantization and vibration far below the noise."""
     step = rng.uniform(0.0, 0.4) * setting.noise
-    shake = arm.vibration(setting, _stream(rng), float(rng.uniform(0.02, 0.15))).rows
+    shake = body.vibration(setting, _stream(rng), float(rng.uniform(0.02, 0.15))).rows
     assert shake is not None
     return RefereeFault(name="background", rows=RowFault(step=step, shake=shake.shake))
 

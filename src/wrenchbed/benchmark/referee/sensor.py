@@ -18,8 +18,8 @@ from wrenchbed.benchmark.referee.fault import (
     sign,
     touched,
 )
+from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.machine import Ride
-from wrenchbed.benchmark.referee.memory import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.physics.wrench import CHANNELS
 

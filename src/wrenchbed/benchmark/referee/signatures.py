@@ -16,8 +16,8 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from wrenchbed.benchmark.frame import STATED, Usual
+from wrenchbed.benchmark.referee.laws import after, bouc_wen, dahl, lowpass
 from wrenchbed.benchmark.referee.machine import Ride
-from wrenchbed.benchmark.referee.memory import after, bouc_wen, dahl, lowpass
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.robots.base import INERTIA_AXES
 

@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import converted, hold_means
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal
+from wrenchbed.benchmark.referee.laws import held, shaken
 from wrenchbed.benchmark.referee.machine import Mechanics, Ride
-from wrenchbed.benchmark.referee.noise import held, shaken
 from wrenchbed.benchmark.referee.scenario import MOVE_S, DrivePath, RefereeSetting
 from wrenchbed.calibration.calibrate import identify_from_gravity
 from wrenchbed.data.holds import gather
