@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 import wrenchbed
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import KINDS, NEEDED, ROWS_NEEDED, STATED, Usual
+from wrenchbed.benchmark.frame import KINDS, NEEDED, ROWS_NEEDED, STATED
 from wrenchbed.benchmark.referee import body, case, sensor
 from wrenchbed.benchmark.referee import scenario as settings
 from wrenchbed.benchmark.referee import signatures as columns
@@ -155,7 +155,7 @@ def small():
 def world(small):
     robot = registry.load("robots", "ur5")
     setting = settings.draw(robot, "static", np.random.default_rng(5))
-    return FaultyRobot.of(setting, (), Usual.of(columns.nuisance(setting), setting.noise))
+    return FaultyRobot.of(setting)
 
 
 @pytest.mark.sampled
@@ -180,7 +180,7 @@ def test_every_family_outside_changes_what_is_read(world, name):
 def test_every_effect_on_means_has_a_signature(small, mode):
     """What has none in referee/signatures.py is never named as a rival of another effect."""
     setting = settings.draw(registry.load("robots", "ur5"), mode, np.random.default_rng(5))
-    world = FaultyRobot.of(setting, (), Usual.of(columns.nuisance(setting), setting.noise))
+    world = FaultyRobot.of(setting)
     on_means = {n for n in possible(setting) if not EFFECTS[n].between}
     assert on_means - set(STATED) <= set(columns.blocks(setting, world.way))
 
@@ -223,7 +223,7 @@ def test_a_wrong_mass_is_a_gain_of_everything(world):
 
 
 def test_the_usual_fit_takes_out_bias_mass_and_cog(world):
-    usual = columns.nuisance(world.setting)
+    usual = world.setting.nuisance()
     mixed = usual @ np.linspace(1.0, 2.0, usual.shape[-1])
     assert world.usual.gap(mixed, configured=False) < 1e-12 * world.usual.gap(
         mixed, configured=True
@@ -248,7 +248,7 @@ def test_the_background_has_many_families_and_grows_with_its_scale(world):
     readings = []
     for scale in (0.1, 0.4):
         around = background(world.setting, rng(), scale)
-        readings.append(FaultyRobot.of(world.setting, around, world.usual).base - world.base)
+        readings.append(FaultyRobot.of(world.setting, around).base - world.base)
     gaps = [world.usual.gap(r, configured=False) for r in readings]
     assert 0.0 < gaps[0] < gaps[1]
 

@@ -27,7 +27,6 @@ from wrenchbed.benchmark.scoring.metrics import (
     placed,
     probability,
     right,
-    score,
 )
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import DiagnosisError
@@ -68,7 +67,6 @@ def test_shares_are_counted_over_their_own_kind():
     assert value("isolation") == pytest.approx(2 / 3)
     assert value("first") == pytest.approx(1 / 3)
     assert value("false_alarm") == value("unknown") == value("misnamed") == 0.5
-    assert value("sure_alarm") == 0.0
     # a, b right, g wrong, h right in its first class; e is not sure
     assert value("sure") == pytest.approx(3 / 4)
     # base; joint is the first choice of a class that holds the truth; base is not sensor; tool
@@ -105,11 +103,10 @@ def test_two_effects_by_hand():
 def test_coverage_counts_parameters():
     inside, outside = Number("x", 1.0, 0.1, 1.16), Number("y", 1.0, 0.1, 1.17)
     told = [
-        row("n", "single", NONE, "base.tilt", numbers=(inside, outside), variant=True),
+        row("n", "single", NONE, "base.tilt", numbers=(inside, outside)),
         row("o", "single", NONE, "base.tilt", numbers=(outside,)),
     ]
     assert value("coverage", told) == pytest.approx(1 / 3)
-    assert value("coverage_right", told) == pytest.approx(1 / 2)
 
 
 def test_closure_against_the_oracle():
@@ -145,7 +142,7 @@ def test_a_perfect_score_is_not_certain():
 
 def test_a_case_counts_once():
     with pytest.raises(DiagnosisError, match="case a is there twice"):
-        score([TILT, MISSED, TILT])
+        figure(METRICS["isolation"], [TILT, MISSED, TILT])
 
 
 def test_rows_survive_the_disk_and_a_kill(tmp_path):

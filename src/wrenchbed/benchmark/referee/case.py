@@ -27,7 +27,7 @@ from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal
 from wrenchbed.benchmark.referee.laws import held, rows, shaken
 from wrenchbed.benchmark.referee.machine import Mechanics, Ride, ride
 from wrenchbed.benchmark.referee.scenario import SAMPLES, RefereeSetting, draw
-from wrenchbed.benchmark.referee.signatures import Bench, bench, nuisance, thin
+from wrenchbed.benchmark.referee.signatures import Bench, bench
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
@@ -78,19 +78,17 @@ class World(ABC):
     Attributes:
         setting: what is stated and commanded.
         around: faults that are there already.
+        draws, draws_outside: largest number of causes, and of faults outside, that are drawn.
+        pairs: largest number of second causes that are drawn.
+        families: draws of faults outside the library by name.
     """
 
     setting: RefereeSetting
     around: tuple[RefereeFault, ...]
-
     draws = 40
-    """Largest number of causes that are drawn."""
-    pairs = 4
-    """Largest number of second causes that are drawn."""
     draws_outside = 160
-    """Faults outside the library that are drawn before giving up."""
+    pairs = 4
     families = FAMILIES
-    """Draws of faults outside the library by name."""
 
     @property
     @abstractmethod
@@ -181,37 +179,24 @@ class World(ABC):
 
 @dataclass(frozen=True, eq=False)
 class FaultyRobot(World):
-    """A simulated robot.
-
-    Attributes:
-        way: its ride.
-        removed: what every fit removes.
-    """
+    """A simulated robot on its ride."""
 
     way: Ride
-    removed: Usual
 
     @classmethod
-    def of(
-        cls, setting: RefereeSetting, around: Sequence[RefereeFault], usual: Usual
-    ) -> "FaultyRobot":
+    def of(cls, setting: RefereeSetting, around: Sequence[RefereeFault] = ()) -> "FaultyRobot":
         """Robot of a setting with given faults."""
-        return cls(setting, tuple(around), _ride(setting, around), usual)
+        return cls(setting, tuple(around), _ride(setting, around))
 
     @property
     def usual(self) -> Usual:
         """Readings that every calibration removes: those of bias, mass and CoG."""
-        return self.removed
+        return self.setting.usual
 
     @cached_property
     def signatures(self) -> Bench:
         """Signatures of the library's effects on this robot."""
-        return bench(self.setting, self.way, self.removed)
-
-    @property
-    def stride(self) -> int:
-        """Stride of the rows that are compared."""
-        return self.setting.stride
+        return bench(self.setting, self.way, self.usual)
 
     @cached_property
     def clean(self) -> np.ndarray:
@@ -221,7 +206,7 @@ class FaultyRobot(World):
     @cached_property
     def base(self) -> np.ndarray:
         """Clean reading where readings are compared (n, 6) [N, N·m]."""
-        y = thin(self.setting, self.clean)
+        y = self.setting.thin(self.clean)
         for fault in self.around:
             if fault.rows is not None:
                 y = np.clip(y, -fault.rows.limit, fault.rows.limit)
@@ -259,7 +244,7 @@ class FaultyRobot(World):
         """Recorded rows (N, 6) minus what is stated, where readings are compared (n, 6)."""
         every = np.zeros((len(self.setting.path.t), 6))
         every[self.setting.path.rows] = wrench
-        return thin(self.setting, every) - self.setting.nominal[:: self.stride]
+        return self.setting.thin(every) - self.setting.nominal[:: self.setting.stride]
 
     def risen(self, fault: RefereeFault) -> np.ndarray:
         """Rise of a row's variance over stated noise (6,) by a fault between rows."""
@@ -336,11 +321,10 @@ def robot_with_minor(
     setting = draw(arm, mode, np.random.default_rng([*seed, 99]))
     scale = log_uniform(rng, 0.1, 0.5)
     around = int(rng.integers(2**62))
-    usual = Usual.of(nuisance(setting), setting.noise)
     for _ in range(8):
         faults = background(setting, np.random.default_rng(around), scale)
-        world = FaultyRobot.of(setting, faults, usual)
-        minor = usual.gap(world.base - setting.nominal[:: world.stride], configured=False)
+        world = FaultyRobot.of(setting, faults)
+        minor = world.usual.gap(world.base - setting.nominal[:: setting.stride], configured=False)
         if minor <= LARGEST_MINOR:
             return world, minor
         scale *= float(np.sqrt(rng.uniform(0.3, 0.85) * LARGEST_MINOR / minor))

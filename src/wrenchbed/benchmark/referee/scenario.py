@@ -12,7 +12,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import Rng, hold_means
+from wrenchbed.benchmark.frame import Rng, Usual, hold_means
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
@@ -195,6 +195,25 @@ class RefereeSetting:
         …)."""
         rows = signal[self.path.rows]
         return rows if self.mode == "dynamic" else hold_means(rows, self.path.hold)
+
+    def thin(self, signal: np.ndarray) -> np.ndarray:
+        """A signal of all instants (T, …) where readings are compared (n, …)."""
+        return self.mean(signal)[:: self.stride]
+
+    @cached_property
+    def usual(self) -> Usual:
+        """What every fit removes: bias, mass and CoG."""
+        return Usual.of(self.nuisance(), self.noise)
+
+    def nuisance(self) -> np.ndarray:
+        """Columns of bias, mass and CoG, which every fit removes (n, 6, 10)."""
+        base, tool = self.nominal[:: self.stride], self.robot.tool(self.theta)
+        mass, cog = float(tool.mass), np.asarray(tool.cog)
+        columns = [np.broadcast_to(e, base.shape) for e in np.eye(6)]
+        for dm, dc in [(0.01, np.zeros(3)), *((0.0, 1e-3 * e) for e in np.eye(3))]:
+            theta = self.robot.theta_of_tool(self.theta, mass + dm, (cog + dc).tolist())
+            columns.append((self.stated(theta, every=self.stride) - base) / 1e-3)
+        return np.stack(columns, axis=-1)
 
     @cached_property
     def swing(self) -> np.ndarray:

@@ -7,7 +7,6 @@ grids of variants are estimates.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain
 from typing import NamedTuple
 
@@ -47,24 +46,6 @@ class Signature(NamedTuple):
     y: np.ndarray
 
 
-def thin(setting: RefereeSetting, signal: np.ndarray) -> np.ndarray:
-    """A signal of all instants (T, …) where signatures are compared (n, …)."""
-    return setting.mean(signal)[:: setting.stride]
-
-
-def nuisance(setting: RefereeSetting) -> np.ndarray:
-    """Columns of bias, mass and CoG, which every fit removes (n, 6, 10)."""
-    base = setting.nominal[:: setting.stride]
-    tool = setting.robot.tool(setting.theta)
-    mass, cog = float(tool.mass), np.asarray(tool.cog)
-    shifts = [(0.01, np.zeros(3)), *[(0.0, 1e-3 * e) for e in np.eye(3)]]
-    columns = [np.broadcast_to(e, base.shape) for e in np.eye(6)]
-    for dm, dc in shifts:
-        theta = setting.robot.theta_of_tool(setting.theta, mass + dm, (cog + dc).tolist())
-        columns.append((setting.stated(theta, every=setting.stride) - base) / 1e-3)
-    return np.stack(columns, axis=-1)
-
-
 def blocks(setting: RefereeSetting, ride: Ride) -> Blocks:
     """Signatures of every effect that a mean can show."""
     seen = _seen(setting, ride)
@@ -79,12 +60,12 @@ def blocks_of_orientations(setting: RefereeSetting, ride: Ride) -> Blocks:
     seen = _seen(setting, ride)
     return _by_name(
         _gauges(setting, ride, seen), _times(setting, ride), _tool(setting, ride, seen),
-        _turned(setting, seen.y, thin(setting, ride.rotation)),
+        _turned(setting, seen.y, setting.thin(ride.rotation)),
     )  # fmt: skip
 
 
 def _seen(setting: RefereeSetting, ride: Ride) -> Signature:
-    return Signature(*(thin(setting, x) for x in (setting.path.t, setting.path.q, ride.load)))
+    return Signature(*(setting.thin(x) for x in (setting.path.t, setting.path.q, ride.load)))
 
 
 def _by_name(*parts: Iterator[tuple[str, np.ndarray]]) -> dict[str, list[np.ndarray]]:
@@ -109,7 +90,7 @@ def _gauges(
     warm = setting.temperature
     lags = () if warm is None else (1.0, 15.0, 30.0, 45.0)
     for lag in lags:
-        level = thin(setting, after(t, np.asarray(warm)[:, None], lag))
+        level = setting.thin(after(t, np.asarray(warm)[:, None], lag))
         level = level / max(float(np.abs(level - level[0]).max()), 1e-9)
         both = [_each(level * zero), _each((level - level[0]) * y)]
         yield "sensor.temperature", 2e-3 * np.concatenate(both, -1)
@@ -125,9 +106,9 @@ def _gauges(
         yield "sensor.nonlinearity", 2e-3 * _each(bow * zero)
     for reach in (0.05, 0.1, 0.2, 0.35):
         loop = bouc_wen(load / (reach * setting.swing), 0.7)
-        yield "sensor.hysteresis", 1.5e-3 * _each(thin(setting, loop) * zero)
+        yield "sensor.hysteresis", 1.5e-3 * _each(setting.thin(loop) * zero)
     for time in (8.0, 25.0, 80.0, 250.0):
-        yield "sensor.creep", 8e-3 * _each(thin(setting, after(t, load, time)) - y)
+        yield "sensor.creep", 8e-3 * _each(setting.thin(after(t, load, time)) - y)
     for when in np.linspace(0.05, 0.95, 60):
         yield "sensor.jump", 4e-3 * _each((share > when) * zero)
     for part in (0.8, 0.9, 0.95, 0.98):
@@ -140,7 +121,7 @@ def _times(setting: RefereeSetting, ride: Ride) -> Iterator[tuple[str, np.ndarra
         return
     t, y = ride.path.t, ride.load
     dt, rate = float(t[1] - t[0]), np.gradient(y, ride.path.t, axis=0)
-    cut = partial(thin, setting)
+    cut = setting.thin
     yield "timing.delay", 7e-3 * cut(rate)[..., None]
     for time in (4e-3, 15e-3):
         for stages in (1, 2):
@@ -158,13 +139,13 @@ def _tool(setting: RefereeSetting, ride: Ride, seen: Signature) -> Iterator[tupl
         side = np.sign(force @ axis)[:, None]
         moved = np.cross(7.5e-4 * side * axis, force)
         yield "tool.loose", np.concatenate([zero, moved], 1)[..., None]
-    yield from _over_time(setting, seen, thin(setting, ride.in_sensor(ride.gravity)))
+    yield from _over_time(setting, seen, setting.thin(ride.in_sensor(ride.gravity)))
 
 
 def _carried(
     setting: RefereeSetting, ride: Ride, seen: Signature
 ) -> Iterator[tuple[str, np.ndarray]]:
-    cut = partial(thin, setting)
+    cut = setting.thin
     last = ride.path.q[:, -1]
     twists = [np.eye(6)[5] * cut(x[:, None]) for x in (last, dahl(last, 0.1))]
     twist = np.stack(twists, -1)

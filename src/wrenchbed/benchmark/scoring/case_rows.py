@@ -20,7 +20,7 @@ _TEXT = ("truth", "size", "detectability", "answers", "numbers", "seconds")
 _SCHEMA = pa.schema(
     [(name, pa.string()) for name in ("id", "kind", "outside", "where", "error", "raw", *_TEXT)]
     + [(name, pa.list_(pa.string())) for name in ("between", "lead", "alike")]
-    + [("features", pa.list_(pa.float64())), ("variant", pa.bool_())]
+    + [("features", pa.list_(pa.float64()))]
     + [(name, pa.float64()) for name in ("closed", "oracle", "real_gap")]
 )
 
@@ -95,7 +95,6 @@ class CaseRow:
         answers: claim of each method.
         where: first subsystem that the diagnosis names.
         numbers: parameters of the true effects as the diagnosis states them.
-        variant: whether these hold everything that is not zero in truth.
         closed, oracle: share of the held-out gap that the diagnosis closes, and what one closes
             that is told the effects.
         seconds: that each method took.
@@ -117,7 +116,6 @@ class CaseRow:
     answers: Mapping[str, Claim] = field(default_factory=dict)
     where: str | None = None
     numbers: tuple[Number, ...] = ()
-    variant: bool = False
     closed: float | None = None
     oracle: float | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)

@@ -33,7 +33,6 @@ from wrenchbed.diagnosis.diagnose import Findings, diagnose, weigh
 from wrenchbed.diagnosis.explain import reliability
 from wrenchbed.diagnosis.explain.reliability import Reliability, learnt, of_package, revision
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered
-from wrenchbed.effects.chain import effects
 from wrenchbed.errors import DiagnosisError, ParameterError
 from wrenchbed.jobs.parts import Journal, Row
 from wrenchbed.jobs.workers import Progress, in_workers, silent
@@ -79,15 +78,10 @@ def compared(
     case: LookalikeCase,
     effect: str,
     published: Mapping[str, Mapping[str, Any]],
-) -> tuple[list[Number], bool]:
-    """Published parameters beside the true ones, and whether they hold all of the cause's."""
+) -> list[Number]:
+    """Published parameters beside the true ones."""
     true = truth(design, case, effect)
-    if true is None:
-        return [], False
-    names = EFFECTS[effect].published
-    needed = set(true if names is None else names(case.sizes[effect]))
-    given = effects()[effect].amplitudes(published) or {}
-    return numbers(effect, published, true), needed <= set(given)
+    return [] if true is None else numbers(effect, published, true)
 
 
 def _stated(design: ExperimentDesign, case: LookalikeCase, effect: str) -> dict[str, float]:
@@ -213,18 +207,16 @@ def _with_findings(
     raw, diagnosis = findings.untempered, findings.diagnosis
     closed = diagnosis.gap.closed
     share = 0.0 if closed is None else closed.value
-    parameters: list[Number] = []
-    variant = True
-    for cause in diagnosis.which:
-        if cause["effect"] in case.causes:
-            numbers, fits = compared(place, case, cause["effect"], cause["parameters"])
-            parameters += numbers
-            variant = variant and (fits or not numbers)
+    parameters = [
+        number
+        for cause in diagnosis.which
+        if cause["effect"] in case.causes
+        for number in compared(place, case, cause["effect"], cause["parameters"])
+    ]
     return replace(
         row,
         where=diagnosis.where[0]["subsystem"] if diagnosis.where else None,
         numbers=tuple(parameters),
-        variant=variant and bool(parameters),
         raw=raw.verdict,
         lead=raw.causes[0].names if raw.causes else (),
         features=reliability.features(findings.analysis.ranking, raw, share),

@@ -176,10 +176,10 @@ class HostRecording(World):
     pairs = 1
     families = FAMILIES
 
-    @cached_property
+    @property
     def usual(self) -> Usual:
         """Readings that every calibration removes: those of bias, mass and CoG."""
-        return Usual.of(self.setting.nuisance(), self.setting.own)
+        return self.setting.usual
 
     @cached_property
     def signatures(self) -> Bench:

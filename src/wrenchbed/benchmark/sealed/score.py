@@ -5,7 +5,7 @@ and what the data itself allows.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -15,10 +15,19 @@ import numpy as np
 from wrenchbed.benchmark.frame import STATED, subsystem
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number, numbers
-from wrenchbed.benchmark.scoring.metrics import Metric
+from wrenchbed.benchmark.scoring.metrics import (
+    METRICS,
+    SURE,
+    Metric,
+    holds,
+    isolated,
+    matched,
+    named,
+    of_kind,
+    share,
+)
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import MOST, Answer, Fact, Oracle
-from wrenchbed.benchmark.sealed.metrics import SEALED, semi_real
 from wrenchbed.benchmark.sealed.run import CLAIM, RESERVED, RUN
 from wrenchbed.data.checked import is_number, load
 from wrenchbed.errors import BenchmarkError
@@ -30,6 +39,7 @@ WRONG = Claim("error", (), {})
 """Claim that counts if there is no readable one."""
 ORACLE = "oracle"
 """Name of the method that knows the true form and size."""
+_Held = Callable[[CaseRow, str], bool]
 _BROKEN = (BenchmarkError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
 """Errors that reading a hostile file raises, for instance by numbers of 400 digits."""
 
@@ -304,3 +314,105 @@ def _compared(truth: Answer, said: EntrantClaim) -> tuple[Number, ...]:
                 and (truth.oracle is not None or name in cause.true)
             ]
     return tuple(compared)
+
+
+# ---- figures that need what the referee knows ----------------------------------------------------
+
+
+def _alike(row: CaseRow, claim: Claim) -> bool:
+    return holds(claim, (*row.truth, *row.alike))
+
+
+_BESIDE = {
+    "isolation": {
+        "isolation_alike": share(
+            "… or one that this data cannot tell from it", "≥ 95 %", of_kind("single"), _alike
+        ),
+        "isolation_unlike": share(
+            "… effects that nothing imitates", "≥ 95 %",
+            lambda row, claim: row.kind == "single" and not row.alike, isolated,
+        ),
+    },
+    "sure": {
+        "sure_alike": share(
+            "… or as good as right, by what this data can tell", "≥ 97 %", named,
+            lambda row, claim: bool({*row.truth, *row.alike} & set(claim.causes[0])),
+        ),
+    },
+    "coverage": {
+        "sets": share(
+            "90 % sets of answers hold the truth", "87–93 %",
+            lambda row, claim: bool(claim.set90),
+            lambda row, claim: bool(
+                set(claim.set90) & (set(row.truth) or {"unknown" if row.outside else "none"})
+            ),
+            ours=True,
+        ),
+    },
+}  # fmt: skip
+"""Figures that need what the referee knows of each case, by the figure that they stand below."""
+SEALED = {
+    name: metric
+    for key, first in METRICS.items()
+    for name, metric in {key: first, **_BESIDE.get(key, {})}.items()
+}
+"""All metrics of sealed cases by name."""
+
+
+def semi_real(rows: Sequence[CaseRow]) -> dict[str, Metric]:
+    """Figures of faults added to a recording, of which only the added effects are known.
+
+    What an entrant claims of the recording as it is, it may claim of every other case, too.
+
+    Args:
+        rows: every case of a family, of which one is the recording as it is.
+    """
+
+    def known(method: str) -> set[str]:
+        """Effects that an entrant claims of the recording as it is."""
+        return {n for r in rows if r.kind == "none" for c in r.answers[method].causes for n in c}
+
+    def of(title: str, target: str, kinds: tuple[str, ...], held: _Held) -> Metric:
+        return Metric(
+            title, target,
+            lambda row, method: (held(row, method), 1.0) if row.kind in kinds else None,
+        )  # fmt: skip
+
+    def new(row: CaseRow, method: str) -> Sequence[float] | None:
+        if row.kind != "single" or row.truth[0] in known(method):
+            return None
+        return (isolated(row, row.answers[method]), 1.0)
+
+    def misnamed(row: CaseRow, method: str) -> bool:
+        claim, allowed = row.answers[method], known(method) | set(row.truth)
+        stated = claim.presence or [claim.probabilities.get("|".join(c), 0.0) for c in claim.causes]
+        sure = [c for c, p in zip(claim.causes, stated, strict=False) if p > SURE]
+        return any(not allowed & set(c) for c in sure)
+
+    def silent(row: CaseRow, method: str) -> bool:
+        """Whether an entrant reports something unknown and names no new cause."""
+        claim = row.answers[method]
+        names = {n for c in claim.causes for n in c}
+        return claim.verdict in ("unknown", "partial") and names <= known(method)
+
+    def pairs(row: CaseRow, method: str) -> Sequence[float] | None:
+        claimed, _, missed = matched(row, row.answers[method])
+        return (claimed, claimed + missed) if row.kind == "pair" else None
+
+    return {
+        "isolation": share(METRICS["isolation"].title, "≥ 95 %", of_kind("single"), isolated),
+        "isolation_alike": _BESIDE["isolation"]["isolation_alike"],
+        "isolation_new": Metric(
+            "… effects not claimed of the recording as it is", "≥ 95 %", new
+        ),
+        "pairs_found": Metric("two effects: found", "", pairs),
+        "misnamed": of(
+            "another effect with p > 0.9, not claimed of the recording as it is", "≤ 2 %",
+            ("single", "pair", "outside"), misnamed,
+        ),
+        "unknown": METRICS["unknown"],
+        "unknown_partly": of(
+            "… or nothing named but what is claimed of the recording as it is", "≥ 95 %",
+            ("outside",), silent,
+        ),
+    } | {k: METRICS[k] for k in ("seconds", "failed")}  # fmt: skip
