@@ -62,17 +62,18 @@ def test_joints_show_alone_or_all_together_where_there_are_any():
 
 
 def test_one_joint_is_named_by_its_number():
+    names = ("offset.q1", "offset.q2", "offset.q6", "other")
     given = {"joint": 2, "offset": 0.1, "other": 5}
-    assert base.one_joint(given, 6, "offset") == {"offset.q2": 0.1, "other": 5}
+    assert base.of_joint(given, names, 6) == {"offset.q2": 0.1, "other": 5}
     assert given == {"joint": 2, "offset": 0.1, "other": 5}
-    assert base.one_joint({"joint": 6.0, "offset": 1}, 6, "offset") == {"offset.q6": 1}
-    assert base.one_joint({"joint": 1}, 6, "offset") == {}
-    assert base.one_joint({"offset.q1": 2}, 6, "offset") == {"offset.q1": 2}
-    for number in (0, 7, 1.5, -1):
+    assert base.of_joint({"joint": 6.0, "offset": 1}, names, 6) == {"offset.q6": 1}
+    assert base.of_joint({"offset.q1": 2}, names, 6) == {"offset.q1": 2}
+    assert base.of_joint({"joint": 1}, ("gain.fx",), 6) == {"joint": 1}
+    for number in (0, 7, 1.5):
         with pytest.raises(ParameterError, match="does not exist: 1 … 6"):
-            base.one_joint({"joint": number}, 6, "offset")
+            base.of_joint({"joint": number}, names, 6)
     with pytest.raises(ParameterError, match="is no number"):
-        base.one_joint({"joint": "two"}, 6, "offset")
+        base.of_joint({"joint": "two"}, names, 6)
 
 
 def reading(stage, change):

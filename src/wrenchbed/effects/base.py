@@ -8,6 +8,7 @@ shape (a moment, an anchor, a width). Amplitudes are zero where there is no effe
 every variant is close to linear in them.
 """
 
+import re
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -40,6 +41,8 @@ SHOWN: Mapping[str, str] = {
     "lag": "a shift of the simulated readings in time, as their correlation with measured ones",
 }
 """Variables of an effect's own figure in a report, beside measured and simulated."""
+_OF_JOINT = re.compile(r"(.+)\.q\d+")
+"""Pattern of a name that ends with a joint."""
 _LISTED = 15
 """Names that an error lists: two per joint of an arm of six, with ``joint`` and a short name."""
 STATED_NUMBERS = ("bias", "mass", "cog")
@@ -202,13 +205,6 @@ class Effect(ABC):
     """Relative standard uncertainty of a size, because this closed form is only nearly right."""
     stated: ClassVar[str] = ""
     """Name in `STATED_NUMBERS` that the metadata state wrongly, if that is the effect."""
-    hidden_by: ClassVar[str] = ""
-    """Name in `STATED_NUMBERS` whose fit removes nearly all of the effect."""
-    companions: ClassVar[tuple[str, ...]] = ()
-    """Effects that make the same readings in all data without contact."""
-    external: ClassVar[bool] = False
-    """Whether the effect pushes on the tool from outside: the form of one such may pass for
-    another."""
     local: ClassVar[bool] = False
     """Whether a parameter's name ends with the joint or link that it belongs to; of a joint effect
     it then displaces that joint alone."""
@@ -221,13 +217,6 @@ class Effect(ABC):
     """Name in `SHOWN` of the variable over which a report draws the effect."""
     once: ClassVar[bool] = False
     """Whether the effect is of one day: another recording of the robot may be without it."""
-    all_channels: ClassVar[bool] = False
-    """Whether the effect acts on rows as a unit: a part of the channels cannot be simulated."""
-    beside_sensor: ClassVar[bool] = False
-    """Whether MuJoCo's force sensor misses the effect although the model holds it."""
-    no_lookalike: ClassVar[str] = ""
-    no_referee: ClassVar[str] = ""
-    """Why the benchmark's catalogues of look-alikes, or of the referee, have no draw of it."""
 
     @property
     def subsystem(self) -> str:
@@ -236,8 +225,9 @@ class Effect(ABC):
 
     @property
     def family(self) -> str:
-        """Effects of one family may imitate what the form of another of them misses."""
-        return "external" if self.external else self.subsystem
+        """Effects of one family may imitate what the form of another of them misses: what pushes on
+        the tool from outside may pass for another such push."""
+        return "external" if self.subsystem in ("cable", "environment") else self.subsystem
 
     @property
     def of_recording(self) -> bool:
@@ -299,21 +289,24 @@ class Effect(ABC):
         return ()
 
     def taken(self, robot: Robot) -> tuple[str, ...]:
-        """Names that `values` takes; an effect that also takes short ones puts them first."""
-        return self.parameters(robot).names
+        """Names that `values` takes, the short ones of one joint first."""
+        names = self.parameters(robot).names
+        short = joint_stems(names)
+        return ("joint", *short, *names) if short else names
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """All parameters by name, nominal where not given.
+        """All parameters by name, nominal where not given; of one joint as ``joint=2,offset=1e-3``.
 
         Raises:
             ParameterError: an unknown name (lists those that are taken) or an impossible value.
         """
         known = self.parameters(robot)
-        for name in given:
+        named = of_joint(given, known.names, len(robot.joints))
+        for name in named:
             if name not in known.names:
                 raise unknown_name(self.name, name, self.taken(robot), len(robot.joints))
         try:
-            return known.mapping(known.vector(dict(given)))
+            return known.mapping(known.vector(named))
         except (TypeError, ValueError) as error:
             raise ParameterError(f"{self.name}: {error}") from error
 
@@ -408,23 +401,6 @@ class JointEffect(Effect):
             Variant(f"joint {k}", (n,), detail={"joint": k}) for k, n in enumerate(names, start=1)
         ]
         return (*single, Variant("all joints", names, weight=2.0))
-
-    def taken(self, robot: Robot) -> tuple[str, ...]:
-        return ("joint", self.amplitude, *super().taken(robot))
-
-    def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """All parameters by name; also takes ``joint=2,offset=0.003`` for one joint."""
-        return super().values(robot, one_joint(given, len(robot.joints), self.amplitude))
-
-
-class PoseEffect(Effect):
-    """The sensor stands elsewhere than its joints say."""
-
-    stage = "pose"
-
-    @abstractmethod
-    def pose(self, scene: Scene, pose: Pose, p: Values) -> Pose:
-        """Pose of the sensor, changed by the effect."""
 
 
 class LoadEffect(Effect):
@@ -620,20 +596,23 @@ def unknown_name(effect: str, name: str, taken: Sequence[str], joints: int) -> P
     )
 
 
-def one_joint(given: Mapping[str, Any], joints: int, amplitude: str) -> dict[str, Any]:
-    """``{"joint": 2, amplitude: x}`` → ``{"amplitude.q2": x}``; other forms pass unchanged.
+def joint_stems(names: Sequence[str]) -> tuple[str, ...]:
+    """Stems of the names that end with a joint: ``offset`` of ``offset.q2``."""
+    return tuple(dict.fromkeys(m[1] for m in map(_OF_JOINT.fullmatch, names) if m))
+
+
+def of_joint(given: Mapping[str, Any], names: Sequence[str], joints: int) -> dict[str, Any]:
+    """``{"joint": 2, "offset": x}`` → ``{"offset.q2": x}``; other forms pass unchanged.
 
     Raises:
         ParameterError: there is no such joint.
     """
-    remaining = dict(given)
-    if "joint" not in remaining:
+    remaining, stems = dict(given), joint_stems(names)
+    if not stems or "joint" not in remaining:
         return remaining
     number = remaining.pop("joint")
     if not isinstance(number, int | float):
         raise ParameterError(f"joint {number!r} is no number: 1 … {joints}")
     if int(number) != float(number) or not 1 <= int(number) <= joints:
         raise ParameterError(f"joint {number:g} does not exist: 1 … {joints}")
-    if amplitude in remaining:
-        remaining[f"{amplitude}.q{int(number)}"] = remaining.pop(amplitude)
-    return remaining
+    return {f"{k}.q{int(number)}" if k in stems else k: v for k, v in remaining.items()}

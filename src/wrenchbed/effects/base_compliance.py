@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import MjSpec, Pose, PoseEffect, Values, Variant, alike
+from wrenchbed.effects.base import Effect, MjSpec, Pose, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.rotations import apply, exp
 from wrenchbed.robots.base import Robot
@@ -10,7 +10,7 @@ from wrenchbed.robots.base import Robot
 NAMES = ("compliance", "compliance.x", "compliance.y")
 
 
-class BaseCompliance(PoseEffect):
+class BaseCompliance(Effect):
     """R → Exp(α) R about the base's origin, α = C M: M is gravity's moment on all that moves.
 
     Of M counts the horizontal part; ``compliance`` gives alike about x and y of the world, the
@@ -22,6 +22,7 @@ class BaseCompliance(PoseEffect):
 
     name = "base.compliance"
     title = "the base is compliant and tilts under the arm's weight"
+    stage = "pose"
     size_error = 0.1
     source = "1e-6–1e-5 rad/(N·m) of pedestals and tables: estimate"
     numbers = (

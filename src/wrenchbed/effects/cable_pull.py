@@ -53,7 +53,6 @@ class CablePull(LoadEffect):
     title = "a cable or hose pulls on the tool"
     rough = True
     size_error = 0.1
-    external = True
     zero_is_convention = True
     source = "0.2–3 N, estimate"
     numbers = (

@@ -23,9 +23,7 @@ class CableTorsion(LoadEffect):
     title = "a cable or hose is twisted by the last joint"
     form_error = 0.1
     size_error = 0.1
-    external = True
     zero_is_convention = True
-    beside_sensor = True
     source = "5–50 mN·m a turn and as much friction: estimate"
     numbers = (
         *alike(("stiffness",), "N·m/rad", 5e-3, 10.0, "of the cable"),

@@ -54,7 +54,6 @@ class EnvironmentContact(LoadEffect):
     rough = True
     form_error = 0.2
     size_error = 0.15
-    external = True
     zero_is_convention = True
     source = "skin, gel and foam 100–2000 N/m: estimate"
     numbers = (

@@ -6,14 +6,12 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.effects.base import (
-    Effect,
     JointEffect,
     MjSpec,
     Values,
     Variant,
     each_joint,
     joint_parameters,
-    one_joint,
     vector,
 )
 from wrenchbed.effects.scene import Scene
@@ -73,14 +71,11 @@ class JointBacklash(JointEffect):
         return lag + load * np.tanh(scene.joint_torque / SOFT) if load.any() else lag
 
     def taken(self, robot: Robot) -> tuple[str, ...]:
-        return ("joint", "side", *SIDES, *Effect.taken(self, robot))
+        return ("side", *super().taken(robot))
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """All parameters by name; also takes ``joint=2,load=2e-4`` or ``approach=2e-4``, with a
-        side."""
-        remaining = {k: v for k, v in given.items() if k != "side"}
-        side = "approach" if "approach" in remaining else "load"
-        return Effect.values(self, robot, one_joint(remaining, len(robot.joints), side))
+        """All parameters by name; the side of ``joint=2,side=load,load=2e-4`` says nothing more."""
+        return super().values(robot, {k: v for k, v in given.items() if k != "side"})
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """Add joints with play in series, some of which lag."""

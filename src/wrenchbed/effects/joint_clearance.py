@@ -1,12 +1,11 @@
 """Passive joints have clearance."""
 
-from collections.abc import Mapping
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
-from wrenchbed.effects.base import Effect, JointEffect, MjSpec, Pose, Values, Variant
+from wrenchbed.effects.base import JointEffect, MjSpec, Pose, Values, Variant
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, exp
@@ -111,12 +110,6 @@ class JointClearance(JointEffect):
             play = result.pop("play.1")
             return {"play.2": play | {"value": -play["value"]}} | result
         return result
-
-    def taken(self, robot: Robot) -> tuple[str, ...]:
-        return Effect.taken(self, robot)
-
-    def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        return Effect.values(self, robot, given)
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """The last bearing's round play; play in loops acts through the joints' values."""

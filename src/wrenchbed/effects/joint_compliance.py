@@ -6,14 +6,13 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.effects.base import (
-    Effect,
     JointEffect,
     MjSpec,
     Values,
     Variant,
     each_joint,
     joint_parameters,
-    one_joint,
+    of_joint,
     vector,
 )
 from wrenchbed.effects.scene import Scene
@@ -46,11 +45,12 @@ class JointCompliance(JointEffect):
         return scene.joint_torque * give
 
     def taken(self, robot: Robot) -> tuple[str, ...]:
-        return ("joint", "stiffness", *Effect.taken(self, robot), *each_joint("stiffness", robot))
+        names = self.parameters(robot).names
+        return ("joint", "stiffness", *names, *each_joint("stiffness", robot))
 
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """All parameters by name; also takes ``joint=2,stiffness=1.4e4`` [N·m/rad]."""
-        remaining = one_joint(given, len(robot.joints), "stiffness")
+        remaining = of_joint(given, self.taken(robot), len(robot.joints))
         for name in [n for n in remaining if n.startswith("stiffness.")]:
             stiffness = remaining.pop(name)
             if not isinstance(stiffness, int | float) or not stiffness > 0:

@@ -1,19 +1,8 @@
 """Gears and encoders have a periodic error."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
-from wrenchbed.effects.base import (
-    Effect,
-    JointEffect,
-    Residual,
-    Values,
-    Variant,
-    each_joint,
-    one_joint,
-)
+from wrenchbed.effects.base import JointEffect, Residual, Values, Variant, each_joint
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.time_derivatives import Value, cos, sin
@@ -93,17 +82,6 @@ class JointGearError(JointEffect):
         )
         angle = p["order"] * scene.q
         return sin(angle) * a + cos(angle) * b
-
-    def taken(self, robot: Robot) -> tuple[str, ...]:
-        return ("joint", "sin", "cos", *Effect.taken(self, robot))
-
-    def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """All parameters by name; also takes ``joint=2,sin=3e-4,cos=1e-4,order=101`` for one
-        joint."""
-        remaining = one_joint(given, len(robot.joints), "sin")
-        if "joint" in given:
-            remaining = one_joint(remaining | {"joint": given["joint"]}, len(robot.joints), "cos")
-        return Effect.values(self, robot, remaining)
 
 
 def _label(joint: int, order: float) -> str:

@@ -18,7 +18,6 @@ class MountRotation(ModelEffect):
 
     name = "mount.rotation"
     title = "the sensor is rotated on its flange"
-    companions = ("joint.offset", "sensor.crosstalk")
     source = "0.2–1° of bolt holes and dowels: estimate"
     numbers = alike(NAMES, "rad", TYPICAL, 3.2, "rotation vector in sensor axes")
 

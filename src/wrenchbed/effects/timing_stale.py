@@ -14,7 +14,6 @@ class TimingStale(RowEffect):
 
     name = "timing.stale"
     title = "some rows repeat the previous one"
-    all_channels = True
     source = "0.01–1 % of rows; 10 % where a sensor is slower than its logger: estimate"
     numbers = (
         Parameter("share", 0.0, "1", 0.1, 0.0, 1.0, "of the rows that repeat the one before"),

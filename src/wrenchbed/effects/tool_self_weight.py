@@ -16,8 +16,6 @@ class ToolSelfWeight(ModelEffect):
 
     name = "tool.self_weight"
     title = "the weight of the sensor's own tool side loads its gauges"
-    hidden_by = "mass"
-    no_referee = "exactly a mass and a CoG: it is in the background of every case"
     source = "20–60 g of an ATI Mini40 or Gamma's tool side: estimate"
     numbers = alike(("mass",), "kg", 0.05, 5.0, "added to the gauges")
 

@@ -20,7 +20,7 @@ from wrenchbed.diagnosis.between_rows.scatter import Scatter, scatter
 from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.diagnosis.prepare.repeated_rows import FEW, Repeats, Step, repeats, step
 from wrenchbed.effects import base_vibration, sensor_noise, sensor_quantization, timing_stale
-from wrenchbed.effects.chain import ActiveEffect, effects
+from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import Robot
 
@@ -66,7 +66,7 @@ class RowFinding:
 
     def active(self, robot: Robot) -> ActiveEffect | None:
         """The effect with its parameters; None if only some channels repeat."""
-        if effects()[self.effect].all_channels and len(self.channels) < len(CHANNELS):
+        if self.effect == STALE_ROWS and len(self.channels) < len(CHANNELS):
             return None
         given = {name: p["value"] for name, p in self.parameters.items()}
         return ActiveEffect.of(robot, self.effect, given)

@@ -20,7 +20,6 @@ from wrenchbed.diagnosis.explain.contributions import (
 from wrenchbed.diagnosis.explain.contributions import share as share_of
 from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
 from wrenchbed.diagnosis.prepare.configuration import STATED
-from wrenchbed.effects.chain import effects
 
 REST = 0.55
 """Gap that normal imperfections may make together."""
@@ -279,7 +278,7 @@ def _exact(refitter: Refitter, rung: int) -> BackgroundLevel:
     if rung not in refitter.exact:
         d, level = refitter.d, refitter.searcher.rungs[rung].level
         variance = level.V.copy()
-        hidden = [d.of_effect(e.name) for e in effects().values() if e.hidden_by == "mass"]
+        hidden = [d.of_effect("tool.self_weight")]  # a wrong mass is nearly all of it
         of = np.concatenate([np.zeros(0, dtype=int), *hidden])
         (mass,) = np.flatnonzero(d.of_stated(STATED[1]))
         off = 0.5 * d.tolerance[mass] * d.size[d.stated[mass]] / d.size[of]

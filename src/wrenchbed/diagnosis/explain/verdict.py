@@ -10,14 +10,13 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.claims import REST, Explanation, Part
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.structures import MARGIN, Ranking
-from wrenchbed.effects.chain import effects
 
 MOST_RIVALS = 4
 RIVAL = 0.02
 """A rival has at least this share of its class's probability,"""
 DOUBT = 2.0
 """with log odds divided by this: evidence is exact for exact physics only."""
-INSEPARABLE = tuple(frozenset({n, c}) for n, e in effects().items() for c in e.companions)
+INSEPARABLE = tuple(frozenset({"mount.rotation", n}) for n in ("joint.offset", "sensor.crosstalk"))
 """Pairs of effects that no data without contact distinguishes."""
 
 
