@@ -175,10 +175,3 @@ def test_a_row_effect_has_no_mean_and_scatters_or_repeats_rows(name):
         repeats = (np.diff(shown + load, axis=0) == 0.0).all(axis=1).mean()
         raised = shown.var(axis=0) / noise.var(axis=0)
         assert raised.max() > 1.2 or repeats > 0.05, p.name
-
-
-def test_the_parts_of_the_names_are_those_that_referees_use():
-    known = set(
-        "sensor mount tool cable joint link base timing environment".split(),
-    )
-    assert {registry.load("effects", n).subsystem for n in NAMES} <= known

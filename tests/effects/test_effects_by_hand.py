@@ -5,13 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from effect_scenes import columns, plain, scene_of
+from effect_scenes import columns, scene_of
 from wrenchbed import registry
-from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.physics.wrench import CHANNELS
 
 
 def reading(name, scene, y, **given):
@@ -47,18 +45,6 @@ def test_gain_bias_and_crosstalk():
     assert np.allclose(crossed, [[1.2, 2.0, 3.2, 0.1, 0.2, 0.31]])
     shifted = reading("sensor.crosstalk", scene, ROW, origin_x=0.1, origin_y=0.2, origin_z=0.3)
     assert np.allclose(shifted[0, 3:], ROW[0, 3:] + np.cross([0.1, 0.2, 0.3], ROW[0, :3]))
-
-
-def test_a_shifted_origin_is_the_antisymmetric_crosstalk():
-    scene = at_times(np.zeros(1))
-    by_origin = reading("sensor.crosstalk", scene, ROW, origin_z=0.01)
-    by_pairs = reading("sensor.crosstalk", scene, ROW, x_tx_fy=-0.01, x_ty_fx=0.01)
-    assert np.allclose(by_origin, by_pairs)
-
-
-def test_thirty_pairs_in_four_blocks():
-    found = registry.load("effects", "sensor.crosstalk").variants(scene_of("ur5 static"))
-    assert [len(v.free) for v in found] == [1] * 30 + [6, 9, 9, 6, 3, 30]
 
 
 def test_drift_and_jump_in_time():
@@ -104,15 +90,6 @@ def test_a_level_is_published_with_its_channel():
     assert told["level.fx"]["unit"] == "N" and told["channel"] == {"value": "fx"}
 
 
-def test_readings_bend_evenly_and_oddly():
-    y = np.array([[20.0] * 3 + [2.0] * 3, [-10.0] * 3 + [-1.0] * 3])
-    scene = at_times(np.arange(2.0))
-    even = reading("sensor.nonlinearity", scene, y, even_fx=0.01, even_tx=0.01) - y
-    assert np.allclose(even[:, [0, 3]], [[0.2, 0.02], [0.05, 0.005]])
-    odd = reading("sensor.nonlinearity", scene, y, odd_fx=0.01, power=3.0) - y
-    assert np.allclose(odd[:, 0], [0.2, -0.025])
-
-
 def test_temperature_moves_zero_and_span():
     y = np.full((3, 6), 10.0)
     warm = at_times(np.arange(3.0), np.array([0.0, 5.0, 10.0]))
@@ -136,28 +113,6 @@ def test_a_sensor_lags_behind_a_recorded_ramp_by_its_time_constant():
     assert prompt == pytest.approx(0.5 * 0.02 * t, abs=1e-15)
 
 
-def test_only_a_recorded_temperature_is_considered_and_published_per_kelvin():
-    effect = registry.load("effects", "sensor.temperature")
-    assert effect.variants(scene_of("ur5 static")) == ()
-    scene = scene_of("medrue static")
-    both = effect.variants(scene)[-1]
-    told = effect.publish(scene.robot, both, effect.values(scene.robot, both.at), {})
-    assert (told["zero.fx"]["unit"], told["span.fx"]["unit"]) == ("N/K", "1/K")
-
-
-@pytest.mark.parametrize("step", [1.0, 7.0, "uneven"])
-def test_creep_after_a_step_of_load(step):
-    t = np.arange(0.0, 400.0, 1.0 if step == "uneven" else step)
-    if step == "uneven":
-        t = t[(t == 0.0) | (np.random.default_rng(1).random(len(t)) < 0.3)]
-    t = np.concatenate([[-1e-3], t])  # the load steps within a millisecond
-    y = np.where(t >= 0.0, 10.0, 4.0)[:, None] * np.ones(6)
-    crept = reading("sensor.creep", at_times(t), y, share_fx=0.01, tau=50.0) - y
-    expected = 0.01 * 6.0 * -np.expm1(-t[1:] / 50.0)
-    assert np.abs(crept[1:, 0] - expected).max() < 1e-5
-    assert not crept[:, 1:].any()
-
-
 def test_creep_that_ends_right_starts_too_low():
     t = np.array([0.0, 1e-9, 50.0, 1000.0])
     y = np.zeros((4, 6))
@@ -165,16 +120,6 @@ def test_creep_that_ends_right_starts_too_low():
     crept = reading("sensor.creep", at_times(t), y, share_fx=0.01, tau=50.0, late=1.0) - y
     assert crept[:, 0] == pytest.approx([0.0, -0.02, -0.02 * np.exp(-1.0), 0.0], abs=1e-8)
     assert not crept[:, 1:].any()
-
-
-def test_creep_on_an_even_clock_is_that_on_any_clock():
-    from wrenchbed.effects.sensor_creep import settle
-
-    t = np.arange(50) * 0.1
-    x = np.random.default_rng(2).standard_normal((50, 6)).cumsum(axis=0)
-    nearly = t + np.where(np.arange(50) == 49, 1e-4, 0.0)
-    assert np.abs(settle(x, t, 0.7)[:-1] - settle(x, nearly, 0.7)[:-1]).max() < 1e-12
-    assert np.array_equal(settle(x[:1], t[:1], 0.7), x[:1])
 
 
 def test_play_follows_once_it_is_half_its_width_behind():
@@ -210,31 +155,6 @@ def test_a_lowpass_turns_and_shrinks_a_sine():
     assert np.allclose(mirrored - y, y - smooth)
 
 
-def test_a_settled_lowpass_stays():
-    y = np.tile(ROW, (20, 1))
-    assert np.allclose(reading("timing.lowpass", moving(np.arange(20.0)), y, tau=3.0), y)
-
-
-def test_clocks_and_channels_lag_a_ramp():
-    t = 50.0 + np.arange(100) / 10.0
-    y = np.outer(t, np.ones(6))
-    skewed = y - reading("timing.skew", moving(t), y, skew=0.01)
-    assert np.allclose(skewed, 0.01 * (t - 50.0)[:, None])
-    turns = y - reading("timing.skew", moving(t), y, channel=0.02)
-    assert np.allclose(turns[1:], 0.02 * np.arange(6))
-
-
-@pytest.mark.parametrize("name", ["timing.delay", "timing.lowpass", "timing.skew"])
-def test_poses_at_rest_have_no_timing(name):
-    scene = scene_of("ur5 static")
-    effect = registry.load("effects", name)
-    assert effect.variants(scene) == ()
-    given = {p.name: 0.05 for p in effect.parameters(scene.robot) if p.nominal == 0.0}
-    assert np.array_equal(
-        respond(scene, [ActiveEffect.of(scene.robot, name, given)]), plain("ur5 static")
-    )
-
-
 def corrupted(name, rows, t=None, seed=0, **given):
     effect, robot = registry.load("effects", name), registry.load("robots", "ur5")
     t = np.arange(len(rows)) / 125.0 if t is None else t
@@ -248,20 +168,6 @@ def test_quantization_rounds_to_the_step_and_only_where_there_is_one():
     assert np.allclose(shown, [[0.2, 0.24, -0.5, 0.0, 0.24, 0.24]])
 
 
-def test_noise_has_the_stated_spread():
-    shown = corrupted("sensor.noise", np.zeros((40000, 6)), std_fx=0.3, std_tz=0.01)
-    assert np.allclose(shown.std(axis=0), [0.3, 0, 0, 0, 0, 0.01], rtol=0.02)
-
-
-def test_stale_rows_repeat_the_one_before():
-    rows = np.arange(60000.0).reshape(-1, 6)
-    shown = corrupted("timing.stale", rows, share=0.2)
-    repeats = (np.diff(shown, axis=0) == 0.0).all(axis=1)
-    assert abs(repeats.mean() - 0.2) < 0.02
-    assert np.array_equal(shown[1:][~repeats], rows[1:][~repeats])
-    assert np.array_equal(corrupted("timing.stale", rows, share=1.0), np.tile(rows[0], (10000, 1)))
-
-
 def test_vibration_is_a_line_at_its_frequency():
     shown = corrupted("base.vibration", np.zeros((1250, 6)), amplitude_fz=0.4, frequency=12.5)
     spectrum = np.abs(np.fft.rfft(shown[:, 2])) / 625.0
@@ -269,12 +175,6 @@ def test_vibration_is_a_line_at_its_frequency():
     assert not shown[:, :2].any()
     other = corrupted("base.vibration", np.zeros((1250, 6)), seed=1, amplitude_fz=0.4)
     assert not np.allclose(shown, other)
-
-
-def test_channels_are_named_alike_everywhere():
-    for name in ("sensor.bias", "sensor.drift", "sensor.noise", "sensor.quantization"):
-        known = registry.load("effects", name).parameters(registry.load("robots", "ur5"))
-        assert [n.rpartition(".")[2] for n in known.names[:6]] == list(CHANNELS)
 
 
 @settings(deadline=None, max_examples=40)

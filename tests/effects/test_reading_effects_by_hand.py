@@ -98,16 +98,6 @@ def test_a_channel_is_clipped_by_its_short_names():
         effect.values(robot, {"level": 10.0})
 
 
-def test_each_channel_is_clipped_at_its_own_level():
-    y = np.outer([-30.0, -3.0, 3.0, 30.0], np.ones(6))
-    given = {f"level.{c}": 4.0 + k for k, c in enumerate(CHANNELS)}
-    given |= {f"share.{c}": 1.0 for c in CHANNELS}
-    found = y + change("sensor.saturation", rows_at(np.arange(4.0)), y, given)
-    assert found[3] == pytest.approx([4.0, 5.0, 6.0, 7.0, 8.0, 9.0])
-    assert found[0] == pytest.approx(-found[3])
-    assert np.array_equal(found[1:3], y[1:3])
-
-
 def test_every_channel_bends_about_its_own_full_scale():
     """20 N, 2 N·m, and 0.2 N·m about z: there a bend of 1 % is 1 % of that."""
     full = np.array([20.0, 20.0, 20.0, 2.0, 2.0, 0.2])
@@ -123,18 +113,6 @@ def test_every_channel_bends_about_its_own_full_scale():
             found = change("sensor.nonlinearity", scene, y, {f"{law}.{c}": 0.01, "power": power})
             assert found[:, k] == pytest.approx(0.01 * full[k] * np.array(expected))
             assert not np.delete(found, k, axis=1).any()
-
-
-@pytest.mark.parametrize("channel", CHANNELS)
-def test_zero_and_span_of_each_channel_follow_the_temperature(channel):
-    y = np.outer([10.0, 20.0, 30.0], np.arange(1.0, 7.0))
-    scene, k = rows_at(np.arange(3.0), np.array([0.0, 4.0, -2.0])), CHANNELS.index(channel)
-    zero = change("sensor.temperature", scene, y, {f"zero.{channel}": 0.1})
-    assert zero[:, k] == pytest.approx([0.0, 0.4, -0.2])
-    span = change("sensor.temperature", scene, y, {f"span.{channel}": 1e-2})
-    assert span[:, k] == pytest.approx(y[:, k] * [0.0, 0.04, -0.02])
-    for found in (zero, span):
-        assert not np.delete(found, k, axis=1).any()
 
 
 @pytest.mark.parametrize(("lag", "late"), [(0.0, 0.0), (0.5e-3, 0.0), (2e-3, 2e-3), (5.0, 5.0)])
@@ -206,15 +184,6 @@ def test_stages_in_a_row_share_their_time_constant(stages, tau):
     assert (error <= stages * straight + 1e-5).all()
 
 
-def test_an_early_reading_is_settled():
-    t = np.arange(200) / 100.0
-    y = np.outer(np.where(t < 0.5, 3.0, 5.0), np.ones(6))
-    shown = y + change("timing.lowpass", rows_at(t, moves=True), y, {"tau": 0.05})
-    assert shown[:40] == pytest.approx(3.0, abs=1e-3)
-    assert shown[-1] == pytest.approx(5.0, abs=1e-3)
-    assert shown[55, 0] == pytest.approx(5.0 - 2.0 * np.exp(-1.0), abs=0.08)
-
-
 # ---- creep -------------------------------------------------------------------------------------
 
 
@@ -260,19 +229,12 @@ def test_a_vibration_has_every_phase_and_all_channels_share_it():
     assert not shown[..., 1:5].any()
 
 
-def test_a_vibration_adds_half_its_squared_amplitude_to_the_variance():
-    t = np.arange(5000) / 125.0
-    noise = np.random.default_rng(2).standard_normal((5000, 6))
-    shown = corrupted("base.vibration", noise, t, 1, amplitude_fy=3.0, frequency=11.3)
-    more = shown.var(axis=0) - noise.var(axis=0)
-    assert more == pytest.approx([0.0, 4.5, 0.0, 0.0, 0.0, 0.0], abs=0.15)
-
-
 def test_noise_of_two_channels_is_not_the_same():
     shown = corrupted("sensor.noise", np.full((20000, 6), 5.0), np.arange(20000.0), 1,
                       std_fx=0.2, std_fy=0.2)  # fmt: skip
     assert np.abs(np.corrcoef(shown[:, :2].T)[0, 1]) < 0.03
     assert shown[:, :2].mean(axis=0) == pytest.approx(5.0, abs=0.01)
+    assert shown.std(axis=0) == pytest.approx([0.2, 0.2, 0, 0, 0, 0], rel=0.03)
     assert (shown[:, 2:] == 5.0).all()
 
 

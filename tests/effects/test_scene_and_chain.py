@@ -1,6 +1,5 @@
 """Rows of a scene, the stages of the chain, effects by their names: what each is by definition."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,7 +7,7 @@ import pytest
 
 from effect_scenes import SCENES, motion, plain, scene_of
 from wrenchbed import registry
-from wrenchbed.effects.base import STAGES, Pose
+from wrenchbed.effects.base import STAGES
 from wrenchbed.effects.chain import (
     ActiveEffect,
     EffectChain,
@@ -30,15 +29,6 @@ def rows(q, t):
 
 
 # ---- rows --------------------------------------------------------------------------------------
-
-
-def test_time_of_a_scene_begins_at_its_first_row():
-    scene = rows(np.zeros((4, 6)), [100.0, 101.0, 104.0, 109.0])
-    assert len(scene) == 4
-    assert scene.age.tolist() == [0.0, 1.0, 4.0, 9.0]
-    assert scene.span == 9.0
-    assert scene.period == 3.0
-    assert rows(np.zeros((1, 6)), [5.0]).span == 1e-9  # a span is divided by
 
 
 def test_rows_are_a_motion_if_they_carry_velocities():
@@ -102,29 +92,6 @@ def test_examples_are_poses_at_rest_and_the_same_as_a_motion():
 
 
 # ---- what an effect does not do ------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", registry.names("effects"))
-def test_an_effect_leaves_the_other_stages_alone(name):
-    scene, effect = scene_of("ur5 static"), effects()[name]
-    known = effect.parameters(scene.robot)
-    p = effect.values(
-        scene.robot, {q.name: q.tolerance for q in known if not q.nominal and q.upper > q.tolerance}
-    )
-    pose, load = Pose(*scene.pose), scene.load
-    if "model" not in effect.stages:
-        assert effect.theta(scene.robot, scene.theta, p) is scene.theta
-    if "joint" not in effect.stages:
-        assert effect.displace(scene, p) == 0.0
-    if "pose" not in effect.stages:
-        assert effect.pose(scene, pose, p) is pose
-    if "load" not in effect.stages:
-        none = effect.pull(scene, pose, load, p)
-        assert none.shape == load.shape and not none.any()
-    if not effect.in_sensor:
-        assert effect.read(scene, load, p) is load
-    if not effect.between_rows:
-        assert effect.corrupt(load, scene.t, p, np.random.default_rng(0)) is load
 
 
 def test_effects_of_a_family_may_be_taken_for_each_other():
@@ -236,13 +203,6 @@ def test_what_shows_only_in_motion_does_not_act_at_rest():
     late = ActiveEffect.of(still.robot, "timing.delay", {"delay": 0.5})
     assert np.array_equal(EffectChain([late]).read(still, still.load), still.load)
     assert list(STAGES) == ["model", "joint", "pose", "load", "reading", "timing", "row"]
-
-
-def test_a_scene_with_other_parameters_reads_by_them():
-    scene = scene_of("ur5 static")
-    theta = scene.theta.copy()
-    theta[scene.robot.parameters.index("tool.mass")] *= 2.0
-    assert respond(replace(scene, theta=theta)) == pytest.approx(2.0 * plain("ur5 static"))
 
 
 # ---- effects by name -----------------------------------------------------------------------------
