@@ -14,8 +14,8 @@ LATIN = {"PYTHONIOENCODING": "iso-8859-1"}
 WORDS = [[], *([verb] for verb in _VERBS), *([g, v] for g in _GROUPS for v in ("make", "score"))]
 HELPS = """
 import sys
-from wrenchbed.cli import main, terminal
-terminal.prepare()
+from wrenchbed.cli import main, start
+start.prepare()
 for words in {words}:
     try:
         main([*words, "--help"])

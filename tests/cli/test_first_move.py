@@ -7,7 +7,7 @@ import pytest
 from test_run_live import PLAN, Arm
 
 from wrenchbed.cli import main
-from wrenchbed.cli.first_move import ready
+from wrenchbed.cli.record import ready
 from wrenchbed.errors import ParameterError, SafetyStopError
 from wrenchbed.hardware.device import only_here
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions

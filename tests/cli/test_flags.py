@@ -1,8 +1,6 @@
-"""Every flag keeps its spelling and its default; the shell's completion knows them."""
+"""Every flag keeps its spelling and its default."""
 
 import re
-import shutil
-import subprocess
 from importlib.metadata import version
 
 import pytest
@@ -13,8 +11,8 @@ FLAGS = {
     "list": "json=False",
     "plan": (
         "accuracy=None, for=None, goal=None, index=None, json=False, least-poses=None, "
-        "motion=poses, n=100, out=required, points=None, pool=None, rate=125.0, rrd=None, "
-        "seconds=60.0, seed=0, touch-cost=None, touch-std=None"
+        "motion=poses, n=100, out=required, points=None, pool=None, rate=125.0, seconds=60.0, "
+        "seed=0, touch-cost=None, touch-std=None"
     ),
     "record": (
         "channel=None, driver=sim, dry-run=False, effect=repeatable, effort=None, force=False, "
@@ -30,8 +28,7 @@ FLAGS = {
     ),
     "calibrate": (
         "channels=None, constants=None, force=False, free=none, hold=none, json=False, "
-        "loss=linear, out=None, prior=False, report=None, rrd=None, touch-std=None, touches=None, "
-        "truth=None"
+        "loss=linear, out=None, prior=False, report=None, touch-std=None, touches=None, truth=None"
     ),
     "diagnose": (
         "channels=None, drives=None, dry-run=False, fast=False, json=False, look-alikes=0, "
@@ -40,7 +37,7 @@ FLAGS = {
     "doctor": "host=None, json=False, robot=ur5, seconds=3.0, sensor=None",
     "view": "port=9876, rrd=None",
     "report": "out=report.html",
-    "simulate": "force=False, json=False, like=required, noise=off, out=required, rrd=None, seed=0",
+    "simulate": "force=False, json=False, like=required, noise=off, out=required, seed=0",
     "export": (
         "force=False, frame=None, json=False, mcap=None, mjcf=None, mount=None, out=None, to=None, "
         "urdf=None"
@@ -98,30 +95,3 @@ def test_flags_and_defaults_stay(verb, capfd, monkeypatch):
 
 def test_the_version_is_printed(capfd):
     assert printed(["--version"], capfd) == f"wrenchbed {version('wrenchbed')}\n"
-
-
-def test_completion_needs_a_known_shell(capfd):
-    with pytest.raises(SystemExit) as caught:
-        main(["--print-completion"])
-    assert caught.value.code == 2
-    assert "needs a shell: bash, zsh, tcsh" in capfd.readouterr().err
-
-
-@pytest.mark.sampled
-@pytest.mark.skipif(shutil.which("bash") is None, reason="there is no bash")
-@pytest.mark.parametrize(
-    ("words", "expected"),
-    [
-        (["cal"], "calibrate"),
-        (["calibrate", "--touch-s"], "--touch-std"),
-        (["blind", "sc"], "score"),
-        (["blind", "make", "--ans"], "--answers"),
-    ],
-)
-def test_bash_completes_verbs_and_flags(words, expected, capfd, tmp_path):
-    (tmp_path / "completion").write_text(printed(["--print-completion", "bash"], capfd))
-    script = f"""source {tmp_path}/completion
-        COMP_WORDS=(wrenchbed {" ".join(words)}); COMP_CWORD={len(words)}
-        _tyro_wrenchbed wrenchbed {words[-1]}; echo "${{COMPREPLY[@]}}" """
-    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
-    assert expected in done.stdout.split()

@@ -39,15 +39,15 @@ ARM = """<mujoco><compiler autolimits="true"/><worldbody><body>
 """
 """A robot of one joint."""
 CASES = {
-    "plan": "plan ur5 --n 2 --out p2.parquet --rrd p2.rrd",
+    "plan": "plan ur5 --n 2 --out p2.parquet",
     "record": "record --robot ur5 --plan p.parquet --samples 6 --out a.parquet --force",
     "import": "import 0-calibration_fts-accel.csv --map static.toml --out i.parquet --force",
     "import --guess": "import 0-calibration_fts-accel.csv --guess --out g.parquet --force",
-    "calibrate": "calibrate r.parquet --out fit.json --rrd fit.rrd",
+    "calibrate": "calibrate r.parquet --out fit.json",
     "diagnose": "diagnose r.parquet --fast --out found",
     "view": "view r.parquet --rrd r.rrd",
     "report": "report r.parquet --out r.html",
-    "simulate": "simulate twin.json --like r.parquet --out s.parquet --rrd s.rrd --force",
+    "simulate": "simulate twin.json --like r.parquet --out s.parquet --force",
     "export": "export twin.json --mjcf model",
     "export --to": "export twin.json --to json-schema --out load.json",
     "export --mcap": "export r.parquet --mcap r.mcap --force",

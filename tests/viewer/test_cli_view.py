@@ -1,4 +1,4 @@
-"""`wrenchbed view` and --rrd: files from every verb, and refusals that say what to do."""
+"""`wrenchbed view` and its files, and refusals that say what to do."""
 
 import json
 import socket
@@ -18,15 +18,15 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("view")
     assert main(["plan", "ur5", "--n", "12", "--out", str(folder / "plan.parquet")]) == 0
     record = ["record", "--robot", "ur5", "--plan", str(folder / "plan.parquet"), "--samples", "10"]
-    assert (
-        main([*record, "--out", str(folder / "rec.parquet"), "--rrd", str(folder / "r.rrd")]) == 0
-    )
-    fit = ["--out", str(folder / "fit.json"), "--rrd", str(folder / "c.rrd")]
-    assert main(["calibrate", str(folder / "rec.parquet"), *fit]) == 0
+    rec, fit = str(folder / "rec.parquet"), str(folder / "fit.json")
+    assert main([*record, "--out", rec]) == 0
+    assert main(["calibrate", rec, "--out", fit]) == 0
+    assert main(["view", rec, "--rrd", str(folder / "r.rrd")]) == 0
+    assert main(["view", rec, fit, "--rrd", str(folder / "c.rrd")]) == 0
     return folder
 
 
-def test_verbs_write_pictures(folder, capsys):
+def test_a_picture_shows_what_a_fit_leaves(folder, capsys):
     recorded, fitted = (
         [Rrd(folder / f).values(f"/residual/{c}", "Scalars:scalars") for c in ("fx", "fy", "fz")]
         for f in ("r.rrd", "c.rrd")

@@ -16,10 +16,9 @@ from functools import partial, wraps
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any, Union
+from typing import Any
 
-from wrenchbed.cli.limits import check_memory
-from wrenchbed.cli.terminal import prepare
+from wrenchbed.cli.start import check_memory, prepare
 from wrenchbed.errors import (
     OBEYED,
     ShortageError,
@@ -62,7 +61,6 @@ _WHEN_STOPPED = {
     "blind": "; what was done so far is on disk, and the same command goes on",
 }
 """What a stopped verb leaves."""
-_SHELLS = ("bash", "zsh", "tcsh")
 _COLUMNS = 80
 
 
@@ -86,8 +84,6 @@ def main(arguments: list[str] | None = None) -> int:
             import wrenchbed
 
             print(f"wrenchbed {wrenchbed.__version__}")
-        case ["--print-completion", shell] if shell in _SHELLS:
-            _print_completion(shell)
         case []:
             print(_usage(), file=sys.stderr)
             raise SystemExit(2)
@@ -110,9 +106,8 @@ def _usage() -> str:
         lines += [f"  {verb:{indent - 2}}{first}", *(" " * indent + line for line in more)]
     lines += [
         "",
-        "wrenchbed VERB --help                describes a verb",
-        "wrenchbed --version                  prints the version",
-        f"wrenchbed --print-completion SHELL   prints completions for {', '.join(_SHELLS)}",
+        "wrenchbed VERB --help   describes a verb",
+        "wrenchbed --version     prints the version",
     ]
     return "\n".join(lines)
 
@@ -127,8 +122,6 @@ def _summary(module: str, function: str) -> str:
 
 
 def _unknown(word: str) -> str:
-    if word == "--print-completion":
-        return f"--print-completion needs a shell: {', '.join(_SHELLS)}"
     close = get_close_matches(word, _VERBS, 1)
     hint = f"; did you mean {close[0]}?" if close else "."
     return f"there is no verb {word!r}{hint} Known: {', '.join(_VERBS)}"
@@ -177,8 +170,9 @@ def _call(verb: str, arguments: Sequence[str]) -> int:
     """Parse a verb's arguments and call it; its exit code, 0 of verbs that return none."""
     import tyro
 
-    from wrenchbed.cli.console import outputs
+    from wrenchbed.cli.console import note_words, outputs
 
+    note_words([verb, *arguments])
     home, function = _loaded(verb)
     config = (tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff)
     prog, args = f"wrenchbed {verb}", list(arguments)
@@ -224,26 +218,3 @@ def _loaded(verb: str) -> tuple[Any, Callable[..., Any]]:
     module, name = _VERBS[verb]
     home = import_module(f"wrenchbed.cli.{module}")
     return home, getattr(home, name)
-
-
-def _print_completion(shell: str) -> None:
-    """Print the completion script of all verbs for a shell."""
-    import tyro
-
-    def subcommands(functions: dict[str, Callable[..., Any]]) -> Any:
-        named = [
-            Annotated[Any, tyro.conf.subcommand(name, constructor=function)]
-            for name, function in functions.items()
-        ]
-        return Union[tuple(named)]  # noqa: UP007
-
-    functions = {}
-    for verb in _VERBS:
-        home, function = _loaded(verb)
-        functions[verb] = subcommands(home.VERBS) if verb in _GROUPS else function
-    config = (tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff,
-              tyro.conf.OmitSubcommandPrefixes)  # fmt: skip
-    tyro.cli(
-        subcommands(functions), prog="wrenchbed", args=["--tyro-print-completion", shell],
-        config=config,
-    )  # fmt: skip

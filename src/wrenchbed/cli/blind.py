@@ -146,8 +146,7 @@ def score(
     folder = claims.with_name(claims.name + ".score") if out is None else out
     console.check_folder(folder, {"score.html": Kind.PAGE})
     result = scoring.score(cases, claims, answers, method, commitments)
-    words = ["--out", folder, "--method", result.main]
-    page = report.page(result, console.command("blind", "score", cases, claims, answers, *words))
+    page = report.page(result, console.command())
     page.write(folder, "score")
     console.answer(page.summary, as_json, _score_table(page))
     if not as_json:

@@ -1,6 +1,5 @@
 """`wrenchbed calibrate`: identify a robot's parameters; the fit as a table in 80 columns."""
 
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,7 +57,6 @@ def calibrate(
     given: DataArguments,
     out: Path | None = None,
     truth: Path | None = None,
-    rrd: Path | None = None,
     report: Path | None = None,
     as_json: Json = False,
 ) -> None:
@@ -68,17 +66,15 @@ def calibrate(
         recording: Parquet file.
         out: Fit to write, JSON.
         truth: JSON {name: value} of a simulated robot, shown beside the estimates.
-        rrd: Picture to write: the recording with the fit.
         report: Page to write, HTML: the fit with correlations and the residual of each pose.
     """
     console.check_out(out, Kind.FIT, recording, given.touches, truth)
-    console.check_out(rrd, Kind.PICTURE, recording, given.touches, truth, out)
-    console.check_out(report, Kind.PAGE, recording, given.touches, truth, out, rrd)
+    console.check_out(report, Kind.PAGE, recording, given.touches, truth, out)
     known = None if truth is None else console.parameters(truth)
     data = wb.Recording.read(recording)
     if given.channels == "effort" or (given.channels is None and not data.has_wrench):
         others = {"--hold": fit.hold, "--prior": fit.prior, "--touches": given.touches,
-                 "--truth": truth, "--rrd": rrd, "--report": report,
+                 "--truth": truth, "--report": report,
                  "--loss": fit.loss != "linear"}  # fmt: skip
         if refused := [flag for flag, value in others.items() if value]:
             raise ParameterError(f"{refused[0]} is for wrenches: leave it out, efforts have none")
@@ -97,10 +93,10 @@ def calibrate(
             raise ParameterError(f"{truth}: {name!r} = {value!r} is no parameter with a number")
     if out is not None:
         result.write(out)
-    if rrd is not None:
-        _draw(result, data, rrd)
     if report is not None:
-        _page(result, data, report, _command(recording, fit, given, out, report))
+        from wrenchbed.reports.fit_page import fit_page
+
+        fit_page(result, data, console.command()).write(report)
     console.answer(result.to_json(), as_json, fit_table(result, known))
     for what, path in (("fit", out), ("page", report)):
         if path is not None and not as_json:
@@ -121,35 +117,6 @@ def _efforts(
     console.answer(result.to_json(), as_json, drive_fit_table(result))
     if out is not None and not as_json:
         console.say(f"fit → {out}")
-
-
-def _command(
-    recording: Path, fit: wb.Options, given: DataArguments, out: Path | None, report: Path
-) -> str:
-    """The line that makes a page again."""
-    words: list[object] = ["calibrate", recording]
-    for flag, names in (("--free", fit.free), ("--hold", fit.hold)):
-        words += [flag, *names] if names else []
-    words += ["--prior"] * fit.prior + ["--force"] * fit.force
-    words += ["--loss", fit.loss] if fit.loss != "linear" else []
-    words += ["--touches", given.touches] if given.touches is not None else []
-    words += ["--touch-std", given.touch_std] if given.touch_std is not None else []
-    words += ["--out", out] if out is not None else []
-    return console.command(*words, "--report", report)
-
-
-def _page(result: wb.Fit, data: wb.Recording, path: Path, command: str) -> None:
-    from wrenchbed.reports.fit_page import fit_page
-
-    fit_page(result, data, command).write(path)
-
-
-def _draw(result: wb.Fit, data: wb.Recording, rrd: Path) -> None:
-    from wrenchbed.viewer.recordings import recording_view
-
-    with tempfile.TemporaryDirectory(prefix="wrenchbed-") as folder:
-        result.write(Path(folder) / "fit.json")
-        recording_view(data, rrd, [Path(folder) / "fit.json"])
 
 
 def fit_table(result: wb.Fit, truth: Mapping[str, float] | None = None) -> Group:

@@ -43,13 +43,6 @@ class RobotArguments:
             robot, self.robots, words, self.poses, self.samples, self.seed, self.diagnose, plan
         )
 
-    @property
-    def words(self) -> list[object]:
-        """Of a command line that gives them."""
-        poses = ["--poses", self.poses] if self.plan is None else ["--plan", self.plan]
-        words = ["--robots", self.robots, "--vary", self.vary, *poses, "--samples", self.samples]
-        return [*words, "--seed", self.seed, *(["--diagnose"] if self.diagnose else [])]
-
 
 def campaign(
     robot: tyro.conf.Positional[str],
@@ -86,8 +79,7 @@ def campaign(
     results = summary.figures(table)
     written = ["robots.parquet"]
     try:
-        command = console.command("campaign", robot, "--out", out, *simulated.words)
-        summary.page(fleet, table, out, command).write(out, "summary")
+        summary.page(fleet, table, out, console.command()).write(out, "summary")
         written += ["summary.html", "summary.md"]
     except MissingExtraError as error:
         console.say(f"no summary: {error}")

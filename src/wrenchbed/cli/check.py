@@ -9,8 +9,7 @@ import tyro
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
-from wrenchbed.cli.first_move import ready
-from wrenchbed.cli.record import DeviceArguments, LimitArguments
+from wrenchbed.cli.record import DeviceArguments, LimitArguments, ready
 from wrenchbed.cli.small_verbs import compared
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import HistoryError

@@ -1,14 +1,13 @@
 """What the verbs share: argument checks, ``--set`` words, answers, progress bars, signals."""
 
 import json
-import math
 import re
 import shlex
 import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from types import MappingProxyType, NoneType, UnionType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
@@ -30,7 +29,7 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from wrenchbed.cli import terminal
+from wrenchbed.cli.start import lacks
 from wrenchbed.data.checked import load
 from wrenchbed.data.outputs import Kind, check
 from wrenchbed.errors import OBEYED, ParameterError, one_line, printable
@@ -40,7 +39,15 @@ _AT_ONCE_S = 1.0
 """Steps that are done within so many seconds were done by an earlier run."""
 _LEAST_DONE = 2
 """Steps before the remaining time is shown: one of several processes says nothing of the others."""
-_SIMPLE = {int: "a whole number", float: "a number", str: "text", bool: "on or off"}
+_SIMPLE: dict[type, str] = {
+    int: "a whole number", float: "a number", str: "text", bool: "on or off",
+}  # fmt: skip
+"""Types of settings that a word can give, in words."""
+_READERS: dict[type, Callable[[str], Any]] = {
+    int: lambda word: int(word, 0), float: float, str: str,
+    bool: lambda word: {"on": True, "off": False}[word],
+}  # fmt: skip
+"""How a word becomes a value of each type."""
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 """An option without a value."""
 Json = Annotated[
@@ -52,6 +59,8 @@ Repeated = tyro.conf.UseAppendAction[tuple[str, ...]]
 """A text option that may be given several times."""
 _CLAIMED = ExitStack()
 """Locks of the outputs of the verb that runs."""
+_WORDS: list[str] = []
+"""Words of the command line that runs."""
 
 
 def pairs(words: Sequence[str]) -> dict[str, str]:
@@ -74,46 +83,36 @@ def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> d
         ParameterError: no such field (the message lists all), or a value of another type.
     """
     hints = get_type_hints(options)
-    known = {f.name: hints[f.name] for f in fields(options) if f.name not in excluded}
-    known = {name: hint for name, hint in known.items() if _simple_types(hint)}
+    names = [f.name for f in fields(options) if f.name not in excluded]
+    known = {name: simple for name in names if (simple := _simple_type(hints[name])) is not None}
     values = {}
     for name, word in words.items():
         if name not in known:
             raise ParameterError(f"--set {name}: no such setting. Known: {', '.join(known)}")
+        simple, several, optional = known[name]
         try:
-            values[name] = _value(known[name], word)
-        except ValueError as error:
-            rule = _rule(known[name])
-            raise ParameterError(f"--set {name}={word}: must be {rule}") from error
+            if optional and word == "none":
+                values[name] = None
+            elif several:
+                values[name] = tuple(_READERS[simple](part) for part in word.split(","))
+            else:
+                values[name] = _READERS[simple](word)
+        except (ValueError, KeyError) as error:
+            more = ", or several with commas between" if several else " or none" if optional else ""
+            raise ParameterError(f"--set {name}={word}: must be {_SIMPLE[simple]}{more}") from error
     return values
 
 
-def _simple_types(hint: Any) -> tuple[Any, ...]:
-    """The simple types that a hint is made of; empty if no word can be its value."""
-    if hint in _SIMPLE:
-        return (hint,)
-    inner = tuple(a for a in get_args(hint) if a not in (NoneType, Ellipsis))
-    simple = get_origin(hint) in (tuple, UnionType) and inner and all(map(_simple_types, inner))
-    return inner if simple else ()
-
-
-def _rule(hint: Any) -> str:
-    text = _SIMPLE[_simple_types(hint)[0]]
-    if get_origin(hint) is tuple:
-        return f"{text}, or several with commas between"
-    return text + (" or none" if get_origin(hint) is UnionType else "")
-
-
-def _value(hint: Any, word: str) -> Any:
-    if get_origin(hint) is UnionType:
-        return None if word == "none" else _value(_simple_types(hint)[0], word)
-    if get_origin(hint) is tuple:
-        return tuple(_value(_simple_types(hint)[0], part) for part in word.split(","))
-    if hint is bool:
-        if word not in ("on", "off"):
-            raise ValueError
-        return word == "on"
-    return int(word, 0) if hint is int else hint(word)
+def _simple_type(hint: Any) -> tuple[type, bool, bool] | None:
+    """The simple type of a hint, whether it is a tuple of them, and whether it may be None; None
+    where no word can be its value."""
+    optional = get_origin(hint) is UnionType and NoneType in get_args(hint)
+    if optional and len(get_args(hint)) == 2:
+        hint = next(a for a in get_args(hint) if a is not NoneType)
+    several = get_origin(hint) is tuple
+    if several and len({*get_args(hint)} - {Ellipsis}) == 1:
+        hint = get_args(hint)[0]
+    return (hint, several, optional) if hint in _SIMPLE else None
 
 
 class Console(RichConsole):
@@ -181,9 +180,14 @@ def parameters(path: Path | None) -> dict[str, float]:
     return raw
 
 
-def command(*words: object) -> str:
-    """A command line of wrenchbed, to be printed."""
-    return shlex.join(["wrenchbed", *map(str, words)])
+def command() -> str:
+    """The command line of wrenchbed that runs, to be printed."""
+    return shlex.join(["wrenchbed", *_WORDS])
+
+
+def note_words(words: Sequence[str]) -> None:
+    """Keep the words of the command line that runs, see `command`."""
+    _WORDS[:] = words
 
 
 def say(text: str) -> None:
@@ -204,7 +208,7 @@ def answer(result: Any, as_json: bool, display: Any) -> None:
     """Print what people read, text or a table of rich; or the result as JSON."""
     if as_json:
         text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False)
-        if terminal.lacks(text):
+        if lacks(text):
             text = json.dumps(result, indent=1, allow_nan=False)
         print(OBEYED.sub(_as_json, text))
     elif isinstance(display, str):
@@ -217,41 +221,6 @@ def _as_json(found: re.Match[str]) -> str:
     """A character as JSON spells it out."""
     units = found[0].encode("utf-16-be", "surrogatepass").hex()
     return "".join(f"\\u{units[k : k + 4]}" for k in range(0, len(units), 4))
-
-
-@dataclass
-class _Pace:
-    """What is known of one task's steps; times are seconds since the task began.
-
-    Attributes:
-        begun, before: when steps began to be counted, and how many were done then.
-        last, completed: when the last step was done, and how many were done then.
-        shown: the shortest remaining time so far.
-    """
-
-    begun: float = 0.0
-    before: float = 0.0
-    last: float = 0.0
-    completed: float = 0.0
-    shown: float = math.inf
-
-    def remaining(self, elapsed: float, completed: float, total: float) -> float | None:
-        """Time that remains [s]; None while too little was done to tell.
-
-        It is that of the mean rate at the last step's end, counts down while a step lasts, and
-        never rises: where steps become slower it stays until the rate has come down to it.
-        """
-        if completed < self.completed or (not self.completed and elapsed < _AT_ONCE_S):
-            self.begun, self.before, self.shown = elapsed, completed, math.inf
-        if completed != self.completed:
-            self.last, self.completed = elapsed, completed
-        done, rest = completed - self.before, total - completed
-        if done < min(_LEAST_DONE, total - self.before) or done <= 0:
-            return None
-        step = (self.last - self.begun) / done
-        ahead = max(rest * step - (elapsed - self.last), (rest - 1.0) * step, 0.0)
-        self.shown = min(self.shown, ahead)
-        return self.shown
 
 
 def table(*heads: str, indent: int = 0, space: int = 2, title: str | None = None) -> Table:
@@ -285,20 +254,24 @@ class RemainingColumn(ProgressColumn):
 
     def __init__(self) -> None:
         super().__init__()
-        self._paces: dict[int, _Pace] = {}
+        self._begun = self._last = (0.0, 0.0)
 
     def render(self, task: Task) -> Text:
         """The time as h:mm:ss, dashes while nothing is known."""
-        return Text(self.text(task.id, task.elapsed or 0.0, task.completed, task.total))
+        return Text(self.text(task.elapsed or 0.0, task.completed, task.total))
 
-    def text(self, task: int, elapsed: float, completed: float, total: float | None) -> str:
+    def text(self, elapsed: float, completed: float, total: float | None) -> str:
         """The time that remains [h:mm:ss] after ``elapsed`` seconds."""
-        pace = self._paces.setdefault(task, _Pace())
-        remaining = None if total is None else pace.remaining(elapsed, completed, total)
-        if remaining is None:
+        now = (elapsed, completed)
+        if completed < self._last[1] or (not self._last[1] and elapsed < _AT_ONCE_S):
+            self._begun = now
+        if completed != self._last[1]:
+            self._last = now
+        seconds, steps = (a - b for a, b in zip(self._last, self._begun, strict=True))
+        if total is None or steps < min(_LEAST_DONE, total - self._begun[1]) or not steps:
             return "-:--:--"
-        seconds = round(remaining)
-        return f"{seconds // 3600}:{seconds // 60 % 60:02}:{seconds % 60:02}"
+        left = round((total - completed) * seconds / steps)
+        return f"{left // 3600}:{left // 60 % 60:02}:{left % 60:02}"
 
 
 class _RateColumn(ProgressColumn):

@@ -124,14 +124,12 @@ def diagnose(
         raise ParameterError("diagnose needs --out, the folder for its files (or --dry-run)")
     console.check_folder(out, _FILES)
     data = [wb.Recording.read(path) for path in recordings]
-    command: list[object] = ["diagnose", *recordings, "--out", out]
-    command += ["--seed", seed] if seed else []
     if _of_efforts(data, efforts.channels):
-        written, answer = _diagnose_efforts(data, efforts, seed, out, command)
+        written, answer = _diagnose_efforts(data, efforts, seed, out)
     elif efforts.drives is not None:
         raise ParameterError("--drives goes with joint efforts: add --channels effort")
     else:
-        written, answer = _diagnose_wrench(data, learning, seed, out, console.command(*command))
+        written, answer = _diagnose_wrench(data, learning, seed, out)
     console.answer(answer.d.to_json(), as_json, None if as_json else answer_display(answer))
     if not as_json:
         console.say(f"{', '.join(written)} → {out}")
@@ -144,7 +142,7 @@ def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
 
 
 def _diagnose_efforts(
-    data: list[wb.Recording], efforts: EffortOptions, seed: int, out: Path, command: list[object]
+    data: list[wb.Recording], efforts: EffortOptions, seed: int, out: Path
 ) -> tuple[list[str], Answer]:
     """Diagnose one recording's joint efforts, and its wrench too; names of files, and the words."""
     from wrenchbed.diagnosis.efforts.diagnose_efforts import STEPS, diagnose_efforts
@@ -153,8 +151,6 @@ def _diagnose_efforts(
     if len(data) != 1:
         raise ParameterError("diagnose of joint efforts takes one recording")
     console.check_out(out / _DRIVES, Kind.DRIVES, lock=False)
-    command += ["--channels", efforts.channels or "effort"]
-    command += ["--drives", efforts.drives] if efforts.drives is not None else []
     with console.progress("diagnosing", STEPS, alike=False) as report:
         found = diagnose_efforts(
             data[0], drives=efforts.drives, seed=seed, wrench=efforts.channels == "both",
@@ -162,18 +158,18 @@ def _diagnose_efforts(
         )  # fmt: skip
     with atomic_folder(out) as folder:
         found.write(folder)
-        _tried(_PAGE, lambda: _effort_page(found, folder / _PAGE, console.command(*command)))
+        _tried(_PAGE, lambda: _effort_page(found, folder / _PAGE))
         return _names(folder), of_efforts(found)
 
 
-def _effort_page(found: EffortFindings, path: Path, command: str) -> None:
+def _effort_page(found: EffortFindings, path: Path) -> None:
     from wrenchbed.reports.effort_page import effort_page
 
-    effort_page(found, command).write(path)
+    effort_page(found, console.command()).write(path)
 
 
 def _diagnose_wrench(
-    data: list[wb.Recording], learning: LearningOptions, seed: int, out: Path, command: str
+    data: list[wb.Recording], learning: LearningOptions, seed: int, out: Path
 ) -> tuple[list[str], Answer]:
     """Diagnose the wrench of recordings; names of files, without plans, and the words."""
     from wrenchbed.pages import artist
@@ -189,7 +185,7 @@ def _diagnose_wrench(
         for name in found.plans:
             console.check_out(out / name, Kind.PLAN, lock=False)
         with atomic_folder(out) as folder:
-            _write(found, folder, command, draws)
+            _write(found, folder, draws)
             return _names(folder), of_wrench(found)
 
 
@@ -210,21 +206,21 @@ def _diagnosed(
     return several(data, seed=seed, reliability=known, progress=step)
 
 
-def _write(found: Findings, folder: Path, command: str, artist: Artist) -> None:
+def _write(found: Findings, folder: Path, artist: Artist) -> None:
     """Write all files of a diagnosis; the artist draws the page's figures beside the picture."""
     from wrenchbed.reports.diagnosis_page import page_to_come
 
     found.write(folder)
-    coming = _tried(_PAGE, lambda: page_to_come(found, command, artist))
-    _tried(_PICTURE, lambda: _draw(found, folder / _PICTURE, command))
+    coming = _tried(_PAGE, lambda: page_to_come(found, console.command(), artist))
+    _tried(_PICTURE, lambda: _draw(found, folder / _PICTURE))
     if coming is not None:
         _tried(_PAGE, lambda: coming().write(folder / _PAGE))
 
 
-def _draw(found: Findings, path: Path, command: str) -> None:
+def _draw(found: Findings, path: Path) -> None:
     from wrenchbed.viewer.diagnoses import diagnosis_view
 
-    diagnosis_view(found, path, command)
+    diagnosis_view(found, path, console.command())
 
 
 def _tried(name: str, make: Callable[[], Made]) -> Made | None:

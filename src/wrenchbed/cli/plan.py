@@ -76,7 +76,6 @@ def plan(
     goal: GoalArguments,
     motion: MotionArguments,
     seed: int = 0,
-    rrd: Path | None = None,
     as_json: Json = False,
 ) -> None:
     """Choose poses, or a multi-sine motion, for a robot.
@@ -88,13 +87,11 @@ def plan(
         robot: name, see `wrenchbed list robots`.
         out: Parquet file to write.
         seed: Of the random choice.
-        rrd: Also write the plan as a picture for rerun: the way, poses, expected wrenches.
     """
     console.check_seed(seed)
     console.check_out(out, Kind.PLAN, goal.points)
-    console.check_out(rrd, Kind.PICTURE, out, goal.points)
     if goal.goal is not None:
-        console.check_out(_touches(out), Kind.PLAN, goal.points, rrd)
+        console.check_out(_touches(out), Kind.PLAN, goal.points)
     arm = wb.load("robots", robot)
     _check(poses, goal, motion)
     if goal.goal is not None:
@@ -109,10 +106,6 @@ def plan(
         result = {"plan": str(out), "robot": robot, "mode": chosen.mode, "rows": len(chosen)}
         text = f"planned {length if moving else f'{len(chosen)} poses'} for {robot} → {out}"
         console.answer(result, as_json, text)
-    if rrd is not None:
-        from wrenchbed.viewer.plans import plan_view
-
-        plan_view(chosen, rrd)
 
 
 def _check(poses: PoseArguments, goal: GoalArguments, motion: MotionArguments) -> None:

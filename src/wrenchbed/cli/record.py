@@ -1,6 +1,7 @@
 """`wrenchbed record`: run a plan on a simulated or real robot, with pictures live or afterwards."""
 
 import contextlib
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
@@ -13,12 +14,12 @@ from rich.table import Table
 
 import wrenchbed as wb
 from wrenchbed.campaigns.recording.itinerary import Leg, itinerary
+from wrenchbed.campaigns.recording.live_limits import LiveLimits, live_limits
 from wrenchbed.campaigns.recording.run import RunProgress
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json, Repeated
-from wrenchbed.cli.first_move import ready
 from wrenchbed.data.outputs import Kind
-from wrenchbed.errors import ParameterError, PlanError
+from wrenchbed.errors import DriverError, ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.hardware.drivers.base.live import LIVE, LiveDriver
 from wrenchbed.physics.wrench import CHANNELS, UNITS
@@ -27,34 +28,27 @@ from wrenchbed.robots.motion_limits import Limits
 
 _MOST_LEGS = 12
 """Most rows of a dry run's table."""
+_YES = ("y", "yes")
 
 
 @contextmanager
-def watched(link: Driver, out: Path, rrd: Path | None, view: bool) -> Iterator[None]:
-    """Draw a live driver's readings while the block runs; otherwise the recording at its end.
+def watched(link: Driver, rrd: Path | None, view: bool) -> Iterator[None]:
+    """Draw a live driver's readings while the block runs.
 
     Args:
         link: driver that the block records with.
-        out: recording that the block writes.
         rrd: picture to write, if any.
         view: whether rerun's window shows them.
     """
-    if not isinstance(link, LiveDriver):
-        if view:
-            raise ParameterError(
-                "--view is for live drivers; look at the recording: wrenchbed view"
-            )
-        yield
-        if rrd is not None:
-            from wrenchbed.viewer.recordings import recording_view
-
-            recording_view(wb.Recording.read(out), rrd)
-        return
     if rrd is None and not view:
         yield
         return
     from wrenchbed.viewer.live import LiveView
 
+    if not isinstance(link, LiveDriver):
+        raise ParameterError(
+            "--view and --rrd are for live drivers; look at the recording: wrenchbed view"
+        )
     if not isinstance(link.robot, SimulatedRobot):
         raise ParameterError(f"robot {link.robot.name!r} has no model that could be shown")
     with viewer_address(view) as url, LiveView(link.robot, rrd, url) as picture:
@@ -203,8 +197,7 @@ class PictureArguments:
     """Pictures for rerun.
 
     Attributes:
-        rrd: Picture of the campaign to write, see `wrenchbed view`; live drivers draw it as they
-            record; of a dry run, the way through all poses.
+        rrd: With live drivers: picture to write while recording, see `wrenchbed view`.
         view: With live drivers: watch while recording, in rerun's window.
     """
 
@@ -241,18 +234,16 @@ def record(
     kind = wb.load("drivers", device.driver)
     limits = motion.limits(kind.live)
     if run.dry_run:
-        kind, rrd = wb.SimDriver, None
+        kind = wb.SimDriver
         device = DeviceArguments("sim", parameters=device.parameters, noise=device.noise,
                                  effect=device.effect, seed=device.seed,
                                  effort=device.effort)  # fmt: skip
-        _rehearse(todo, limits, run, picture.rrd)
-    else:
-        rrd = picture.rrd
+        _rehearse(todo, limits, run)
     link: Driver = kind(device.options(kind, robot, limits))
     revisit = {"yes": True, "no": False, "auto": True if run.dry_run else None}[run.revisit]
     with (
         ready(link, todo, recover=run.recover, yes=run.yes) as found,
-        watched(link, out, rrd, picture.view),
+        watched(link, picture.rrd, picture.view),
         console.progress(f"recording {robot}", len(todo)) as report,
     ):
         done = wb.record(
@@ -267,8 +258,8 @@ def _plain(robot: str) -> str:
     return robot.partition("@")[0]
 
 
-def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments, rrd: Path | None) -> None:
-    """Print the moves, checked, as a table, and draw them."""
+def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments) -> None:
+    """Print the moves, checked, as a table."""
     if run.resume:
         raise ParameterError("--dry-run records from the start: leave --resume out")
     arm = wb.load("robots", plan.robot)
@@ -282,10 +273,6 @@ def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments, rrd: Path | None
         table.add_row(str(leg.row), joints, str(len(leg.via) - 1), f"{leg.seconds:.1f}")
     console.answer(None, False, table)
     console.say(_total(legs, limits))
-    if rrd is not None:
-        from wrenchbed.viewer.plans import plan_view
-
-        plan_view(plan, rrd, limits)
 
 
 def _total(legs: tuple[Leg, ...], limits: Limits) -> str:
@@ -321,3 +308,76 @@ def _answer(done: RunProgress, plan: wb.Plan, driver: str, as_json: bool) -> Non
             f"{change[worst]:+.2g} ± {std[worst]:.1g} {UNITS[worst]}"
         )
     console.answer(result, as_json, text)
+
+
+# before a live robot moves: its limits are shown, and a person agrees
+
+
+@contextmanager
+def ready(link: Driver, plan: wb.Plan, *, recover: bool, yes: bool) -> Iterator[LiveLimits | None]:
+    """Connected and able to move; errors name the flag instead of the Python method.
+
+    The block gets the limits of a live driver, which were shown.
+
+    Args:
+        link: closed.
+        plan: that it will run.
+        recover: somebody has looked at a robot that stopped.
+        yes: a person agreed already that a real robot moves.
+
+    Raises:
+        ParameterError: nobody agreed, and there is no terminal to ask at.
+    """
+    address = link.address if isinstance(link, LiveDriver) else ""
+    ask = bool(address) and not yes
+    if ask and not (sys.stdin.isatty() and sys.stderr.isatty()):
+        raise ParameterError(
+            f"the robot at {address} would move, and there is no terminal to ask at: look that "
+            "its surroundings are free, then give --yes"
+        )
+    try:
+        link.connect()
+        try:
+            limits = _shown(link, plan) if isinstance(link, LiveDriver) else None
+            if ask:
+                _agree(address)
+            if recover:
+                link.recover(unlock=True)
+            else:
+                link.activate()
+            yield limits
+        finally:
+            link.close()
+    except DriverError as error:
+        text = str(error).replace("call recover(unlock=True)", "give --recover")
+        raise type(error)(text.replace("call recover()", "give --recover")) from error
+
+
+def _shown(link: LiveDriver, plan: wb.Plan) -> LiveLimits:
+    """The complete limits, printed."""
+    complete = live_limits(link, plan)
+    limits, origin = complete.limits, complete.origin
+    assert limits.workspace is not None
+    lower, upper = limits.workspace
+    model = link.answers.get("model")
+    title = f"{model or link.robot.name} at {link.address or 'this machine (emulator)'}: limits"
+    table = console.table("limit", "value", "from", title=title)
+    for k, axis in enumerate("xyz"):
+        where = origin["workspace"] if k == 0 else ""
+        table.add_row(f"sensor's {axis}", f"{lower[k]:+.2f} … {upper[k]:+.2f} m", where)
+    table.add_row("force", f"{limits.force:.3g} N", origin["force"])
+    table.add_row("torque", f"{limits.torque:.3g} N·m", origin["torque"])
+    table.add_row("speed of moves", f"{limits.speed:.0%} of top speed", "")
+    console.note(table)
+    return complete
+
+
+def _agree(address: str) -> None:
+    """Ask at the terminal.
+
+    Raises:
+        ParameterError: the answer is not yes.
+    """
+    console.note(f"The robot at {address} will move. Is nobody in its reach? [y/N]")
+    if sys.stdin.readline().strip().lower() not in _YES:
+        raise ParameterError("not agreed: nothing was moved")

@@ -62,7 +62,6 @@ def simulate(
     out: Path,
     noise: Literal["off", "white", "real"] = "off",
     seed: int = 0,
-    rrd: Path | None = None,
     force: Flag = False,
     as_json: Json = False,
 ) -> None:
@@ -74,19 +73,12 @@ def simulate(
         out: Recording to write.
         noise: Of the simulated sensor.
         seed: Of the noise and of what effects draw.
-        rrd: Picture to write: the recording with the twin held against it.
         force: Replace a recording at OUT; it is kept as OUT~, or OUT~2 and so on.
     """
     console.check_seed(seed)
     console.check_out(out, Kind.RECORDING, twin, like, force=force)
-    console.check_out(rrd, Kind.PICTURE, twin, like, out)
-    followed = wb.Recording.read(like)
-    simulated = wb.simulate(wb.Twin.read(twin), followed, noise=noise, seed=seed)
+    simulated = wb.simulate(wb.Twin.read(twin), wb.Recording.read(like), noise=noise, seed=seed)
     keeping(out, simulated.write)
-    if rrd is not None:
-        from wrenchbed.viewer.recordings import recording_view
-
-        recording_view(followed, rrd, [twin])
     rows = len(simulated)
     result = {"recording": str(out), "like": str(like), "rows": rows}
     console.answer(result, as_json, f"simulated {rows} rows of {like} → {out}")
@@ -149,11 +141,10 @@ def study(
     folder = Path("out") / f"study-{paper}" if out is None else out
     console.check_folder(folder, {f"{paper}.html": Kind.PAGE})
     with console.progress(f"study {paper}", studies.steps(paper, quick, robots)) as report:
-        words = ["--quick"] * quick + ([] if robots is None else ["--robots", robots])
-        command = console.command("study", paper, "--out", folder, *words, "--seed", seed)
         done = studies.run(
-            paper, folder, quick=quick, robots=robots, seed=seed, report=report, command=command
-        )
+            paper, folder, quick=quick, robots=robots, seed=seed, report=report,
+            command=console.command(),
+        )  # fmt: skip
     console.answer(done.summary, as_json, "\n".join(done.lines))
 
 
@@ -226,6 +217,5 @@ def report(
         out: Page to write.
     """
     console.check_out(out, Kind.PAGE, recording, *against)
-    command = console.command("report", recording, *against, "--out", out)
-    wb.report(wb.Recording.read(recording), against, out, command)
+    wb.report(wb.Recording.read(recording), against, out, console.command())
     console.say(f"report → {out}")
