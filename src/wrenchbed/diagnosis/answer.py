@@ -9,10 +9,12 @@ import numpy as np
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.claims import stated
+from wrenchbed.diagnosis.explain.elements import Elements, combination, elements, listed
+from wrenchbed.diagnosis.explain.joint import View
 from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.reliability import Reliability, credible
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.explain.verdict import Cause, Verdict
+from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, named
 from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.gap.upheld import PARTIAL, only, small, withdrawn
@@ -29,6 +31,8 @@ _FINEST = 2.0**-14
 """Smallest step, in typical sizes, in a search for that edge."""
 UNEXPLAINED = 0.2
 """Share of the calibrated gap that causes may leave without a note."""
+WRONG_SIGMAS = 3.0
+"""Standard uncertainties by which a stated number of several is off to be listed as wrong."""
 LEVEL = 0.9
 """Probability that a set of causes holds where nothing was learnt."""
 LEAST = 0.8
@@ -38,10 +42,12 @@ below what is believed of robots that nothing was learnt on. Estimate."""
 
 def _cause(
     effect: str, probability: float, parameters: Mapping[str, Any], rivals: Sequence[str] = (),
-    closed_share: float | None = None,
+    closed_share: float | None = None, elements: Sequence[str] = (),
 ) -> dict[str, Any]:  # fmt: skip
     return {
         "effect": effect,
+        "elements": list(elements),
+        "combination": None,
         "probability": probability,
         "rivals": list(rivals),
         "parameters": parameters,
@@ -58,14 +64,61 @@ def causes(
         name, *rivals = c.names
         entry = _cause(name, c.probability, {}, rivals, gap.shares.get(name))
         result.append(entry | _numbers(a, verdict, c, spread))
-    return result + [_cause(r.effect, r.probability, r.parameters) for r in between]
+    return result + [
+        _cause(r.effect, r.probability, r.parameters, elements=r.channels) for r in between
+    ]
+
+
+def with_elements(a: Analysis, verdict: Verdict) -> Verdict:
+    """The verdict with the elements that explain the recordings as well as those it found."""
+    f = verdict.explanation.finalist
+    recordings = (
+        zip((a, *a.others), f.joint.views, strict=True) if isinstance(f, View) else [(a, f)]
+    )
+    each = [(one.refitter, view) for one, view in recordings]
+
+    def of(c: Cause, part: int) -> dict[str, Elements]:
+        first, *more = (elements(refitter, view, part, c.names) for refitter, view in each)
+        return {
+            name: e.within(set(e.names).intersection(*(m[name].names for m in more if name in m)))
+            for name, e in first.items()
+        }
+
+    causes = tuple(
+        c if c.part.index is None else replace(c, elements=of(c, c.part.index))
+        for c in verdict.causes
+    )
+    word = named(causes) if verdict.verdict in ("identified", "ambiguous") else verdict.verdict
+    return replace(verdict, verdict=word, causes=causes)
+
+
+def _elements(a: Analysis, cause: Cause, spread: float) -> dict[str, Any]:
+    """``elements`` and ``combination`` of an entry."""
+    of_effect = cause.elements[cause.names[0]]
+    total = combination(a.refitter, of_effect, spread)
+    return {
+        "elements": list(of_effect.names),
+        "combination": None if total is None else total._asdict(),
+    }
+
+
+def _with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
+    """Parameters whose number of a joint or link has those that the data cannot rule out."""
+    for key in ("joint", "link"):
+        if key in parameters and len(names) > 1:
+            others = [int(n.split()[1]) for n in names[1:]]
+            parameters[key] = parameters[key] | {"rivals": others}
+    return parameters
 
 
 def _numbers(a: Analysis, verdict: Verdict, cause: Cause, spread: float) -> dict[str, Any]:
-    """``parameters`` of an entry; of a form-free cause also ``form`` and ``curve``."""
+    """``elements``, ``combination`` and ``parameters`` of an entry; of a form-free cause also
+    ``form`` and ``curve``."""
     f, k = verdict.explanation.finalist, cause.part.index
     if k is None:
-        return {"parameters": _wrong_numbers(a, f, cause.names[0], spread)}
+        wrong = _wrong_numbers(a, f, cause.names[0], spread)
+        return {"elements": _off(wrong), "parameters": wrong}
+    of_elements = _elements(a, cause, spread)
     part, values = f.parts[k], a.refitter.values(f.parts, f.x)[k]
     scene = a.dictionary.prepared.scene
     if part.variant.free_form and part.effect.curves(scene, part.variant):
@@ -73,9 +126,19 @@ def _numbers(a: Analysis, verdict: Verdict, cause: Cause, spread: float) -> dict
         at = f.variables.of_parts([k])[: len(part.variant.free)]
         scale = spread * np.array([size[n] for n in part.variant.free])
         covariance = f.covariance[np.ix_(at, at)] * np.outer(scale, scale)
-        return _free_curve(part.effect, part.variant, scene, values, covariance)
+        curve = _free_curve(part.effect, part.variant, scene, values, covariance)
+        _with_rivals(curve["parameters"], of_elements["elements"])
+        return of_elements | curve
     std = _uncertainty(a, f, k, spread)
-    return {"parameters": part.effect.publish(a.prepared.robot, part.variant, values, std)}
+    parameters = part.effect.publish(a.prepared.robot, part.variant, values, std)
+    return of_elements | {"parameters": _with_rivals(parameters, of_elements["elements"])}
+
+
+def _off(wrong: Mapping[str, Mapping[str, Any]]) -> list[str]:
+    """Names of the stated numbers that are off by more than three standard uncertainties; the
+    farthest off if none is."""
+    ratio = {n: abs(v["value"]) / max(v["std"], 1e-300) for n, v in wrong.items()}
+    return [n for n, r in ratio.items() if r > WRONG_SIGMAS] or [max(ratio, key=lambda n: ratio[n])]
 
 
 def _free_curve(
@@ -197,6 +260,8 @@ def row_place(r: RowFinding) -> Place:
 def _detail(verdict: Verdict, cause: Cause) -> str:
     if cause.part.index is None:
         return "a number that the metadata states"
+    if cause.open_elements:
+        return listed(cause.open_elements)
     return verdict.explanation.finalist.parts[cause.part.index].variant.label
 
 

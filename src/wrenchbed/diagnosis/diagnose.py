@@ -162,6 +162,7 @@ def findings_of(found: Examined, seed: int, progress: Progress, begun: float) ->
     often = touch is None and outliers_.spells(outliers) > MOST_SPELLS
     if (loud or often) and verdict.verdict == NONE:
         verdict = withdrawn(verdict, UNKNOWN)
+    verdict = answer.with_elements(analysis, verdict)
     progress("where")
     places = where.locate(prepared, analysis.calibrated, seed=seed)
     progress("what next")
@@ -394,9 +395,14 @@ def _next(a: Analysis, verdict: Verdict, seed: int) -> tuple[dict[str, Plan], li
     """Plans of the proposed experiments by file name, and the entries of ``next``."""
     unknown = verdict.verdict == UNKNOWN
     rivals = [n for c in verdict.causes if len(c.names) > 1 for n in c.names]
-    if not unknown and not rivals:
+    several = [c.elements[c.names[0]] for c in verdict.causes if c.open_elements]
+    if not unknown and not rivals and not several:
         return {}, []
-    candidates = experiments.candidates_of(a, rivals)
+    fits = [fit for e in several for fit in zip(e.fits, e.parts, strict=True)]
+    candidates = (
+        *experiments.candidates_of(a, rivals),
+        *(experiments.candidate(f, k) for f, k in fits),
+    )
     plans: dict[str, Plan] = {}
     entries = []
     for k, e in enumerate(experiments.propose(a, candidates, unknown=unknown, seed=seed)):

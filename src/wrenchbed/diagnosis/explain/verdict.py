@@ -1,7 +1,7 @@
 """What may be claimed: none, unknown, or causes, each a class with its rivals and probability."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -9,28 +9,37 @@ from scipy.special import logsumexp
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.claims import REST, Explanation, Part
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
+from wrenchbed.diagnosis.explain.elements import DOUBT, RIVAL, Elements
 from wrenchbed.diagnosis.explain.structures import MARGIN, Ranking
 
 MOST_RIVALS = 4
-RIVAL = 0.02
-"""A rival has at least this share of its class's probability,"""
-DOUBT = 2.0
-"""with log odds divided by this: evidence is exact for exact physics only."""
 INSEPARABLE = tuple(frozenset({"mount.rotation", n}) for n in ("joint.offset", "sensor.crosstalk"))
 """Pairs of effects that no data without contact distinguishes."""
 
 
 @dataclass(frozen=True)
 class Cause:
-    """One claimed cause: the effect, then its rivals; the probability that one is present.
+    """One claimed cause: a class of effects that the recording does not tell apart.
 
-    ``shares`` of it are each one's, as far as their evidence goes.
+    Attributes:
+        names: the effect, then its rivals.
+        probability: that one of them is present.
+        part: of the explanation that claims it.
+        shares: of each effect in that probability, as far as evidence goes.
+        elements: of each effect that were looked for, by its name.
     """
 
     names: tuple[str, ...]
     probability: float
     part: Part
     shares: tuple[float, ...] = ()
+    elements: Mapping[str, Elements] = field(default_factory=dict)
+
+    @property
+    def open_elements(self) -> tuple[str, ...]:
+        """Elements of the first effect where the recording leaves several."""
+        first = self.elements.get(self.names[0])
+        return first.names if first is not None and len(first.names) > 1 else ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +105,10 @@ def decide(ranking: Ranking) -> Verdict:
 
 def named(causes: Sequence[Cause]) -> str:
     """The verdict of claimed causes: ambiguous where one has a rival that other data separates."""
-    plain = all(len(c.names) == 1 or frozenset(c.names) in INSEPARABLE for c in causes)
+    plain = all(
+        not c.open_elements and (len(c.names) == 1 or frozenset(c.names) in INSEPARABLE)
+        for c in causes
+    )
     return "identified" if plain else "ambiguous"
 
 

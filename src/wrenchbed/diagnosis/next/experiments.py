@@ -17,6 +17,8 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, features
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, MOST, BackgroundLevel, row_variance
 from wrenchbed.diagnosis.explain.claims import stated
+from wrenchbed.diagnosis.explain.elements import element
+from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.next.actions import (
     POSES,
@@ -322,11 +324,15 @@ def candidates_of(analysis: Analysis, names: Collection[str]) -> tuple[Candidate
                 place = {int(k): i for i, k in enumerate(d.stated)}
                 chosen[part.name] = (h, np.array([mean[place[int(k)]] for k in h.columns]))
                 continue
-            f = e.finalist
-            h, at = f.parts[part.index], f.variables.of_parts([part.index])
-            size = {f.variables.name[i]: f.x[i] for i in at}
-            chosen[part.name] = (h, np.array([size[n] for n in h.variant.free]))
+            chosen[part.name] = candidate(e.finalist, part.index)
     return tuple(chosen.values())
+
+
+def candidate(f: Finalist, part: int) -> Candidate:
+    """One part of a finalist as an explanation."""
+    h, at = f.parts[part], f.variables.of_parts([part])
+    size = {f.variables.name[i]: f.x[i] for i in at}
+    return h, np.array([size[n] for n in h.variant.free])
 
 
 def separate(
@@ -345,7 +351,10 @@ def separate(
         return ()
     comparison = Comparison(d, candidates[:MOST_PROPOSED], others)
     before = comparison.divergence(comparison.known)
-    names = [h.name for h, _ in comparison.candidates]
+    several = {
+        h.name for h, _ in comparison.candidates if h.name != comparison.candidates[0][0].name
+    }
+    names = [h.name if several else element(h.variant) for h, _ in comparison.candidates]
     labels = [f"{h.name} ({h.variant.label})" for h, _ in comparison.candidates]
     proposed = []
     for action in actions(d.prepared, _chooser(comparison), seed, sweeps=1):
