@@ -1,7 +1,7 @@
 """Diagnose a recording: where the gap lies, which effect causes it, how far it shrinks."""
 
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +15,7 @@ from wrenchbed.diagnosis.between_rows import row_effects
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import own_rest, tilt
 from wrenchbed.diagnosis.explain.joint import View
@@ -31,6 +32,7 @@ from wrenchbed.diagnosis.gap import closure, constancy, rivals, where
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, PARTIAL, upheld, withdrawn
 from wrenchbed.diagnosis.next import experiments, isolability
+from wrenchbed.diagnosis.next.blind import blind_spots
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.jobs.workers import one_thread
@@ -167,7 +169,8 @@ def findings_of(found: Examined, seed: int, progress: Progress, begun: float) ->
     places = where.locate(prepared, analysis.calibrated, seed=seed)
     progress("what next")
     named = {n for c in verdict.causes for n in c.names}
-    cannot_tell = _cannot_tell(analysis, named) if named else []
+    similarities = [Similarity(x.dictionary, named) for x in (analysis, *analysis.others)]
+    cannot_tell = _cannot_tell(similarities, named) if named else []
     said = (scattered, OFTEN if often else "", refuted)
     of_data = [*prepared.notes, *(sentence for sentence in said if sentence)]
     plans, proposed = _next(analysis, verdict, seed)
@@ -188,6 +191,7 @@ def findings_of(found: Examined, seed: int, progress: Progress, begun: float) ->
         which=which if outcome in ("identified", "ambiguous", PARTIAL) else [],
         probabilities=probabilities,
         cannot_tell=cannot_tell,
+        blind=blind_spots(similarities),
         next=proposed,
         twin=twin,
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
@@ -384,10 +388,9 @@ def _claimed(a: Analysis, verdict: Verdict) -> closure.Claimed | None:
     return closure.Claimed(closure.twin_of(a, f, keep), f, tuple(keep), tuple(wrong))
 
 
-def _cannot_tell(a: Analysis, named: Collection[str]) -> list[str]:
+def _cannot_tell(designs: Sequence[Similarity], named: Collection[str]) -> list[str]:
     """Sentences on named effects that none of the recordings distinguishes."""
-    designs = [each.dictionary for each in (a, *a.others)]
-    first, *others = [isolability.cannot_tell(d, among=named) for d in designs]
+    first, *others = [isolability.cannot_tell(s.d, s, named) for s in designs]
     return [text for text in first if all(text in other for other in others)]
 
 

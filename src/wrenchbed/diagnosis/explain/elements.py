@@ -71,6 +71,11 @@ class Elements:
         return Elements(*(tuple(x[k] for k in keep) for x in (self.names, self.fits, self.parts)))
 
 
+def of_element(variant: Variant) -> bool:
+    """Whether a variant is of one joint, link, axis or channel."""
+    return any(key in variant.detail for key in NAMING)
+
+
 def element(variant: Variant) -> str:
     """Name of the element that a variant is of: ``joint 3``, ``fx``, else the variant's label."""
     for key in NAMING:

@@ -9,6 +9,7 @@ import numpy as np
 
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.diagnosis.gap.closure import Closure, Interval
+from wrenchbed.diagnosis.next.blind import BlindSpot
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.files import write_json
 from wrenchbed.twin.twin import Twin
@@ -27,6 +28,7 @@ class Diagnosis:
         which: claimed causes, likewise.
         probabilities: over the leading cause.
         cannot_tell: sentences.
+        blind: what these data could not have shown.
         next: experiments that would tell.
         twin: the better simulator, of means.
         seconds: that the diagnosis took.
@@ -52,6 +54,7 @@ class Diagnosis:
     between: Sequence[ActiveEffect] = ()
     set90: Sequence[str] = ()
     outliers: Sequence[Mapping[str, Any]] = ()
+    blind: Sequence[BlindSpot] = ()
     others: Sequence[str] = ()
 
     def to_json(self) -> dict[str, Any]:
@@ -80,6 +83,7 @@ class Diagnosis:
                 "which": list(self.which),
                 "probabilities": dict(self.probabilities),
                 "cannot_tell": list(self.cannot_tell),
+                "blind": [spot.to_json() for spot in self.blind],
                 "next": list(self.next),
                 "recordings": [PurePath(r).name for r in (self.recording, *self.others)],
                 "folds": g.folds,
