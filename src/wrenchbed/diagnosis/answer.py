@@ -363,7 +363,10 @@ def with_contact(d: Diagnosis, touch: Touch | None) -> Diagnosis:
     return replace(
         d,
         verdict=verdict,
-        which=[_cause(CONTACT, touch.probability, touch.parameters), *d.which],
+        which=[
+            _cause(CONTACT, touch.probability, touch.parameters, elements=[touch.detail]),
+            *d.which,
+        ],
         where=[entry, *map(_untouched, d.where)],
         probabilities={CONTACT: touch.probability}
         | {k: (1.0 - touch.probability) * v for k, v in d.probabilities.items()},

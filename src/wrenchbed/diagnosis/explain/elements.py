@@ -132,14 +132,17 @@ def elements(
 
 def _imitating(refitter: Refitter, f: Finalist, part: int, effect: str) -> list[Hypothesis]:
     """Hypotheses of an effect, one an element, that make nearly the readings of a part."""
-    taken, own = set(f.parts[part].columns.tolist()), element(f.parts[part].variant)
+    own, names = element(f.parts[part].variant), set(f.parts[part].variant.free)
     same = effect == f.parts[part].name
+    if same and not of_element(f.parts[part].variant):
+        return []  # all channels or axes together
     candidates = [
         h
         for h in refitter.searcher.hypotheses
         if h.name == effect
         and len(h.columns)
-        and not (same and (element(h.variant) == own or taken & set(h.columns.tolist())))
+        and of_element(h.variant)
+        and not (same and (element(h.variant) == own or names & set(h.variant.free)))
     ]
     if not candidates:
         return []

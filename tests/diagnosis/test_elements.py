@@ -1,0 +1,111 @@
+"""Which element of the robot a cause is of: as many as the readings allow, and what they fix."""
+
+import numpy as np
+import pytest
+
+import wrenchbed as wb
+from wrenchbed import registry
+from wrenchbed.campaigns.recording.run import record
+from wrenchbed.data.plan import Plan
+from wrenchbed.diagnosis.explain.elements import _sum, element, listed
+from wrenchbed.effects.base import Variant
+from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
+
+OFFSET = 0.01
+"""Error of a joint's zero [rad]: 0.57°."""
+
+
+def simulated(path, effect, plan, seed=1, samples=30):
+    """A UR5 in MuJoCo with one effect."""
+    with SimDriver(SimOptions("ur5", noise="white", seed=seed, effects=(effect,))) as driver:
+        record(driver, plan, path, samples=samples)
+    return wb.Recording.read(path)
+
+
+def poses(n=40, seed=1):
+    robot = registry.load("robots", "ur5")
+    return Plan.of("ur5", robot.sample(n, np.random.default_rng(seed)))
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize(("joint", "seed"), [(2, 1), (3, 2), (4, 3), (2, 4), (3, 5), (4, 6)])
+def test_zeros_of_parallel_joints_are_one_class_at_rest(tmp_path, joint, seed):
+    effect = f"joint.offset:joint={joint},offset={OFFSET}"
+    recording = simulated(tmp_path / "rec.parquet", effect, poses(seed=seed), seed)
+    findings = wb.diagnose(recording)
+    answer = findings.diagnosis.to_json()
+    (cause,) = answer["which"]
+    assert answer["verdict"] == "ambiguous"
+    assert cause["effect"] == "joint.offset"
+    assert set(cause["elements"]) == {"joint 2", "joint 3", "joint 4"}
+    chosen = cause["parameters"]["joint"]
+    assert sorted([chosen["value"], *chosen["rivals"]]) == [2, 3, 4]
+    assert cause["elements"][0] == f"joint {chosen['value']}"
+    total = cause["combination"]
+    assert total["text"] == "sum of joint.offset of joints 2, 3 and 4"
+    assert total["unit"] == "rad"
+    assert abs(total["value"] - OFFSET) < 4 * total["std"] < 0.1 * OFFSET
+    assert answer["where"][0]["detail"] == "joints 2, 3 or 4"
+    assert set(answer["next"][0]["separates"]) == {"joint 2", "joint 3", "joint 4"}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", [2, 4])
+def test_the_proposed_motion_tells_parallel_joints_apart(tmp_path, joint):
+    effect = f"joint.offset:joint={joint},offset={OFFSET}"
+    at_rest = simulated(tmp_path / "rest.parquet", effect, poses(), 1)
+    findings = wb.diagnose(at_rest)
+    plan = next(p for p in findings.plans.values() if p.mode == "dynamic")
+    moving = simulated(tmp_path / "moving.parquet", effect, plan, 2)
+    (cause,) = wb.diagnose_several([at_rest, moving]).diagnosis.to_json()["which"]
+    assert cause["elements"] == [f"joint {joint}"] and cause["combination"] is None
+
+
+def test_a_joint_that_turns_about_its_own_axis_is_one_element(tmp_path):
+    recording = simulated(tmp_path / "r.parquet", f"joint.offset:joint=5,offset={OFFSET}", poses())
+    answer = wb.diagnose(recording).diagnosis.to_json()
+    (cause,) = answer["which"]
+    assert cause["elements"] == ["joint 5"] and cause["combination"] is None
+    assert "rivals" not in cause["parameters"]["joint"]
+
+
+def test_none_says_what_it_could_not_have_seen(tmp_path):
+    effect = "joint.offset:joint=1,offset=0.14"  # 8°
+    answer = wb.diagnose(simulated(tmp_path / "r.parquet", effect, poses())).diagnosis.to_json()
+    assert answer["verdict"] == "none"
+    blind = {(b["effect"], b["element"]): b for b in answer["blind"]}
+    assert blind["joint.offset", "joint 1"]["smallest"] is None
+    assert blind["joint.offset", "joint 1"]["sentence"] == (
+        "joint.offset of joint 1: no effect on these readings"
+    )
+    assert blind["link.length", "a2"]["smallest"] is None  # lengths move no load at rest
+    assert blind["timing.delay", None]["smallest"] is None
+    soft = blind["joint.compliance", "joint 6"]  # hardly loaded by the tool
+    assert soft["smallest"]["value"] > 1e-3 and soft["smallest"]["unit"] == "rad/(N·m)"
+    assert ("joint.offset", "joint 5") not in blind and ("sensor.gain", "fx") not in blind
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (["joint 3"], "joint 3"),
+        (["joint 3", "joint 12", "joint 2"], "joints 2, 3 or 12"),
+        (["fx", "fy"], "fx or fy"),
+    ],
+)
+def test_elements_in_words(names, words):
+    assert listed(names) == words
+
+
+def test_a_sum_in_words():
+    names, parameters = ("joint 3", "joint 2"), ("offset.q3", "offset.q2")
+    assert _sum("joint.offset", parameters, (1.0, 1.01), names) == (
+        "sum of joint.offset of joints 2 and 3"
+    )
+    assert _sum("joint.offset", parameters, (1.0, -0.5), names) == "offset.q3 − 0.5 offset.q2"
+
+
+def test_the_element_of_a_variant():
+    assert element(Variant("joint 3, side by load", ("x",), detail={"joint": 3})) == "joint 3"
+    assert element(Variant("even, fx", ("x",), detail={"law": "even", "channel": "fx"})) == "fx"
+    assert element(Variant("about x and y", ("x", "y"))) == "about x and y"
