@@ -292,6 +292,7 @@ def answer_display(a: Answer) -> Group:
         *console.section("which", [causes, a.leading]),
         *console.section("how far", [a.distance, gaps, a.measure]),
         *console.section("what this data cannot tell", d.cannot_tell),
+        *console.section("what this data could not have shown", a.blind),
         *console.section("note", a.notes),
         *console.section("what next", a.steps),
     )  # fmt: skip

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.diagnosis.gap.result import Diagnosis
+from wrenchbed.diagnosis.next.blind import sentences as sentences_of
 from wrenchbed.pages import numbers
 from wrenchbed.reports import effort_sentences, sentences, tables
 from wrenchbed.reports.claim import Claim, claim
@@ -47,6 +48,11 @@ class Answer:
     gaps: Sequence[tuple[str, float, str]]
     notes: Sequence[str]
     steps: Sequence[str]
+
+    @property
+    def blind(self) -> tuple[str, ...]:
+        """Sentences on what the recording could not have shown."""
+        return sentences_of(self.d.blind)
 
     @property
     def distance(self) -> str:

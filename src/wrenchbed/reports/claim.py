@@ -91,21 +91,25 @@ class Claim:
 
 def claim(entry: Mapping[str, Any]) -> Claim:
     """The claim of an entry of ``which`` of diagnosis.json."""
-    name, joint = str(entry["effect"]), one_joint(entry)
+    name, any_joint = str(entry["effect"]), _or_joints(entry)
     values: Mapping[str, Any] = entry["parameters"]
     sizes = {
         n: Size(n, parameter(n), numbers.quantity(n, v, signed=name in STATED),
                 numbers.interval(n, v))
         for n, v in values.items() if "unit" in v
     }  # fmt: skip
+    total = entry.get("combination")
+    if total is not None:
+        sizes = {"sum": Size("sum", "together", numbers.quantity("sum", total),
+                             numbers.interval("sum", total))}  # fmt: skip
     ranked = list(sizes)
     if len(ranked) > MOST_SIZES:
         ranked.sort(key=lambda n: _weight(values[n]))
-    of_joint = str(effect(name).title_of_joint) if joint is not None else ""
+    of_joint = str(effect(name).title_of_joint) if any_joint else ""
     closed = entry.get("closed_share")
     return Claim(
         name=name,
-        title=of_joint.format(joint=joint) if of_joint else title(name),
+        title=of_joint.format(joint=any_joint) if of_joint else title(name),
         choices=tuple(
             (n, f"{parameter(n)} {numbers.quantity(n, v)}")
             for n, v in values.items() if "unit" not in v
@@ -121,20 +125,22 @@ def claim(entry: Mapping[str, Any]) -> Claim:
 
 
 def place(entry: Mapping[str, Any]) -> str:
-    """Where a claimed effect sits: ``joint 2``, ``joints 3 and 5``, ``all joints``, ``sensor``."""
+    """Where a claimed effect sits: ``joint 2``, ``joint 2, 3 or 4``, ``joints 3 and 5``, ``all
+    joints``, ``sensor``."""
     part = str(entry["effect"]).split(".")[0]
-    own = joints(entry) if part in ("joint", "link") else []
-    if own:
-        return f"{part}{'s' if len(own) > 1 else ''} {listed([str(k) for k in own])}"
+    if any_joint := _or_joints(entry):
+        return f"{part} {any_joint}"
+    numbered = joints(entry) if part in ("joint", "link") else []
+    if numbered:
+        return f"{part}{'s' if len(numbered) > 1 else ''} {listed([str(k) for k in numbered])}"
     return f"all {part}s" if part in ("joint", "link") else part
 
 
 def joints(entry: Mapping[str, Any]) -> list[int]:
-    """Joints or links that a cause is about: the one that it names, else whose amplitudes exceed
-    three standard uncertainties."""
-    joint = one_joint(entry)
-    if joint is not None:
-        return [joint]
+    """Joints or links that a cause is about: those of which it names one, else whose amplitudes
+    exceed three standard uncertainties."""
+    if any_of := joints_or(entry):
+        return any_of
     found = set()
     for name, told in entry["parameters"].items():
         match = _NUMBERED.search(name)
@@ -144,10 +150,17 @@ def joints(entry: Mapping[str, Any]) -> list[int]:
     return sorted(found)
 
 
-def one_joint(entry: Mapping[str, Any]) -> int | None:
-    """The joint that a cause names as its only one."""
-    joint = entry["parameters"].get("joint", {}).get("value")
-    return joint if isinstance(joint, int) else None
+def joints_or(entry: Mapping[str, Any]) -> list[int]:
+    """Joints of which one is the cause, by their number; none where it is of no single joint."""
+    joint = entry["parameters"].get("joint", {})
+    value = joint.get("value")
+    return sorted([value, *joint.get("rivals", [])]) if isinstance(value, int) else []
+
+
+def _or_joints(entry: Mapping[str, Any]) -> str:
+    """``2, 3 or 4``; empty where a cause is of no single joint."""
+    numbered = [str(k) for k in joints_or(entry)]
+    return listed(numbered, " or ") if numbered else ""
 
 
 def parameter(name: str) -> str:

@@ -17,6 +17,8 @@ MEASURE = (
 )
 LARGE_P = 0.006
 """Probabilities below are not worth a word."""
+MOST_BLIND = 5
+"""Effects that a headline without a cause names as not excluded."""
 _COUNT = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 _KERNELS = {
     "orientation": "the sensor's orientation",
@@ -49,7 +51,7 @@ def headline(found: Findings) -> str:
 def _without_claim(found: Findings) -> str:
     d = found.diagnosis
     if d.verdict == "none":
-        return "No cause found: the residual is within normal imperfections."
+        return f"No cause found: the residual is within normal imperfections.{_not_excluded(d)}"
     if _crowd(d):
         return "Too many effects explain the gap equally well."
     if (what := _unexplained(found)) != GAP:
@@ -57,6 +59,17 @@ def _without_claim(found: Findings) -> str:
     kernel = found.analysis.ranking.kernel
     on = f": it varies with {depends(kernel)}" if _seen(kernel, found) else ""
     return f"No known effect explains the gap{on}."
+
+
+def _not_excluded(d: Diagnosis) -> str:
+    """The causes that this recording could not have shown, the robot's own first."""
+    names = dict.fromkeys(s.effect for s in d.blind)
+    first = sorted(names, key=lambda n: n.split(".")[0] not in ("joint", "link", "base", "tool"))
+    if not first:
+        return ""
+    more = f" and {len(first) - MOST_BLIND} more" if len(first) > MOST_BLIND else ""
+    some = ", ".join(first[:MOST_BLIND])
+    return f" Not excluded, because these readings do not show all of them: {some}{more}."
 
 
 def depends(kernel: str) -> str:

@@ -12,7 +12,7 @@ from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
 from wrenchbed.pages.provenance import markdown, provenance
 from wrenchbed.reports.answer import of_wrench
-from wrenchbed.reports.claim import Claim, claim, joints
+from wrenchbed.reports.claim import Claim, claim, joints, joints_or
 from wrenchbed.reports.robot_chart import proposed_poses
 from wrenchbed.reports.simulators import Evidence, along
 from wrenchbed.robots.base import Robot, SimulatedRobot
@@ -42,6 +42,8 @@ def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
             share = float(cause["probability"]) * weight / sum(weights)
             part = str(name).split(".")[0]
             own = joints(cause) if part in ("joint", "link") and name == names[0] else []
+            if len(own) > 1 and joints_or(cause):
+                share /= len(own)  # one of them
             for place in [f"{part} {k}" for k in own] or [part]:
                 told[place] = min(1.0, told.get(place, 0.0) + share)
     return told

@@ -57,8 +57,10 @@ def which(d: Dictionary, v: Verdict, gap: Closure) -> list[dict[str, Any]]:
         if same and "joint" in own:
             own["joint"] = {"value": c.key[1], "rivals": same}
         names = dict.fromkeys(k[0] for k in c.rivals if k[0] != c.key[0])
+        elements = [place(k)[1] for k in (c.key, *c.rivals) if k[0] == c.key[0]]
         result.append({
-            "effect": c.key[0], "probability": c.probability, "rivals": list(names),
+            "effect": c.key[0], "elements": elements, "combination": None,
+            "probability": c.probability, "rivals": list(names),
             "parameters": own, "closed_share": closed * c.share,
         })  # fmt: skip
     return result
