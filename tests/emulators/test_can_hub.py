@@ -17,7 +17,7 @@ from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.errors import EmulatorError, SettingError
 from robot_emulators.medrue.server import BusSettings
 from wrenchbed.errors import LinkError
-from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
+from wrenchbed.hardware.drivers.can.bus import CanLink, open_bus
 
 pytestmark = pytest.mark.wire
 

@@ -23,8 +23,8 @@ from wrenchbed.hardware.drivers.can.cia402 import (
     state_of,
 )
 from wrenchbed.hardware.drivers.can.cycle import Cycle, Following
+from wrenchbed.hardware.drivers.can.frames import COUNTS, FIRMWARE, GAUGES, MATRIX, SELECT
 from wrenchbed.hardware.drivers.can.setpoints import Setpoints
-from wrenchbed.hardware.transducers.netcanoem.frames import COUNTS, FIRMWARE, GAUGES, MATRIX, SELECT
 
 T = 0.004
 TOP = np.ones(6)
@@ -234,7 +234,7 @@ class Bench:
         self.wire, self.now = Wire(), 0.0
         self.setpoints = points()
         self.cycle = Cycle(self.wire, [DriveState(n) for n in range(1, 7)], np.full(6, 1e6),
-                           self.setpoints, lambda: None, Following(TOP), T)  # fmt: skip
+                           self.setpoints, lambda: None, Following(TOP), T, 127)  # fmt: skip
         self.words = dict.fromkeys(range(1, 7), 0x1237)
         self.mute = set()
         self.cycle.want = Want.ENABLE

@@ -7,7 +7,7 @@ import pytest
 
 from wrenchbed.errors import LinkError, ParameterError
 from wrenchbed.hardware.drivers.can import CanOptions
-from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
+from wrenchbed.hardware.drivers.can.bus import CanLink, open_bus
 
 pytest.importorskip("canopen")
 
@@ -67,7 +67,7 @@ BAD = [
     ({"counts_per_unit": (*ONES, float("inf"))}, "finite"), ({"bitrate": 0}, "bitrate"),
     ({"counts_per_unit": (*ONES, 1e9)}, "q6 do not fit"), ({"rate": float("nan")}, "rate"),
     ({"nodes": (1, 2, 3, 4, 5, 6.5)}, "whole"), ({"watchdog": float("nan")}, "watchdog"),
-    ({"port": 70000}, "port"), ({"robot": "panda"}, "driver 'sim'"),
+    ({"port": 70000}, "port"), ({"slot": 16}, "slot"), ({"robot": "panda"}, "driver 'sim'"),
 ]  # fmt: skip
 
 

@@ -11,8 +11,6 @@ from robot_emulators.medrue.server import MedrueEmulator
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
-from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions as SensorOptions
-from wrenchbed.hardware.transducers.netcanoem import NetcanoemTransducer
 from wrenchbed.plant.serving import EmulatorOptions as TwinOptions
 from wrenchbed.plant.serving import emulated
 from wrenchbed.robots.motion_limits import Limits
@@ -45,7 +43,6 @@ def test_address_and_registry(twin):
     assert twin.addresses == {"can": f"socketcand:{HOST}:29536:can0"}
     assert registry.load("drivers", "can") is CanDriver
     assert registry.load("emulators", "medrue") is MedrueEmulator
-    assert registry.load("transducers", "netcanoem") is NetcanoemTransducer
 
 
 def test_state_and_wrench_while_connected_only(twin):
@@ -188,30 +185,18 @@ def test_a_saturated_gauge_marks_every_channel_that_it_feeds(driver, twin):
     assert until(lambda: driver.read_wrench().saturated == 0, 2.0)
 
 
-def test_the_wrong_slot_is_refused(twin):
-    with pytest.raises(DriverError, match="no calibration in slot 7"):
-        NetcanoemTransducer(SensorOptions(host=HOST, slot=7)).connect()
-
-
-def test_no_board_at_that_base_is_told(twin):
-    with pytest.raises(LinkError, match="base 0x69"):
-        NetcanoemTransducer(SensorOptions(host=HOST, base=0x69)).connect()
-
-
-def test_no_drive_at_that_node_is_told(twin):
-    driver = CanDriver(options(HOST, slot=SLOT, nodes=(1, 2, 3, 4, 5, 16)))
-    with pytest.raises(LinkError, match="drive 16"):
+@pytest.mark.parametrize(
+    "words, error, named",
+    [
+        ({"slot": 7}, DriverError, "no calibration in slot 7"),
+        ({"base": 0x69}, LinkError, "base 0x69"),
+        ({"nodes": (1, 2, 3, 4, 5, 16)}, LinkError, "drive 16"),
+    ],
+)
+def test_what_is_not_on_the_bus_is_named(twin, words, error, named):
+    driver = CanDriver(options(HOST, **({"slot": SLOT} | words)))
+    with pytest.raises(error, match=named):
         driver.connect()
-
-
-def test_the_transducer_alone(twin):
-    with NetcanoemTransducer(SensorOptions(host=HOST, slot=SLOT, rate=200.0)) as sensor:
-        assert until(lambda: (sample := sensor.read()).sequence > 20 and sample.age < 0.05)
-        sample = sensor.read()
-        assert sensor.at(sample.t - 0.02) is not None and sensor.at(sample.t + 1.0) is None
-        assert sensor.zero() == 1
-        assert until(lambda: np.abs(sensor.read().wrench).max() < 0.05 and sensor.read().bias_id)
-    assert sensor.health().state == "closed"
 
 
 def test_a_twin_on_a_virtual_bus_of_this_process():

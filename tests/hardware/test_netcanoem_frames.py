@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.medrue.board import BoardEmulator
 from wrenchbed import registry
-from wrenchbed.errors import DriverError, ParameterError
-from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions, transducer
-from wrenchbed.hardware.transducers.netcanoem.frames import (
+from wrenchbed.errors import DriverError
+from wrenchbed.hardware.drivers.can import board as reader
+from wrenchbed.hardware.drivers.can.board import in_si
+from wrenchbed.hardware.drivers.can.frames import (
     PATIENCE_S,
     Pairs,
     Reply,
     faults,
     parse,
 )
-from wrenchbed.hardware.transducers.netcanoem.transducer import _si
 
 EVEN = Reply(0, (0, 1, 3, 5))
 ODD = Reply(1, (2, 4, 6))
@@ -264,16 +264,16 @@ class Late:
 
 @pytest.mark.parametrize("late", [(), (5,), (9, 13), (4, 5, 6)])
 def test_late_answers_never_make_a_wrong_matrix(monkeypatch, late):
-    monkeypatch.setattr(transducer, "ANSWER_S", 0.05)
+    monkeypatch.setattr(reader, "ANSWER_S", 0.05)
     link = Late(late)
-    link.one = transducer.BoardQueries(link, 0x68)
+    link.one = reader.BoardQueries(link, 0x68)
     found = link.one.calibrate(2)
     assert np.array_equal(found.raw, link._board.matrix().astype(float))
 
 
 @pytest.mark.parametrize("units, scale", [((2, 3), 1.0), ((4, 6), 1e3), ((1, 3), 4.4482216)])
-def test_units_become_si(units, scale):
-    matrix = _si(np.eye(6) * 5.0, (10, 10), units, 0)
+def test_units_becomein_si(units, scale):
+    matrix = in_si(np.eye(6) * 5.0, (10, 10), units, 0)
     assert matrix[0, 0] == pytest.approx(0.5 * scale, rel=1e-6)
 
 
@@ -286,11 +286,4 @@ def test_units_become_si(units, scale):
 )  # fmt: skip
 def test_a_calibration_that_makes_no_sense_is_refused(raw, counts, units, named):
     with pytest.raises(DriverError, match=named):
-        _si(raw, counts, units, 0)
-
-
-def test_options_out_of_range():
-    with pytest.raises(ParameterError):
-        NetcanoemOptions(base=0x80)
-    with pytest.raises(ParameterError):
-        NetcanoemOptions(slot=16)
+        in_si(raw, counts, units, 0)

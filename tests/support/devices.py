@@ -123,15 +123,7 @@ def _netft() -> Iterator[Callable[[], Transducer]]:
         yield lambda: NetftTransducer(NetftOptions(host, http_port=port))
 
 
-@contextmanager
-def _netcanoem() -> Iterator[Callable[[], Transducer]]:
-    kind = registry.load("transducers", "netcanoem")
-    with running("medrue", "127.0.5.4"):
-        yield lambda: kind(kind.options(host="127.0.5.4", rate=200.0))
-
-
 TRANSDUCERS = {
     "netft": _netft,
-    "netcanoem": _netcanoem,
 }
 """Transducer → a context in which a function makes closed ones."""

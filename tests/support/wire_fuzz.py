@@ -129,8 +129,8 @@ def xml() -> tuple[Target, list[bytes]]:
 
 def netcanoem() -> tuple[Target, list[bytes]]:
     """CAN frames on their way to the NETCANOEM transducer."""
-    from wrenchbed.hardware.transducers.netcanoem import frames
-    from wrenchbed.hardware.transducers.netcanoem.frames import Pairs
+    from wrenchbed.hardware.drivers.can import frames
+    from wrenchbed.hardware.drivers.can.frames import Pairs
 
     pairs, base = Pairs(), 0x6A
     polls = [0]

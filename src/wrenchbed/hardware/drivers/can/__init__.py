@@ -1,7 +1,8 @@
 """Driver of MedRUE over CAN: six CiA 402 drives and an ATI sensor on a NETCANOEM board, on one bus.
 
-May import: driver base, transducer ``netcanoem`` (it shares the bus), robots, registry, errors.
-Read first: ``driver.py``, then ``cycle.py`` (the cyclic exchange) and ``network.py`` (power-up).
+May import: driver base, transducer base, robots, registry, errors.
+Read first: ``driver.py``, then ``cycle.py`` (the cyclic exchange) and ``network.py`` (power-up);
+``board.py`` reads the sensor.
 """
 
 from wrenchbed.hardware.drivers.can.driver import CanDriver

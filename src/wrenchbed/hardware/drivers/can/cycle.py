@@ -22,7 +22,9 @@ import numpy as np
 from wrenchbed.errors import LinkError
 from wrenchbed.hardware.device import STALE_S
 from wrenchbed.hardware.device import State as HealthState
+from wrenchbed.hardware.drivers.can.bus import CanLink
 from wrenchbed.hardware.drivers.can.cia402 import (
+    OPERATIONAL,
     QUICK_STOP,
     DriveState,
     DriveStatus,
@@ -30,9 +32,8 @@ from wrenchbed.hardware.drivers.can.cia402 import (
     Want,
     controlword,
 )
-from wrenchbed.hardware.drivers.can.options import EMCY, HEARTBEAT, RPDO1, TPDO1
+from wrenchbed.hardware.drivers.can.options import EMCY, HEARTBEAT, HEARTBEAT_S, RPDO1, TPDO1
 from wrenchbed.hardware.drivers.can.setpoints import Setpoints
-from wrenchbed.hardware.transducers.netcanoem.link import CanLink
 
 SYNC = 0x080
 """Id of SYNC; source: CiA 301."""
@@ -157,8 +158,10 @@ class Cycle:
         drives: in the order of the joints.
         counts: per unit of each joint (J,).
         setpoints: where targets come from.
-        poll: requests a reading of the sensor, and sends the heartbeat.
+        poll: requests a reading of the sensor.
+        follow: detects drives that do not follow.
         period: [s].
+        master: node id of this program's heartbeat, without which some drives stop (0x1016).
 
     Attributes:
         want: of all drives.
@@ -172,10 +175,11 @@ class Cycle:
 
     def __init__(
         self, link: CanLink, drives: Sequence[DriveState], counts: np.ndarray, setpoints: Setpoints,
-        poll: Callable[[], None], follow: Following, period: float,
+        poll: Callable[[], None], follow: Following, period: float, master: int,
     ) -> None:  # fmt: skip
         self._link, self.drives, self._counts = link, drives, counts
         self._setpoints, self._poll, self._follow, self._period = setpoints, poll, follow, period
+        self._beat_id, self._beat_due = HEARTBEAT + master, 0.0
         self.want = Want.NOTHING
         self.latched: Problem | None = None
         self.answers: CycleAnswers | None = None
@@ -356,6 +360,10 @@ class Cycle:
                 drive.sent = QUICK_STOP if failed else controlword(want, drive.state, drive.sent)
                 self._link.send(RPDO1 + drive.node, struct.pack("<Hi", drive.sent, target))
         self._poll()
+        now = time.monotonic()
+        if now >= self._beat_due:
+            self._beat_due = max(self._beat_due + HEARTBEAT_S, now)
+            self._link.send(self._beat_id, bytes([OPERATIONAL]))
         for drive in self.drives:
             drive.answered = False
         self._synced = time.monotonic()

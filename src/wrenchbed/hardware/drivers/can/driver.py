@@ -15,15 +15,13 @@ from wrenchbed.errors import DriverError, LinkError, SafetyStopError
 from wrenchbed.hardware.device import GONE_S, STALE_S, Health, by_age, only_here, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.base.live import LiveDriver
-from wrenchbed.hardware.drivers.can import options as ids
+from wrenchbed.hardware.drivers.can.board import GaugeBoard
+from wrenchbed.hardware.drivers.can.bus import CanLink, open_bus
 from wrenchbed.hardware.drivers.can.cia402 import OPERATIONAL, DriveState, DriveStatus, Want
 from wrenchbed.hardware.drivers.can.cycle import Cycle, Following, Rest
-from wrenchbed.hardware.drivers.can.network import Drives, Heartbeat
-from wrenchbed.hardware.drivers.can.options import HEARTBEAT_S, CanOptions
+from wrenchbed.hardware.drivers.can.network import Drives
+from wrenchbed.hardware.drivers.can.options import CanOptions, master
 from wrenchbed.hardware.drivers.can.setpoints import BRAKE_S, Setpoints
-from wrenchbed.hardware.transducers.netcanoem import NetcanoemOptions as SensorOptions
-from wrenchbed.hardware.transducers.netcanoem import NetcanoemTransducer
-from wrenchbed.hardware.transducers.netcanoem.link import CanLink, open_bus
 from wrenchbed.robots.base import Robot
 
 FIRST_S, ENABLED_S, CLEARED_S, STILL_S = 2.0, 2.0, 1.0, 0.5
@@ -57,9 +55,7 @@ class CanDriver(LiveDriver):
         self.setting = s = options or CanOptions()
         super().__init__(s.limits)
         self.robot: Robot = registry.load("robots", s.robot)
-        self.transducer: NetcanoemTransducer = NetcanoemTransducer(
-            SensorOptions(s.interface, s.channel, s.host, s.port, s.bitrate, s.base, s.slot, s.rate)
-        )
+        self.transducer: GaugeBoard = GaugeBoard(s.base, s.slot)
         self._counts, self.top_rate = np.array(s.counts_per_unit), s.rate
         self._top = np.array([joint.speed for joint in self.robot.joints])
         self._rest = Rest(self._top, self._counts, 1.0 / s.rate, s.watchdog)
@@ -86,10 +82,10 @@ class CanDriver(LiveDriver):
             self._rated = np.array([network.rated(node) for node in s.nodes])
         self.transducer.use(link)
         drives = [DriveState(node, hint=network.error_code(node)) for node in s.nodes]
-        beat = Heartbeat(link, ids.master(s.base, s.nodes), HEARTBEAT_S, self.transducer.poll)
         self._cycle = cycle = Cycle(
-            link, drives, self._counts, self._setpoints, beat, Following(self._top), 1.0 / s.rate
-        )
+            link, drives, self._counts, self._setpoints, self.transducer.poll,
+            Following(self._top), 1.0 / s.rate, master(s.base, s.nodes),
+        )  # fmt: skip
         cycle.start()
         self._seen = 0
         if not self._until(lambda: cycle.answers is not None, FIRST_S):
@@ -239,10 +235,7 @@ class CanDriver(LiveDriver):
 
     def _stream(self, q: np.ndarray, at: float) -> Applied:
         now = time.monotonic()
-        if at > now or self._setpoints.follows:
-            self._setpoints.follow(q, at, now)
-        else:
-            self._setpoints.stream(q, at)
+        self._setpoints.follow(q, at if at > now else now + self.lead, now)
         return Applied(q)
 
     def _stop(self, kind: str) -> None:

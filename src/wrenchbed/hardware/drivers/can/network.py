@@ -12,15 +12,13 @@ and its state after a communication error (0x1029). Sources of all object number
 import contextlib
 import logging
 import struct
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.hardware.drivers.can import options as ids
-from wrenchbed.hardware.drivers.can.cia402 import OPERATIONAL
+from wrenchbed.hardware.drivers.can.bus import CanLink
 from wrenchbed.hardware.drivers.can.options import HEARTBEAT_S, CanOptions
-from wrenchbed.hardware.transducers.netcanoem.link import CanLink
 from wrenchbed.registry import require
 
 ANSWER_S, TRIES = 0.3, 3
@@ -46,37 +44,11 @@ _WRONG_STATE = 0x08000022
 _CYCLIC, _PROFILE = 8, 402
 """Mode of operation (cyclic synchronous position) and number of the profile; source: CiA 402."""
 _CONTROL, _TARGET = 0x60400010, 0x607A0020  # source: CiA 402
-_STATUS, _ACTUAL, _TORQUE, _CURRENT = 0x60410010, 0x60640020, 0x60770010, 0x60780010
+_STATUS, _ACTUAL = 0x60410010, 0x60640020
 """Mapped objects with their bits; source: CiA 402."""
-
-
-class Heartbeat:
-    """The master's heartbeat and the sensor's poll; called once a cycle.
-
-    Drives that expect the heartbeat (0x1016) stop when it stays away.
-
-    Args:
-        link: the bus.
-        node: id of the master.
-        period: [s].
-        poll: requests a reading of the sensor.
-    """
-
-    def __init__(self, link: CanLink, node: int, period: float, poll: Callable[[], None]) -> None:
-        self._link, self._id, self._period = link, ids.HEARTBEAT + node, period
-        self._due, self._poll = 0.0, poll
-
-    def __call__(self) -> None:
-        """Poll, and send the heartbeat where it is due.
-
-        Raises:
-            LinkError: the bus is gone.
-        """
-        self._poll()
-        now = time.monotonic()
-        if now >= self._due:
-            self._due = max(self._due + self._period, now)
-            self._link.send(self._id, bytes([OPERATIONAL]))
+_EFFORTS = {"torque": (0x60770010, 0x6076), "current": (0x60780010, 0x6075)}
+"""Mapped object with its bits, and rated value in thousandths of N·m, N or A; source: CiA 402."""
+_MS = 1e3  # by definition
 
 
 class Drives:
@@ -101,7 +73,9 @@ class Drives:
         self._failure = canopen.SdoCommunicationError
         self._abort = canopen.SdoAbortedError
         self._network: Any = canopen.Network()
-        self._network.send_message = self._send
+        self._network.send_message = lambda can_id, data, remote=False: link.send(
+            can_id, bytes(data)
+        )
         self._nodes: dict[int, Any] = {}
         for node in options.nodes:
             remote = canopen.RemoteNode(node, canopen.ObjectDictionary())
@@ -115,14 +89,6 @@ class Drives:
         """Stop listening."""
         self._link.leave(self._received)
 
-    def command(self, order: int, node: int = 0) -> None:
-        """Send an NMT command, to all nodes unless one is named.
-
-        Raises:
-            LinkError: the bus is gone.
-        """
-        self._link.send(0x000, bytes([order, node]))
-
     def configure(self, nodes: Sequence[int]) -> None:
         """Make drives ready for the cyclic exchange and start them.
 
@@ -131,20 +97,18 @@ class Drives:
             DriverError: one lacks what is needed; the message names it.
         """
         for node in nodes:
-            self.command(PRE_OPERATIONAL, node)
+            self._command(PRE_OPERATIONAL, node)
         for node in nodes:
             self._check(node)
             self._map(node)
             self._set(node)
         for node in nodes:
-            self.command(START, node)
+            self._command(START, node)
 
     def limits(self, node: int) -> tuple[int, int] | None:
         """Software position limits of a drive [count], None where it has none."""
         lower, upper = (self.optional(node, 0x607D, sub) for sub in (1, 2))
-        if lower is None or upper is None or lower >= upper:
-            return None
-        return lower, upper
+        return None if lower is None or upper is None or lower >= upper else (lower, upper)
 
     def error_code(self, node: int) -> int:
         """Error code that a drive has (0x603F), 0 where it has none or does not report one."""
@@ -156,8 +120,21 @@ class Drives:
         Raises:
             DriverError: it does not report it.
         """
-        index = 0x6075 if self._options.effort == "current" else 0x6076
-        return self.read(node, index, 0) * 1e-3
+        return self.read(node, _EFFORTS[self._options.effort][1], 0) * 1e-3
+
+    @property
+    def counters(self) -> dict[str, float]:
+        """For health: how many drives lack an object or refuse its value."""
+        return {f"without 0x{index:04X}": float(len(n)) for index, n in self._lacking.items() if n}
+
+    def release(self) -> None:
+        """Switch off the expected heartbeat before it ends on purpose."""
+        with contextlib.suppress(DriverError):
+            while self._expecting:
+                self.write(self._expecting.pop(), EXPECTED, 1, 0, 4)
+
+    def _command(self, order: int, node: int) -> None:
+        self._link.send(0x000, bytes([order, node]))
 
     def _check(self, node: int) -> None:
         profile = self.read(node, 0x1000, 0) & 0xFFFF
@@ -167,11 +144,11 @@ class Drives:
             raise DriverError(f"drive {node} has no cyclic synchronous position mode (0x6502)")
 
     def _map(self, node: int) -> None:
-        effort = _CURRENT if self._options.effort == "current" else _TORQUE
-        carried = (_STATUS, _ACTUAL) + ((effort,) if self._options.torque else ())
+        """Map targets and answers, and switch off all other PDOs that there are."""
+        effort = _EFFORTS.get(self._options.effort, ())[:1]
         for index, can_id, entries in (
-            (0x1400, 0x200 + node, (_CONTROL, _TARGET)),
-            (0x1800, 0x180 + node, carried),
+            (0x1400, ids.RPDO1 + node, (_CONTROL, _TARGET)),
+            (0x1800, ids.TPDO1 + node, (_STATUS, _ACTUAL, *effort)),
         ):
             self.write(node, index, 1, _OFF | can_id, 4)
             self.write(node, index + 0x200, 0, 0, 1)
@@ -179,24 +156,38 @@ class Drives:
                 self.write(node, index + 0x200, sub, entry, 4)
             self.write(node, index + 0x200, 0, len(entries), 1)
             self.write(node, index, 2, 1, 1)
-            if index == 0x1400:
+            if index == TIMER:
                 self._guard(node)
             self.write(node, index, 1, can_id, 4)
             for further in (1, 2, 3):
-                self._switch_off(node, index + further)
+                now = self.optional(node, index + further, 1)
+                if now is not None:
+                    self.write(node, index + further, 1, now % (1 << 32) | _OFF, 4)
 
     def _set(self, node: int) -> None:
-        ticks, power = self._options.interpolation or (0, 0)
-        self.write(node, 0x6060, 0, _CYCLIC, 1)
-        self.write(node, 0x60C2, 1, ticks, 1)
-        self.write(node, 0x60C2, 2, power & 0xFF, 1)
-        self.write(node, 0x1006, 0, round(1e6 / self._options.rate), 4)
-        self.write(node, 0x1017, 0, round(HEARTBEAT_S * 1000), 2)
-        self._guard_further(node)
+        """Set mode and periods, and what else makes a drive stop, where it has it."""
+        options = self._options
+        ticks, power = options.interpolation or (0, 0)
+        beats = round((options.watchdog + _BEATS * HEARTBEAT_S) * _MS)
+        expected = ids.master(options.base, options.nodes) << 16 | beats
+        for index, sub, value, size in (
+            (0x6060, 0, _CYCLIC, 1),
+            (0x60C2, 1, ticks, 1),
+            (0x60C2, 2, power & 0xFF, 1),
+            (0x1006, 0, round(1e6 / options.rate), 4),
+            (0x1017, 0, round(HEARTBEAT_S * _MS), 2),
+        ):
+            self.write(node, index, sub, value, size)
+        self._try(node, ABORT, 0, _QUICK_STOP, 2)
+        if self.optional(node, QUICK) not in _RAMPS:
+            self._try(node, QUICK, 0, _RAMPS[1], 2)
+        self._try(node, AFTER, 1, 0, 1)
+        if self._try(node, EXPECTED, 1, expected, 4):
+            self._expecting.add(node)
 
     def _guard(self, node: int) -> None:
         """Set and check the deadline of a drive's targets, while its RPDO1 is switched off."""
-        asked = round(self._options.watchdog * 1000.0)
+        asked = round(self._options.watchdog * _MS)
         self.unguarded.pop(node, None)
         try:
             self.write(node, TIMER, 5, asked, 2)
@@ -211,18 +202,6 @@ class Drives:
                 f"drive {node}, object 0x1400:5: it was set to {asked} ms and has {taken} ms"
             )
 
-    def _guard_further(self, node: int) -> None:
-        """Set what else makes a drive stop, where it has it."""
-        options = self._options
-        beats = round((options.watchdog + _BEATS * HEARTBEAT_S) * 1000.0)
-        self._try(node, ABORT, 0, _QUICK_STOP, 2)
-        if self.optional(node, QUICK) not in _RAMPS:
-            self._try(node, QUICK, 0, _RAMPS[1], 2)
-        self._try(node, AFTER, 1, 0, 1)
-        expected = ids.master(options.base, options.nodes) << 16 | beats
-        if self._try(node, EXPECTED, 1, expected, 4):
-            self._expecting.add(node)
-
     def _try(self, node: int, index: int, sub: int, value: int, size: int) -> bool:
         """Write a value that a drive may lack or refuse; whether it took it."""
         without = self._lacking.setdefault(index, set())
@@ -233,25 +212,7 @@ class Drives:
             raise
         except DriverError:
             without.add(node)
-            return False
-        return True
-
-    def release(self) -> None:
-        """Switch off the expected heartbeat before it ends on purpose."""
-        with contextlib.suppress(DriverError):
-            while self._expecting:
-                self.write(self._expecting.pop(), EXPECTED, 1, 0, 4)
-
-    @property
-    def counters(self) -> dict[str, float]:
-        """For health: how many drives lack an object or refuse its value."""
-        return {f"without 0x{index:04X}": float(len(n)) for index, n in self._lacking.items() if n}
-
-    def _switch_off(self, node: int, index: int) -> None:
-        """Switch off an unused PDO, where there is one."""
-        now = self.optional(node, index, 1)
-        if now is not None:
-            self.write(node, index, 1, now % (1 << 32) | _OFF, 4)
+        return node not in without
 
     def read(self, node: int, index: int, sub: int) -> int:
         """A value of a drive's dictionary.
@@ -290,7 +251,7 @@ class Drives:
                 return b""
             except self._abort as error:
                 if error.code == _WRONG_STATE and remaining:
-                    self.command(PRE_OPERATIONAL, node)  # NMT frames are not confirmed: it was lost
+                    self._command(PRE_OPERATIONAL, node)  # NMT frames are not confirmed: lost
                     continue
                 raise DriverError(f"{where}: refused with 0x{error.code:08X}") from error
             except self._failure:
@@ -298,9 +259,6 @@ class Drives:
         raise LinkError(
             f"{where}: no answer; check its node id, bit rate, power and bus termination"
         )
-
-    def _send(self, can_id: int, data: bytes, remote: bool = False) -> None:
-        self._link.send(can_id, bytes(data))
 
     def _received(self, _: float, can_id: int, data: bytes) -> None:
         if can_id - 0x580 in self._nodes:

@@ -35,10 +35,17 @@ MOST = 0.9
 and SDO need the rest."""
 ROBOT = "medrue"
 _DRIVES = 6
+_SLOTS = 16
+"""Calibrations that a sensor's board has room for; source: ATI 9610-05-1030."""
 _PER_TURN = (1 << 20) / tau
 """Default counts per radian, of a 20-bit encoder: MedRUE's own are not public."""
 _WORD = 1 << 31
 """Range of a target in counts, 32 bits with sign, by definition of 0x607A (CiA 402)."""
+
+
+def _need(fits: bool, refusal: str) -> None:
+    if not fits:
+        raise ParameterError(refusal)
 
 
 def master(base: int, nodes: Sequence[int]) -> int:
@@ -48,37 +55,25 @@ def master(base: int, nodes: Sequence[int]) -> int:
     )
 
 
-def users(nodes: Sequence[int]) -> dict[int, str]:
-    """Every id of these CANopen nodes → its user."""
-    of_nodes = {
-        first + node: f"{name} of node {node}" for first, name in SERVICES.items() for node in nodes
-    }
-    return _SHARED | of_nodes
-
-
 def check(base: int, nodes: Sequence[int]) -> None:
     """Refuse impossible node ids, and a sensor whose ids collide with theirs.
 
     Raises:
         ParameterError: names an id, both of its users, and the remedy.
     """
-    if len(set(nodes)) != len(nodes) or not all(1 <= node <= MOST_NODE for node in nodes):
-        raise ParameterError(f"nodes {tuple(nodes)}: give different numbers from 1 to 127")
-    if not 0 <= base <= 0x7F:
-        raise ParameterError(f"base 0x{base:X} must be 0 … 0x7F")
-    used = users(nodes)
+    different = len(set(nodes)) == len(nodes) and all(1 <= node <= MOST_NODE for node in nodes)
+    _need(different, f"nodes {tuple(nodes)}: give different numbers from 1 to {MOST_NODE}")
+    _need(0 <= base <= 0x7F, f"base 0x{base:X} must be 0 … 0x7F")
+    users = _SHARED | {
+        first + node: f"{name} of node {node}" for first, name in SERVICES.items() for node in nodes
+    }
     for can_id in range(base << 4, (base << 4) + 16):
-        if can_id in used:
+        if can_id in users:
             raise ParameterError(
-                f"sensor base 0x{base:02X}: its id 0x{can_id:03X} is {used[can_id]}; its board "
+                f"sensor base 0x{base:02X}: its id 0x{can_id:03X} is {users[can_id]}; its board "
                 f"could be reset or moved by a drive's targets: set the board to base "
                 f"0x{SAFE:02X}, or the drives to other node ids"
             )
-
-
-def worst_bits(length: int) -> int:
-    """Most bits of a frame of some data bytes (11-bit id)."""
-    return 47 + 8 * length + (33 + 8 * length) // 4
 
 
 def bus_load(rate: float, bitrate: int, torque: bool) -> float:
@@ -92,6 +87,10 @@ def bus_load(rate: float, bitrate: int, torque: bool) -> float:
         bitrate: [bit/s].
         torque: whether drives report it.
     """
+
+    def worst_bits(length: int) -> int:
+        return 47 + 8 * length + (33 + 8 * length) // 4
+
     lengths = [0, 0, 8, 6] + _DRIVES * [6, 8 if torque else 6]
     beats = (_DRIVES + 1) / HEARTBEAT_S * worst_bits(1)
     return (rate * sum(worst_bits(n) for n in lengths) + beats) / bitrate
@@ -99,9 +98,8 @@ def bus_load(rate: float, bitrate: int, torque: bool) -> float:
 
 @dataclass(frozen=True)
 class CanOptions:
-    """Where the robot is and how it counts.
-
-    MedRUE's own numbers are not public, so all defaults are assumptions: set those of your robot.
+    """Bus, drives and sensor. Ids, slot, rate and counts per unit are assumptions: set those of
+    your robot.
 
     Attributes:
         robot: registry name; only MedRUE has these drives.
@@ -116,9 +114,8 @@ class CanOptions:
         rate: of the cyclic exchange [Hz].
         counts_per_unit: of each drive per m or rad, negative where it counts the other way;
             1 µm and 2²⁰ per turn unless given.
-        torque: whether drives report their torque (0x6077, 0x6076).
-        effort: ``torque``: recordings keep it as tau1… [N·m or N]; ``current``: drives report their
-            current (0x6078, 0x6075) instead, kept as i1… [A]; ``off``: neither is kept.
+        effort: ``torque``: drives report it (0x6077, 0x6076) and recordings keep it as tau1…
+            [N·m or N]; ``current``: likewise (0x6078, 0x6075) as i1… [A]; ``off``: neither.
         watchdog: time without targets after which a drive stops [s].
         limits: of its motion; a quarter of top speed anywhere if None.
     """
@@ -134,61 +131,57 @@ class CanOptions:
     slot: int = 0
     rate: float = 250.0
     counts_per_unit: tuple[float, ...] = (1e6, *[_PER_TURN] * 5)
-    torque: bool = False
     effort: str = "off"
     watchdog: float = 0.05
     limits: Limits | None = None
 
     def __post_init__(self) -> None:
         """Refuse what no bus or drive can do."""
-        if self.effort not in ("torque", "current", "off"):
-            raise ParameterError(f"effort {self.effort!r}: give torque, current or off")
-        if self.effort != "off":
-            object.__setattr__(self, "torque", True)
-        if self.robot != ROBOT:
-            raise ParameterError(
-                f"driver 'can' moves robot {ROBOT!r} only, not {self.robot!r}: "
-                + ("take driver 'rtde'" if self.robot.startswith("ur") else "take driver 'sim'")
+        rate, counts = self.rate, self.counts_per_unit
+        driver = "rtde" if self.robot.startswith("ur") else "sim"
+        _need(
+            self.robot == ROBOT,
+            f"driver 'can' moves robot {ROBOT!r} only, not {self.robot!r}: take driver {driver!r}",
+        )
+        modes = ("torque", "current", "off")
+        _need(self.effort in modes, f"effort {self.effort!r}: give {', '.join(modes)}")
+        six = len(self.nodes) == len(counts) == _DRIVES
+        _need(six, "nodes and counts_per_unit: give six each, one a joint")
+        finite = all(isfinite(count) and count != 0.0 for count in counts)
+        _need(finite, "counts_per_unit: give finite numbers, none may be 0; negative turns an axis")
+        for joint, count in zip(registry.load("robots", ROBOT).joints, counts, strict=True):
+            _need(
+                max(abs(joint.lower), abs(joint.upper)) * abs(count) < _WORD,
+                f"counts_per_unit: with {count:g} a {joint.unit} the limits of {joint.name} do not "
+                "fit into a target's 32 bits",
             )
-        if len(self.nodes) != _DRIVES or len(self.counts_per_unit) != _DRIVES:
-            raise ParameterError("nodes and counts_per_unit: give six each, one a joint")
-        self._check_counts()
         integers = (*self.nodes, self.port, self.bitrate, self.base, self.slot)
-        if not all(isinstance(number, Integral) for number in integers):
-            raise ParameterError("nodes, port, bitrate, base and slot: give whole numbers")
-        if not 0 < self.port < 1 << 16 or not self.bitrate >= 1000:
-            raise ParameterError(
-                f"port {self.port} must be 1 … 65535, bitrate {self.bitrate} bit/s at least 1000"
-            )
+        whole = all(isinstance(number, Integral) for number in integers)
+        _need(whole, "nodes, port, bitrate, base and slot: give whole numbers")
+        _need(0 < self.port < 1 << 16, f"port {self.port} must be 1 … 65535")
+        _need(0 <= self.slot < _SLOTS, f"slot {self.slot} must be 0 … {_SLOTS - 1}")
+        _need(self.bitrate >= 1000, f"bitrate {self.bitrate} bit/s must be at least 1000")
         check(self.base, self.nodes)
-        if not self.rate > 0.0 or self.interpolation is None:
-            raise ParameterError(
-                f"rate {self.rate:g} Hz: its period must be whole tenths of a millisecond up to "
-                "255 ms, as 100, 125, 200, 250, 400 or 500 Hz"
-            )
-        if not 3.0 / self.rate <= self.watchdog <= 10.0:
-            raise ParameterError(
-                f"watchdog {self.watchdog:g} s must be 3 cycles ({3.0 / self.rate:g} s) … 10 s"
-            )
-        if self.bus_load > MOST:
-            raise ParameterError(
-                f"rate {self.rate:g} Hz needs up to {100 * self.bus_load:.0f} % of a bus of "
-                f"{self.bitrate} bit/s, more than {100 * MOST:.0f} %: at most "
-                f"{self.rate * MOST / self.bus_load:.0f} Hz, or a faster bus"
-            )
+        _need(
+            rate > 0.0 and self.interpolation is not None,
+            f"rate {rate:g} Hz: its period must be whole tenths of a millisecond up to 255 ms, as "
+            "100, 125, 200, 250, 400 or 500 Hz",
+        )
+        _need(
+            3.0 / rate <= self.watchdog <= 10.0,
+            f"watchdog {self.watchdog:g} s must be 3 cycles ({3.0 / rate:g} s) … 10 s",
+        )
+        _need(
+            self.bus_load <= MOST,
+            f"rate {rate:g} Hz needs up to {100 * self.bus_load:.0f} % of a bus of {self.bitrate} "
+            f"bit/s, more than {100 * MOST:.0f} %: at most {rate * MOST / self.bus_load:.0f} Hz, "
+            "or a faster bus",
+        )
 
-    def _check_counts(self) -> None:
-        if not all(isfinite(count) and count != 0.0 for count in self.counts_per_unit):
-            raise ParameterError(
-                "counts_per_unit: give finite numbers, none may be 0; negative turns an axis round"
-            )
-        joints = registry.load("robots", ROBOT).joints
-        for joint, count in zip(joints, self.counts_per_unit, strict=True):
-            if max(abs(joint.lower), abs(joint.upper)) * abs(count) >= _WORD:
-                raise ParameterError(
-                    f"counts_per_unit: with {count:g} a {joint.unit} the limits of {joint.name} "
-                    "do not fit into a target's 32 bits"
-                )
+    @property
+    def torque(self) -> bool:
+        """Whether drives report torque or current."""
+        return self.effort != "off"
 
     @property
     def interpolation(self) -> tuple[int, int] | None:

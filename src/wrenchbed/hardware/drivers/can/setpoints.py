@@ -1,4 +1,4 @@
-"""Setpoints of each cycle: holds, minimum-jerk moves, streams with and without times, and braking.
+"""Setpoints of each cycle: holds, minimum-jerk moves, streamed targets with times, and braking.
 
 A path is followed by the count of cycles, not by time: a late cycle does not make the next one
 jump. No joint goes further in a cycle than its top speed allows, or beyond its limits; a joint
@@ -25,9 +25,6 @@ BRAKE_S = 0.15
 OUTSIDE = 1e-3
 """How far beyond a limit a resting joint still counts as inside [rad or m]: joints that rest at
 their limit flicker by some counts."""
-_STREAM_S = 0.1
-"""Longest duration of the path to a streamed target, that of a late one [s]; as in
-``drivers/base/live.py``, whose limits on its speed hold for it."""
 _MARGIN = 1.1
 """Factor on top speed in a single cycle: a path at top speed is a little faster between cycles."""
 _SLOW_S = 0.06
@@ -140,7 +137,6 @@ class Setpoints:
         self._path: Path | None = None
         self._braking = False
         self._length = self._elapsed = 0.0
-        self._streamed = 0.0
         self._timed: TimedTargets | None = None
 
     @property
@@ -175,18 +171,10 @@ class Setpoints:
                 lambda t: start + minimum_jerk(np.array(t / seconds)) * (goal - start), seconds
             )
 
-    def stream(self, q: np.ndarray, t: float) -> None:
-        """Be at q (J,) as long after now as the last target was before now; t is now [s]."""
-        with self._lock:
-            start, seconds = self._command, min(max(t - self._streamed, self._period), _STREAM_S)
-            self._streamed = t
-            self._start(lambda t: start + t / seconds * (q - start), seconds)
-
     def follow(self, q: np.ndarray, at: float, t: float) -> None:
-        """Be at q (J,) at a time; t is now [s]. The first of a path may be late."""
+        """Be at q (J,) at a time; t is now [s]."""
         with self._lock:
             if self._timed is None or self._timed.rests:
-                at = at if at > t else t + _STREAM_S
                 timed = TimedTargets(self._command, self._speed, t)
                 self._start(lambda _: timed.step(self._period), np.inf)
                 self._timed = timed
@@ -197,11 +185,6 @@ class Setpoints:
         with self._lock:
             if self._timed is not None:
                 self._timed.lose(seconds)
-
-    @property
-    def follows(self) -> bool:
-        """Whether targets with a time are under way."""
-        return self._timed is not None
 
     def brake(self) -> None:
         """Come to rest in `BRAKE_S`; a second call changes nothing."""
