@@ -135,7 +135,7 @@ def test_a_plugin_imports_no_sibling(place):
     kind = next(k for k, v in PLUGINS.items() if v == place)
     prefix = place.replace("/", ".") + "."
     mine = plugin_modules(kind)
-    assert len(mine) > 1
+    assert mine
     for module, path in ALL.items():
         if (
             not module.startswith(prefix)
