@@ -11,14 +11,9 @@ from test_campaign import bare
 import wrenchbed as wb
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.calibrate_many import calibrate_each
-from wrenchbed.campaigns.settings import Fleet, draw
-from wrenchbed.campaigns.simulated_robots import _results, course, recorded, robot_rows
-from wrenchbed.errors import CalibrationError, WrenchbedError
-from wrenchbed.physics.noise import NoiseStream
-from wrenchbed.robots.base import Robot
-from wrenchbed.twin.many import simulate_each
-from wrenchbed.twin.replay import simulate
-from wrenchbed.twin.twin import Twin
+from wrenchbed.campaigns.settings import Fleet
+from wrenchbed.campaigns.simulated_robots import _results, recorded, robot_rows
+from wrenchbed.errors import CalibrationError
 
 FLEETS = {
     "wander": Fleet("medrue", 5, poses=60, samples=30),
@@ -75,21 +70,6 @@ def test_no_task_is_empty_however_long_a_robot_takes(seconds):
     assert min(pool.sizes) >= 1 and max(pool.sizes) <= (1 if seconds >= 1.0 else 25)
 
 
-def test_recordings_together_are_those_of_simulate():
-    fleet = FLEETS["wander"]
-    model, path = wb.Model.of(fleet.model_robot()), course(fleet, 0)
-    q = path.q[:: fleet.samples]
-    thetas = np.stack([draw(fleet, k, model, q, "static").theta for k in range(3)])
-    together = simulate_each(model, thetas, path, "real", [4, 5, 6])
-    for theta, seed, recording in zip(thetas, (4, 5, 6), together, strict=True):
-        alone = simulate(Twin(model, theta), path, noise="real", seed=seed)
-        assert all(np.array_equal(alone.columns[c], recording.columns[c]) for c in alone.columns)
-    quiet = simulate_each(model, thetas, path, "off", [4, 5, 6])
-    for theta, recording in zip(thetas, quiet, strict=True):
-        alone = simulate(Twin(model, theta), path).wrench  # compiled anew
-        assert recording.wrench == pytest.approx(alone, rel=0, abs=1e-13)
-
-
 def test_a_robot_that_cannot_be_fitted_leaves_the_others_alone():
     fleet = FLEETS["ur5"]
     recordings = [recording for recording, _ in recorded(fleet, range(4))]
@@ -103,37 +83,14 @@ def test_a_robot_that_cannot_be_fitted_leaves_the_others_alone():
     assert same(fits[4], calibrate(longer))
 
 
-def test_a_robot_that_cannot_take_the_poses_is_told_from_the_others():
-    fleet = FLEETS["wander"]
-    model, path = wb.Model.of(fleet.model_robot()), course(fleet, 0)
-    short = model.parameters.vector({"L12": 0.2})
-    good, bad = simulate_each(
-        model, np.stack([model.parameters.nominal, short]), path, "off", [1, 2]
-    )
-    assert len(good) == len(path)
-    assert isinstance(bad, WrenchbedError) and "five-bar 1 cannot close" in str(bad)
-
-
-@pytest.mark.parametrize("sensor", ["ati-mini40", "ati-gamma"])
-def test_noise_of_many_sensors_is_that_of_each(sensor):
-    model = wb.load("sensors", sensor).noise
-    t = np.cumsum(np.where(np.arange(130) % 40, 0.01, 1.7))
-    load = np.random.default_rng(0).standard_normal((3, 130, 6))
-    measured, status = NoiseStream(model, [3, 1, 9]).corrupt(t, load)
-    for k, seed in enumerate((3, 1, 9)):
-        rows, words = NoiseStream(model, seed).corrupt(t, load[k])
-        assert np.array_equal(rows, measured[k]) and np.array_equal(words, status[k])
-
-
 @pytest.mark.parametrize("columns", ["free", "candidates"])
 def test_predictions_and_slopes_of_many_robots_are_those_of_each(columns):
     robot = wb.load("robots", "medrue")
-    assert robot.broadcasts and not Robot.broadcasts
     model, q = wb.Model.of(robot), robot.sample(20, np.random.default_rng(1))
     some = model.parameters.select(getattr(robot, columns))
     shift = np.random.default_rng(2).uniform(-0.3, 0.3, (4, len(model.parameters)))
     thetas = model.parameters.nominal + shift * model.parameters.tolerance
-    for k, slopes in enumerate(model.jacobian_each(q, thetas, some)):
+    for k, slopes in enumerate(model.jacobian(q, thetas[:, None], some)):
         assert np.array_equal(slopes, model.jacobian(q, thetas[k], some))
-    for k, reading in enumerate(model.predict_each(q, thetas)):
+    for k, reading in enumerate(model.predict(q, thetas[:, None])):
         assert np.array_equal(reading, model.predict(q, thetas[k]))

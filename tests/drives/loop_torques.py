@@ -5,7 +5,7 @@ import arm_torques
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.simulation.drives.joint_torques import JointTorques
+from wrenchbed.simulation.drives.drive_train import JointTorques
 
 MEDRUE = registry.load("robots", "medrue")
 MASS, COG = 0.8, (0.01, -0.02, 0.12)

@@ -16,7 +16,7 @@ from wrenchbed.robots.chain import SerialChain
 from wrenchbed.robots.described import describe
 from wrenchbed.robots.link_inertias import link_inertias
 from wrenchbed.robots.ur_family import ur_arm
-from wrenchbed.simulation.drives.joint_torques import JointTorques
+from wrenchbed.simulation.drives.drive_train import JointTorques
 
 
 def moving(robot, rng):

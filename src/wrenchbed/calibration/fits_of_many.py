@@ -65,7 +65,7 @@ class _Together:
 
     def residual(self, x: np.ndarray, who: np.ndarray) -> np.ndarray:
         """Measured − predicted wrenches (A, N, 6) [N, N·m] of robots ``who`` (A,)."""
-        return self.wrench[who] - self.model.predict_each(self.q, self.at(x, who))
+        return self.wrench[who] - self.model.predict(self.q, self.at(x, who)[:, None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,8 +113,8 @@ class _Slopes:
         if new.any():
             some = who[new]
             self._at[some] = x[new]
-            made = self._fits.model.jacobian_each(
-                self._fits.q, self._fits.at(x[new], some), self._fits.free
+            made = self._fits.model.jacobian(
+                self._fits.q, self._fits.at(x[new], some)[:, None], self._fits.free
             )
             self._kept[some] = np.swapaxes(made, 1, 2)
             if len(self._basis):

@@ -37,7 +37,6 @@ from wrenchbed.planning.choose import poses
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration
 from wrenchbed.simulation.closed_form import Model
-from wrenchbed.twin.many import simulate_each
 from wrenchbed.twin.replay import simulate
 from wrenchbed.twin.twin import Twin
 
@@ -142,36 +141,21 @@ def _checked(result: Result | WrenchbedError) -> Result:
 def recorded(
     fleet: Fleet, numbers: Sequence[int]
 ) -> list[tuple[Recording, Truth] | WrenchbedError]:
-    """Simulated readings of some robots, by MuJoCo, and these robots' true parameters.
+    """Recordings of the robots ``numbers``, and what is true of each.
 
-    Those without an effect at the same poses are simulated together. The error of a robot that
-    cannot be recorded stands for it.
+    The error of a robot that cannot be recorded stands for it.
     """
     model = Model.of(fleet.model_robot())
-    results: dict[int, tuple[Recording, Truth] | WrenchbedError] = {}
-    together: dict[int, tuple[Recording, Truth]] = {}
+    results: list[tuple[Recording, Truth] | WrenchbedError] = []
     for k in numbers:
         try:
             path = _course(fleet, k)
             truth = draw(fleet, k, model, _visited(path), path.metadata.mode)
-            if truth.active or path.metadata.mode == "dynamic":
-                twin = Twin(model, truth.theta, truth.active)
-                results[k] = simulate(twin, path, noise="real", seed=_seed(fleet, k)), truth
-            else:
-                together[k] = path, truth
+            twin = Twin(model, truth.theta, truth.active)
+            results.append((simulate(twin, path, noise="real", seed=_seed(fleet, k)), truth))
         except WrenchbedError as error:
-            results[k] = error
-    for path in {id(path): path for path, _ in together.values()}.values():
-        some = [k for k, (own, _) in together.items() if own is path]
-        thetas = np.stack([together[k][1].theta for k in some])
-        seeds = [_seed(fleet, k) for k in some]
-        readings = simulate_each(model, thetas, path, "real", seeds)
-        for k, reading in zip(some, readings, strict=True):
-            if isinstance(reading, WrenchbedError):
-                results[k] = reading
-            else:
-                results[k] = reading, together[k][1]
-    return [results[k] for k in numbers]
+            results.append(error)
+    return results
 
 
 def _course(fleet: Fleet, k: int) -> Recording:
@@ -249,10 +233,11 @@ def _errors(
     true = np.stack([truths[k].theta for k in fitted])
     after = np.stack([model.parameters.vector(dict(fit.theta)) for fit in fitted.values()])
     for when, theta in (("before", model.parameters.nominal[None]), ("after", after)):
-        off = model.predict_each(q, theta) - model.predict_each(q, true)
+        off = model.predict(q, theta[:, None]) - model.predict(q, true[:, None])
         vectors = {"force": off[..., :3], "torque": off[..., 3:]}
         if target is not None:
-            places = [model.tool_positions(target, x) for x in (true, theta)]
+            own, robot = len(model.robot.parameters), model.robot
+            places = [robot.tool_pose(target, x[:, None, :own])[1] for x in (true, theta)]
             vectors["position"] = places[1] - places[0]
         for what, error in vectors.items():  # where a tool cannot reach, it has no position
             rms = np.sqrt(np.nanmean((error**2).sum(axis=2), axis=1))

@@ -9,7 +9,6 @@ them. The 1/f part is a sum of Ornstein–Uhlenbeck processes with log-spaced ra
 1950, doi 10.1016/0031-8914(50)90078-4), each discretised exactly, so times may be irregular.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -31,11 +30,9 @@ _DECADES = 0.9
 _TICK_S = 1e-9
 """Steps in time are rounded to this, so that a regular clock is one filter despite rounding."""
 _LONG_RUN = 32
-"""From this many equal steps on, one filter call a rate is faster than a loop over rows; of many
-sensors together the loop is."""
+"""From this many equal steps on, one filter call a rate is faster than a loop over rows."""
 _ROWS_AT_ONCE = 50
-"""Rows whose random numbers are drawn together: those of 25 sensors, half a megabyte, stay in a
-cache."""
+"""Rows whose random numbers are drawn together, so that they stay in a cache."""
 
 
 def channels(values: ArrayLike, name: str, *, signed: bool = False) -> Array:
@@ -163,57 +160,37 @@ def noise_model(kind: str, model: NoiseModel) -> NoiseModel:
 class NoiseStream:
     """Draws a model's noise along one clock: calls continue where the last one ended.
 
-    The numbers depend on model, seed (≥ 0) and times alone: how the rows are split into calls, and
-    how many sensors are drawn together, changes no bit.
-
-    Args:
-        model: of the sensor, or of each of several sensors of one kind.
-        seed: of the sensor, or of each of R sensors.
+    The numbers depend on model, seed (≥ 0) and times alone: how the rows are split into calls
+    changes no bit.
     """
 
-    def __init__(self, model: NoiseModel, seed: int | Sequence[int]) -> None:
-        self.model, self._alone = model, not isinstance(seed, Sequence)
-        seeds = [seed] if not isinstance(seed, Sequence) else seed
-        spawned = [np.random.SeedSequence(s).spawn(3) for s in seeds]
-        generators = [[np.random.default_rng(part) for part in parts] for parts in spawned]
-        self._white, self._flicker, phase = zip(*generators, strict=True)
-        self._phase = np.stack([rng.uniform(0.0, 2.0 * np.pi, 6) for rng in phase])[:, None]
+    def __init__(self, model: NoiseModel, seed: int) -> None:
+        self.model = model
+        parts = np.random.SeedSequence(seed).spawn(3)
+        self._white, self._flicker, phase = (np.random.default_rng(part) for part in parts)
+        self._phase = phase.uniform(0.0, 2.0 * np.pi, 6)
         self._rates, weight = _rates(model.f_low, model.f_high)
         self._levels = model.flicker * weight
         self._root = _root(model.correlation)
-        self._state = np.zeros((len(seeds), len(self._rates), 6))
+        self._state = np.zeros((len(self._rates), 6))
         self._last = -np.inf
 
     def corrupt(self, t: ArrayLike, wrench: ArrayLike) -> tuple[Array, NDArray[np.uint32]]:
-        """Measured wrench and status word of true loads [N, N·m] at t (N,) [s].
+        """Measured wrench (N, 6) and status words (N,) of true loads (N, 6) [N, N·m] at t (N,) [s].
 
         Bit i of the status word is set where channel i is saturated, see ``SATURATED_BITS``.
-
-        Args:
-            t: (N,) [s].
-            wrench: (N, 6) of one sensor, (R, N, 6) of R sensors [N, N·m].
-
-        Returns:
-            Measured wrenches like ``wrench``; status words (N,) or (R, N).
 
         Raises:
             ParameterError: shapes do not fit, or t does not increase, also from the last call on.
         """
-        time, load = np.asarray(t, dtype=np.float64), np.array(wrench, dtype=np.float64)
-        self._check(time, load)
-        measured, status = self._measured(time, load[None] if self._alone else load)
-        return (measured[0], status[0]) if self._alone else (measured, status)
-
-    def _measured(self, time: Array, measured: Array) -> tuple[Array, NDArray[np.uint32]]:
-        """`corrupt` of loads (R, N, 6), which are changed in place."""
+        time, measured = np.asarray(t, dtype=np.float64), np.array(wrench, dtype=np.float64)
+        self._check(time, measured)
         model = self.model
         if model.white.any():
-            for load, rng in zip(measured, self._white, strict=True):
-                normal = rng.standard_normal((len(time), 6)).T
-                load += _mix(normal, self._root * model.white[:, None]).T
+            normal = self._white.standard_normal((len(time), 6)).T
+            measured += _mix(normal, self._root * model.white[:, None]).T
         if model.flicker.any() and len(time):
-            for load, wander in zip(measured, self._wander(time), strict=True):
-                load += _mix(wander, self._root * self._levels[:, None]).T
+            measured += _mix(self._wander(time), self._root * self._levels[:, None]).T
         if model.mains_amplitude.any():
             angle = (2.0 * np.pi * model.mains_frequency) * time[:, None] + self._phase
             measured += model.mains_amplitude * np.sin(angle)
@@ -222,23 +199,12 @@ class NoiseStream:
             measured += model.warmup_drift * (start * -np.expm1(-time[:, None] / model.warmup_time))
         if len(time):
             self._last = float(time[-1])
-        step = model.resolution
-        where = step > 0 if (step <= 0).any() else np.True_  # the latter is faster
-        np.divide(measured, step, out=measured, where=where)
-        np.rint(measured, out=measured, where=where)
-        np.multiply(measured, step, out=measured, where=where)
-        over = np.abs(measured) >= model.range
-        if not over.any():
-            return measured, np.zeros(measured.shape[:-1], dtype=np.uint32)
-        status = over.astype(np.uint32) @ SATURATED_BITS
-        return np.clip(measured, -model.range, model.range), status
+        return shown(model, measured)
 
     def _check(self, time: Array, wrench: Array) -> None:
-        shape = (len(time), 6) if self._alone else (len(self._white), len(time), 6)
-        if time.ndim != 1 or wrench.shape != shape:
-            wanted = "(N, 6)" if self._alone else f"({len(self._white)}, N, 6)"
+        if time.ndim != 1 or wrench.shape != (len(time), 6):
             raise ParameterError(
-                f"t {time.shape} and wrench {wrench.shape} must be (N,) and {wanted}"
+                f"t {time.shape} and wrench {wrench.shape} must be (N,) and (N, 6)"
             )
         steps = np.diff(time, prepend=self._last)
         if not (steps > 0.0).all():
@@ -246,56 +212,62 @@ class NoiseStream:
             raise ParameterError(f"t = {time[row]!r} in row {row} does not increase")
 
     def _wander(self, time: Array) -> Array:
-        """Sums (R, 6, N) of unit Ornstein–Uhlenbeck processes, one a rate, at times (N,) [s]."""
+        """Sums (6, N) of unit Ornstein–Uhlenbeck processes, one a rate, at times (N,) [s]."""
         ticks = np.rint(np.diff(time, prepend=self._last) / _TICK_S)
         steps, which = np.unique(ticks, return_inverse=True)
         exponent = -self._rates * (steps * _TICK_S)[:, None]
         keep, kick = np.exp(exponent), np.sqrt(-np.expm1(2.0 * exponent))  # (S, K) each
-        wide = np.broadcast_to(keep[:, None, :, None], (len(steps), *self._state.shape)).copy()
-        total: Array = np.zeros((len(self._white), 6, len(time)))
+        total: Array = np.zeros((6, len(time)))
         done = 0
-        for first, last in _long_runs(which) if self._alone else [(len(time), len(time))]:
+        for first, last in _long_runs(which):
             for start in range(done, first, _ROWS_AT_ONCE):
                 rows = slice(start, min(start + _ROWS_AT_ONCE, first))
-                self._step(wide, kick, which[rows], total[:, :, rows])
+                self._step(keep, kick, which[rows], total[:, rows])
             if last > first:
-                step = which[first]
-                self._filter(keep[step], kick[step], total[:, :, first:last])
+                self._filter(keep[which[first]], kick[which[first]], total[:, first:last])
             done = last
         return total
 
-    def _normals(self, rows: int) -> Array:
-        """The next random numbers (rows, R, K, 6) behind the 1/f parts, one for each rate."""
-        if self._alone:
-            return self._flicker[0].standard_normal((rows, *self._state.shape))
-        drawn = np.empty((rows, *self._state.shape))
-        for r, rng in enumerate(self._flicker):
-            drawn[:, r] = rng.standard_normal((rows, *self._state.shape[1:]))
-        return drawn
-
     def _filter(self, keep: Array, kick: Array, total: Array) -> None:
-        """Equal steps of one sensor, keep and kick (K,): as `_step` to the last bit."""
+        """Equal steps, keep and kick (K,): as `_step` to the last bit."""
         from scipy.signal import lfilter  # slow to load: only when it is used
 
-        normal = self._normals(total.shape[-1])[:, 0]  # of one sensor
+        normal = self._flicker.standard_normal((total.shape[-1], *self._state.shape))
         for j, pole in enumerate(keep):
             kicks = np.multiply(normal[:, j].T, kick[j], order="C")
-            carried = (pole * self._state[0, j])[:, None]
+            carried = (pole * self._state[j])[:, None]
             path = lfilter([1.0], [1.0, -pole], kicks, zi=carried)[0]
-            self._state[0, j] = path[:, -1]
-            total[0] += path
+            self._state[j] = path[:, -1]
+            total += path
 
     def _step(self, keep: Array, kick: Array, which: NDArray[np.intp], total: Array) -> None:
-        """Any steps: keep (S, R, K, 6), kick (S, K), which (n,), added up in total (R, 6, n)."""
-        normal = self._normals(len(which))
-        normal *= kick[which][:, None, :, None]
+        """Any steps: keep and kick (S, K), which (n,), added up in total (6, n)."""
+        normal = self._flicker.standard_normal((len(which), *self._state.shape))
+        normal *= kick[which][:, :, None]
         state, carried = self._state, np.empty(self._state.shape)
+        wide = np.repeat(keep[:, :, None], 6, axis=2)
         for row, s in zip(normal, which.tolist(), strict=True):
-            np.multiply(keep[s], state, out=carried)
+            np.multiply(wide[s], state, out=carried)
             row += carried
             state = row
         self._state = state.copy()
-        total += normal.sum(axis=2).transpose(1, 2, 0)
+        total += normal.sum(axis=1).T
+
+
+def shown(model: NoiseModel, wrench: Array) -> tuple[Array, NDArray[np.uint32]]:
+    """Readings (N, 6) and status words (N,) of what the gauges see (N, 6): rounded, within range.
+
+    ``wrench`` is changed in place.
+    """
+    step = model.resolution
+    where = step > 0 if (step <= 0).any() else np.True_  # the latter is faster
+    np.divide(wrench, step, out=wrench, where=where)
+    np.rint(wrench, out=wrench, where=where)
+    np.multiply(wrench, step, out=wrench, where=where)
+    over = np.abs(wrench) >= model.range
+    if not over.any():
+        return wrench, np.zeros(len(wrench), dtype=np.uint32)
+    return np.clip(wrench, -model.range, model.range), over.astype(np.uint32) @ SATURATED_BITS
 
 
 def _root(correlation: Array) -> Array:

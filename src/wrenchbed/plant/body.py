@@ -22,7 +22,7 @@ from wrenchbed.plant.drives import RealTimeDrives
 from wrenchbed.plant.sensor import BufferedNoise, SensorRow, SensorWithEffects
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
-from wrenchbed.simulation.drives.parameters import apart, faults_apart
+from wrenchbed.simulation.drives.faults import apart, faults_apart
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot, steps_in
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.replay import Playback

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from robot_emulators import Arm, Efforts, Payload, PlantRequest
-from wrenchbed.plant.arm_sensor import ArmSensor
 from wrenchbed.plant.body import Body, BodyOptions
+from wrenchbed.plant.sensor import ArmSensor
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
 from wrenchbed.robots.ur_family import NAMES, ur_arm
-from wrenchbed.simulation.drives.parameters import faults_apart
+from wrenchbed.simulation.drives.faults import faults_apart
 
 
 class MujocoPlant(Body):
@@ -33,8 +33,13 @@ class MujocoPlant(Body):
         error = request.wrench_error
         effects = faults_apart(options.effects)[1] if request.drives else options.effects
         self._own_sensor = (
-            None if error is None else ArmSensor(self, error, effects, options.noise, options.seed)
-        )
+            None
+            if error is None
+            else ArmSensor(
+                self.model, self.theta, self.q, self.cycle, error, effects, options.noise,
+                options.seed,
+            )
+        )  # fmt: skip
 
     @property
     def efforts(self) -> Efforts:
@@ -45,7 +50,8 @@ class MujocoPlant(Body):
 
     def wrench(self) -> np.ndarray:
         """The load that the robot itself measures now (6,)."""
-        return self.load if self._own_sensor is None else self._own_sensor.load()
+        sensor = self._own_sensor
+        return self.load if sensor is None else sensor.read(self.q, self.load)
 
     def model_torques(
         self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, gravity: np.ndarray

@@ -1,20 +1,27 @@
-"""The sensor of a robot in real time, with effects and noise, at rest and in motion.
+"""Sensors of a robot in real time, with effects and noise, at rest and in motion.
 
 At rest the readings are those of `Playback`, with what effects remember of the last poses, some
 two hundred. In motion, effects of the mechanism act as if the robot rested at its present joints,
 and effects of the sensor and of timing see the last seconds. Noise is drawn in blocks, because one
 row at a time costs as much as hundreds.
+
+`ArmSensor` is the wrench that a robot itself measures: by its motors' currents, or by a sensor in
+its flange. Its error is stated by three standard deviations; one half of the variance is white, the
+other 1/f. Effects of the sensor on the flange (gain, drift, delay …) do not act there.
 """
 
 from collections import deque
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from wrenchbed.effects.chain import active_effect
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.noise import SATURATED_BITS, NoiseModel, NoiseStream
+from wrenchbed.physics.noise import NoiseModel, NoiseStream, noise_model, shown
 from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.replay import Playback
 from wrenchbed.twin.twin import Twin
 
@@ -33,6 +40,14 @@ _REMEMBERED = 3000
 """Rows of `Playback` that are kept; a move and the rest after it are some twelve."""
 _EVERY = 4
 """Cycles between evaluations of what the mechanism changes in motion."""
+_LOW_HZ, _HIGH_HZ = 1e-3, 100.0
+"""Ends of the 1/f part of a robot's own wrench [Hz]."""
+_SEED = 104729
+"""Added to the emulator's seed, so that this noise is not the Net F/T's."""
+_EVERY_S = 0.032
+"""Time between evaluations of what the mechanism changes of a robot's own wrench [s]."""
+_MOVED = 1e-5
+"""By how much a joint moves before it is evaluated anew [rad]."""
 
 
 class BufferedNoise:
@@ -59,13 +74,8 @@ class BufferedNoise:
         if len(self._rows) < n:
             self._draw(n, float(t[-1]))
         self._last = float(t[-1])
-        measured = wrench + self._rows[:n]
-        self._rows = self._rows[n:]
-        step, full = self._model.resolution, self._model.range
-        rounded = np.rint(measured / np.where(step > 0, step, 1.0)) * step
-        measured = np.where(step > 0, rounded, measured)
-        status = (np.abs(measured) >= full).astype(np.uint32) @ SATURATED_BITS
-        return np.clip(measured, -full, full), status
+        measured, self._rows = wrench + self._rows[:n], self._rows[n:]
+        return shown(self._model, measured)
 
     def _draw(self, n: int, until: float) -> None:
         """At least n more rows."""
@@ -85,6 +95,12 @@ class SensorRow(NamedTuple):
     q: np.ndarray
     qd: np.ndarray
     load: np.ndarray
+
+
+def scene_of(twin: Twin, q: np.ndarray | Jet, t: np.ndarray) -> Scene:
+    """Joint values (N, J), each held, at times (N,) [s]."""
+    gravity, held = np.asarray(twin.model.gravity), np.ones(len(t), dtype=bool)
+    return Scene(twin.model.robot, twin.robot_theta, gravity, q, t, held)
 
 
 class SensorWithEffects:
@@ -155,7 +171,7 @@ class SensorWithEffects:
         """Compute the readings at rest ahead; a surface pushes as it does now."""
         push = np.zeros(6)
         if self._touching:
-            push = now.load - self._plain.load(self._scene(now.q[None], np.zeros(1)))[0]
+            push = now.load - self._plain.load(scene_of(self._twin, now.q[None], np.zeros(1)))[0]
         self._knots = now.t + _KNOTS
         self._values = self._playback.rest(self._knots, now.q, push)
 
@@ -170,13 +186,65 @@ class SensorWithEffects:
             self._age -= 1
             if self._age <= 0:
                 self._age = _EVERY
-                pair = self._scene(q[[-2, -1]], t[[-2, -1]])
+                pair = scene_of(self._twin, q[[-2, -1]], t[[-2, -1]])
                 self._extra_load = (self._twin.load(pair) - self._plain.load(pair))[-1]
             load = load + self._extra_load
         jets = Jet(q, qd, np.gradient(qd, t[1] - t[0], axis=0))
-        return self._twin.reading(self._scene(jets, t), load)[-1]
+        return self._twin.reading(scene_of(self._twin, jets, t), load)[-1]
 
-    def _scene(self, q: np.ndarray | Jet, t: np.ndarray) -> Scene:
-        gravity = np.asarray(self._twin.model.gravity)
-        held = np.ones(len(t), dtype=bool)
-        return Scene(self._twin.model.robot, self._twin.robot_theta, gravity, q, t, held)
+
+class ArmSensor:
+    """The arm's own wrench sensor, read once a control cycle.
+
+    Args:
+        model, theta: of the robot, with all its parameters (P,).
+        q: joint values (J,) to begin with.
+        cycle: period of the readings [s].
+        error: three standard deviations of force [N] and torque [N·m].
+        effects: as given to the emulator.
+        noise: ``real``, ``white`` or ``off``.
+        seed: of the noise.
+    """
+
+    def __init__(
+        self, model: Model, theta: np.ndarray, q: np.ndarray, cycle: float,
+        error: tuple[float, float], effects: Sequence[str], noise: str, seed: int,
+    ) -> None:  # fmt: skip
+        kind = noise_model(noise, noise_of(error))
+        self._noise = BufferedNoise(kind, seed + _SEED) if noise != "off" else None
+        active = (active_effect(model.robot, text) for text in effects)
+        mechanical = tuple(a for a in active if not a.effect.in_sensor)
+        plain = Twin(model, theta)
+        self._twins = (Twin(model, theta, mechanical), plain) if mechanical else None
+        self._extra_load, self._at = np.zeros(6), np.full(6, np.inf)
+        self._cycle, self._every, self._cycles = cycle, max(1, round(_EVERY_S / cycle)), 0
+        self._evaluate(q)
+        self.read(q, np.zeros(6))  # what is compiled or loaded on first use takes longer
+
+    def read(self, q: np.ndarray, load: np.ndarray) -> np.ndarray:
+        """Reading (6,) [N, N·m], sensor axes, of a load (6,) on the flange at joint values (J,)."""
+        self._cycles += 1
+        if self._cycles % self._every == 0:
+            self._evaluate(q)
+        load = load + self._extra_load
+        if self._noise is None:
+            return np.asarray(load)
+        rows, _ = self._noise.corrupt(np.array([self._cycles * self._cycle]), load[None])
+        return np.asarray(rows[0])
+
+    def _evaluate(self, q: np.ndarray) -> None:
+        if self._twins is None or np.abs(q - self._at).max() < _MOVED:
+            return
+        before = q if np.isinf(self._at).any() else self._at
+        self._at = q.copy()
+        twin, plain = self._twins
+        now = self._cycles * self._cycle
+        way = scene_of(twin, np.array([before, q]), np.array([now - _EVERY_S, now]))
+        self._extra_load = (twin.load(way) - plain.load(way))[-1]
+
+
+def noise_of(error: tuple[float, float]) -> NoiseModel:
+    """The noise whose three standard deviations are so much force [N] and torque [N·m]."""
+    half = np.repeat(error, 3) / 3.0 / np.sqrt(2.0)
+    flicker = half / np.sqrt(np.log(_HIGH_HZ / _LOW_HZ))
+    return NoiseModel(white=half, flicker=flicker, f_low=_LOW_HZ, f_high=_HIGH_HZ)

@@ -18,10 +18,17 @@ from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.physics.wrench import CHANNELS, UNITS, weight
 from wrenchbed.robots.base import INERTIA_AXES, STEP, Robot
+from wrenchbed.robots.compiled import statics
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
-from wrenchbed.simulation.compiled import CompiledForm
 
 _ROWS_AT_ONCE = 200_000
+_DOUBLE = np.dtype(float)
+_KEPT = 32
+"""Parameter vectors whose constants are kept: a fit compares a few."""
+_IDEAL = np.append(np.zeros(6), np.eye(3))
+"""Bias and gains of a sensor whose reading is its load."""
+_LOAD = slice(3, 8)
+"""Constants that are mass, CoG and the sensor's own mass, by definition in `_statics.c`."""
 _PAST_LIMIT = 1e-3
 """Largest reading of an encoder beyond a joint's limit [rad; m]; estimate: its noise, and
 overshoot."""
@@ -45,6 +52,97 @@ def _sensor_parameters() -> ParameterSet:
 
 SENSOR = _sensor_parameters()
 """Parameters of the sensor itself: bias (6) and the gain matrix of its forces (3 × 3)."""
+
+
+@dataclass(frozen=True, eq=False)
+class CompiledForm:
+    """A robot and its sensor under gravity (3,) [m/s²], by constants that C functions take.
+
+    Each method returns None where plain numpy has to do it: `Model` then does.
+    """
+
+    robot: Robot
+    gravity: tuple[float, ...]
+    _kept: dict[tuple[bytes, ...], bytes] = field(init=False, repr=False, default_factory=dict)
+
+    def readings(
+        self, q: Value, theta: np.ndarray, at: np.ndarray, sensed: bool
+    ) -> np.ndarray | None:
+        """`Model.predict`, or `Model.true_wrench` if not sensed, the pose by parameters ``at``."""
+        name = self.robot.compiled
+        if not statics.available(name) or not self._takes(q, theta, at):
+            return None
+        if theta.ndim == 1:
+            return statics.readings(name, q, self._of_one(theta, at, sensed))
+        every = self.constants(theta[:, 0], at[:, 0], sensed)
+        return np.stack([statics.readings(name, q, each.tobytes()) for each in every])
+
+    def gravity_seen(self, q: Value, at: np.ndarray) -> np.ndarray | None:
+        """Force on a tool of 1 kg, as `Model.gravity_seen` gives it."""
+        name = self.robot.compiled
+        if not statics.available(name) or at.ndim > 1 or not self._takes(q, at, at):
+            return None
+        constants = self._of_one(at, at, sensed=False, unit=True)
+        return statics.readings(name, q, constants)[:, :3]
+
+    def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray | None:
+        """`Model.jacobian`: slopes by the constants; complex steps of the constants alone."""
+        name = self.robot.compiled
+        if not statics.available(name, slopes=True) or not self._takes(q, theta, theta):
+            return None
+        shifted = np.repeat(theta.astype(complex).reshape(-1, 1, theta.shape[-1]), len(columns), 1)
+        shifted[:, np.arange(len(columns)), list(columns)] += 1j * STEP
+        changes = self.constants(shifted, shifted, sensed=True).imag / STEP
+        if theta.ndim == 1:
+            slopes = statics.slopes(name, q, self._of_one(theta, theta, True), changes[0])
+        else:
+            every = self.constants(theta[:, 0], theta[:, 0], sensed=True)
+            each = zip(every, changes, strict=True)
+            slopes = np.stack([statics.slopes(name, q, p.tobytes(), d) for p, d in each])
+        return np.moveaxis(slopes, -3, -1)
+
+    def _of_one(self, theta: np.ndarray, at: np.ndarray, sensed: bool, unit: bool = False) -> bytes:
+        """Constants of one vector, kept: of one pose they take longer than the wrench.
+
+        Args:
+            unit: of a tool of 1 kg, at the sensor's origin, and no other.
+        """
+        given = b"1" * sensed + b"0" * unit
+        key = (theta.tobytes(), at.tobytes() if at is not theta else b"", given)
+        constants = self._kept.get(key)
+        if constants is None:
+            if len(self._kept) >= _KEPT:
+                self._kept.clear()
+            numbers = self.constants(theta, at, sensed)
+            if unit:
+                numbers[_LOAD] = (1.0, 0.0, 0.0, 0.0, 0.0)
+            constants = self._kept[key] = numbers.tobytes()
+        return constants
+
+    def constants(self, theta: np.ndarray, at: np.ndarray, sensed: bool) -> np.ndarray:
+        """Constants (…, C) in the order of `_statics.c` for parameters (…, P)."""
+        if theta.ndim == 2 and not self.robot.broadcasts:
+            pairs = zip(theta, at, strict=True)
+            return np.stack([self.constants(one, place, sensed) for one, place in pairs])
+        own = len(self.robot.parameters)
+        packed = self.robot.packed(at[..., :own], np.asarray(self.gravity))
+        tool = self.robot.tool(theta[..., :own])
+        sensor = theta[..., own:] if sensed else _IDEAL
+        parts = (
+            packed.gravity, tool.mass[..., None], tool.cog, tool.sensor_mass[..., None],
+            packed.last.reshape(*packed.last.shape[:-2], 9), sensor[..., 6:], sensor[..., :6],
+            packed.own,
+        )  # fmt: skip
+        rows = theta.shape[:-1]
+        return np.concatenate([np.broadcast_to(x, (*rows, x.shape[-1])) for x in parts], axis=-1)
+
+    def _takes(self, q: Value, theta: np.ndarray, at: np.ndarray) -> bool:
+        """Whether joint values are real (N, J), parameters real (P,) or, of many, (R, 1, P)."""
+        if not isinstance(q, np.ndarray) or q.ndim != 2 or q.shape[1] != len(self.robot.joints):
+            return False
+        many = theta.ndim == 3 and theta.shape[1] == 1
+        native = q.dtype == theta.dtype == at.dtype == _DOUBLE
+        return native and theta.shape == at.shape and (theta.ndim == 1 or many)
 
 
 @dataclass(frozen=True)
@@ -122,38 +220,22 @@ class Model:
 
         Args:
             q: joint values, or orientations of a robot without a model.
-            theta: parameters (P,), or (K, 1, P) for K vectors at once → (K, N, 6).
+            theta: parameters (P,), or (K, 1, P) for K vectors at once → (K, N, 6); what is
+                compiled gives each the bits that it has alone.
         """
         compiled = self._compiled.readings(q, theta, theta, sensed=True)
         return self.read(self.plain_wrench(q, theta), theta) if compiled is None else compiled
 
-    def predict_each(self, q: np.ndarray, thetas: np.ndarray) -> np.ndarray:
-        """`predict` at rest of several robots, thetas (R, P) → (R, N, 6), each as if alone."""
-        if self.robot.broadcasts:
-            return self.predict(q, thetas[:, None])
-        return np.stack([self.predict(q, theta) for theta in thetas])
-
-    def tool_positions(self, q: np.ndarray, thetas: np.ndarray) -> np.ndarray:
-        """Positions in the world (R, N, 3) [m] of the tools of several robots, thetas (R, P)."""
-        own = thetas[:, : len(self.robot.parameters)]
-        if self.robot.broadcasts:
-            return self.robot.tool_pose(q, own[:, None])[1]
-        return np.stack([self.robot.tool_pose(q, theta)[1] for theta in own])
-
-    def jacobian_each(
-        self, q: np.ndarray, thetas: np.ndarray, columns: Sequence[int]
-    ) -> np.ndarray:
-        """`jacobian` at rest of several robots, thetas (R, P) → (R, N, 6, K), each as if alone."""
-        compiled = self._compiled.jacobian(q, thetas[:, None], columns)
-        if compiled is not None:
-            return compiled
-        return np.stack([self.jacobian(q, theta, columns) for theta in thetas])
-
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
         """Derivative (N, 6, K) of the reading by the parameters at ``columns``, exact to rounding.
 
+        Of parameters (P,), or at rest of several vectors (R, 1, P), each as if alone.
         Complex-step derivative: Squire & Trapp 1998, doi 10.1137/S003614459631241X.
         """
+        if theta.ndim == 3:
+            compiled = self._compiled.jacobian(q, theta, columns)
+            every = (self.jacobian(q, one, columns) for one in theta[:, 0])
+            return np.stack(list(every)) if compiled is None else compiled
         if isinstance(q, Jet):
             return self._in_motion(q, theta, columns)
         written = self._at_rest(q, theta, columns)

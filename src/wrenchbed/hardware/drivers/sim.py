@@ -38,8 +38,7 @@ from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, minimum_jerk
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.drives.drive_train import DriveTrain, Kind, ReportedEfforts
-from wrenchbed.simulation.drives.faults import FAULTS
-from wrenchbed.simulation.drives.parameters import PREFIX, apart, faults_apart
+from wrenchbed.simulation.drives.faults import FAULTS, PREFIX, apart, faults_apart
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot, steps_in
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.replay import Playback

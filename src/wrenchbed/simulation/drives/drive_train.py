@@ -8,16 +8,17 @@ current reading. Reported torques are such currents times K.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
+import mujoco
 import numpy as np
 from scipy import signal
 
+from wrenchbed.errors import ParameterError, did_you_mean
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.simulation.drives.faults import REVERSAL, ActiveFault, Rows, active_fault
-from wrenchbed.simulation.drives.joint_torques import JointTorques
-from wrenchbed.simulation.drives.parameters import DriveParameters
+from wrenchbed.simulation.drives.faults import PREFIX, REVERSAL, ActiveFault, Rows, active_fault
 
 Kind = Literal["torque", "current"]
 COLUMN: Mapping[str, str] = {"torque": "tau", "current": "i"}
@@ -40,6 +41,157 @@ _BLOCK = 512
 """Rows of white noise drawn at once in real time."""
 _POSES, _SEED = 200, 5
 """Number and seed of the random poses for the torque that holds the robot."""
+_COULOMB: Mapping[str, tuple[float, ...]] = {"ur5": (6.0, 6.5, 4.5, 1.4, 1.2, 1.0)}
+"""Friction of direction alone [N·m]; estimates: one third of a UR10e's (recordings of Innopolis
+University, doi 10.3389/frobt.2020.571574) to one half."""
+_VISCOUS: Mapping[str, tuple[float, ...]] = {"ur5": (8.0, 8.5, 6.5, 1.5, 1.4, 1.2)}
+"""Friction per speed [N·m·s/rad]; estimates, as those of `_COULOMB`."""
+_CONSTANT: Mapping[str, tuple[float, ...]] = {
+    "ur5": (12.6, 12.6, 12.6, 9.3, 9.3, 9.3),
+    "medrue": (50.0, 0.5, 0.5, 0.5, 0.5, 0.5),
+}
+"""Torque per current, gear included [N·m/A; N/A]. UR5: estimate, as its emulator has. MedRUE:
+rated 200 N and 2 N·m over 4 A, estimates as the emulated drives have."""
+_USUAL_CONSTANT = 10.0
+"""Torque per current of an arm that the table lacks [N·m/A]; estimate, between a UR10e's joints."""
+_SHARE, _LEAST = 0.04, 0.5
+"""Coulomb friction of an arm that nobody states: share of the torque that holds its weight, and no
+less than that [N·m or N]; estimates."""
+_PER_SPEED = 1.0
+"""Viscous over Coulomb friction of such an arm [s/rad or s/m]; estimate."""
+
+
+class JointTorques:
+    """Torques that the motors need, by MuJoCo: a robot without friction and without servos.
+
+    MuJoCo's inverse dynamics of the open tree gives the force τ₀ on every coordinate. Motors act on
+    J of them, and the loops' closing forces λ on the others:
+
+        Sᵀ τ + Aᵀ λ = τ₀,   A the Jacobian of the gaps between both sides of a loop.
+
+    Featherstone 2008, Rigid Body Dynamics Algorithms, Section 8.3 (loop-closure forces).
+
+    Args:
+        robot: which one.
+        theta: its parameters (P,).
+        gravity: in world axes (3,) [m/s²].
+        rotor: inertia of each motor at its joint (J,) [kg·m² or kg]; if None, the MJCF's.
+    """
+
+    def __init__(
+        self, robot: SimulatedRobot, theta: np.ndarray, gravity: Sequence[float],
+        rotor: np.ndarray | None = None,
+    ) -> None:  # fmt: skip
+        self.robot, self.theta = robot, theta
+        spec = robot.spec(theta)
+        spec.option.gravity = gravity
+        model = spec.compile()
+        model.body_gravcomp[:] = 0.0
+        model.dof_damping[:] = model.dof_frictionloss[:] = 0.0
+        model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+        self.model, self.data = model, mujoco.MjData(model)
+        joints = [model.joint(joint.name) for joint in robot.joints]
+        self._dofs = np.array([int(joint.dofadr[0]) for joint in joints])
+        if rotor is not None:
+            model.dof_armature[self._dofs] = rotor
+        self._loops = [
+            (int(a), int(b))
+            for kind, a, b in zip(model.eq_type, model.eq_obj1id, model.eq_obj2id, strict=True)
+            if kind == mujoco.mjtEq.mjEQ_CONNECT
+        ]
+
+    @property
+    def rotor(self) -> np.ndarray:
+        """Inertia of each motor at its joint (J,) [kg·m² or kg]."""
+        return np.array(self.model.dof_armature[self._dofs])
+
+    def of(self, q: Jet) -> np.ndarray:
+        """Torques (N, J) [N·m, N for slides] at joint values with speeds and accelerations."""
+        all_joints = self.robot.qpos(q, self.theta)
+        assert isinstance(all_joints, Jet)
+        rows = zip(all_joints.v, all_joints.d, all_joints.dd, strict=True)
+        return np.array([self.at(*row) for row in rows])
+
+    def at(self, qpos: np.ndarray, qvel: np.ndarray, qacc: np.ndarray) -> np.ndarray:
+        """Torques (J,) at MuJoCo's own coordinates, speeds and accelerations."""
+        data = self.data
+        data.qpos[:], data.qvel[:], data.qacc[:] = qpos, qvel, qacc
+        mujoco.mj_inverse(self.model, data)
+        if not self._loops:
+            return np.array(data.qfrc_inverse[self._dofs])
+        joints, nv = len(self._dofs), self.model.nv
+        acting = np.zeros((nv, joints + 3 * len(self._loops)))
+        acting[self._dofs, np.arange(joints)] = 1.0
+        one, other = np.empty((3, nv)), np.empty((3, nv))
+        for k, (a, b) in enumerate(self._loops):
+            mujoco.mj_jacSite(self.model, data, one, None, a)
+            mujoco.mj_jacSite(self.model, data, other, None, b)
+            acting[:, joints + 3 * k : joints + 3 * k + 3] = (one - other).T
+        return np.asarray(np.linalg.lstsq(acting, data.qfrc_inverse, rcond=1e-10)[0][:joints])
+
+
+@dataclass(frozen=True, eq=False)
+class DriveParameters:
+    """Drive parameters of all joints (J,); torques in N·m, of slides in N.
+
+    Attributes:
+        coulomb: friction that depends on the direction alone.
+        viscous: friction per speed.
+        offset: constant torque.
+        inertia: of the motor at the joint [kg·m² or kg].
+        constant: torque per current, gear included [N·m/A or N/A].
+    """
+
+    coulomb: np.ndarray
+    viscous: np.ndarray
+    offset: np.ndarray
+    inertia: np.ndarray
+    constant: np.ndarray
+
+    @classmethod
+    def nominal(
+        cls, robot: SimulatedRobot, rotor: np.ndarray, holding: np.ndarray
+    ) -> "DriveParameters":
+        """Parameters of a robot's drives unless they are given.
+
+        Args:
+            robot: friction stands in its MJCF, in the tables here, or follows from ``holding``.
+            rotor: the MJCF's inertias (J,).
+            holding: largest torques that hold its weight (J,).
+        """
+        model = robot.spec(robot.parameters.nominal).compile()
+        dofs = [int(model.joint(joint.name).dofadr[0]) for joint in robot.joints]
+        coulomb, viscous = model.dof_frictionloss[dofs], model.dof_damping[dofs]
+        if robot.name in _COULOMB:
+            coulomb, viscous = np.array(_COULOMB[robot.name]), np.array(_VISCOUS[robot.name])
+        else:
+            likely = np.maximum(_SHARE * holding, _LEAST)
+            coulomb = np.where(coulomb > 0.0, coulomb, likely)
+            viscous = np.where(viscous > 0.0, viscous, _PER_SPEED * likely)
+        usual = (_USUAL_CONSTANT,) * len(dofs)
+        constant = np.array(_CONSTANT.get(robot.name, usual))
+        return cls(coulomb, viscous, np.zeros(len(dofs)), rotor, constant)
+
+    def changed(self, given: Mapping[str, float]) -> "DriveParameters":
+        """Parameters with new values by name, ``drive.coulomb.2``: joints count from 1.
+
+        Raises:
+            ParameterError: there is no such name, or the value is impossible.
+        """
+        result = {f.name: np.array(getattr(self, f.name), dtype=float) for f in fields(self)}
+        known = [f"{PREFIX}{kind}.{j + 1}" for kind in result for j in range(len(self.coulomb))]
+        for name, value in given.items():
+            if name not in known:
+                raise ParameterError(f"there is no parameter {name!r}{did_you_mean(name, known)}")
+            _, kind, joint = name.split(".")
+            low = 0.0 if kind in ("coulomb", "viscous", "inertia") else -np.inf
+            if not np.isfinite(value) or value < low or (kind == "constant" and value == 0.0):
+                raise ParameterError(f"{name} = {value!r} is impossible for a drive")
+            result[kind][int(joint) - 1] = value
+        return replace(self, **result)
 
 
 def temperatures(t: np.ndarray, joints: int) -> np.ndarray:

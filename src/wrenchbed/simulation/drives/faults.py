@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
-from wrenchbed.simulation.drives.parameters import PREFIX
 
+PREFIX = "drive."
+"""Names of drives' parameters and faults begin with it."""
 REVERSAL = 1e-3
 """Speed within which friction changes its sign, as tanh [rad/s or m/s]; estimate."""
 _ROOM_C = 25.0
@@ -73,50 +74,6 @@ class Fault(NamedTuple):
     of_friction: bool = False
 
 
-def _coulomb(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    return torque + p["size"] * rows.way
-
-
-def _viscous(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    return torque + p["size"] * rows.qd
-
-
-def _offset(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    return torque + p["size"]
-
-
-def _stribeck(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    return torque + p["size"] * rows.way * np.exp(-np.square(rows.qd / p["speed"]))
-
-
-def _load(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    return torque + p["size"] * np.abs(rows.rigid) * rows.way
-
-
-def _temperature(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    return torque + p["size"] * (rows.warm - _ROOM_C) * rows.coulomb * rows.way
-
-
-def _asymmetry(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    return torque + p["size"] * np.maximum(rows.way, 0.0)
-
-
-def _inertia(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    return torque + p["size"] * rows.qdd
-
-
-def _cogging(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    return torque + p["size"] * np.sin(p["order"] * rows.q + p["phase"])
-
-
-def _ripple(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    return torque * (1.0 + p["size"] * np.sin(p["order"] * rows.q + p["phase"]))
-
-
-def _constant(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
-    return torque / (1.0 + p["size"])
-
-
 def _hysteresis(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndarray:
     """Bristles that wind up over a way: z ← s + (z − s) e^(−|dq|/w), s the direction of dq.
 
@@ -142,23 +99,57 @@ def _delay(rows: Rows, torque: np.ndarray, p: Values, memory: Memory) -> np.ndar
 
 
 FAULTS: Mapping[str, Fault] = {
-    "coulomb": Fault("more friction of direction", "N·m", 0.5, _coulomb, of_friction=True),
-    "viscous": Fault("more friction per speed", "N·m·s/rad", 0.5, _viscous, of_friction=True),
-    "offset": Fault("a constant torque, or a zero of the current", "N·m", 0.3, _offset,
-                    of_friction=True),
-    "stribeck": Fault("more friction at low speed", "N·m", 0.5, _stribeck, {"speed": 0.05}, True),
-    "load": Fault("friction that grows with the load of the gear", "1", 0.1, _load),
-    "temperature": Fault("friction that changes with temperature", "1/K", -0.01, _temperature),
-    "asymmetry": Fault("more friction in positive direction alone", "N·m", 0.5, _asymmetry,
-                       of_friction=True),
-    "hysteresis": Fault("friction that builds up over a way after each reversal", "N·m", 0.5,
-                        _hysteresis, {"width": 0.02}, True),
-    "inertia": Fault("a heavier rotor or gear", "kg·m²", 0.3, _inertia),
-    "constant": Fault("torque per current differs, relative", "1", 0.1, _constant),
-    "cogging": Fault("a periodic torque over the joint's turn", "N·m", 0.4, _cogging,
-                     {"order": 6.0, "phase": 0.0}, True),
-    "ripple": Fault("the torque's gain is periodic over the joint's turn", "1", 0.05, _ripple,
-                    {"order": 12.0, "phase": 0.0}),
+    "coulomb": Fault(
+        "more friction of direction", "N·m", 0.5,
+        lambda r, torque, p, _: torque + p["size"] * r.way, of_friction=True,
+    ),
+    "viscous": Fault(
+        "more friction per speed", "N·m·s/rad", 0.5,
+        lambda r, torque, p, _: torque + p["size"] * r.qd, of_friction=True,
+    ),
+    "offset": Fault(
+        "a constant torque, or a zero of the current", "N·m", 0.3,
+        lambda r, torque, p, _: torque + p["size"], of_friction=True,
+    ),
+    "stribeck": Fault(
+        "more friction at low speed", "N·m", 0.5,
+        lambda r, torque, p, _: torque
+        + p["size"] * r.way * np.exp(-np.square(r.qd / p["speed"])), {"speed": 0.05}, True,
+    ),
+    "load": Fault(
+        "friction that grows with the load of the gear", "1", 0.1,
+        lambda r, torque, p, _: torque + p["size"] * np.abs(r.rigid) * r.way,
+    ),
+    "temperature": Fault(
+        "friction that changes with temperature", "1/K", -0.01,
+        lambda r, torque, p, _: torque + p["size"] * (r.warm - _ROOM_C) * r.coulomb * r.way,
+    ),
+    "asymmetry": Fault(
+        "more friction in positive direction alone", "N·m", 0.5,
+        lambda r, torque, p, _: torque + p["size"] * np.maximum(r.way, 0.0), of_friction=True,
+    ),
+    "hysteresis": Fault(
+        "friction that builds up over a way after each reversal", "N·m", 0.5, _hysteresis,
+        {"width": 0.02}, True,
+    ),
+    "inertia": Fault(
+        "a heavier rotor or gear", "kg·m²", 0.3,
+        lambda r, torque, p, _: torque + p["size"] * r.qdd,
+    ),
+    "constant": Fault(
+        "torque per current differs, relative", "1", 0.1,
+        lambda r, torque, p, _: torque / (1.0 + p["size"]),
+    ),
+    "cogging": Fault(
+        "a periodic torque over the joint's turn", "N·m", 0.4,
+        lambda r, torque, p, _: torque + p["size"] * np.sin(p["order"] * r.q + p["phase"]),
+        {"order": 6.0, "phase": 0.0}, True,
+    ),
+    "ripple": Fault(
+        "the torque's gain is periodic over the joint's turn", "1", 0.05,
+        lambda r, torque, p, _: torque
+        * (1.0 + p["size"] * np.sin(p["order"] * r.q + p["phase"])), {"order": 12.0, "phase": 0.0},
+    ),
     "delay": Fault("the effort is reported late", "s", 0.02, _delay),
 }  # fmt: skip
 """Fault formulas by kind, without ``drive.``; typical sizes, speeds [rad/s or m/s], widths [rad or
@@ -226,3 +217,17 @@ def _check(name: str, kind: str, values: Values) -> None:
     for key in ("speed", "width"):
         if values.get(key, 1.0) <= 0.0:
             raise ParameterError(f"{name}: {key} = {values[key]:g} must be above 0")
+
+
+def apart(given: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
+    """Values split into parameters of the drives, and all others."""
+    drives = {k: v for k, v in given.items() if k.startswith(PREFIX)}
+    return drives, {k: v for k, v in given.items() if k not in drives}
+
+
+def faults_apart(effects: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Texts of faults of the drives, and of all other effects."""
+    return (
+        tuple(text for text in effects if text.startswith(PREFIX)),
+        tuple(text for text in effects if not text.startswith(PREFIX)),
+    )
