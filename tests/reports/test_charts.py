@@ -23,8 +23,8 @@ from wrenchbed.pages.chart import (
     thinned,
 )
 from wrenchbed.pages.draw import svg
+from wrenchbed.reports.cause_charts import everywhere
 from wrenchbed.reports.diagnosis_page import _of_causes, diagnosis_page
-from wrenchbed.reports.residual_charts import everywhere
 from wrenchbed.reports.simulators import Evidence
 
 STIFFNESS = 9000.0

@@ -11,9 +11,8 @@ from wrenchbed.pages import Drawn, ReportPage, numbers
 from wrenchbed.pages.artist import Artist, at_once
 from wrenchbed.pages.chart import Chart
 from wrenchbed.pages.provenance import provenance
-from wrenchbed.reports import cause_charts, figures, residual_charts, sentences, tables
+from wrenchbed.reports import cause_charts, figures, sentences, tables
 from wrenchbed.reports.answer import BADGES, Answer, of_wrench
-from wrenchbed.reports.robot_chart import robot_chart
 from wrenchbed.reports.simulators import Evidence
 
 
@@ -44,9 +43,6 @@ def page_to_come(
         "gaps": artist(figures.gaps(words.gaps)),
         "channels": artist(figures.channels(before, after, evidence.first)),
     }
-    robot = robot_chart(found, evidence)
-    if robot is not None:
-        coming["robot"] = artist(robot)
     comparisons = [artist(chart) for chart in _of_causes(found, evidence)]
     return lambda: _page(found, words, command, coming, comparisons)
 
@@ -99,13 +95,11 @@ def _of_causes(found: Findings, e: Evidence) -> list[Chart]:
         told += figures.of_claim(e, own, f"effect-{k}")
     for k, entry in enumerate(found.diagnosis.which):
         told.append(cause_charts.curve_chart(entry, f"curve-{k}"))
-        if entry["rivals"]:
-            told.append(residual_charts.rivals(e, entry, f"rivals-{k}"))
         if entry["effect"] in sentences.row_effects(found):
-            told.append(residual_charts.scatter(e, entry, f"rows-{k}"))
+            told.append(cause_charts.scatter(e, entry, f"rows-{k}"))
     told += figures.unexplained(e)
     if found.diagnosis.verdict in ("unknown", "partial"):
-        told.append(residual_charts.everywhere(e, "everywhere"))
+        told.append(cause_charts.everywhere(e, "everywhere"))
     return [chart for chart in told if chart is not None]
 
 

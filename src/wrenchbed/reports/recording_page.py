@@ -1,12 +1,11 @@
-"""The report of a recording held against simulators, and of the fits that some come from."""
+"""The report of a recording held against simulators."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path, PurePath
 from typing import Any
 
 import numpy as np
 
-from wrenchbed.calibration.fit_words import ParameterWords, parameter_words
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages import ReportPage, numbers
@@ -57,7 +56,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     known = simulators(recording, files)
     noise = noise_of(recording)
     judged = [agreement(recording, s, noise) for s in known]
-    fits = [_fit(s.name, s.fit) for s in known if s.fit]
+    fits = [s for s in known if s.fit]
     drawn = [draw(chart) for chart in _charts(recording, known, noise)]
     nearest = best(judged)
     context = {
@@ -82,8 +81,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         ],
         "channels": CHANNELS,
         "noise": [f"{x:.3g}" for x in noise],
-        "tool": fits[-1]["tool"] if fits else [],
-        "fits": fits,
+        "tool": _tool(fits[-1].name, fits[-1].fit) if fits else [],
         "heat": drawn[0],
         "series": drawn[1:],
         "next": _next(nearest, bool(fits), PurePath(recording.name).name),
@@ -170,49 +168,20 @@ def _what(recording: Recording) -> dict[str, str]:
     return {"figure": figure, "text": f"{len(recording):,} rows in {span:,.0f} s, from {source}."}
 
 
-def _fit(name: str, raw: Mapping[str, Any]) -> dict[str, Any]:
-    """What a page says of a fit.
+def _tool(name: str, fit: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Label and text of a fit's tool.
 
     Raises:
-        ParameterError: a field is not as `calibrate` writes it.
+        ParameterError: the field is not as `calibrate` writes it.
     """
-    told: dict[str, Any] = {}
-    for field, read in _FIELDS.items():
-        try:
-            told[field] = read(raw[field])
-        except (LookupError, TypeError, ValueError, AttributeError) as cause:
-            raise ParameterError(
-                f"{name}: field {field!r} is not as `calibrate` writes it; calibrate again"
-            ) from cause
-    limits = told["redundancies"] + told["no_effect"]
-    return {"name": name, "limits": limits} | {k: told[k] for k in ("status", "tool", "parameters")}
-
-
-def _load(tool: Mapping[str, Any]) -> list[tuple[str, str]]:
-    cog = ", ".join(f"{1e3 * x:.4g}" for x in tool["cog"])
-    load = [("mass", f"{tool['mass']:.4g} kg"), ("centre of gravity", f"({cog}) mm")]
-    return [(label, numbers.minus(value)) for label, value in load]
-
-
-def _idle(names: Sequence[str]) -> list[str]:
-    return [f"No wrench depends on {', '.join(names)}."] if names else []
-
-
-def _row(name: str, p: Mapping[str, Any]) -> ParameterWords:
-    """A parameter in units of people."""
-    return parameter_words(
-        name, float(p["value"]), p["std"], p["interval95"], float(p["nominal"]), str(p["unit"])
-    )
-
-
-_FIELDS: Mapping[str, Callable[[Any], Any]] = {
-    "status": str,
-    "tool": _load,
-    "parameters": lambda known: [_row(name, p) for name, p in known.items()],
-    "redundancies": lambda known: [str(r["sentence"]) for r in known],
-    "no_effect": _idle,
-}
-"""What is read of the fields of a fit."""
+    try:
+        mass, cog = float(fit["tool"]["mass"]), [1e3 * float(x) for x in fit["tool"]["cog"]]
+    except (LookupError, TypeError, ValueError) as cause:
+        raise ParameterError(
+            f"{name}: field 'tool' is not as `calibrate` writes it; calibrate again"
+        ) from cause
+    words = f"({', '.join(f'{x:.4g}' for x in cog)}) mm"
+    return [("mass", numbers.minus(f"{mass:.4g} kg")), ("centre of gravity", numbers.minus(words))]
 
 
 def _next(nearest: Agreement, fitted: bool, name: str) -> list[str]:

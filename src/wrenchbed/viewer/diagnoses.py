@@ -8,12 +8,12 @@ import mujoco
 import numpy as np
 import rerun as rr
 
+from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
 from wrenchbed.pages.provenance import markdown, provenance
 from wrenchbed.reports.answer import of_wrench
 from wrenchbed.reports.claim import Claim, claim, joints, joints_or
-from wrenchbed.reports.robot_chart import proposed_poses
 from wrenchbed.reports.simulators import Evidence, along
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
@@ -162,6 +162,12 @@ def answers(found: Findings, shares: Mapping[str, float], command: str = "") -> 
         rows += ["", "**Notes**", "", *(f"- {n}" for n in d.notes)]
     names = (d.recording, *d.others)
     return "\n".join([*rows, *markdown(provenance(names, command, found.seed))])
+
+
+def proposed_poses(found: Findings) -> Plan | None:
+    """The first proposed plan of poses at rest, None where there is none."""
+    plan = next(iter(found.plans.values()), None)
+    return plan if plan is not None and plan.mode == "static" else None
 
 
 def _channels(found: Findings) -> list[str]:
