@@ -1,16 +1,13 @@
 """docs/reference/effects.md says what the registry holds."""
 
-from pathlib import Path
-
 import pytest
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
-from wrenchbed.effects.base import ModelEffect
+from wrenchbed.effects.base import SHOWN, STAGES, ModelEffect
 from wrenchbed.errors import NotFoundError
-from wrenchbed.reports.effects_page import render, visible_size
+from wrenchbed.reports.effects_page import PAGE, render, visible_size
 
-PAGE = Path(__file__).parents[2] / "docs" / "reference" / "effects.md"
 TEXT = render()
 
 
@@ -20,6 +17,13 @@ def section(name: str) -> str:
 
 def test_the_committed_page_is_the_rendered_one():
     assert PAGE.read_text(encoding="utf-8") == TEXT, "run scripts/effects"
+
+
+def test_the_introduction_states_every_stage_and_every_variable_of_a_figure():
+    introduction = TEXT.partition("## All effects")[0]
+    assert all(f"| {name} | {stage.changes} |" in introduction for name, stage in STAGES.items())
+    for name, text in SHOWN.items():
+        assert name == "prediction" or f"`{name}`: {text}" in introduction
 
 
 @pytest.mark.parametrize("name", registry.names("effects"))

@@ -70,7 +70,7 @@ class Export(ABC):
         """What a person has to know of the format: units, what to fill in."""
         return ()
 
-    def beside(self) -> tuple[str, ...]:
+    def beside(self, numbers: LoadNumbers) -> tuple[str, ...]:
         """Texts of the other files, by `endings`."""
         return ()
 
@@ -112,7 +112,7 @@ def export_to(
             "no flange: state the sensor's place with --mount X Y Z QW QX QY QZ"
         )
     notes = notes_of(form, numbers)
-    texts = [form.text(numbers, options, notes), *form.beside()]
+    texts = [form.text(numbers, options, notes), *form.beside(numbers)]
     texts += [] if form.comment else ["\n".join(notes) + "\n"]
     files = output_files(format_name, out)
     for file, text in zip(files, texts, strict=True):

@@ -5,11 +5,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from wrenchbed.exports.base import CARRIES, Export, ExportOptions
-from wrenchbed.exports.load_numbers import LoadNumbers, Origin, Quantity
+from wrenchbed.exports.load_numbers import FLANGE, SENSOR, LoadNumbers, Origin, Quantity
 
 FORMAT = 1
-_SIZES = {"mass": 1, "cog": 3, "inertia": 6, "rotation": 3, "position": 3, "bias": 6, "gravity": 3}
-"""Length of each vector."""
+_TEXT = {"type": "string"}
 
 
 class JsonSchema(Export):
@@ -35,43 +34,35 @@ class JsonSchema(Export):
         }  # fmt: skip
         return json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
 
-    def beside(self) -> tuple[str, ...]:
-        return (json.dumps(schema(), indent=1, ensure_ascii=False) + "\n",)
+    def beside(self, numbers: LoadNumbers) -> tuple[str, ...]:
+        sizes = {name: len(getattr(numbers, name).value) for name in CARRIES}
+        fields = {
+            "format": {"const": FORMAT},
+            "frame": {"enum": [FLANGE, SENSOR]},
+            "numbers": _object({name: _entry_schema(size) for name, size in sizes.items()}),
+            "source": _object(dict.fromkeys(("file", "sha256", "robot", "recording"), _TEXT)),
+            "left_out": {"type": "array", "items": _TEXT},
+        }
+        title = "Load, sensor zero, mount and gravity of a calibration by wrenchbed"
+        schema = {"$schema": self.source, "title": title, **_object(fields)}
+        return (json.dumps(schema, indent=1, ensure_ascii=False) + "\n",)
 
 
 def _entry(quantity: Quantity) -> dict[str, Any]:
-    lost = quantity.origin is Origin.UNDETERMINED
+    determined = quantity.origin is not Origin.UNDETERMINED
     return {
-        "value": None if lost else quantity.value.tolist(),
+        "value": quantity.value.tolist() if determined else None,
         "std": None if quantity.std is None else quantity.std.tolist(),
         "unit": quantity.unit,
         "origin": quantity.origin.name.lower(),
     }
 
 
-def schema() -> dict[str, Any]:
-    """The JSON Schema of this format."""
-    entries = {name: _entry_schema(size) for name, size in _SIZES.items()}
-    text = {"type": "string"}
-    source = dict.fromkeys(("file", "sha256", "robot", "recording"), text)
-    fields = {
-        "format": {"const": FORMAT},
-        "frame": {"enum": ["flange axes", "sensor axes"]},
-        "numbers": _object(entries),
-        "source": _object(source),
-        "left_out": {"type": "array", "items": text},
-    }
-    title = "Load, sensor zero, mount and gravity of a calibration by wrenchbed"
-    return {"$schema": JsonSchema.source, "title": title, **_object(fields)}
-
-
 def _entry_schema(size: int) -> dict[str, Any]:
-    numbers = {"type": "array", "items": {"type": "number"}, "minItems": size, "maxItems": size}
-    either = {"oneOf": [numbers, {"type": "null"}]}
+    vector = {"type": ["array", "null"], "items": {"type": "number"}, "minItems": size,
+              "maxItems": size}  # fmt: skip
     origins = [o.name.lower() for o in Origin]
-    return _object(
-        {"value": either, "std": either, "unit": {"type": "string"}, "origin": {"enum": origins}}
-    )
+    return _object({"value": vector, "std": vector, "unit": _TEXT, "origin": {"enum": origins}})
 
 
 def _object(fields: dict[str, Any]) -> dict[str, Any]:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -34,13 +34,16 @@ _UNIT = 1e-3
 _CARRIED = ("sensor.bias", "mount.", "base.tilt")
 """How parameters begin that the formats carry, beside those of the load."""
 _BIAS = tuple(f"sensor.bias.{c}" for c in CHANNELS)
-_TITLES = (
-    ("mass", "kg"), ("CoG", "m"), ("CoG in sensor axes", "m"), ("inertia about the CoG", "kg·m²"),
-    ("inertia about the CoG in sensor axes", "kg·m²"),
-    ("turn of the sensor", "rad"), ("place of the sensor", "m"), ("zero of the sensor", "N, N·m"),
-    ("gravity in base axes", "m/s²"),
-)  # fmt: skip
-"""Name and unit of each number of `_Load`."""
+_TITLES = {
+    "mass": ("mass", "kg"), "cog": ("CoG", "m"), "cog_sensor": ("CoG in sensor axes", "m"),
+    "inertia": ("inertia about the CoG", "kg·m²"),
+    "inertia_sensor": ("inertia about the CoG in sensor axes", "kg·m²"),
+    "rotation": ("turn of the sensor", "rad"), "position": ("place of the sensor", "m"),
+    "bias": ("zero of the sensor", "N, N·m"), "gravity": ("gravity in base axes", "m/s²"),
+}  # fmt: skip
+"""Title and unit of each quantity of `LoadNumbers`."""
+Vectors = Mapping[str, np.ndarray]
+"""All numbers of one θ, vectors (K,), by name."""
 
 
 class Origin(StrEnum):
@@ -161,20 +164,6 @@ class _Calibrated:
     left: tuple[str, ...]
 
 
-class _Load(NamedTuple):
-    """All numbers of one θ, vectors (K,)."""
-
-    mass: np.ndarray
-    cog: np.ndarray
-    cog_sensor: np.ndarray
-    inertia: np.ndarray
-    inertia_sensor: np.ndarray
-    rotation: np.ndarray
-    position: np.ndarray
-    bias: np.ndarray
-    gravity: np.ndarray
-
-
 def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> LoadNumbers:
     """Read fit.json or twin.json.
 
@@ -195,15 +184,15 @@ def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> Load
     stated = None if mount is None else _mount(mount)
     frame = FLANGE if flange or mount is not None else SENSOR
 
-    def load(theta: np.ndarray) -> _Load:
+    def load(theta: np.ndarray) -> Vectors:
         return _load_of(known.twin.model, theta, stated)
 
     here = load(known.twin.theta)
     slopes = {i: _slope(load, known.twin.theta, i) for i in known.free}
-    found = {n: _quantity(known, k, here[k], slopes) for k, n in enumerate(_Load._fields)}
+    quantities = {name: _quantity(known, name, value, slopes) for name, value in here.items()}
     for name in ("cog", "inertia"):  # a turned number is identified if the number itself is
-        if not (own := found[f"{name}_sensor"]).known and found[name].known:
-            found[name] = replace(found[name], std=None, origin=own.origin, why=own.why)
+        if not (own := quantities[f"{name}_sensor"]).known and quantities[name].known:
+            quantities[name] = replace(quantities[name], std=None, origin=own.origin, why=own.why)
     return LoadNumbers(
         source=Path(path).name,
         digest=hashlib.sha256(Path(path).read_bytes()).hexdigest(),
@@ -212,7 +201,7 @@ def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> Load
         frame=frame,
         left=known.left,
         twin=known.twin,
-        **found,
+        **quantities,
     )
 
 
@@ -238,7 +227,7 @@ def six_of(matrix: np.ndarray) -> np.ndarray:
     return np.array([matrix[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
 
 
-def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> _Load:
+def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> Vectors:
     value = dict(zip(model.parameters.names, theta, strict=True))
     about_origin = model.robot.tool(model.robot.robot_theta(theta)).inertial
     mass, first, second = about_origin[0], about_origin[1:4], symmetric(about_origin[4:])
@@ -252,40 +241,36 @@ def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> 
         shift = np.array([value[f"mount.position.{a}"] for a in "xyz"])
     turn = exp(*vector)
     tilt = exp(value.get("base.tilt.x", 0.0), value.get("base.tilt.y", 0.0), 0.0)
-    return _Load(
-        mass=np.array([mass]),
-        cog=shift + turn @ cog,
-        cog_sensor=cog,
-        inertia=six_of(turn @ own @ turn.T),
-        inertia_sensor=six_of(own),
-        rotation=vector,
-        position=shift,
-        bias=np.array([value[n] for n in _BIAS]),
-        gravity=tilt @ np.asarray(model.gravity),
-    )
+    return {
+        "mass": np.array([mass]), "cog": shift + turn @ cog, "cog_sensor": cog,
+        "inertia": six_of(turn @ own @ turn.T), "inertia_sensor": six_of(own),
+        "rotation": vector, "position": shift, "bias": np.array([value[n] for n in _BIAS]),
+        "gravity": tilt @ np.asarray(model.gravity),
+    }  # fmt: skip
 
 
-def _slope(load: Callable[[np.ndarray], _Load], theta: np.ndarray, i: int) -> list[np.ndarray]:
+def _slope(load: Callable[[np.ndarray], Vectors], theta: np.ndarray, i: int) -> Vectors:
     """Derivative of every number by parameter i."""
     shifted = theta.astype(complex)
     shifted[i] += 1j * STEP
-    return [np.asarray(x.imag / STEP) for x in load(shifted)]
+    return {name: np.asarray(x.imag / STEP) for name, x in load(shifted).items()}
 
 
 def _quantity(
-    known: _Calibrated, k: int, value: np.ndarray, slopes: Mapping[int, list[np.ndarray]]
+    known: _Calibrated, name: str, value: np.ndarray, slopes: Mapping[int, Vectors]
 ) -> Quantity:
-    slope = np.array([slopes[i][k] for i in known.free]).reshape(len(known.free), len(value))
+    slope = np.array([slopes[i][name] for i in known.free]).reshape(len(known.free), len(value))
     moved = [i for i, s in zip(known.free, slope, strict=True) if np.abs(s).max() > _FLAT]
-    name, unit = _TITLES[k]
+    title, unit = _TITLES[name]
     if blind := [known.blind[i] for i in moved if i in known.blind]:
-        return Quantity(name, value, None, unit, Origin.UNDETERMINED, "; ".join(sorted(set(blind))))
+        why = "; ".join(sorted(set(blind)))
+        return Quantity(title, value, None, unit, Origin.UNDETERMINED, why)
     if not moved:
-        return Quantity(name, value, None, unit, Origin.STATED)
+        return Quantity(title, value, None, unit, Origin.STATED)
     std = None
     if known.covariance is not None:
         std = np.sqrt(np.einsum("ik,ij,jk->k", slope, known.covariance, slope))
-    return Quantity(name, value, std, unit, Origin.IDENTIFIED)
+    return Quantity(title, value, std, unit, Origin.IDENTIFIED)
 
 
 def _mount(mount: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:

@@ -2,12 +2,13 @@
 
 import inspect
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
-from wrenchbed.effects.base import SHOWN, STAGES, Effect
+from wrenchbed.effects.base import STAGES, Effect
 from wrenchbed.effects.chain import effects
 from wrenchbed.effects.scene import examples
 from wrenchbed.errors import NotFoundError
@@ -17,65 +18,16 @@ from wrenchbed.robots.base import Robot
 
 SEEN = "Seen in: "
 """Begins the paragraph of an effect's docstring that says which data show it."""
-_INTRODUCTION = """# Effects
-
-An *effect* is one thing that a simulator usually lacks. Each effect is one file in
-`src/wrenchbed/effects`. It is written twice: in closed form, which the diagnosis fits, and in
-MuJoCo, which simulates it. `scripts/effects` writes this page from the effects themselves, and a
-test compares the two.
-
-To simulate an effect in the place of a real robot:
-
-```sh
-wrenchbed plan ur5 --n 10 --out poses.parquet
-wrenchbed record --robot ur5 --plan poses.parquet --effect base.tilt:x=0.006 --out rec.parquet
-```
-
-`--effect` may be repeated. Without values an effect has its typical size. A twin's `twin.json`
-lists effects with their values; `wrenchbed simulate` runs them on a recording's motion.
-
-A diagnosis draws measured and simulated of every cause, over the rows sorted by what it predicts.
-*Drawn over* says over what else: {shown}.
-
-To add an effect, write a file `effects/<subsystem>_<name>.py` with the constant `EFFECT`: a
-subclass of `ModelEffect`, `JointEffect`, `PoseEffect`, `LoadEffect`, `ReadingEffect` or
-`RowEffect` that has parameters, variants and one formula, and `edit_spec` where MuJoCo can carry
-it. There is no list to edit, and the contract tests include it automatically. Another package adds
-an effect through the entry point group `wrenchbed.effects`.
-
-## How to read it
-
-An effect acts at one stage of the chain from joint values to readings:
-
-| stage | what it changes |
-|---|---|
-{stages}
-
-*Amplitudes* are zero where there is no effect. *Shapes* state where and how it acts. The size of an
-amplitude is the typical size for a robot of its kind. The size of a shape is how far a fit may
-search from its start. *May miss* is the share of the effect's gap by which the closed form may
-differ from the real effect. All values are in SI units; symbols are those of
-[nomenclature](nomenclature.md).
-
-Drift, creep, hysteresis, nonlinearity and temperature also have *form-free* members beside their
-formulas: many amplitudes whose typical size falls with their order, linear, named as the same
-effect. Evidence pays for each amplitude that data determine, so a formula that fits is preferred;
-where none does, the answer names the effect all the same and gives its curve.
-
-Two effects that make the same readings in all data without contact are *companions*: a diagnosis
-names them as one class. `tool.mass` inside a uniform `sensor.gain`, `tool.cog` inside
-`sensor.crosstalk` and the last joint's offset inside `mount.rotation` are named first, because the
-smaller explanation is preferred. `wrenchbed diagnose plan.parquet --dry-run` lists what a plan can
-show and which effects look alike in it.
-"""
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "effects.md"
+_FIRST = "## All effects"
+"""Heading at which what is written by hand ends."""
 
 
 def render() -> str:
-    """The page as Markdown."""
+    """The page as Markdown: its introduction as it stands in the clone, then every effect."""
     known = effects()
-    stages = "\n".join(f"| {n} | {s.changes} |" for n, s in STAGES.items())
-    told = "; ".join(f"`{n}`: {text}" for n, text in SHOWN.items() if n != "prediction")
-    parts = [_INTRODUCTION.format(stages=stages, shown=told), *_overview(known)]
+    introduction, _, _ = PAGE.read_text(encoding="utf-8").partition(_FIRST)
+    parts = [introduction.rstrip("\n") + "\n", *_overview(known)]
     for subsystem in dict.fromkeys(e.subsystem for e in known.values()):
         parts.append(f"## {subsystem}\n")
         for effect in known.values():
@@ -85,7 +37,7 @@ def render() -> str:
 
 
 def _overview(known: dict[str, Effect]) -> Iterator[str]:
-    yield "## All effects\n\n| effect | what happens | stage | recordings |\n|---|---|---|---|"
+    yield f"{_FIRST}\n\n| effect | what happens | stage | recordings |\n|---|---|---|---|"
     for name, e in known.items():
         link = f"[`{name}`](#{name.replace('.', '')})"
         yield f"| {link} | {e.title} | {e.stage} | {_recordings(e)} |"
