@@ -21,7 +21,7 @@ import pytest
 import wrenchbed as wb
 from failing_disk import failing
 from rest_noise import Rest
-from wrenchbed import cli, reports
+from wrenchbed import cli
 from wrenchbed.benchmark.referee import scenario
 from wrenchbed.benchmark.sealed import make
 from wrenchbed.benchmark.sealed import run as entrants
@@ -30,6 +30,7 @@ from wrenchbed.cli import diagnose as diagnose_verb
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.jobs.parts import Parts, write_table
 from wrenchbed.pages.document import Document, Figure, Section, Table
+from wrenchbed.pages.draw import Drawn
 
 NTNU = Path(__file__).resolve().parents[1] / "data" / "ntnu_kuka_ati_gamma"
 TRUTH = '[[case]]\nrecording = "r.parquet"\nkind = "none"\n'
@@ -95,6 +96,10 @@ def inline(count, setup=None, *shared):
     yield Inline()
 
 
+def undrawn(chart):
+    return Drawn(chart, "<svg></svg>")
+
+
 def small_study(folder, *_):
     """A study of one number, with all kinds of files."""
     parts = Parts(folder / "parts")
@@ -108,7 +113,7 @@ def small_study(folder, *_):
 @pytest.fixture(scope="module")
 def quick():
     """Costly results are computed once."""
-    diagnosed, page = diagnose_verb._diagnosed, reports.diagnosis_page
+    diagnosed = diagnose_verb._diagnosed
     found = cache(lambda path: diagnosed([wb.Recording.read(path)], 0, None, lambda _: None))
     prepared = cache(lambda path: prepare(wb.Recording.read(path)))
     bic = cache(entrants.BASELINES["bic"])
@@ -120,7 +125,7 @@ def quick():
         patch.setattr("wrenchbed.campaigns.simulated_robots.worker_pool", inline)
         patch.setattr(make.Family, "case", cache(make.Family.case))
         patch.setattr(diagnose_verb, "_diagnosed", lambda data, *_: found(data[0].name))
-        patch.setattr(reports, "diagnosis_page", cache(lambda found, *_: page(found)))
+        patch.setattr("wrenchbed.reports.diagnosis_page.draw", undrawn)
         patch.setattr(entrants, "prepare", lambda data: prepared(data.name))
         patch.setitem(entrants.BASELINES, "bic", bic)
         patch.setattr("wrenchbed.studies.ur5.run", small_study)

@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterator
 from functools import cached_property
 from typing import Any
+from unittest.mock import patch
 
 from rich.console import Console
 
@@ -19,7 +20,8 @@ from wrenchbed.cli.diagnose import answer_display
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
 from wrenchbed.diagnosis.gap.closure import Interval
 from wrenchbed.errors import CalibrationError, DiagnosisError, RecordingError
-from wrenchbed.pages import Drawn, numbers
+from wrenchbed.pages import numbers
+from wrenchbed.pages.draw import Drawn
 from wrenchbed.reports import sentences, tables
 from wrenchbed.reports.answer import of_wrench
 from wrenchbed.reports.claim import title
@@ -116,7 +118,8 @@ def faces(found: Findings) -> Faces:
     """Every text in which people read a diagnosis, by its name."""
     console = Console(width=80, file=io.StringIO(), color_system=None)
     console.print(answer_display(of_wrench(found)))
-    page = diagnosis_page(found, artist=lambda chart: lambda: Drawn(chart, "<svg></svg>")).html()
+    with patch("wrenchbed.reports.diagnosis_page.draw", lambda c: Drawn(c, "<svg></svg>")):
+        page = diagnosis_page(found).html()
     page = re.sub(r"<(style|script|svg)\b.*?</\1>", " ", page, flags=re.DOTALL)
     rerun = answers(found, blame(found.diagnosis.to_json()))
     return {

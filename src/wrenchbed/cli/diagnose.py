@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal
 
 import tyro
 from rich.console import Group
@@ -24,10 +24,8 @@ if TYPE_CHECKING:
     from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
     from wrenchbed.diagnosis.explain.reliability import Reliability
     from wrenchbed.diagnosis.next.dry_run import DryRun
-    from wrenchbed.pages.artist import Artist
     from wrenchbed.reports.answer import Answer
 
-Made = TypeVar("Made")
 _PAGE, _PICTURE, _DRIVES = "report.html", "diagnosis.rrd", "drives.json"
 _FILES = {
     "diagnosis.json": Kind.DIAGNOSIS, "twin.json": Kind.TWIN, _PAGE: Kind.PAGE,
@@ -172,21 +170,21 @@ def _diagnose_wrench(
     data: list[wb.Recording], learning: LearningOptions, seed: int, out: Path
 ) -> tuple[list[str], Answer]:
     """Diagnose the wrench of recordings; names of files, without plans, and the words."""
-    from wrenchbed.pages import artist
     from wrenchbed.reports.answer import of_wrench
 
-    with artist.beside() as draws:
-        learnt = None
-        if not learning.fast and len(data) == 1:
-            learnt = _learnt(data[0], learning.look_alikes, seed)
-        steps = 7 if len(data) == 1 else 3 * len(data) + 3
-        with console.progress("diagnosing", steps, alike=False) as report:
-            found = _diagnosed(data, seed, learnt, lambda step: report(1, step))
-        for name in found.plans:
-            console.check_out(out / name, Kind.PLAN, lock=False)
-        with atomic_folder(out) as folder:
-            _write(found, folder, draws)
-            return _names(folder), of_wrench(found)
+    learnt = None
+    if not learning.fast and len(data) == 1:
+        learnt = _learnt(data[0], learning.look_alikes, seed)
+    steps = 7 if len(data) == 1 else 3 * len(data) + 3
+    with console.progress("diagnosing", steps, alike=False) as report:
+        found = _diagnosed(data, seed, learnt, lambda step: report(1, step))
+    for name in found.plans:
+        console.check_out(out / name, Kind.PLAN, lock=False)
+    with atomic_folder(out) as folder:
+        found.write(folder)
+        _tried(_PAGE, lambda: _page(found, folder / _PAGE))
+        _tried(_PICTURE, lambda: _draw(found, folder / _PICTURE))
+        return _names(folder), of_wrench(found)
 
 
 def _names(folder: Path) -> list[str]:
@@ -206,15 +204,10 @@ def _diagnosed(
     return several(data, seed=seed, reliability=known, progress=step)
 
 
-def _write(found: Findings, folder: Path, artist: Artist) -> None:
-    """Write all files of a diagnosis; the artist draws the page's figures beside the picture."""
-    from wrenchbed.reports.diagnosis_page import page_to_come
+def _page(found: Findings, path: Path) -> None:
+    from wrenchbed.reports.diagnosis_page import diagnosis_page
 
-    found.write(folder)
-    coming = _tried(_PAGE, lambda: page_to_come(found, console.command(), artist))
-    _tried(_PICTURE, lambda: _draw(found, folder / _PICTURE))
-    if coming is not None:
-        _tried(_PAGE, lambda: coming().write(folder / _PAGE))
+    diagnosis_page(found, console.command()).write(path)
 
 
 def _draw(found: Findings, path: Path) -> None:
@@ -223,13 +216,12 @@ def _draw(found: Findings, path: Path) -> None:
     diagnosis_view(found, path, console.command())
 
 
-def _tried(name: str, make: Callable[[], Made]) -> Made | None:
-    """What is made for a file; None, with a warning, where it needs a library that is missing."""
+def _tried(name: str, write: Callable[[], None]) -> None:
+    """Write a file; warn where that needs a library that is missing."""
     try:
-        return make()
+        write()
     except MissingExtraError as error:
         warnings.warn(f"no {name}: {error}", WrenchbedWarning, stacklevel=1)
-        return None
 
 
 def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability | None:

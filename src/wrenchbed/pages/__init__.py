@@ -1,7 +1,7 @@
 """HTML pages, plots and numbers for people: self-contained, light and dark, for screens and A4.
 May import: jobs and the root files.
 Read first: this file; then `chart` (the data of a figure), `draw` and ``assets/page.js`` (its two
-renderers), `artist`, `document` (studies), `plots` and `numbers`.
+renderers), `document` (studies), `plots` and `numbers`.
 """
 
 import base64
@@ -17,18 +17,10 @@ from typing import Any
 from wrenchbed import registry
 from wrenchbed.errors import printable
 from wrenchbed.files import write_text
-from wrenchbed.pages.chart import Chart
+from wrenchbed.pages.draw import Drawn
 
 LIBRARY, SCRIPT = "assets/echarts.min.js", "assets/page.js"
 """Apache ECharts 6.1.0 as npm has it (its licences beside it), and what a page does with it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Drawn:
-    """A chart with its still SVG."""
-
-    chart: Chart
-    svg: str
 
 
 def rendered(template: str, context: Mapping[str, Any], figures: Sequence[Drawn] = ()) -> str:

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from wrenchbed.files import atomic_folder, write_json, write_text
-from wrenchbed.pages import Drawn, draw, rendered
+from wrenchbed.pages import rendered
 from wrenchbed.pages.chart import Chart
-from wrenchbed.pages.draw import titled
+from wrenchbed.pages.draw import Drawn, draw, svg, titled
 from wrenchbed.pages.numbers import measured, minus
 from wrenchbed.pages.provenance import Facts
 from wrenchbed.pages.provenance import markdown as facts
@@ -88,12 +88,12 @@ class Figure:
         """For white paper."""
         if self.chart is None:
             return titled(str(self.drawing), self.title)
-        return draw.svg(self.chart, themed=False)
+        return svg(self.chart, themed=False)
 
     @cached_property
     def drawn(self) -> Drawn | None:
         """For the page."""
-        return None if self.chart is None else Drawn(self.chart, draw.svg(self.chart))
+        return None if self.chart is None else draw(self.chart)
 
     def markdown(self) -> str:
         """A link to the file."""

@@ -2,6 +2,7 @@
 
 import io
 import re
+from dataclasses import dataclass
 from html import escape
 from typing import Any
 
@@ -39,6 +40,23 @@ _STYLE: Any = {
     "figure.facecolor": "none", "axes.facecolor": "none", "savefig.facecolor": "none",
 }  # fmt: skip
 _MARKS = {"dot": "o", "ring": "o", "diamond": "D"}
+
+
+@dataclass(frozen=True, eq=False)
+class Drawn:
+    """A chart with its still SVG."""
+
+    chart: Chart
+    svg: str
+
+
+def draw(chart: Chart) -> Drawn:
+    """A chart with its SVG.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    return Drawn(chart, svg(chart))
 
 
 def svg(chart: Chart, *, themed: bool = True) -> str:

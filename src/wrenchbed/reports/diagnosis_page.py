@@ -1,90 +1,66 @@
 """The report of a diagnosis as one HTML page that needs nothing else."""
 
 import shlex
-from collections.abc import Callable, Mapping, Sequence
 from pathlib import PurePath
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.pages import Drawn, ReportPage, numbers
-from wrenchbed.pages.artist import Artist, at_once
+from wrenchbed.pages import ReportPage, numbers
 from wrenchbed.pages.chart import Chart
+from wrenchbed.pages.draw import draw
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.reports import cause_charts, figures, sentences, tables
-from wrenchbed.reports.answer import BADGES, Answer, of_wrench
+from wrenchbed.reports.answer import BADGES, of_wrench
 from wrenchbed.reports.simulators import Evidence
 
 
-def diagnosis_page(found: Findings, command: str = "", artist: Artist = at_once) -> ReportPage:
+def diagnosis_page(found: Findings, command: str = "") -> ReportPage:
     """The page of a diagnosis.
 
     Args:
         found: from ``diagnose``.
-        command: that made it; told without options if not given.
-        artist: draws the figures.
+        command: that made it; stated without options if not given.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    return page_to_come(found, command, artist)()
-
-
-def page_to_come(
-    found: Findings, command: str = "", artist: Artist = at_once
-) -> Callable[[], ReportPage]:
-    """`diagnosis_page` whose figures are begun; called, it waits for them and returns the page."""
     registry.require("matplotlib", "report")
-    evidence = Evidence(found)
-    before, after = evidence.channels()
-    words = of_wrench(found)
-    coming = {
-        "heat": artist(figures.residual_map(evidence)),
-        "gaps": artist(figures.gaps(words.gaps)),
-        "channels": artist(figures.channels(before, after, evidence.first)),
-    }
-    comparisons = [artist(chart) for chart in _of_causes(found, evidence)]
-    return lambda: _page(found, words, command, coming, comparisons)
-
-
-def _page(
-    found: Findings, words: Answer, command: str, coming: Mapping[str, Callable[[], Drawn]],
-    comparisons: Sequence[Callable[[], Drawn]],
-) -> ReportPage:  # fmt: skip
-    """The page with its figures as they come."""
     d, prepared, rows = found.diagnosis, found.analysis.prepared, sentences.row_effects(found)
-    drawn = {name: figure() for name, figure in coming.items()}
-    compared = [figure() for figure in comparisons]
-    told = {r.sentence for r in found.rows}
+    evidence, words = Evidence(found), of_wrench(found)
+    before, after = evidence.channels()
+    drawn = {
+        "heat": draw(figures.residual_map(evidence)),
+        "gaps": draw(figures.gaps(words.gaps)),
+        "channels": draw(figures.channels(before, after, evidence.first)),
+    }
+    compared = [draw(chart) for chart in _of_causes(found, evidence)]
+    row_sentences = [r.sentence for r in found.rows]
     recorded = shlex.join([d.recording, *d.others])
-    return ReportPage(
-        {
-            "d": d,
-            "verdict": d.verdict,
-            "name": ", ".join(PurePath(r).name for r in (d.recording, *d.others)),
-            "badge": BADGES[d.verdict],
-            "words": words,
-            "subsystems": tables.subsystems(found),
-            "seen": sentences.seen(found),
-            "observed": prepared.observed,
-            "between_rows": bool(rows) and all(w["effect"] in rows for w in d.which),
-            **drawn,
-            "places": tables.places(found),
-            "shared": tables.shared(found),
-            "unseen": tables.invisible(found),
-            "explanations": tables.explanations(found),
-            "comparisons": compared,
-            "rows": [r.sentence for r in found.rows],
-            "next": tables.steps(d.next),
-            "nothing_more": sentences.nothing_more(found),
-            "record": f"wrenchbed record --robot {shlex.quote(d.robot)} --driver DRIVER --plan ",
-            "notes": [n for n in d.notes if n not in told],
-            "data": _data(found),
-            "command": command or f"wrenchbed diagnose {recorded} --out DIR",
-        },
-        "diagnosis",
-        [*drawn.values(), *compared],
-    )
+    context = {
+        "d": d,
+        "verdict": d.verdict,
+        "name": ", ".join(PurePath(r).name for r in (d.recording, *d.others)),
+        "badge": BADGES[d.verdict],
+        "words": words,
+        "subsystems": tables.subsystems(found),
+        "seen": sentences.seen(found),
+        "observed": prepared.observed,
+        "between_rows": bool(rows) and all(w["effect"] in rows for w in d.which),
+        **drawn,
+        "places": tables.places(found),
+        "shared": tables.shared(found),
+        "unseen": tables.invisible(found),
+        "explanations": tables.explanations(found),
+        "comparisons": compared,
+        "rows": row_sentences,
+        "next": tables.steps(d.next),
+        "record": f"wrenchbed record --robot {shlex.quote(d.robot)} --driver DRIVER --plan ",
+        "notes": [n for n in d.notes if n not in row_sentences],
+        "data": _data(found),
+        "command": command or f"wrenchbed diagnose {recorded} --out DIR",
+    }
+    return ReportPage(context, "diagnosis", [*drawn.values(), *compared])
 
 
 def _of_causes(found: Findings, e: Evidence) -> list[Chart]:

@@ -7,8 +7,8 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.pages import ReportPage
-from wrenchbed.pages.artist import draw
 from wrenchbed.pages.chart import Axis, Chart, Panel, Series, thinned
+from wrenchbed.pages.draw import draw
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.reports import effort_sentences as sentences
 from wrenchbed.reports import figures

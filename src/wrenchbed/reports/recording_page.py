@@ -9,8 +9,8 @@ import numpy as np
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages import ReportPage, numbers
-from wrenchbed.pages.artist import draw
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
+from wrenchbed.pages.draw import draw
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports import figures
