@@ -103,7 +103,7 @@ def test_rewards_of_a_calibration_add_up_to_what_is_known():
     env = made(NAMES[0], budget=30.0)
     rewards, told = played(env, 1)[1:]
     known = env.unwrapped.knowledge
-    start = env.unwrapped._table.start()
+    start = env.unwrapped._unread
     assert rewards.sum() == pytest.approx(known.value - start.value)
     assert known.value == pytest.approx(-np.log(told["error"]))
     assert 30.0 <= told["seconds"] < 60.0
@@ -114,7 +114,7 @@ def test_gains_foretell_what_a_pose_adds(goal):
     robot = wb.load("robots", "ur5")
     pool = robot.sample(12, np.random.default_rng(0))
     std = np.array([0.03] * 3 + [0.001] * 3)
-    state = knowledge(wb.Model.of(robot), pool, std, goal).start()
+    state = knowledge(wb.Model.of(robot), pool, std, goal)
     for pose in (3, 7, 3):
         gains = state.gains()
         after = state.with_pose(pose)
@@ -128,11 +128,10 @@ def test_what_is_known_is_the_covariance_of_a_fit():
     model = wb.Model.of(robot)
     pool = robot.sample(9, np.random.default_rng(1))
     std = np.array([0.03] * 3 + [0.001] * 3)
-    table = knowledge(model, pool, std, "accuracy")
-    state = table.start()
+    state = knowledge(model, pool, std, "accuracy")
     for pose in range(9):
         state = state.with_pose(pose)
-    columns = list(table.columns)
+    columns = list(state.columns)
     rows = model.jacobian(pool, model.parameters.nominal, columns)
     rows = (rows * model.parameters.tolerance[columns] / std[:, None]).reshape(-1, len(columns))
     exact = np.linalg.inv(np.eye(len(columns)) + rows.T @ rows)

@@ -169,28 +169,6 @@ def test_a_push_is_no_drift():
     assert found[-1].wrench[1] == pytest.approx(2.0, abs=0.02)
 
 
-def cause(change):
-    """The alarm after four poses with readings changed by a function of gravity in sensor axes."""
-    compensate = made()
-    rng, alarm = np.random.default_rng(5), ""
-    for k, q in enumerate(ROBOT.sample(4, rng)):
-        gravity = ROBOT.gravity_seen(q[None], OWN, np.array(ROBOT.gravity))[0]
-        rows = readings(q[None]) + change(gravity, k) + np.zeros((15, 6))
-        alarm = run(compensate, q, rows, 10.0 * k)[-1].alarm
-        compensate(10.0 * k + 5.0, q, rows[0], False)  # moves
-    return alarm.partition(": ")[2]
-
-
-def test_alarms_name_what_all_poses_have_in_common():
-    shifted = np.array([1.0, -0.5, 0.3, 0.02, 0.05, 0.0])
-    assert cause(lambda g, k: shifted) == "a shifted zero"
-    cog = np.array([0.01, 0.02, 0.09])
-    loaded = lambda g, k: np.concatenate([0.2 * g, np.cross(0.2 * cog, g)])  # noqa: E731
-    assert cause(loaded) == "another load"
-    other = np.random.default_rng(2).uniform(-3.0, 3.0, (4, 6)) * [1, 1, 1, 0.05, 0.05, 0.05]
-    assert cause(lambda g, k: other[k]) == "a contact, or what changes from pose to pose"
-
-
 def test_tare_refuses_what_may_be_a_load():
     q = np.array(ROBOT.home)
     compensate = made(follow=False)

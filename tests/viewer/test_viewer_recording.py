@@ -169,13 +169,6 @@ def test_a_ghost_is_only_where_the_fit_moves_a_body(recorded):
     assert any(e.startswith("/world/sim/tool") for e in ghosts) == (robot.name == "medrue")
 
 
-def test_residuals_of_a_fit_stay_within_the_maps_colours(recorded):
-    _, _, rrd, _ = recorded
-    assert "/residual/map/cells" in rrd.entities()
-    labels = rrd.values("/residual/map/labels", "Points2D:labels")[0]
-    assert list(labels[:6]) == list(CHANNELS) and labels[6] == "pose 0"
-
-
 @pytest.mark.parametrize("name", ROBOTS)
 def test_all_visible_geoms_are_drawn(name):
     robot = wb.load("robots", name)

@@ -66,7 +66,7 @@ def test_the_viewer_shows_a_recording_without_complaint_and_keeps_to_itself(tmp_
     with seen(tmp_path / "view.rrd", free_port()) as viewer:
         viewer.client.set_time(timeline="row", sequence=45)
         names = {v.name for v in viewer.client.get_state().views}
-        assert {"robot", "fx [N]", "tz [N·m]", "about", "residual of configured / noise"} <= names
+        assert {"robot", "fx [N]", "tz [N·m]", "about"} <= names
         assert not [w for w in viewer.warnings() if "oftware rasterizer" not in w]
         viewer.settled()
         places = transforms(viewer)

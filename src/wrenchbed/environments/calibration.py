@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.environments.information import Knowledge, knowledge
+from wrenchbed.environments.information import AccuracyKnowledge, CauseKnowledge, knowledge
 from wrenchbed.environments.rendering import Rendered
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.noise import NoiseStream, noise_model
@@ -90,12 +90,12 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         if seed is not None or self._drawn is None:
             self.pool = self.robot.sample(self._size, self.np_random)
             self._drawn = seed
-            self._table = knowledge(self.model, self.pool, self._row_std(), self.goal)
+            self._unread = knowledge(self.model, self.pool, self._row_std(), self.goal)
         self.theta = self._random_parameters()
         theta = self.robot.robot_theta(self.theta)
         self.simulation = Simulation(self.robot, theta, self.model.gravity)
         self._stream = NoiseStream(self._noise, int(self.np_random.integers(2**31)))
-        self.knowledge: Knowledge = self._table.start()
+        self.knowledge: AccuracyKnowledge | CauseKnowledge = self._unread
         self._known = self.knowledge.value
         self.q, self._time, self._last = np.array(self.robot.home, dtype=float), 0.0, 0.0
         self.visited: list[int] = []
@@ -126,7 +126,7 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
 
     def _random_parameters(self) -> np.ndarray:
         """Parameters within tolerance with which every pose is reached."""
-        columns, count = list(self._table.columns), len(self.robot.parameters)
+        columns, count = list(self._unread.columns), len(self.robot.parameters)
         tolerance = self.model.parameters.tolerance[columns]
         for _ in range(_TRIES):
             theta = np.array(self.model.parameters.nominal)
@@ -161,5 +161,5 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
     def _info(self) -> dict[str, Any]:
         return {
             "seconds": self._time, "visited": len(self.visited), "error": self.knowledge.error,
-            "unit": self._table.unit,
+            "unit": self._unread.unit,
         }  # fmt: skip

@@ -1,8 +1,8 @@
 """Information of poses, linear about the nominal robot: on its accuracy, or on its effect."""
 
 import math
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -19,47 +19,10 @@ _APART = 9.0
 """Squared distance [σ²] from which two causes count as distinguished: 3 σ."""
 
 
-class Knowledge(Protocol):
-    """What is known after some poses.
-
-    Attributes:
-        value: [nats], grows with every informative pose.
-        error: expected, in the table's unit.
-    """
-
-    value: float
-    error: float
-
-    @property
-    def open(self) -> tuple[float, float]:
-        """Least and mean remaining share of the initial uncertainty, 0 … 1."""
-
-    def with_pose(self, pose: int) -> "Knowledge":
-        """After one more pose of the pool."""
-
-    def gains(self) -> np.ndarray:
-        """Rise of ``value`` by each pose of the pool (N,)."""
-
-
-class InformationTable(Protocol):
-    """Information of each pose of a pool.
-
-    Attributes:
-        columns: parameters that differ from robot to robot.
-        unit: of errors.
-    """
-
-    @property
-    def columns(self) -> tuple[int, ...]: ...
-    @property
-    def unit(self) -> str: ...
-
-    def start(self) -> Knowledge:
-        """Before any pose."""
-
-
-def knowledge(model: Model, pool: np.ndarray, std: np.ndarray, goal: str) -> InformationTable:
-    """Information of a pool (N, J) when a pose is read with ``std`` (6,) [N, N·m]."""
+def knowledge(
+    model: Model, pool: np.ndarray, std: np.ndarray, goal: str
+) -> "AccuracyKnowledge | CauseKnowledge":
+    """What is known before any pose of a pool (N, J) is read with ``std`` (6,) [N, N·m]."""
     columns = model.parameters.select(model.robot.free)
     if goal == "causes":
         return _causes(model, pool, std, columns)
@@ -75,48 +38,58 @@ def knowledge(model: Model, pool: np.ndarray, std: np.ndarray, goal: str) -> Inf
     else:
         q = robot.sample(_TARGETS, rng)
         unit, sensitivity = "N", model.jacobian(q, nominal, columns)[:, :3] * scale
-    return _Accuracy(columns, unit, rows, Goal(sensitivity).weight)
+    return AccuracyKnowledge(columns, unit, rows, Goal(sensitivity).weight, np.eye(len(columns)))
 
 
 @dataclass(frozen=True, eq=False)
-class _Accuracy:
+class AccuracyKnowledge:
+    """What some poses tell of the accuracy.
+
+    Attributes:
+        columns: parameters that differ from robot to robot.
+        unit: of errors.
+        rows: readings of each pose of the pool by the parameters, in noise and tolerances
+            (N, 6, K).
+        weight: trace(weight · covariance) is the mean square error (K, K).
+        covariance: of the parameters in tolerances (K, K).
+    """
+
     columns: tuple[int, ...]
     unit: str
     rows: np.ndarray
-    """Readings of each pose by the parameters, in noise and tolerances (N, 6, K)."""
     weight: np.ndarray
-    """trace(weight · covariance) is the mean square error (K, K)."""
+    covariance: np.ndarray
 
-    def start(self) -> "_AccuracyKnowledge":
-        return _AccuracyKnowledge(self, np.eye(len(self.columns)))
+    @cached_property
+    def error(self) -> float:
+        """Expected rms error [unit]."""
+        return math.sqrt(np.vdot(self.weight, self.covariance))  # trace of the product
 
-
-class _AccuracyKnowledge:
-    """Covariance (K, K) of the parameters in tolerances."""
-
-    def __init__(self, table: _Accuracy, covariance: np.ndarray) -> None:
-        self._table, self.covariance = table, covariance
-        self.error = math.sqrt(np.vdot(table.weight, covariance))  # trace of the product
-        self.value = -math.log(self.error)
+    @cached_property
+    def value(self) -> float:
+        """Information [nats]; grows with every informative pose."""
+        return -math.log(self.error)
 
     @property
     def open(self) -> tuple[float, float]:
+        """Least and mean remaining share of the initial uncertainty, 0 … 1."""
         std = np.sqrt(np.minimum(np.maximum(self.covariance.diagonal(), 0.0), 1.0))
         return float(std.min()), float(std.sum()) / len(std)
 
-    def with_pose(self, pose: int) -> "_AccuracyKnowledge":
-        rows = self._table.rows[pose]
+    def with_pose(self, pose: int) -> "AccuracyKnowledge":
+        """After one more pose of the pool."""
+        rows = self.rows[pose]
         half = rows @ self.covariance
         reading = half @ rows.T
         reading.flat[:: len(reading) + 1] += 1.0  # the noise
         smaller = self.covariance - half.T @ np.linalg.solve(reading, half)
-        return _AccuracyKnowledge(self._table, 0.5 * (smaller + smaller.T))
+        return replace(self, covariance=0.5 * (smaller + smaller.T))
 
     def gains(self) -> np.ndarray:
-        rows = self._table.rows
-        half = rows @ self.covariance
-        reading = np.eye(rows.shape[1]) + half @ np.swapaxes(rows, 1, 2)
-        less = half @ self._table.weight @ np.swapaxes(half, 1, 2)
+        """Rise of ``value`` by each pose of the pool (N,)."""
+        half = self.rows @ self.covariance
+        reading = np.eye(self.rows.shape[1]) + half @ np.swapaxes(self.rows, 1, 2)
+        less = half @ self.weight @ np.swapaxes(half, 1, 2)
         off = np.trace(np.linalg.solve(reading, less), axis1=1, axis2=2)
         squared_error = np.maximum(self.error**2 - off, 1e-300)
         return np.asarray(-0.5 * np.log(squared_error) - self.value)
@@ -124,14 +97,15 @@ class _AccuracyKnowledge:
 
 def _causes(
     model: Model, pool: np.ndarray, std: np.ndarray, columns: tuple[int, ...]
-) -> "_Signatures":
+) -> "CauseKnowledge":
     nuisance = list(model.parameters.select([*sorted(model.robot.load), "sensor.bias"]))
     nominal = model.parameters.nominal
     minor = model.jacobian(pool, nominal, nuisance) * model.parameters.tolerance[nuisance]
     marks, names = signatures(model, pool)
     rows = np.concatenate([minor, np.moveaxis(marks, 0, -1)], axis=2) / std[:, None]
     grams = np.swapaxes(rows, 1, 2) @ rows
-    return _Signatures(columns, "share of pairs", grams, len(nuisance), names)
+    gram = np.zeros(grams.shape[1:])
+    return CauseKnowledge(columns, "share of pairs", grams, len(nuisance), names, gram)
 
 
 def signatures(model: Model, pool: np.ndarray) -> tuple[np.ndarray, tuple[str, ...]]:
@@ -162,38 +136,50 @@ def _scene(model: Model, q: np.ndarray) -> Scene:
 
 
 @dataclass(frozen=True, eq=False)
-class _Signatures:
+class CauseKnowledge:
+    """What some poses tell of which effect is present; attributes as those of the accuracy.
+
+    Attributes:
+        grams: XᵀX of each pose of the pool (N, M, M): nuisance first, then causes, in noise.
+        nuisance: how many columns are nuisance.
+        names: of the causes.
+        gram: of all readings (M, M).
+    """
+
     columns: tuple[int, ...]
     unit: str
     grams: np.ndarray
-    """XᵀX of each pose (N, M, M): nuisance first, then causes, in noise."""
     nuisance: int
     names: tuple[str, ...]
+    gram: np.ndarray
 
-    def start(self) -> "_CauseKnowledge":
-        size = self.grams.shape[1]
-        return _CauseKnowledge(self, np.zeros((size, size)))
+    @cached_property
+    def _apart(self) -> np.ndarray:
+        return _distances(self.gram, self.nuisance)
 
+    @cached_property
+    def value(self) -> float:
+        """Information [nats]; grows with every informative pose."""
+        return float(0.5 * np.log1p(self._apart).mean())
 
-class _CauseKnowledge:
-    """Gram matrix (M, M) of all readings."""
-
-    def __init__(self, table: _Signatures, gram: np.ndarray) -> None:
-        self._table, self.gram = table, gram
-        self._apart = _distances(gram[None], table.nuisance)[0]
-        self.value = float(0.5 * np.log1p(self._apart).mean())
-        self.error = float((self._apart < _APART).mean())
+    @cached_property
+    def error(self) -> float:
+        """Share of pairs of causes that are not distinguished."""
+        return float((self._apart < _APART).mean())
 
     @property
     def open(self) -> tuple[float, float]:
+        """Least and mean remaining share of the initial uncertainty, 0 … 1."""
         near = 1.0 / (1.0 + np.sqrt(self._apart))
         return float(near.min()), float(near.mean())
 
-    def with_pose(self, pose: int) -> "_CauseKnowledge":
-        return _CauseKnowledge(self._table, self.gram + self._table.grams[pose])
+    def with_pose(self, pose: int) -> "CauseKnowledge":
+        """After one more pose of the pool."""
+        return replace(self, gram=self.gram + self.grams[pose])
 
     def gains(self) -> np.ndarray:
-        ahead = _distances(self.gram + self._table.grams, self._table.nuisance)
+        """Rise of ``value`` by each pose of the pool (N,)."""
+        ahead = _distances(self.gram + self.grams, self.nuisance)
         return np.asarray(0.5 * np.log1p(ahead).mean(axis=1) - self.value)
 
 

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy import stats
 
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
@@ -34,9 +33,6 @@ alarm later than a person reacts."""
 BAND = 3.0
 """Largest mean at rest, in standard deviations of a row: a mean of 1 s scatters by a
 third of that where noise is slow."""
-APART = 0.05
-"""Turn of the sensor from which a pose counts as another one [rad]: a load of 1 kg then reads 0.5 N
-otherwise, several times the noise."""
 DELAY = "timing.delay"
 """The effect of which live undoes what it does in motion: joints of that time ago."""
 _TRIED, _TRIED_S = 8, 600.0
@@ -44,10 +40,8 @@ _TRIED, _TRIED_S = 8, 600.0
 slow creep."""
 _SAME = 1e-9
 """Wrenches that are alike [N, N·m]: what rounding leaves."""
-_FITS = 1e-3
-"""Probability of its misfit below which a cause is ruled out."""
-_POSES = 12
-"""Number of poses since an alarm that are kept."""
+_CAUSES = "a push, another load or a shifted zero"
+"""What one mean at rest cannot tell apart; `check` and `diagnose` do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +119,7 @@ class Compensator:
         self._sum = np.zeros(6)
         self._zero, self._last = np.zeros(6), -np.inf
         self._recent: deque[tuple[float, np.ndarray]] = deque()
-        self._alarm, self._seen = "", _Poses()
+        self._alarm = ""
         self.q = np.asarray(robot.home, dtype=float)
         self._here = self._evaluated(self.q)
 
@@ -134,16 +128,16 @@ class Compensator:
         q = self._then(t, q)
         if not np.array_equal(q, self.q):  # sensors are faster than joints
             self.q, self._here = q.copy(), self._evaluated(q)
-        left = self._mixing @ (wrench - self._here.expected)
+        residual = self._mixing @ (wrench - self._here.expected)
         if at_rest:
-            self._judge(t, q, left)
+            self._judge(t, residual)
         else:
             self._recent.clear()
             self._sum = np.zeros(6)
         self._last = t
         return External(
             t,
-            self._here.turn @ (left - self._zero),
+            self._here.turn @ (residual - self._zero),
             self._noise,
             at_rest,
             self._zero.copy(),
@@ -204,78 +198,30 @@ class Compensator:
     def _mean(self) -> np.ndarray:
         return self._sum / len(self._recent)
 
-    def _judge(self, t: float, q: np.ndarray, left: np.ndarray) -> None:
-        """Track the sensor's zero from a residual, or raise and explain an alarm."""
-        self._recent.append((t, left))
-        self._sum = self._sum + left
+    def _judge(self, t: float, residual: np.ndarray) -> None:
+        """Track the sensor's zero from a residual (6,), or raise an alarm."""
+        self._recent.append((t, residual))
+        self._sum = self._sum + residual
         while t - self._recent[0][0] > WINDOW_S:
             self._sum = self._sum - self._recent.popleft()[1]
         mean = self._mean() - self._zero
         beyond = np.abs(mean) > BAND * self._noise
         long = t - self._recent[0][0] > 0.9 * WINDOW_S
         if not beyond.any():
-            self._alarm, self._seen = "", _Poses()
+            self._alarm = ""
             if self._follow and np.isfinite(self._last):
                 span = min(max(t - self._last, 0.0), WINDOW_S)
                 most = FOLLOW_RATE * span * np.repeat([1.0, LEVER], 3)
                 self._zero = self._zero + np.clip(mean * span / FOLLOW_S, -most, most)
         elif long:
-            gravity = self._twin.model.robot.gravity_seen(
-                q[None], self._twin.robot_theta, np.asarray(self._twin.model.gravity)
-            )[0]
-            self._seen.add(np.asarray(gravity), mean)
             names = ", ".join(c for c, b in zip(CHANNELS, beyond, strict=True) if b)
-            self._alarm = (
-                f"{names} beyond {BAND:g} × noise at rest: {self._seen.cause(self._noise)}"
-            )
-
-
-class _Poses:
-    """Means at rest since an alarm, one a pose, and what they have in common."""
-
-    def __init__(self) -> None:
-        self._gravity: list[np.ndarray] = []
-        self._left: list[np.ndarray] = []
-
-    def add(self, gravity: np.ndarray, left: np.ndarray) -> None:
-        """Take the mean (6,) of a pose by its gravity in sensor axes (3,); the newest of each."""
-        if self._gravity:
-            cosine = gravity @ self._gravity[-1] / np.linalg.norm(gravity) ** 2
-            if np.arccos(np.clip(cosine, -1.0, 1.0)) < APART:
-                self._left[-1] = left
-                return
-        self._gravity, self._left = self._gravity[-_POSES:], self._left[-_POSES:]
-        self._gravity.append(gravity)
-        self._left.append(left)
-
-    def cause(self, noise: np.ndarray) -> str:
-        """The likeliest cause in words; several where the poses cannot tell them apart."""
-        count = len(self._left)
-        if count == 1:
-            return "a push, another load or a shifted zero; another pose tells them apart"
-        fits = {"a shifted zero": np.eye(6)[None].repeat(count, axis=0),
-                "another load": np.array([_weight(g) for g in self._gravity])}  # fmt: skip
-        y = (np.array(self._left) / noise).ravel()
-        causes = []
-        for name, design in fits.items():
-            columns = (design / noise[:, None]).reshape(6 * count, -1)
-            miss = y - columns @ np.linalg.lstsq(columns, y, rcond=None)[0]
-            if stats.chi2.sf(float(miss @ miss), len(y) - columns.shape[1]) > _FITS:
-                causes.append(name)
-        return " or ".join(causes) or "a contact, or what changes from pose to pose"
+            self._alarm = f"{names} beyond {BAND:g} × noise at rest: {_CAUSES}"
 
 
 def _transform(turn: np.ndarray, lever: np.ndarray) -> np.ndarray:
     """Matrix (6, 6) of a wrench turned by (3, 3) whose old origin lies at a lever (3,) [m]."""
     about = np.cross(lever, turn, axisb=0, axisc=0)
     return np.block([[turn, np.zeros((3, 3))], [about, turn]])
-
-
-def _weight(gravity: np.ndarray) -> np.ndarray:
-    """Wrench (6, 4) per mass [kg] and mass times centre of gravity [kg·m] of a load at rest."""
-    x, y, z = gravity
-    lever = np.array([[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]])  # c × g
-    return np.block([[gravity[:, None], np.zeros((3, 3))], [np.zeros((3, 1)), lever]])
 
 
 def compensator(path: str | Path, noise: np.ndarray, frame: str, follow: bool) -> Compensator:

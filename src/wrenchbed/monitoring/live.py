@@ -5,12 +5,11 @@ Nothing here moves a robot: the driver is connected and never activated.
 
 import contextlib
 import json
-import selectors
 import socket
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -19,7 +18,6 @@ from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.device import GONE_S
 from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED
-from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.monitoring.compensation import Compensator, External
 
 POLL_S = 2e-4
@@ -78,8 +76,11 @@ def live(
         LinkError: no new reading for a second.
     """
     _check_whole(driver)
-    begin = newest = time.monotonic()
-    tally, due, period, before = _Tally(), begin, 1.0 / rate, _received(driver)
+    begin = newest = due = time.monotonic()
+    period, before = 1.0 / rate, _received(driver)
+    count = lost = alarms = rests = 0
+    squares, alarm = np.zeros(6), ""
+    latency: deque[float] = deque(maxlen=_KEPT)
     while not stopped() and (seconds is None or time.monotonic() - begin < seconds):
         reading = driver.read_wrench()
         if reading.t <= due:
@@ -93,10 +94,20 @@ def live(
         external = compensate(reading.t - begin, q, reading.wrench, at_rest)
         for sink in sinks:
             sink(external)
-        tally.add(reading, external, time.monotonic() - reading.t)
+        latency.append(time.monotonic() - reading.t)
+        count, lost = count + 1, reading.lost
+        if at_rest and not external.alarm:
+            squares, rests = squares + external.wrench**2, rests + 1
+        alarms += bool(external.alarm) and not alarm
+        alarm = external.alarm
         newest, due = reading.t, max(due + period, reading.t)
         time.sleep(max(0.0, due - time.monotonic()))
-    return tally.summary(time.monotonic() - begin, _received(driver) - before)
+    rms = np.sqrt(squares / rests) if rests else np.full(6, np.nan)
+    p50, p99 = np.quantile(list(latency), (0.5, 0.99)) if latency else (np.nan, np.nan)
+    return LiveSummary(
+        count, time.monotonic() - begin, lost, max(0, _received(driver) - before - count),
+        float(p50), float(p99), tuple(float(x) for x in rms), alarms,
+    )  # fmt: skip
 
 
 def _received(driver: LiveDriver) -> int:
@@ -114,35 +125,6 @@ def _check_whole(driver: LiveDriver) -> None:
             f"the controller subtracts {what} from its wrench, and the tool would be subtracted "
             "twice: set payload 0 on the pendant, or use a Net F/T box (--sensor netft://HOST)"
         )
-
-
-class _Tally:
-    """Counts of a live run."""
-
-    def __init__(self) -> None:
-        self._count = self._rests = self._alarms = self._lost = 0
-        self._squares, self._alarm = np.zeros(6), ""
-        self._late: list[float] = []
-
-    def add(self, reading: WrenchSample, external: External, late: float) -> None:
-        """Count a published reading and its latency [s]."""
-        self._count, self._lost = self._count + 1, reading.lost
-        if len(self._late) < _KEPT:
-            self._late.append(late)
-        if external.at_rest and not external.alarm:
-            self._squares, self._rests = self._squares + external.wrench**2, self._rests + 1
-        self._alarms += bool(external.alarm) and not self._alarm
-        self._alarm = external.alarm
-
-    def summary(self, seconds: float, received: int) -> LiveSummary:
-        """Summary of a run of ``seconds`` [s] in which the sensor received ``received``
-        readings."""
-        rms = np.sqrt(self._squares / self._rests) if self._rests else np.full(6, np.nan)
-        p50, p99 = np.quantile(self._late, (0.5, 0.99)) if self._late else (np.nan, np.nan)
-        return LiveSummary(
-            self._count, seconds, self._lost, max(0, received - self._count), float(p50),
-            float(p99), tuple(float(x) for x in rms), self._alarms,
-        )  # fmt: skip
 
 
 class Datagrams:
@@ -165,12 +147,7 @@ class Datagrams:
         with contextlib.suppress(OSError):
             self._socket.sendto(json.dumps(external.to_json()).encode(), self._target)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._socket.close()
 
 
@@ -181,17 +158,11 @@ class LineServer:
     """
 
     def __init__(self, port: int) -> None:
-        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
-            self._listener.bind(("127.0.0.1", port))
+            self._listener = socket.create_server(("127.0.0.1", port), backlog=_MOST_CLIENTS)
         except (OSError, OverflowError) as error:
-            self._listener.close()
             raise ParameterError(f"--serve {port}: cannot be served: {error}") from error
-        self._listener.listen(_MOST_CLIENTS)
         self._listener.setblocking(False)
-        self._waiting = selectors.DefaultSelector()
-        self._waiting.register(self._listener, selectors.EVENT_READ)
         self._clients: list[socket.socket] = []
 
     @property
@@ -204,32 +175,21 @@ class LineServer:
 
     def __call__(self, external: External) -> None:
         """Send a reading as a line to all clients; accept new ones."""
-        if self._waiting.select(0.0):
-            with contextlib.suppress(OSError):
-                client, _ = self._listener.accept()
-                client.setblocking(False)
-                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                if len(self._clients) < _MOST_CLIENTS:
-                    self._clients.append(client)
-                else:
-                    client.close()
+        with contextlib.suppress(OSError):  # nobody asks
+            client, _ = self._listener.accept()
+            client.setblocking(False)
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._clients.append(client)
         line = (json.dumps(external.to_json()) + "\n").encode()
-        for client in list(self._clients):
-            try:
-                sent = client.send(line)
-            except OSError:
-                sent = -1
+        for k, client in reversed(list(enumerate(self._clients))):
+            sent = -1
+            if k < _MOST_CLIENTS:
+                with contextlib.suppress(OSError):
+                    sent = client.send(line)
             if sent != len(line):
-                client.close()
-                self._clients.remove(client)
+                self._clients.pop(k).close()
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._waiting.close()
+    def __exit__(self, *_: object) -> None:
         for part in (*self._clients, self._listener):
             part.close()
 

@@ -10,7 +10,6 @@ import numpy as np
 from wrenchbed.effects.chain import effects
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import (
-    NEAR_ZERO,
     NOISE,
     Axis,
     Chart,
@@ -26,6 +25,8 @@ from wrenchbed.twin.comparison import binned_rms, bins
 
 BINS = 8
 """Columns of the map of residuals."""
+_LINEAR = 5.0
+"""Largest gap that is drawn on a linear axis."""
 _ROLES: Mapping[str, Role] = {"sim": "before", "effects": "after", "box": "box", "real": "measured"}
 
 FITTED = "bias, tool mass and centre of gravity fitted, as every user does"
@@ -33,64 +34,51 @@ FITTED = "bias, tool mass and centre of gravity fitted, as every user does"
 
 
 def gaps(rows: Sequence[tuple[str, float, str]], fitted: str = FITTED) -> Chart:
-    """Horizontal bars: (label, gap, one of ``sim``, ``effects``, ``box``, ``real``), top down.
+    """The gap of each simulator.
 
     Args:
-        rows: the bars.
+        rows: label, gap and one of ``sim``, ``effects``, ``box``, ``real``, from the top down.
         fitted: what the calibrated simulator has.
     """
-    kinds = list(dict.fromkeys(kind for _, _, kind in rows))
-    series = []
-    for kind in kinds:
-        own = [(k, value) for k, (_, value, other) in enumerate(rows) if other == kind]
-        series.append(
-            Series(
-                "",
-                "bars",
-                np.array([v for _, v in own]),
-                np.array([k for k, _ in own]),
-                role=_ROLES[kind],
-                texts=tuple(numbers.gap(v) for _, v in own),
-            )
-        )
-    x = _gap_axis([value for _, value, _ in rows], "gap", 3.5, 1.18)
-    panel = Panel(x, Axis("", names=tuple(label for label, _, _ in rows)), tuple(series))
     caption = (
         f"“Calibrated” has {fitted}. The black box is a flexible regression on all variables: it "
         "names no cause, and shows how much of the gap repeats."
     )
-    return Chart("gaps", "Gap of each simulator", (panel,), caption=caption)
+    return _bars("gaps", "Gap of each simulator", rows, caption)
 
 
 def channels(before: Mapping[str, float], after: Mapping[str, float], first: str) -> Chart:
-    """Gap of each channel before and after, as a ring and a diamond."""
-    names, where = tuple(before), np.arange(len(before))
-    texts = tuple(
-        numbers.gap(v) + (f" → {numbers.gap(after[c])}" if c in after else "")
-        for c, v in before.items()
-    )
-    largest = np.array([max(v, after.get(c, v)) for c, v in before.items()])
-    ahead = np.array([v >= after.get(c, v) for c, v in before.items()])
-    start = np.array(list(before.values()))
-    blank = ("",) * len(names)
-    series = [
-        Series(
-            first, "points", start, where, role="before", mark="ring",
-            texts=tuple(t if a else b for t, a, b in zip(texts, ahead, blank, strict=True)),
-        )
-    ]  # fmt: skip
-    if after:
-        end = np.array([after[c] for c in names])
-        series.append(
-            Series(
-                "with the effects", "points", end, where, role="after", mark="diamond",
-                texts=tuple(b if a else t for t, a, b in zip(texts, ahead, blank, strict=True)),
-            )
-        )  # fmt: skip
-    x = _gap_axis([*start, *largest], "gap of the channel", 12.0, 1.5, left=0.03)
-    panel = Panel(x, Axis("", names=names), tuple(series))
-    caption = "Each channel in units of its own noise."
-    return Chart("channels", "Gap of each channel", (panel,), caption=caption)
+    """The gap of each channel before, and after where effects are named."""
+    rows = []
+    for channel, gap in before.items():
+        rows.append((channel, gap, "sim"))
+        if channel in after:
+            rows.append((f"{channel}, after", after[channel], "effects"))
+    caption = f"Each channel in units of its own noise: {first}"
+    caption += ", and after that with the effects." if after else "."
+    return _bars("channels", "Gap of each channel", rows, caption)
+
+
+def _bars(name: str, title: str, rows: Sequence[tuple[str, float, str]], caption: str) -> Chart:
+    """Horizontal bars with their gaps, coloured by kind."""
+    series = []
+    for kind in dict.fromkeys(kind for _, _, kind in rows):
+        own = [(k, value) for k, (_, value, other) in enumerate(rows) if other == kind]
+        place, values = (np.array(x, dtype=float) for x in zip(*own, strict=True))
+        texts = tuple(numbers.gap(v) for v in values)
+        series.append(Series("", "bars", values, place, role=_ROLES[kind], texts=texts))
+    labels = Axis("", names=tuple(label for label, _, _ in rows))
+    panel = Panel(_gap_axis([value for _, value, _ in rows]), labels, tuple(series))
+    return Chart(name, title, (panel,), caption=caption)
+
+
+def _gap_axis(values: Sequence[float]) -> Axis:
+    """Linear near zero and logarithmic above, where gaps differ much; else linear."""
+    top, low = max([*values, 1.0]), 1.2 * min(0.0, *values)
+    if top <= _LINEAR:
+        return Axis("gap", "1", low=low, high=1.18 * top)
+    decades = tuple(10.0**k for k in range(-1, int(np.floor(np.log10(top))) + 1))
+    return Axis("gap", "1", "near zero", ticks=(0.0, *decades), low=low, high=3.5 * top)
 
 
 def heat(
@@ -213,17 +201,3 @@ def _cells(values: np.ndarray) -> tuple[tuple[str, ...], ...]:
 
 def _cell(v: float) -> str:
     return "–" if not np.isfinite(v) else f"{v:.1f}" if v < 9.95 else f"{v:.0f}"
-
-
-def _gap_axis(
-    values: Sequence[float], label: str, room: float, room_linear: float, left: float = 0.0
-) -> Axis:
-    """Linear near zero and logarithmic above, where gaps differ much; else linear."""
-    top, low = max([*values, 1.0]), min(0.0, *values)
-    if top <= 5.0:
-        return Axis(label, "1", low=min(1.2 * low, -left * top), high=room_linear * top)
-    decades = tuple(10.0**k for k in range(-1, int(np.floor(np.log10(top))) + 1))
-    return Axis(
-        label, "1", "near zero", ticks=(0.0, *decades), low=min(1.2 * low, -left * NEAR_ZERO),
-        high=top * room,
-    )  # fmt: skip

@@ -15,13 +15,9 @@ from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Scale, Series, thi
 from wrenchbed.pages.draw import draw
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.reports import figures
-from wrenchbed.twin.comparison import bins
 
 MOST_PRINTED = 14
 """Parameters up to which each correlation is printed in its cell."""
-MOST_COLUMNS = 16
-"""Of the map of residuals; poses stand alone where there are not more."""
 _CORRELATION = Scale("correlation", -1.0, 1.0, (-1.0, 0.0, 1.0), diverging=True)
 
 
@@ -40,7 +36,7 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
     data, residual = left_by(fit, recording)
     white = residual / np.maximum(fit.noise.row, 1e-9)
     order, label = _order(recording, data)
-    drawn = [draw(c) for c in (_heat(white, order, label), _each(fit, white, order, label))]
+    each = draw(_each(fit, white, order, label))
     several = sum(p.std is not None for p in fit.identified) > 1
     correlated = draw(_correlation(fit)) if several else None
     verdict, badge = _badge(fit)
@@ -57,8 +53,7 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
         "told": _told(fit, words),
         "of_what": "of the means of poses" if fit.rows != fit.poses else "of rows",
         "largest": _largest(white, order, label),
-        "heat": drawn[0],
-        "each": drawn[1],
+        "each": each,
         "correlation": correlated,
         "next": _next(fit, PurePath(fit.recording).name),
         "data": [
@@ -69,7 +64,7 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
         ],
         "command": command,
     }
-    return ReportPage(context, "fit", [*drawn, *([correlated] if correlated else [])])
+    return ReportPage(context, "fit", [each, *([correlated] if correlated else [])])
 
 
 def _badge(fit: Fit) -> tuple[str, str]:
@@ -127,17 +122,6 @@ def _order(recording: Recording, data: Observations) -> tuple[np.ndarray, str]:
         return 1.0 + np.arange(len(data)), "number of the pose"
     row = np.clip(np.searchsorted(recording.t, data.t), 0, len(segment) - 1)
     return np.asarray(segment[row], dtype=float), "number of the pose"
-
-
-def _heat(white: np.ndarray, order: np.ndarray, label: str) -> Chart:
-    groups = bins(order, min(MOST_COLUMNS, len(order)))
-    alone = len(groups) == len(order)
-    names = figures.ranges(order, groups)
-    if alone:
-        names = [f"{order[g][0]:.0f}" for g in groups]
-    over = "over time" if label.startswith("time") else "of each pose" if alone else "over poses"
-    what = "rows" if "time" in label else "poses"
-    return figures.heat({"with the fit": white}, groups, names, label, over, what)
 
 
 def _each(fit: Fit, white: np.ndarray, order: np.ndarray, label: str) -> Chart:

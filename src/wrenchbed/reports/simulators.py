@@ -54,14 +54,6 @@ class Evidence:
         self.before = self.of(self.start) if wrong_only else self.calibrated
         self.after = readings.get("with_effects")
 
-    def stages(self) -> dict[str, np.ndarray]:
-        """Readings (H, 6) of each simulator: as configured, calibrated, with the effects."""
-        p = self.prepared
-        told = {"as configured": self.of(Twin(p.model, p.theta)), "calibrated": self.calibrated}
-        if self.after is not None:
-            told["with the effects"] = self.after
-        return told
-
     def channels(self) -> tuple[dict[str, float], dict[str, float]]:
         """Gap of each channel on held-out rows, before and after (empty without a claim)."""
         known = self.found.diagnosis.gap.per_channel

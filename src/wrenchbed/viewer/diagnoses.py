@@ -1,4 +1,4 @@
-"""The picture of a diagnosis: parts coloured by their probability, residuals before and after."""
+"""The picture of a diagnosis: parts coloured by their probability, and the answers in words."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,11 +14,10 @@ from wrenchbed.pages import numbers
 from wrenchbed.pages.provenance import markdown, provenance
 from wrenchbed.reports.answer import of_wrench
 from wrenchbed.reports.claim import Claim, claim, joints, joints_or
-from wrenchbed.reports.simulators import Evidence, along
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import layout
-from wrenchbed.viewer.elements import NEXT, ghost, heat, log_map
+from wrenchbed.viewer.elements import NEXT, ghost, heat
 from wrenchbed.viewer.robot import BodyMotion, log_pose, log_shapes, log_world, motion
 from wrenchbed.viewer.stream import Canvas, bar, log_words, readable, to_file
 
@@ -114,24 +113,13 @@ def diagnosis_view(found: Findings, path: str | Path, command: str = "") -> None
     told = found.diagnosis.to_json()
     robot = found.analysis.prepared.model.robot
     jointed = isinstance(robot, SimulatedRobot) and found.analysis.prepared.scene.jointed
-    left = [layout.scene(robot.name, "robot, painted by blame")] if jointed else []
-    stages = Evidence(found).stages()
-    maps = [
-        layout.heat(f"residual / noise, {name}", f"/residual/{_key(name)}")
-        for name in list(stages)[-2:]
-    ]
-    blueprint = layout.page(
-        [*left, *maps],
-        [layout.document("/report", "answers")],
-        [1.6] * jointed + [1.0] * len(maps),
-        timeline=None,
-    )
-    with to_file(path, blueprint) as canvas:
+    scene = layout.scene(robot.name, "robot, painted by blame") if jointed else None
+    words = [layout.document("/report", "answers")]
+    with to_file(path, layout.page(scene, words, timeline=None)) as canvas:
         shares = blame(told)
         if jointed:
             assert isinstance(robot, SimulatedRobot)
             _log_robot(canvas, robot, found, shares)
-        _log_stages(canvas, found, stages)
         log_words(canvas, "report", answers(found, shares if jointed else {}, command))
 
 
@@ -149,7 +137,6 @@ def answers(found: Findings, shares: Mapping[str, float], command: str = "") -> 
     rows += ["", f"**{figure or 'Gap'}**", "", text]
     rows += ["", "| simulator | gap on held-out rows |", "|---|---|"]
     rows += [f"| {name} | {numbers.gap(value)} |" for name, value, _ in words.gaps]
-    rows += _channels(found)
     if shares:
         colours = ", ".join(f"{part} {numbers.chance(p)}" for part, p in shares.items())
         rows += ["", f"Painted by probability: {colours}. Grey: not named."]
@@ -168,19 +155,6 @@ def proposed_poses(found: Findings) -> Plan | None:
     """The first proposed plan of poses at rest, None where there is none."""
     plan = next(iter(found.plans.values()), None)
     return plan if plan is not None and plan.mode == "static" else None
-
-
-def _channels(found: Findings) -> list[str]:
-    """Gap of each channel, before and after."""
-    evidence = Evidence(found)
-    before, after = evidence.channels()
-    head, line = f"| gap of channel | {evidence.first} |", "|---|---|"
-    head, line = (f"{head} with the effects |", f"{line}---|") if after else (head, line)
-    rows = ["", head, line]
-    for c, value in before.items():
-        own = f" {numbers.gap(after[c])} |" if c in after else ""
-        rows.append(f"| {c} | {numbers.gap(value)} |{own}")
-    return rows
 
 
 def _causes(claims: Sequence[Claim]) -> list[str]:
@@ -256,17 +230,3 @@ def part_labels(found: Findings) -> dict[str, str]:
                 told += [f"{size.name} {size.value}" for size in own.figures]
         result[part] = "; ".join(told)
     return result
-
-
-def _key(name: str) -> str:
-    return name.replace(" ", "-")
-
-
-def _log_stages(canvas: Canvas, found: Findings, stages: Mapping[str, np.ndarray]) -> None:
-    """The residual of each simulator over the poses, or over time."""
-    p = found.analysis.prepared
-    order, _, over = along(p)
-    std = np.sqrt(np.diagonal(p.covariance))
-    for name, reading in stages.items():
-        unit = "s" if "time" in over else "pose"
-        log_map(canvas, f"residual/{_key(name)}", (p.y - reading) / std, order, unit)

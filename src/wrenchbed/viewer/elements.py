@@ -1,4 +1,4 @@
-"""What pictures are made of: colours, curves, arrows at the sensor, the map of residuals."""
+"""What pictures are made of: colours, curves, arrows at the sensor."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,6 @@ import rerun as rr
 from wrenchbed.pages.numbers import HUMAN, round_down
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Joint
-from wrenchbed.twin.comparison import binned_rms, bins
 from wrenchbed.viewer.robot import BodyMotion
 from wrenchbed.viewer.stream import Canvas, readable
 
@@ -40,14 +39,6 @@ _BESIDE_M = 0.012
 _RADIUS_M = {"force": 0.006, "torque": 0.0035}
 _WIDTH, _BENEATH = 1.5, 3.5
 """Of curves, and of a measured one beneath the simulated ones [px]."""
-BINS = 24
-CELL = 24
-"""Pixels of a cell's side."""
-BOUNDS = ((-2.0 * CELL, (BINS + 0.5) * CELL), (-1.5 * CELL, (len(CHANNELS) + 1.5) * CELL))
-"""What a view of the map holds [px]: x from … to, y from … to."""
-_INK = (20, 22, 28)
-WORST = 10.0
-"""Residual in units of noise at which the colours end."""
 Colour = tuple[int, int, int]
 
 
@@ -161,23 +152,3 @@ def log_joints(canvas: Canvas, at: np.ndarray, q: np.ndarray, joints: Sequence[J
     names = [f"{j.name} [{unit}]" for j, (unit, _) in zip(joints, shown, strict=True)]
     colours = [JOINTS[k % len(JOINTS)] for k in range(len(names))]
     log_curves(canvas, "joints", at, q * [factor for _, factor in shown], names, colours)
-
-
-def log_map(canvas: Canvas, path: str, residual: np.ndarray, order: np.ndarray, unit: str) -> None:
-    """Log the map of residuals (N, 6) in units of one row's noise over rows in an order (N,).
-
-    The rows are averaged in at most `BINS` groups; every fourth column names its first value.
-    """
-    groups = bins(order, BINS)
-    share = np.log10(np.maximum(binned_rms(residual, groups), 1.0)) / np.log10(WORST)
-    colours = heat(np.nan_to_num(share))  # noise itself stays grey
-    columns = {k: f"{order[groups[k][0]]:.0f}" for k in range(0, len(groups), 4)}
-    columns[0] = f"{unit} {columns[0]}"
-    rows = [(-0.9 * CELL, k * CELL) for k in range(len(CHANNELS))]
-    below = [((k + 0.5) * CELL, (len(CHANNELS) + 0.3) * CELL) for k in columns]
-    texts = rr.Points2D(
-        [*rows, *below], labels=[*CHANNELS, *columns.values()], colors=_INK, radii=0.5,
-        show_labels=True,
-    )  # fmt: skip
-    canvas.once(f"{path}/labels", texts)
-    canvas.once(f"{path}/cells", rr.Image(np.kron(colours, np.ones((CELL, CELL, 1), np.uint8))))

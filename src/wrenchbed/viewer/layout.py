@@ -9,7 +9,6 @@ import rerun as rr
 from wrenchbed import registry
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.viewer.elements import BOUNDS
 from wrenchbed.viewer.stream import ROW, TIME
 
 _SKY = (242, 244, 247)
@@ -94,27 +93,10 @@ def document(origin: str, name: str) -> Any:
     return rr.blueprint.TextDocumentView(origin=origin, name=name)
 
 
-def heat(name: str, origin: str = "/residual/map") -> Any:
-    """A map of residuals."""
-    b = rr.blueprint
-    x, y = BOUNDS
-    return b.Spatial2DView(
-        origin=origin,
-        name=name,
-        background=list(_SKY),
-        visual_bounds=b.VisualBounds2D(x_range=x, y_range=y),
-    )
-
-
 def page(
-    left: Sequence[Any],
-    right: Sequence[Any],
-    shares: Sequence[float],
-    timeline: str | None = TIME,
-    *,
-    follow: bool = False,
+    left: Any | None, right: Sequence[Any], timeline: str | None = TIME, *, follow: bool = False
 ) -> Any:
-    """Scene and map left, tabs right; on request it follows the newest time.
+    """One view left, if any, and tabs right; on request it follows the newest time.
 
     Without a timeline nothing changes over time, and there is no slider.
     """
@@ -123,12 +105,9 @@ def page(
     if timeline is not None:
         play = "following" if follow else "paused"
         time = b.TimePanel(state="collapsed", timeline=timeline, play_state=play)
+    tabs = b.Tabs(*right, active_tab=0)
     return b.Blueprint(
-        b.Horizontal(
-            b.Vertical(*left, row_shares=list(shares)),
-            b.Tabs(*right, active_tab=0),
-            column_shares=[1.0, 1.2],
-        ),
+        tabs if left is None else b.Horizontal(left, tabs, column_shares=[1.0, 1.2]),
         time,
         b.BlueprintPanel(state="collapsed"),
         b.SelectionPanel(state="collapsed"),

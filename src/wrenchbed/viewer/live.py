@@ -15,7 +15,6 @@ import time
 from collections.abc import Mapping
 from contextlib import nullcontext
 from pathlib import Path
-from types import TracebackType
 from typing import Any, BinaryIO, Self
 
 import numpy as np
@@ -108,12 +107,7 @@ class LiveView:
             sent = 0
         self.dropped += sent != len(row)
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         process = self._process
         if process is None or process.stdin is None:
             return
@@ -173,12 +167,11 @@ def run(source: BinaryIO) -> None:
     """
     head: Mapping[str, Any] = json.loads(source.readline())
     robot = registry.load("robots", stated_robot(head, head["robot"]))
-    left, right = [layout.scene(robot.name)], [layout.channels()]
     stream = rr.RecordingStream(APP)
     with atomic_write(head["path"]) if head["path"] else nullcontext() as file:
         sinks = [rr.FileSink(file.name)] if file else []
         sinks += [rr.GrpcSink(head["url"])] if head["url"] else []
-        blueprint = layout.page(left, right, [1.0], follow=True)
+        blueprint = layout.page(layout.scene(robot.name), [layout.channels()], follow=True)
         stream.set_sinks(*sinks, default_blueprint=blueprint)
         _follow(Follower(Canvas(stream), robot, head["external"]), source)
         stream.flush()

@@ -109,7 +109,7 @@ def _write(
         layout.curves("/joints", "joints [°, mm]", window=(axis, at)),
         layout.document("/report", "about"),
     ]
-    with to_file(path, layout.page([layout.scene(robot.name)], tabs, [1.0], axis), axis) as canvas:
+    with to_file(path, layout.page(layout.scene(robot.name), tabs, axis), axis) as canvas:
         log_robot(canvas, robot, at[shown], seen)
         log_arrows(canvas, "simulated", at[shown], expected[shown], seen, scale, SIMULATED)
         log_channels(canvas, "wrench", at, {"nominal robot and tool": expected}, [SIMULATED])

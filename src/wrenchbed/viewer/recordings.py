@@ -11,7 +11,7 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.agreement import agreement, best
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.twin.comparison import Simulator, modelled, noise_of, order_of, robot_of, simulators
+from wrenchbed.twin.comparison import Simulator, modelled, noise_of, robot_of, simulators
 from wrenchbed.viewer import layout
 from wrenchbed.viewer.elements import (
     MEASURED,
@@ -22,11 +22,10 @@ from wrenchbed.viewer.elements import (
     log_channels,
     log_curves,
     log_joints,
-    log_map,
     scale_for,
 )
 from wrenchbed.viewer.robot import BodyMotion, frames, log_motion, log_robot, log_shapes, motion
-from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, readable, to_file
+from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
 
 GROWN_M = 0.003
 """By which the simulated robot is larger, so that one sees it around the real one."""
@@ -60,14 +59,13 @@ def recording_view(
     simulation = Simulation(robot, best.theta)
     simulated, loops = motion(simulation, q[shown]), simulation.model.neq > 0
     blueprint = layout.page(
-        [layout.scene(robot.name), layout.heat(readable(f"residual of {best.name} / noise"))],
+        layout.scene(robot.name),
         [
             layout.channels("wrench and residual", (axis, at), residual),
             layout.curves("/joints", "joints [°, mm]", window=(axis, at)),
             *([layout.curves("/closure", "loop closure [nm]")] if loops else []),
             layout.document("/report", "about"),
         ],
-        [2.2, 1.0],
         axis,
     )
     with to_file(path, blueprint, axis) as canvas:
@@ -87,8 +85,6 @@ def recording_view(
         if loops:
             gap = 1e9 * simulated.gap[:, None]
             log_curves(canvas, "closure", at[shown], gap, ["gap of the loops"], [SIMULATED])
-        order, unit = order_of(recording)
-        log_map(canvas, "residual/map", residual / noise_of(recording), order, unit)
         _log_words(canvas, recording, known, scale.sentence)
 
 
@@ -96,7 +92,7 @@ def _readings_alone(recording: Recording, path: str | Path) -> None:
     """What a sensor said on a robot without a model."""
     at, axis = _over(recording)
     left, right = layout.channels(window=(axis, at)), [layout.document("/report", "about")]
-    with to_file(path, layout.page([left], right, [1.0], axis), axis) as canvas:
+    with to_file(path, layout.page(left, right, axis), axis) as canvas:
         log_channels(canvas, "wrench", at, {"measured": recording.wrench})
         _log_words(canvas, recording, (), "there are none without a model of the robot")
 
@@ -141,6 +137,5 @@ def _log_words(
     for a in judged:
         cells = (f"{x:.3g} ({r:.3g} × noise)" for x, r in zip(a.rms, a.ratios, strict=True))
         rows.append(f"| {a.name} | {' | '.join(cells)} |")
-    rows += ["", "In the map grey is noise; dark red is ten times the noise of a row or more."]
     rows += made
     log_words(canvas, "report", "\n".join(rows))
