@@ -263,6 +263,7 @@ def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:
             for s in result.showings
         ],
         "cannot_tell": list(result.cannot_tell),
+        "blind": [spot.to_json() for spot in result.blind],
     }
     console.answer(answer, as_json, isolability(path.name, result))
 
@@ -303,6 +304,7 @@ def _causes(a: Answer) -> Table:
 
 def isolability(name: str, result: DryRun) -> Group:
     """Which effects a plan could show, from what size on."""
+    from wrenchbed.diagnosis.next.blind import sentences
     from wrenchbed.pages import numbers
 
     shown = console.table("|effect", ">shows from", "looks the same as")
@@ -319,4 +321,5 @@ def isolability(name: str, result: DryRun) -> Group:
             f"what {name} could show", [shown, "in brackets: only at an implausible size"]
         )[1:],
         *console.section("what it cannot tell", result.cannot_tell),
+        *console.section("what it could not show", sentences(result.blind)),
     )

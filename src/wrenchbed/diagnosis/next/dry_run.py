@@ -14,6 +14,7 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.diagnosis.evidence.dictionary import build
 from wrenchbed.diagnosis.evidence.similarity import Similarity
+from wrenchbed.diagnosis.next.blind import BlindSpot, blind_spots
 from wrenchbed.diagnosis.next.isolability import VisibleSize, cannot_tell, isolability
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.baseline import tolerances
@@ -140,10 +141,12 @@ def nominal_metadata(robot: Robot, mode: str, rate: float) -> Metadata:
 
 @dataclass(frozen=True)
 class DryRun:
-    """Effects that a recording of a plan could show, and those that it could not distinguish."""
+    """Effects that a recording of a plan could show, those that it could not distinguish, and those
+    that it could not show at all."""
 
     showings: tuple[VisibleSize, ...]
     cannot_tell: tuple[str, ...]
+    blind: tuple[BlindSpot, ...]
 
 
 @one_thread
@@ -161,4 +164,4 @@ def dry_run(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> DryRun:
     prepared = of_plan(plan, None, samples, rate)
     d = build(prepared, prepared.configuration.robot_theta, tolerances(prepared))
     similarity = Similarity(d)
-    return DryRun(isolability(d, similarity), cannot_tell(d, similarity))
+    return DryRun(isolability(d, similarity), cannot_tell(d, similarity), blind_spots([similarity]))
