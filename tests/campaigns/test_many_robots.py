@@ -49,25 +49,25 @@ def test_fits_together_are_those_of_calibrate(name):
     assert ("slow wander" in fits[0].status) == (name != "explained")
 
 
-class Measured:
-    """A pool whose rows claim to have taken some time each [s]."""
+class Sizes:
+    """A pool that keeps the sizes of its tasks."""
 
-    def __init__(self, seconds):
-        self.seconds, self.sizes = seconds, []
+    def __init__(self):
+        self.sizes = []
 
     def submit(self, work, fleet, numbers):
         self.sizes.append(len(numbers))
         future = Future()
-        future.set_result([{"robot": k, "seconds.diagnose": self.seconds} for k in numbers])
+        future.set_result([{"robot": k} for k in numbers])
         return future
 
 
-@pytest.mark.parametrize("seconds", [60.0, 1.5, 1.0, 0.3, 0.0])
-def test_no_task_is_empty_however_long_a_robot_takes(seconds):
-    pool = Measured(seconds)
-    rows = list(_results(pool, Fleet("ur5", 50), range(50), 2))
-    assert sorted(row["robot"] for row in rows) == list(range(50))
-    assert min(pool.sizes) >= 1 and max(pool.sizes) <= (1 if seconds >= 1.0 else 25)
+@pytest.mark.parametrize("diagnose", [False, True])
+def test_every_robot_is_in_one_task(diagnose):
+    pool = Sizes()
+    rows = list(_results(pool, Fleet("ur5", 90, diagnose=diagnose), range(90), 2))
+    assert sorted(row["robot"] for row in rows) == list(range(90))
+    assert min(pool.sizes) >= 1 and max(pool.sizes) == (1 if diagnose else 25)
 
 
 def test_a_robot_that_cannot_be_fitted_leaves_the_others_alone():

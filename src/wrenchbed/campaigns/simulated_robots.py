@@ -22,7 +22,7 @@ from wrenchbed import registry
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.calibrate_many import calibrate_each
 from wrenchbed.calibration.fit import Fit
-from wrenchbed.campaigns.result_rows import SECONDS, CampaignRows, Row, empty
+from wrenchbed.campaigns.result_rows import CampaignRows, Row, empty
 from wrenchbed.campaigns.settings import Fleet, Truth, draw, varied
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
@@ -52,9 +52,9 @@ _COURSES: dict[str, Recording] = {}
 """The course of the present fleet, by the fleet's settings."""
 _AHEAD = 3
 """Tasks queued for each worker: with one, a worker waits for this process to write rows."""
-_TOGETHER, _TASK_S = 25, 1.0
-"""Most robots that a worker takes at once, since their numbers must fit into its cache, and about
-how long it works on them [s]: rows of a task reach the disk together, and a kill loses them."""
+_TOGETHER = 25
+"""Most robots that a worker takes at once: their numbers must fit into its cache. Rows of a task
+reach the disk together, and a kill loses them."""
 Result = TypeVar("Result")
 
 
@@ -339,19 +339,7 @@ def _results(pool: Executor, fleet: Fleet, todo: Sequence[int], workers: int) ->
             size = min(together, -(-(len(todo) - first) // workers))  # the last end together
             waiting.add(pool.submit(robot_rows, fleet, todo[first : first + size]))
             first += size
+            together = 1 if fleet.diagnose else min(2 * together, _TOGETHER)
         ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
         for future in ready:
-            rows = future.result()
-            seconds = sum(float(row.get(n, 0.0)) for row in rows for n in SECONDS) / len(rows)
-            together = task_size(seconds, together)
-            yield from rows
-
-
-def task_size(seconds: float, before: int) -> int:
-    """Number of robots for a worker's next task: at least one, at most twice as many as before.
-
-    Args:
-        seconds: that one robot took [s].
-        before: robots in the task that measured it.
-    """
-    return max(1, int(min(_TASK_S / max(seconds, _TASK_S / _TOGETHER), 2 * before)))
+            yield from future.result()
