@@ -182,14 +182,6 @@ def test_the_recording_holds_no_truth(robots, number, tmp_path):
     assert set(again.columns) <= allowed
 
 
-def test_names_and_stated_values_do_not_depend_on_the_fault():
-    """The same robot with and without a fault states the same."""
-    setting = setting_of(8)
-    before = dict(setting.configured)
-    FAMILIES["drive.coulomb"](setting, 0, np.random.default_rng(0))
-    assert dict(setting.configured) == before
-
-
 def test_the_referee_imports_nothing_of_what_it_judges():
     for file in SOURCE.glob("*.py"):
         if file.stem == "entrants":  # asks the diagnosis

@@ -17,9 +17,7 @@ from wrenchbed.benchmark.referee import scenario as settings
 from wrenchbed.benchmark.referee import signatures as columns
 from wrenchbed.benchmark.referee.case import FaultyRobot
 from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES, background, possible
-from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal, total
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
-from wrenchbed.benchmark.referee.machine import Mechanics
 from wrenchbed.benchmark.referee.signatures import SAME, bench
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
@@ -230,17 +228,6 @@ def test_the_usual_fit_takes_out_bias_mass_and_cog(world):
     )
 
 
-def test_numbers_of_one_effect_add_up():
-    faults = [
-        RefereeFault({"x": 1.0, "y": 2.0}, name="base.tilt"),
-        RefereeFault({"x": 0.5}, name="base.tilt"),
-    ]
-    assert total([*faults, RefereeFault({"mass": 3.0}, name="body.mass")], "base.tilt") == {
-        "x": 1.5,
-        "y": 2.0,
-    }
-
-
 def test_the_background_has_many_families_and_grows_with_its_scale(world):
     rng = lambda: np.random.default_rng(8)  # noqa: E731
     faults = background(world.setting, rng(), 0.3)
@@ -277,20 +264,6 @@ def test_a_case_holds_what_its_kind_promises(small, kind):
     for name, column in found.recording.columns.items():
         assert np.array_equal(column, again.recording.columns[name]), name
     assert found.recording.metadata == again.recording.metadata
-
-
-def test_mechanics_collects_the_faults_of_the_body(world):
-    start = Mechanics(world.setting.theta, np.array([0.0, 0.0, -9.8]), np.zeros(6))
-    rng = np.random.default_rng(0)
-    faults = [
-        body.compliance(world.setting, rng, 1.0, j=2),
-        body.offset(world.setting, rng, 1.0, j=1),
-    ]
-    truth = mechanics(start, faults)
-    assert truth.compliance[2] == pytest.approx(faults[0].true["compliance.q3"])
-    q = np.zeros((2, 6))
-    assert truth.driven(q)[:, 1] == pytest.approx(faults[1].true["offset.q2"])
-    assert np.array_equal(signal(world.way, []), world.way.load)
 
 
 def test_numbers_of_a_tenth_joint_are_compared():

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import mujoco
 import numpy as np
 import pytest
 
@@ -13,7 +12,6 @@ from wrenchbed.benchmark.referee.machine import (
     LoosePart,
     Mechanics,
     Pad,
-    build,
     ride,
 )
 from wrenchbed.benchmark.referee.scenario import through
@@ -45,23 +43,6 @@ def test_a_rigid_machine_at_rest_weighs_what_statics_say(name):
     torque = np.cross(tool.cog, force)
     assert np.abs(found[:, :3] - force).max() < 2e-4
     assert np.abs(found[:, 3:] - torque).max() < 2e-5
-
-
-def test_a_ride_reads_no_clock_and_puts_it_back(monkeypatch):
-    spent, data_of = [], mujoco.MjData
-
-    def kept(model):
-        spent.append(data_of(model))
-        return spent[-1]
-
-    monkeypatch.setattr(mujoco, "MjData", kept)
-    robot, _, path, truth = scene("ur5", 1)
-    machine = build(robot, truth, 1e-3)
-    ride(robot, truth, path)
-    mujoco.mj_step(machine.model, kept(machine.model), 10)
-    of_ride, of_step = (data.timer[mujoco.mjtTimer.mjTIMER_STEP].duration for data in spent)
-    assert of_ride == 0.0
-    assert of_step > 0.0
 
 
 def test_a_soft_joint_turns_by_its_torque_over_its_stiffness():

@@ -134,12 +134,6 @@ def test_intervals_hold_the_value_and_shrink():
     assert wide.high - wide.low > 3 * (tight.high - tight.low)
 
 
-def test_a_perfect_score_is_not_certain():
-    found = figure(METRICS["isolation"], [TILT, RIVAL])
-    assert found.value == found.high == 1.0
-    assert found.low == pytest.approx(math.sqrt(0.025))
-
-
 def test_a_case_counts_once():
     with pytest.raises(DiagnosisError, match="case a is there twice"):
         figure(METRICS["isolation"], [TILT, MISSED, TILT])

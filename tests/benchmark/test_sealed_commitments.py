@@ -34,7 +34,6 @@ def test_shares_of_kinds_are_as_promised():
     assert make.Family("ur5", "static", 300, 2).kinds() != kinds
 
 
-@pytest.mark.slow
 def test_cases_hold_recordings_and_commitments_only(family):
     cases, answers, root = family
     assert len(list(cases.iterdir())) == COUNT + 1
@@ -44,14 +43,9 @@ def test_cases_hold_recordings_and_commitments_only(family):
     assert data.metadata.extra == {}
     text = (cases / commitments.COMMITMENTS).read_text()
     assert "salt" not in text and "effect" not in text
-
-
-@pytest.mark.slow
-def test_a_salt_hides_what_few_answers_there_are(family):
-    _, answers, _ = family
+    assert {p.stat().st_mtime for p in cases.iterdir()} == {commitments.EPOCH}
     salts = {commitments.read_answer(p).salt for p in answers.glob("0*.json")}
-    assert len(salts) == COUNT
-    assert all(len(s) == 64 for s in salts)
+    assert len(salts) == COUNT and all(len(s) == 64 for s in salts)
 
 
 def test_the_same_seed_makes_the_same_bytes(family, tmp_path, monkeypatch):
@@ -62,11 +56,6 @@ def test_the_same_seed_makes_the_same_bytes(family, tmp_path, monkeypatch):
     make.make_case(told, tmp_path / "c", tmp_path / "a", 2)
     for folder, other, file in ((cases, "c", "0003.parquet"), (answers, "a", "0003.json")):
         assert (folder / file).read_bytes() == (tmp_path / other / file).read_bytes()
-
-
-def test_files_bear_one_time(family):
-    cases, _, _ = family
-    assert {p.stat().st_mtime for p in cases.iterdir()} == {commitments.EPOCH}
 
 
 @pytest.mark.parametrize("which", ["recording", "answer", "commitments", "root"])

@@ -6,12 +6,11 @@ import shlex
 
 import numpy as np
 import pytest
-from scipy.stats import binom
 
 from sealed_family import COUNT, SEED, truthful
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.scoring.case_rows import Claim
-from wrenchbed.benchmark.scoring.metrics import Metric, ScoredMetric, exact_interval
+from wrenchbed.benchmark.scoring.metrics import Metric, ScoredMetric
 from wrenchbed.benchmark.sealed import commitments, report, score
 from wrenchbed.benchmark.sealed import make as making
 from wrenchbed.benchmark.sealed.run import CLAIM
@@ -156,14 +155,6 @@ def test_a_mark_stands_in_brackets_where_the_interval_allows_both(target, ends, 
     value = {"(✓)": 0.97 if "≥" in target else 0.9, "(✗)": 0.9}.get(mark, sum(ends) / 2)
     value = 0.0 if target == "0 %" else value
     assert report.marked(metric, ScoredMetric(value, *ends, 20)) == mark
-
-
-def test_intervals_of_shares_are_exact():
-    """Each end is where the binomial tail is 2.5 %."""
-    low, high = exact_interval(58, 61)
-    assert binom.sf(57, 61, low) == pytest.approx(0.025) == binom.cdf(58, 61, high)
-    assert exact_interval(0, 37) == pytest.approx((0.0, 1.0 - 0.025 ** (1 / 37)))
-    assert exact_interval(5, 5) == pytest.approx((0.025**0.2, 1.0))
 
 
 def test_the_first_screen_counts_targets_and_cases(family, tmp_path):
