@@ -1,8 +1,10 @@
 """Position errors of the tool: Jacobians, bounds, touches and the plan that mixes them."""
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 
+from simulated import as_driven, static
 from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
@@ -17,7 +19,6 @@ from wrenchbed.errors import (
     DriverError,
     NotFoundError,
     PlanError,
-    RecordingError,
     WrenchbedError,
 )
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
@@ -29,6 +30,8 @@ from wrenchbed.simulation.simulation import Simulation
 MEDRUE = registry.load("robots", "medrue")
 MODEL = Model.of(MEDRUE)
 OWN = len(MEDRUE.parameters)
+TOUCHES = 15
+FREE = CalibrationOptions(free=("candidates", "sensor.bias"), prior=True)
 CANDIDATES = MODEL.parameters.select(MEDRUE.candidates)
 
 
@@ -107,35 +110,30 @@ def test_a_wider_range_of_orientations_is_used():
 @pytest.fixture(scope="module")
 def touched(tmp_path_factory):
     """A wrong robot, recorded under gravity and touching known points."""
-    folder = tmp_path_factory.mktemp("touched")
-    truth = wrong(11)
-    sets = MEDRUE.goal_sets(400, None, seed=0)
-    pick = np.random.default_rng(0).permutation(len(sets.touch))[:25]
-    gravity = Plan.of("medrue", sets.gravity[::20])
-    touches = Plan.of("medrue", sets.touch[pick], points=sets.points[pick])
-    touches.write(folder / "plan.parquet")
-    with SimDriver(SimOptions("medrue", parameters=truth, seed=5)) as driver:
-        record(driver, gravity, folder / "gravity.parquet", samples=50)
-        record(driver, Plan.read(folder / "plan.parquet"), folder / "touch.parquet", samples=3)
-    return folder, truth
-
-
-@pytest.mark.slow
-def test_a_plan_of_touches_survives_the_file(touched):
-    folder, _ = touched
+    folder, truth = tmp_path_factory.mktemp("touched"), wrong(11)
+    sets = MEDRUE.goal_sets(100, None, seed=0)
+    pick = np.random.default_rng(0).permutation(len(sets.touch))[:TOUCHES]
+    plan = Plan.of("medrue", sets.touch[pick], points=sets.points[pick])
+    plan.write(folder / "plan.parquet")
     plan = Plan.read(folder / "plan.parquet")
-    assert plan.points is not None
-    assert plan.points.shape == (25, 3)
-    recording = Recording.read(folder / "touch.parquet")
-    touches = Touches.of(recording)
-    assert touches.points == pytest.approx(plan.points, abs=0)
-    assert len(touches) == 25
+    with SimDriver(SimOptions("medrue", parameters=truth, seed=5)) as driver:
+        record(driver, plan, folder / "touch.parquet", samples=3)
+    std = np.array(registry.load("sensors", "ati-gamma").noise.row_std)
+    gravity = as_driven(static("medrue", truth, poses=20, samples=50, noise=std, seed=5))
+    return plan, truth, gravity, Touches.of(Recording.read(folder / "touch.parquet"))
 
 
-@pytest.mark.slow
-def test_the_simulated_tip_really_sits_at_the_point(touched):
-    folder, truth = touched
-    touches = Touches.of(Recording.read(folder / "touch.parquet"))
+def rms_error(fit, truth) -> float:
+    """Of the tool's position over the target workspace, by MuJoCo [m]."""
+    target = workspace.target(MEDRUE)
+    true, found = (MODEL.parameters.vector(dict(x))[:OWN] for x in (truth, fit.theta))
+    error = MEDRUE.tool_pose(target, found)[1] - Simulation(MEDRUE, true).tip(target)
+    return float(np.sqrt((error**2).sum(axis=1).mean()))
+
+
+def test_touches_survive_the_file_and_the_simulated_tip_sits_at_their_points(touched):
+    plan, truth, _, touches = touched
+    assert len(touches) == TOUCHES and touches.points == pytest.approx(plan.points, abs=0)
     theta = MODEL.parameters.vector(truth)[:OWN]
     miss = MEDRUE.tool_pose(touches.q, theta)[1] - touches.points
     assert 0.7 * TOUCH_STD < miss.std() < 1.3 * TOUCH_STD
@@ -144,80 +142,47 @@ def test_the_simulated_tip_really_sits_at_the_point(touched):
 
 
 def test_touches_bring_the_tool_into_reach(touched):
-    folder, truth = touched
-    recording = Recording.read(folder / "gravity.parquet")
-    touches = Touches.of(Recording.read(folder / "touch.parquet"))
-    options = CalibrationOptions(free=("candidates", "sensor.bias"), prior=True)
-    alone, both = calibrate(recording, options), calibrate(recording, options, touches)
-    target = workspace.target(MEDRUE)
-    theta = MODEL.parameters.vector(truth)[:OWN]
-    true = Simulation(MEDRUE, theta).tip(target)
-
-    def rms(fit) -> float:
-        found = MODEL.parameters.vector(dict(fit.theta))[:OWN]
-        return float(
-            statistics(np.linalg.norm(MEDRUE.tool_pose(target, found)[1] - true, axis=1))[3]
-        )
-
+    _, truth, gravity, touches = touched
+    alone, both = calibrate(gravity, FREE), calibrate(gravity, FREE, touches)
     assert both.target_rms < 1e-4 < 2e-3 < alone.target_rms
-    assert 0.3 < rms(both) / both.target_rms < 3.0
-    with pytest.raises(CalibrationError, match="Free sensor.bias"):  # which its table has not
-        calibrate(recording)
-    assert calibrate(recording, CalibrationOptions(force=True)).target_rms is None
-    assert rms(alone) > 2e-3
-    assert rms(both) < 1.2e-4
+    assert 0.3 < rms_error(both, truth) / both.target_rms < 3.0
+    with pytest.raises(CalibrationError, match="free parameters"):  # the bias is not
+        calibrate(gravity)
+    assert calibrate(gravity, CalibrationOptions(force=True)).target_rms is None
+    assert rms_error(alone, truth) > 2e-3
+    assert rms_error(both, truth) < 1.2e-4
     assert both.observability.rank > alone.observability.rank
     off = [(p.value - truth[p.name]) / p.std for p in both.identified if p.name[0] in "xyz"]
     assert np.abs(off).max() < 4.0
+    assert (both.touches.count, both.touches.doubtful) == (TOUCHES, False)
+    assert both.to_json()["touches"]["p_value"] > 0.001
 
 
 def test_a_wrong_touch_is_named_and_no_accuracy_is_promised(touched):
-    folder, _ = touched
-    gravity = Recording.read(folder / "gravity.parquet")
-    good = Touches.of(Recording.read(folder / "touch.parquet"))
-    options = CalibrationOptions(free=("candidates", "sensor.bias"), prior=True)
-    fit = calibrate(gravity, options, good)
-    assert not fit.touches.doubtful
-    assert fit.touches.count == 25
-    assert fit.to_json()["touches"]["p_value"] > 0.001
+    *_, gravity, good = touched
     points = good.points.copy()
     points[7, 0] += 2e-3
-    wrong = calibrate(gravity, options, Touches(good.q, points, good.std))
+    wrong = calibrate(gravity, FREE, Touches(good.q, points, good.std))
     assert wrong.touches.doubtful
     assert wrong.touches.worst == 7
     assert "touch 7 (counted from 0) lies" in wrong.status
     assert wrong.target_rms is None
 
 
-def test_touches_agree_as_often_as_they_should():
-    p_values = np.array([_p_value_of_an_honest_fit(seed) for seed in range(300)])
-    assert 0.01 < np.mean(p_values < 0.05) < 0.1
-
-
-def _p_value_of_an_honest_fit(seed: int) -> float:
+def p_value_of_an_honest_fit(seed: int) -> float:
     rng = np.random.default_rng(seed)
     jacobian, noise = rng.normal(size=(30, 6)), rng.normal(size=30)
     solution = solve(lambda x: noise - jacobian @ x, lambda _: jacobian, np.zeros(6), np.ones(6))
     return Touches(np.zeros((6, 6)), np.zeros((6, 3))).agreement(solution, 12).p_value
 
 
-def test_touches_that_are_none_are_refused(touched, tmp_path):
-    folder, _ = touched
-    gravity = Recording.read(folder / "gravity.parquet")
-    with pytest.raises(CalibrationError, match="no columns px py pz"):
-        Touches.of(gravity)
-    with pytest.raises(CalibrationError, match="must be above 0"):
-        Touches.of(Recording.read(folder / "touch.parquet"), std=0.0)
-    with pytest.raises(CalibrationError, match="these are touches"):
-        calibrate(Recording.read(folder / "touch.parquet"))
-    columns = dict(gravity.columns) | {"px": np.zeros(len(gravity))}
-    with pytest.raises(RecordingError, match="px without the rest of px py pz"):
-        Recording(gravity.metadata, columns)
+def test_touches_agree_as_often_as_they_should():
+    p_values = np.array([p_value_of_an_honest_fit(seed) for seed in range(300)])
+    assert 0.01 < np.mean(p_values < 0.05) < 0.1
 
 
-def test_a_point_out_of_reach_stops_the_campaign(tmp_path):
-    q = MEDRUE.home[None]
-    plan = Plan.of("medrue", q, points=np.array([[3.0, 0.0, 0.0]]))
+def test_a_point_out_of_reach_stops_the_recording(tmp_path):
+    plan = Plan.of("medrue", MEDRUE.home[None], points=np.array([[3.0, 0.0, 0.0]]))
     with (
         SimDriver(SimOptions("medrue")) as driver,
         pytest.raises(DriverError, match="cannot reach"),
@@ -248,21 +213,16 @@ def test_costly_touches_give_way_to_poses(mix):
     assert len(dear.gravity) > len(mix.gravity)
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [0, 1, 2])
 def test_robots_that_run_the_mix_reach_it(mix, tmp_path, number):
     truth = wrong(100 + number)
     with SimDriver(SimOptions("medrue", parameters=truth, seed=number)) as driver:
         record(driver, mix.gravity, tmp_path / "g.parquet")
         record(driver, mix.touches, tmp_path / "t.parquet", samples=3)
-    options = CalibrationOptions(free=("candidates", "sensor.bias"), prior=True)
     touches = Touches.of(Recording.read(tmp_path / "t.parquet"))
-    fit = calibrate(Recording.read(tmp_path / "g.parquet"), options, touches)
-    theta = MODEL.parameters.vector(truth)[:OWN]
-    found = MODEL.parameters.vector(dict(fit.theta))[:OWN]
-    target = workspace.target(MEDRUE)
-    error = MEDRUE.tool_pose(target, found)[1] - Simulation(MEDRUE, theta).tip(target)
-    assert np.sqrt((error**2).sum(axis=1).mean()) < 3.3e-4
+    fit = calibrate(Recording.read(tmp_path / "g.parquet"), FREE, touches)
+    assert rms_error(fit, truth) < 3.3e-4
 
 
 def test_what_no_plan_can_reach_is_said():
@@ -272,27 +232,27 @@ def test_what_no_plan_can_reach_is_said():
         reach(MEDRUE, 0.0)
 
 
-def test_points_come_from_csv_with_clear_errors(tmp_path):
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("x,y,z\n", "holds no points"),
+        ("x,y\n1,2\n", "row 0: column 'z' is missing"),
+        ("x,y,z\n1,2,a\n", "row 0: z = 'a' is not a number"),
+        ("x,y,z\n400,300,-200\n", "is it in mm"),
+        ("x,y,z\n1,nan,0\n", "row 0: y = nan"),
+        (None, "cannot be read"),
+    ],
+)
+def test_points_come_from_csv_with_clear_errors(tmp_path, text, words):
     path = tmp_path / "points.csv"
     path.write_text("x,y,z\n0.4,0.3,-0.2\n0.5,0.3,-0.2\n")
     assert read_points(path) == pytest.approx(np.array([[0.4, 0.3, -0.2], [0.5, 0.3, -0.2]]))
-    for text, message in {
-        "x,y,z\n": "holds no points",
-        "x,y\n1,2\n": "row 0: column 'z' is missing",
-        "x,y,z\n1,2,a\n": "row 0: z = 'a' is not a number",
-        "x,y,z\n400,300,-200\n": "is it in mm",
-        "x,y,z\n1,nan,0\n": "row 0: y = nan",
-    }.items():
-        path.write_text(text)
-        with pytest.raises(PlanError, match=message):
-            read_points(path)
-    with pytest.raises(PlanError, match="cannot be read"):
-        read_points(tmp_path / "none.csv")
+    path.unlink() if text is None else path.write_text(text)
+    with pytest.raises(PlanError, match=words):
+        read_points(path)
 
 
 def test_a_plan_with_half_a_point_is_refused(tmp_path):
-    import pyarrow.parquet as pq
-
     path = tmp_path / "p.parquet"
     Plan.of("medrue", MEDRUE.home[None], points=np.zeros((1, 3))).write(path)
     table = pq.read_table(path)

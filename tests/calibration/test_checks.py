@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from altered import with_wrench
 from corrupted import BASES, CORRUPTIONS, good
 from simulated import WHITE, static
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
@@ -114,10 +115,7 @@ def test_uncertainty_never_falls_with_misfit():
     bent = np.square(away[:, [1, 2, 0, 4, 5, 3]]) / np.abs(away).max(axis=0)
     last = 0.0
     for size in (0.0, 0.01, 0.03, 0.1, 0.2):
-        columns = dict(zip(("fx", "fy", "fz", "tx", "ty", "tz"), (y + size * bent).T, strict=True))
-        made = type(sound.recording)(
-            sound.recording.metadata, {**sound.recording.columns, **columns}
-        )
+        made = with_wrench(sound.recording, y + size * bent)
         fit = calibrate(made, CalibrationOptions(force=True))
         now = fit["tool.mass"].std
         assert now >= 0.98 * last
@@ -141,7 +139,7 @@ def test_a_zero_that_medrue_does_not_free_is_refused_and_can_be_freed():
     assert forced.refuted is not None and "zero" in forced.refuted
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_tared_medrue_that_wanders_is_not_refused(seed):
     rec = static("medrue", {}, poses=80, samples=30, noise=WHITE, wander=3.0, seed=seed)
     assert calibrate(rec).refuted is None

@@ -3,24 +3,20 @@
 The compensated wrench comes from the emulated controller, whose code is not the fit's.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from altered import with_metadata, with_wrench
 from robot_emulators.ur.tool_wrench import Payload, WrenchEstimate
+from simulated import WHITE, as_driven, static
 from wrenchbed import registry
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.compensated import restored
-from wrenchbed.campaigns.recording.run import record
-from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import CalibrationError
 from wrenchbed.hardware.drivers.rtde import own_wrench
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
-from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
-from wrenchbed.physics.wrench import CHANNELS
 
 UR5 = registry.load("robots", "ur5")
 MASS, COG = 1.1, [0.01, 0.02, 0.05]
@@ -28,13 +24,9 @@ MASS, COG = 1.1, [0.01, 0.02, 0.05]
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory):
+def whole():
     """The load of the tool at twelve poses."""
-    path = tmp_path_factory.mktemp("compensated") / "whole.parquet"
-    poses = UR5.sample(12, np.random.default_rng(4))
-    with SimDriver(SimOptions("ur5", seed=3)) as driver:
-        record(driver, Plan.of("ur5", poses), path, samples=20)
-    return Recording.read(path)
+    return as_driven(static("ur5", {}, poses=12, samples=20, noise=WHITE, seed=3))
 
 
 def reported(whole: Recording, major: int, tcp: np.ndarray, **told) -> Recording:
@@ -49,8 +41,7 @@ def reported(whole: Recording, major: int, tcp: np.ndarray, **told) -> Recording
         rows.append(own_wrench.reading(state, UR5).wrench)
     settings = {"payload": MASS, "payload_cog": COG}
     facts = dict(own_wrench.facts(Snapshot(major=float(major)), settings)) | told
-    columns = {**whole.columns, **dict(zip(CHANNELS, np.transpose(rows), strict=True))}
-    return Recording(replace(whole.metadata, extra={"wrench": facts}), columns, "rec")
+    return with_metadata(with_wrench(whole, np.array(rows)), extra={"wrench": facts})
 
 
 @pytest.mark.parametrize(
@@ -89,10 +80,9 @@ def test_an_unknown_payload_is_refused_by_its_reason(whole, told, why):
 
 def test_a_compensated_motion_is_refused(whole):
     measured = reported(whole, 5, np.zeros(3))
-    moved = Recording(replace(measured.metadata, mode="dynamic"), measured.columns, "rec")
+    moved = with_metadata(measured, mode="dynamic")
     with pytest.raises(CalibrationError, match=r"subtracted a payload of 1\.1 kg"):
         restored(moved)
-    still = {**measured.metadata.extra["wrench"], "payload": {"mass": 0.0, "cog": COG}}
-    nothing = replace(moved.metadata, extra={"wrench": still})
-    nothing_subtracted = Recording(nothing, moved.columns, "rec")
-    assert restored(nothing_subtracted) is nothing_subtracted
+    nothing = measured.metadata.extra["wrench"] | {"payload": {"mass": 0.0, "cog": COG}}
+    unchanged = with_metadata(moved, extra={"wrench": nothing})
+    assert restored(unchanged) is unchanged

@@ -25,17 +25,14 @@ def coverage(robot: str, truth, free, seeds: int, **how) -> tuple[float, int]:
 
 
 @pytest.mark.slow
-def test_ninety_five_percent_intervals_hold_under_white_noise():
+@pytest.mark.parametrize(
+    ("robot", "truth", "poses", "seeds"),
+    [("ur5", UR5_TRUTH, 60, 200), ("medrue", MEDRUE_TRUTH, 100, 40)],
+)
+def test_ninety_five_percent_intervals_hold_under_white_noise(robot, truth, poses, seeds):
     """200 seeds × 13 parameters; the share's own standard error is about 0.6 %."""
-    share, total = coverage("ur5", UR5_TRUTH, None, 200, poses=60, samples=20, noise=WHITE)
-    assert total == 2600
-    assert 0.93 <= share <= 0.97
-
-
-@pytest.mark.slow
-def test_medrues_intervals_hold_under_white_noise():
-    share, total = coverage("medrue", MEDRUE_TRUTH, None, 40, poses=100, samples=20, noise=WHITE)
-    assert total == 1080
+    share, total = coverage(robot, truth, None, seeds, poses=poses, samples=20, noise=WHITE)
+    assert total == seeds * (13 if robot == "ur5" else 27)
     assert 0.93 <= share <= 0.97
 
 
