@@ -102,10 +102,6 @@ def test_public_names_exist_and_are_on_the_page():
     page = (ROOT / "docs" / "reference" / "python.md").read_text(encoding="utf-8")
     shown = set(re.findall(r"^::: wrenchbed\.(\w+)$", page, flags=re.MULTILINE))
     assert shown == set(wrenchbed.__all__) - {"__version__"}
-    for public in wrenchbed.__all__:
-        assert getattr(wrenchbed, public) is not None
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        _ = wrenchbed.nothing
 
 
 @pytest.mark.slow

@@ -109,31 +109,21 @@ def test_the_table_names_files_that_exist():
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="mutants are forks")
-def test_constants_that_are_assigned_together_are_tried_with_those_who_use_them(tree):
-    """A base class reads what its subclass declares; another test runs lines of that module."""
+def test_constants_are_tried_with_those_who_use_them(tree):
+    """A base class reads what its subclass declares; a test reads a constant itself."""
     (tree / "src" / "tiny.py").write_text(
-        "from base import Base\n\n\nclass Tiny(Base):\n    low, high = 3, 5\n\n"
-        "    def other(self):\n        return self\n"
+        "from base import Base\n\nLIMIT = 3\n\n\nclass Tiny(Base):\n    low, high = 3, 5\n\n"
+        "    def other(self):\n        return self\n\n\ndef over(x):\n    return x > LIMIT\n"
     )
     (tree / "src" / "base.py").write_text(
         "class Base:\n    def width(self):\n        return self.high - self.low\n"
     )
     (tree / "tests" / "test_tiny.py").write_text(
-        "from tiny import Tiny\n\n\ndef test_width():\n    assert Tiny().width() == 2\n\n\n"
-        "def test_other():\n    assert Tiny().other()\n"
-    )
-    mutate(tree)
-    told = outcomes(tree)
-    assert told["low, high = 4, 5"] == told["low, high = 3, 6"] == "killed"
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="mutants are forks")
-def test_a_constant_is_tried_with_tests_that_read_it_themselves(tree):
-    (tree / "src" / "tiny.py").write_text("LIMIT = 3\n\n\ndef over(x):\n    return x > LIMIT\n")
-    (tree / "tests" / "test_tiny.py").write_text(
-        "import tiny\n\n\ndef test_over():\n    assert tiny.over(9)\n\n\n"
+        "import tiny\n\n\ndef test_width():\n    assert tiny.Tiny().width() == 2\n\n\n"
+        "def test_other():\n    assert tiny.Tiny().other()\n\n\n"
+        "def test_over():\n    assert tiny.over(9)\n\n\n"
         "def test_limit():\n    assert tiny.LIMIT == 3\n"
     )
     mutate(tree)
-    assert outcomes(tree)["LIMIT = 4"] == "killed"
+    told = outcomes(tree)
+    assert told["low, high = 4, 5"] == told["low, high = 3, 6"] == told["LIMIT = 4"] == "killed"

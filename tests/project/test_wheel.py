@@ -1,4 +1,4 @@
-"""An installed wheel works from any folder: its models travel inside, and what is compiled."""
+"""The wheel, built once: what travels inside, and that it does its work where it is installed."""
 
 import os
 import shutil
@@ -10,9 +10,27 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-
-
 LIBRARY = "wrenchbed/robots/compiled/_statics.abi3.so"
+INSIDE = {
+    LIBRARY,
+    *(f"wrenchbed/models/{robot}/{robot}.xml" for robot in ("ur5", "medrue")),
+    "wrenchbed/py.typed",
+    "wrenchbed/pages/study.html.j2",
+    *(
+        f"wrenchbed/pages/assets/{asset}"
+        for asset in ("echarts.min.js", "echarts.LICENSE", "zrender.LICENSE", "page.js")
+    ),
+}
+ELSEWHERE = """
+import numpy, wrenchbed
+from wrenchbed.robots.base import models
+from wrenchbed.robots.compiled.statics import available
+print(wrenchbed.__file__, models(), available("chain"), available("medrue"))
+for name in ("ur5", "medrue"):
+    robot = wrenchbed.load("robots", name)
+    q = robot.sample(2, numpy.random.default_rng(0))
+    print(wrenchbed.Simulation(robot, robot.parameters.nominal).wrench(q).shape)
+"""
 
 
 def run(*command: str, cwd: Path, **env: str) -> str:
@@ -23,42 +41,85 @@ def run(*command: str, cwd: Path, **env: str) -> str:
     return done.stdout
 
 
+def built(folder: Path, **env: str) -> Path:
+    """The wheel of this tree."""
+    pip = (sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation")
+    run(*pip, "--wheel-dir", str(folder), str(ROOT), cwd=folder, **env)
+    (wheel,) = folder.glob("wrenchbed-*.whl")
+    return wheel
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> Path:
+    return built(tmp_path_factory.mktemp("wheel"))
+
+
+@pytest.fixture(scope="module")
+def site(wheel, tmp_path_factory):
+    """The unpacked wheel, read-only, in a folder with spaces and umlauts that anybody may enter."""
+    site = tmp_path_factory.mktemp("site") / "Prüfstand für Köln" / "site packages"
+    install = ("install", "--quiet", "--no-deps", "--no-compile", "--target", str(site))
+    run(sys.executable, "-m", "pip", *install, str(wheel), cwd=wheel.parent)
+    for parent in (site.parent, *list(site.parents)[1:4]):
+        parent.chmod(0o755)
+    for path in (*site.rglob("*"), site):
+        path.chmod(0o555 if path.is_dir() else 0o444)
+    yield site
+    for path in (site, *(p for p in site.rglob("*") if p.is_dir())):
+        path.chmod(0o755)
+
+
 @pytest.mark.slow
-def test_the_wheel_finds_its_models_from_another_folder(tmp_path):
-    pip = (sys.executable, "-m", "pip")
-    build = ("wheel", "--quiet", "--no-deps", "--no-build-isolation", "--wheel-dir", str(tmp_path))
-    run(*pip, *build, str(ROOT), cwd=tmp_path)
-    (wheel,) = tmp_path.glob("wrenchbed-*.whl")
-    inside = zipfile.ZipFile(wheel).namelist()
-    for robot in ("ur5", "medrue"):
-        assert f"wrenchbed/models/{robot}/{robot}.xml" in inside
-    assert "wrenchbed/py.typed" in inside
-    assert "wrenchbed/pages/study.html.j2" in inside
-    for asset in ("echarts.min.js", "echarts.LICENSE", "zrender.LICENSE", "page.js"):
-        assert f"wrenchbed/pages/assets/{asset}" in inside
+def test_it_carries_models_pages_and_what_is_compiled(wheel):
+    missing = INSIDE - set(zipfile.ZipFile(wheel).namelist())
     compiled = shutil.which("cc") is not None
-    assert (LIBRARY in inside) == compiled == ("-cp311-abi3-" in wheel.name)
-    site = tmp_path / "site"
-    run(*pip, "install", "--quiet", "--no-deps", "--target", str(site), str(wheel), cwd=tmp_path)
-    code = (
-        f"import sys; sys.path.insert(0, {str(site)!r})\n"
-        "import numpy, wrenchbed\n"
-        "from wrenchbed.robots.base import models\n"
-        "from wrenchbed.robots.compiled.statics import available\n"
-        f"assert available('chain') == available('medrue') == {compiled}\n"
-        f"assert wrenchbed.__file__.startswith({str(site)!r}), wrenchbed.__file__\n"
-        f"assert str(models()).startswith({str(site)!r}), models()\n"
-        "for name in ('ur5', 'medrue'):\n"
-        "    robot = wrenchbed.load('robots', name)\n"
-        "    q = robot.sample(2, numpy.random.default_rng(0))\n"
-        "    print(wrenchbed.Simulation(robot, robot.parameters.nominal).wrench(q).shape)\n"
-    )
-    assert run(sys.executable, "-I", "-c", code, cwd=tmp_path).count("(2, 6)") == 2
+    assert missing == (set() if compiled else {LIBRARY})
+    assert ("-cp311-abi3-" in wheel.name) == compiled
 
 
 def test_without_a_compiler_the_wheel_is_plain(tmp_path):
-    pip = (sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation")
-    run(*pip, "--wheel-dir", str(tmp_path), str(ROOT), cwd=tmp_path, CC="no-such-compiler")
-    (wheel,) = tmp_path.glob("wrenchbed-*.whl")
+    wheel = built(tmp_path, CC="no-such-compiler")
     assert wheel.name.endswith("-py3-none-any.whl")
     assert LIBRARY not in zipfile.ZipFile(wheel).namelist()
+
+
+@pytest.mark.slow
+def test_it_finds_its_models_from_another_folder(site, tmp_path):
+    shown = run(sys.executable, "-c", ELSEWHERE, cwd=tmp_path, PYTHONPATH=str(site))
+    compiled = str(shutil.which("cc") is not None)
+    assert shown.count(str(site)) == 2 and shown.count("(2, 6)") == 2
+    assert shown.splitlines()[0].split()[-2:] == [compiled, compiled]
+
+
+def obeying() -> list[str]:
+    """What makes root obey the rights of files, as any other user does."""
+    setpriv = shutil.which("setpriv")
+    if os.geteuid() != 0 or setpriv is None:
+        return []
+    without = "-dac_override,-dac_read_search,-fowner"
+    return [setpriv, "--bounding-set", without, "--inh-caps", without, "--"]
+
+
+@pytest.mark.slow
+def test_it_works_read_only_without_home_in_the_c_locale(site):
+    work = site.parents[1] / "Aufnahme übers Meer"
+    work.mkdir(mode=0o777)
+    plain = {"PATH": "/usr/bin:/bin", "LC_ALL": "C", "PYTHONIOENCODING": "ascii"}
+    plain |= {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(site), "TMPDIR": str(work)}
+
+    def verb(line: str, *more: str) -> str:
+        command = [*obeying(), sys.executable, "-m", "wrenchbed", *line.split(), *more]
+        done = subprocess.run(
+            command, cwd=work, env=plain, capture_output=True, check=False, timeout=120.0
+        )
+        assert done.returncode == 0, (command, done.stderr[-1500:])
+        return done.stdout.decode("ascii")
+
+    before = sorted(site.rglob("*"))
+    assert verb("--version").startswith("wrenchbed ")
+    verb("plan ur5 --n 20 --out pläne.parquet")
+    verb("record --robot ur5 --plan pläne.parquet --samples 5 --out", "r ü.parquet")
+    assert "->" in verb("calibrate", "r ü.parquet", "--out", "fit ö.json")
+    verb("diagnose", "r ü.parquet", "--fast", "--out", "fünd")
+    assert (work / "fünd" / "report.html").is_file() and (work / "fit ö.json").is_file()
+    assert sorted(site.rglob("*")) == before
