@@ -44,17 +44,23 @@ def example(title: str) -> dict:
     return json.loads(re.search(r"```json\n(.*?)```", section(title), flags=re.DOTALL).group(1))
 
 
-@pytest.fixture(scope="module")
-def written(tmp_path_factory):
-    """A folder with everything that the verbs write about one robot with a compliant joint."""
-    folder = tmp_path_factory.mktemp("contracts")
-    plan, rec = str(folder / "plan.parquet"), str(folder / "rec.parquet")
+def made(folder, effect):
+    """A folder with what the verbs write of one robot with an effect."""
+    plan, rec = (str(folder / name) for name in ("plan.parquet", "rec.parquet"))
     assert main(["plan", "ur5", "--n", "60", "--out", plan]) == 0
-    effect = "joint.compliance:joint=2,stiffness=9000"
     line = ["record", "--robot", "ur5", "--plan", plan, "--out", rec, "--samples", "30"]
     assert main([*line, "--effect", effect]) == 0
-    assert main(["calibrate", rec, "--out", str(folder / "fit.json")]) == 0
     assert main(["diagnose", rec, "--out", str(folder / "out")]) == 0
+    return folder
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Everything that the verbs write about one robot with a compliant joint."""
+    folder = tmp_path_factory.mktemp("contracts")
+    made(folder, "joint.compliance:joint=2,stiffness=9000")
+    line = ["calibrate", str(folder / "rec.parquet"), "--out", str(folder / "fit.json")]
+    assert main(line) == 0
     return folder
 
 
@@ -122,15 +128,12 @@ def test_every_verdict_is_explained():
     assert {*known} == fields("Verdicts")
 
 
+@pytest.mark.slow
 def test_a_cause_without_a_formula_has_the_fields_of_the_page(tmp_path):
-    rec, out = str(tmp_path / "rec.parquet"), str(tmp_path / "out")
-    plan = str(tmp_path / "plan.parquet")
-    assert main(["plan", "ur5", "--n", "60", "--out", plan]) == 0
-    effect = "sensor.drift:wave2.fx=0.002,wave3.fx=0.002,wave5.fx=-0.004,duration=279"
-    line = ["record", "--robot", "ur5", "--plan", plan, "--out", rec, "--samples", "30"]
-    assert main([*line, "--effect", effect]) == 0
-    assert main(["diagnose", rec, "--out", out]) == 0
-    (entry,) = read(Path(out) / "diagnosis.json")["which"]
+    folder = made(
+        tmp_path, "sensor.drift:wave2.fx=0.002,wave3.fx=0.002,wave5.fx=-0.004,duration=279"
+    )
+    (entry,) = read(folder / "out" / "diagnosis.json")["which"]
     assert entry["effect"] == "sensor.drift"
     plain = set(example("diagnosis.json")["which"][0])
     page = fields("A cause without a formula")

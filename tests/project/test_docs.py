@@ -24,10 +24,13 @@ LONG = {"sealed.md", "second-recording.md", "campaigns.md", "plan.md", "viewing.
 """Guides whose lines take 15 to 60 s each: run with the studies, not by CI."""
 
 
+QUICKEST = "environments.md"
+
+
 def runnable():
-    """Pages with blocks to run; emulators keep real time and want the machine alone."""
+    """Pages with blocks to run, the quickest first; emulators keep real time, alone."""
     pages = []
-    for page in PAGES:
+    for page in sorted(PAGES, key=lambda p: p.name != QUICKEST):
         code = "".join(b.code for b in to_run(page))
         marks = [pytest.mark.wire] if "wrenchbed twin " in code else []
         marks += [pytest.mark.study] if page.name in LONG else []
@@ -92,10 +95,12 @@ def test_readme_is_short():
 
 
 @pytest.mark.slow
-def test_the_page_of_the_command_line_is_the_programs_own_help():
-    command = [sys.executable, str(ROOT / "scripts" / "command_line"), "--check"]
+@pytest.mark.parametrize("script", ["command_line", "messages"])
+def test_a_page_is_what_its_script_writes(script):
+    """The program's own help, and all messages: whoever changes a sentence runs the script."""
+    command = [sys.executable, str(ROOT / "scripts" / script), "--check"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, f"run scripts/{script}: {done.stderr}"
 
 
 def test_public_names_exist_and_are_on_the_page():
@@ -131,14 +136,6 @@ def test_every_parameter_is_in_the_nomenclature():
         close = {parameter, group, f"{group}.x", f"{group}.xx", f"{group}.fx", f"{numbered}1"}
         series = {f"L{i}1" for i in (1, 2)} if parameter.startswith("L") else set()
         assert (close | series) & stems, parameter
-
-
-@pytest.mark.slow
-def test_all_messages_stand_in_one_file_as_the_source_has_them():
-    """Whoever changes a sentence runs scripts/messages, and reads it beside its neighbours."""
-    command = [sys.executable, str(ROOT / "scripts" / "messages"), "--check"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 0, "run scripts/messages"
 
 
 AVOIDED = (

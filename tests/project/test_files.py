@@ -40,49 +40,20 @@ def test_a_writer_that_fails_leaves_the_file_before_it(tmp_path):
     path = tmp_path / "a.txt"
     write_text(path, "before")
     with pytest.raises(RuntimeError), atomic_write(path) as temporary:
+        assert Path(temporary.name) in tmp_path.glob(TEMPORARY)
+        with atomic_write(path) as other:
+            assert other.name != temporary.name
+            other.write(b"before")
         temporary.write(b"half of what comes aft")
         raise RuntimeError
     assert path.read_text() == "before"
     assert names_in(tmp_path) == ["a.txt"]
 
 
-def test_a_full_disk_names_the_file_and_not_its_temporary_name(tmp_path):
-    path = tmp_path / "a.txt"
-    for named in (False, True):
-        with pytest.raises(OSError) as error, atomic_write(path) as temporary:
-            raise OSError(errno.ENOSPC, "No space left on device", *[temporary.name] * named)
-        assert (error.value.errno, error.value.filename) == (errno.ENOSPC, str(path))
-    assert names_in(tmp_path) == []
-
-
 def test_a_number_that_is_not_finite_is_not_written(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json(tmp_path / "a.json", [float("nan")])
     assert names_in(tmp_path) == []
-
-
-def test_temporary_names_differ_and_lie_beside_the_file(tmp_path):
-    path, names = tmp_path / "a.txt", set()
-    for _ in range(3):
-        with atomic_write(path) as temporary:
-            assert Path(temporary.name) in tmp_path.glob(TEMPORARY)
-            names.add(temporary.name)
-    assert len(names) == 3
-
-
-def test_a_written_file_has_the_permissions_of_any_new_file(tmp_path):
-    (tmp_path / "plain").write_bytes(b"")
-    write_bytes(tmp_path / "a", b"")
-    modes = {stat.S_IMODE((tmp_path / n).stat().st_mode) for n in ("plain", "a")}
-    assert len(modes) == 1
-
-
-def test_a_folder_in_the_way_is_named(tmp_path):
-    (tmp_path / "a").mkdir()
-    with pytest.raises(OSError) as error:
-        write_text(tmp_path / "a", "text")
-    assert str(tmp_path / "a") in str(error.value)
-    assert not list(tmp_path.glob(TEMPORARY))
 
 
 def test_a_link_is_replaced_and_not_what_it_points_to(tmp_path):
@@ -96,12 +67,14 @@ def test_a_link_is_replaced_and_not_what_it_points_to(tmp_path):
     assert victim.read_text() == "precious"
 
 
-def test_permissions_of_the_file_before_stay(tmp_path):
-    path = tmp_path / "a"
-    path.write_bytes(b"")
-    path.chmod(0o640)
-    write_bytes(path, b"new")
-    assert stat.S_IMODE(path.stat().st_mode) == 0o640
+def test_permissions_are_those_of_any_new_file_or_of_the_file_before(tmp_path):
+    (tmp_path / "plain").write_bytes(b"")
+    write_bytes(tmp_path / "new", b"")
+    modes = {stat.S_IMODE((tmp_path / n).stat().st_mode) for n in ("plain", "new")}
+    assert len(modes) == 1
+    (tmp_path / "plain").chmod(0o640)
+    write_bytes(tmp_path / "plain", b"new")
+    assert stat.S_IMODE((tmp_path / "plain").stat().st_mode) == 0o640
 
 
 @pytest.mark.parametrize("kind", ["device", "folder", "write-protected"])
@@ -118,6 +91,7 @@ def test_what_must_not_be_replaced_is_refused(kind, tmp_path):
         write_bytes(path, b"new")
     assert error.value.filename == str(path)
     assert (path.stat().st_ino, path.stat().st_size) == (before.st_ino, before.st_size)
+    assert not list(tmp_path.glob(TEMPORARY))
 
 
 def test_a_full_disk_is_named_with_the_space_needed_and_free(tmp_path, monkeypatch):
@@ -129,6 +103,10 @@ def test_a_full_disk_is_named_with_the_space_needed_and_free(tmp_path, monkeypat
         write_bytes(tmp_path / "a", bytes(12_345))
     with pytest.raises(OSError, match="more than 5 B needed"), atomic_write(tmp_path / "a") as file:
         file.write(b"12345")
+    for named in (False, True):  # the file, not its temporary name
+        with pytest.raises(OSError) as error, atomic_write(tmp_path / "a") as temporary:
+            raise OSError(errno.ENOSPC, "No space left on device", *[temporary.name] * named)
+        assert (error.value.errno, error.value.filename) == (errno.ENOSPC, str(tmp_path / "a"))
     assert names_in(tmp_path) == []
 
 

@@ -11,7 +11,7 @@ import wrenchbed as wb
 from wrenchbed.cli import main
 
 REAL = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
-NAMES = {"static": "0-calibration_fts-accel.csv"}
+CSV = REAL / "0-calibration_fts-accel.csv"
 
 
 def verb(*words: object) -> None:
@@ -21,8 +21,7 @@ def verb(*words: object) -> None:
 @pytest.fixture(scope="module")
 def imported(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("real")
-    source = REAL / NAMES["static"]
-    verb("import", source, "--map", REAL / "static.toml", "--out", folder / "rec.parquet")
+    verb("import", CSV, "--map", REAL / "static.toml", "--out", folder / "rec.parquet")
     verb("calibrate", folder / "rec.parquet", "--out", folder / "fit.json")
     verb("diagnose", folder / "rec.parquet", "--fast", "--out", folder / "found")
     return folder
@@ -62,6 +61,6 @@ def test_reports_and_pictures_are_written(imported, tmp_path, capsys):
 def test_the_fit_holds_the_published_mass(imported):
     fit = json.loads((imported / "fit.json").read_text(encoding="utf-8"))
     assert fit["parameters"]["tool.mass"]["value"] == pytest.approx(0.932, abs=0.005)
-    with (REAL / NAMES["static"]).open(encoding="utf-8") as file:
+    with CSV.open(encoding="utf-8") as file:
         rows = sum(1 for _ in csv.reader(file)) - 1
     assert len(wb.Recording.read(imported / "rec.parquet")) == rows

@@ -26,16 +26,8 @@ SAMPLE = ("tests/project/test_dependencies.py", "tests/project/test_scripts.py",
 def unpacked(tmp_path_factory) -> Path:
     """The source distribution, built and unpacked elsewhere."""
     folder = tmp_path_factory.mktemp("sdist")
-    command = [
-        sys.executable,
-        "-m",
-        "hatchling",
-        "build",
-        "--target",
-        "sdist",
-        "--directory",
-        str(folder),
-    ]
+    hatchling = ("hatchling", "build", "--target", "sdist", "--directory", str(folder))
+    command = [sys.executable, "-m", *hatchling]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     (archive,) = folder.glob("*.tar.gz")

@@ -132,26 +132,43 @@ def quick():
         yield
 
 
-@pytest.fixture(scope="module")
-def start(tmp_path_factory, quick):
-    """A folder with the inputs of all lines."""
-    folder = tmp_path_factory.mktemp("start")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        assert run("plan ur5 --n 12 --out p.parquet") == 0
-        assert run("record --robot ur5 --plan p.parquet --samples 6 --out r.parquet") == 0
+SETUP = {
+    " p.parquet": "plan ur5 --n 12 --out p.parquet",
+    " r.parquet": "record --robot ur5 --plan p.parquet --samples 6 --out r.parquet",
+    " cell": "check ur5 --history cell --samples 6 --time 2026-0{}-01T00:00:00Z",
+    " made": "blind make --out made --answers made-answers --cases 2 --seed 5",
+    " claimed": "blind run made --out claimed --method bic --processes 1",
+}
+"""Lines that make an input, by a word of the lines that need it."""
+
+
+class Start:
+    """A folder with the inputs of lines, made where a line needs them first."""
+
+    def __init__(self, folder):
+        self.folder, self.left = folder, dict(SETUP)
         Rest(seconds=70.0).recording(3).write(folder / "rest.parquet")
         (folder / "twin.json").write_text(json.dumps({"format": 1, "robot": "ur5"}))
         (folder / "truth.toml").write_text(TRUTH)
         (folder / "arm.xml").write_text(ARM)
         for name in ("0-calibration_fts-accel.csv", "static.toml"):
-            shutil.copy(NTNU / name, name)
-        for month in (1, 2, 3):
-            line = "check ur5 --history cell --samples 6 --time"
-            assert run(f"{line} 2026-0{month}-01T00:00:00Z") == 4
-        assert run("blind make --out made --answers made-answers --cases 2 --seed 5") == 0
-        assert run("blind run made --out claimed --method bic --processes 1") == 0
-    return folder
+            shutil.copy(NTNU / name, folder / name)
+
+    def of(self, line):
+        """The folder, with what a line needs."""
+        for word in [w for w in self.left if w in line]:
+            setup = self.left.pop(word)
+            self.of(setup)
+            with pytest.MonkeyPatch.context() as patch:
+                patch.chdir(self.folder)
+                for month in (1, 2, 3) if "{}" in setup else (1,):
+                    assert run(setup.format(month)) == (4 if "{}" in setup else 0)
+        return self.folder
+
+
+@pytest.fixture(scope="module")
+def start(tmp_path_factory, quick):
+    return Start(tmp_path_factory.mktemp("start"))
 
 
 def run(line):
@@ -192,11 +209,12 @@ class Case:
 
     def __init__(self, name, start, folder, again, patch):
         self.line, self.folder, self.patch = CASES[name], folder / "state", patch
-        shutil.copytree(start, self.folder)
+        self.inputs = start.of(self.line)
+        shutil.copytree(self.inputs, self.folder)
         patch.chdir(self.folder)
         if again:
             assert run(self.line) == 0
-        made = set(files_in(self.folder)) - set(files_in(start))
+        made = set(files_in(self.folder)) - set(files_in(self.inputs))
         for old in made:  # names under which somebody may keep files
             self.folder.joinpath(f"{old}~").write_bytes(b"precious")
         self.before = files_in(self.folder)
@@ -242,7 +260,7 @@ def test_a_failing_disk_loses_nothing(name, again, every, start, tmp_path, monke
     code, steps, good = case.on(tmp_path / "good")
     assert code == 0
     assert {"open", "write", "fsync", "replace"} <= set(steps)
-    words = {part for f in good.keys() - files_in(start).keys() for part in Path(f).parts}
+    words = {part for f in good.keys() - files_in(case.inputs).keys() for part in Path(f).parts}
     capfd.readouterr()
     stride = 1 if every else STRIDES.get(name, 1)
     for k, step in list(enumerate(steps))[again::stride]:
