@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parents[2]
 
 
-TESTED = ("dev", "hil", "cluster", "logs", "docs", "report", "view")
+TESTED = ("dev", "hil", "logs", "docs", "report", "view")
 """Extras of which tests need the packages."""
 
 
@@ -58,7 +58,7 @@ def test_the_locks_hold_what_the_project_declares():
     extra, core = project["optional-dependencies"], project["dependencies"]
     needs = {
         "run": ("report", "view"),
-        "test": ("dev", "hil", "cluster", "logs", "docs", "report", "view"),
+        "test": ("dev", "hil", "logs", "docs", "report", "view"),
     }
     for lock, extras in needs.items():
         text = (ROOT / "requirements" / f"{lock}.txt").read_text(encoding="utf-8")
