@@ -44,7 +44,7 @@ def test_too_much_force_is_a_protective_stop_that_one_can_leave():
     assert bench.controller.modes.safety is SafetyMode.PROTECTIVE_STOP
     assert np.linalg.norm(bench.controller.estimate.wrench[:3]) > 150.0
     bench.run(5.0)
-    assert bench.controller.unlock()
+    assert bench.controller.modes.unlock()
     bench.write(i0=0)
     bench.script()
     bench.command(10, 0, 0, 0.05, 0, 0, 0, 0.5)

@@ -119,5 +119,7 @@ def test_a_stop_before_the_first_cycle_lasts_as_long_as_any(monkeypatch):
     monkeypatch.setattr(emulator, "_wait", lambda: None)
     with emulator:
         emulator.controller.protective_stop()
-        assert not emulator.controller.modes.unlock(time.monotonic())
-        assert emulator.controller.modes.unlock(time.monotonic() + 5.1)
+        modes = emulator.controller.modes
+        assert not modes.unlock()
+        modes.tick(time.monotonic() + 5.1)
+        assert modes.unlock()

@@ -59,5 +59,5 @@ def test_the_controller_is_that_of_its_arm(model):
     assert np.abs(rotation - wanted[0]).max() < 1e-12
     pose = controller.arm.kinematics.pose(q, np.zeros(6))
     assert np.abs(controller.arm.kinematics.inverse(pose, np.zeros(6), q) - q).max() < 1e-9
-    said = Dashboard(controller, Mock(), lambda: None)._exact["get robot model"]()
+    said = Dashboard(controller, Mock(), lambda: None)._answer("get robot model")
     assert said == {"ur7e": "UR5", "ur12e": "UR10"}.get(model, model.upper().removesuffix("E"))

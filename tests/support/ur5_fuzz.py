@@ -64,8 +64,8 @@ def rtde() -> tuple[Target, list[bytes]]:
 
 def script() -> tuple[Target, list[bytes]]:
     """Programs on their way to the controller: each is translated, or says why not."""
+    from robot_emulators.ur.controller import functions
     from robot_emulators.ur.script import Collector
-    from robot_emulators.ur.script_functions import functions
     from robot_emulators.ur.urscript.machine import compiled
     from robot_emulators.ur.urscript.values import ScriptFaultError
 

@@ -8,21 +8,30 @@ from pathlib import Path
 import numpy as np
 
 from robot_emulators.plant import Plant
-from robot_emulators.ur import messages, programs
+from robot_emulators.ur import (
+    messages,
+    programs,
+    script_math,
+    script_motion,
+    script_registers,
+    script_sockets,
+    script_state,
+)
 from robot_emulators.ur.arm import SAFE_DECELERATION, ControlledArm
-from robot_emulators.ur.external_control import ExternalControl
 from robot_emulators.ur.inputs import Inputs, Terminals
+from robot_emulators.ur.links import ExternalControl
 from robot_emulators.ur.messages import PROTECTIVE_STOP, Event
 from robot_emulators.ur.modes import Modes, Runtime
 from robot_emulators.ur.packets import Values, Version, inputs, outputs, zero
-from robot_emulators.ur.program import Program, ProgramError
 from robot_emulators.ur.programs import Loaded
-from robot_emulators.ur.script import is_secondary
-from robot_emulators.ur.script_functions import functions
-from robot_emulators.ur.script_program import ScriptProgram, program_code
+from robot_emulators.ur.script import Program, ProgramError, is_secondary
+from robot_emulators.ur.script_program import ScriptProgram
 from robot_emulators.ur.settings import ControllerSettings
 from robot_emulators.ur.tool_wrench import ExternalWrench, WrenchEstimate
+from robot_emulators.ur.urscript import machine
+from robot_emulators.ur.urscript.functions import Table
 from robot_emulators.ur.urscript.machine import Code
+from robot_emulators.ur.urscript.values import ScriptFaultError
 
 _MOST_SECONDARY = 4
 """Secondary programs at a time."""
@@ -32,6 +41,21 @@ _KEPT = 4
 """Compiled programs that are kept, for clients that send the same one again."""
 _MORE_FORCE = 30.0
 """Beyond what pressed when a stop was unlocked, from which the robot stops again [N]."""
+_FUNCTIONS = (
+    script_math.TABLE | script_registers.TABLE | script_sockets.TABLE | script_state.TABLE
+    | script_motion.TABLE
+)  # fmt: skip
+"""Functions that a program may call, of any software."""
+_SINCE: dict[str, tuple[tuple[int, int], tuple[int, int], tuple[int, int]]] = {
+    "direct_torque": ((99, 0), (5, 23), (10, 11)),
+    "optimovej": ((99, 0), (5, 21), (10, 8)),
+    "optimovel": ((99, 0), (5, 21), (10, 8)),
+    "get_actual_joint_positions_history": ((3, 0), (5, 0), (10, 0)),
+    "set_target_payload": ((3, 15), (5, 10), (10, 0)),
+    "ft_rtde_input_enable": ((3, 14), (5, 9), (10, 0)),
+}
+"""First software of CB3, e-Series and PolyScope X with a function, as its script manual and the
+maker's driver state."""
 
 
 class Controller:
@@ -48,16 +72,7 @@ class Controller:
         freedrive: the arm may be pushed by hand.
     """
 
-    settings: ControllerSettings
-    arm: ControlledArm
-    estimate: WrenchEstimate
-    inputs: Inputs
-
-    def __init__(
-        self,
-        settings: ControllerSettings,
-        plant: Plant,
-    ) -> None:
+    def __init__(self, settings: ControllerSettings, plant: Plant) -> None:
         self.settings = settings
         self.terminals = Terminals()
         self.external = ExternalWrench()
@@ -71,17 +86,19 @@ class Controller:
         self.loaded: Loaded | None = None
         self.announce: Callable[[Event], None] = lambda event: None
         self.address = ""
-        self.now = 0.0
-        self._code = partial(_code, settings.version)
         self._compiler = ThreadPoolExecutor(1, "urscript")
         self._uploaded: Future[Code] | None = None
         self._secondary: list[ScriptProgram] = []
-        self._said = int(self.modes.safety)
+        self._announced = self.modes.safety
         self._forget()
+
+    @property
+    def now(self) -> float:
+        """Time of the last control cycle (`time.monotonic`, [s])."""
+        return self.modes.now
 
     def cycle(self, now: float) -> None:
         """Take one control cycle at a time of `time.monotonic` [s]."""
-        self.now = now
         self.modes.tick(now)
         if self._uploaded is not None and self._uploaded.done():
             code, self._uploaded = self._uploaded, None
@@ -114,11 +131,11 @@ class Controller:
             ProgramFileError: it cannot be played.
         """
         folder = Path(self.settings.programs) if self.settings.programs else None
-        found = programs.load(folder, name)
-        if found is not None:
+        loaded = programs.load(folder, name)
+        if loaded is not None:
             self.stop_program()
-            self.loaded = found
-        return found is not None
+            self.loaded = loaded
+        return loaded is not None
 
     def play(self) -> bool:
         """Go on after a pause, or start what is loaded; False where neither can be."""
@@ -133,7 +150,8 @@ class Controller:
             return False
         if self.loaded.text:
             return self._start(self.loaded.text)
-        self._begin(ExternalControl(self, self.settings.computer, self._compiled, self._playing))
+        play = partial(ScriptProgram, self)
+        self._begin(ExternalControl(self, self.settings.computer, self._compiled, play))
         return True
 
     def pause(self) -> bool:
@@ -159,20 +177,11 @@ class Controller:
 
     def protective_stop(self, error: Event = PROTECTIVE_STOP) -> None:
         """Brake at once; the program is paused until someone unlocks and plays."""
-        before = self.modes.protective
-        self.modes.protective_stop(self.now)
+        stopped = self.modes.protective_stop()
         self._say_safety()
-        if self.modes.protective and not before:
+        if stopped:
             self.announce(error)
         self._hold()
-
-    def unlock(self) -> bool:
-        """End a protective stop; False where it is too early."""
-        return self.modes.unlock(self.now)
-
-    def unlock_at_once(self) -> None:
-        """End a protective stop as the pendant does when its delay is over."""
-        self.modes.unlock_at_once(self.now)
 
     def emergency_stop(self, until: float) -> None:
         """The button is pressed until a time [s]."""
@@ -185,18 +194,10 @@ class Controller:
         self.modes.power_off()
         self.arm.freeze()
 
-    def power_on(self) -> None:
-        """Off → idle."""
-        self.modes.power_on(self.now)
-
-    def release_brakes(self) -> None:
-        """Idle → running."""
-        self.modes.release_brakes(self.now)
-
     def reboot(self) -> None:
         """Everything as after switching on; the arm stays where it is."""
         self.stop_program()
-        self.modes = Modes(self.settings.power)
+        self.modes = Modes(self.settings.power, self.now)
         self.terminals = Terminals()
         self.inputs.clear()
         self.arm.thaw(go_on=False)
@@ -219,14 +220,14 @@ class Controller:
     def _start(self, text: str, at_once: bool = False) -> bool:
         """Begin a program; a long one once it is compiled. False where its text is none."""
         if at_once or len(text) < _LONG:
-            return self._attempt(lambda: self._code(text))
+            return self._attempt(lambda: compiled(self.settings.version, text))
         self._uploaded = self._compiled(text)
         return True
 
     def _attempt(self, code: Callable[[], Code]) -> bool:
         """Begin an interpreted program; False where its text is none, which is announced."""
         try:
-            program = self._playing(code())
+            program = ScriptProgram(self, code())
         except ProgramError as error:
             self._report(error)
             return False
@@ -238,10 +239,7 @@ class Controller:
 
     def _compiled(self, text: str) -> Future[Code]:
         """Compile a program in another thread, so that no control cycle waits for it."""
-        return self._compiler.submit(self._code, text)
-
-    def _playing(self, code: Code) -> ScriptProgram:
-        return ScriptProgram(self, code)
+        return self._compiler.submit(compiled, self.settings.version, text)
 
     def _begin(self, program: Program) -> None:
         self.arm.thaw(go_on=False)
@@ -263,18 +261,17 @@ class Controller:
             return False
 
     def _say_safety(self) -> None:
-        if self._said != int(self.modes.safety):
-            self._said = int(self.modes.safety)
-            self.announce(messages.safety(self._said))
+        if self._announced is not self.modes.safety:
+            self._announced = self.modes.safety
+            self.announce(messages.safety(int(self._announced)))
 
     def _report(self, error: ProgramError) -> None:
         self.announce(messages.runtime_fault(error.line, error.column, str(error)))
 
     def _load(self) -> np.ndarray:
         """The load that the robot measures (6,), or what a client sends instead."""
-        own = self.arm.plant.wrench()
         if not self.external.enabled:
-            return own
+            return self.arm.plant.wrench()
         rotation, _ = self.arm.kinematics.flange(self.arm.plant.q)
         sent = np.array(self.inputs.values["external_force_torque"])
         return self.external.load(sent, rotation.T @ self.estimate.gravity)
@@ -302,6 +299,21 @@ class Controller:
         self.arm.slider = self.terminals.slider
 
 
+def functions(version: Version) -> Table:
+    """What programs of this software may call."""
+    generation = 0 if version[0] < 5 else 1 if version[0] < 10 else 2
+    missing = {name for name, since in _SINCE.items() if version[:2] < since[generation]}
+    return Table({name: builtin for name, builtin in _FUNCTIONS.items() if name not in missing})
+
+
 @lru_cache(_KEPT)
-def _code(version: Version, text: str) -> Code:
-    return program_code(text, functions(version))
+def compiled(version: Version, text: str) -> Code:
+    """A program for this software.
+
+    Raises:
+        ProgramError: the text is no program.
+    """
+    try:
+        return machine.compiled(text, functions(version))
+    except ScriptFaultError as fault:
+        raise ProgramError(fault.text, fault.line, fault.column) from fault

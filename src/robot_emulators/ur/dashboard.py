@@ -17,8 +17,6 @@ _PROGRAM = "rtde_control.urp"
 _ROLES = ("PROGRAMMER", "OPERATOR", "NONE", "LOCKED", "RESTRICTED")
 _OPERATIONAL = ("MANUAL", "AUTOMATIC")
 _REPORTS = ("controller", "software", "system", "")
-_FAILED = "Failed to execute: {}"
-_UNLOCKED = "Protective stop releasing"
 _TOO_EARLY = (
     "Cannot unlock protective stop until 5s after occurrence. Always inspect cause of "
     "protective stop before unlocking"
@@ -39,32 +37,37 @@ class Dashboard:
         self._line = b""
         self._ended = False
         version = ".".join(map(str, controller.settings.version))
-        self._exact: dict[str, Callable[[], str]] = {
-            "play": lambda: "Starting program" if controller.play() else _FAILED.format("play"),
-            "pause": lambda: "Pausing program" if controller.pause() else _FAILED.format("pause"),
-            "stop": self._after(controller.stop_program, "Stopped"),
+        self._commands: dict[str, tuple[Callable[[], object], str, str]] = {
+            "play": (controller.play, "Starting program", "Failed to execute: play"),
+            "pause": (controller.pause, "Pausing program", "Failed to execute: pause"),
+            "stop": (controller.stop_program, "Stopped", ""),
+            "power on": (lambda: controller.modes.power_on(), "Powering on", ""),
+            "power off": (controller.power_off, "Powering off", ""),
+            "brake release": (lambda: controller.modes.release_brakes(), "Brake releasing", ""),
+            "unlock protective stop": (
+                lambda: controller.modes.unlock(), "Protective stop releasing", _TOO_EARLY
+            ),
+            "close popup": (self._close_popup, "closing popup", ""),
+            "close safety popup": (lambda: None, "closing safety popup", ""),
+            "restart safety": (controller.power_off, "Restarting safety", ""),
+            "savelog": (lambda: None, "Log saved to disk", ""),
+            "shutdown": (shut_down, "Shutting down", ""),
+            "quit": (self._quit, "Disconnected", ""),
+        }  # fmt: skip
+        """Command → what it does, its answer, and that where it does not succeed."""
+        self._questions: dict[str, Callable[[], str]] = {
             "running": lambda: (
                 f"Program running: {str(controller.modes.runtime is Runtime.PLAYING).lower()}"
             ),
             "robotmode": lambda: f"Robotmode: {controller.modes.robot.name}",
             "safetymode": lambda: f"Safetymode: {controller.modes.safety.name}",
             "programstate": lambda: f"{controller.modes.runtime.name} {self._name()}",
-            "power on": self._after(controller.power_on, "Powering on"),
-            "power off": self._after(controller.power_off, "Powering off"),
-            "brake release": self._after(controller.release_brakes, "Brake releasing"),
-            "unlock protective stop": lambda: _UNLOCKED if controller.unlock() else _TOO_EARLY,
-            "close popup": self._close_popup,
-            "close safety popup": lambda: "closing safety popup",
-            "restart safety": self._after(controller.power_off, "Restarting safety"),
             "get loaded program": self._loaded,
             "isprogramsaved": lambda: f"true {self._name()}",
             "polyscopeversion": lambda: f"URSoftware {version} (Nov 10 2021)",
             "version": lambda: version,
-            "savelog": lambda: "Log saved to disk",
             "get serial number": lambda: SERIAL_NUMBER,
             "get robot model": lambda: controller.settings.reported_model,
-            "shutdown": self._after(shut_down, "Shutting down"),
-            "quit": self._quit,
         }
         self._with_value: dict[str, Callable[[str], str]] = {
             "load installation": lambda name: f"Loading installation: {name}",
@@ -75,7 +78,7 @@ class Dashboard:
             "generate support file": lambda _: "Completed successfully: ur_support_file.zip",
         }
         if controller.settings.e_series:
-            self._exact |= {
+            self._questions |= {
                 "safetystatus": lambda: f"Safetystatus: {controller.modes.safety.name}",
                 "is in remote control": lambda: "true",
                 "get operational mode": lambda: controller.operational_mode,
@@ -83,7 +86,7 @@ class Dashboard:
             }
             self._with_value["set operational mode"] = self._set_operational_mode
         else:
-            self._exact["getuserrole"] = lambda: controller.user_role
+            self._questions["getuserrole"] = lambda: controller.user_role
             self._with_value["setuserrole"] = self._set_role
         self._say(GREETING)
 
@@ -104,23 +107,16 @@ class Dashboard:
         self._peer.send(answer.encode("latin-1") + b"\n")
 
     def _answer(self, line: str) -> str:
-        exact = self._exact.get(line.lower())
-        if exact is not None:
-            return exact()
+        word = line.lower()
+        if word in self._commands:
+            act, done, failed = self._commands[word]
+            return failed if act() is False else done
+        if word in self._questions:
+            return self._questions[word]()
         for words, valued in self._with_value.items():
-            if f"{line.lower()} ".startswith(f"{words} "):
+            if f"{word} ".startswith(f"{words} "):
                 return valued(line[len(words) :].strip())
         return f"could not understand: '{line}'"
-
-    @staticmethod
-    def _after(act: Callable[[], None], answer: str) -> Callable[[], str]:
-        """A command that always succeeds, with its answer."""
-
-        def run() -> str:
-            act()
-            return answer
-
-        return run
 
     def _name(self) -> str:
         loaded = self._controller.loaded
@@ -128,18 +124,17 @@ class Dashboard:
 
     def _load(self, name: str) -> str:
         try:
-            found = self._controller.load(name)
+            known = self._controller.load(name)
         except ProgramFileError as error:
             return f"Error while loading program: {name} ({error})"
-        return f"Loading program: {name}" if found else f"File not found: {name}"
+        return f"Loading program: {name}" if known else f"File not found: {name}"
 
     def _loaded(self) -> str:
         loaded = self._controller.loaded
         return "No program loaded" if loaded is None else f"Loaded program: {loaded.name}"
 
-    def _close_popup(self) -> str:
+    def _close_popup(self) -> None:
         self._controller.popup = False
-        return "closing popup"
 
     @staticmethod
     def _flight_report(kind: str) -> str:
@@ -163,6 +158,5 @@ class Dashboard:
         self._controller.user_role = role.upper()
         return f"Setting user role: {role.upper()}"
 
-    def _quit(self) -> str:
+    def _quit(self) -> None:
         self._ended = True
-        return "Disconnected"

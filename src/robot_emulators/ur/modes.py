@@ -46,13 +46,17 @@ _SAFETY_BITS = {
 
 
 class Modes:
-    """State of power, safety and program, and how long each change takes."""
+    """State of power, safety and program, and how long each change takes.
 
-    def __init__(self, powered: bool) -> None:
+    Attributes:
+        now: time of the last control cycle (`time.monotonic`, [s]).
+    """
+
+    def __init__(self, powered: bool, now: float = 0.0) -> None:
         self.robot = RobotMode.RUNNING if powered else RobotMode.POWER_OFF
         self.safety = SafetyMode.NORMAL
         self.runtime = Runtime.STOPPED
-        self.stopped_at = 0.0
+        self.now, self.stopped_at = now, 0.0
         self._next: tuple[float, RobotMode] | None = None
         self._emergency_ends = self._unlocked_at = 0.0
 
@@ -89,48 +93,49 @@ class Modes:
 
     def tick(self, now: float) -> None:
         """Finish what takes its time."""
+        self.now = now
         if self._next is not None and now >= self._next[0]:
             self.robot, self._next = self._next[1], None
-        if 0.0 < self._unlocked_at <= now:
-            self._unlocked_at = 0.0
-            if self.protective:
-                self.safety = SafetyMode.NORMAL
+        if self.protective and 0.0 < self._unlocked_at <= now:
+            self.safety = SafetyMode.NORMAL
         if self.emergency and now >= self._emergency_ends:
             self.safety = SafetyMode.NORMAL
 
-    def power_on(self, now: float) -> None:
+    def power_on(self) -> None:
         """Off → idle."""
         if self.robot is RobotMode.POWER_OFF and self.safety is SafetyMode.NORMAL:
-            self.robot, self._next = RobotMode.POWER_ON, (now + _BOOT_S, RobotMode.IDLE)
+            self.robot, self._next = RobotMode.POWER_ON, (self.now + _BOOT_S, RobotMode.IDLE)
 
     def power_off(self) -> None:
         """Any → off."""
         self.robot, self._next = RobotMode.POWER_OFF, None
 
-    def release_brakes(self, now: float) -> None:
+    def release_brakes(self) -> None:
         """Off or idle → running."""
         if self.safety is SafetyMode.NORMAL and self.robot is not RobotMode.RUNNING:
             steps = 2 if self.robot is RobotMode.POWER_OFF else 1
             self.robot = RobotMode.POWER_ON if steps == 2 else self.robot
-            self._next = (now + steps * _BOOT_S, RobotMode.RUNNING)
+            self._next = (self.now + steps * _BOOT_S, RobotMode.RUNNING)
 
-    def protective_stop(self, now: float) -> None:
-        """The safety system stops the arm; someone must unlock it."""
-        if self.safety is SafetyMode.NORMAL:
-            self.safety, self.stopped_at = SafetyMode.PROTECTIVE_STOP, now
+    def protective_stop(self) -> bool:
+        """The safety system stops the arm; someone must unlock it. False where nothing moves."""
+        if self.safety is not SafetyMode.NORMAL:
+            return False
+        self.safety, self.stopped_at, self._unlocked_at = SafetyMode.PROTECTIVE_STOP, self.now, 0.0
+        return True
 
-    def unlock(self, now: float) -> bool:
+    def unlock(self) -> bool:
         """End a protective stop; False where it is too early."""
-        if self.safety is SafetyMode.PROTECTIVE_STOP:
-            if now - self.stopped_at < UNLOCK_AFTER_S:
-                return False
+        if self.protective and self.now - self.stopped_at < UNLOCK_AFTER_S:
+            return False
+        if self.protective:
             self.safety = SafetyMode.NORMAL
         return True
 
-    def unlock_at_once(self, now: float) -> None:
+    def unlock_at_once(self) -> None:
         """End a protective stop; what must pass before it is asked for is the pendant's affair."""
-        if self.safety is SafetyMode.PROTECTIVE_STOP:
-            self._unlocked_at = now + _UNLOCK_S
+        if self.protective:
+            self._unlocked_at = self.now + _UNLOCK_S
 
     def emergency_stop(self, until: float) -> None:
         """The button is pressed until a time [s]; the arm has no power after it."""

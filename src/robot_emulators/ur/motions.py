@@ -303,7 +303,7 @@ class JointSpeed(ArmMotion):
     """speedj: joint speeds that are reached with an acceleration and then kept for ever."""
 
     def __init__(self) -> None:
-        self._goal = np.zeros(6)
+        self._goal, self._speed = np.zeros(6), np.zeros(6)
         self._rate = 1.0
 
     @property
@@ -311,16 +311,56 @@ class JointSpeed(ArmMotion):
         """Whether the speeds are those that were asked for."""
         return bool(np.abs(self._speed - self._goal).max() < _STILL)
 
-    def aim(self, qd: np.ndarray, acceleration: float) -> None:
+    def aim(self, speed: np.ndarray, acceleration: float) -> None:
         """Take new speeds (6,) [rad/s] and the acceleration towards them [rad/s²]."""
-        self._goal, self._rate = qd, max(acceleration, 0.01)
+        self._goal, self._rate = speed, max(acceleration, 0.01)
 
     def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
         self._speed = np.array(qd)
 
     def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        self._speed = ramp(self._speed, self._goal, self._rate * dt)
-        return np.asarray(q + self._speed * dt)
+        """Towards the goal in a straight line, no component faster than the acceleration."""
+        change, most = self._goal - self._speed, self._rate * dt
+        largest = float(np.abs(change).max())
+        self._speed = self._speed + change * (most / max(largest, most))
+        return np.asarray(q + self._rates(q) * dt)
+
+    def _rates(self, q: np.ndarray) -> np.ndarray:
+        """Joint speeds (6,)."""
+        return self._speed
+
+
+class ToolSpeed(JointSpeed):
+    """speedl: velocity of the TCP in base axes [m/s, rad/s], reached with an acceleration."""
+
+    def __init__(self, kinematics: Kinematics, tcp: np.ndarray) -> None:
+        super().__init__()
+        self._kinematics, self._tcp = kinematics, tcp
+
+    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
+        self._speed = self._kinematics.jacobian(q, self._tcp) @ qd
+
+    def _rates(self, q: np.ndarray) -> np.ndarray:
+        return self._kinematics.rates(q, self._tcp, self._speed)
+
+
+class ToolTrack(ToolSpeed):
+    """servoc: go straight towards a pose that is given again and again, and stay there."""
+
+    def track(self, pose: np.ndarray, speed: float, acceleration: float) -> None:
+        """Take a new pose (6,), the speed [m/s] and the acceleration [m/s²]."""
+        self._pose, self._top, self._rate = pose, max(speed, 1e-4), max(acceleration, 0.01)
+
+    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
+        rotation, position = self._kinematics.transform(q, self._tcp)
+        goal_rotation, goal = matrix(self._pose)
+        turn = rotation_vector(goal_rotation @ rotation.T)
+        way = np.concatenate([goal - position, turn])
+        length = max(float(np.linalg.norm(way[:3])), ROTATION_REACH * float(np.linalg.norm(turn)))
+        if length > 0.0:
+            speed = min(self._top, (self._rate * length) ** 0.5, length / (2.0 * dt))
+            self._goal = way / length * speed
+        return super().step(q, dt)
 
 
 class JointTorque(ArmMotion):
@@ -344,54 +384,3 @@ class JointTorque(ArmMotion):
         rate = (self._torque - self._drag * self._speed) / _INERTIA
         self._speed = np.clip(self._speed + rate * dt, -self._top, self._top)
         return np.asarray(q + self._speed * dt)
-
-
-class ToolSpeed(ArmMotion):
-    """speedl: velocity of the TCP in base axes, reached with an acceleration and then kept."""
-
-    def __init__(self, kinematics: Kinematics, tcp: np.ndarray) -> None:
-        self._kinematics, self._tcp = kinematics, tcp
-        self._goal = np.zeros(6)
-        self._rate = 0.5
-
-    @property
-    def reached(self) -> bool:
-        """Whether the velocity is that which was asked for."""
-        return bool(np.abs(self._twist - self._goal).max() < _STILL)
-
-    def aim(self, twist: np.ndarray, acceleration: float) -> None:
-        """Take a new velocity (6,) [m/s, rad/s] and the acceleration [m/s²]."""
-        self._goal, self._rate = twist, max(acceleration, 0.01)
-
-    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
-        self._twist = self._kinematics.jacobian(q, self._tcp) @ qd
-
-    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        self._twist = ramp(self._twist, self._goal, self._rate * dt)
-        return np.asarray(q + self._kinematics.rates(q, self._tcp, self._twist) * dt)
-
-
-class ToolTrack(ToolSpeed):
-    """servoc: go straight towards a pose that is given again and again, and stay there."""
-
-    def track(self, pose: np.ndarray, speed: float, acceleration: float) -> None:
-        """Take a new pose (6,), the speed [m/s] and the acceleration [m/s²]."""
-        self._pose, self._top, self._rate = pose, max(speed, 1e-4), max(acceleration, 0.01)
-
-    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        rotation, position = self._kinematics.transform(q, self._tcp)
-        goal_rotation, goal = matrix(self._pose)
-        turn = rotation_vector(goal_rotation @ rotation.T)
-        way = np.concatenate([goal - position, turn])
-        length = max(float(np.linalg.norm(way[:3])), ROTATION_REACH * float(np.linalg.norm(turn)))
-        if length > 0.0:
-            speed = min(self._top, (self._rate * length) ** 0.5, length / (2.0 * dt))
-            self._goal = way / length * speed
-        return super().step(q, dt)
-
-
-def ramp(now: np.ndarray, goal: np.ndarray, most: float) -> np.ndarray:
-    """Towards a goal in a straight line, no component by more than ``most``."""
-    change = goal - now
-    largest = float(np.abs(change).max())
-    return goal.copy() if largest <= most else now + change * (most / largest)

@@ -7,15 +7,13 @@ from typing import Any
 import numpy as np
 
 from robot_emulators.ur import kinematics as poses
-from robot_emulators.ur.script_program import vector
-from robot_emulators.ur.urscript.functions import Table
+from robot_emulators.ur.urscript.functions import Six, Table
 from robot_emulators.ur.urscript.values import (
     LONGEST_TEXT,
     Pose,
     ScriptFaultError,
     kind,
     real,
-    shown,
 )
 
 TABLE = Table()
@@ -72,45 +70,41 @@ def struct(_: Any, **fields: Any) -> dict[str, Any]:
     return fields
 
 
-def _pose(value: Any) -> np.ndarray:
-    return vector(value, 6, "a pose")
-
-
 def made(pose: np.ndarray) -> Pose:
     """A pose (6,) as a value of URScript."""
     return Pose(pose.tolist())
 
 
 @TABLE.add()
-def pose_trans(_: Any, p_from: Any, p_from_to: Any) -> Pose:
+def pose_trans(_: Any, p_from: Six, p_from_to: Six) -> Pose:
     """One pose after the other."""
-    return made(poses.pose_trans(_pose(p_from), _pose(p_from_to)))
+    return made(poses.pose_trans(p_from, p_from_to))
 
 
 @TABLE.add()
-def pose_inv(_: Any, p_from: Any) -> Pose:
+def pose_inv(_: Any, p_from: Six) -> Pose:
     """The way back."""
-    rotation, position = poses.matrix(_pose(p_from))
+    rotation, position = poses.matrix(p_from)
     return made(poses.vector(rotation.T, -(rotation.T @ position)))
 
 
 @TABLE.add()
-def pose_sub(_: Any, p_to: Any, p_from: Any) -> Pose:
+def pose_sub(_: Any, p_to: Six, p_from: Six) -> Pose:
     """Difference of positions, and the rotation between."""
-    (last, b), (first, a) = poses.matrix(_pose(p_to)), poses.matrix(_pose(p_from))
+    (last, b), (first, a) = poses.matrix(p_to), poses.matrix(p_from)
     return made(poses.vector(last @ first.T, b - a))
 
 
 @TABLE.add()
-def to_str(_: Any, val: Any) -> str:
+def to_str(_: Any, val: str) -> str:
     """As text."""
-    return shown(val)
+    return val
 
 
 @TABLE.add()
-def str_cat(_: Any, op1: Any, op2: Any) -> str:
+def str_cat(_: Any, op1: str, op2: str) -> str:
     """Two values as one text."""
-    text = shown(op1) + shown(op2)
+    text = op1 + op2
     if len(text) > LONGEST_TEXT:
         raise ScriptFaultError(f"a text of more than {LONGEST_TEXT} characters")
     return text

@@ -1,18 +1,17 @@
 """A program in URScript that plays: what its functions act on, and who of its threads moves."""
 
 from collections import deque
-from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from robot_emulators.ur.links import Links
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.motions import ArmMotion
-from robot_emulators.ur.program import ProgramError
-from robot_emulators.ur.script_links import Links
-from robot_emulators.ur.urscript.functions import Builtin
-from robot_emulators.ur.urscript.machine import Code, Machine, compiled
-from robot_emulators.ur.urscript.values import ProgramEndsError, ScriptFaultError, real, reals
+from robot_emulators.ur.script import ProgramError
+from robot_emulators.ur.urscript.machine import Code, Machine
+from robot_emulators.ur.urscript.values import ProgramEndsError, ScriptFaultError
 
 if TYPE_CHECKING:
     from robot_emulators.ur.controller import Controller
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
 _HISTORY = 512
 """Control cycles whose joint values a program can ask for."""
 PAUSE, STOP = "PAUSE", "STOP"
-MOST = 1e6
-"""Largest number that any quantity of the robot has, SI."""
 _AT_ONCE = "rtde_control"
 """ur_rtde's control script: clients that stream targets count on being heard in the same cycle."""
 
@@ -58,12 +55,11 @@ class ScriptProgram:
         """
         self.history.appendleft(self.arm.plant.q)
         late = self._late(now)
-        if late == STOP:
-            return False
         if late == PAUSE:
             self._watchdogs.clear()
             self.controller.pause()
-            return True
+        if late:
+            return late != STOP
         try:
             return self._machine.cycle()
         except ProgramEndsError:
@@ -85,7 +81,10 @@ class ScriptProgram:
             raise ScriptFaultError(f"there is no input {name}")
         if action.upper() not in (PAUSE, STOP, "IGNORE"):
             raise ScriptFaultError(f"no action {action} of a watchdog: PAUSE, STOP or IGNORE")
-        self._watchdogs[name] = (1.0 / max(frequency, 1e-3), self.controller.now, action.upper())
+        self._watchdogs.pop(name, None)
+        if action.upper() != "IGNORE":
+            patience = 1.0 / max(frequency, 1e-3)
+            self._watchdogs[name] = (patience, self.controller.now, action.upper())
 
     def _late(self, now: float) -> str:
         for name, (patience, since, action) in self._watchdogs.items():
@@ -135,39 +134,3 @@ class ScriptProgram:
         self.controller.protective_stop(error)
         yield
         raise ScriptFaultError(why)
-
-
-def program_code(text: str, table: Mapping[str, Builtin]) -> Code:
-    """Compile a program.
-
-    Raises:
-        ProgramError: the text is no program.
-    """
-    try:
-        return compiled(text, table)
-    except ScriptFaultError as fault:
-        raise ProgramError(fault.text, fault.line, fault.column) from fault
-
-
-def vector(value: Any, count: int, what: str) -> np.ndarray:
-    """Numbers of a list (count,) that a quantity of a robot can have.
-
-    Raises:
-        ScriptFaultError: it is something else.
-    """
-    found = np.array(reals(value, count, what))
-    if not (np.abs(found) <= MOST).all():
-        raise ScriptFaultError(f"{what} holds what no quantity of a robot can be")
-    return found
-
-
-def number(value: Any, what: str) -> float:
-    """A number that a quantity of a robot can have.
-
-    Raises:
-        ScriptFaultError: it is something else.
-    """
-    found = real(value, what)
-    if abs(found) > MOST:
-        raise ScriptFaultError(f"{what} = {found:g} is no quantity of a robot")
-    return found

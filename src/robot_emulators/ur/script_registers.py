@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
-from robot_emulators.ur.script_program import ScriptProgram, number
+from robot_emulators.ur.script_program import ScriptProgram
 from robot_emulators.ur.urscript.functions import Table
 from robot_emulators.ur.urscript.values import ScriptFaultError, real, truth
 
@@ -67,27 +67,29 @@ for _word, (_kind, _type) in _KINDS.items():
     TABLE.add(f"write_output_{_word}_register")(_writes(_kind))
 
 
-def _bit(group: str, n: Any) -> int:
+def _bit(group: str, n: float) -> int:
     """Number of an output's bit; standard outputs from 8 on are the tool's."""
-    k = number(n, "a number of an output")
-    if group == "standard" and k >= 8:
-        group, k = "tool", k - 8
+    if group == "standard" and n >= 8:
+        group, n = "tool", n - 8
     first, count = _GROUPS[group]
-    if not 0 <= k < count or k != int(k):
-        raise ScriptFaultError(f"there is no {group} digital output {k:g}")
-    return first + int(k)
+    if not 0 <= n < count or n != int(n):
+        raise ScriptFaultError(f"there is no {group} digital output {n:g}")
+    return first + int(n)
 
 
 def _sets(group: str) -> Callable[..., None]:
-    def set_output(program: ScriptProgram, n: Any, b: Any) -> None:
+    def set_output(program: ScriptProgram, n: float, b: bool) -> None:
         bit, terminals = _bit(group, n), program.controller.terminals
-        terminals.bits = terminals.bits & ~(1 << bit) | truth(b) << bit
+        terminals.bits = terminals.bits & ~(1 << bit) | b << bit
 
     return set_output
 
 
 def _gets(group: str) -> Callable[..., bool]:
-    return lambda program, n: bool(program.controller.terminals.bits >> _bit(group, n) & 1)
+    def get_output(program: ScriptProgram, n: float) -> bool:
+        return bool(program.controller.terminals.bits >> _bit(group, n) & 1)
+
+    return get_output
 
 
 for _group in _GROUPS:
@@ -100,23 +102,20 @@ for _group in _GROUPS:
     "get_standard_digital_in", "get_digital_in", "get_configurable_digital_in",
     "get_tool_digital_in",
 )  # fmt: skip
-def digital_in(program: ScriptProgram, n: Any) -> bool:
+def digital_in(program: ScriptProgram, n: float) -> bool:
     """Nothing is wired to the inputs."""
-    number(n, "a number of an input")
     return False
 
 
 @TABLE.add("get_standard_analog_in", "get_analog_in")
-def analog_in(program: ScriptProgram, n: Any) -> float:
+def analog_in(program: ScriptProgram, n: float) -> float:
     """Nothing is wired to the inputs."""
-    number(n, "a number of an input")
     return 0.0
 
 
 @TABLE.add("set_standard_analog_out", "set_analog_out")
-def set_standard_analog_out(program: ScriptProgram, n: Any, f: Any) -> None:
+def set_standard_analog_out(program: ScriptProgram, n: float, f: float) -> None:
     """An analog output, as a fraction of its range."""
-    which = int(number(n, "a number of an output"))
-    if which not in (0, 1):
-        raise ScriptFaultError(f"there is no analog output {which}")
-    program.controller.terminals.analog[which] = min(max(number(f, "a fraction"), 0.0), 1.0)
+    if n not in (0, 1):
+        raise ScriptFaultError(f"there is no analog output {n:g}")
+    program.controller.terminals.analog[int(n)] = min(max(f, 0.0), 1.0)

@@ -4,70 +4,68 @@ import struct
 from collections.abc import Callable
 from typing import Any
 
-from robot_emulators.ur.script_links import Link
-from robot_emulators.ur.script_program import ScriptProgram, number
+from robot_emulators.ur.links import DIAL_S, Link
+from robot_emulators.ur.script_program import ScriptProgram
 from robot_emulators.ur.script_registers import int32
 from robot_emulators.ur.urscript.functions import Steps, Table
-from robot_emulators.ur.urscript.values import ScriptFaultError, real, shown
+from robot_emulators.ur.urscript.values import ScriptFaultError
 
 TABLE = Table()
-_DIAL_S = 2.0
-"""How long a connection may take [s]."""
 _NAME = "socket_0"
 _MOST = 255
 """Numbers that one call can read."""
 
 
 @TABLE.add()
-def socket_open(program: ScriptProgram, address: Any, port: Any, socket_name: Any = _NAME) -> Steps:
+def socket_open(
+    program: ScriptProgram, address: str, port: float, socket_name: str = _NAME
+) -> Steps:
     """True once it is connected, False after 2 s."""
-    link = program.links.dial(str(address), int(number(port, "a port")), str(socket_name))
-    end = program.controller.now + _DIAL_S
-    while link is not None and not link.open and not link.lost and program.controller.now < end:
+    link = program.links.dial(address, int(port), socket_name)
+    end = program.controller.now + DIAL_S
+    while link is not None and link.dialling and program.controller.now < end:
         yield
     if link is not None and link.open:
         return True
-    program.links.hang_up(str(socket_name))
+    program.links.hang_up(socket_name)
     yield
     return False
 
 
 @TABLE.add()
-def socket_close(program: ScriptProgram, socket_name: Any = _NAME) -> None:
+def socket_close(program: ScriptProgram, socket_name: str = _NAME) -> None:
     """End a connection."""
-    program.links.hang_up(str(socket_name))
+    program.links.hang_up(socket_name)
 
 
 def _waited(
-    program: ScriptProgram, name: Any, timeout: Any, read: Callable[[Link], bytes | None]
+    program: ScriptProgram, name: str, timeout: float, read: Callable[[Link], bytes | None]
 ) -> Steps:
     """What a read finds in time; a timeout of zero waits for ever. None without anything.
 
     A read that finds the connection closed takes a control cycle, so that no program can spin.
     """
-    patience = real(timeout, "a timeout")
-    end = program.controller.now + patience if patience > 0.0 else float("inf")
+    end = program.controller.now + timeout if timeout > 0.0 else float("inf")
     while True:
-        link = program.links.of(str(name))
+        link = program.links.of(name)
         data = None if link is None else read(link)
         if data is not None:
             return data
-        if link is None or link.lost or program.controller.now >= end:
-            yield
-            return None
+        over = link is None or link.lost or program.controller.now >= end
         yield
+        if over:
+            return None
 
 
-def _count(value: Any) -> int:
-    count = int(number(value, "how many numbers"))
-    if not 1 <= count <= _MOST:
-        raise ScriptFaultError(f"{count} numbers at once: 1 to {_MOST}")
-    return count
+def _count(number: float) -> int:
+    if not 1 <= number <= _MOST:
+        raise ScriptFaultError(f"{number:g} numbers at once: 1 to {_MOST}")
+    return int(number)
 
 
 @TABLE.add()
 def socket_read_binary_integer(
-    program: ScriptProgram, number: Any, socket_name: Any = _NAME, timeout: Any = 2.0
+    program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
     """How many, then so many 32 bit integers; 0 and not-a-number where they do not come."""
     count = _count(number)
@@ -79,7 +77,7 @@ def socket_read_binary_integer(
 
 @TABLE.add()
 def socket_read_byte_list(
-    program: ScriptProgram, number: Any, socket_name: Any = _NAME, timeout: Any = 2.0
+    program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
     """How many, then so many bytes; 0 and −1 where they do not come."""
     count = _count(number)
@@ -88,7 +86,9 @@ def socket_read_byte_list(
 
 
 @TABLE.add()
-def socket_read_line(program: ScriptProgram, socket_name: Any = _NAME, timeout: Any = 2.0) -> Steps:
+def socket_read_line(
+    program: ScriptProgram, socket_name: str = _NAME, timeout: float = 2.0
+) -> Steps:
     """A line without its end; empty where none comes."""
     data = yield from _waited(program, socket_name, timeout, lambda link: link.until(b"\n"))
     return "" if data is None else data.decode("latin-1").rstrip("\r")
@@ -96,10 +96,10 @@ def socket_read_line(program: ScriptProgram, socket_name: Any = _NAME, timeout: 
 
 @TABLE.add()
 def socket_get_var(
-    program: ScriptProgram, name: Any, socket_name: Any = _NAME, timeout: Any = 2.0
+    program: ScriptProgram, name: str, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
     """Ask ``GET name``; the whole number of the answer ``name value``, 0 without one."""
-    if not _send(program, socket_name, f"GET {shown(name)}\n".encode()):
+    if not _send(program, socket_name, f"GET {name}\n".encode()):
         yield
         return 0
     words = str((yield from socket_read_line(program, socket_name, timeout))).split()
@@ -108,35 +108,37 @@ def socket_get_var(
 
 
 @TABLE.add()
-def socket_set_var(program: ScriptProgram, name: Any, value: Any, socket_name: Any = _NAME) -> bool:
+def socket_set_var(
+    program: ScriptProgram, name: str, value: float, socket_name: str = _NAME
+) -> bool:
     """Send ``SET name value``."""
-    return _send(program, socket_name, f"SET {name} {int(number(value, 'a value'))}\n".encode())
+    return _send(program, socket_name, f"SET {name} {int(value)}\n".encode())
 
 
 @TABLE.add()
-def socket_send_int(program: ScriptProgram, value: Any, socket_name: Any = _NAME) -> bool:
+def socket_send_int(program: ScriptProgram, value: Any, socket_name: str = _NAME) -> bool:
     """Send a 32 bit integer."""
     return _send(program, socket_name, struct.pack(">i", int32(value)))
 
 
 @TABLE.add()
-def socket_send_byte(program: ScriptProgram, value: Any, socket_name: Any = _NAME) -> bool:
+def socket_send_byte(program: ScriptProgram, value: float, socket_name: str = _NAME) -> bool:
     """Send a byte."""
-    return _send(program, socket_name, bytes([int(real(value, "a value")) & 0xFF]))
+    return _send(program, socket_name, bytes([int(value) & 0xFF]))
 
 
 @TABLE.add()
-def socket_send_string(program: ScriptProgram, str: Any, socket_name: Any = _NAME) -> bool:
+def socket_send_string(program: ScriptProgram, str: str, socket_name: str = _NAME) -> bool:
     """Send a text."""
-    return _send(program, socket_name, shown(str).encode("latin-1", "replace"))
+    return _send(program, socket_name, str.encode("latin-1", "replace"))
 
 
 @TABLE.add()
-def socket_send_line(program: ScriptProgram, str: Any, socket_name: Any = _NAME) -> bool:
+def socket_send_line(program: ScriptProgram, str: str, socket_name: str = _NAME) -> bool:
     """Send a text and a line's end."""
-    return _send(program, socket_name, shown(str).encode("latin-1", "replace") + b"\n")
+    return _send(program, socket_name, str.encode("latin-1", "replace") + b"\n")
 
 
-def _send(program: ScriptProgram, name: Any, data: bytes) -> bool:
-    link = program.links.of(shown(name))
+def _send(program: ScriptProgram, name: str, data: bytes) -> bool:
+    link = program.links.of(name)
     return link is not None and link.send(data)

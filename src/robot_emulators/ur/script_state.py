@@ -7,13 +7,16 @@ import numpy as np
 
 from robot_emulators.ur.kinematics import vector as pose_of
 from robot_emulators.ur.messages import PROTECTIVE_STOP, popup_shown, said
-from robot_emulators.ur.program import touching
 from robot_emulators.ur.script_math import made
-from robot_emulators.ur.script_program import ScriptProgram, number, vector
-from robot_emulators.ur.urscript.functions import Steps, Table
-from robot_emulators.ur.urscript.values import Pose, ScriptFaultError, real, shown, truth
+from robot_emulators.ur.script_program import ScriptProgram
+from robot_emulators.ur.urscript.functions import Six, Steps, Table, Three, vector
+from robot_emulators.ur.urscript.values import Pose, ScriptFaultError
 
 TABLE = Table()
+CONTACT_FORCE = 10.0
+"""Force against the direction of motion from which the tool touches something [N]."""
+_CYCLES_BACK = 3
+"""What tool_contact answers then: control cycles since the contact."""
 _ACTIVE = "active_tcp"
 _LONGEST_SAID = 1023
 _NEAR = 0.5
@@ -78,22 +81,21 @@ for _name, _act in _NUMBERS.items():
 
 
 @TABLE.add()
-def textmsg(program: ScriptProgram, s1: Any, s2: Any = "") -> None:
+def textmsg(program: ScriptProgram, s1: str, s2: str = "") -> None:
     """A text message to clients of the primary interface."""
-    program.controller.announce(said((shown(s1) + shown(s2))[:_LONGEST_SAID]))
+    program.controller.announce(said((s1 + s2)[:_LONGEST_SAID]))
 
 
 @TABLE.add()
 def popup(
-    program: ScriptProgram, s: Any, title: Any = "Popup", warning: Any = False,
-    error: Any = False, blocking: Any = False,
+    program: ScriptProgram, s: str, title: str = "Popup", warning: bool = False,
+    error: bool = False, blocking: bool = False,
 ) -> Steps:  # fmt: skip
     """Show a text; a blocking one waits until someone closes it."""
-    blocks = truth(blocking)
-    flags = (truth(warning), truth(error), blocks)
-    program.controller.announce(popup_shown(shown(s)[:_LONGEST_SAID], shown(title), flags))
-    program.controller.popup = blocks
-    while blocks and program.controller.popup:
+    shown = popup_shown(s[:_LONGEST_SAID], title, (warning, error, blocking))
+    program.controller.announce(shown)
+    program.controller.popup = blocking
+    while blocking and program.controller.popup:
         yield
 
 
@@ -104,50 +106,52 @@ def sync(program: ScriptProgram) -> Steps:
 
 
 @TABLE.add()
-def sleep(program: ScriptProgram, t: Any) -> Steps:
+def sleep(program: ScriptProgram, t: float) -> Steps:
     """Wait for a time [s]."""
-    if real(t, "a time") > 0.0:
-        yield from program.cycles(min(real(t), 1e9))
+    if t > 0.0:
+        yield from program.cycles(t)
 
 
 @TABLE.add()
 def rtde_set_watchdog(
-    program: ScriptProgram, variable_name: Any, min_frequency: Any, action: Any = "pause"
+    program: ScriptProgram, variable_name: str, min_frequency: float, action: str = "pause"
 ) -> None:
     """Pause or stop the program where an input is written less often [Hz]."""
-    program.watch(shown(variable_name), number(min_frequency, "a frequency"), shown(action))
+    program.watch(variable_name, min_frequency, action)
 
 
 @TABLE.add()
-def get_actual_joint_positions_history(program: ScriptProgram, steps: Any = 0) -> list[float]:
+def get_actual_joint_positions_history(program: ScriptProgram, steps: float = 0) -> list[float]:
     """Joint values some control cycles ago, as far back as is known."""
-    back, history = int(number(steps, "steps")), program.history
-    return [float(v) for v in history[min(max(back, 0), len(history) - 1)]]
+    history = program.history
+    return [float(v) for v in history[min(max(int(steps), 0), len(history) - 1)]]
 
 
 def _tcp(program: ScriptProgram, tcp: Any) -> np.ndarray:
-    return program.arm.tcp if tcp == _ACTIVE else vector(tcp, 6, "a TCP")
+    return program.arm.tcp if tcp == _ACTIVE else vector(tcp, "tcp")
 
 
 @TABLE.add()
-def get_forward_kin(program: ScriptProgram, q: Any = None, tcp: Any = _ACTIVE) -> Pose:
+def get_forward_kin(program: ScriptProgram, q: Six | None = None, tcp: Any = _ACTIVE) -> Pose:
     """Pose of joint values; the present ones if none are given."""
-    joints = program.arm.plant.q if q is None else vector(q, 6, "joint values")
+    joints = program.arm.plant.q if q is None else q
     return made(program.arm.kinematics.pose(joints, _tcp(program, tcp)))
 
 
-def solve(program: ScriptProgram, pose: Any, near: Any = None, tcp: Any = _ACTIVE) -> np.ndarray:
+def solve(
+    program: ScriptProgram, pose: Six, near: Six | None = None, tcp: Any = _ACTIVE
+) -> np.ndarray:
     """Joint values (6,) for a pose, near others or the present ones.
 
     Raises:
         ScriptFaultError: there are none.
     """
-    goal, kinematics = vector(pose, 6, "a pose"), program.arm.kinematics
-    start = program.arm.q if near is None else vector(near, 6, "joint values")
+    kinematics = program.arm.kinematics
+    start = program.arm.q if near is None else near
     active = _tcp(program, tcp)
-    q = kinematics.follow(goal, active, start)
+    q = kinematics.follow(pose, active, start)
     if q is None or np.abs(q - start).max() > _NEAR or not kinematics.within(q):
-        q = kinematics.inverse(goal, active, start)
+        q = kinematics.inverse(pose, active, start)
     if q is None or not kinematics.within(q):
         raise ScriptFaultError("get_inverse_kin: no solution for this pose")
     return q
@@ -155,7 +159,7 @@ def solve(program: ScriptProgram, pose: Any, near: Any = None, tcp: Any = _ACTIV
 
 @TABLE.add()
 def get_inverse_kin(
-    program: ScriptProgram, x: Any, qnear: Any = None, maxPositionError: Any = 1e-10,
+    program: ScriptProgram, x: Six, qnear: Six | None = None, maxPositionError: Any = 1e-10,
     maxOrientationError: Any = 1e-10, tcp: Any = _ACTIVE,
 ) -> list[float]:  # fmt: skip
     """Joint values for a pose."""
@@ -164,11 +168,10 @@ def get_inverse_kin(
 
 @TABLE.add()
 def get_inverse_kin_has_solution(
-    program: ScriptProgram, pose: Any, qnear: Any = None, maxPositionError: Any = 1e-10,
+    program: ScriptProgram, pose: Six, qnear: Six | None = None, maxPositionError: Any = 1e-10,
     maxOrientationError: Any = 1e-10, tcp: Any = _ACTIVE,
 ) -> bool:  # fmt: skip
     """Whether there are joint values for a pose."""
-    vector(pose, 6, "a pose")
     try:
         solve(program, pose, qnear, tcp)
     except ScriptFaultError:
@@ -179,64 +182,60 @@ def get_inverse_kin_has_solution(
 @TABLE.add()
 def is_within_safety_limits(program: ScriptProgram, pose: Any) -> bool:
     """Whether a pose or joint values can be taken."""
+    goal = vector(pose, "pose")
     if isinstance(pose, Pose):
-        return bool(get_inverse_kin_has_solution(program, pose))
-    return program.arm.kinematics.within(vector(pose, 6, "joint values"))
+        return bool(get_inverse_kin_has_solution(program, goal))
+    return program.arm.kinematics.within(goal)
 
 
 @TABLE.add()
-def tool_contact(program: ScriptProgram, direction: Any = None) -> int:
+def tool_contact(program: ScriptProgram, direction: Six | None = None) -> int:
     """Control cycles since something began to push against a direction; 0 where nothing does."""
-    way = None if direction is None else vector(direction, 6, "a direction")
+    way = direction
     if way is None or not way.any():
         way = _speed(program, program.arm.plant.q, program.arm.plant.qd)
-    return touching(program.controller.estimate.wrench, way)
+    length = float(np.linalg.norm(way[:3]))
+    against = -float(program.controller.estimate.wrench[:3] @ way[:3])
+    return _CYCLES_BACK if length > 1e-9 and against > CONTACT_FORCE * length else 0
 
 
 @TABLE.add()
-def set_tcp(program: ScriptProgram, pose: Any, tcp_name: Any = "") -> None:
+def set_tcp(program: ScriptProgram, pose: Six, tcp_name: Any = "") -> None:
     """The TCP in flange axes."""
-    program.arm.tcp = vector(pose, 6, "a TCP")
+    program.arm.tcp = pose
 
 
 @TABLE.add()
-def set_gravity(program: ScriptProgram, d: Any) -> None:
+def set_gravity(program: ScriptProgram, d: Three) -> None:
     """The acceleration that holds the robot against its weight [m/s²]."""
-    program.controller.estimate.hold_against(vector(d, 3, "gravity"))
+    program.controller.estimate.hold_against(d)
 
 
 @TABLE.add()
-def set_payload(program: ScriptProgram, m: Any, cog: Any = None) -> None:
+def set_payload(program: ScriptProgram, m: float, cog: Three | None = None) -> None:
     """Mass [kg] and centre of gravity [m]; without one the old centre stays."""
     estimate = program.controller.estimate
-    place = estimate.payload.cog if cog is None else vector(cog, 3, "a centre of gravity")
-    estimate.carry(number(m, "a mass"), place)
+    estimate.carry(m, estimate.payload.cog if cog is None else cog)
 
 
 @TABLE.add()
 def set_target_payload(
-    program: ScriptProgram, m: Any, cog: Any, inertia: Any = None, transition_time: Any = 0.0
-) -> None:
+    program: ScriptProgram, m: float, cog: Three, inertia: Six | None = None,
+    transition_time: float = 0.0,
+) -> None:  # fmt: skip
     """Mass [kg], centre of gravity [m], inertia [kg·m²]; at once, whatever the transition."""
-    number(transition_time, "a transition time")
-    turning = None if inertia is None else vector(inertia, 6, "inertia")
-    place = vector(cog, 3, "a centre of gravity")
-    program.controller.estimate.carry(number(m, "a mass"), place, turning)
+    program.controller.estimate.carry(m, cog, inertia)
 
 
 @TABLE.add("ft_rtde_input_enable", "enable_external_ft_sensor")
 def ft_rtde_input_enable(
-    program: ScriptProgram, enable: Any, sensor_mass: Any = 0.0,
-    sensor_measuring_offset: Any = None, sensor_cog: Any = None,
+    program: ScriptProgram, enable: bool, sensor_mass: float = 0.0,
+    sensor_measuring_offset: Three | None = None, sensor_cog: Three | None = None,
 ) -> None:  # fmt: skip
     """Take the wrench from the input external_force_torque instead of the robot's own sensor."""
-    offset, place = (
-        np.zeros(3) if value is None else vector(value, 3, what)
-        for value, what in ((sensor_measuring_offset, "an offset"),
-                            (sensor_cog, "a centre of gravity"))
-    )  # fmt: skip
-    mass = number(sensor_mass, "a mass")
-    program.controller.external.enable(truth(enable), mass, offset, place)
+    offset = np.zeros(3) if sensor_measuring_offset is None else sensor_measuring_offset
+    place = np.zeros(3) if sensor_cog is None else sensor_cog
+    program.controller.external.enable(enable, sensor_mass, offset, place)
 
 
 @TABLE.add("set_tool_voltage", "force_mode_set_damping")

@@ -70,7 +70,7 @@ class UREmulator(Emulator):
         for port in served.values():
             port.open()
         more = self._box.start() if self._box is not None else {}
-        self.controller.now = time.monotonic()  # clients are heard before the first cycle
+        self.controller.modes.tick(time.monotonic())  # clients are heard before the first cycle
         self._thread.soon(self._begin)
         self._thread.start()
         return {name: port.address for name, port in served.items()} | more

@@ -1,13 +1,60 @@
-"""Functions of the controller that a program may call: a table by name."""
+"""Functions of the controller that a program may call: a table by name.
+
+Annotations say what an argument must be: a number (``float``), `Three` or `Six` numbers, a truth
+value (``bool``), or whatever can be shown as a text (``str``). Programs have each argument checked
+and converted before the call; other annotations take any value.
+"""
 
 import inspect
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any, get_args
+
+import numpy as np
+
+from robot_emulators.ur.urscript.values import ScriptFaultError, Value, real, reals, shown, truth
 
 Steps = Generator[None, None, Any]
 """What a function that takes time makes: one `next` a control cycle, then its value."""
 Act = Callable[..., Any]
+Three = Annotated[np.ndarray, 3]
+"""Numbers (3,)."""
+Six = Annotated[np.ndarray, 6]
+"""Numbers (6,)."""
+MOST = 1e6
+"""Largest number that any quantity of a robot has, SI."""
+
+
+def number(value: Value, what: str) -> float:
+    """A number that a quantity of a robot can have.
+
+    Raises:
+        ScriptFaultError: it is something else.
+    """
+    plain = real(value, what)
+    if abs(plain) > MOST:
+        raise ScriptFaultError(f"{what} = {plain:g} is no quantity of a robot")
+    return plain
+
+
+def vector(value: Value, what: str, count: int = 6) -> np.ndarray:
+    """Numbers of a list (count,) that a quantity of a robot can have.
+
+    Raises:
+        ScriptFaultError: it is something else.
+    """
+    numbers = np.array(reals(value, count, what))
+    if not (np.abs(numbers) <= MOST).all():
+        raise ScriptFaultError(f"{what} holds what no quantity of a robot can be")
+    return numbers
+
+
+CONVERTERS: dict[str, Callable[[Value, str], Any]] = {
+    "number": number, "six": vector, "three": lambda value, what: vector(value, what, 3),
+    "truth": lambda value, what: truth(value), "text": lambda value, what: shown(value),
+}  # fmt: skip
+"""Kind of an argument → what makes it of a value and its name."""
+_KINDS = {float: "number", Six: "six", Three: "three", bool: "truth", str: "text"}
 
 
 @dataclass(frozen=True)
@@ -17,11 +64,13 @@ class Builtin:
     Attributes:
         act: called with the program's context and the arguments.
         signature: of it, with the names and defaults that programs use.
+        kinds: parameter → kind of `CONVERTERS`, where it has one.
         waits: it makes `Steps`.
     """
 
     act: Act
     signature: inspect.Signature
+    kinds: Mapping[str, str]
     waits: bool
 
 
@@ -36,9 +85,15 @@ class Table(dict[str, Builtin]):
         """Put a function into the table, by its own name or others."""
 
         def put(act: Act) -> Act:
+            signature = inspect.signature(act)
+            kinds = {}
+            for name, parameter in signature.parameters.items():
+                for kind in (parameter.annotation, *get_args(parameter.annotation)):
+                    if kind in _KINDS:
+                        kinds.setdefault(name, _KINDS[kind])
             waits = inspect.isgeneratorfunction(act)
             for name in names or (act.__name__,):
-                self[name] = Builtin(act, inspect.signature(act), waits)
+                self[name] = Builtin(act, signature, kinds, waits)
             return act
 
         return put

@@ -10,7 +10,7 @@ from itertools import islice
 from types import CodeType
 from typing import Any
 
-from robot_emulators.ur.urscript.functions import Act, Builtin, Steps
+from robot_emulators.ur.urscript.functions import CONVERTERS, Act, Builtin, Steps
 from robot_emulators.ur.urscript.translation import OPERATORS, translated
 from robot_emulators.ur.urscript.values import (
     ACTS,
@@ -35,7 +35,8 @@ _MISTAKES = (ArithmeticError, LookupError, NameError, TypeError, ValueError)
 _HELPERS = {
     "ProgramEndsError": ProgramEndsError, "Pose": Pose, "copied": copied, "get": get, "put": put,
     "truth": truth, "o_negative": negative,
-} | {f"o_{name}": ACTS[sign] for sign, name in OPERATORS.items()}  # fmt: skip
+} | {f"o_{name}": ACTS[sign] for sign, name in OPERATORS.items()} | {
+    f"as_{kind}": convert for kind, convert in CONVERTERS.items()}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -446,9 +446,18 @@ class _Translator:
             builtin.signature.bind(None, *places, **{key.text: v for key, v in names})
         except TypeError as error:
             raise ScriptFaultError(f"{name.text}: {error}", name.line, name.column) from None
+
+        def checked(parameter: str, value: ast.expr) -> ast.expr:
+            kind = builtin.kinds.get(parameter)
+            words = _constant(name, f"{name.text}: {parameter}")
+            return value if kind is None else _call(name, f"as_{kind}", value, words)
+
         self._called.add(name.text)
-        call = _call(name, f"b_{name.text}", _name(name, "context"), *places)
-        call.keywords = [_located(key, ast.keyword(key.text, v)) for key, v in names]
+        parameters = list(builtin.signature.parameters)[1:]
+        given = [checked(parameters[k], value) for k, value in enumerate(places)]
+        call = _call(name, f"b_{name.text}", _name(name, "context"), *given)
+        call.keywords = [_located(key, ast.keyword(key.text, checked(key.text, v)))
+                         for key, v in names]  # fmt: skip
         return _waited(name, call) if builtin.waits else call
 
 

@@ -1,0 +1,231 @@
+"""TCP connections that a program opens, and the program that a computer is asked for over one.
+
+Connections are never waited for, and what comes in is bounded. The External Control node asks as
+the maker's URCap does: the computer serves TCP, the robot sends ``request_program`` and a line's
+end, and gets a text. It has no length; it ends with a marker, with the connection, or with silence.
+"""
+
+import contextlib
+import ipaddress
+import select
+import socket
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from typing import TYPE_CHECKING
+
+from robot_emulators.ur.script import Program, ProgramError
+from robot_emulators.ur.urscript.machine import LONGEST, Code
+
+if TYPE_CHECKING:
+    from robot_emulators.ur.controller import Controller
+
+DIAL_S = 2.0
+"""How long a connection may take [s]."""
+_MOST = 16
+"""Connections of one program."""
+_HOLDS = 1 << 16
+"""Bytes that wait for the program beyond what the kernel holds."""
+_REQUEST = b"request_program\n"
+_END = b"# NODE_CONTROL_LOOP_ENDS"
+_ANSWER_S, _SILENT_S = 5.0, 0.5
+"""How long the computer's answer may take, and what silence ends its text [s]."""
+
+
+class Link:
+    """One connection, begun at once; `open` says when it is there."""
+
+    def __init__(self, address: str, port: int, source: str) -> None:
+        self.held = bytearray()
+        self.lost = False
+        self._open = False
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        try:
+            if source:
+                self._socket.bind((source, 0))
+            self._socket.connect((address, port))
+        except BlockingIOError:
+            pass
+        except OSError:
+            self.close()
+
+    @property
+    def open(self) -> bool:
+        """Whether it is connected; it becomes `lost` where that fails."""
+        if not self._open and not self.lost and select.select([], [self._socket], [], 0.0)[1]:
+            self._open = not self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+            if not self._open:
+                self.close()
+        return self._open and not self.lost
+
+    @property
+    def dialling(self) -> bool:
+        """Whether it is neither connected nor lost yet."""
+        return not self.open and not self.lost
+
+    def read(self, count: int) -> bytes | None:
+        """So many bytes, if they are there."""
+        if len(self.held) < count:
+            self._hear()
+        return self._taken(count) if len(self.held) >= count else None
+
+    def until(self, end: bytes) -> bytes | None:
+        """What is there up to an end, which is taken away, too."""
+        if end not in self.held:
+            self._hear()
+        at = self.held.find(end)
+        return self._taken(at + len(end))[:at] if at >= 0 else None
+
+    def all(self) -> bytes | None:
+        """Whatever is there."""
+        self._hear()
+        return self._taken(len(self.held)) if self.held else None
+
+    def send(self, data: bytes) -> bool:
+        """Send; a peer that takes nothing loses the connection."""
+        if not self.open:
+            return False
+        try:
+            sent = self._socket.send(data)
+        except OSError:
+            sent = 0
+        if sent < len(data):
+            self.close()
+        return sent == len(data)
+
+    def close(self) -> None:
+        """End it."""
+        self.lost = True
+        self._socket.close()
+
+    def _taken(self, count: int) -> bytes:
+        data = bytes(self.held[:count])
+        del self.held[:count]
+        return data
+
+    def _hear(self) -> None:
+        while self.open and len(self.held) < _HOLDS:
+            try:
+                data = self._socket.recv(4096)
+            except BlockingIOError:
+                return
+            except OSError:
+                data = b""
+            if not data:
+                self.close()
+            self.held += data
+
+
+class Links:
+    """The connections of one program by name.
+
+    Args:
+        source: address from which they are made; any where it is empty or unspecified.
+    """
+
+    def __init__(self, source: str) -> None:
+        self._source = "" if source in ("", "0.0.0.0") else source
+        self._links: dict[str, Link] = {}
+
+    def dial(self, address: str, port: int, name: str) -> Link | None:
+        """Begin a connection; None where there is no such address or port.
+
+        Names of hosts are not looked up, as that would hold up the control cycle.
+        """
+        address = "127.0.0.1" if address == "localhost" else address
+        with contextlib.suppress(ValueError):
+            ipaddress.IPv4Address(address)
+            if 0 < port < 1 << 16 and (name in self._links or len(self._links) < _MOST):
+                self.hang_up(name)
+                self._links[name] = Link(address, port, self._source)
+                return self._links[name]
+        return None
+
+    def of(self, name: str) -> Link | None:
+        """The connection of a name, if it is open."""
+        link = self._links.get(name)
+        return link if link is not None and (link.open or link.held) else None
+
+    def hang_up(self, name: str) -> None:
+        """End a connection."""
+        link = self._links.pop(name, None)
+        if link is not None:
+            link.close()
+
+    def close(self) -> None:
+        """End all."""
+        for name in list(self._links):
+            self.hang_up(name)
+
+
+class ExternalControl:
+    """A program that is asked for when it plays.
+
+    Args:
+        controller: it plays there.
+        address: of the computer, with its port.
+        compiled: begins to compile a text.
+        play: makes the program of what is compiled.
+
+    Attributes:
+        name: as it is reported.
+    """
+
+    direct = False
+    name = "external_control"
+
+    def __init__(
+        self,
+        controller: "Controller",
+        address: tuple[str, int],
+        compiled: Callable[[str], Future[Code]],
+        play: Callable[[Code], Program],
+    ) -> None:
+        self._controller, self._address = controller, address
+        self._compiled, self._play = compiled, play
+        self._links = Links(controller.address)
+        self._steps = self._fetch()
+        self._program: Program | None = None
+
+    def cycle(self, now: float) -> bool:
+        """Take one control cycle; False at its end.
+
+        Raises:
+            ProgramError: there is no program, or it cannot go on.
+        """
+        if self._program is None:
+            next(self._steps, None)
+            return True
+        return self._program.cycle(now)
+
+    def close(self) -> None:
+        """Its connections end with it."""
+        self._links.close()
+        if self._program is not None:
+            self._program.close()
+
+    def _fetch(self) -> Iterator[None]:
+        controller, (host, port) = self._controller, self._address
+        link = self._links.dial(host, port, "program")
+        end = controller.now + DIAL_S
+        while link is not None and link.dialling and controller.now < end:
+            yield
+        if link is None or not link.send(_REQUEST):
+            raise ProgramError(f"External Control: no connection to {host}:{port}")
+        text, heard, end = bytearray(), controller.now, controller.now + _ANSWER_S
+        while not text or (not link.lost and controller.now - heard < _SILENT_S):
+            data = link.all()
+            if data:
+                text += data
+                heard = controller.now
+            if _END in text or len(text) > 4 * LONGEST:
+                break
+            if not text and (link.lost or controller.now > end):
+                raise ProgramError(f"External Control: {host}:{port} sends no program")
+            yield
+        self._links.close()
+        code = self._compiled(text.decode("utf-8", "replace"))
+        while not code.done():
+            yield
+        self._program = self._play(code.result())
