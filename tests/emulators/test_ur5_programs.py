@@ -11,7 +11,7 @@ import pytest
 from robot_emulators.ur import messages, programs
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.modes import Runtime
-from robot_emulators.ur.program_tree import ProgramFileError
+from robot_emulators.ur.programs import ProgramFileError
 from robot_emulators.ur.script import Collector
 from robot_emulators.ur.settings import ControllerSettings
 from ur5_bench import CYCLE, Bench

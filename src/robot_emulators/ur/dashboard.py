@@ -8,7 +8,7 @@ from collections.abc import Callable
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.modes import Runtime
 from robot_emulators.ur.network import Peer
-from robot_emulators.ur.program_tree import ProgramFileError
+from robot_emulators.ur.programs import ProgramFileError
 
 GREETING = "Connected: Universal Robots Dashboard Server"
 SERIAL_NUMBER = "2021500042"

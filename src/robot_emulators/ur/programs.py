@@ -1,8 +1,10 @@
 """Programs that the dashboard can load: files of a folder, and one that is always there.
 
 A .script file is URScript. A .urp file is the maker's tree of nodes, as XML, packed or not; its
-nodes become URScript (`program_tree`). The node of the External Control URCap asks a computer for
-its program when it plays.
+nodes become URScript. Known are assignments, scripts and script lines, if without else, loops,
+waits, moves by waypoints, threads, folders and comments: with these the maker's own examples play.
+Others are refused by name. The node of the External Control URCap asks a computer for its program
+when it plays.
 """
 
 import xml.etree.ElementTree as ET
@@ -10,12 +12,17 @@ import zlib
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from robot_emulators.ur.program_tree import Converter, ProgramFileError
 from robot_emulators.ur.urscript.machine import LONGEST
 
 EXTERNAL = "external_control.urp"
 _LARGEST = 1 << 22
 """Bytes of a file, unpacked."""
+_SIGNS = {"≟": "==", "≠": "!=", "≤": "<=", "≥": ">=", "×": "*", "÷": "/"}
+_MOVES = {"MoveJ": "movej", "MoveL": "movel", "MoveP": "movep"}
+
+
+class ProgramFileError(Exception):
+    """A file that holds no program, or none that is understood here."""
 
 
 @dataclass(frozen=True)
@@ -70,4 +77,149 @@ def _converted(data: bytes, name: str) -> str:
         root = ET.fromstring(data)
     except (zlib.error, ET.ParseError) as error:
         raise ProgramFileError(f"{name}: {error}") from error
-    return Converter(root, name).text()
+    return _Converter(root, name).text()
+
+
+class _Converter:
+    """Nodes of a program to URScript."""
+
+    def __init__(self, root: ET.Element, name: str) -> None:
+        self._root, self._name = root, name
+        self._parents = {child: parent for parent in root.iter() for child in parent}
+        self._lines: list[str] = []
+
+    def text(self) -> str:
+        """The whole program; empty where its only node asks a computer for it."""
+        nodes = _children(self._root)
+        main = [child for node in nodes if node.tag == "MainProgram" for child in _children(node)]
+        contributed = [node for node in self._root.iter() if node.tag == "Contributed"]
+        if contributed:
+            others = [node for node in main if node.tag not in ("Contributed", "Comment")]
+            external = "External Control" in contributed[0].get("strategyURCapName", "")
+            if others or len(contributed) > 1 or not external:
+                raise self._unknown((others or contributed)[0])
+            return ""
+        self._write(0, f"def {_word(self._root.get('name', 'program'))}():")
+        for node in nodes:
+            if node.tag == "SpecialSequence":
+                self._block(node, 1)
+        for k, node in enumerate([node for node in nodes if node.tag == "Thread"], 1):
+            self._write(1, f"thread Thread_{k}():")
+            self._repeated(node, 2)
+            self._write(1, "end")
+            self._write(1, f"threadId_Thread_{k} = run Thread_{k}()")
+        for node in nodes:
+            if node.tag == "MainProgram":
+                self._repeated(node, 1)
+        self._write(0, "end")
+        return "\n".join(self._lines) + "\n"
+
+    def _repeated(self, node: ET.Element, depth: int) -> None:
+        if node.get("runOnlyOnce") == "true":
+            self._block(node, depth)
+            return
+        self._write(depth, "while True:")
+        self._block(node, depth + 1)
+        self._write(depth + 1, "sync()")
+        self._write(depth, "end")
+
+    def _block(self, node: ET.Element, depth: int) -> None:
+        for child in _children(node):
+            self._node(child, depth)
+
+    def _node(self, node: ET.Element, depth: int) -> None:
+        kind = node.get("type")
+        match node.tag:
+            case "Comment" | "InitVariablesNode":
+                pass
+            case "Folder":
+                self._block(node, depth)
+            case "Halt":
+                self._write(depth, "halt")
+            case "Assignment":
+                name = self._variable(self._needed(node, "variable"))
+                self._write(depth, f"global {name} = {self._expression(node)}")
+            case "Script" if kind == "Line":
+                self._write(depth, self._expression(node))
+            case "Script" if content := node.findtext("cachedContents"):
+                for line in content.splitlines():
+                    self._write(depth, line)
+            case "If":
+                self._enclosed(node, depth, f"if {self._expression(node)}:")
+            case "Loop" if kind in ("While", "Forever"):
+                condition = self._expression(node) if kind == "While" else "True"
+                self._enclosed(node, depth, f"while {condition}:")
+            case "Wait" if kind == "Sleep" and (seconds := node.findtext("waitTime")):
+                self._write(depth, f"sleep({float(seconds)})")
+            case "Move" if move := _MOVES.get(node.get("motionType", "")):
+                self._move(move, node, depth)
+            case _:
+                raise self._unknown(node)
+
+    def _enclosed(self, node: ET.Element, depth: int, head: str) -> None:
+        self._write(depth, head)
+        self._block(node, depth + 1)
+        self._write(depth, "end")
+
+    def _move(self, move: str, node: ET.Element, depth: int) -> None:
+        a, v = float(node.get("acceleration", "1.2")), float(node.get("speed", "0.25"))
+        for point in _children(node):
+            self._write(depth, f"{move}({self._goal(point)}, a={a}, v={v})")
+
+    def _goal(self, point: ET.Element) -> str:
+        kind, angles = point.get("type"), point.find("position/JointAngles")
+        if point.tag == "Waypoint" and kind == "Variable":
+            return self._variable(self._needed(point, "variable"))
+        if point.tag == "Waypoint" and kind == "Fixed" and angles is not None:
+            return "[" + ", ".join(str(float(v)) for v in angles.get("angles", "").split(",")) + "]"
+        raise self._unknown(point)
+
+    def _needed(self, node: ET.Element, tag: str) -> ET.Element:
+        child = node.find(tag)
+        if child is None:
+            raise self._unknown(node)
+        return child
+
+    def _expression(self, node: ET.Element) -> str:
+        words = []
+        for part in self._needed(node, "expression"):
+            if part.tag == "ExpressionVariable":
+                words.append(self._variable(part[0]))
+            else:
+                word = part.get("character") or part.get("token") or ""
+                words.append(_SIGNS.get(word, word))
+        return "".join(words)
+
+    def _variable(self, node: ET.Element) -> str:
+        """A variable's name, where need be at the place that the node refers to."""
+        for step in node.get("reference", "").split("/"):
+            if step == "..":
+                node = self._parents.get(node, node)
+            elif step:
+                tag, _, place = step.rstrip("]").partition("[")
+                children = node.findall(tag)
+                k = int(place or 1) - 1
+                if not 0 <= k < len(children):
+                    raise ProgramFileError(f"{self._name}: a variable that is not there: {step}")
+                node = children[k]
+        if not node.get("name"):
+            raise self._unknown(node)
+        return _word(str(node.get("name")))
+
+    def _unknown(self, node: ET.Element) -> ProgramFileError:
+        kind = node.get("type") or node.get("strategyURCapName") or ""
+        return ProgramFileError(f"{self._name}: a node {node.tag} {kind} is not known here".strip())
+
+    def _write(self, depth: int, line: str) -> None:
+        self._lines.append("  " * depth + line)
+
+
+def _children(node: ET.Element) -> list[ET.Element]:
+    children = node.find("children")
+    return [] if children is None else list(children)
+
+
+def _word(name: str) -> str:
+    """A name that URScript takes."""
+    kept = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in name)
+    return kept if kept and not kept[0].isdigit() else f"_{kept}"
