@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from robot_emulators.errors import SettingError
 from wrenchbed.errors import NotFoundError
 from wrenchbed.hardware.drivers import sim
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.plant.body import Body, BodyOptions
-from wrenchbed.plant.serving import EmulatorOptions, emulated
 from wrenchbed.robots.ur_family import ur_arm
 from wrenchbed.simulation.simulation import Simulation
 
@@ -142,12 +140,6 @@ def test_noise_is_the_sensors_and_seeded():
     assert not np.array_equal(first, other)
     std = bodies[0].sensor.noise.row_std
     assert np.abs(first.std(axis=0) / std - 1).max() < 0.06
-
-
-def test_an_emulator_of_a_bus_stays_away_from_real_ones():
-    options = EmulatorOptions(setting={"bus": "socketcan:can0"})
-    with pytest.raises(SettingError, match="never a bus with real devices"):
-        emulated("medrue", options)
 
 
 def test_times_asked_twice_are_moved_on_not_refused():

@@ -47,12 +47,10 @@ def test_a_motor_holds_what_pushes_and_gives_nothing_at_rest():
 @pytest.mark.wire
 def test_the_driver_records_currents_of_the_drives():
     """At rest: the reported torque over the drive's constant, weight included."""
-    settings = {"port": "0", "bus": "virtual:medrue current"}
+    settings = {"port": "0"}
     with emulated("medrue", EmulatorOptions(HOST, noise="off", setting=settings)) as emulator:
-        options = CanOptions(
-            interface="virtual", channel="medrue current", effort="current", rate=100.0
-        )
-        with CanDriver(options) as driver:
+        port = emulator.hub.port
+        with CanDriver(CanOptions(host=HOST, port=port, effort="current", rate=100.0)) as driver:
             assert until(lambda: driver.health().ok)
             sample = driver.read()
             expected = emulator.plant.body.efforts.torque / [50.0, 0.5, 0.5, 0.5, 0.5, 0.5]
@@ -63,7 +61,7 @@ def test_the_driver_records_currents_of_the_drives():
 @pytest.mark.wire
 def test_the_drivers_effort_is_what_the_motors_give():
     rated = np.array([200.0] + 5 * [2.0])
-    settings = {"port": "0", "bus": "virtual:medrue torque"}
+    settings = {"port": "0"}
     with emulated("medrue", EmulatorOptions(HOST, noise="off", setting=settings)) as emulator:
         body = emulator.plant.body
         step, given = body.step, [np.zeros(6)]
@@ -73,9 +71,8 @@ def test_the_drivers_effort_is_what_the_motors_give():
             given.append(np.rint(1000.0 * body.efforts.torque / rated))
 
         body.step = recorded
-        driver = CanDriver(
-            CanOptions(interface="virtual", channel="medrue torque", effort="torque", rate=100.0)
-        )
+        port = emulator.hub.port
+        driver = CanDriver(CanOptions(host=HOST, port=port, effort="torque", rate=100.0))
         with driver:
             assert driver.health().counters["arm bus_load"] < 0.9
             assert until(lambda: driver.health().ok)

@@ -10,9 +10,7 @@ from medrue_bench import away, options, until
 from robot_emulators.medrue.server import MedrueEmulator
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
-from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
-from wrenchbed.plant.serving import EmulatorOptions as TwinOptions
-from wrenchbed.plant.serving import emulated
+from wrenchbed.hardware.drivers.can import CanDriver
 from wrenchbed.robots.motion_limits import Limits
 from wrenchbed.simulation.simulation import Simulation
 
@@ -197,15 +195,3 @@ def test_what_is_not_on_the_bus_is_named(twin, words, error, named):
     driver = CanDriver(options(HOST, **({"slot": SLOT} | words)))
     with pytest.raises(error, match=named):
         driver.connect()
-
-
-def test_a_twin_on_a_virtual_bus_of_this_process():
-    settings = {"port": "0", "bus": "virtual:medrue", "slot": "1"}
-    with emulated("medrue", TwinOptions("127.0.4.4", noise="off", setting=settings)):
-        driver = CanDriver(CanOptions(interface="virtual", channel="medrue", slot=1))
-        driver.connect()
-        try:
-            assert until(lambda: driver.read().sequence > 20)
-            assert np.abs(driver.position() - driver.robot.home).max() < 1e-4
-        finally:
-            driver.close()

@@ -84,7 +84,7 @@ def http_server() -> tuple[Target, list[bytes]]:
     bias = np.zeros(6)
     sensing = SimpleNamespace(
         rate=7000, status=0, newest=bias, bias=bias, range=bias + 65.0,
-        set_bias=lambda channel, counts: 0, use_units=lambda settings: 0,
+        set_bias=lambda channel, counts: 0,
     )  # fmt: skip
     pace = Pace(7000.0, 10)
     pages = Pages(BoxSettings(), pace, sensing)
@@ -98,7 +98,6 @@ def http_server() -> tuple[Target, list[bytes]]:
     return run, [
         b"/netftapi2.xml?index=3",
         b"/comm.cgi?comrdtrate=500&comrdtbsiz=4&comrdte=1",
-        b"/config.cgi?cfgid=3&cfgnam=a&cfgfu=1&cfgtu=2",
         b"/setting.cgi\nsetbias0=1",
     ]
 

@@ -1,4 +1,4 @@
-"""A CAN bus between processes, and from there to a bus of python-can.
+"""A CAN bus between processes, as a server of socketcand.
 Imports: base, errors.
 Read first: hub.py.
 """

@@ -23,7 +23,7 @@ from robot_emulators.can_bus.socketcand import (
     frame_text,
     split,
 )
-from robot_emulators.errors import EmulatorError, EmulatorWarning
+from robot_emulators.errors import EmulatorWarning
 
 CLIENTS = 16
 """Most clients at a time."""
@@ -307,46 +307,3 @@ class Client(Connection):
             self.transport.write(bytes(self._out))
         self._out.clear()
         return self.closed or self.waiting + len(self._held) <= BUFFER
-
-
-class Bridge:
-    """Passes frames between a hub and a bus of python-can until it is stopped.
-
-    Args:
-        hub: with its devices.
-        interface: ``virtual`` (in this process) or ``socketcan``.
-        channel: name of the bus.
-
-    Raises:
-        EmulatorError: python-can is not installed, or there is no such bus.
-    """
-
-    def __init__(self, hub: Hub, interface: str, channel: str) -> None:
-        try:
-            import can
-        except ImportError as error:
-            raise EmulatorError("bus: install python-can: pip install python-can") from error
-        try:
-            bus = can.Bus(interface=interface, channel=channel)
-        except (OSError, can.CanError, ValueError, NotImplementedError) as error:
-            raise EmulatorError(f"cannot open {interface}:{channel}: {error}") from error
-
-        def to_bus(_: float, frame: Frame) -> None:
-            can_id, data, extended, remote = frame
-            with contextlib.suppress(OSError, can.CanError):
-                bus.send(can.Message(0.0, can_id, extended, remote, data=data), timeout=0.0)
-
-        def to_hub(message: can.Message) -> None:
-            can_id, data = message.arbitration_id, bytes(message.data)
-            if not message.is_error_frame:
-                device.send(Frame(can_id, data, message.is_extended_id, message.is_remote_frame))
-
-        self._bus, self._device = bus, hub.attach(to_bus)
-        device = self._device
-        self._notifier = can.Notifier(bus, [to_hub], timeout=0.1)
-
-    def stop(self) -> None:
-        """Leave the bus; may be called twice."""
-        self._device.heard = None
-        self._notifier.stop()
-        self._bus.shutdown()

@@ -22,7 +22,7 @@ from robot_emulators.base.arguments import (
 )
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.real_time import CycleThread
-from robot_emulators.can_bus.hub import Bridge, Hub
+from robot_emulators.can_bus.hub import Hub
 from robot_emulators.medrue.board import BoardEmulator
 from robot_emulators.medrue.drive import DriveEmulator
 from robot_emulators.medrue.faults import BusFaults
@@ -42,18 +42,11 @@ _QUICK_S = 0.1
 """A quick stop from top speed takes so long [s]; the linear axis slides 3 cm meanwhile."""
 
 
-def _is_bus(name: str) -> bool:
-    """``virtual:NAME`` or ``socketcan:vcanN``: never a bus with real devices. Or none."""
-    kind, _, channel = name.partition(":")
-    return not name or (kind == "virtual" and channel != "") or name.startswith("socketcan:vcan")
-
-
 def _are_nodes(nodes: tuple[int, ...] | None) -> bool:
     six = nodes is not None and len(nodes) == len(set(nodes)) == _JOINTS
     return six and all(1 <= node <= 127 for node in nodes or ())
 
 
-_BUS = Argument(_is_bus, "virtual:NAME or socketcan:vcanN; never a bus with real devices")
 _NODES = Argument(
     _are_nodes, "six different numbers from 1 to 127",
     parse=lambda word: tuple(int(part, 0) for part in word.split(",")),
@@ -66,9 +59,6 @@ class BusSettings(Settings):
 
     port: int = setting(29536, integer(0, 65535), "TCP port of the bus (29536)")
     channel: str = setting("can0", text(), "name of the bus (can0)")
-    bus: str = setting(
-        "", _BUS, "virtual:NAME or socketcan:vcanN, a bus of python-can to serve as well (none)"
-    )
     nodes: tuple[int, ...] = setting(
         (1, 2, 3, 4, 5, 6), _NODES, "ids of the six drives (1,2,3,4,5,6)"
     )
@@ -180,16 +170,12 @@ class MedrueEmulator(Emulator):
             body.gauges, fault=partial(self.faults.now, "can"),
         )  # fmt: skip
         device.heard = self.board.hear
-        self._bridge: Bridge | None = None
         faults = BusFaults(self.faults, hub, self.drives, self.board)
         for drive in self.drives:
             drive.fails = partial(faults.names, drive.node)
 
     def serve(self) -> dict[str, str]:
         self.hub.start()
-        kind, _, channel = self.setting.bus.partition(":")
-        if kind:
-            self._bridge = Bridge(self.hub, kind, channel)
         for drive in self.drives:
             drive.boot()
         self.plant.start()
@@ -197,8 +183,6 @@ class MedrueEmulator(Emulator):
 
     def stop(self) -> None:
         self.plant.stop()
-        if self._bridge is not None:
-            self._bridge.stop()
         self.hub.stop()
 
     def _ratings(self, arm: Arm, j: int, counts: float) -> Ratings:

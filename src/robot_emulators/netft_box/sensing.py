@@ -74,12 +74,6 @@ class BoxSettings(Settings):
         return INTERNAL_RATE[self.product]
 
 
-def _per_si(settings: BoxSettings) -> np.ndarray:
-    """Counts per newton and newton metre (6,)."""
-    unit = np.repeat([NEWTON[settings.force_unit], NEWTON_METRE[settings.torque_unit]], 3)
-    return np.repeat([settings.counts_per_force, settings.counts_per_torque], 3) / unit
-
-
 class Timeline:
     """The simulated time that a sensor reports at a time of this machine.
 
@@ -110,7 +104,9 @@ class Sensing:
         self._body, self._settings, self._faults = body, settings, faults
         self._fault = partial(faults.now, "rdt")
         self.range = np.asarray(body.sensor_range)
-        self.per_si = _per_si(settings)
+        unit = np.repeat([NEWTON[settings.force_unit], NEWTON_METRE[settings.torque_unit]], 3)
+        counts = np.repeat([settings.counts_per_force, settings.counts_per_torque], 3)
+        self.per_si = counts / unit
         """(6,) counts per newton and newton metre."""
         self.rate = settings.internal_rate
         self._timeline = Timeline(body.cycle)
@@ -122,12 +118,6 @@ class Sensing:
         self._skew = (0.0, 0.0, 1.0)
         self.status = 0
         self._drawn = 0
-
-    def use_units(self, settings: BoxSettings) -> None:
-        """Count in other units from now on; the zero stays the same load."""
-        with self._lock:
-            before, self.per_si = self.per_si, _per_si(settings)
-            self._bias = self._bias * self.per_si / before
 
     def observe(self) -> None:
         """Look at the body's clock; to be called often."""
