@@ -390,7 +390,7 @@ def test_a_wrench_can_be_sent_instead_of_the_arms_own():
     bench.play("set_payload(0, [0, 0, 0.001])",
                "ft_rtde_input_enable(True, 2.0, [0, 0, 0.1], [0, 0, 0.05])")  # fmt: skip
     sent = (10.0, 0.0, 0.0, 0.0, 0.0, 0.5)
-    bench.controller.inputs.write("test", {"external_force_torque": sent}, bench.now)
+    bench.controller.inputs.write({"external_force_torque": sent}, bench.now)
     bench.run(CYCLE)
     rotation, _ = bench.arm.kinematics.flange(bench.arm.plant.q)
     down = rotation.T @ np.array([0.0, 0.0, -9.80665]) * 2.0
@@ -414,7 +414,7 @@ def test_the_reported_torque_is_about_the_tcp_on_a_cb3_and_the_flange_later(seri
     out = rotation @ np.array([0.0, 0.0, 0.2])
     at_flange = np.cross(out, push)
     sent = tuple(np.concatenate([rotation.T @ push, rotation.T @ at_flange]).tolist())
-    bench.controller.inputs.write("test", {"external_force_torque": sent}, bench.now)
+    bench.controller.inputs.write({"external_force_torque": sent}, bench.now)
     bench.run(CYCLE)
     wrench = bench.controller.estimate.wrench
     assert np.allclose(wrench[:3], push, atol=1e-9)

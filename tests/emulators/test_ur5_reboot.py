@@ -65,7 +65,7 @@ def test_the_force_controllers_gain_is_one(bench):
 
 def test_the_speed_slider_is_at_full_speed_and_moves_keep_to_it(bench):
     bench.controller.inputs.write(
-        "test", {"speed_slider_mask": (1,), "speed_slider_fraction": (0.25,)}, bench.now
+        {"speed_slider_mask": (1,), "speed_slider_fraction": (0.25,)}, bench.now
     )
     assert bench.arm.slider == 0.25
     assert reboot(bench)["speed_scaling"] == (1.0,)

@@ -42,7 +42,7 @@ class Bench:
         names = {"i": "input_int_register_", "d": "input_double_register_"}
         kinds = {"i": int, "d": float}
         written = {names[k[0]] + k[1:]: (kinds[k[0]](v),) for k, v in values.items()}
-        self.controller.inputs.write("test", written, self.now)
+        self.controller.inputs.write(written, self.now)
 
     def command(self, number: int, *doubles: float, **more: float) -> None:
         """Clear, then give a command of the control script."""

@@ -150,10 +150,8 @@ def registers() -> tuple[Target, list[bytes]]:
             else ("int", struct.unpack(">i", piece[2:6].ljust(4, b"\0"))[0])
         )
         number = 1 + which % 24 if kind == "int" else which % 48
-        controller.inputs.write(
-            "test", {f"input_{kind}_register_{number}": (name,)}, controller.now
-        )
-        controller.inputs.write("test", {"input_int_register_0": (command,)}, controller.now)
+        controller.inputs.write({f"input_{kind}_register_{number}": (name,)}, controller.now)
+        controller.inputs.write({"input_int_register_0": (command,)}, controller.now)
 
     def upload() -> None:
         controller.upload([text])

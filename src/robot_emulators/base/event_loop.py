@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import os
 import selectors
 import socket
 import struct
@@ -139,14 +140,7 @@ class Listener:
         Raises:
             OSError: it is taken or not allowed.
         """
-        one = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        try:
-            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            one.bind((host, port))
-            one.listen(_BACKLOG)
-        except OSError:
-            one.close()
-            raise
+        one = socket.create_server((host, port), backlog=_BACKLOG)
         one.setblocking(False)
         self._socket, self.address = one, one.getsockname()
         self._thread.soon(lambda: self._thread.loop.add_reader(one, self._accept, one))
@@ -190,8 +184,8 @@ class Listener:
 def taken(what: str, host: str, port: int, error: OSError) -> EmulatorError:
     """The error for a port that is taken or not allowed."""
     return EmulatorError(
-        f"cannot serve {what} at {host}:{port} ({error.strerror}): end what listens there, "
-        "or give another host or port (--host 127.x.x.x)"
+        f"cannot serve {what} at {host}:{port} ({os.strerror(error.errno or 0)}): end what listens "
+        "there, or give another host or port (--host 127.x.x.x)"
     )
 
 

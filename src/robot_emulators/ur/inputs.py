@@ -1,13 +1,10 @@
 """What clients write: input registers with their owners, and the control box's outputs."""
 
-from collections import deque
 from collections.abc import Callable, Hashable, Mapping, Sequence
 
 from robot_emulators.ur.packets import Values, zero
 
 IN_USE, NOT_FOUND = "IN_USE", "NOT_FOUND"
-_MOST_WAITING = 256
-"""Packets of one client that wait for their cycles."""
 _CONFIGURABLE, _TOOL = 8, 16
 """First bit of each group in actual_digital_output_bits."""
 
@@ -17,10 +14,6 @@ class Inputs:
 
     A value stays until it is written again. An input belongs to the client whose accepted recipe
     first named it, until that client is gone.
-
-    A controller that hears several packets in one cycle takes them all, so that the newest counts.
-    An emulator that was held up receives the packets of several cycles at once. Of those received
-    after the next cycle's deadline it takes one of each client a cycle, as it would have in time.
 
     Args:
         fields: name → type.
@@ -35,9 +28,6 @@ class Inputs:
         self.at: dict[str, float] = {}
         self._written = written
         self._owners: dict[str, Hashable] = {}
-        self._now, self._due = 0.0, float("inf")
-        self._heard: set[Hashable] = set()
-        self._waiting: dict[Hashable, deque[dict[str, Values]]] = {}
 
     def claim(self, owner: Hashable, names: Sequence[str]) -> list[str]:
         """The inputs' types, or why not; nothing is claimed unless all are free."""
@@ -49,40 +39,17 @@ class Inputs:
     def release(self, owner: Hashable) -> None:
         """Free what a client holds."""
         self._owners = {name: held for name, held in self._owners.items() if held != owner}
-        for values in self._waiting.pop(owner, ()):
-            self._take(values, self._now)
 
-    def write(self, owner: Hashable, values: dict[str, Values], now: float) -> None:
-        """Take the values of one packet, or keep them for their cycle."""
-        self._now = now
-        waiting = self._waiting.setdefault(owner, deque())
-        waiting.append(values)
-        if now <= self._due or owner not in self._heard or len(waiting) > _MOST_WAITING:
-            self._hear(owner, len(waiting))
-
-    def cycle(self, now: float, due: float) -> None:
-        """A cycle is over; the next has its deadline at ``due`` of `time.monotonic` [s]."""
-        self._now, self._due = now, due
-        self._heard.clear()
-        for owner, waiting in self._waiting.items():
-            if waiting:
-                self._hear(owner, 1 if now > due else len(waiting))
-
-    def clear(self) -> None:
-        """As after switching on."""
-        self._waiting.clear()
-        self.values = {name: zero(kind) for name, kind in self.fields.items()}
-        self.at.clear()
-
-    def _hear(self, owner: Hashable, packets: int) -> None:
-        self._heard.add(owner)
-        for _ in range(packets):
-            self._take(self._waiting[owner].popleft(), self._now)
-
-    def _take(self, values: dict[str, Values], now: float) -> None:
+    def write(self, values: dict[str, Values], now: float) -> None:
+        """Take the values of one packet."""
         self.values.update(values)
         self.at.update(dict.fromkeys(values, now))
         self._written(values)
+
+    def clear(self) -> None:
+        """As after switching on."""
+        self.values = {name: zero(kind) for name, kind in self.fields.items()}
+        self.at.clear()
 
     def _type(self, owner: Hashable, name: str) -> str:
         if name not in self.fields:

@@ -165,7 +165,7 @@ class RtdeSession:
         recipe = self.inputs.get(payload[0]) if payload else None
         values = None if recipe is None else recipe.unpack(payload[1:])
         if values is not None:
-            self._offer.inputs.write(id(self), values, self._now)
+            self._offer.inputs.write(values, self._now)
 
 
 class Rtde:

@@ -199,7 +199,6 @@ class UREmulator(Emulator):
         self.timestamp.jump(clock.lost - lost)
         self.controller.arm.due = clock.due - clock.period
         self._cycle(behind)
-        self.controller.inputs.cycle(time.monotonic(), clock.due)
         self._wait(_PAUSE * clock.period if behind * clock.period < _LATE_S else 0.0)
 
     def _break_down(self, error: Exception) -> None:

@@ -73,6 +73,11 @@ class Builtin:
     kinds: Mapping[str, str]
     waits: bool
 
+    @property
+    def parameters(self) -> list[str]:
+        """Names of the arguments, in order."""
+        return list(self.signature.parameters)[1:]
+
 
 class Table(dict[str, Builtin]):
     """Functions by name; `add` is a decorator.

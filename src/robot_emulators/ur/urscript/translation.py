@@ -2,9 +2,10 @@
 
 Each function of a program becomes a generator function, which yields where it waits for the next
 control cycle. Variables are called ``v_name``, functions ``f_name``, those of the controller
-``b_name``, operators ``o_…``; every node has the place of its token, so that Python's tracebacks
-tell where a program failed. Variables of the program itself are Python's globals; a function
-assigns to the nearest variable of a name that is assigned around it, else to one of its own.
+``b_name``, operators ``o_…``; every node has the place of its token or of what holds it, so that
+Python's tracebacks tell where a program failed. Variables of the program itself are Python's
+globals; a function assigns to the nearest variable of a name that is assigned around it, else to
+one of its own.
 """
 
 import ast
@@ -111,26 +112,27 @@ class _Translator:
             body = self._block(lexer.END)
         if self._next().kind != lexer.END:
             raise self._wrong(self._next())
-        program = self._generator(start, "program", [], body)
-        shared = self._top.plain | self._top.local | {
-            name for scope, _ in self._functions for name in scope.shared
-        } | self._top.shared  # fmt: skip
-        self._declare(program, start, shared, set())
+        program = _generator(start, "program", [], body)
+        shared = set().union(
+            self._top.plain, self._top.local, self._top.shared,
+            *(scope.shared for scope, _ in self._functions),
+        )  # fmt: skip
+        _declare(program, shared, set())
         for scope, function in self._functions:
             self._resolve(scope, function, shared)
-        return Translation(name, secondary, ast.Module([program], []), frozenset(self._called))
+        module = ast.fix_missing_locations(ast.Module([program], []))
+        return Translation(name, secondary, module, frozenset(self._called))
 
     def _is_whole(self) -> bool:
         """Whether the text is one function without parameters, from its first token to its end."""
-        kinds = [token.kind for token in self._tokens]
         self._skip_lines()
+        kinds = [token.kind for token in self._tokens[self._at :]]
         marks = [token.text for token in self._tokens[self._at + 2 : self._at + 4]]
-        if self._next().kind not in ("def", "sec") or marks != ["(", ")"]:
+        if kinds[0] not in ("def", "sec") or marks != ["(", ")"]:
             return False
-        opens = ("def", "sec", "thread", "if", "while")
         depth = 0
-        for k in range(self._at, len(kinds)):
-            depth += (kinds[k] in opens) - (kinds[k] == "end")
+        for k, kind in enumerate(kinds):
+            depth += (kind in ("def", "sec", "thread", "if", "while")) - (kind == "end")
             if depth == 0:
                 return all(kind in (lexer.LINE, lexer.END) for kind in kinds[k + 1 :])
         return True
@@ -142,17 +144,7 @@ class _Translator:
             enclosing |= around.bound - around.shared
             around = around.around
         free = scope.plain - scope.parameters - scope.local - scope.shared
-        start = self._tokens[0]
-        self._declare(function, start, scope.shared | (free & shared - enclosing), free & enclosing)
-
-    @staticmethod
-    def _declare(
-        function: ast.FunctionDef, place: Token, shared: set[str], enclosing: set[str]
-    ) -> None:
-        for kind, names in ((ast.Global, shared), (ast.Nonlocal, enclosing)):
-            if names:
-                statement = kind([f"v_{name}" for name in sorted(names)])
-                function.body.insert(0, _located(place, statement))
+        _declare(function, scope.shared | (free & shared - enclosing), free & enclosing)
 
     # ---- tokens ------------------------------------------------------------------------------
 
@@ -201,18 +193,18 @@ class _Translator:
         while True:
             while self._next().kind == lexer.LINE or self._next().text == ";":
                 self._at += 1
-            if self._next().kind in ends:
+            token = self._next()
+            if token.kind in ends:
                 self._depth -= 1
                 return functions + rest
             statement = self._statement()
-            if isinstance(statement, ast.FunctionDef):
-                functions.append(statement)
-            elif statement is not None:
-                rest.append(statement)
+            if statement is not None:
+                kind = functions if isinstance(statement, ast.FunctionDef) else rest
+                kind.append(_located(token, statement))
 
     def _body(self, *ends: str) -> list[ast.stmt]:
-        place = self._take(":")
-        return self._block(*ends) or [_located(place, ast.Pass())]
+        self._take(":")
+        return self._block(*ends) or [ast.Pass()]
 
     def _statement(self) -> ast.stmt | None:
         token = self._next()
@@ -220,8 +212,7 @@ class _Translator:
             return self._function()
         if token.kind in ("if", "while", "return", "break", "continue", "halt", "kill", "join"):
             self._at += 1
-            make = {"if": self._if, "while": self._while, "return": self._return}.get(token.kind)
-            return self._leave(token) if make is None else make(token)
+            return self._keyword(token)
         if token.kind in _SILENT:
             self._at += 1
             return None
@@ -232,60 +223,55 @@ class _Translator:
             return self._assign(token, scope.text if scope else "", target)
         if scope is not None:
             raise self._wrong(self._next())
-        return _located(token, ast.Expr(target))
+        return ast.Expr(target)
 
     def _assign(self, token: Token, scope: str, target: ast.expr) -> ast.stmt:
-        value = self._expression()
+        value = _own_value(self._expression())
         if isinstance(target, ast.Name):
-            name = target.id[2:]
             names = {"global": self._scope.shared, "local": self._scope.local}
-            names.get(scope, self._scope.plain).add(name)
+            names.get(scope, self._scope.plain).add(target.id[2:])
             target.ctx = ast.Store()
-            return _located(token, ast.Assign([target], _own_value(token, value)))
+            return ast.Assign([target], value)
         if isinstance(target, ast.Call) and getattr(target.func, "id", "") == "get":
-            put = _call(token, "put", _own_value(token, value), *target.args)
-            return _located(token, ast.Expr(put))
+            return ast.Expr(_call(token, "put", value, *target.args))
         raise self._wrong(token)
 
-    def _leave(self, token: Token) -> ast.stmt:
-        if token.kind == "halt":
-            return _located(token, ast.Raise(_name(token, "ProgramEndsError"), None))
-        if token.kind == "kill":
-            return _located(token, ast.Expr(_call(token, "kill", self._expression())))
-        if token.kind == "join":
-            waited = _waited(token, _call(token, "join", self._expression()))
-            return _located(token, ast.Expr(waited))
-        return _located(token, ast.Break() if token.kind == "break" else ast.Continue())
-
-    def _return(self, token: Token) -> ast.stmt:
-        bare = self._next().kind in (lexer.LINE, "end")
-        value = None if bare else self._expression()
-        return _located(token, ast.Return(value))
-
-    def _while(self, token: Token) -> ast.stmt:
-        test = _truth(token, self._expression())
-        body = [_located(token, ast.Expr(_call(token, "spend"))), *self._body("end")]
-        self._take("end")
-        return _located(token, ast.While(test, body, []))
+    def _keyword(self, token: Token) -> ast.stmt:
+        match token.kind:
+            case "if":
+                return self._if(token)
+            case "while":
+                test = _truth(self._expression())
+                body = [ast.Expr(_call(token, "spend")), *self._body("end")]
+                self._take("end")
+                return ast.While(test, body, [])
+            case "return":
+                bare = self._next().kind in (lexer.LINE, "end")
+                return ast.Return(None if bare else self._expression())
+            case "halt":
+                return ast.Raise(_name("ProgramEndsError"), None)
+            case "kill":
+                return ast.Expr(_call(token, "kill", self._expression()))
+            case "join":
+                return ast.Expr(ast.YieldFrom(_call(token, "join", self._expression())))
+        return ast.Break() if token.kind == "break" else ast.Continue()
 
     def _if(self, token: Token) -> ast.stmt:
-        ends = ("elif", "else", "end")
-        test = _truth(token, self._expression())
-        body = self._body(*ends)
+        test = _truth(self._expression())
+        body = self._body("elif", "else", "end")
         otherwise: list[ast.stmt] = []
         if following := self._seen("elif"):
-            otherwise = [self._if(following)]
-        elif self._seen("else"):
-            otherwise = self._body("end")
-            self._take("end")
+            otherwise = [_located(following, self._if(following))]
         else:
+            if self._seen("else"):
+                otherwise = self._body("end")
             self._take("end")
-        return _located(token, ast.If(test, body, otherwise))
+        return ast.If(test, body, otherwise)
 
     def _function(self) -> ast.stmt:
         start = self._take("def", "sec", "thread")
         name = self._take(lexer.NAME)
-        scope = self._scope = _Scope(self._scope)
+        around, self._scope = self._scope, _Scope(self._scope)
         defaults: list[ast.expr] = []
         names: list[str] = []
         self._take("(")
@@ -295,40 +281,14 @@ class _Translator:
                 defaults.append(self._expression())
             elif defaults:
                 raise self._wrong(self._next())
-            if self._next().text != ")":
-                self._take(",")
-        scope.parameters.update(names)
-        body = self._body("end")
+            self._comma(")")
+        self._scope.parameters.update(names)
+        function = _generator(start, f"f_{name.text}", names, self._body("end"))
         self._take("end")
-        assert scope.around is not None
-        self._scope = scope.around
-        function = self._generator(start, f"f_{name.text}", names, body)
         function.args.defaults = defaults
-        self._functions.append((scope, function))
+        self._functions.append((self._scope, function))
+        self._scope = around
         return function
-
-    @staticmethod
-    def _generator(
-        place: Token, name: str, parameters: list[str], body: list[ast.stmt]
-    ) -> ast.FunctionDef:
-        """A generator function; what it is given becomes its own."""
-        never = ast.If(
-            _located(place, ast.Constant(False)),
-            [_located(place, ast.Expr(_located(place, ast.Yield(None))))], [],
-        )  # fmt: skip
-        first: list[ast.stmt] = [
-            _located(place, never), _located(place, ast.Expr(_call(place, "spend"))),
-        ]  # fmt: skip
-        for parameter in parameters:
-            target = _name(place, f"v_{parameter}", ast.Store())
-            copy = _call(place, "copied", _name(place, f"v_{parameter}"))
-            first.append(_located(place, ast.Assign([target], copy)))
-        arguments = ast.arguments(
-            posonlyargs=[], kwonlyargs=[], kw_defaults=[], defaults=[],
-            args=[_located(place, ast.arg(f"v_{parameter}")) for parameter in parameters],
-        )  # fmt: skip
-        function = ast.FunctionDef(name, arguments, first + body, [])
-        return _located(place, function)
 
     # ---- expressions -------------------------------------------------------------------------
 
@@ -345,7 +305,7 @@ class _Translator:
         count = 0
         while (sign := self._seen(*_LEVELS[number])) is not None:
             self._skip_lines()
-            left = _operation(sign, left, self._level(number + 1))
+            left = _located(sign, _operation(sign, left, self._level(number + 1)))
             count += 1
             if count > _LONGEST_CHAIN:
                 raise ScriptFaultError("nested too deeply", sign.line, sign.column)
@@ -359,7 +319,7 @@ class _Translator:
         operand = self._level(2) if sign.text == "not" else self._unary()
         self._depth -= 1
         if sign.text == "not":
-            return _located(sign, ast.UnaryOp(ast.Not(), _truth(sign, operand)))
+            return _located(sign, ast.UnaryOp(ast.Not(), _truth(operand)))
         return operand if sign.text == "+" else _call(sign, "o_negative", operand)
 
     def _postfix(self, target: ast.expr) -> ast.expr:
@@ -369,7 +329,7 @@ class _Translator:
                 self._take("]")
             elif token := self._seen("."):
                 member = self._take(lexer.NAME)
-                target = _call(token, "get", target, _constant(member, member.text))
+                target = _call(token, "get", target, ast.Constant(member.text))
             else:
                 return target
 
@@ -378,9 +338,10 @@ class _Translator:
         kind = token.kind
         self._at += kind != lexer.END
         if kind in (lexer.NUMBER, lexer.TEXT, "True", "False"):
-            return _constant(token, _literal(token))
+            return _located(token, ast.Constant(_literal(token)))
         if kind == lexer.NAME:
-            return self._call(token) if self._seen("(") else _name(token, f"v_{token.text}")
+            name = _located(token, _name(f"v_{token.text}"))
+            return self._call(token) if self._seen("(") else name
         if kind == "run":
             name = self._take(lexer.NAME)
             self._take("(")
@@ -392,118 +353,136 @@ class _Translator:
             if kind != lexer.POSE:
                 return _located(token, ast.List(items, ast.Load()))
             if len(items) == 1:  # an element of a variable p
-                return _call(token, "get", _name(token, "v_p"), items[0])
+                return _call(token, "get", _name("v_p"), items[0])
             if len(items) != 6:
                 raise ScriptFaultError("a pose has six elements", token.line, token.column)
-            return _call(token, "Pose", _located(token, ast.List(items, ast.Load())))
+            return _call(token, "Pose", ast.List(items, ast.Load()))
         if token.text == "(" and kind == lexer.MARK:
             inner = self._expression()
             self._take(")")
             return inner
         raise self._wrong(token)
 
+    def _comma(self, end: str) -> None:
+        if self._next().text != end:
+            self._take(",")
+
     def _items(self) -> list[ast.expr]:
         items = []
         while not self._seen("]"):
-            place = self._next()
-            items.append(_own_value(place, self._expression()))
-            if self._next().text != "]":
-                self._take(",")
+            items.append(_own_value(self._expression()))
+            self._comma("]")
         return items
 
-    def _arguments(self) -> tuple[list[ast.expr], list[tuple[Token, ast.expr]]]:
+    def _arguments(self) -> tuple[list[ast.expr], dict[str, ast.expr]]:
         """Arguments of a call by place, and by name."""
         places: list[ast.expr] = []
-        names: list[tuple[Token, ast.expr]] = []
+        names: dict[str, ast.expr] = {}
         while not self._seen(")"):
             following = self._tokens[self._at + 1] if self._next().kind == lexer.NAME else None
             if following is not None and following.text == "=" and following.kind == lexer.MARK:
                 keyword = self._take(lexer.NAME)
+                if keyword.text in names:
+                    raise self._wrong(keyword)
                 self._at += 1
-                names.append((keyword, self._expression()))
+                names[keyword.text] = self._expression()
             elif names:
                 raise self._wrong(self._next())
             else:
                 places.append(self._expression())
-            if self._next().text != ")":
-                self._take(",")
+            self._comma(")")
         return places, names
 
     def _own_call(self, name: Token) -> ast.Call:
         places, names = self._arguments()
         call = _call(name, f"f_{name.text}", *places)
-        call.keywords = [_located(key, ast.keyword(f"v_{key.text}", v)) for key, v in names]
+        call.keywords = [ast.keyword(f"v_{key}", value) for key, value in names.items()]
         return call
 
     def _call(self, name: Token) -> ast.expr:
         if name.text in self._own:
-            return _waited(name, self._own_call(name))
+            return _located(name, ast.YieldFrom(self._own_call(name)))
         builtin = self._table.get(name.text)
         if builtin is None:
             raise ScriptFaultError(NO_NAME.format(name.text), name.line, name.column)
         places, names = self._arguments()
         try:
-            builtin.signature.bind(None, *places, **{key.text: v for key, v in names})
+            builtin.signature.bind(None, *places, **names)
         except TypeError as error:
             raise ScriptFaultError(f"{name.text}: {error}", name.line, name.column) from None
 
         def checked(parameter: str, value: ast.expr) -> ast.expr:
             kind = builtin.kinds.get(parameter)
-            words = _constant(name, f"{name.text}: {parameter}")
+            words = ast.Constant(f"{name.text}: {parameter}")
             return value if kind is None else _call(name, f"as_{kind}", value, words)
 
         self._called.add(name.text)
-        parameters = list(builtin.signature.parameters)[1:]
-        given = [checked(parameters[k], value) for k, value in enumerate(places)]
-        call = _call(name, f"b_{name.text}", _name(name, "context"), *given)
-        call.keywords = [_located(key, ast.keyword(key.text, checked(key.text, v)))
-                         for key, v in names]  # fmt: skip
-        return _waited(name, call) if builtin.waits else call
+        given = [checked(*pair) for pair in zip(builtin.parameters, places, strict=False)]
+        call = _call(name, f"b_{name.text}", _name("context"), *given)
+        call.keywords = [ast.keyword(key, checked(key, value)) for key, value in names.items()]
+        return _located(name, ast.YieldFrom(call)) if builtin.waits else call
+
+
+def _generator(
+    place: Token, name: str, parameters: list[str], body: list[ast.stmt]
+) -> ast.FunctionDef:
+    """A generator function; what it is given becomes its own."""
+    first: list[ast.stmt] = [
+        ast.If(ast.Constant(False), [ast.Expr(ast.Yield(None))], []),
+        ast.Expr(_call(place, "spend")),
+    ]
+    for parameter in parameters:
+        copy = _call(place, "copied", _name(f"v_{parameter}"))
+        first.append(ast.Assign([ast.Name(f"v_{parameter}", ast.Store())], copy))
+    arguments = ast.arguments(
+        posonlyargs=[], args=[ast.arg(f"v_{parameter}") for parameter in parameters],
+        kwonlyargs=[], kw_defaults=[], defaults=[],
+    )  # fmt: skip
+    return _located(place, ast.FunctionDef(name, arguments, first + body, []))
+
+
+def _declare(function: ast.FunctionDef, shared: set[str], enclosing: set[str]) -> None:
+    for kind, names in ((ast.Global, shared), (ast.Nonlocal, enclosing)):
+        if names:
+            function.body.insert(0, kind([f"v_{name}" for name in sorted(names)]))
 
 
 def _located(place: Token, node: T) -> T:
-    """The node at the place of a token."""
-    column = place.column - 1
-    more = {"lineno": place.line, "end_lineno": place.line}
-    for key, value in (more | {"col_offset": column, "end_col_offset": column + 1}).items():
-        setattr(node, key, value)
+    """The node at the place of a token, unless it has one."""
+    if not hasattr(node, "lineno"):
+        column = place.column - 1
+        more = {"lineno": place.line, "end_lineno": place.line, "col_offset": column}
+        for key, value in (more | {"end_col_offset": column + 1}).items():
+            setattr(node, key, value)
     return node
 
 
-def _name(place: Token, name: str, ctx: ast.expr_context | None = None) -> ast.Name:
-    return _located(place, ast.Name(name, ctx or ast.Load()))
-
-
-def _constant(place: Token, value: float | int | bool | str) -> ast.Constant:
-    return _located(place, ast.Constant(value))
+def _name(name: str) -> ast.Name:
+    return ast.Name(name, ast.Load())
 
 
 def _call(place: Token, name: str, *arguments: ast.expr) -> ast.Call:
-    return _located(place, ast.Call(_name(place, name), list(arguments), []))
+    return _located(place, ast.Call(_name(name), list(arguments), []))
 
 
-def _waited(place: Token, call: ast.expr) -> ast.expr:
-    return _located(place, ast.YieldFrom(call))
-
-
-def _truth(place: Token, test: ast.expr) -> ast.expr:
+def _truth(test: ast.expr) -> ast.expr:
     """A condition, checked to be one."""
     sure = isinstance(test, ast.Compare | ast.BoolOp | ast.UnaryOp)
-    return test if sure else _call(place, "truth", test)
+    return test if sure else ast.Call(_name("truth"), [test], [])
 
 
-def _own_value(place: Token, value: ast.expr) -> ast.expr:
+def _own_value(value: ast.expr) -> ast.expr:
     """A value that nobody else has: lists and structs are copied."""
-    return value if isinstance(value, _FRESH) else _call(place, "copied", value)
+    return value if isinstance(value, _FRESH) else ast.Call(_name("copied"), [value], [])
 
 
 def _operation(sign: Token, left: ast.expr, right: ast.expr) -> ast.expr:
     if sign.text in ("and", "or"):
         act: ast.boolop = ast.And() if sign.text == "and" else ast.Or()
-        return _located(sign, ast.BoolOp(act, [_truth(sign, left), _truth(sign, right)]))
+        return ast.BoolOp(act, [_truth(left), _truth(right)])
     if sign.text in ("==", "!=", "<>"):
         equal: ast.cmpop = ast.Eq() if sign.text == "==" else ast.NotEq()
-        return _located(sign, ast.Compare(left, [equal], [right]))
+        return ast.Compare(left, [equal], [right])
     return _call(sign, f"o_{OPERATORS[sign.text]}", left, right)
 
 
