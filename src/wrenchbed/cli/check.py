@@ -81,7 +81,7 @@ def check(
     arm, now = wb.load("robots", robot), datetime.now(UTC)
     if how.rebuild:
         set_aside(history / stored.FILE)
-        return _answer(monthly.rebuild(arm, history, now), as_json)
+        return _answer(monthly.rebuild(arm, history), as_json)
     before = stored.read(history)
     plan = monthly.plan_of(arm, history)
     if how.prepare:

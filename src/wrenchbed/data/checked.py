@@ -114,6 +114,17 @@ class Fields:
             raise self.error(key, "must not be negative")
         return tuple(float(x) for x in value)
 
+    def square(self, key: str, size: int) -> list[list[float]]:
+        """A matrix (size, size) of finite numbers."""
+        rows = self.raw.get(key)
+        good = isinstance(rows, list) and len(rows) == size
+        if not good or not all(
+            isinstance(r, list) and len(r) == size and all(map(is_number, r)) for r in rows
+        ):
+            rule = f"must be a matrix of {size} × {size} finite numbers"
+            raise self.kind(f"{self.where}{self._label(key)} {rule}")
+        return [[float(x) for x in row] for row in rows]
+
     @contextmanager
     def naming(self, key: str) -> Iterator[None]:
         """Errors of the library inside the block name the field."""

@@ -303,11 +303,7 @@ def _of_fit(fields: checked.Fields) -> _Calibrated:
     parameters = fields.part("parameters")
     with fields.naming("parameters"):
         free = tuple(model.parameters.index(name) for name in parameters.raw)
-    rows = fields.raw.get("covariance")
-    covariance = np.asarray(rows, dtype=float) if _is_square(rows, len(free)) else None
-    if covariance is None:
-        rule = f"must be a matrix of {len(free)} × {len(free)} finite numbers"
-        raise ExportError(f"{where}covariance {rule}")
+    covariance = np.array(fields.square("covariance", len(free)))
     sentences = [str(part.raw.get("sentence")) for part in fields.parts("redundancies")]
     alike = "; ".join(sentences) or "of these the data fix only combinations"
     blind = {
@@ -345,13 +341,6 @@ def _robot(fields: checked.Fields, names: Mapping[str, Any]) -> Robot:
             "robots", stated_robot(fields.raw, str(fields.raw.get("robot")))
         )
     return robot
-
-
-def _is_square(rows: Any, n: int) -> bool:
-    whole = isinstance(rows, list) and len(rows) == n
-    return whole and all(
-        isinstance(r, list) and len(r) == n and all(map(checked.is_number, r)) for r in rows
-    )
 
 
 def _others(parameters: checked.Fields, robot: Robot) -> tuple[str, ...]:

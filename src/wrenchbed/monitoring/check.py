@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
 
 from wrenchbed import registry
 from wrenchbed.calibration.compensated import restored
@@ -33,7 +32,7 @@ from wrenchbed.monitoring import history
 from wrenchbed.monitoring.compare import LEVEL, Change, Comparison, changes_of
 from wrenchbed.monitoring.history import RECORDINGS, Check, digest, digest_of
 from wrenchbed.monitoring.steps import FITTED, NUMBERS, History, tangents
-from wrenchbed.pages.numbers import p_value, rough
+from wrenchbed.pages.numbers import p_value
 from wrenchbed.planning.clearance import Clearance
 from wrenchbed.planning.criteria import INDICES
 from wrenchbed.planning.exchange import Pool, exchange
@@ -61,8 +60,6 @@ _STATED = "check"
 _FAR = 0.02
 """Largest distance of a pose from the plan's [rad or m]: a readings' change by 0.02 rad of another
 orientation is corrected at the joint values that were measured."""
-_EXAMPLES = ("sensor.bias.fz", "tool.mass", "base.tilt.x")
-"""Numbers whose smallest visible step a headline states."""
 
 
 @dataclass(frozen=True)
@@ -182,12 +179,7 @@ def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
             "from the second on"
         )
     else:
-        sizes = visible(series)
-        steps = [f"{name} by {rough(name, sizes[name], NUMBERS[name])}" for name in _EXAMPLES]
-        headline = (
-            f"healthy: no change in {n} checks since {first.time:%Y-%m-%d}. The next check finds "
-            f"half of all steps of {', '.join(steps[:-1])} or {steps[-1]}"
-        )
+        headline = f"healthy: no change in {n} checks since {first.time:%Y-%m-%d}"
     if begin and not changes:
         changes = _changes(series, begin, _level(series, 1))
     comparison = Comparison(
@@ -225,14 +217,6 @@ def _changes(series: History, begin: int, level: float) -> tuple[Change, ...]:
     step, before = series.step(begin), series.values[:begin].mean(axis=0)
     after = before + step.size
     return changes_of(NUMBERS, before, after, step.std, level=level, freedom=step.freedom)
-
-
-def visible(series: History) -> dict[str, float]:
-    """Smallest step of each number that the next check would show with 50 %, of two checks on."""
-    step = series.step(len(series.checks) - 1)
-    p = _level(series, 1) / len(NUMBERS)
-    sizes = stats.t.isf(p / 2.0, step.freedom) * step.std
-    return dict(zip(NUMBERS, sizes.tolist(), strict=True))
 
 
 def _what_changed(series: History, begin: int, changes: Sequence[Change]) -> str:
@@ -349,24 +333,23 @@ def check(
         "temperature": temperature, "baseline": baseline,
     }  # fmt: skip
     known = stated(recording, {k: v for k, v in given.items() if v is not None})
-    folder, now = Path(folder), datetime.now(UTC)
+    folder = Path(folder)
     checks = history.read(folder)
-    new = taken(known, robot, plan_of(robot, folder))
-    judgement, done = _judged(robot, folder, checks, new, now)
+    judgement, new = _judged(robot, folder, checks, taken(known, robot, plan_of(robot, folder)))
     known.write(folder / new.recording)
-    history.write(folder, [*checks, done])
+    history.write(folder, [*checks, new])
     return judgement
 
 
 def _judged(
-    robot: Robot, folder: Path, checks: Sequence[Check], new: Check, now: datetime
+    robot: Robot, folder: Path, checks: Sequence[Check], new: Check
 ) -> tuple[Judgement, Check]:
     """Judgement of a new check, and the check with it.
 
     Raises:
         HistoryError: it does not continue the history, see `history.agrees`.
     """
-    history.agrees(folder, checks, new, now)
+    history.agrees(folder, checks, new, datetime.now(UTC))
     judgement = judge(robot, [*checks, new])
     numbers, values = judgement.history, dict[str, float]()
     for name, value, std in zip(NUMBERS, numbers.values[-1], numbers.std, strict=True):
@@ -380,7 +363,7 @@ def file_of(time: datetime) -> str:
     return f"{RECORDINGS}/{time:%Y%m%dT%H%M%SZ}.parquet"
 
 
-def rebuild(robot: Robot, folder: Path, now: datetime) -> Judgement:
+def rebuild(robot: Robot, folder: Path) -> Judgement:
     """Make a history again from the recordings beside it; those that do not fit are named.
 
     Raises:
@@ -390,13 +373,12 @@ def rebuild(robot: Robot, folder: Path, now: datetime) -> Judgement:
     checks: list[Check] = []
     for path in sorted((folder / RECORDINGS).glob("*.parquet")):
         try:
-            judgement, done = _judged(
-                robot, folder, checks, taken(Recording.read(path), robot, plan), now
-            )
+            new = taken(Recording.read(path), robot, plan)
+            judgement, new = _judged(robot, folder, checks, new)
         except WrenchbedError as error:
             warnings.warn(f"{path}: left out: {error}", WrenchbedWarning, stacklevel=2)
             continue
-        checks.append(done)
+        checks.append(new)
     if not checks:
         raise HistoryError(f"{folder / RECORDINGS}: no recording of {robot.name} fits the plan")
     history.write(folder, checks)

@@ -21,6 +21,7 @@ from wrenchbed.pages.numbers import p_value, quantity
 
 LEVEL = 0.01
 """Probability that anything is called changed where nothing did."""
+_KINDS = {"a fit": "fits", "a recording": "recordings"}
 _SINGULAR = 1e-10
 """Relative eigenvalue below which a combination is not determined by both."""
 
@@ -90,90 +91,67 @@ def compare(a: str | Path, b: str | Path) -> Comparison:
         ParameterError: the two are of different kinds or robots, or one is neither; names it.
         CalibrationError: a recording cannot be calibrated.
     """
-    paths = [_file(Path(x)) for x in (a, b)]
-    kinds = [_kind(p) for p in paths]
-    if kinds[0] != kinds[1]:
-        raise ParameterError(f"{a} is {kinds[0]} and {b} is {kinds[1]}: compare two of one kind")
-    if kinds[0] == "a recording":
-        return _of_recordings(*paths)
-    contents = [checked.load(p, ParameterError) for p in paths]
-    _same_robot(contents, paths)
-    fits = kinds[0] == "a fit"
-    return _of_fits(contents, paths, "fits") if fits else _of_diagnoses(contents, paths)
+    (kind, first), (other, second) = _read(Path(a)), _read(Path(b))
+    if kind != other:
+        raise ParameterError(f"{a} is {kind} and {b} is {other}: compare two of one kind")
+    robots = [fields.raw.get("robot") for fields in (first, second)]
+    if robots[0] != robots[1]:
+        raise ParameterError(f"{a} is of robot {robots[0]!r}, {b} of {robots[1]!r}")
+    if kind == "a diagnosis":
+        return _of_diagnoses((first, second), (str(a), str(b)))
+    return _of_fits((first, second), (str(a), str(b)), _KINDS[kind])
 
 
-def _file(path: Path) -> Path:
-    return path / "diagnosis.json" if (path / "diagnosis.json").is_file() else path
-
-
-def _kind(path: Path) -> str:
+def _read(path: Path) -> tuple[str, checked.Fields]:
+    """Kind of a file, and what it states; of a recording the fit to it."""
+    path = path / "diagnosis.json" if (path / "diagnosis.json").is_file() else path
     if not path.is_file():
         raise ParameterError(f"{path}: there is no such file")
     if path.suffix == ".parquet":
-        return "a recording"
+        raw: Any = calibrate(Recording.read(path), CalibrationOptions()).to_json()
+        return "a recording", checked.Fields(raw, f"{path}: ", ParameterError)
     raw = checked.load(path, ParameterError)
     for kind, fields in (
         ("a fit", {"parameters", "covariance"}),
         ("a diagnosis", {"verdict", "gap"}),
     ):
         if isinstance(raw, dict) and fields <= raw.keys():
-            return kind
+            return kind, checked.Fields(raw, f"{path}: ", ParameterError)
     raise ParameterError(f"{path}: is no recording, fit or diagnosis")
 
 
-def _same_robot(contents: Sequence[Mapping[str, Any]], paths: Sequence[Path]) -> None:
-    first, second = (c.get("robot") for c in contents)
-    if first != second:
-        raise ParameterError(f"{paths[0]} is of robot {first!r}, {paths[1]} of {second!r}")
-
-
-def _of_recordings(a: Path, b: Path) -> Comparison:
-    recordings = [Recording.read(p) for p in (a, b)]
-    robots = [{"robot": r.metadata.robot} for r in recordings]
-    _same_robot(robots, (a, b))
-    fits = [calibrate(r, CalibrationOptions()).to_json() for r in recordings]
-    return _of_fits(fits, (a, b), "recordings")
-
-
-def _of_fits(fits: Sequence[Mapping[str, Any]], paths: Sequence[Path], kind: str) -> Comparison:
-    fields = [checked.Fields(f, f"{p}: ", ParameterError) for f, p in zip(fits, paths, strict=True)]
-    names = [_determined(f) for f in fields]
-    both = [n for n in names[0] if n in names[1]]
-    missing = [
-        f"{n}: only in {paths[k]}" for k in (0, 1) for n in names[k] if n not in names[1 - k]
-    ]
-    missing += [
-        f"{n}: {p} fixes it only in combination with others"
-        for f, p in zip(fields, paths, strict=True)
-        for n in f.part("parameters").raw
-        if f.part("parameters").part(n).number("std", "") is None
+def _of_fits(fits: Sequence[checked.Fields], names: tuple[str, str], kind: str) -> Comparison:
+    """Comparison of two fits by their covariances."""
+    known = [_determined(f) for f in fits]
+    both = [n for n in known[0] if n in known[1]]
+    left = [f"{n}: only in {names[k]}" for k in (0, 1) for n in known[k] if n not in known[1 - k]]
+    left += [
+        f"{n}: {name} fixes it only in combination with others"
+        for fit, name in zip(fits, names, strict=True)
+        for n in fit.part("parameters").raw
+        if fit.part("parameters").part(n).number("std", "") is None
     ]
     if not both:
-        raise ParameterError(f"{paths[0]} and {paths[1]} determine no number in common")
-    values = [
-        np.array([float(f.part("parameters").part(n).raw["value"]) for n in both]) for f in fields
-    ]
-    covariance = _covariance(fields[0], both) + _covariance(fields[1], both)
-    units = [str(fields[0].part("parameters").part(n).raw.get("unit")) for n in both]
-    std = np.sqrt(np.diagonal(covariance))
-    changes = changes_of(dict(zip(both, units, strict=True)), values[0], values[1], std)
-    together = _together(values[1] - values[0], covariance)
+        raise ParameterError(f"{names[0]} and {names[1]} determine no number in common")
+    before, after = (np.array([values[n] for n in both]) for values in known)
+    covariance = _covariance(fits[0], both) + _covariance(fits[1], both)
+    units = {n: str(fits[0].part("parameters").part(n).raw.get("unit")) for n in both}
+    changes = changes_of(units, before, after, np.sqrt(np.diagonal(covariance)))
+    together = _together(after - before, covariance)
     sentences = [_headline(changes, together)]
-    if kind == "fits" and fields[0].raw.get("recording") == fields[1].raw.get("recording"):
+    recordings = [fit.raw.get("recording") for fit in fits]
+    if kind == "fits" and recordings[0] == recordings[1]:
         sentences.append(
-            f"both are of {fields[0].raw.get('recording')}: fits of the same rows share their "
-            "noise, and σ is then too large"
+            f"both are of {recordings[0]}: fits of the same rows share their noise, and σ is then "
+            "too large"
         )
     sentences += [
-        f"{p} is refuted by its own data: {f.raw['refuted']}"
-        for f, p in zip(fields, paths, strict=True)
-        if f.raw.get("refuted")
+        f"{name} is refuted by its own data: {fit.raw['refuted']}"
+        for fit, name in zip(fits, names, strict=True)
+        if fit.raw.get("refuted")
     ]
-    any_changed = any(c.changed for c in changes) or together["p"] < LEVEL
-    return Comparison(
-        kind, str(paths[0]), str(paths[1]), changes, together, tuple(missing), tuple(sentences),
-        any_changed,
-    )  # fmt: skip
+    changed = any(c.changed for c in changes) or together["p"] < LEVEL
+    return Comparison(kind, *names, changes, together, tuple(left), tuple(sentences), changed)
 
 
 def changes_of(
@@ -204,32 +182,21 @@ def changes_of(
     )
 
 
-def _determined(fields: checked.Fields) -> list[str]:
-    """Names of parameters with a value and an uncertainty."""
-    parts = fields.part("parameters")
-    return [
-        n
-        for n in parts.raw
-        if parts.part(n).number("std", "") is not None
-        and parts.part(n).number("value", "") is not None
-    ]
+def _determined(fit: checked.Fields) -> dict[str, float]:
+    """Values of the parameters that have an uncertainty, by name."""
+    parts = fit.part("parameters")
+    entries = {n: parts.part(n) for n in parts.raw}
+    values = {
+        n: e.number("value", "") for n, e in entries.items() if e.number("std", "") is not None
+    }
+    return {n: value for n, value in values.items() if value is not None}
 
 
 def _covariance(fields: checked.Fields, names: Sequence[str]) -> np.ndarray:
     """Covariance (K, K) of some parameters, in the order of the names."""
-    all_names = list(fields.raw["parameters"])
-    rows = fields.raw.get("covariance")
-    size = len(all_names)
-    try:
-        matrix = np.asarray(rows, dtype=float)
-    except (TypeError, ValueError):
-        matrix = np.empty(0)
-    if matrix.shape != (size, size) or not np.isfinite(matrix).all():
-        raise ParameterError(
-            f"{fields.where}covariance must be a matrix of {size} × {size} numbers"
-        )
-    at = [all_names.index(n) for n in names]
-    return np.asarray(matrix[np.ix_(at, at)])
+    known = list(fields.raw["parameters"])
+    at = [known.index(n) for n in names]
+    return np.array(fields.square("covariance", len(known)))[np.ix_(at, at)]
 
 
 def _together(difference: np.ndarray, covariance: np.ndarray) -> dict[str, float]:
@@ -267,11 +234,9 @@ def _p(together: Mapping[str, float]) -> str:
     return f"p {text}" if text.startswith("<") else f"p = {text}"
 
 
-def _of_diagnoses(contents: Sequence[Mapping[str, Any]], paths: Sequence[Path]) -> Comparison:
-    fields = [
-        checked.Fields(c, f"{p}: ", ParameterError) for c, p in zip(contents, paths, strict=True)
-    ]
-    verdicts = [str(c["verdict"]) for c in contents]
+def _of_diagnoses(fields: Sequence[checked.Fields], names: tuple[str, str]) -> Comparison:
+    """Comparison of two diagnoses by verdict, causes, gap and numbers."""
+    verdicts = [str(f.raw["verdict"]) for f in fields]
     causes = [{str(w.raw.get("effect")): w for w in f.parts("which")} for f in fields]
     sentences = [] if verdicts[0] == verdicts[1] else [f"verdict: {' → '.join(verdicts)}"]
     sentences += [f"{n}: named → not named" for n in causes[0] if n not in causes[1]]
@@ -292,9 +257,7 @@ def _of_diagnoses(contents: Sequence[Mapping[str, Any]], paths: Sequence[Path]) 
     sentences = sentences or [
         f"no change: both {verdicts[0]}, the same causes, {len(changes)} numbers agree"
     ]
-    return Comparison(
-        "diagnoses", str(paths[0]), str(paths[1]), changes, None, (), tuple(sentences), any_changed
-    )
+    return Comparison("diagnoses", *names, changes, None, (), tuple(sentences), any_changed)
 
 
 def _numbers(

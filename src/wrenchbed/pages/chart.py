@@ -3,8 +3,8 @@
 Both take the same numbers, so they cannot disagree.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -173,9 +173,6 @@ class Panel:
         title: above it, empty if none.
         height: in units of a usual panel's.
         zero: whether a line marks y = 0.
-        levels: named horizontal lines.
-        diagonal: whether a line marks y = x.
-        equal: whether both axes have one scale.
     """
 
     x: Axis
@@ -185,9 +182,6 @@ class Panel:
     title: str = ""
     height: float = 1.0
     zero: bool = False
-    levels: Mapping[str, float] = field(default_factory=dict)
-    diagonal: bool = False
-    equal: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -293,8 +287,6 @@ def _json(value: Any) -> Any:
         return float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None
     if isinstance(value, list | tuple):
         return [_json(v) for v in value]
-    if isinstance(value, Mapping):
-        return [[name, _json(v)] for name, v in value.items()]
     if not is_dataclass(value):
         return value
     told = {f.name: _json(getattr(value, f.name)) for f in fields(value)}

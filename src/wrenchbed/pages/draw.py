@@ -125,28 +125,13 @@ def _draw(figure: Any, ax: Any, p: Panel, *, named: bool) -> None:
     else:
         for s in p.series:
             _series(ax, s)
-        _lines(ax, p)
-        _axis(ax, "x", p.x, p)
-        _axis(ax, "y", p.y, p)
-        if p.equal:
-            ax.set_aspect("equal", adjustable="datalim")
+        if p.zero:
+            ax.axhline(0.0, color=GREY, lw=1.0, zorder=0.9)
+        _axis(ax, "x", p.x)
+        _axis(ax, "y", p.y)
     if named or p.matrix is not None:
         ax.set_xlabel(p.x.text)
     ax.set_ylabel(p.y.text)
-
-
-def _lines(ax: Any, p: Panel) -> None:
-    if p.zero:
-        ax.axhline(0.0, color=GREY, lw=1.0, zorder=0.9)
-    if p.diagonal:
-        low, high = p.x.low or 0.0, min(p.x.high or 1.0, p.y.high or 1.0)
-        ax.plot([low, high], [low, high], color=GREY, lw=1.0, ls="--", zorder=0.9)
-    for name, level in p.levels.items():
-        ax.axhline(level, color=GREY, lw=1.1, ls="--", zorder=0.9)
-        ax.annotate(
-            name, (1.0, level), xycoords=("axes fraction", "data"), ha="right", va="bottom",
-            color=GREY, xytext=(0, 2), textcoords="offset points", fontsize=8.0,
-        )  # fmt: skip
 
 
 def _series(ax: Any, s: Series) -> None:
@@ -175,7 +160,7 @@ def _series(ax: Any, s: Series) -> None:
         )
 
 
-def _axis(ax: Any, which: str, a: Axis, p: Panel) -> None:
+def _axis(ax: Any, which: str, a: Axis) -> None:
     from matplotlib.ticker import FixedLocator, NullFormatter, NullLocator
 
     axis = getattr(ax, f"{which}axis")
@@ -205,6 +190,7 @@ def _axis(ax: Any, which: str, a: Axis, p: Panel) -> None:
 
 
 def _matrix(figure: Any, ax: Any, m: Matrix) -> None:
+    from matplotlib.cm import ScalarMappable
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Rectangle
 
@@ -228,20 +214,15 @@ def _matrix(figure: Any, ax: Any, m: Matrix) -> None:
     for spine in ax.spines.values():
         spine.set_visible(False)
     told = bar(m.scale)
+    colours = ScalarMappable(cmap=ListedColormap(told["colours"]))
     legend = figure.colorbar(
-        _mappable(ListedColormap(told["colours"])), ax=ax, orientation="vertical", fraction=0.05,
+        colours, ax=ax, orientation="vertical", fraction=0.05,
         pad=0.02, aspect=14,
     )  # fmt: skip
     legend.set_ticks([at for at, _ in told["ticks"]], labels=[text for _, text in told["ticks"]])
     legend.outline.set_visible(False)
     legend.ax.tick_params(labelsize=7.5, length=2)
     legend.set_label(m.scale.label, fontsize=7.5)
-
-
-def _mappable(colours: Any) -> Any:
-    from matplotlib.cm import ScalarMappable
-
-    return ScalarMappable(cmap=colours)
 
 
 def _legend(figure: Any, axes: list[Any]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 
 from wrenchbed.errors import NotFoundError
-from wrenchbed.physics.rotations import cross, matrix
+from wrenchbed.physics.rotations import matrix
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer.stream import Canvas
@@ -58,7 +58,7 @@ def shapes(
 
     Args:
         paint: RGB(A) of 0 … 255 instead of the model's, for all geoms or by number.
-        grown: by which everything is larger [m], so that a ghost is seen around what it covers.
+        grown: by which all but meshes is larger [m], so that a ghost is seen around what it covers.
 
     Raises:
         NotFoundError: a geom is none of plane, box, sphere, ellipsoid, capsule, cylinder, mesh.
@@ -81,7 +81,7 @@ def shapes(
             "fill_mode": rr.components.FillMode.Solid,
         }
         if kind == "meshes":
-            found[kind] = _mesh(model, g, look["colors"], grown)
+            found[kind] = _mesh(model, g, look["colors"])
         elif kind == "boxes":
             found[kind] = rr.Boxes3D(half_sizes=size, centers=at, **look)
         elif kind == "ellipsoids":
@@ -99,7 +99,7 @@ def shapes(
     return found
 
 
-def _mesh(model: mujoco.MjModel, numbers: np.ndarray, colours: np.ndarray, grown: float) -> Any:
+def _mesh(model: mujoco.MjModel, numbers: np.ndarray, colours: np.ndarray) -> Any:
     """Meshes of one body as one; each triangle has its own corners, so that edges are sharp."""
     corners, normals, painted = [], [], []
     for g, colour in zip(numbers, colours, strict=True):
@@ -107,15 +107,12 @@ def _mesh(model: mujoco.MjModel, numbers: np.ndarray, colours: np.ndarray, grown
         first, face = int(model.mesh_vertadr[m]), int(model.mesh_faceadr[m])
         vertices = model.mesh_vert[first : first + int(model.mesh_vertnum[m])]
         faces = model.mesh_face[face : face + int(model.mesh_facenum[m])]
-        place = matrix(model.geom_quat[g])
-        triangles = (vertices @ place.T + model.geom_pos[g])[faces].astype(float)
-        across = cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-        flat = np.linalg.norm(across, axis=1) < _NO_AREA
-        out = (across / np.maximum(np.linalg.norm(across, axis=1), _NO_AREA)[:, None])[~flat]
-        out = np.repeat(out, 3, axis=0)
-        corners.append(triangles[~flat].reshape(-1, 3) + grown * out)
-        normals.append(out)
-        painted.append(np.tile(colour, (len(out), 1)))
+        triangles = (vertices @ matrix(model.geom_quat[g]).T + model.geom_pos[g])[faces]
+        across = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        length = np.maximum(np.linalg.norm(across, axis=1, keepdims=True), _NO_AREA)
+        corners.append(triangles.reshape(-1, 3))
+        normals.append(np.repeat(across / length, 3, axis=0))
+        painted.append(np.tile(colour, (3 * len(faces), 1)))
     return rr.Mesh3D(
         vertex_positions=np.concatenate(corners), vertex_normals=np.concatenate(normals),
         vertex_colors=np.concatenate(painted),

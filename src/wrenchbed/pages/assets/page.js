@@ -101,10 +101,7 @@
   }
 
   function marks(p) {
-    const data = Object.values(p.levels).map(([name, y]) => ({yAxis: bend(p.y, y), name,
-      label: {formatter: safe(name), position: "insideEndTop", color: colour("--soft")}}));
-    if (p.zero) data.push({yAxis: 0, lineStyle: {type: "solid"}, label: {show: false}});
-    if (p.diagonal) data.push([{coord: [p.x.low, p.x.low], label: {show: false}}, {coord: Array(2).fill(Math.min(p.x.high, p.y.high))}]);
+    const data = p.zero ? [{yAxis: 0, lineStyle: {type: "solid"}, label: {show: false}}] : [];
     return {silent: true, symbol: "none", animation: false, lineStyle: {color: colour("--soft"), type: "dashed"}, data};
   }
 
@@ -224,7 +221,6 @@
         told.xAxis.push(x);
         const y = axis({...p.y, names: p.matrix ? p.matrix.rows : p.y.names}, k, true, !p.y.names.length && !p.matrix);
         told.yAxis.push(y);
-        if (p.equal) this.even(p, b, x, y);
         if (p.title) told.title.push({text: p.title, left: b.left - 6, top: b.title, padding: 0,
           textStyle: {fontSize: 12, fontWeight: 600, color: colour("--ink")}});
         if (p.matrix) {
@@ -247,20 +243,6 @@
       if (!flat && !told.dataZoom.length) told.dataZoom = this.windows().map(x => ({type: "inside",
         xAxisIndex: x, filterMode: "none", disabled: true}));
       this.chart.setOption(told, {notMerge: true});
-    }
-
-    // both axes in one scale: what is drawn in the middle, with a margin
-    even(p, b, x, y) {
-      const ends = key => {
-        const known = p.series.filter(s => !this.off.has(s.name)).flatMap(s => s[key]).filter(v => v !== null);
-        return [Math.min(...known), Math.max(...known)];
-      };
-      const [[a, c], [d, e]] = [ends("x"), ends("y")];
-      const step = 1.08 * Math.max((c - a) / (b.right - b.left), (e - d) / b.height) / 2;
-      for (const [axis, middle, size] of [[x, (a + c) / 2, b.right - b.left], [y, (d + e) / 2, b.height]]) {
-        Object.assign(axis, {min: middle - step * size, max: middle + step * size});
-        Object.assign(axis.axisLabel, {showMinLabel: false, showMaxLabel: false});
-      }
     }
 
     windows() {
