@@ -152,5 +152,5 @@ def test_text_of_other_encodings_is_read(encoding, tmp_path):
     text = cells(3, 8, "0.5").replace("a,b", "Größe°,b", 1)
     path.write_bytes(text.encode(encoding))
     table = read_text(path)
-    assert table.layout.names[1] == "Größe°"
+    assert table.table.column_names[1] == "Größe°"
     assert table.numbers("fy")[3] == 0.5

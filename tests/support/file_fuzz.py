@@ -343,7 +343,7 @@ def bag2_metadata() -> FileTarget:
 def csv_table() -> FileTarget:
     """CSV files and other text tables."""
     from wrenchbed.data.guess.guess import guess
-    from wrenchbed.data.text_table import column_numbers, read_text
+    from wrenchbed.data.text_table import read_text
 
     def read(path: Path) -> None:
         with contextlib.suppress(WrenchbedError):
@@ -351,7 +351,7 @@ def csv_table() -> FileTarget:
         text = read_text(path)
         for name in text.table.column_names[:8]:
             with contextlib.suppress(WrenchbedError):
-                column_numbers(text.table, name, str(path), text.first_line)
+                text.numbers(name)
 
     rows = np.random.default_rng(5).normal(size=(30, 7)).round(4)
     plain = "\n".join(",".join(map(str, row)) for row in rows)

@@ -31,7 +31,7 @@ from wrenchbed.data.logs import is_log
 from wrenchbed.data.logs import table as log_table
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import QUATERNION, Recording, joint_columns
-from wrenchbed.data.text_table import BLANKS, column_numbers, read_text
+from wrenchbed.data.text_table import BLANKS, Columns, read_text
 from wrenchbed.errors import MapError, NotFoundError
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -152,27 +152,26 @@ def _matching(file_map: FileMap, paths: list[Path], name: str) -> Path:
 
 
 def _columns(path: Path, file_map: FileMap) -> dict[str, np.ndarray]:
-    table, first_line = _table(path, file_map)
-    if table.num_rows == 0:
+    table = _table(path, file_map)
+    if table.table.num_rows == 0:
         raise MapError(f"{path}: the file has 0 rows")
     data: dict[str, np.ndarray] = {}
     for source in file_map.columns:
-        values = column_numbers(table, source.column, str(path), first_line)
+        values = table.numbers(source.column)
         data[source.target] = (values / source.per - source.zero) * source.factor
     if "t" in data:
-        data["t"] = _times(path, table, file_map, data["t"])
+        data["t"] = _times(path, table.table, file_map, data["t"])
     given = turned(data, str(path))
     kept = {k: v for k, v in data.items() if k not in _GIVEN}
     return kept if given is None else kept | columns_of(given)
 
 
-def _table(path: Path, file_map: FileMap) -> tuple[pa.Table, int | None]:
-    """The file's table, and the line of its first row."""
+def _table(path: Path, file_map: FileMap) -> Columns:
+    """The file's table."""
     if is_log(path):
-        return log_table(path, file_map.topic, [c.column for c in file_map.columns]), None
-    separator = BLANKS if file_map.delimiter in (" ", "\t ") else file_map.delimiter
-    text = read_text(path, separator)
-    return text.table, text.first_line
+        names = [c.column for c in file_map.columns]
+        return Columns(log_table(path, file_map.topic, names), str(path))
+    return read_text(path, BLANKS if file_map.delimiter in (" ", "\t ") else file_map.delimiter)
 
 
 def _times(path: Path, table: pa.Table, file_map: FileMap, scaled: np.ndarray) -> np.ndarray:

@@ -46,31 +46,28 @@ class Layout:
         decimal: mark of decimal fractions, point or comma.
         skipped: lines before the first row of numbers, the header among them.
         names: of the columns.
-        header: whether the file itself names them.
     """
 
     separator: str
     decimal: str
     skipped: int
     names: tuple[str, ...]
-    header: bool
 
 
 @dataclass(frozen=True, eq=False)
-class TextTable:
-    """Columns of a text file, and where its rows stand.
+class Columns:
+    """Columns of a text file or a log, and where its rows stand.
 
     Attributes:
         table: numbers where every cell is one, else text.
-        layout: how the file is written.
         where: name of the file, for messages.
-        first_line: of the file, counted from 1, that holds row 0; none if notes stand between rows.
+        first_line: of the file, counted from 1, that holds row 0; none in a log, or if notes stand
+            between rows.
     """
 
     table: pa.Table
-    layout: Layout
     where: str
-    first_line: int | None
+    first_line: int | None = None
 
     def numbers(self, name: str) -> np.ndarray:
         """A column (N,) as numbers.
@@ -78,46 +75,28 @@ class TextTable:
         Raises:
             MapError: no such column, or a cell that holds text or nothing; names row and line.
         """
-        return column_numbers(self.table, name, self.where, self.first_line)
+        names = self.table.column_names
+        if names.count(name) != 1:
+            times = "appears twice" if name in names else "is missing"
+            raise MapError(f"{self.where}: column {name!r} {times}; found {', '.join(names)}")
+        column = self.table.column(name)
+        if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
+            for row, cell in enumerate(column.to_pylist()):
+                if cell is not None and not is_number(str(cell)):
+                    raise self._wrong(name, row, f"{str(cell)!r} is no number")
+            column = pa.array(map(_float, column.to_pylist()), pa.float64())
+        values = np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
+        bad = np.flatnonzero(~np.isfinite(values))
+        if len(bad):
+            raise self._wrong(name, int(bad[0]), "the value is missing or not finite")
+        return values
+
+    def _wrong(self, name: str, row: int, why: str) -> MapError:
+        line = "" if self.first_line is None else f" (line {self.first_line + row})"
+        return MapError(f"{self.where}: column {name!r}, row {row}: {why}{line}")
 
 
-def column_numbers(
-    table: pa.Table, name: str, where: str, first_line: int | None = None
-) -> np.ndarray:
-    """A column (N,) of a table as numbers.
-
-    Args:
-        table: with columns of numbers or text.
-        name: of the column.
-        where: name of the file, for messages.
-        first_line: of the file, counted from 1, that holds row 0; none for a log.
-
-    Raises:
-        MapError: no such column, or a cell that holds text or nothing.
-    """
-    if table.column_names.count(name) != 1:
-        known = ", ".join(table.column_names)
-        times = "appears twice" if name in table.column_names else "is missing"
-        raise MapError(f"{where}: column {name!r} {times}; found {known}")
-
-    def wrong(row: int, why: str) -> MapError:
-        line = "" if first_line is None else f" (line {first_line + row})"
-        return MapError(f"{where}: column {name!r}, row {row}: {why}{line}")
-
-    column = table.column(name)
-    if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
-        for row, cell in enumerate(column.to_pylist()):
-            if cell is not None and not isinstance(cell, int | float) and not is_number(str(cell)):
-                raise wrong(row, f"{str(cell)!r} is no number")
-        column = pa.chunked_array([pa.array(map(_float, column.to_pylist()), pa.float64())])
-    values = column.to_numpy().astype(float)
-    bad = np.flatnonzero(~np.isfinite(values))
-    if len(bad):
-        raise wrong(int(bad[0]), "the value is missing or not finite")
-    return values
-
-
-def read_text(path: Path, separator: str | None = None) -> TextTable:
+def read_text(path: Path, separator: str | None = None) -> Columns:
     """Read a text file.
 
     Args:
@@ -150,10 +129,10 @@ def read_text(path: Path, separator: str | None = None) -> TextTable:
         table = _parsed(io.BytesIO("\n".join(rows).encode()), replace(layout, skipped=0), rows[0])
     except pa.ArrowException as error:
         raise MapError(f"{path}: not a table: {str(error).splitlines()[0]}") from error
-    return TextTable(table, layout, str(path), first_line)
+    return Columns(table, str(path), first_line)
 
 
-def _streamed(path: Path, separator: str | None) -> TextTable | None:
+def _streamed(path: Path, separator: str | None) -> Columns | None:
     """A large file of numbers alone, read without holding its text; None for any other."""
     try:
         if path.stat().st_size < _LARGE:
@@ -171,7 +150,7 @@ def _streamed(path: Path, separator: str | None) -> TextTable | None:
     plain = all(pa.types.is_floating(c.type) or pa.types.is_integer(c.type) for c in table.columns)
     if not plain or any(c.null_count for c in table.columns):
         return None
-    return TextTable(table, layout, str(path), layout.skipped + 1)
+    return Columns(table, str(path), layout.skipped + 1)
 
 
 def _parsed(source: "Path | io.BytesIO", layout: Layout, row: str) -> pa.Table:
@@ -260,46 +239,40 @@ def _table_at(
     rows = [k for k in body if k >= first]
     share = sum(_numeric(cells[k], decimal) for k in rows) / (width * max(len(rows), 1))
     same = len(rows) / max(sum(first <= k <= last for k in plain), 1)
-    names, header = _names(lines, some, first, separator, decimal, width)
+    names = _names(lines, some, first, separator, decimal, width)
     while names and not names[-1] and width == len(names) and not any(cells[k][-1] for k in rows):
         width, names = width - 1, names[:-1]  # every line ends in a separator
     names = [name or str(k + 1) for k, name in enumerate(names)]
     enough = min(width, 7) / 7.0  # a wrench and more
-    layout = Layout(separator, decimal, first, tuple(names), header)
+    layout = Layout(separator, decimal, first, tuple(names))
     return share * same * (0.5 + enough) + 1e-3 * len(rows) / len(plain), layout
 
 
 def _first_row(cells: dict[int, list[str]], body: Sequence[int], decimal: str) -> int:
     """The line of the first row of numbers: the first one, or the one behind the header."""
-    rest = [cells[k] for k in body[1:]]
-    if not rest:
-        return body[0]
-    for place, k in enumerate(body):
-        later = [cells[i] for i in body[place + 1 : place + 12]] or [cells[k]]
-        numbers = [
-            j for j in range(len(cells[k]))
-            if 2 * sum(is_number(c[j], decimal) for c in later) > len(later)
-        ]  # fmt: skip
-        text = sum(bool(cells[k][j]) and not is_number(cells[k][j], decimal) for j in numbers)
-        if numbers and 2 * text <= len(numbers):
+    later = [cells[k] for k in body[1:]]
+    columns = [
+        j for j in range(len(cells[body[0]]))
+        if 2 * sum(is_number(row[j], decimal) for row in later) > len(later)
+    ]  # fmt: skip
+    for k in body if columns else ():
+        text = sum(bool(cells[k][j]) and not is_number(cells[k][j], decimal) for j in columns)
+        if 2 * text <= len(columns):
             return k
     return body[0]
 
 
 def _names(
     lines: Sequence[str], some: Sequence[int], first: int, separator: str, decimal: str, width: int
-) -> tuple[list[str], bool]:
+) -> list[str]:
     """Names of the columns: the line before the first row, a comment perhaps; else numbers."""
     before = [k for k in some if k < first]
-    unnamed = [str(k + 1) for k in range(width)]
-    if not before:
-        return unnamed, False
-    line = _COMMENT.sub("", lines[before[-1]])
-    for mark in (separator, BLANKS, ",", ";", "\t"):
-        names = [name.strip().strip('"').strip() for name in split(line, mark)]
+    for mark in (separator, BLANKS, ",", ";", "\t") if before else ():
+        cells = split(_COMMENT.sub("", lines[before[-1]]), mark)
+        names = [name.strip().strip('"').strip() for name in cells]
         if len(names) in (width, width - 1) and not _numeric(names, decimal):
-            return names + [""] * (width - len(names)), True
-    return unnamed, False
+            return names + [""] * (width - len(names))
+    return [str(k + 1) for k in range(width)]
 
 
 def split(line: str, separator: str) -> list[str]:
