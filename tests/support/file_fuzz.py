@@ -4,11 +4,9 @@ A target writes one mutated file and reads it. Its seeds are made by the librari
 nothing but inputs that once failed is kept as a file (tests/data/fuzz/<target>/).
 """
 
-import atexit
 import contextlib
 import io
 import json
-import os
 import random
 import struct
 import tempfile
@@ -184,42 +182,22 @@ topic = "/wrench"
 [file.columns]
 t = { column = "stamp", unit = "ns" }
 """
+WRENCH = "geometry_msgs/msg/WrenchStamped"
 
 
 def _columns(path: Path) -> dict[str, np.ndarray]:
     """As `wrenchbed import` reads a log."""
     import wrenchbed as wb
 
-    own = Path(tempfile.gettempdir(), f"wrenchbed-fuzz-{os.getpid()}.toml")
-    if not own.exists():
-        wrench = zip(CHANNELS, ("N",) * 3 + ("Nm",) * 3, strict=True)
-        own.write_text(MAP + "".join(
-            f'{c} = {{ column = "wrench.{"force" if c[0] == "f" else "torque"}.{c[1]}", '
-            f'unit = "{unit}" }}\n' for c, unit in wrench))  # fmt: skip
-        atexit.register(own.unlink, missing_ok=True)
-    return dict(wb.import_files([path], wb.read_map(own)).recording.columns)
-
-
-def _messages(store: Any, *, ros1: bool = False) -> list[tuple[int, bytes]]:
-    """Wrenches, written."""
-    known = store.types
-    write = store.serialize_ros1 if ros1 else store.serialize_cdr
-    rows = []
-    for k, row in enumerate(np.random.default_rng(4).normal(size=(COUNT, 6))):
-        stamp = known["builtin_interfaces/msg/Time"](sec=1_700_000_000, nanosec=k * 10**7)
-        head = known["std_msgs/msg/Header"](
-            stamp=stamp, frame_id="tool0", **({"seq": k} if ros1 else {})
-        )
-        force, torque = (
-            known["geometry_msgs/msg/Vector3"](*map(float, p)) for p in np.split(row, 2)
-        )
-        wrench = known["geometry_msgs/msg/Wrench"](force=force, torque=torque)
-        stamped = known["geometry_msgs/msg/WrenchStamped"](header=head, wrench=wrench)
-        rows.append((10**9 + k * 10**7, bytes(write(stamped, _WRENCH))))
-    return rows
-
-
-_WRENCH = "geometry_msgs/msg/WrenchStamped"
+    units = zip(CHANNELS, ("N",) * 3 + ("Nm",) * 3, strict=True)
+    entries = [
+        f'{c} = {{ column = "wrench.{"force" if c[0] == "f" else "torque"}.{c[1]}", unit = "{u}" }}'
+        for c, u in units
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        own = Path(folder, "map.toml")
+        own.write_text(MAP + "\n".join(entries))
+        return dict(wb.import_files([path], wb.read_map(own)).recording.columns)
 
 
 def _store(name: str) -> Any:
@@ -228,25 +206,38 @@ def _store(name: str) -> Any:
     return get_typestore(getattr(Stores, name))
 
 
-def _mcap(compression: str, *, crcs: bool = True, data_crcs: bool = False, chunks: bool = True,
-          encoding: str = "json") -> bytes:  # fmt: skip
+def _messages(store: Any, *, ros1: bool = False) -> list[tuple[int, bytes]]:
+    """Wrenches, written."""
+    known, seq = store.types, ({"seq": 0} if ros1 else {})
+    write = store.serialize_ros1 if ros1 else store.serialize_cdr
+    vector, wrench = known["geometry_msgs/msg/Vector3"], known["geometry_msgs/msg/Wrench"]
+    rows = []
+    for k, row in enumerate(np.random.default_rng(4).normal(size=(COUNT, 6))):
+        stamp = known["builtin_interfaces/msg/Time"](sec=1_700_000_000, nanosec=k * 10**7)
+        head = known["std_msgs/msg/Header"](stamp=stamp, frame_id="tool0", **seq)
+        force, torque = (vector(*map(float, p)) for p in np.split(row, 2))
+        message = known[WRENCH](header=head, wrench=wrench(force=force, torque=torque))
+        rows.append((10**9 + k * 10**7, bytes(write(message, WRENCH))))
+    return rows
+
+
+def _mcap(compression: str, *, crcs: bool = True, data_crcs: bool = True,
+          encoding: str = "cdr") -> bytes:  # fmt: skip
     from mcap.writer import CompressionType, Writer
 
     stream, store = io.BytesIO(), _store("ROS2_HUMBLE")
     writer = Writer(stream, compression=CompressionType[compression], chunk_size=900,
-                    enable_crcs=crcs, enable_data_crcs=data_crcs, use_chunking=chunks)  # fmt: skip
+                    enable_crcs=crcs, enable_data_crcs=data_crcs)  # fmt: skip
     writer.start(profile="ros2")
-    if encoding == "cdr":
-        text, _ = store.generate_msgdef(_WRENCH, ros_version=2)
-        schema = writer.register_schema(_WRENCH, "ros2msg", text.encode())
-    else:
-        schema = writer.register_schema("any", "jsonschema", b"{}")
+    text, _ = store.generate_msgdef(WRENCH, ros_version=2)
+    of_cdr, of_json = (WRENCH, "ros2msg", text.encode()), ("any", "jsonschema", b"{}")
+    schema = writer.register_schema(*(of_cdr if encoding == "cdr" else of_json))
     topic = writer.register_channel("/wrench", encoding, schema)
     for k, (at, data) in enumerate(_messages(store)):
         if encoding == "json":
-            stamp = {"sec": 1_700_000_000, "nanosec": k * 10**7}
             load = {"force": {"x": k + 0.5, "y": k % 3, "z": -k}}
             load["torque"] = {"x": 0.5 * k, "y": -0.1, "z": 100.0 - k}
+            stamp = {"sec": 1_700_000_000, "nanosec": k * 10**7}
             data = json.dumps({"header": {"stamp": stamp}, "wrench": load}).encode()
         writer.add_message(topic, at, data, at)
     writer.finish()
@@ -254,24 +245,14 @@ def _mcap(compression: str, *, crcs: bool = True, data_crcs: bool = False, chunk
 
 
 def mcap() -> FileTarget:
-    """MCAP files whose writer stored all checksums."""
-    seeds = [_mcap(kind, data_crcs=True, encoding=encoding)
-             for kind in ("NONE", "LZ4", "ZSTD") for encoding in ("json", "cdr")]  # fmt: skip
-    seeds.append(_mcap("NONE", data_crcs=True, chunks=False))
-    return FileTarget(_columns, seeds, "log.mcap", true=True)
-
-
-def mcap_chunk_checksums() -> FileTarget:
-    """MCAP files with checksums of chunks and summary only, as most writers make them."""
-    seeds = [_mcap(kind) for kind in ("NONE", "LZ4", "ZSTD")]
-    return FileTarget(_columns, seeds, "log.mcap", true=True)
+    """MCAP files with checksums of chunks, and of the data in one of them."""
+    seeds = [_mcap(kind, data_crcs=False) for kind in ("NONE", "LZ4", "ZSTD")]
+    return FileTarget(_columns, [*seeds, _mcap("NONE", encoding="json")], "log.mcap", true=True)
 
 
 def mcap_without_checksums() -> FileTarget:
     """MCAP files without any checksum: what lies deeper is reached."""
-    seeds = [
-        _mcap(kind, crcs=False, encoding=e) for kind in ("NONE", "ZSTD") for e in ("json", "cdr")
-    ]
+    seeds = [_mcap("NONE", crcs=False, data_crcs=False, encoding=e) for e in ("json", "cdr")]
     return FileTarget(_columns, seeds, "log.mcap")
 
 
@@ -287,57 +268,31 @@ def bag1() -> FileTarget:
             if kind is not None:
                 writer.set_compression(kind)
             with writer:
-                topic = writer.add_connection("/wrench", _WRENCH, typestore=store)
+                topic = writer.add_connection("/wrench", WRENCH, typestore=store)
                 for at, data in _messages(store, ros1=True):
                     writer.write(topic, at, data)
             seeds.append(path.read_bytes())
     return FileTarget(_columns, seeds, "log.bag")
 
 
-def _bags2() -> list[dict[str, bytes]]:
-    """Files of bags of ROS 2: SQLite and MCAP; plain, files compressed, messages compressed."""
-    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
+def _bag2() -> dict[str, bytes]:
+    """Files of a bag of ROS 2."""
+    from rosbags.rosbag2 import Writer
 
-    store, found = _store("ROS2_HUMBLE"), []
-    kinds = [(s, None) for s in (StoragePlugin.SQLITE3, StoragePlugin.MCAP)]
-    kinds += [(StoragePlugin.SQLITE3, m) for m in (CompressionMode.FILE, CompressionMode.MESSAGE)]
-    for storage, mode in kinds:
-        with tempfile.TemporaryDirectory() as folder:
-            writer = Writer(Path(folder, "log"), version=9, storage_plugin=storage)
-            if mode is not None:
-                writer.set_compression(mode, CompressionFormat.ZSTD)
-            with writer:
-                topic = writer.add_connection("/wrench", _WRENCH, typestore=store)
-                for at, data in _messages(store):
-                    writer.write(topic, at, data)
-            found.append({p.name: p.read_bytes() for p in Path(folder, "log").iterdir()})
-    return found
+    store = _store("ROS2_HUMBLE")
+    with tempfile.TemporaryDirectory() as folder:
+        with Writer(Path(folder, "log"), version=9) as writer:
+            topic = writer.add_connection("/wrench", WRENCH, typestore=store)
+            for at, data in _messages(store):
+                writer.write(topic, at, data)
+        return {p.name: p.read_bytes() for p in Path(folder, "log").iterdir()}
 
 
-def _bag2_read(path: Path) -> Any:
-    return _columns(path.parent)
-
-
-def bag2_sqlite() -> FileTarget:
-    """The SQLite file of a bag of ROS 2. The format has no checksums."""
-    (bag, *_) = _bags2()
-    about = {"metadata.yaml": bag.pop("metadata.yaml")}
-    return FileTarget(_bag2_read, list(bag.values()), "log/log.db3", beside=[about])
-
-
-def bag2_compressed() -> FileTarget:
-    """The compressed SQLite file of a bag of ROS 2."""
-    bag = _bags2()[2]
-    about = {"metadata.yaml": bag.pop("metadata.yaml")}
-    ((name, data),) = bag.items()
-    return FileTarget(_bag2_read, [data], f"log/{name}", beside=[about])
-
-
-def bag2_metadata() -> FileTarget:
-    """`metadata.yaml` of bags of ROS 2."""
-    bags = _bags2()
-    seeds = [bag.pop("metadata.yaml") for bag in bags]
-    return FileTarget(_bag2_read, seeds, "log/metadata.yaml", beside=bags)
+def _of_bag2(name: str) -> FileTarget:
+    """One file of a bag of ROS 2. The format has no checksums."""
+    bag = _bag2()
+    seed = bag.pop(name)
+    return FileTarget(lambda path: _columns(path.parent), [seed], f"log/{name}", beside=[bag])
 
 
 def csv_table() -> FileTarget:
@@ -359,18 +314,20 @@ def csv_table() -> FileTarget:
     quoted = 'a "b",c\n' + "\n".join(f'"{k}","{k}.5"' for k in range(30))
     texts = (f"# note, 3\nt,fx,fy,fz,tx,ty,tz\n{plain}\n", german, quoted, plain.replace(",", "  "))
     seeds = [t.encode() for t in texts] + [german.encode("utf-16"), "µ;N\n1;2\n".encode("cp1252")]
-    real = CORPUS.parent / "ntnu_kuka_ati_gamma" / "0-calibration_fts-accel.csv"
-    return FileTarget(read, [*seeds, real.read_bytes()], "log.csv")
+    return FileTarget(read, seeds, "log.csv")
 
 
 # settings and results
 
 
-def _parquet(columns: dict[str, Any], **told: Any) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "a.parquet")
-        parquet.write(path, parquet.table_of(columns, {"format": 1, "robot": "ur5", **told}))
-        return path.read_bytes()
+TOLD: dict[str, Any] = {
+    "format": 1, "robot": "ur5", "mode": "static", "rate_hz": 100.0, "source": "sim",
+    "gravity": [0.0, 0.0, -9.81],
+    "tool": {"mass": 1.4, "cog": [0.0, 0.0, 0.1], "inertia": [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]},
+    "sensor": {"model": "ati-gamma", "noise_std": [0.1] * 6, "mass": 0.1,
+               "pose_flange": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]},
+    "tolerance": {"tool.mass": 0.01}, "operator": "Ada",
+}  # fmt: skip
 
 
 def _numbers(rows: int = 30) -> dict[str, np.ndarray]:
@@ -380,23 +337,24 @@ def _numbers(rows: int = 30) -> dict[str, np.ndarray]:
     return data | {"segment": np.arange(rows) // 3}
 
 
-_TOLD: dict[str, Any] = {
-    "mode": "static", "rate_hz": 100.0, "source": "sim", "gravity": [0.0, 0.0, -9.81],
-    "tool": {"mass": 1.4, "cog": [0.0, 0.0, 0.1], "inertia": [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]},
-    "sensor": {"model": "ati-gamma", "noise_std": [0.1] * 6, "mass": 0.1,
-               "pose_flange": [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]},
-    "tolerance": {"tool.mass": 0.01}, "operator": "Ada",
-}  # fmt: skip
+def _parquet(columns: dict[str, Any]) -> bytes:
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder, "a.parquet")
+        parquet.write(path, parquet.table_of(columns, TOLD))
+        return path.read_bytes()
+
+
+def _json(read: Callable[[Path], Any], *objects: Any) -> FileTarget:
+    """A target of JSON files."""
+    return FileTarget(read, [json.dumps(x).encode() for x in objects], "a.json", structured=True)
 
 
 def recording() -> FileTarget:
     """Recordings in Parquet, whose pages have checksums."""
     from wrenchbed.data.recording import Recording
 
-    def read(path: Path) -> dict[str, np.ndarray]:
-        return dict(Recording.read(path).columns)
-
-    return FileTarget(read, [_parquet(_numbers(), **_TOLD)], "rec.parquet")
+    read = lambda path: dict(Recording.read(path).columns)  # noqa: E731
+    return FileTarget(read, [_parquet(_numbers())], "rec.parquet")
 
 
 def recording_metadata() -> FileTarget:
@@ -405,41 +363,32 @@ def recording_metadata() -> FileTarget:
 
     def read(path: Path) -> None:
         table = parquet.table_of(_numbers(), {})
-        told = path.read_bytes()
-        own = path.with_name("rec.parquet")
-        parquet.write(own, table.replace_schema_metadata({parquet.KEY: told}))
-        json.dumps(Recording.read(own).metadata.to_json())
+        beside = path.with_name("rec.parquet")
+        parquet.write(beside, table.replace_schema_metadata({parquet.KEY: path.read_bytes()}))
+        json.dumps(Recording.read(beside).metadata.to_json())
 
-    seed = json.dumps({"format": 1, "robot": "ur5", **_TOLD}).encode()
-    return FileTarget(read, [seed], "metadata.json", structured=True)
+    return _json(read, TOLD)
 
 
 def plan() -> FileTarget:
     """Plans in Parquet."""
     from wrenchbed.data.plan import Plan, is_plan
 
-    def read(path: Path) -> None:
-        is_plan(path)
-        Plan.read(path)
-
     poses = {k: v for k, v in _numbers().items() if k[0] in "qs"}
     touches = poses | {c: np.full(30, 0.5) for c in ("px", "py", "pz")}
-    seeds = [_parquet(p, mode="static") for p in (poses, touches)]
-    return FileTarget(read, seeds, "plan.parquet")
+    seeds = [_parquet(p) for p in (poses, touches)]
+    return FileTarget(lambda p: (is_plan(p), Plan.read(p)) is None, seeds, "plan.parquet")
 
 
 def journal() -> FileTarget:
     """The journal of a recording that was not finished."""
     from wrenchbed.data.recording import Recording
 
-    def read(path: Path) -> None:
-        Recording.read(path.with_name("rec.parquet"))
-
-    table = parquet.table_of(_numbers(), {"format": 1, "robot": "ur5", **_TOLD})
-    stream = io.BytesIO()
+    table, stream = parquet.table_of(_numbers(), TOLD), io.BytesIO()
     with pa.ipc.new_stream(stream, table.schema) as writer:
         for batch in table.to_batches(max_chunksize=10):
             writer.write_batch(batch)
+    read = lambda path: Recording.read(path.with_name("rec.parquet")) is None  # noqa: E731
     return FileTarget(read, [stream.getvalue()], "rec.parquet.journal")
 
 
@@ -459,9 +408,8 @@ def twin_json() -> FileTarget:
     effects = [{"effect": "joint.compliance", "parameters": {"joint": 2, "stiffness": 9000.0}}]
     plain = {"format": 1, "robot": "ur5", "gravity": [0.0, 0.0, -9.8], "recording": "rec.parquet",
              "theta": {"tool.mass": 1.3}}  # fmt: skip
-    twins = [Twin.from_json(plain | {"effects": some}) for some in (effects, [])]
-    seeds = [json.dumps(twin.to_json()).encode() for twin in twins]
-    return FileTarget(lambda p: Twin.read(p) is None, seeds, "twin.json", structured=True)
+    twins = [Twin.from_json(plain | {"effects": some}).to_json() for some in (effects, [])]
+    return _json(lambda p: Twin.read(p) is None, *twins)
 
 
 def fit_json() -> FileTarget:
@@ -474,19 +422,7 @@ def fit_json() -> FileTarget:
     model = Model(robot, tuple(robot.gravity))
     theta = {p.name: p.nominal for p in robot.parameters}
     raw = {"format": 1, "robot": "ur5", "theta": theta, "parameters": [], "recording": "rec"}
-    return FileTarget(lambda p: _read(p, model) and None, [json.dumps(raw).encode()], "fit.json",
-                      structured=True)  # fmt: skip
-
-
-def parameters_json() -> FileTarget:
-    """Values of parameters, which `record --parameters` reads."""
-    from wrenchbed import registry
-    from wrenchbed.cli.console import parameters
-
-    known = registry.load("robots", "ur5").parameters
-    seed = json.dumps({"tool.mass": 1.42, "tool.cog.x": 0.01}).encode()
-    return FileTarget(lambda p: known.vector(parameters(p)) is None, [seed], "p.json",
-                      structured=True)  # fmt: skip
+    return _json(lambda p: _read(p, model) and None, raw)
 
 
 def sealed_json() -> FileTarget:
@@ -510,71 +446,41 @@ def sealed_json() -> FileTarget:
     oracle = {"verdict": "none", "causes": [["a", 1]], "closed": 0.5}
     true = {"format": 1, "case": "c", "robot": "ur5", "mode": "static", "kind": "x", "causes": [],
             "minor": [], "rows": 3, "oracle": oracle, "salt": "s"}  # fmt: skip
-    seeds = [json.dumps(x).encode() for x in (claim, run, sealed, true)]
-    return FileTarget(read, seeds, "any.json", structured=True)
+    return _json(read, claim, run, sealed, true)
 
 
 def map_toml() -> FileTarget:
     """Maps of columns, in TOML."""
     import wrenchbed as wb
+    from wrenchbed.data.column_map import ready
 
-    folder = Path(wb.__file__).parent / "data" / "maps"
-    seeds = [path.read_bytes() for path in sorted(folder.glob("*.toml"))]
+    seeds = [path.read_bytes() for path in ready().values()]
     return FileTarget(lambda p: wb.read_map(p) is None, seeds, "map.toml")
-
-
-def faults_toml() -> FileTarget:
-    """Scripts of faults of an emulator, in TOML."""
-    from robot_emulators.base.faults import read
-
-    seed = b'[[fault]]\nlink = "rtde"\nkind = "silence"\nat = 2.0\nseconds = 1.5\n\n' \
-           b'[[fault]]\nlink = "can"\nkind = "text"\nat = 3\nmessage = "x"\n'  # fmt: skip
-    return FileTarget(lambda p: read(p) is None, [seed], "faults.toml")
-
-
-def robot_model() -> FileTarget:
-    """MJCF and URDF of a user's robot."""
-    from wrenchbed.robots.model_file import read_arm
-
-    seed = """<robot name="two"><link name="base"/><link name="a"><inertial><mass value="1"/>
-<origin xyz="0 0 .1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
-</link>
-<link name="b"><inertial><mass value=".5"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0"
-iyz="0"/></inertial></link><joint name="j1" type="revolute"><parent link="base"/><child link="a"/>
-<axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2" effort="9"/></joint>
-<joint name="j2" type="revolute"><parent link="a"/><child link="b"/><origin xyz=".1 0 .2"/>
-<axis xyz="0 1 0"/><limit lower="-3" upper="3" velocity="2" effort="9"/></joint></robot>"""
-    mjcf = """<mujoco><worldbody><body name="a" pos="0 0 .1"><joint name="j1" axis="0 0 1"
-range="-3 3"/><geom type="capsule" fromto="0 0 0 0 0 .2" size=".05"/><body name="b" pos=".1 0 .2">
-<joint name="j2" axis="0 1 0" range="-2 2"/><inertial pos="0 0 .1" mass="1" diaginertia=".1 .1 .1"/>
-<geom type="box" size=".1 .1 .1"/><site name="b" pos="0 0 .1"/></body></body></worldbody>
-</mujoco>"""
-    return FileTarget(lambda p: read_arm(p, "b") is None, [seed.encode(), mjcf.encode()], "a.xml")
 
 
 def robot_toml() -> FileTarget:
     """A user's robot as TOML, beside its URDF."""
     from wrenchbed.robots.described import describe, read
 
-    urdf = robot_model().seeds[0]
+    urdf = b"""<robot name="two"><link name="base"/><link name="a"><inertial><mass value="1"/>
+<origin xyz="0 0 .1"/><inertia ixx=".1" iyy=".1" izz=".1" ixy="0" ixz="0" iyz="0"/></inertial>
+</link><joint name="j1" type="revolute"><parent link="base"/><child link="a"/>
+<axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2" effort="9"/></joint></robot>"""
     with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, "a.urdf")
+        file, out = Path(folder, "a.urdf"), Path(folder, "my.toml")
         file.write_bytes(urdf)
-        text = describe(
-            file, "b", Path(folder, "my.toml"), tool_mass=1.0, tool_cog=(0, 0, 0.1)
-        ).text
+        text = describe(file, "a", out, tool_mass=1.0, tool_cog=(0, 0, 0.1)).text
     return FileTarget(lambda p: read(p) is None, [text.encode()], "my.toml",
                       beside=[{"a.urdf": urdf}])  # fmt: skip
 
 
 LOGS: dict[str, Callable[[], FileTarget]] = {
-    "mcap": mcap, "mcap-chunk-crc": mcap_chunk_checksums, "mcap-no-crc": mcap_without_checksums,
-    "bag1": bag1, "bag2-sqlite": bag2_sqlite, "bag2-compressed": bag2_compressed,
-    "bag2-metadata": bag2_metadata, "csv": csv_table,
+    "mcap": mcap, "mcap-no-crc": mcap_without_checksums, "bag1": bag1,
+    "bag2": lambda: _of_bag2("log.db3"), "bag2-metadata": lambda: _of_bag2("metadata.yaml"),
+    "csv": csv_table,
 }  # fmt: skip
 SETTINGS: dict[str, Callable[[], FileTarget]] = {
     "recording": recording, "recording-metadata": recording_metadata, "plan": plan,
     "journal": journal, "points": points, "twin": twin_json, "fit": fit_json,
-    "parameters": parameters_json, "sealed": sealed_json, "map": map_toml, "faults": faults_toml,
-    "robot-model": robot_model, "robot-toml": robot_toml,
+    "sealed": sealed_json, "map": map_toml, "robot-toml": robot_toml,
 }  # fmt: skip
