@@ -63,15 +63,6 @@ def test_the_truth_stands_beside_the_estimates(made, capfd, tmp_path):
     assert abs(float(line.split()[6])) < 5
 
 
-def test_real_files_import_and_calibrate(tmp_path, capfd):
-    out = str(tmp_path / "rec.parquet")
-    file = str(DATA / "0-calibration_fts-accel.csv")
-    assert main(["import", file, "--map", str(DATA / "static.toml"), "--out", out]) == 0
-    assert "24 rows" in capfd.readouterr().out
-    assert main(["calibrate", out]) == 0
-    assert "0.9332" in capfd.readouterr().out
-
-
 def recording_process(folder: Path, poses: int) -> subprocess.Popen:
     plan = str(folder / "plan.parquet")
     assert main(["plan", "ur5", "--n", str(poses), "--out", plan]) == 0

@@ -43,13 +43,6 @@ def test_low_memory_is_told_at_once_and_never_hangs(made, tmp_path, megabytes, v
     assert "out of memory" in said and "ulimit -v" in said and rec.name not in said
 
 
-@pytest.mark.slow
-def test_a_verb_works_just_above_its_least_memory(made, tmp_path):
-    rec, out = made / "rec.parquet", tmp_path / "fit.json"
-    code, said = limited(resource.RLIMIT_AS, 1250 * MB, "calibrate", rec, "--out", out)
-    assert code == 0 and out.is_file(), said
-
-
 @pytest.mark.sampled
 @pytest.mark.parametrize("files", [16, 40])
 def test_few_open_files_for_workers_are_told_at_once_and_never_hang(made, tmp_path, files):
@@ -114,15 +107,6 @@ def test_what_is_no_shortage_is_none():
         assert shortage(error) is None
     unloaded = ImportError("libarrow.so.2600: failed to map segment from shared object")
     assert "out of memory" in str(shortage(unloaded))
-
-
-def test_memory_that_runs_out_later_is_one_line(made, monkeypatch, capsys):
-    def fail(*_, **__):
-        raise MemoryError
-
-    monkeypatch.setattr("wrenchbed.calibrate", fail, raising=False)
-    assert main(["calibrate", str(made / "rec.parquet")]) == 1
-    assert capsys.readouterr().err.startswith("wrenchbed: error: out of memory: free some")
 
 
 def test_kill_9_of_diagnose_leaves_no_process_and_ends_the_pipe(made, tmp_path):

@@ -87,17 +87,6 @@ def test_the_metadata_states_the_robot_without_effects(plans, tmp_path):
     assert np.abs(bare.wrench - other.wrench).max() > 0.1
 
 
-@pytest.mark.slow
-def test_random_effects_are_drawn_once_a_recording(plans, tmp_path):
-    plan, effects = plans / "static.parquet", ("base.vibration", "timing.stale", "sensor.noise")
-    first = record(plan, tmp_path / "a.parquet", *effects, seed=1).wrench
-    again = record(plan, tmp_path / "b.parquet", *effects, seed=1).wrench
-    other = record(plan, tmp_path / "c.parquet", *effects, seed=2).wrench
-    assert np.array_equal(first, again)
-    assert not np.array_equal(first, other)
-    assert len(np.unique(first[:, 0])) > 10
-
-
 def test_backlash_remembers_the_way_across_holds(plans, tmp_path):
     plan = plans / "static.parquet"
     bare = record(plan, tmp_path / "a.parquet")
@@ -125,18 +114,6 @@ def test_a_wrong_effect_gives_one_line_and_nothing_is_written(
     assert main(run) == 1
     assert words in said(capfd)
     assert names(tmp_path) == []
-
-
-def test_simulated_noise_follows_its_seed(plans, tmp_path):
-    record(plans / "static.parquet", tmp_path / "rec.parquet")
-    run = ["simulate", twin_file(tmp_path), "--like", str(tmp_path / "rec.parquet")]
-    made = []
-    for k, seed in enumerate((1, 1, 2)):
-        out = tmp_path / f"{k}.parquet"
-        assert main([*run, "--out", str(out), "--noise", "real", "--seed", str(seed)]) == 0
-        made.append(Recording.read(out).wrench)
-    assert np.array_equal(made[0], made[1])
-    assert not np.array_equal(made[0], made[2])
 
 
 def test_bad_twins_and_recordings_give_one_line(plans, tmp_path, capfd):

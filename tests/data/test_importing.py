@@ -180,29 +180,6 @@ def test_real_static_poses_come_in(tmp_path):
     assert np.abs(read + seen).max() < 1.0
 
 
-def test_real_motion_is_merged_from_three_clocks():
-    mapping = column_map.read(NTNU / "motion.toml")
-    files = [NTNU / f"1-baseline_{k}.csv" for k in ("wrench", "accel", "orientations")]
-    imported = import_files(files, mapping)
-    recording = imported.recording
-    assert len(recording) + imported.left_out == 4376
-    assert imported.left_out < 20
-    turned = Rotation.from_matrix(recording.rotation[0].T @ recording.rotation[-1]).magnitude()
-    assert np.rad2deg(turned) == pytest.approx(180.0, abs=1.0)
-    assert recording.t[-1] == pytest.approx(6.3, abs=0.2)
-
-
-@pytest.mark.slow
-@settings(max_examples=60, deadline=None)
-@given(text=st.text(max_size=200))
-def test_any_text_as_a_map_gives_a_named_error(tmp_path_factory, text):
-    folder = tmp_path_factory.mktemp("h")
-    for name in ("map.toml", "map.json"):
-        (folder / name).write_text(text, encoding="utf-8")
-        with pytest.raises(WrenchbedError):
-            column_map.read(folder / name)
-
-
 def torques_at_rest(folder, mode, rows=300):
     """A log of joints and their torques that step on by little, or rest, and its map."""
     q = np.linspace(0.0, 1.0, rows)[:, None] * np.ones(6)

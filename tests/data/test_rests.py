@@ -78,14 +78,6 @@ def test_a_log_is_imported_as_poses_and_its_moves_are_kept(tmp_path, capsys):
     )
 
 
-def test_static_and_dynamic_may_be_told_on_the_command_line(tmp_path):
-    recording, _ = log(How(holds=4, lost=0.0), 8)
-    line = ["import", *save(tmp_path, recording), "--out", str(tmp_path / "rec.parquet")]
-    assert main([*line, "--mode", "dynamic"]) == 0
-    assert wb.Recording.read(tmp_path / "rec.parquet").metadata.mode == "dynamic"
-    assert not (tmp_path / "rec.motion.parquet").exists()
-
-
 def test_a_log_in_motion_is_not_taken_for_thousands_of_poses(tmp_path, capsys):
     recording, _ = log(How(holds=4, lost=0.0), 8)
     line = ["import", *save(tmp_path, recording), "--out", str(tmp_path / "rec.parquet")]

@@ -23,6 +23,7 @@ HEADED = {
     "UTF-8 with mark": b"\xef\xbb\xbft,fx,fy\n1.5,2.5,3\n4,5.5,6\n",
     "UTF-16": "t;fx;fy\n1,5;2,5;3\n4;5,5;6\n".encode("utf-16"),
     "UTF-16 without mark": "t,fx,fy\n1.5,2.5,3\n4,5.5,6\n".encode("utf-16-le"),
+    "UTF-16, large end first": "t,fx,fy\n1.5,2.5,3\n4,5.5,6\n".encode("utf-16-be"),
 }
 
 
