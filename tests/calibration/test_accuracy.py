@@ -235,12 +235,12 @@ def test_what_no_plan_can_reach_is_said():
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("x,y,z\n", "holds no points"),
-        ("x,y\n1,2\n", "row 0: column 'z' is missing"),
-        ("x,y,z\n1,2,a\n", "row 0: z = 'a' is not a number"),
+        ("x,y,z\n", "0 rows"),
+        ("x,y\n1,2\n", "column 'z' is missing"),
+        ("x,y,z\n1,2,3\n1,2,a\n", "column 'z', row 1: 'a' is no number"),
         ("x,y,z\n400,300,-200\n", "is it in mm"),
-        ("x,y,z\n1,nan,0\n", "row 0: y = nan"),
-        (None, "cannot be read"),
+        ("x,y,z\n1,nan,0\n", "column 'y', row 0: the value is missing"),
+        (None, "there is no such file"),
     ],
 )
 def test_points_come_from_csv_with_clear_errors(tmp_path, text, words):

@@ -149,7 +149,7 @@ def test_poses_chosen_by_an_index_and_touches_planned_for_an_accuracy(tmp_path, 
     [
         (["ur5", "--goal", "target-position"], "has no tool tip and target workspace"),
         (["medrue", "--goal", "target-position", "--accuracy", "-1"], "must be above 0"),
-        (["medrue", "--goal", "target-position", "--points", "none.csv"], "cannot be read as CSV"),
+        (["medrue", "--goal", "target-position", "--points", "none.csv"], "there is no such file"),
         (["medrue", "--index", "O1", "--n", "10", "--pool", "5"], "cannot be chosen from a pool"),
         (["medrue", "--index", "O1", "--motion", "multisine"], "either poses or a motion"),
         (["medrue", "--index", "O1", "--goal", "target-position"], "chooses its own poses"),

@@ -3,7 +3,7 @@
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,7 @@ KEY = b"wrenchbed"
 FORMAT = 1
 """Format number of the Parquet files that are written and read."""
 ROWS_AT_ONCE = 2**18
-"""Rows of a column that are unpacked together."""
+"""Rows of all columns that are unpacked together."""
 FREE, RATIO = 2**28, 200
 """A file may unpack to the larger of this size [bytes] and this multiple of its own: a recording
 with noise reaches a multiple of 2, one of constant columns more."""
@@ -29,7 +29,7 @@ with noise reaches a multiple of 2, one of constant columns more."""
 def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """The columns as `columns` gives them, and the JSON metadata of a file.
 
-    A column is unpacked some rows at a time, so that a large file is never in memory twice.
+    A large file is unpacked column by column, so that it is never in memory twice.
 
     Raises:
         error: missing, unreadable or truncated file, missing or broken metadata, unknown format,
@@ -40,18 +40,12 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
     result: dict[str, np.ndarray] = {}
     try:
         with _opened(path, error) as file:
-            schema = file.schema_arrow
-            metadata = metadata_of(schema, path, error)
-            few = file.read() if file.metadata.num_rows <= ROWS_AT_ONCE else None
-            for field in schema:
-                if pa.types.is_integer(field.type) or pa.types.is_floating(field.type):
-                    parts = _parts(file, field.name) if few is None else few[field.name].chunks
-                    rows = file.metadata.num_rows
-                    result[field.name] = _unpacked(parts, rows, field, path, error)
-                else:
-                    text = [field.name]
-                    table = file.read(columns=text) if few is None else few.select(text)
-                    result |= columns(table, path, error)
+            metadata = metadata_of(file.schema_arrow, path, error)
+            if file.metadata.num_rows <= ROWS_AT_ONCE:
+                result = columns(file.read(), path, error)
+            else:
+                for name in file.schema_arrow.names:
+                    result |= columns(file.read(columns=[name]), path, error)
     except WrenchbedError:
         raise
     except Exception as cause:  # Arrow's, or Python's for names that are no text
@@ -64,28 +58,6 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
     finally:
         pa.default_memory_pool().release_unused()
     return result, metadata
-
-
-def _parts(file: pq.ParquetFile, name: str) -> Iterator[pa.Array]:
-    """Arrays of a column, some rows at a time."""
-    for batch in file.iter_batches(ROWS_AT_ONCE, columns=[name]):
-        yield batch.column(0)
-
-
-def _unpacked(
-    parts: Iterable[pa.Array], rows: int, field: pa.Field, path: Path, error: type[WrenchbedError]
-) -> np.ndarray:
-    """A column of numbers as a read-only array (N,), unpacked part by part."""
-    result = np.empty(rows, field.type.to_pandas_dtype())
-    first = 0
-    for part in parts:
-        _check_complete(part, field.name, path, error, first)
-        result[first : first + len(part)] = part.to_numpy()
-        first += len(part)
-    if first != rows:
-        raise pa.ArrowInvalid("fewer rows than stated")
-    result.flags.writeable = False
-    return result
 
 
 def source(path: Path) -> pa.NativeFile:
@@ -153,19 +125,12 @@ def columns(table: pa.Table, path: Path, error: type[WrenchbedError]) -> dict[st
     result: dict[str, np.ndarray] = {}
     for name in table.column_names:
         column = table.column(name)
-        _check_complete(column, name, path, error)
+        if column.null_count:
+            row = int(np.flatnonzero(np.asarray(column.is_null()))[0])
+            raise error(f"{path}: column {name!r}, row {row}: the value is missing")
         result[name] = column.to_numpy()
         result[name].flags.writeable = False
     return result
-
-
-def _check_complete(
-    column: pa.Array, name: str, path: Path, error: type[WrenchbedError], first: int = 0
-) -> None:
-    """Refuse missing values of a column's part whose first row is ``first``."""
-    if column.null_count:
-        row = first + int(np.flatnonzero(np.asarray(column.is_null()))[0])
-        raise error(f"{path}: column {name!r}, row {row}: the value is missing")
 
 
 def _check_names(names: Sequence[str], path: Path, error: type[WrenchbedError]) -> None:

@@ -1,6 +1,5 @@
 """A plan: poses to visit, touches of known points or a motion to follow, in Parquet."""
 
-import csv
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,9 +13,11 @@ from wrenchbed.data import parquet
 from wrenchbed.data.checked import Fields
 from wrenchbed.data.metadata import MODES, carried_robot, stated_robot
 from wrenchbed.data.recording import POINT, effort_prefix, holds_readings, joint_columns
-from wrenchbed.errors import PlanError, raise_shortage
+from wrenchbed.data.text_table import read_text
+from wrenchbed.errors import MapError, PlanError, raise_shortage
 
 _FAR = 10.0
+"""Points farther away than this are in another unit [m]: no arm here reaches so far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +81,8 @@ class Plan:
         if len(data[joints[0]]) == 0:
             raise PlanError(f"{path}: the plan has 0 rows")
         for column in (*joints, "dwell", *POINT):
-            _check_numbers(path, column, data.get(column))
+            if column in data:
+                _check_numbers(path, column, data[column])
         q = np.stack([data[c].astype(float) for c in joints], axis=-1)
         segment = _segments(path, data, len(q))
         dwell = data.get("dwell", np.zeros(len(q))).astype(float)
@@ -118,9 +120,7 @@ def is_plan(path: Path) -> bool:
     return "q1" in names and not holds_readings(names)
 
 
-def _check_numbers(path: Path, column: str, array: np.ndarray | None) -> None:
-    if array is None:
-        return
+def _check_numbers(path: Path, column: str, array: np.ndarray) -> None:
     if array.dtype.kind not in "fiu":
         raise PlanError(f"{path}: column {column!r} holds {array.dtype}, not numbers")
     bad = np.flatnonzero(~np.isfinite(array.astype(float)))
@@ -145,32 +145,22 @@ def _segments(path: Path, data: Mapping[str, np.ndarray], n: int) -> np.ndarray:
 
 
 def read(path: str | Path) -> np.ndarray:
-    """Points (K, 3) [m].
+    """Points (K, 3) [m] of a text file with the columns x, y, z.
 
     Raises:
         PlanError: names the file, the column and the row.
     """
     path = Path(path)
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(file))
-    except (OSError, UnicodeDecodeError, csv.Error) as cause:
-        raise_shortage(cause, path)
-        raise PlanError(f"{path}: cannot be read as CSV") from cause
-    if not rows:
-        raise PlanError(f"{path}: holds no points")
-    points = np.empty((len(rows), 3))
-    for i, row in enumerate(rows):
-        for k, name in enumerate("xyz"):
-            text = row.get(name)
-            if text is None:
-                raise PlanError(f"{path}: row {i}: column {name!r} is missing; wanted x,y,z in m")
-            try:
-                points[i, k] = float(text)
-            except ValueError:
-                raise PlanError(f"{path}: row {i}: {name} = {text!r} is not a number") from None
-            if not abs(points[i, k]) < _FAR:
-                raise PlanError(
-                    f"{path}: row {i}: {name} = {text} m is not within {_FAR:g} m (is it in mm?)"
-                )
+        table = read_text(path)
+        points = np.stack([table.numbers(name) for name in "xyz"], axis=1)
+    except MapError as error:
+        raise PlanError(f"{error}; points to touch are rows of x, y, z in m") from error
+    far = np.argwhere(np.abs(points) >= _FAR)
+    if len(far):
+        row, k = far[0]
+        raise PlanError(
+            f"{path}: row {row}: {'xyz'[k]} = {points[row, k]:g} m is not within {_FAR:g} m (is it "
+            "in mm?)"
+        )
     return points
