@@ -60,7 +60,7 @@ def look(monkeypatch):
         monkeypatch.setattr(identity, "stated", lambda host: said)
         monkeypatch.setattr(status, "request", lambda *a: remote)
         monkeypatch.setattr(identity, "read_kinematics", lambda *a: kinematics)
-        report = looking.doctor(robot, "192.0.2.7", seconds=4.0)
+        report = looking.doctor(robot, "192.0.2.7", seconds=6.0)
         return report, {line.name: line for line in report.lines}
 
     return run

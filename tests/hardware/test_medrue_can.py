@@ -54,7 +54,7 @@ def test_state_and_wrench_while_connected_only(twin):
         load = Simulation(robot, robot.parameters.nominal).wrench(arm.q[None])[0]
         assert np.abs(wrench.wrench - load)[:3].max() < 0.1
         assert np.abs(wrench.wrench - load)[3:].max() < 0.005
-        assert (wrench.frame, wrench.reference, wrench.saturated) == ("sensor", "sensor", 0)
+        assert wrench.saturated == 0
         assert driver.write(arm.q).sent is None
         counters = driver.health().counters
         assert counters["arm bus_load"] == pytest.approx(0.439, abs=0.001)

@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 
 from robot_emulators.netft_box import rdt
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware.transducers.netft import configuration, datagrams
-from wrenchbed.hardware.transducers.netft.datagrams import Record, table
-from wrenchbed.hardware.transducers.netft.receiver import Received
-from wrenchbed.hardware.transducers.netft.sequence import DeviceClock, Tracker, signed
+from wrenchbed.hardware.transducers.netft import configuration, records
+from wrenchbed.hardware.transducers.netft.receiver import DeviceClock, Received
+from wrenchbed.hardware.transducers.netft.records import Tracker, signed, table
 from wrenchbed.hardware.transducers.netft.transducer import _restarted
 
 WEEK_S = 7 * 86400.0
@@ -65,24 +64,19 @@ def test_a_box_knows_six_commands():
 )
 def test_what_the_box_packs_the_client_reads(first, ft, status, counts):
     packed = rdt.pack(first, np.array([ft, ft + 7]), np.array([status] * 2), [counts] * 2)
-    assert datagrams.record(packed, 0) == (first, ft % 2**32, status, tuple(counts))
-    assert datagrams.record(packed, 1)[:2] == ((first + 1) % 2**32, (ft + 7) % 2**32)
-    assert datagrams.numbers(packed)[1] == ((first + 1) % 2**32, (ft + 7) % 2**32)
-    assert datagrams.flagged(packed) == status
+    both = records.decode(packed)
+    assert both[0].tolist()[:3] == (first, ft % 2**32, status)
+    assert both["counts"].tolist() == [counts] * 2
+    assert both[1].tolist()[:2] == ((first + 1) % 2**32, (ft + 7) % 2**32)
 
 
-@given(st.binary(max_size=200), st.integers(-2, 6))
-def test_a_datagram_is_records_or_refused(data, index):
-    assert datagrams.is_complete(len(data)) == (len(data) > 0 and len(data) % 36 == 0)
-    try:
-        got = datagrams.record(data, index)
-    except DriverError:
-        assert not 0 <= index * 36 <= len(data) - 36
-    else:
-        assert len(got.counts) == 6
+@given(st.binary(max_size=200))
+def test_a_datagram_is_records_or_refused(data):
     if len(data) % 36:
         with pytest.raises(DriverError, match="no whole number"):
-            datagrams.numbers(data)
+            records.decode(data)
+    else:
+        assert records.decode(data)["counts"].shape == (len(data) // 36, 6)
 
 
 @given(st.binary(max_size=400))
@@ -161,13 +155,19 @@ def test_an_answer_is_a_page_or_refused(answer, error, why):
             assert configuration.get(*listener.getsockname(), "/netftapi2.xml") == b"abc"
 
 
+def rows(*pairs):
+    """Records of pairs of counters."""
+    packed = b"".join(struct.pack(">3I6i", *pair, 0, *(0,) * 6) for pair in pairs)
+    return records.decode(packed)
+
+
 @settings(deadline=None)
 @given(
     st.integers(0, 2**32 - 1),
     st.lists(st.sampled_from("....dxs"), min_size=4, max_size=300),
     st.integers(1, 9),
 )
-def test_losses_doubles_and_swaps_are_counted_exactly(start, fates, batch):
+def test_losses_and_disorder_are_counted_exactly(start, fates, batch):
     """Fates: . sent, d dropped, x doubled, s sent after the next one."""
     fates = [".", *fates, ".", "."]
     sent, held, dropped, doubled, late = [], None, 0, 0, 0
@@ -186,29 +186,24 @@ def test_losses_doubles_and_swaps_are_counted_exactly(start, fates, batch):
             late, held = late + 1, None
     tracker = Tracker(7000.0, 7.0)
     tracker.last, tracker._begun, tracker._asked = (start, -7), True, False
-    kept = 0
-    for k in range(0, len(sent), batch):
-        part = sent[k : k + batch]
-        indices = tracker.take(part)
-        kept += len(part) if indices is None else len(indices)
-    counted = (tracker.lost, tracker.duplicates, tracker.late)
-    assert counted == (dropped, doubled, late)
-    assert kept == len(fates) - dropped
+    kept = sum(len(tracker.take(rows(*sent[k : k + batch]))) for k in range(0, len(sent), batch))
+    assert (tracker.lost, tracker.disordered) == (dropped + late, doubled + late)
+    assert kept == len(fates) - dropped - late
     assert tracker.last[0] == (start + len(fates)) % 2**32
     assert tracker.jumps == tracker.restarts == tracker.implausible == 0
 
 
 def test_a_lone_wild_record_is_left_out_and_a_new_start_is_believed():
     tracker = Tracker(1000.0, 7.0)
-    assert tracker.take([(k, 7 * k) for k in range(1, 200)])
-    assert tracker.take([(3_000_000_000, 5), (200, 1400)]) == [1]
+    assert len(tracker.take(rows(*((k, 7 * k) for k in range(1, 200))))) == 199
+    assert tracker.take(rows((3_000_000_000, 5), (200, 1400)))["rdt"].tolist() == [200]
     assert (tracker.implausible, tracker.lost) == (1, 0)
     tracker.asked()
-    assert tracker.take([(1, 1470), (2, 1477)]) is not None
+    assert len(tracker.take(rows((1, 1470), (2, 1477)))) == 2
     assert (tracker.jumps, tracker.restarts, tracker.lost) == (1, 0, 9)
-    assert tracker.take([(k, 1470 + 7 * k) for k in range(3, 500)]) is None
+    assert len(tracker.take(rows(*((k, 1470 + 7 * k) for k in range(3, 500))))) == 497
     tracker.asked()
-    tracker.take([(1, 7), (2, 14)])
+    tracker.take(rows((1, 7), (2, 14)))
     assert (tracker.jumps, tracker.restarts, tracker.lost) == (2, 1, 9)
 
 
@@ -221,48 +216,33 @@ def test_the_clock_of_a_device_is_unwrapped_and_measured():
     clock = DeviceClock(7000.0)
     start = 2**32 - 7000
     for k in range(5000):
-        t = k * 1e-3
-        device = clock.take(50.0 + t + 2e-4 * (k % 7), round(start + 7000 * 1.0002 * t) % 2**32)
+        t, late = k * 1e-3, 2e-4 * (k % 7)
+        device, _ = clock.take(50.0 + t + late, round(start + 7000 * 1.0002 * t) % 2**32)
     assert device == pytest.approx(start / 7000 + 4.999 * 1.0002, abs=1e-3)
     assert clock.ppm == pytest.approx(200.0, abs=30.0)
 
 
 def test_records_that_were_held_up_are_known_by_the_devices_clock():
     """A millisecond's records in time, then 30 ms of them at once, then in time again."""
-    clock = DeviceClock(7000.0)
-    late = []
+    clock, late = DeviceClock(7000.0), []
     for k in range(3000):
         t = 80.0 + k * 1e-3
         arrived = max(t, 82.030) if t > 82.0 - 1e-9 else t
-        stamp = (2**32 - 7000 + 7 * k) % 2**32
-        clock.take(arrived + 3e-4, stamp)
-        late.append(clock.punctual(arrived + 3e-4, stamp) - t)
+        late.append(clock.take(arrived + 3e-4, (2**32 - 7000 + 7 * k) % 2**32)[1] - t)
     assert np.ptp(late) < 1e-6
 
 
-def test_clocks_that_drift_apart_or_leap_are_followed_again():
+def test_clocks_that_drift_apart_leap_or_begin_anew_are_followed_again():
     slow = DeviceClock(7000.0)
     for k in range(60_000):
         t = 5.0 + k * 1e-3
-        slow.take(t, round(7000 * (1 - 1e-4) * k * 1e-3))
-        assert 0.0 <= t - slow.punctual(t, round(7000 * (1 - 1e-4) * k * 1e-3)) < 4e-4
-    leapt = DeviceClock(7000.0)
-    late = []
-    for k in range(6000):
+        assert 0.0 <= t - slow.take(t, round(7000 * (1 - 1e-4) * k * 1e-3))[1] < 4e-4
+    leapt, late = DeviceClock(7000.0), []
+    for k in range(10_000):
         t = 5.0 + k * 1e-3 + (1.5 if k >= 3000 else 0.0)
-        leapt.take(t, 7 * k)
-        late.append(t - leapt.punctual(t, 7 * k))
-    assert max(late) <= 0.1
-    assert max(late[5200:]) < 1e-6
-
-
-def test_a_device_that_begins_anew_is_punctual_at_once():
-    clock = DeviceClock(1000.0)
-    assert clock.punctual(3.0, 77) == 3.0
-    for k in range(100):
-        clock.take(3.0 + 1e-3 * k, 1000 + k)
-    clock.take(4.0, 1)
-    assert clock.punctual(4.0, 1) == 4.0
+        late.append(t - leapt.take(t, 7 * k)[1])
+    assert max(late) <= 0.1 + 1e-9 and max(late[8500:]) < 1e-6
+    assert leapt.take(40.0, 1)[1] == 40.0
 
 
 def test_status_words_by_product():
@@ -298,6 +278,6 @@ def test_every_error_has_a_word(status, product):
 )
 def test_a_restart_is_told_by_the_count_and_the_time(last, seconds, first, restarted):
     def seen(t, ft):
-        return Received(t, ft / 7000.0, Record(0, ft, 0, (0,) * 6), t, 1)
+        return Received(t, ft / 7000.0, ft, 0, np.zeros(6), t, 1)
 
     assert _restarted(seen(50.0, last), seen(50.0 + seconds, first), 7000.0) is restarted

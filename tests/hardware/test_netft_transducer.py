@@ -8,8 +8,7 @@ import pytest
 
 from netft_scene import boxed, client, until
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer, configuration
-from wrenchbed.hardware.transducers.netft.configuration import Watch
+from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
 
 pytestmark = pytest.mark.wire
 
@@ -22,7 +21,7 @@ def scene():
 
 @pytest.fixture
 def transducer(scene):
-    with client(scene, sensor="ati-gamma") as found:
+    with client(scene) as found:
         time.sleep(0.1)
         yield found
 
@@ -49,7 +48,6 @@ def test_readings_are_si_whatever_the_box_counts_in(units):
         sample = transducer.read()
         assert sample.wrench == pytest.approx(scene.body.base, abs=1e-3)
         assert (sample.status, sample.saturated, sample.faults) == (0, 0, ())
-        assert (sample.frame, sample.reference) == ("sensor", "sensor")
         assert transducer.health().ok
 
 
@@ -84,14 +82,16 @@ def test_a_wrench_at_a_time_is_interpolated(scene, transducer):
 
 
 def test_lost_records_are_counted_exactly(scene, transducer):
-    before, told = scene.box.counters, counters(transducer)
+    before, told = scene.box.counters.copy(), counters(transducer)
     for kind in ("drop", "duplicate", "swap"):
         scene.fault("rdt", kind, 0.4, share=0.2)
         time.sleep(0.5)
     time.sleep(0.05)
     now = counters(transducer)
-    for ours, theirs in (("lost", "dropped"), ("duplicates", "duplicated"), ("late", "swapped")):
-        assert now[ours] - told[ours] == scene.box.counters[theirs] - before[theirs] > 20
+    sent = {name: scene.box.counters[name] - before[name] for name in scene.box.counters}
+    assert min(sent["dropped"], sent["duplicated"], sent["swapped"]) > 20
+    assert now["lost"] - told["lost"] == sent["dropped"] + sent["swapped"]
+    assert now["disordered"] - told["disordered"] == sent["duplicated"] + sent["swapped"]
     assert transducer.read().lost == now["lost"]
     assert transducer.health().ok
 
@@ -111,14 +111,12 @@ def test_silence_is_named_within_100_ms_and_ended(scene, transducer):
 
 
 def test_a_box_that_restarts_is_asked_again_and_has_a_new_zero(scene, transducer):
-    assert transducer.zero() == 1
-    until(lambda: abs(transducer.read().wrench[2]) < 0.1)
     time.sleep(0.3)
     scene.fault("rdt", "restart")
     until(lambda: transducer.health().state == "stale")
     until(lambda: transducer.health().ok)
     sample = transducer.read()
-    assert counters(transducer)["restarts"] == 1 and sample.bias_id == 2
+    assert counters(transducer)["restarts"] == 1 and sample.bias_id == 1
     assert sample.wrench[2] == pytest.approx(30.0, abs=0.1)
     assert sample.device_time < 5.0
 
@@ -232,31 +230,9 @@ def test_impossible_options_are_refused(bad):
         NetftOptions("127.0.0.1", **bad)
 
 
-def said(counts=1e6, bias="0;0"):
-    return configuration.Configuration(
-        np.ones(6), ("N", "Nm"), (counts, 1e6), 7000.0, 7000.0, True, bias, None
-    )
-
-
-def test_a_watch_notices_new_counts_and_a_zero_that_was_not_taken():
-    looks = [said()]
-    watch = Watch(said(), lambda: looks[0])
-    try:
-        watch.zeroed()
-        until(lambda: "new zero" in watch.wrong)
-        looks[0] = said(bias="5;5")
-        watch.zeroed()
-        until(lambda: watch.wrong == "")
-        looks[0] = said(counts=10.0)
-        watch.zeroed()
-        until(lambda: "was set to 10 / N" in watch.wrong)
-    finally:
-        watch.stop()
-
-
 @pytest.mark.slow
 def test_counts_that_change_while_it_runs_are_noticed():
-    with boxed("127.0.3.44") as scene, client(scene, sensor="ati-gamma") as transducer:
+    with boxed("127.0.3.44") as scene, client(scene) as transducer:
         begun = time.monotonic()
         scene.fault("http", "other_counts", factor=0.5)
         until(lambda: transducer.health().state == "fault", 6.0)
@@ -268,10 +244,8 @@ def test_a_zero_that_was_lost_while_nobody_looked_changes_its_id():
         port = int(scene.addresses["http"].split(":")[1])
         transducer = NetftTransducer(NetftOptions("127.0.3.45", http_port=port))
         with transducer:
-            assert transducer.zero() == 1
-        with transducer:
-            assert transducer.read().bias_id == 1
+            assert transducer.read().bias_id == 0
             until(lambda: transducer.read().sequence > 7000)  # a new start soon counts fewer
         scene.fault("rdt", "restart")
         with transducer:
-            assert transducer.read().bias_id == 2
+            assert transducer.read().bias_id == 1

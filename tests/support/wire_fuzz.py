@@ -17,12 +17,10 @@ def rdt() -> tuple[Target, list[bytes]]:
     import numpy as np
 
     from wrenchbed.errors import DriverError
-    from wrenchbed.hardware.transducers.netft import datagrams
-    from wrenchbed.hardware.transducers.netft.datagrams import TABLES
-    from wrenchbed.hardware.transducers.netft.receiver import History
-    from wrenchbed.hardware.transducers.netft.sequence import DeviceClock, Tracker
+    from wrenchbed.hardware.transducers.netft import records
+    from wrenchbed.hardware.transducers.netft.receiver import DeviceClock, History
 
-    tracker, clock = Tracker(1000.0, 7.0), DeviceClock(7000.0)
+    tracker, clock = records.Tracker(1000.0, 7.0), DeviceClock(7000.0)
     history, runs = History(1.5, 1e-3), [0]
 
     def run(data: bytes) -> None:
@@ -30,22 +28,20 @@ def rdt() -> tuple[Target, list[bytes]]:
             runs[0] += 1
             now = 1e-3 * runs[0]
             try:
-                numbers = datagrams.numbers(piece)
+                batch = records.decode(piece)
             except DriverError:
-                assert not datagrams.is_complete(len(piece))
+                assert len(piece) % records.SIZE
                 continue
-            if not numbers:
+            kept = tracker.take(batch) if len(batch) else batch
+            if not len(kept):
                 continue
-            kept = tracker.take(numbers)
-            history.add(now, piece)
-            for table in TABLES.values():
-                word = datagrams.flagged(piece)
+            for table in records.TABLES.values():
+                word = int(np.bitwise_or.reduce(kept["status"]))
                 assert bool(table.faults(word)) == bool(word)
-            for k in range(len(numbers)) if kept is None else kept:
-                assert np.isfinite(clock.take(now, datagrams.record(piece, k).ft))
+            assert np.isfinite(clock.take(now, int(kept["ft"][-1]))).all()
+            history.add(now, kept)
             at = history.at(now)
             assert at is None or (np.isfinite(at.counts).all() and 0.0 <= at.age < 0.1)
-            assert len(tracker._missing) <= 4096
 
     record = struct.pack(">3I6i", 1, 7, 0, 1, 2, 3, 4, 5, 6)
     after = struct.pack(">3I6i", 2, 14, 0x80020000, -1, 2**31 - 1, -(2**31), 0, 0, 0)

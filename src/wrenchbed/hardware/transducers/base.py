@@ -16,7 +16,7 @@ from urllib.parse import SplitResult, urlsplit
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.errors import DriverError, ParameterError
+from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.device import STALE_S, Device
 
 CLOSE_S = 1e-3
@@ -35,13 +35,11 @@ class WrenchSample:
         sequence: of the sensor's samples, or of the replies where it counts none.
         age: time between arrival and the call that returned this [s].
         fresh: newer than what the call before returned.
-        wrench: load on the tool side (6,) [N, N·m].
-        frame: whose axes: ``sensor``, ``flange``, ``tcp`` or ``base``.
-        reference: about whose origin the torques are: ``sensor``, ``flange`` or ``tcp``.
+        wrench: load on the tool side (6,) [N, N·m], in the sensor's axes about its origin.
         status: the sensor's own status word.
         saturated: bit i is set where channel i is at the end of its range.
         lost: readings known to be lost since this device was made.
-        bias_id: how often the zero was changed since this device was made.
+        bias_id: how often the device lost its zero since this object was made.
         faults: meaning of the status word, in words.
     """
 
@@ -51,8 +49,6 @@ class WrenchSample:
     age: float
     fresh: bool
     wrench: np.ndarray
-    frame: str = "sensor"
-    reference: str = "sensor"
     status: int = 0
     saturated: int = 0
     lost: int = 0
@@ -102,23 +98,9 @@ class Transducer(Device):
         return None
 
     @property
-    def sensor_model(self) -> str:
-        """Registry name of the sensor that is read; empty: that of the robot."""
-        return ""
-
-    @property
     def identity(self) -> Mapping[str, Any]:
         """What the connected device says of itself, for a recording; empty where it does not."""
         return {}
-
-    def zero(self) -> int:
-        """Make the present load read as zero; returns the new bias id.
-
-        Raises:
-            DriverError: this device cannot.
-        """
-        self._check_connected()
-        return self._zero()
 
     @abstractmethod
     def _read(self) -> WrenchSample:
@@ -126,9 +108,6 @@ class Transducer(Device):
 
     def _at(self, t: float) -> WrenchSample | None:
         return self._past.at(t)
-
-    def _zero(self) -> int:
-        raise DriverError(f"transducer {self.name!r} cannot change its zero")
 
 
 def weight(since: float, span: float) -> float:

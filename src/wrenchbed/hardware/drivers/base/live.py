@@ -129,7 +129,7 @@ class LiveDriver(Driver):
     def _arm_health(self) -> Health: ...
 
     def metadata(self, mode: str, rate: float) -> Metadata:
-        sensor = self.transducer.sensor_model or self.robot.sensor
+        sensor = self.robot.sensor
         noise = registry.load("sensors", sensor).noise
         stated = as_designed(
             self.robot, source=self.source, mode=mode, rate=rate, gravity=self.robot.gravity,

@@ -2,8 +2,7 @@
 
 A network delivers states unevenly and drops some, but each carries the robot's time. Between two
 states joints follow the cubic that has their values and speeds (Hermite); the wrench is read at
-the same moment of this machine's clock, to which the robot's is fitted. Delays make states late and
-never early, so the clocks are fitted to the least late of several states.
+the same moment of this machine's clock, to which the robot's is fitted.
 """
 
 import bisect
@@ -14,18 +13,16 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wrenchbed.errors import LinkError
+from wrenchbed.hardware.clock import ClockFit
 from wrenchbed.hardware.device import STALE_S
 from wrenchbed.hardware.drivers.base.samples import ArmSample
 from wrenchbed.hardware.transducers.base import WrenchSample
 
-_CLOCK_STATES = 600
-"""States in the fit of the two clocks: five seconds at 125 Hz, in which their drift is steady."""
 _LATEST = 64
 """States that are kept to interpolate between: half a second at 125 Hz, more than rows wait."""
-_BIN = 50
-"""States of which the least late counts, and rows between two fits: among 50 one is on time."""
-_FEW = 4
-"""Bins below which only the offset of the clocks is fitted: a slope through fewer is noise."""
+_STRETCH_S = 0.4
+"""Stretch of which the least late state counts for the clocks [s]: among 50 of 125 Hz one is on
+time."""
 _MOST = 1_000_000
 """Rows that are kept for the percentiles: two hours at 125 Hz, 24 MB."""
 
@@ -48,11 +45,10 @@ class Resampler:
         self._period = 1.0 / rate
         self._states: deque[ArmSample] = deque(maxlen=_LATEST)
         self._times: deque[float] = deque(maxlen=_LATEST)
-        self._clock: deque[tuple[float, float]] = deque(maxlen=_CLOCK_STATES)
+        self._clock = ClockFit(_STRETCH_S)
         self._first: float | None = None
         self._origin = 0.0
         self._count = 0
-        self._line, self._age = (0.0, 0.0), 0
 
     def add(self, arm: ArmSample) -> None:
         """Take in a state; one that is not newer than the last is left out."""
@@ -63,7 +59,7 @@ class Resampler:
             self._first, self._origin = t, arm.t
         self._states.append(arm)
         self._times.append(t - self._first)
-        self._clock.append((t - self._first, arm.t - self._origin))
+        self._clock.add(t - self._first, arm.t - self._origin)
 
     def rows(self, most: int) -> list[EvenRow]:
         """The next rows that lie between states, at most ``most``.
@@ -95,27 +91,8 @@ class Resampler:
             name: value + fraction * (after.evidence[name] - value)
             for name, value in before.evidence.items()
         }
-        return EvenRow(self._origin + due, self._origin + self._host(due), q, qd, evidence)
-
-    def _host(self, t: float) -> float:
-        """This machine's time for a time of the robot, both since the first state [s]."""
-        self._age -= 1
-        if self._age < 0:
-            self._line = _least_late(np.array(self._clock))
-            self._age = min(_BIN, len(self._clock) // 2)
-        slope, offset = self._line
-        return t + slope * t + offset
-
-
-def _least_late(pairs: np.ndarray) -> tuple[float, float]:
-    """Slope and offset [s] of the difference of two clocks, from pairs (N, 2) of their times."""
-    t, apart = pairs[:, 0], pairs[:, 1] - pairs[:, 0]
-    bins = np.array_split(np.arange(len(pairs)), max(1, len(pairs) // _BIN))
-    least = [part[np.argmin(apart[part])] for part in bins]
-    if len(least) < _FEW:
-        return 0.0, float(apart.min())
-    slope, offset = np.polyfit(t[least], apart[least], 1)
-    return float(slope), float(offset)
+        host = self._origin + self._clock.host(due)
+        return EvenRow(self._origin + due, host, q, qd, evidence)
 
 
 def controller_time(arm: ArmSample) -> float:

@@ -9,12 +9,12 @@ import socket
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from statistics import linear_regression
 from typing import Any, Literal
 
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError, WrenchbedError
+from wrenchbed.hardware.clock import ClockFit
 from wrenchbed.hardware.device import STALE_S
 from wrenchbed.hardware.drivers.rtde import identity, own_wrench, states, status
 from wrenchbed.hardware.drivers.rtde.states import ANSWER_S, NATIVE_HZ
@@ -28,8 +28,8 @@ _SPARSE = 0.9
 """Fraction of the states that must arrive: fewer make a recording run wait for its rows."""
 _NEEDED_HZ, _LONGEST_S = 100.0, 600.0
 """Readings of a box that a recording at rest needs [1/s], its usual rate, and longest look [s]."""
-_BINS = 12
-"""Stretches of a stream, of each of which the least late arrival counts for the clock's drift."""
+_STRETCH_S = 0.2
+"""Stretch of a stream of which the least late arrival counts for the clock's drift [s]."""
 _DRIFT_PPM = 1000.0
 """Drift of a clock that is noted [ppm]; a quartz drifts by 100 ppm at most."""
 _HEAVY = 0.05
@@ -246,21 +246,17 @@ def _stream(
     late = 1e3 * np.abs(np.diff(at) - np.diff(clock))
     text = f"median {np.median(late):.2f} ms, 99 % within {np.percentile(late, 99):.2f} ms"
     yield Line("jitter", "ok", f"{text}, largest {late.max():.2f} ms")
-    ppm = _drift(at, clock)
-    text = f"runs {ppm:+.0f} ppm against this computer's"
+    fit = ClockFit(_STRETCH_S)
+    for device, host in zip(clock - clock[0], at - at[0], strict=True):
+        fit.add(float(device), float(host))
+    ppm = fit.ppm
+    text = (
+        "not known in so short a time"
+        if ppm is None
+        else f"runs {ppm:+.0f} ppm against this computer's"
+    )
     remedy = "watch longer (--seconds 30); if it stays, have the clock looked at"
-    yield _line("clock", abs(ppm) < _DRIFT_PPM, text, remedy)
-
-
-def _drift(at: np.ndarray, clock: np.ndarray) -> float:
-    """Drift of a clock (N,) against its arrivals [ppm], by the least late one of each bin."""
-    late = at - clock
-    parts = np.array_split(np.arange(len(at)), min(_BINS, len(at) // 2))
-    least = [int(part[np.argmin(late[part])]) for part in parts]
-    if len(least) < 2:
-        return 0.0
-    since = (at[least] - at[least[0]]).tolist()
-    return -1e6 * float(linear_regression(since, (late[least] - late[0]).tolist()).slope)
+    yield _line("clock", ppm is None or abs(ppm) < _DRIFT_PPM, text, remedy)
 
 
 def _transducer(sensor: str) -> Transducer | None:

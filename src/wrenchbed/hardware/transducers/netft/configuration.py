@@ -1,6 +1,6 @@
 """The box's web page netftapi2.xml: read with a deadline, parsed, and checked for changes.
 
-It states counts per newton, the rate of RDT, full scale and the zero. Source of its fields: ATI
+It states counts per newton, the rate of RDT, full scale and zero. Source of its fields: ATI
 9620-05 Net F/T manual (CGI variables, netftapi2.xml).
 """
 
@@ -21,8 +21,6 @@ LARGEST = 65536
 """Bytes of the longest page taken; real ones have a few thousand."""
 EVERY_S = 5.0
 """Time between two comparisons [s]; the box's processor serves RDT, too."""
-_AFTER_ZERO_S = 0.1
-"""Time between a zero and its check [s]: sooner the page may still show the one before."""
 _NEWTON = {
     "n": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605,
     "kgf": 9.80665, "gf": 9.80665e-3,
@@ -56,12 +54,10 @@ def get(host: str, port: int, target: str) -> bytes:
         answer = link.getresponse()
         page = answer.read(LARGEST + 1)
         missing = answer.length
-    except TimeoutError as error:
-        raise LinkError(
-            f"{where}: no answer within {PAGE_S:g} s: check address and cable"
-        ) from error
     except OSError as error:
-        raise LinkError(f"{where}: {error.strerror or error}: check address and cable") from error
+        late = f"no answer within {PAGE_S:g} s" if isinstance(error, TimeoutError) else ""
+        why = late or error.strerror or error
+        raise LinkError(f"{where}: {why}: check address and cable") from error
     except HTTPException as error:
         raise DriverError(f"{where}: answers no HTTP ({str(error)[:40]!r})") from error
     finally:
@@ -200,7 +196,7 @@ def _rating(text: str, si: np.ndarray) -> np.ndarray | None:
 
 
 class Watch:
-    """A thread that compares the page with the page at connect: scaling, and a new zero.
+    """A thread that compares the page with the page at connect.
 
     Attributes:
         failures: looks that got no page.
@@ -210,39 +206,19 @@ class Watch:
     def __init__(self, first: Configuration, look: Callable[[], Configuration]) -> None:
         self.failures = 0
         self.wrong = ""
-        self._first, self._look, self._bias = first, look, first.bias
-        self._zeroed = False
-        self._wake, self._ended = threading.Event(), threading.Event()
+        self._first, self._look = first, look
+        self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="netft watch", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
         """End the thread."""
         self._ended.set()
-        self._wake.set()
         self._thread.join(2.0)
 
-    def zeroed(self) -> None:
-        """A new zero was asked for: look soon whether the box has it."""
-        self._zeroed = True
-        self._wake.set()
-
     def _run(self) -> None:
-        while not self._ended.is_set():
-            if self._wake.wait(EVERY_S):
-                self._wake.clear()
-                if self._ended.wait(_AFTER_ZERO_S):
-                    return
-            self._compare()
-
-    def _compare(self) -> None:
-        try:
-            now = self._look()
-        except DriverError:
-            self.failures += 1
-            return
-        asked, self._zeroed = self._zeroed, False
-        self.wrong = now.differs(self._first)
-        if asked and now.bias and now.bias == self._bias and not self.wrong:
-            self.wrong = "the box did not take the new zero: call zero() again"
-        self._bias = now.bias
+        while not self._ended.wait(EVERY_S):
+            try:
+                self.wrong = self._look().differs(self._first)
+            except DriverError:
+                self.failures += 1

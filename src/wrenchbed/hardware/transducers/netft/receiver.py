@@ -1,7 +1,4 @@
-"""The thread that receives RDT records, counts lost ones and repeats the request.
-
-The records of the last second are kept as bytes and decoded on demand.
-"""
+"""The thread that receives RDT records, counts lost ones and repeats the request."""
 
 import contextlib
 import select
@@ -15,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from wrenchbed.errors import LinkError
+from wrenchbed.hardware.clock import ClockFit
 from wrenchbed.hardware.device import STALE_S
 from wrenchbed.hardware.transducers.base import weight
-from wrenchbed.hardware.transducers.netft import datagrams
-from wrenchbed.hardware.transducers.netft.datagrams import LARGEST, Record
-from wrenchbed.hardware.transducers.netft.sequence import DeviceClock, Tracker
+from wrenchbed.hardware.transducers.netft import records
+from wrenchbed.hardware.transducers.netft.records import LARGEST, SIZE, Tracker, signed
 
 SILENT_S, _PATIENCE_S = 0.25, 2.0
 """Silence until the request is repeated [s], doubled each time up to a longest: a box that starts
@@ -33,10 +30,10 @@ _HISTORY_S = 1.5
 """Time of which records are kept [s]: longer than a row of a motion waits for its wrench."""
 _BATCHES = 8192
 """Batches of records that are kept: `_HISTORY_S` of one in each `_PAUSE_S`, and room."""
-_AROUND_S = 0.005
-"""Time around a moment within which batches are decoded [s], a few `_PAUSE_S`."""
-_MOST_BEHIND = 2048
-"""Records by which one may be older than the newest of its batch: more are a damaged number."""
+_STRETCH_S = 0.1
+"""Stretch of which the least late reading counts [s], a hundred `_PAUSE_S`."""
+_HELD_S = 0.1
+"""Greatest delay of a reading [s]; where the clocks are further apart one of them has jumped."""
 
 
 class KnownRecord(NamedTuple):
@@ -52,62 +49,75 @@ class History:
 
     def __init__(self, seconds: float, period: float) -> None:
         self._seconds, self._period = seconds, period
-        self._batches: deque[tuple[float, bytes]] = deque(maxlen=_BATCHES)
+        self._batches: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=_BATCHES)
 
-    def add(self, t: float, data: bytes) -> None:
-        """Keep complete records whose last arrived at t [s], or would have, had it been in time."""
-        self._batches.append((t, data))
-        while self._batches[0][0] < t - self._seconds:
+    def add(self, t: float, batch: np.ndarray) -> None:
+        """Keep records (n,), the last of which arrived at t [s], or would have without delay."""
+        behind = (int(batch["rdt"][-1]) - batch["rdt"].astype(np.int64)) % 2**32
+        self._batches.append((t - behind * self._period, batch))
+        while self._batches[0][0][-1] < t - self._seconds:
             self._batches.popleft()
 
     def at(self, t: float) -> KnownRecord | None:
         """Counts at a time [s], interpolated by `weight`; None where unknown."""
-        around: list[tuple[float, bytes]] = []
+        around: list[tuple[np.ndarray, np.ndarray]] = []
         for batch in reversed(self._batches.copy()):
-            around.append(batch)
-            if batch[0] < t - _AROUND_S:
+            around = [batch, *around[:1]]
+            if batch[0][0] <= t:
                 break
-            if len(around) > 1 and batch[0] > t + _AROUND_S:
-                del around[0]
         if not around:
             return None
-        times, status, counts = self._decode(around[::-1])
+        times = np.maximum.accumulate(np.concatenate([times for times, _ in around]))
+        rows = np.concatenate([rows for _, rows in around])
         if not times[0] <= t <= times[-1]:
             return None
         k = int(np.clip(np.searchsorted(times, t), min(1, len(times) - 1), len(times) - 1))
         span = times[k] - times[k - 1]
         if span > STALE_S:
             return None
-        later = weight(t - times[k - 1], span)
-        between = counts[k - 1] + later * (counts[k] - counts[k - 1])
-        age = min(abs(t - times[k - 1]), abs(times[k] - t))
-        return KnownRecord(between, int(status[k - 1] | status[k]), float(age))
+        before, after = rows["counts"][k - 1].astype(float), rows["counts"][k].astype(float)
+        between = before + weight(t - times[k - 1], span) * (after - before)
+        status = int(rows["status"][k - 1] | rows["status"][k])
+        return KnownRecord(between, status, float(min(abs(t - times[k - 1]), abs(times[k] - t))))
 
-    def _decode(
-        self, batches: list[tuple[float, bytes]]
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        times, status, counts = [], [], []
-        for arrived, data in batches:
-            words = np.frombuffer(data, dtype=">u4").reshape(-1, datagrams.SIZE // 4)
-            behind = (words[-1, 0].astype(np.int64) - words[:, 0]) & 0xFFFFFFFF
-            behind = np.where(behind < 1 << 31, behind, 0).clip(0, _MOST_BEHIND)
-            times.append(arrived - behind * self._period)
-            status.append(words[:, 2])
-            counts.append(words[:, 3:].astype(np.int32))
-        t = np.concatenate(times)
-        order = np.argsort(t, kind="stable")
-        flags, values = np.concatenate(status)[order], np.concatenate(counts)[order]
-        return t[order], flags, values.astype(float)
+
+class DeviceClock:
+    """A device's clock: a 32-bit counter over its rate [Hz], unwrapped, against this machine's."""
+
+    def __init__(self, rate: float) -> None:
+        self._rate = rate
+        self._stamp: int | None = None
+        self._samples = 0
+        self._fit = ClockFit(_STRETCH_S)
+
+    @property
+    def ppm(self) -> float | None:
+        """How much faster than this machine's clock it runs [1e-6]; None until 2 s are known."""
+        return self._fit.ppm
+
+    def take(self, host: float, stamp: int) -> tuple[float, float]:
+        """Device time [s] of a reading that arrived at a host time [s], and when it would have
+        arrived without extra delay."""
+        step = 0 if self._stamp is None else signed(stamp - self._stamp)
+        if step < 0:
+            self._fit.clear()
+        self._samples = stamp if self._stamp is None or step < 0 else self._samples + step
+        self._stamp = stamp
+        device = self._samples / self._rate
+        self._fit.add(device, host)
+        return device, min(host, max(self._fit.host(device), host - _HELD_S))
 
 
 @dataclass(frozen=True, eq=False)
 class Received:
-    """The newest record: when it arrived [s], on the device's clock [s], since when its counts
-    have been the same [s], and how many records that is."""
+    """The newest record: when it arrived [s], on the device's clock [s], its number there, status
+    word and counts (6,), since when these are the same [s], and for how many records."""
 
     t: float
     device_time: float
-    record: Record
+    ft: int
+    status: int
+    counts: np.ndarray
     since: float
     same: int
 
@@ -151,13 +161,8 @@ class Receiver:
         if self._thread.is_alive():
             self._thread.join(2.0)
         if time.monotonic() - self._heard < SILENT_S:
-            self.send(datagrams.STOP)
+            self._send(records.STOP)
         self._socket.close()
-
-    def send(self, command: int) -> None:
-        """Send a request; one that cannot be sent now is lost, as any datagram may be."""
-        with contextlib.suppress(OSError):
-            self._socket.sendto(datagrams.request(command), self.box)
 
     def flagged(self) -> int:
         """Status bits that any record showed since the last call."""
@@ -165,11 +170,16 @@ class Receiver:
             word, self._status = self._status, 0
         return word
 
+    def _send(self, command: int) -> None:
+        """Send a request; one that cannot be sent now is lost, as any datagram may be."""
+        with contextlib.suppress(OSError):
+            self._socket.sendto(records.request(command), self.box)
+
     def _ask(self) -> None:
         self._heard = time.monotonic()
         self.requests += 1
         self.tracker.asked()
-        self.send(datagrams.START)
+        self._send(records.START)
 
     def _run(self) -> None:
         poller = select.poll()
@@ -188,48 +198,39 @@ class Receiver:
 
     def _drain(self) -> int:
         """Fill the buffer with all that arrived; number of bytes of complete records."""
-        view, used, box = memoryview(self._buffer), 0, self.box
-        receive = self._socket.recvfrom_into
+        view, used = memoryview(self._buffer), 0
         while used < _ROOM - LARGEST - 1:
             try:
-                length, sender = receive(view[used:], LARGEST + 1)
+                length, sender = self._socket.recvfrom_into(view[used:], LARGEST + 1)
             except OSError:
                 break
-            if sender != box:
+            if sender != self.box:
                 self.foreign += 1
                 if self.foreign % 256 == 0:
                     break
-            elif datagrams.is_complete(length):
+            elif 0 < length <= LARGEST and length % SIZE == 0:
                 used += length
             else:
                 self.misshapen += 1
         return used
 
     def _take(self, data: bytes, now: float) -> None:
-        numbers = datagrams.numbers(data)
-        kept = self.tracker.take(numbers)
-        if kept is not None:
-            if not kept:
-                return
-            size = datagrams.SIZE
-            data = b"".join(data[k * size : (k + 1) * size] for k in kept)
-            numbers = [numbers[k] for k in kept]
-        self.records += len(numbers)
-        if status := datagrams.flagged(data):
+        batch = self.tracker.take(records.decode(data))
+        if not len(batch):
+            return
+        self.records += len(batch)
+        if status := int(np.bitwise_or.reduce(batch["status"])):
             with self._lock:
                 self._status |= status
-        last = self.tracker.last
-        if last in numbers:
-            self._show(datagrams.record(data, numbers.index(last)), now, len(numbers))
-        self.history.add(self.clock.punctual(now, numbers[-1][1]), data)
-
-    def _show(self, record: Record, now: float, n: int) -> None:
-        before = self.newest
-        if before is not None and record.counts == before.record.counts:
-            since, same = before.since, before.same + n
-        else:
-            since, same = now, 1
-        self.newest = Received(now, self.clock.take(now, record.ft), record, since, same)
+        last, before = batch[-1], self.newest
+        device, punctual = self.clock.take(now, int(last["ft"]))
+        since, same = now, 1
+        if before is not None and np.array_equal(last["counts"], before.counts):
+            since, same = before.since, before.same + len(batch)
+        self.newest = Received(
+            now, device, int(last["ft"]), int(last["status"]), last["counts"], since, same
+        )
+        self.history.add(punctual, batch)
 
 
 def _socket(box: tuple[str, int]) -> socket.socket:

@@ -9,15 +9,13 @@ from urllib.parse import SplitResult, parse_qs
 
 import numpy as np
 
-from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.device import Health, by_age, wait_until
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
-from wrenchbed.hardware.transducers.netft import configuration, datagrams
+from wrenchbed.hardware.transducers.netft import configuration
 from wrenchbed.hardware.transducers.netft.configuration import Configuration, Watch
-from wrenchbed.hardware.transducers.netft.datagrams import table
 from wrenchbed.hardware.transducers.netft.receiver import Received, Receiver
-from wrenchbed.hardware.transducers.netft.sequence import signed
+from wrenchbed.hardware.transducers.netft.records import signed, table
 from wrenchbed.physics.wrench import CHANNELS
 
 INTERNAL_RATE = {"netbox": 7000.0, "axia": 7812.0}
@@ -49,15 +47,12 @@ class NetftOptions:
         port: of RDT, UDP.
         http_port: of its web page; 0 tries 80, then 8080.
         product: ``netbox`` or ``axia``, which selects the table of status words.
-        sensor: registry name; its range tells which channel saturates. None takes the range
-            that the box reports.
     """
 
     host: str
     port: int = 49152
     http_port: int = 0
     product: str = "netbox"
-    sensor: str | None = None
 
     def __post_init__(self) -> None:
         table(self.product)
@@ -68,8 +63,7 @@ class NetftOptions:
 class NetftTransducer(Transducer):
     """Reads the newest record, however fast the box sends.
 
-    `zero` is the box's own software bias; it does not wait until the box confirms it. A box that
-    was switched off and on has lost its zero: the bias id changes then, too.
+    A box that was switched off and on has lost its zero: the bias id changes then.
     """
 
     name = "netft"
@@ -93,11 +87,7 @@ class NetftTransducer(Transducer):
         self._table = table(options.product)
         self._receiver: Receiver | None = None
         self._watch: Watch | None = None
-        self._stated_range: np.ndarray | None = None
-        if options.sensor is not None:
-            sensor = registry.load("sensors", options.sensor)
-            self._stated_range = np.asarray(sensor.calibration().range)
-        self._zeros = self._lost = 0
+        self._restarts = self._lost = 0
         self._last: Received | None = None
 
     def _connect(self) -> None:
@@ -107,8 +97,7 @@ class NetftTransducer(Transducer):
             raise DriverError(
                 f"http://{host}:{port}: RDT is off: switch it on on the communications page"
             )
-        self._page = page
-        self._range = page.rating if self._stated_range is None else self._stated_range
+        self._page, self._range = page, page.rating
         self._receiver = receiver = Receiver((host, options.port), page.rate, page.internal_rate)
         receiver.start()
         wait_until(lambda: receiver.newest is not None, _FIRST_S + 2.0 / page.rate)
@@ -119,7 +108,7 @@ class NetftTransducer(Transducer):
             )
         last = self._last
         if last is not None and _restarted(last, receiver.newest, page.internal_rate):
-            self._zeros += 1  # switched off and on meanwhile: its zero is lost
+            self._restarts += 1  # switched off and on meanwhile: its zero is lost
         self._watch = Watch(page, lambda: self._look(host, (port,))[1])
 
     @property
@@ -136,7 +125,7 @@ class NetftTransducer(Transducer):
         if self._receiver is not None:
             self._receiver.stop()
             tracker = self._receiver.tracker
-            self._zeros += tracker.restarts
+            self._restarts += tracker.restarts
             self._lost += tracker.lost
             self._last = self._receiver.newest or self._last
         self._watch = self._receiver = None
@@ -150,9 +139,8 @@ class NetftTransducer(Transducer):
         newest = receiver.newest
         if newest is None:
             raise LinkError(f"{receiver.box[0]}: no record came yet")
-        status = newest.record.status | receiver.flagged()
-        sample = self._sample(newest.t, np.array(newest.record.counts), status)
-        return replace(sample, device_time=newest.device_time, sequence=newest.record.ft)
+        sample = self._sample(newest.t, newest.counts, newest.status | receiver.flagged())
+        return replace(sample, device_time=newest.device_time, sequence=newest.ft)
 
     def _at(self, t: float) -> WrenchSample | None:
         known = self._running.history.at(t)
@@ -166,16 +154,8 @@ class NetftTransducer(Transducer):
         return WrenchSample(
             t, None, tracker.last[1], 0.0, True, wrench, status=status,
             saturated=self._saturated(wrench, status), lost=self._lost + tracker.lost,
-            bias_id=self._zeros + tracker.restarts, faults=self._words(status),
+            bias_id=self._restarts + tracker.restarts, faults=self._words(status),
         )  # fmt: skip
-
-    def _zero(self) -> int:
-        receiver = self._running
-        receiver.send(datagrams.BIAS)
-        self._zeros += 1
-        if self._watch is not None:
-            self._watch.zeroed()
-        return self._zeros + receiver.tracker.restarts
 
     def _health(self) -> Health:
         receiver = self._running
@@ -186,27 +166,27 @@ class NetftTransducer(Transducer):
         health = by_age(time.monotonic() - newest.t, what, counters)
         if not health.ok:
             return health
-        words = ", ".join(self._words(newest.record.status))
+        words = ", ".join(self._words(newest.status))
         if trouble := self._trouble(newest):
             return Health("fault", f"{what}: {trouble}", counters)
         return Health("ok", words, counters)
 
     def _trouble(self, newest: Received) -> str:
         """Why a fresh record cannot be used; empty where it can."""
-        frozen, status = newest.t - newest.since, newest.record.status
+        frozen, status = newest.t - newest.since, newest.status
         if frozen >= FROZEN_S and newest.same > _SAME:
             return f"frozen: same counts for {frozen:.2f} s"
         if self._table.broken(status):
             return f"status 0x{status:08x}: {', '.join(self._words(status))}"
         if self._watch is not None and self._watch.wrong:
             return self._watch.wrong
-        return self._beyond(newest.record.counts, status)
+        return self._beyond(newest.counts, status)
 
     def _counters(self, receiver: Receiver) -> Mapping[str, float]:
         tracker, ppm = receiver.tracker, receiver.clock.ppm
         counters: dict[str, float] = {
-            "readings": receiver.records, "lost": tracker.lost, "duplicates": tracker.duplicates,
-            "late": tracker.late, "implausible": tracker.implausible,
+            "readings": receiver.records, "lost": tracker.lost,
+            "disordered": tracker.disordered, "implausible": tracker.implausible,
             "misshapen": receiver.misshapen, "foreign": receiver.foreign,
             "requests": receiver.requests, "restarts": tracker.restarts,
             "page failures": 0 if self._watch is None else self._watch.failures,
@@ -220,12 +200,12 @@ class NetftTransducer(Transducer):
             mask = int(sum(1 << k for k in range(6) if over[k]))
         return mask or (_ALL if self._table.out_of_range(status) else 0)
 
-    def _beyond(self, counts: tuple[int, ...], status: int) -> str:
+    def _beyond(self, counts: np.ndarray, status: int) -> str:
         """What cannot be: far out of range, and the status word does not say so."""
         if self._range is None or self._table.out_of_range(status):
             return ""
-        biased = self._zeros or any(c in "123456789" for c in self._page.bias)
-        fraction = np.abs(np.array(counts) / self._page.per_si) / self._range
+        biased = any(c in "123456789" for c in self._page.bias)
+        fraction = np.abs(counts / self._page.per_si) / self._range
         k = int(np.argmax(fraction))
         if fraction[k] < _BEYOND * (2.0 if biased else 1.0):
             return ""
@@ -254,7 +234,7 @@ def _restarted(last: Received, first: Received, rate: float) -> bool:
     It counts samples at a rate [Hz] from power-up, modulo 2³²: the count went back, or it does not
     match the time between the records.
     """
-    due, counted = (first.t - last.t) * rate, first.record.ft - last.record.ft
+    due, counted = (first.t - last.t) * rate, first.ft - last.ft
     off = abs(signed(round(due) - counted))
     return (signed(counted) < 0 and due < 2**31) or off > _LATE_S * rate + _DRIFT * due
 
