@@ -5,13 +5,15 @@ with them guarding, are not served: CiA 301 advises against both. Source: CiA 30
 objects 7.5.2, NMT states 7.3.2, predefined connection set 7.3.5).
 """
 
+import operator
 import struct
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial, reduce
 
 from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects
-from robot_emulators.canopen.pdo import INHIBIT_S, Pdo, check_free
+from robot_emulators.canopen.pdo import Pdo, check_free
 from robot_emulators.canopen.sdo import SdoServer
 
 BOOT, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
@@ -92,8 +94,8 @@ class Node:
             everything: the node; else its communication alone.
         """
         with self.lock:
-            if not everything:
-                self._leave_operational()
+            if not everything and self.state == OPERATIONAL:
+                self.on_connection_lost(0)
             self.objects.reset(_ALL if everything else _COMMUNICATION)
             if everything:
                 self.on_reset()
@@ -124,9 +126,8 @@ class Node:
                 for answer in self._sdo.expired(t):
                     self.send(0x580 + self.node, answer)
             self._watch_others(t)
-            if self.state == OPERATIONAL:
-                self._transmit_events(t)
-            self._flush(t)
+            for tpdo in self.tpdos if self.state == OPERATIONAL else ():
+                self._transmit(tpdo, tpdo.at_event(t))
             self._beat(t)
 
     def error(self, code: int) -> None:
@@ -152,7 +153,8 @@ class Node:
         """Enter an NMT state."""
         if state == self.state:
             return
-        self._leave_operational()
+        if self.state == OPERATIONAL:
+            self.on_connection_lost(0)
         self.state = state
         for pdo in (*self.rpdos, *self.tpdos):
             pdo.forget()
@@ -160,31 +162,20 @@ class Node:
     def _forget(self) -> None:
         """What is known of others and of errors, as after power-up."""
         self._errors: set[int] = set()
-        self._emergencies: list[bytes] = []
-        self._beat_due = self._emergency_due = 0.0
+        self._beat_due = 0.0
         self._heard: dict[int, float] = {}
         self._lost: set[int] = set()
         for pdo in (*self.rpdos, *self.tpdos):
             pdo.forget()
 
     def _show_errors(self) -> None:
-        register = 0
-        for code in self._errors:
-            register |= _register(code)
-        self.objects[0x1001, 0] = register
+        bits = [_register(code) for code in self._errors]
+        self.objects[0x1001, 0] = reduce(operator.or_, bits, 0)
 
     def _emergency(self, code: int) -> None:
-        self._emergencies.append(struct.pack("<HB5x", code, self.objects[0x1001, 0]))
-        self._flush(self.now)
-
-    def _flush(self, t: float) -> None:
-        """Send what the inhibit time of EMCY has held back."""
-        inhibit = self.objects[0x1015, 0] * INHIBIT_S
-        while self._emergencies and t >= self._emergency_due:
-            data = self._emergencies.pop(0)
-            if self.state != STOPPED and not self.objects[0x1014, 0] & _OFF:
-                self.send(self.objects[0x1014, 0] & 0x7FF, data)
-            self._emergency_due = t + inhibit
+        if self.state != STOPPED and not self.objects[0x1014, 0] & _OFF:
+            data = struct.pack("<HB5x", code, self.objects[0x1001, 0])
+            self.send(self.objects[0x1014, 0] & 0x7FF, data)
 
     def _take(self, t: float, frame: Frame) -> None:
         can_id = frame.can_id
@@ -219,9 +210,11 @@ class Node:
         self.on_sync(t)
         self.refresh(t)
         for tpdo in self.tpdos:
-            data = tpdo.at_sync()
-            if data is not None:
-                self.send(int(tpdo.can_id or 0), data)
+            self._transmit(tpdo, tpdo.at_sync())
+
+    def _transmit(self, tpdo: Pdo, data: bytes | None) -> None:
+        if data is not None:
+            self.send(int(tpdo.can_id or 0), data)
 
     def _receive(self, t: float, rpdo: Pdo, data: bytes) -> None:
         values = rpdo.unpack(data)
@@ -242,16 +235,6 @@ class Node:
         for key, value in values:
             self.objects[key] = value
         self.on_written([key for key, _ in values])
-
-    def _transmit_events(self, t: float) -> None:
-        for tpdo in self.tpdos:
-            data = tpdo.at_event(t)
-            if data is not None:
-                self.send(int(tpdo.can_id or 0), data)
-
-    def _leave_operational(self) -> None:
-        if self.state == OPERATIONAL:
-            self.on_connection_lost(0)
 
     def _beat(self, t: float) -> None:
         period = self.objects[0x1017, 0] / 1000.0
@@ -318,25 +301,19 @@ class Node:
         entry((0x1005, 0)).check = _check_sync
         entry((0x1014, 0)).check = self._check_emergency
         for key in self._consumers:
-            entry(key).check = self._check_consumer(key)
+            entry(key).check = partial(self._check_consumer, key)
 
     def _check_emergency(self, value: int) -> None:
-        if value & 0x7FFFF800:
-            raise AbortError(Abort.VALUE)
         before = self.objects[0x1014, 0]
         if not (value | before) & _OFF and value != before:
             raise AbortError(Abort.STATE)
-        if not value & _OFF:
-            check_free(value)
+        check_free(value & ~_OFF, off=bool(value & _OFF))
 
-    def _check_consumer(self, key: Key) -> Callable[[int], None]:
-        def check(word: int) -> None:
-            node, period = word >> 16 & 0xFF, word & 0xFFFF
-            others = [self.objects[other] for other in self._consumers if other != key]
-            if period and any(w & 0xFFFF and w >> 16 & 0xFF == node for w in others):
-                raise AbortError(Abort.INCOMPATIBLE)
-
-        return check
+    def _check_consumer(self, key: Key, word: int) -> None:
+        others = [self.objects[other] for other in self._consumers if other != key]
+        if word & 0xFFFF and any(w & 0xFFFF and w >> 16 & 0xFF == word >> 16 & 0xFF
+                                 for w in others):  # fmt: skip
+            raise AbortError(Abort.INCOMPATIBLE)
 
 
 def _check_clears(value: int) -> None:
@@ -346,6 +323,4 @@ def _check_clears(value: int) -> None:
 
 
 def _check_sync(value: int) -> None:
-    if value & ~0x7FF:
-        raise AbortError(Abort.VALUE)
     check_free(value)

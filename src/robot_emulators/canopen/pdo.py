@@ -11,8 +11,6 @@ from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects
 
 ENTRIES = 8
 """Most entries of a mapping."""
-INHIBIT_S = 1e-4
-"""Unit of inhibit times."""
 _BITS = 64
 """Most bits that a PDO carries."""
 _OFF, _EXTENDED, _ID = 1 << 31, 1 << 29, 0x7FF
@@ -26,13 +24,14 @@ _RESTRICTED = (
 """Ids that may not be configured; source: CiA 301, 7.3.5."""
 
 
-def check_free(can_id: int) -> None:
-    """Refuse a restricted id.
+def check_free(can_id: int, off: bool = False) -> None:
+    """Refuse an id that has more than 11 bits or, unless it is switched off, is restricted.
 
     Raises:
         AbortError: it is one.
     """
-    if any(first <= can_id <= last for first, last in _RESTRICTED):
+    restricted = any(first <= can_id <= last for first, last in _RESTRICTED)
+    if can_id & ~_ID or (restricted and not off):
         raise AbortError(Abort.VALUE)
 
 
@@ -50,7 +49,6 @@ class Pdo:
         self.index, self._map = index, index + 0x200
         objects.entry((index, 1)).check = self._check_id
         objects.entry((index, 2)).check = self._check_type
-        objects.entry((index, 3)).check = self._check_inhibit
         objects.entry((self._map, 0)).check = self._check_count
         for k in range(1, ENTRIES + 1):
             objects.entry((self._map, k)).check = self._check_entry
@@ -131,8 +129,6 @@ class Pdo:
         """What an event-driven TPDO transmits at a time [s], None where nothing."""
         if self.can_id is None or self.type < _EVENT:
             return None
-        if self.sent and t - self.sent < self._objects[self.index, 3] * INHIBIT_S - 1e-9:
-            return None
         data, timer = self.pack(), self.timer
         if data == self._last and not (timer and t - self.sent >= timer - 1e-9):
             return None
@@ -151,16 +147,11 @@ class Pdo:
             raise AbortError(Abort.VALUE)
         if not (value | before) & _OFF and (value ^ before) & 0x3FFFFFFF:
             raise AbortError(Abort.STATE)
-        if not value & _OFF:
-            check_free(value & _ID)
+        check_free(value & _ID, off=bool(value & _OFF))
 
     def _check_type(self, kind: int) -> None:
         if _SYNCHRONOUS < kind < _EVENT:
             raise AbortError(Abort.VALUE)
-
-    def _check_inhibit(self, _: int) -> None:
-        if self.can_id is not None:
-            raise AbortError(Abort.STATE)
 
     def _check_count(self, count: int) -> None:
         if self.can_id is not None:
