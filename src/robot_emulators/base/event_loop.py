@@ -120,12 +120,7 @@ class LoopThread:
 
 
 class Listener:
-    """A TCP port whose clients are served in a loop; it can be closed for a while.
-
-    Args:
-        thread: of the loop.
-        factory: makes the protocol of a new client.
-    """
+    """A TCP port whose clients are served in a loop; it can be closed for a while."""
 
     def __init__(self, thread: LoopThread, factory: Callable[[], asyncio.BaseProtocol]) -> None:
         self.address = ("", 0)
@@ -190,11 +185,7 @@ def taken(what: str, host: str, port: int, error: OSError) -> EmulatorError:
 
 
 class Connection(asyncio.Protocol):
-    """One TCP client.
-
-    Args:
-        kernel: bytes that the kernel is asked to hold for the client.
-    """
+    """One TCP client."""
 
     transport: asyncio.Transport
 

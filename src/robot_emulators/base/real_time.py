@@ -50,15 +50,7 @@ class CycleClock:
 
 
 class CycleThread:
-    """A thread that runs a step every period.
-
-    Args:
-        name: of the thread.
-        period: of the steps [s].
-        give_up: lag beyond which lost steps are not made up for [s].
-        step: called with the deadline [s].
-        failed: called with the error that ended the thread.
-    """
+    """A thread that runs a step every period."""
 
     def __init__(
         self,

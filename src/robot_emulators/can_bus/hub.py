@@ -229,13 +229,7 @@ class Hub:
 
 
 class Client(Connection):
-    """A connection that spoke or will speak socketcand's text protocol.
-
-    Attributes:
-        raw: whether it gets frames.
-        spoke: whether it has sent a frame.
-        off_until: when it ceases to be bus off (`time.monotonic`, [s]).
-    """
+    """A connection that spoke or will speak socketcand's text protocol."""
 
     def __init__(self, number: int, hub: Hub) -> None:
         super().__init__(_KERNEL)

@@ -111,11 +111,7 @@ class Entry:
 
 
 class Objects:
-    """The dictionary of one node.
-
-    Args:
-        entries: by index and subindex.
-    """
+    """The dictionary of one node."""
 
     def __init__(self, entries: dict[Key, Entry]) -> None:
         self._entries = entries

@@ -88,11 +88,7 @@ class Node:
         """Update what changes by itself, at a time [s]."""
 
     def boot(self, everything: bool = True) -> None:
-        """Boot: send the boot-up message and wait in PRE-OPERATIONAL.
-
-        Args:
-            everything: the node; else its communication alone.
-        """
+        """Boot: send the boot-up message and wait in PRE-OPERATIONAL."""
         with self.lock:
             if not everything and self.state == OPERATIONAL:
                 self.on_connection_lost(0)

@@ -37,13 +37,7 @@ class _Transfer:
 
 
 class SdoServer:
-    """Answers the requests of a client.
-
-    Args:
-        objects: of the node.
-        locked: raises `AbortError` where an object must not be written in this state.
-        written: called with a key after it was written.
-    """
+    """Answers the requests of a client."""
 
     def __init__(
         self, objects: Objects, locked: Callable[[Key], None], written: Callable[[Key], None]

@@ -85,12 +85,7 @@ TRANSITIONS = {
 
 
 class Axis:
-    """One drive without its bus.
-
-    Args:
-        settings: after power-up.
-        position: where it is [count].
-    """
+    """One drive without its bus."""
 
     def __init__(self, settings: MotionSettings, position: float) -> None:
         self.set = settings

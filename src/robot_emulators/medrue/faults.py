@@ -19,14 +19,7 @@ _GARBAGE_TEXT = b"< frame zz >\xff\xfe< nonsense > frame 12"
 
 
 class BusFaults:
-    """What goes wrong on the bus, and what answers in the sensor's place.
-
-    Args:
-        faults: where they are registered, under link ``can``.
-        hub: the bus.
-        drives: on it.
-        board: on it.
-    """
+    """What goes wrong on the bus, and what answers in the sensor's place."""
 
     def __init__(
         self, faults: Faults, hub: Hub, drives: Sequence[DriveEmulator], board: BoardEmulator

@@ -84,14 +84,7 @@ class BusSettings(Settings):
 
 
 class RealTimePlant:
-    """Steps the robot at 250 Hz towards where the drives' servos want it.
-
-    Args:
-        body: the robot, with a control cycle of `CYCLE_S`.
-        counts: per unit of each joint (J,).
-        lock: shared with the drives.
-        failed: called with the error that ended its clock.
-    """
+    """Steps the robot at 250 Hz towards where the drives' servos want it."""
 
     def __init__(
         self, body: Plant, counts: np.ndarray, lock: threading.RLock,

@@ -41,16 +41,7 @@ _KINDS: dict[str, dict[str, dict[str, Argument]]] = {
 
 
 class Box:
-    """Serves the readings of a plant's sensor; someone else steps the plant in real time.
-
-    Args:
-        body: whose sensor; its `Plant.readings` are this box's alone.
-        host: address of this machine to serve at.
-        faults: where its faults are registered.
-        settings: of the box.
-        seed: of faults that draw at random.
-        failed: called with an error of the box itself.
-    """
+    """Serves the readings of a plant's sensor, alone; someone else steps the plant in real time."""
 
     def __init__(
         self,

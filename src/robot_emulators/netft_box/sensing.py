@@ -33,11 +33,7 @@ does not know its robot; below it, a late cycle would change the readings."""
 
 @dataclass(frozen=True)
 class BoxSettings(Settings):
-    """How a box is set up at power-up.
-
-    Raises:
-        SettingError: a value that no box has.
-    """
+    """How a box is set up at power-up."""
 
     rdt_port: int = setting(49152, integer(0, 65535), "UDP port of RDT, default 49152")
     http_port: int = setting(

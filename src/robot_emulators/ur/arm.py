@@ -47,13 +47,7 @@ class ForceMode:
 
 
 class ControlledArm:
-    """Steps the robot to what the active motion wants.
-
-    Args:
-        plant: the robot.
-        estimate: of the wrench at the tool.
-        measure: the load that the robot measures (6,) [N, N·m], called once a cycle.
-    """
+    """Steps the robot to what the active motion wants."""
 
     def __init__(
         self, plant: Plant, estimate: WrenchEstimate, measure: Callable[[], np.ndarray]

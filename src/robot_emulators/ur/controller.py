@@ -61,10 +61,6 @@ maker's driver state."""
 class Controller:
     """All of the robot but its network.
 
-    Args:
-        settings: which controller it is.
-        plant: the robot, with the tool that the installation states.
-
     Attributes:
         announce: takes what clients of the primary interface are told.
         address: from which programs open connections; empty: from any.

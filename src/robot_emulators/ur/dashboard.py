@@ -24,13 +24,7 @@ _TOO_EARLY = (
 
 
 class Dashboard:
-    """One dashboard client.
-
-    Args:
-        controller: what it commands.
-        peer: where answers go.
-        shut_down: switches the controller off.
-    """
+    """One dashboard client."""
 
     def __init__(self, controller: Controller, peer: Peer, shut_down: Callable[[], None]) -> None:
         self._controller, self._peer = controller, peer

@@ -14,10 +14,6 @@ class Inputs:
 
     A value stays until it is written again. An input belongs to the client whose accepted recipe
     first named it, until that client is gone.
-
-    Args:
-        fields: name → type.
-        written: called with what one packet brought.
     """
 
     def __init__(

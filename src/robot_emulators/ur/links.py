@@ -160,17 +160,7 @@ class Links:
 
 
 class ExternalControl:
-    """A program that is asked for when it plays.
-
-    Args:
-        controller: it plays there.
-        address: of the computer, with its port.
-        compiled: begins to compile a text.
-        play: makes the program of what is compiled.
-
-    Attributes:
-        name: as it is reported.
-    """
+    """A program that is asked for when it plays."""
 
     direct = False
     name = "external_control"
@@ -189,11 +179,7 @@ class ExternalControl:
         self._program: Program | None = None
 
     def cycle(self, now: float) -> bool:
-        """Take one control cycle; False at its end.
-
-        Raises:
-            ProgramError: there is no program, or it cannot go on.
-        """
+        """Take one control cycle; False at its end."""
         if self._program is None:
             next(self._steps, None)
             return True

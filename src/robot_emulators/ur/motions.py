@@ -34,13 +34,7 @@ _COMPENSATED = 0.1
 
 
 class Profile:
-    """Trapezoid of speed over a length.
-
-    Args:
-        length: of the way.
-        speed: highest.
-        acceleration: of start and end.
-    """
+    """Trapezoid of speed over a length."""
 
     def __init__(self, length: float, speed: float, acceleration: float) -> None:
         self.length, self._a = length, acceleration
@@ -364,11 +358,7 @@ class ToolTrack(ToolSpeed):
 
 
 class JointTorque(ArmMotion):
-    """direct_torque: each joint as a mass with friction, whose weight is held for it.
-
-    Args:
-        top: speeds (6,) that the joints keep to.
-    """
+    """direct_torque: each joint as a mass with friction, whose weight is held for it."""
 
     def __init__(self, top: np.ndarray) -> None:
         self._torque, self._top, self._drag = np.zeros(6), 0.9 * top, _DRAG

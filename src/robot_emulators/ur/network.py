@@ -74,12 +74,7 @@ class Peer(Connection):
             self.close()
 
     def send(self, data: bytes, most: int = 0) -> None:
-        """Send what the kernel takes and keep the rest.
-
-        Args:
-            data: bytes.
-            most: that may wait, where this is more than usual; a client beyond it is closed.
-        """
+        """Send what the kernel takes and keep the rest: ``most`` bytes or what is usual."""
         if self.closed:
             return
         self._held += data

@@ -52,12 +52,7 @@ class Outputs:
         self._count = 0
 
     def update(self, timestamp: float, wanted: Set[str]) -> None:
-        """Take the controller's state after a cycle.
-
-        Args:
-            timestamp: on its clock [s].
-            wanted: fields that someone looks at; what takes long is worked out for these alone.
-        """
+        """Take the controller's state after a cycle; what takes long, for `wanted` fields alone."""
         controller = self._controller
         self._count += 1
         found: dict[str, Values] = {"timestamp": (timestamp,), "control_step": (self._count,)}

@@ -25,12 +25,7 @@ class Clock(Protocol):
 
 
 class Primary:
-    """Tells clients of ports 30001 and 30002 how the robot is.
-
-    Args:
-        controller: what it is about.
-        clock: of its time stamps.
-    """
+    """Tells clients of ports 30001 and 30002 how the robot is."""
 
     def __init__(self, controller: Controller, clock: Clock) -> None:
         self._controller, self._clock = controller, clock

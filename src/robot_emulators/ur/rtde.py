@@ -39,10 +39,6 @@ class Offer:
 class RtdeSession:
     """Answers one client's packets.
 
-    Args:
-        offer: what there is.
-        send: takes bytes for the client.
-
     Attributes:
         burst: data packets that a fault holds back.
     """

@@ -26,10 +26,6 @@ _AT_ONCE = "rtde_control"
 class ScriptProgram:
     """Plays a program.
 
-    Args:
-        controller: it plays there.
-        code: of the program.
-
     Attributes:
         name: of the program.
         secondary: it runs beside the program that plays.
@@ -48,11 +44,7 @@ class ScriptProgram:
         self._watchdogs: dict[str, tuple[float, float, str]] = {}
 
     def cycle(self, now: float) -> bool:
-        """Take one control cycle; False at its end.
-
-        Raises:
-            ProgramError: it cannot go on.
-        """
+        """Take one control cycle; False at its end."""
         self.history.appendleft(self.arm.plant.q)
         late = self._late(now)
         if late == PAUSE:

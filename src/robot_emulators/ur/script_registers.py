@@ -50,11 +50,7 @@ def _writes(kind: str) -> Callable[..., None]:
 
 
 def int32(value: Any) -> int:
-    """A whole number of 32 bits.
-
-    Raises:
-        ScriptFaultError: it is none.
-    """
+    """A whole number of 32 bits."""
     whole = int(real(value, "a value"))
     if not -(2**31) <= whole < 2**31:
         raise ScriptFaultError(f"{whole} is no 32 bit integer")

@@ -26,11 +26,7 @@ MOST = 1e6
 
 
 def number(value: Value, what: str) -> float:
-    """A number that a quantity of a robot can have.
-
-    Raises:
-        ScriptFaultError: it is something else.
-    """
+    """A number that a quantity of a robot can have."""
     plain = real(value, what)
     if abs(plain) > MOST:
         raise ScriptFaultError(f"{what} = {plain:g} is no quantity of a robot")
@@ -38,11 +34,7 @@ def number(value: Value, what: str) -> float:
 
 
 def vector(value: Value, what: str, count: int = 6) -> np.ndarray:
-    """Numbers of a list (count,) that a quantity of a robot can have.
-
-    Raises:
-        ScriptFaultError: it is something else.
-    """
+    """Numbers of a list (count,) that a quantity of a robot can have."""
     numbers = np.array(reals(value, count, what))
     if not (np.abs(numbers) <= MOST).all():
         raise ScriptFaultError(f"{what} holds what no quantity of a robot can be")

@@ -61,10 +61,6 @@ def compiled(text: str, table: Mapping[str, Builtin]) -> Code:
 
     A text of a single function is that function's program; other statements are run as they come.
 
-    Args:
-        text: of the program.
-        table: functions that it may call.
-
     Raises:
         ScriptFaultError: the text is no program, or calls what nobody knows.
     """
@@ -89,12 +85,7 @@ class _Thread:
 
 
 class Machine:
-    """One program that runs, with its threads, one slice a control cycle each.
-
-    Args:
-        code: of the program.
-        context: passed first to the functions that it calls.
-    """
+    """One program that runs, with its threads, one slice a control cycle each."""
 
     def __init__(self, code: Code, context: Any) -> None:
         mine = {"context": context, "spend": self._spend, "run": self._run, "kill": self._kill,

@@ -62,11 +62,7 @@ def shown(value: Value) -> str:
 
 
 def truth(value: Value) -> bool:
-    """Whether a condition holds.
-
-    Raises:
-        ScriptFaultError: the value is none of which this can be said.
-    """
+    """Whether a condition holds."""
     if isinstance(value, bool | int | float):
         return bool(value)
     raise ScriptFaultError(f"a condition must be true or false, not {kind(value)}")
@@ -82,22 +78,14 @@ def kind(value: Value) -> str:
 
 
 def real(value: Value, what: str = "an argument") -> float:
-    """A number.
-
-    Raises:
-        ScriptFaultError: it is something else, or not finite.
-    """
+    """A number."""
     if isinstance(value, int | float) and math.isfinite(value):
         return float(value)
     raise ScriptFaultError(f"{what} must be a number, not {kind(value)}")
 
 
 def reals(value: Value, count: int, what: str = "an argument") -> list[float]:
-    """A list of numbers.
-
-    Raises:
-        ScriptFaultError: it is something else.
-    """
+    """A list of numbers."""
     if isinstance(value, list) and len(value) == count:
         return [real(v, f"each element of {what}") for v in value]
     raise ScriptFaultError(f"{what} must be a list of {count} numbers")
@@ -181,11 +169,7 @@ def _at(holder: list[Value], index: Value) -> int:
 
 
 def get(holder: Value, key: Value) -> Value:
-    """An element of a list by its index, or of a struct by its name.
-
-    Raises:
-        ScriptFaultError: there is none.
-    """
+    """An element of a list by its index, or of a struct by its name."""
     if isinstance(holder, list):
         return holder[_at(holder, key)]
     if isinstance(holder, dict) and key in holder:
@@ -194,11 +178,7 @@ def get(holder: Value, key: Value) -> Value:
 
 
 def put(value: Value, holder: Value, key: Value) -> None:
-    """Change an element of a list or struct.
-
-    Raises:
-        ScriptFaultError: there is none.
-    """
+    """Change an element of a list or struct."""
     if isinstance(holder, list):
         holder[_at(holder, key)] = value
     elif isinstance(holder, dict) and key in holder:
