@@ -14,8 +14,8 @@ from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.base import SimulatedRobot, models
 from wrenchbed.robots.chain import SerialChain
 from wrenchbed.robots.described import describe
-from wrenchbed.robots.link_inertias import link_inertias
-from wrenchbed.robots.ur_family import ur_arm
+from wrenchbed.robots.mjcf import link_inertias
+from wrenchbed.robots.ur5 import ur_arm
 from wrenchbed.simulation.drives.drive_train import JointTorques
 
 

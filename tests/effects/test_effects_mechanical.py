@@ -175,8 +175,7 @@ def test_the_axis_of_medrues_last_joint_is_the_line_between_the_tips():
     s = scene("medrue", robot.sample(5, np.random.default_rng(1)))
     found = added(s, "cable.torsion", stiffness=5e-3, joint_axis=1.0)[:, 3:]
     p = robot.values(s.theta)
-    bars = [kinematics.five_bar(p, i, s.q[:, 2 * i - 1], s.q[:, 2 * i]) for i in (1, 2)]
-    u = kinematics.support(p, s.q, *bars)[2]
+    u = kinematics.solved(p, s.q).u
     rotation, _ = robot.sensor_pose(s.q, s.theta)
     expected = -5e-3 * s.q[:, 5:] * (np.swapaxes(rotation, 1, 2) @ u[..., None])[..., 0]
     assert found == pytest.approx(expected, abs=1e-12)
@@ -194,8 +193,8 @@ def five_bars():
 def lifted(s, p, bars):
     """What another geometry of the five-bars adds to the readings (M, 6); the base is upright."""
     _, design, drawn = five_bars()
-    nominal = kinematics.wrist(design, s.q, *drawn).rotation
-    moved = kinematics.wrist(p, s.q, *bars).rotation
+    nominal = kinematics.carried(design, s.q, *drawn).wrist
+    moved = kinematics.carried(p, s.q, *bars).wrist
     sensor, _ = s.robot.sensor_pose(s.q, s.theta)
     loads = []
     for rotation in (sensor, moved @ np.swapaxes(nominal, 1, 2) @ sensor):

@@ -8,7 +8,7 @@ from wrenchbed.errors import NotFoundError
 from wrenchbed.hardware.drivers import sim
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.plant.body import Body, BodyOptions
-from wrenchbed.robots.ur_family import ur_arm
+from wrenchbed.robots.ur5 import ur_arm
 from wrenchbed.simulation.simulation import Simulation
 
 CYCLE = 0.008

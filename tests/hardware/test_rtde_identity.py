@@ -18,7 +18,7 @@ from wrenchbed.errors import DriverError, ParameterError
 from wrenchbed.hardware.drivers.rtde import RtdeOptions, identity
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
 from wrenchbed.robots.described import describe
-from wrenchbed.robots.ur_family import ur_arm
+from wrenchbed.robots.ur5 import ur_arm
 
 UR5 = registry.load("robots", "ur5")
 POSES = UR5.sample(12, np.random.default_rng(4))

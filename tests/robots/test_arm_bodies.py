@@ -8,10 +8,8 @@ from test_robots import ROBOTS, each_robot, feasible, random_theta
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.gravity import ArmBodies
-from wrenchbed.robots.medrue import robot as medrue
 from wrenchbed.robots.serial_arm import SerialArm
 
-LINKS = {robot.name: getattr(robot, "bodies", medrue.LINKS) for robot in ROBOTS}
 SERIAL = [robot for robot in ROBOTS if isinstance(robot, SerialArm)]
 POSES = 12
 
@@ -70,8 +68,8 @@ def test_the_table_of_links_is_that_of_the_mjcf(robot):
     assert robot.gear_ratio == {"ur5": (101.0,) * 6}.get(robot.name, ())
     model = mujoco.MjModel.from_xml_path(str(robot.mjcf))
     moving = {model.body(b).name for b in range(model.nbody)} - {"world", "base"}
-    assert {link.body for link in LINKS[robot.name]} == moving - {"tool", "sensor_side"}
-    for link in LINKS[robot.name]:
+    assert {link.body for link in robot.bodies} == moving - {"tool", "sensor_side"}
+    for link in robot.bodies:
         body = model.body(link.body)
         assert body.mass[0] == link.mass
         assert np.array_equal(body.ipos, link.cog)
@@ -80,7 +78,7 @@ def test_the_table_of_links_is_that_of_the_mjcf(robot):
 @each_robot
 def test_the_centres_of_gravity_are_where_mujoco_puts_them(robot):
     for heavy, q, theta in cases(robot):
-        own = [heavy.model.body(link.body).id for link in LINKS[robot.name]]
+        own = [heavy.model.body(link.body).id for link in robot.bodies]
         masses, centres = robot.links(q, theta)
         assert np.array_equal(heavy.model.body_mass[own], masses)
         assert np.abs(heavy.centres(q)[:, own] - centres).max() < 1e-9

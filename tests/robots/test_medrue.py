@@ -56,11 +56,11 @@ def test_golden_poses_and_wrenches(case, which):
     simulated = Simulation(ROBOT, theta).wrench(q)[0]
     assert np.abs(simulated - wanted["wrench_N_Nm"]).max() < 1e-11
     p = ROBOT.values(theta)
-    left, right = (kinematics.five_bar(p, i, q[:, 2 * i - 1], q[:, 2 * i]) for i in (1, 2))
-    hand = kinematics.wrist(p, q, left, right)
+    hand = kinematics.solved(p, q)
+    left = hand.bars[0]
     for found, name in (
-        (hand.E1, "E1_base_mm"),
-        (hand.E2, "E2_base_mm"),
+        (hand.e1, "E1_base_mm"),
+        (hand.e2, "E2_base_mm"),
         (hand.origin, "T_wrist_base_mm"),
         (left.B, "B1_yz"),
         (left.D, "D1_yz"),

@@ -7,7 +7,7 @@ import pytest
 from wrenchbed import registry
 from wrenchbed.robots.base import models
 from wrenchbed.robots.described import describe
-from wrenchbed.robots.ur_family import ur_arm
+from wrenchbed.robots.ur5 import ur_arm
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.export import export
 from wrenchbed.twin.twin import nominal

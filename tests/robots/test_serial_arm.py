@@ -13,7 +13,7 @@ from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
 from wrenchbed.effects.chain import active_effect, effects, respond
 from wrenchbed.effects.scene import examples
-from wrenchbed.robots.serial_xml import mjcf_of
+from wrenchbed.robots.serial_arm import mjcf_of
 from wrenchbed.twin.twin import nominal
 
 

@@ -10,7 +10,7 @@ from arm_files import DATA
 from wrenchbed import registry
 from wrenchbed.physics.rotations import rot_x, rot_z
 from wrenchbed.robots.described import describe
-from wrenchbed.robots.ur_family import NAMES, ur_arm
+from wrenchbed.robots.ur5 import NAMES, ur_arm
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 

@@ -24,7 +24,7 @@ from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import INERTIA_AXES, Joint, SimulatedRobot
-from wrenchbed.robots.link_inertias import at_home, link_inertias
+from wrenchbed.robots.mjcf import at_home, link_inertias
 from wrenchbed.simulation.closed_form import Model, robot_of
 
 FRICTION = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia")

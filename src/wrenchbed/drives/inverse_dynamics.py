@@ -13,7 +13,7 @@ from wrenchbed.physics.newton_euler import INERTIAL, motion_of, regressor, twist
 from wrenchbed.physics.time_derivatives import Jet, Value, stack_jets
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.chain import SerialChain
-from wrenchbed.robots.link_inertias import LinkInertias
+from wrenchbed.robots.mjcf import LinkInertias
 
 _ROWS_AT_ONCE = 2000
 """Rows whose links' frames are held at once; estimate: some 50 MB."""

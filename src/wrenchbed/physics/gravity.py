@@ -1,7 +1,6 @@
 """What an arm's own weight does: the torque at each joint and the moment at the base."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,13 +23,6 @@ class BodyMass:
     body: str
     mass: float
     cog: tuple[float, float, float]
-
-
-def masses(links: Sequence[BodyMass]) -> np.ndarray:
-    """Masses (B,) [kg], not writable."""
-    result = np.array([link.mass for link in links])
-    result.setflags(write=False)
-    return result
 
 
 class ArmBodies(ABC):

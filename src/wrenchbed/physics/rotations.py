@@ -103,11 +103,6 @@ def apply(matrix: Value, vector: Value) -> Value:
     return (matrix @ vector[..., None])[..., 0]
 
 
-def inverse_rotated(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Rᵀ v of vectors (…, N, 3) for one matrix (3, 3), or for one of each batch (…, 1, 3, 3)."""
-    return np.asarray(vectors @ (matrix if matrix.ndim == 2 else matrix[..., 0, :, :]))
-
-
 def quaternion(matrix: np.ndarray) -> np.ndarray:
     """Rotation matrices (…, 3, 3) → quaternions w, x, y, z (…, 4) with w ≥ 0."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used

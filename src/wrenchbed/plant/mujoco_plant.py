@@ -8,7 +8,7 @@ from robot_emulators import Arm, Efforts, Payload, PlantRequest
 from wrenchbed.plant.body import Body, BodyOptions
 from wrenchbed.plant.sensor import ArmSensor
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
-from wrenchbed.robots.ur_family import NAMES, ur_arm
+from wrenchbed.robots.ur5 import NAMES, ur_arm
 from wrenchbed.simulation.drives.faults import faults_apart
 
 

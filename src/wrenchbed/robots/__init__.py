@@ -6,7 +6,6 @@ Read first: `base` (what a robot is), then `chain` with `ur5` and `file_arm` as 
 
 SUPPORT = (
     "arm_model", "arm_spec", "chain", "closed_loop", "compiled", "described", "file_arm",
-    "link_inertias", "loop_arm", "loop_file", "mjcf", "model_file", "model_source",
-    "motion_limits", "serial_arm", "serial_xml", "ur_arm", "ur_family",
+    "loop_arm", "loop_file", "mjcf", "model_file", "model_source", "motion_limits", "serial_arm",
 )  # fmt: skip
 """Modules of this package that are no plug-ins."""

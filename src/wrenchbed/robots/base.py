@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wrenchbed.errors import NotFoundError, PlanError, WrenchbedError
-from wrenchbed.physics.gravity import ArmBodies
+from wrenchbed.physics.gravity import ArmBodies, BodyMass
 from wrenchbed.physics.newton_euler import Motion, motion_of
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, exp
@@ -263,6 +263,9 @@ class Robot(ArmBodies):
 class SimulatedRobot(Robot):
     """A robot that also exists as ``models/<name>/<name>.xml``."""
 
+    bodies: tuple[BodyMass, ...]
+    """The body behind each of MuJoCo's joints, as `link_frames`."""
+
     @abstractmethod
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
         """MuJoCo's joint coordinates (N, nq) from the actuated joints (N, J)."""
@@ -279,6 +282,11 @@ class SimulatedRobot(Robot):
             NotFoundError: the model of this robot has no frames of links.
         """
         raise NotFoundError(f"robot {self.name!r} has no frames of links: its joints no torques")
+
+    def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        frames = zip(self.link_frames(q, theta), self.bodies, strict=True)
+        centres = [origin + turn @ np.array(body.cog) for (turn, origin), body in frames]
+        return np.array([body.mass for body in self.bodies]), np.stack(centres, axis=1)
 
     @property
     def carrier(self) -> int:

@@ -150,12 +150,6 @@ class LoopArm(DescribedArm):
         turn, origin = self._placed(self._loops.frames(at, geometry)[arm.end + 1], theta)
         return turn @ arm.end_turn, origin + apply(turn, arm.end_shift)
 
-    def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        centres = np.empty((len(q), len(self.bodies), 3))
-        for i, (turn, origin) in enumerate(self.link_frames(q, theta)):
-            centres[:, i] = origin + apply(turn, self.arm_model.links[i].cog)
-        return np.array([link.mass for link in self.bodies]), centres
-
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
         bad = self._outside_limits(q)
         inside = np.setdiff1d(np.arange(len(q)), list(bad))

@@ -13,8 +13,8 @@ from wrenchbed.errors import ParameterError, WrenchbedError
 from wrenchbed.files import write_text
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.described import describe
-from wrenchbed.robots.serial_xml import mjcf_of
-from wrenchbed.robots.ur_family import ur_arm
+from wrenchbed.robots.serial_arm import mjcf_of
+from wrenchbed.robots.ur5 import ur_arm
 
 OURS = "wrenchbed"
 """Name of the diagnosis among the entrants."""

@@ -20,7 +20,7 @@ from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.chain import SerialChain
-from wrenchbed.robots.link_inertias import LinkInertias, link_inertias
+from wrenchbed.robots.mjcf import LinkInertias, link_inertias
 from wrenchbed.simulation.closed_form import Model
 
 MOST_ROWS = 12_000

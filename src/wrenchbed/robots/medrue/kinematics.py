@@ -9,12 +9,12 @@ printed value (0 here). d31 and d32 appear in none of its equations: here they a
 each five-bar's plane and its universal joint, which move neither the tool nor the wrench.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.rotations import apply, euler, inverse_rotated, rot_x_of, rot_y_of, rot_z_of
+from wrenchbed.physics.rotations import apply, euler, rot_x_of, rot_y_of, rot_z_of
 from wrenchbed.physics.time_derivatives import Value, atan2, cos, jet_sqrt, sin, stack_jets, value
 from wrenchbed.robots.base import Values, load_parameters
 from wrenchbed.robots.compiled.statics import Packed
@@ -89,8 +89,7 @@ PAPER = ParameterSet(tuple(_parameter(name) for name in _ORDER))
 PARAMETERS = PAPER + load_parameters(PROBE_INERTIA)
 
 
-@dataclass(frozen=True, eq=False)
-class FiveBar:
+class FiveBar(NamedTuple):
     """Joints of one five-bar in the base's y, z plane (…, N, 2) [m]; ``direction`` of A from C."""
 
     B: Value
@@ -99,15 +98,37 @@ class FiveBar:
     direction: Value
 
 
-@dataclass(frozen=True, eq=False)
-class Wrist:
-    """The probe support: universal joints E1, E2 (…, N, 3), unit vector u, wrist frame in base."""
+class Turn(NamedTuple):
+    """Cosine and sine of an angle (…, N)."""
 
-    E1: Value
-    E2: Value
+    c: Value
+    s: Value
+
+
+class Solved(NamedTuple):
+    """The closed loops in the base frame.
+
+    Attributes:
+        bars: both five-bars.
+        e1, e2: universal joints of the probe's support (…, N, 3) [m].
+        u: unit vector from e1 to e2.
+        origin: of the wrist [m].
+        gamma, beta, alpha: turns of the support about x, then y, then z.
+    """
+
+    bars: tuple[FiveBar, FiveBar]
+    e1: Value
+    e2: Value
     u: Value
-    rotation: Value
     origin: Value
+    gamma: Turn
+    beta: Turn
+    alpha: Turn
+
+    @property
+    def wrist(self) -> Value:
+        """Rotation of the wrist in the base (…, N, 3, 3)."""
+        return rot_x_of(*self.gamma) @ rot_y_of(*self.beta) @ rot_z_of(*self.alpha)
 
 
 def five_bar(p: Values, i: int, first: Value, second: Value) -> FiveBar:
@@ -136,51 +157,42 @@ def five_bar(p: Values, i: int, first: Value, second: Value) -> FiveBar:
     )
 
 
-def support(p: Values, q: Value, left: FiveBar, right: FiveBar) -> tuple[Value, ...]:
-    """E1, E2, the unit vector u between them and the wrist's origin (…, N, 3) in the base."""
+def solved(p: Values, q: Value) -> Solved:
+    """Both loops closed at joint values (N, 6)."""
+    bars = (five_bar(p, i, q[..., 2 * i - 1], q[..., 2 * i]) for i in (1, 2))
+    return carried(p, q, *bars)
+
+
+def carried(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Solved:
+    """The probe's support on two five-bars (Equations 12–16)."""
     x = q[..., 0] + p["dq1"]
     e1 = stack_jets([x - p["d41"], left.E[..., 0], left.E[..., 1]])
     e2 = stack_jets([x + p["d42"], right.E[..., 0], right.E[..., 1]])
     span = e2 - e1
-    length = jet_sqrt(_dot(span, span))
-    u = span * (1.0 / length)[..., None]
-    return e1, e2, u, e1 + u * (p["d41"] + p["d5"])[..., None]
-
-
-def wrist(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Wrist:
-    """The wrist frame in the base frame (Equations 12–16)."""
-    e1, e2, u, origin = support(p, q, left, right)
-    gamma, beta, alpha = _turns(p, q, left, u)
-    rotation = rot_x_of(*gamma) @ rot_y_of(*beta) @ rot_z_of(*alpha)
-    return Wrist(e1, e2, u, rotation, origin)
-
-
-def _turns(p: Values, q: Value, left: FiveBar, u: Value) -> tuple[tuple[Value, Value], ...]:
-    """Cosine and sine of γ, β and α (…, N)."""
+    u = span * (1.0 / jet_sqrt(_dot(span, span)))[..., None]
     q6 = q[..., 5] + p["dq6"]
     link = (left.E - left.D) * (1.0 / p["L14"])[..., None]
     c, s = link[..., 0], link[..., 1]
-    c_gamma, s_gamma = c * cos(q6) - s * sin(q6), s * cos(q6) + c * sin(q6)
-    s_alpha = u[..., 1] * c_gamma + u[..., 2] * s_gamma
-    c_alpha = jet_sqrt(1.0 - s_alpha * s_alpha)
-    psi = u[..., 1] * s_gamma - u[..., 2] * c_gamma
-    s_beta, c_beta = psi / c_alpha, jet_sqrt(c_alpha * c_alpha - psi * psi) / c_alpha
-    return (c_gamma, s_gamma), (c_beta, s_beta), (c_alpha, s_alpha)
+    gamma = Turn(c * cos(q6) - s * sin(q6), s * cos(q6) + c * sin(q6))
+    s_alpha = u[..., 1] * gamma.c + u[..., 2] * gamma.s
+    alpha = Turn(jet_sqrt(1.0 - s_alpha * s_alpha), s_alpha)
+    psi = u[..., 1] * gamma.s - u[..., 2] * gamma.c
+    beta = Turn(jet_sqrt(alpha.c * alpha.c - psi * psi) / alpha.c, psi / alpha.c)
+    origin = e1 + u * (p["d41"] + p["d5"])[..., None]
+    return Solved((left, right), e1, e2, u, origin, gamma, beta, alpha)
 
 
 def link_frames(p: Values, q: Value) -> list[tuple[Value, Value]]:
     """R_world_link and the origin in the world of what is behind each coordinate of `qpos`."""
-    bars = [five_bar(p, i, q[..., 2 * i - 1], q[..., 2 * i]) for i in (1, 2)]
-    e1, e2, u, centre = support(p, q, *bars)
-    gamma, beta, alpha = _turns(p, q, bars[0], u)
-    roll = rot_x_of(*gamma)
-    yoke = roll @ rot_y_of(*beta)
-    wrist = yoke @ rot_z_of(*alpha)
+    loops = solved(p, q)
+    roll = rot_x_of(*loops.gamma)
+    yoke = roll @ rot_y_of(*loops.beta)
+    wrist = yoke @ rot_z_of(*loops.alpha)
     x = q[..., 0] + p["dq1"]
-    one = _bars(p, 1, x - p["d41"] - p["d31"], bars[0])
-    two = _bars(p, 2, x + p["d42"] + p["d32"], bars[1])
-    inner = [(np.eye(3), stack_jets([x, 0.0, 0.0])), *one, (roll, e1), (yoke, e1),
-             (wrist, centre), (wrist, e2), *two]  # fmt: skip
+    one = _bars(p, 1, x - p["d41"] - p["d31"], loops.bars[0])
+    two = _bars(p, 2, x + p["d42"] + p["d32"], loops.bars[1])
+    inner = [(np.eye(3), stack_jets([x, 0.0, 0.0])), *one, (roll, loops.e1), (yoke, loops.e1),
+             (wrist, loops.origin), (wrist, loops.e2), *two]  # fmt: skip
     base, origin = euler(p["alpha0"], p["beta0"], p["gamma0"]), [p["x0"], p["y0"], p["z0"]]
     return [(base @ turn, apply(base, at) + stack_jets(origin)) for turn, at in inner]
 
@@ -199,16 +211,16 @@ def _bars(p: Values, i: int, x: Value, bar: FiveBar) -> list[tuple[Value, Value]
 
 def gravity_in_sensor(p: Values, q: np.ndarray, gravity: np.ndarray) -> np.ndarray:
     """R_world_sensorᵀ g (…, N, 3) [m/s²], turned angle by angle: half the work of a pose."""
-    left = five_bar(p, 1, q[..., 1], q[..., 2])
-    right = five_bar(p, 2, q[..., 3], q[..., 4])
-    gamma, beta, alpha = _turns(p, q, left, support(p, q, left, right)[2])
+    loops = solved(p, q)
+    gamma, beta, alpha = loops.gamma, loops.beta, loops.alpha
     base = euler(p["alpha0"], p["beta0"], p["gamma0"])
     mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
     x, y, z = np.moveaxis(gravity @ base, -1, 0)
-    y, z = gamma[0] * y + gamma[1] * z, gamma[0] * z - gamma[1] * y
-    x, z = beta[0] * x - beta[1] * z, beta[0] * z + beta[1] * x
-    x, y = alpha[0] * x + alpha[1] * y, alpha[0] * y - alpha[1] * x
-    return inverse_rotated(np.stack(np.broadcast_arrays(x, y, z), axis=-1), mount)
+    y, z = gamma.c * y + gamma.s * z, gamma.c * z - gamma.s * y
+    x, z = beta.c * x - beta.s * z, beta.c * z + beta.s * x
+    x, y = alpha.c * x + alpha.s * y, alpha.c * y - alpha.s * x
+    seen = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+    return np.asarray(seen @ (mount if mount.ndim == 2 else mount[..., 0, :, :]))
 
 
 def packed(p: Values, gravity: np.ndarray) -> Packed:
@@ -226,14 +238,13 @@ def packed(p: Values, gravity: np.ndarray) -> Packed:
 
 def sensor_pose(p: Values, q: Value) -> tuple[Value, Value]:
     """R_world_sensor and the sensor's origin in the world [m] (Equation 1 without the tool)."""
-    left = five_bar(p, 1, q[..., 1], q[..., 2])
-    right = five_bar(p, 2, q[..., 3], q[..., 4])
-    hand = wrist(p, q, left, right)
+    loops = solved(p, q)
+    hand = loops.wrist
     base = euler(p["alpha0"], p["beta0"], p["gamma0"])
     mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
-    inner = hand.origin + apply(hand.rotation, stack_jets([p["xS"], p["yS"], p["zS"]]))
+    inner = loops.origin + apply(hand, stack_jets([p["xS"], p["yS"], p["zS"]]))
     origin = stack_jets([p["x0"], p["y0"], p["z0"]]) + apply(base, inner)
-    return base @ hand.rotation @ mount, origin
+    return base @ hand @ mount, origin
 
 
 def tool_pose(p: Values, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -245,22 +256,16 @@ def tool_pose(p: Values, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def qpos(p: Values, q: Value) -> Value:
     """The 13 coordinates of the MJCF, depth first (…, N, 13); real parameters only."""
-    left = five_bar(p, 1, q[..., 1], q[..., 2])
-    right = five_bar(p, 2, q[..., 3], q[..., 4])
-    hand = wrist(p, q, left, right)
-    rotation = hand.rotation
-    c_gamma, s_gamma = _gamma(p, q, left)
-    beta = atan2(
-        rotation[..., 0, 2], _along(rotation[..., 1, 2], rotation[..., 2, 2], c_gamma, s_gamma)
-    )
-    alpha = atan2(-rotation[..., 0, 1], rotation[..., 0, 0])
-    span = hand.E2 - hand.E1
+    loops = solved(p, q)
+    left, right = loops.bars
+    span = loops.e2 - loops.e1
     return stack_jets(
         [
             q[..., 0],
             q[..., 1], _elbow(left.direction, q[..., 1] + p["dq2"], left.E - left.B),
             q[..., 2], _elbow(left.direction, q[..., 2] + p["dq3"], left.E - left.D),
-            q[..., 5], beta, alpha, jet_sqrt(_dot(span, span)),
+            q[..., 5], atan2(loops.beta.s, loops.beta.c), atan2(loops.alpha.s, loops.alpha.c),
+            jet_sqrt(_dot(span, span)),
             q[..., 3], _elbow(right.direction, q[..., 3] + p["dq4"], right.E - right.B),
             q[..., 4], _elbow(right.direction, q[..., 4] + p["dq5"], right.E - right.D),
         ]
@@ -271,9 +276,8 @@ def failures(p: Values, q: np.ndarray) -> dict[int, str]:
     """Rows of q (N, 6) without a solution, each with the reason."""
     bad: dict[int, str] = {}
     with np.errstate(invalid="ignore", divide="ignore"):
-        bars = [five_bar(p, i, q[:, 2 * i - 1], q[:, 2 * i]) for i in (1, 2)]
-        turns = _turns(p, q, bars[0], support(p, q, *bars)[2])
-    for i, bar in enumerate(bars, start=1):
+        loops = solved(p, q)
+    for i, bar in enumerate(loops.bars, start=1):
         gap = np.sqrt(_dot(bar.B - bar.D, bar.B - bar.D))
         height2 = _dot(bar.E - bar.D, bar.E - bar.D)
         reach = p[f"L{i}2"] + p[f"L{i}4"]
@@ -285,7 +289,7 @@ def failures(p: Values, q: np.ndarray) -> dict[int, str]:
                 f"distal links reach {1e3 * reach:.1f} mm and must stay "
                 f"{1e3 * MIN_HEIGHT:.0f} mm from straight",
             )
-    lost = ~np.isfinite(turns).all(axis=(0, 1))
+    lost = ~np.isfinite([loops.gamma, loops.beta, loops.alpha]).all(axis=(0, 1))
     for row in np.flatnonzero(lost):
         bad.setdefault(int(row), "the wrist cannot turn to where its two universal joints point")
     return dict(sorted(bad.items()))
@@ -295,17 +299,6 @@ def _height2(p: Values, i: int, gap: np.ndarray) -> np.ndarray:
     l2, l4 = p[f"L{i}2"], p[f"L{i}4"]
     along = (l4**2 - l2**2 + gap**2) / (2 * np.maximum(gap, 1e-12))
     return np.where(gap > 1e-6, l4**2 - along**2, 0.0)
-
-
-def _gamma(p: Values, q: Value, left: FiveBar) -> tuple[Value, Value]:
-    angle = atan2(left.E[..., 1] - left.D[..., 1], left.E[..., 0] - left.D[..., 0])
-    gamma = angle + q[..., 5] + p["dq6"]
-    return cos(gamma), sin(gamma)
-
-
-def _along(y: Value, z: Value, c_gamma: Value, s_gamma: Value) -> Value:
-    """Third component of the wrist's z axis seen from the frame turned by γ: cos β."""
-    return z * c_gamma - y * s_gamma
 
 
 def _elbow(direction: Value, angle: Value, distal: Value) -> Value:

@@ -10,7 +10,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from wrenchbed.physics.gravity import BodyMass, masses
+from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.rotations import apply, euler, euler_rates, rot_x, rot_y, rot_z
 from wrenchbed.physics.time_derivatives import Value, stack_jets
 from wrenchbed.physics.wrench import Tool
@@ -25,14 +25,7 @@ from wrenchbed.robots.base import (
 )
 from wrenchbed.robots.compiled.statics import Packed
 from wrenchbed.robots.medrue import kinematics, workspace
-from wrenchbed.robots.medrue.kinematics import (
-    IDENTIFIED,
-    PAPER,
-    PARAMETERS,
-    FiveBar,
-    five_bar,
-    support,
-)
+from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER, PARAMETERS
 from wrenchbed.robots.mjcf import bare, place, rotate_body, write_load
 
 _NEAR, _FAR = (0.0, 0.2, 0.0), (0.0, 0.26, 0.0)
@@ -56,45 +49,10 @@ SUPPORT = (
     BodyMass("slider", 0.05, _CENTRE),
 )
 """Masses at E1, E1, the wrist's origin and E2, with their centres of gravity there."""
-LINKS = (CARRIAGE, *BARS[0], *BARS[1], *SUPPORT)
-
-_MASSES = masses(LINKS)
+LINKS = (CARRIAGE, *BARS[0], *SUPPORT, *BARS[1])
+"""Moving bodies behind `JOINTS`."""
 JOINTS = ("q1", "q2", "b1", "q3", "d1", "q6", "beta", "alpha", "slide", "q4", "b2", "q5", "d2")
 """The MJCF's joints in the order of MuJoCo's ``qpos``."""
-
-
-def links(p: Values, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Masses (13,) [kg] of `LINKS` and their centres of gravity in the world (N, 13, 3) [m]."""
-    bars = [five_bar(p, i, q[:, 2 * i - 1], q[:, 2 * i]) for i in (1, 2)]
-    e1, e2, _, origin = support(p, q, *bars)
-    x = q[:, 0] + p["dq1"]
-    inner = np.empty((3, len(LINKS), len(q)))
-    inner[:, 0] = np.array(CARRIAGE.cog)[:, None]
-    inner[0, 0] += x
-    _place(p, 1, x - p["d41"] - p["d31"], bars[0], inner[:, 1:5])
-    _place(p, 2, x + p["d42"] + p["d32"], bars[1], inner[:, 5:9])
-    for k, point in enumerate((e1, e1, origin, e2), start=9):
-        inner[:, k] = point.T
-    base = euler(p["alpha0"], p["beta0"], p["gamma0"])
-    centres = base @ inner.reshape(3, -1) + base_origin(p)[:, None]
-    return _MASSES, centres.reshape(inner.shape).T
-
-
-def base_origin(p: Values) -> np.ndarray:
-    """Origin of the base in the world (3,) [m]."""
-    return np.array([p["x0"], p["y0"], p["z0"]])
-
-
-def _place(p: Values, i: int, x: np.ndarray, bar: FiveBar, centres: np.ndarray) -> None:
-    """Write the CoGs (3, 4, N) of five-bar i, its plane at x (N,), in base axes."""
-    a, c = (np.array([p[f"{anchor}{i}y"], p[f"{anchor}{i}z"]]) for anchor in "AC")
-    ends = ((a, bar.B), (bar.B, bar.E), (c, bar.D), (bar.D, bar.E))
-    for k, (link, (start, end)) in enumerate(zip(BARS[i - 1], ends, strict=True)):
-        along = (end - start) / p[f"L{i}{k + 1}"]
-        off, reach, across = link.cog
-        centres[0, k] = x + off
-        centres[1, k] = start[..., 0] + reach * along[:, 0] - across * along[:, 1]
-        centres[2, k] = start[..., 1] + reach * along[:, 1] + across * along[:, 0]
 
 
 def write(mjcf: Path, p: Values, tool: Tool, ref: np.ndarray) -> mujoco.MjSpec:
@@ -157,6 +115,7 @@ class MedRUE(SimulatedRobot):
     gear_ratio = ()  # unknown
     broadcasts = True
     compiled = "medrue"
+    bodies = LINKS
     joints = (
         Joint("q1", "m", -0.5, 1.1, 0.25),
         Joint("q2", "rad", 1.658, 4.887, 1.0),
@@ -205,11 +164,8 @@ class MedRUE(SimulatedRobot):
         cog = apply(np.swapaxes(mount, -1, -2), lever)
         return Tool(p["mTool"], cog, inertia_matrix(p), p["sensor.mass"])
 
-    def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return links(self.values(theta), q)
-
     def base_origin(self, theta: np.ndarray) -> np.ndarray:
-        return base_origin(self.values(theta))
+        return np.array([self.values(theta)[f"{a}0"] for a in "xyz"])
 
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:
         p = self.values(theta)

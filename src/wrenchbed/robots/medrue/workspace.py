@@ -24,6 +24,8 @@ LAYERS = (-0.25, -0.10, 0.05)
 """Heights z of the pool's layers [m]."""
 ORIENTATIONS = 100
 """Number of orientations at each position in the pool of 40,000."""
+_TILT, _ROLL = np.deg2rad(30.0), np.deg2rad(60.0)
+"""Ranges ± of the tool's α and β, and of its γ about 180° [rad]."""
 _TRIES = 200
 
 
@@ -90,38 +92,20 @@ def _second_elbow(p: Values, q3: np.ndarray) -> np.ndarray:
     return local @ turn.T + middle
 
 
-def random_poses(
-    n: int,
-    rng: np.random.Generator,
-    *,
-    tilt: float = np.deg2rad(30.0),
-    roll: float = np.deg2rad(60.0),
-) -> tuple[np.ndarray, np.ndarray]:
-    """Random tool poses in the paper's full workspace: rotations (n, 3, 3), positions (n, 3) [m].
-
-    α, β within ±``tilt``, γ within 180° ± ``roll``; x 0…0.8, y 0.2…0.65, z −0.25…0.05 m.
-    """
-    alpha, beta = rng.uniform(-tilt, tilt, (2, n))
-    gamma = np.pi + rng.uniform(-roll, roll, n)
-    position = rng.uniform([0.0, 0.2, -0.25], [0.8, 0.65, 0.05], (n, 3))
-    return euler(alpha, beta, gamma), position
+def random_poses(n: int, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Random tool poses in the paper's workspace: rotations (n, 3, 3), positions (n, 3) [m]."""
+    rotation = _orientations(n, rng)
+    return rotation, rng.uniform([*LOW, LAYERS[0]], [*HIGH, LAYERS[-1]], (n, 3))
 
 
-def pool(
-    robot: Robot,
-    n: int,
-    seed: int,
-    *,
-    tilt: float = np.deg2rad(30.0),
-    roll: float = np.deg2rad(60.0),
-    orientations: int = ORIENTATIONS,
-) -> np.ndarray:
+def _orientations(n: int, rng: np.random.Generator) -> np.ndarray:
+    alpha, beta = rng.uniform(-_TILT, _TILT, (2, n))
+    return euler(alpha, beta, np.pi + rng.uniform(-_ROLL, _ROLL, n))
+
+
+def pool(robot: Robot, n: int, seed: int, orientations: int = ORIENTATIONS) -> np.ndarray:
     """Joint values (n, 6): positions spread evenly (Sobol) on three layers, each in several
     orientations.
-
-    Args:
-        tilt: α, β are uniform within ± this [rad].
-        roll: γ is uniform within 180° ± this [rad].
 
     Raises:
         WrenchbedError: the ranges leave hardly any feasible configuration.
@@ -133,7 +117,7 @@ def pool(
     kept: list[np.ndarray] = []
     for some, z in zip(np.array_split(positions, len(LAYERS)), LAYERS, strict=True):
         places = qmc.Sobol(2, rng=rng)
-        kept += [_at_a_place(robot, places, z, orientations, tilt, roll, rng) for _ in some]
+        kept += [_at_a_place(robot, places, z, orientations, rng) for _ in some]
     return np.concatenate(kept)[:n]
 
 
@@ -142,17 +126,14 @@ def _at_a_place(
     places: "qmc.Sobol",
     z: float,
     n: int,
-    tilt: float,
-    roll: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
     for _ in range(_TRIES):
         place = np.array([*(LOW + places.random(1)[0] * np.subtract(HIGH, LOW)), z])
         kept: list[np.ndarray] = []
         for _ in range(8):
-            alpha, beta = rng.uniform(-tilt, tilt, (2, 2 * n))
-            gamma = np.pi + rng.uniform(-roll, roll, 2 * n)
-            kept.append(reachable(robot, euler(alpha, beta, gamma), np.tile(place, (2 * n, 1)))[0])
+            rotation = _orientations(2 * n, rng)
+            kept.append(reachable(robot, rotation, np.tile(place, (2 * n, 1)))[0])
             if sum(map(len, kept)) >= n:
                 return np.concatenate(kept)[:n]
             if not len(kept[0]):

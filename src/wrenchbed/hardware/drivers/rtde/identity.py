@@ -21,7 +21,7 @@ from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.hardware.drivers.rtde import states, status
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
 from wrenchbed.robots.base import Robot
-from wrenchbed.robots.ur_arm import URArm
+from wrenchbed.robots.ur5 import URArm
 
 SETTINGS = (
     "timestamp", "payload", "payload_cog", "tcp_offset", "safety_mode", "robot_mode",
