@@ -1,6 +1,6 @@
 """`wrenchbed calibrate`: identify a robot's parameters; the fit as a table in 80 columns."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -126,16 +126,19 @@ def fit_table(result: wb.Fit, truth: Mapping[str, float] | None = None) -> Group
     """
     words = fit_words(result)
     head = Text.assemble(("calibration ", "bold"), f"{result.recording}  {words.data}")
-    parts: list[Any] = [head, "", _parameters(result, words, truth), "", _residuals(words)]
+    parts: list[Any] = [head, "", _parameters(result.identified, truth), "", _residuals(words)]
     for title, lines in words.sections:
         parts += console.section(title, lines)
     return Group(*parts)
 
 
-def _parameters(result: wb.Fit, words: FitWords, truth: Mapping[str, float] | None) -> Table:
+def _parameters(
+    values: Sequence[IdentifiedValue], truth: Mapping[str, float] | None = None
+) -> Table:
     beside = [">truth", ">off by"] if truth is not None else []
     table = console.table("|parameter", ">value", ">± std", ">start", "|unit", *beside)
-    for p, shown in zip(result.identified, words.parameters, strict=True):
+    for p in values:
+        shown = parameter_words(p.name, p.value, p.std, p.interval95, p.nominal, p.unit)
         cells = [shown.name, shown.value, shown.std, shown.start, shown.unit]
         if truth is not None:
             _, factor = HUMAN.get(p.unit, (p.unit, 1.0))
@@ -155,47 +158,14 @@ def _residuals(words: FitWords) -> Table:
 
 
 def drive_fit_table(fit: DriveFit) -> Group:
-    """Parameters of all, of each joint, errors on held-out rows, and the status."""
+    """Parameters, errors of each joint on held-out rows, and the status."""
     head = Text.assemble(
         ("joint efforts ", "bold"), f"{fit.recording}  {fit.robot}, {fit.seconds:.0f} s, "
         f"{fit.rows} rows below {fit.cutoff:.3g} Hz"
     )  # fmt: skip
-    shared = [p for p in fit.identified if not p.name.rpartition(".")[2].isdigit()]
-    parts: list[Any] = [head, "", _shared(shared), ""] if shared else [head, ""]
-    parts += [_by_joint(fit), "", _errors(fit)]
+    parts = [head, "", _parameters(fit.identified), "", _errors(fit)]
     title = "refuted by the data" if fit.refuted else "status"
     return Group(*parts, *console.section(title, [fit.refuted or fit.status]))
-
-
-def _shared(values: list[IdentifiedValue]) -> Table:
-    table = console.table("|parameter", ">value", ">± std", ">start", "|unit")
-    for p in values:
-        shown = parameter_words(p.name, p.value, p.std, p.interval95, p.nominal, p.unit)
-        table.add_row(shown.name, shown.value, shown.std, shown.start, shown.unit)
-    return table
-
-
-def _by_joint(fit: DriveFit) -> Table:
-    """One row a parameter of the joints, one column a joint; ± in the row below."""
-    kinds = dict.fromkeys(p.name.rpartition(".")[0] for p in fit.identified
-                          if p.name.rpartition(".")[2].isdigit())  # fmt: skip
-    table = console.table("|per joint", *(f">{e.joint}" for e in fit.joints), "|unit")
-    for kind in kinds:
-        own = [fit[f"{kind}.{e.joint}"] for e in fit.joints]
-        told = [parameter_words(p.name, p.value, p.std, p.interval95, p.nominal, p.unit)
-                for p in own]  # fmt: skip
-        usual, others = _units([w.unit for w in told])
-        table.add_row(kind, *(w.value for w in told), usual)
-        table.add_row("  ± std", *(w.std for w in told), others, style="dim")
-    return table
-
-
-def _units(each: list[str]) -> tuple[str, str]:
-    """Unit of most joints, and of which joints another one: ``1: N``."""
-    usual = max(each, key=each.count)
-    other = [str(j) for j, unit in enumerate(each, start=1) if unit != usual]
-    named = next((unit for unit in each if unit != usual), "")
-    return usual, f"{','.join(other)}: {named}" if other else ""
 
 
 def _errors(fit: DriveFit) -> Table:

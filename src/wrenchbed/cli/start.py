@@ -5,7 +5,6 @@ small for them. Output is written on any terminal: of few columns, and of encodi
 characters.
 """
 
-import codecs
 import io
 import os
 import resource
@@ -23,13 +22,6 @@ _LEAST_DRAWN = 4.5e9
 _DRAWN = ("diagnose", "view")
 LEAST_COLUMNS = 40
 """The narrowest output; below, tyro's layout of help does not end (tyro 1.0)."""
-_HANDLER = "wrenchbed.plain"
-_PLAIN = {
-    "…": "...", "→": "->", "←": "<-", "−": "-", "–": "-", "—": "-", "±": "+-", "·": ".", "•": "*",
-    "≤": "<=", "≥": ">=", "×": "x", "°": " deg", "‘": "'", "’": "'", "“": '"', "”": '"', "²": "^2",
-    "³": "^3", "µ": "u", "μ": "u", "━": "-", "─": "-", "│": "|", "✓": "+",
-}  # fmt: skip
-"""What stands for a character that an encoding lacks; for others a question mark."""
 
 
 def check_memory(verb: str) -> None:
@@ -55,10 +47,9 @@ def check_memory(verb: str) -> None:
 
 def prepare() -> None:
     """Let standard output and error write everything, on at least `LEAST_COLUMNS` columns."""
-    codecs.register_error(_HANDLER, _replaced)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors=_HANDLER)
+            stream.reconfigure(errors="replace")
     if shutil.get_terminal_size().columns < LEAST_COLUMNS:
         os.environ["COLUMNS"] = str(LEAST_COLUMNS)
 
@@ -70,10 +61,3 @@ def lacks(text: str) -> bool:
     except UnicodeEncodeError:
         return True
     return False
-
-
-def _replaced(error: UnicodeError) -> tuple[str, int]:
-    if not isinstance(error, UnicodeEncodeError):
-        raise error
-    lacking = error.object[error.start : error.end]
-    return "".join(_PLAIN.get(c, "?") for c in lacking), error.end
