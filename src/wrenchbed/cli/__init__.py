@@ -161,8 +161,8 @@ def _in_words(error: OSError | MemoryError | ImportError) -> str:
     """What a file, or this machine, lacks; empty where a library is broken."""
     if isinstance(error, OSError):
         short = shortage(error, error.filename or "")
-        told = f"{error.filename}: {error.strerror}" if error.filename else str(error)
-        return str(short or told)
+        reason = f"{error.filename}: {error.strerror}" if error.filename else str(error)
+        return str(short or reason)
     return str(shortage(error) or "")
 
 
@@ -205,12 +205,12 @@ def _cleaned(arguments: Sequence[str]) -> Iterator[None]:
     if not any(map(OBEYED.search, arguments)):
         yield
         return
-    said = io.StringIO()
+    printed = io.StringIO()
     try:
-        with redirect_stderr(said):
+        with redirect_stderr(printed):
             yield
     finally:
-        sys.stderr.write(printable(said.getvalue()))
+        sys.stderr.write(printable(printed.getvalue()))
 
 
 def _loaded(verb: str) -> tuple[Any, Callable[..., Any]]:

@@ -74,7 +74,7 @@ def campaign(
         return
     console.check_folder(out, {"summary.html": Kind.PAGE})
     count = console.check_positive("--workers", os.cpu_count() or 1 if workers is None else workers)
-    with console.progress(f"campaign {robot}", simulated.robots, rate=True) as report:
+    with console.progress(f"campaign {robot}", simulated.robots) as report:
         table = wb.campaign(fleet, out, workers=count, progress=report)
     results = summary.figures(table)
     written = ["robots.parquet"]

@@ -217,9 +217,9 @@ def answer(result: Any, as_json: bool, display: Any) -> None:
         _OUT.print(display)
 
 
-def _as_json(found: re.Match[str]) -> str:
+def _as_json(match: re.Match[str]) -> str:
     """A character as JSON spells it out."""
-    units = found[0].encode("utf-16-be", "surrogatepass").hex()
+    units = match[0].encode("utf-16-be", "surrogatepass").hex()
     return "".join(f"\\u{units[k : k + 4]}" for k in range(0, len(units), 4))
 
 
@@ -233,14 +233,14 @@ def table(*heads: str, indent: int = 0, space: int = 2, title: str | None = None
         space: between its columns.
         title: above it, at the left.
     """
-    shown = Table(
+    grid = Table(
         box=None, padding=(0, space, 0, indent), header_style="dim", title=title,
         title_justify="left", show_header=any(head.strip("|>") for head in heads),
     )  # fmt: skip
     for head in heads:
         side: Literal["right", "left"] = "right" if head.startswith(">") else "left"
-        shown.add_column(head.lstrip("|>"), justify=side, no_wrap=head[:1] in ("|", ">"))
-    return shown
+        grid.add_column(head.lstrip("|>"), justify=side, no_wrap=head[:1] in ("|", ">"))
+    return grid
 
 
 def section(title: str, lines: Iterable[RenderableType]) -> list[RenderableType]:
@@ -270,22 +270,12 @@ class RemainingColumn(ProgressColumn):
         seconds, steps = (a - b for a, b in zip(self._last, self._begun, strict=True))
         if total is None or steps < min(_LEAST_DONE, total - self._begun[1]) or not steps:
             return "-:--:--"
-        left = round((total - completed) * seconds / steps)
-        return f"{left // 3600}:{left // 60 % 60:02}:{left % 60:02}"
-
-
-class _RateColumn(ProgressColumn):
-    """How many are done in a second, or a minute."""
-
-    def render(self, task: Task) -> Text:
-        speed = task.speed or 0.0
-        return Text(f"{speed:.1f}/s" if speed >= 1.0 else f"{60.0 * speed:.0f}/min")
+        rest = round((total - completed) * seconds / steps)
+        return f"{rest // 3600}:{rest // 60 % 60:02}:{rest % 60:02}"
 
 
 @contextmanager
-def progress(
-    what: str, total: int | None, *, rate: bool = False, alike: bool = True
-) -> Iterator[Callable[..., None]]:
+def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Callable[..., None]]:
     """A bar on stderr, nothing where stderr is no terminal; call it with (steps done, label).
 
     Without a total, or with steps of which one may take much longer than another, it shows the
@@ -294,8 +284,7 @@ def progress(
     console = Console(stderr=True)
     columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()]
     time = RemainingColumn() if alike and total is not None else TimeElapsedColumn()
-    columns += [time, *([_RateColumn()] if rate else [])]
-    bar = Progress(*columns, console=console, disable=not console.is_terminal, transient=True)
+    bar = Progress(*columns, time, console=console, disable=not console.is_terminal, transient=True)
     with bar:
         task = bar.add_task(what, total=total)
 

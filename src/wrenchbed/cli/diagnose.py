@@ -150,20 +150,20 @@ def _diagnose_efforts(
         raise ParameterError("diagnose of joint efforts takes one recording")
     console.check_out(out / _DRIVES, Kind.DRIVES, lock=False)
     with console.progress("diagnosing", STEPS, alike=False) as report:
-        found = diagnose_efforts(
+        findings = diagnose_efforts(
             data[0], drives=efforts.drives, seed=seed, wrench=efforts.channels == "both",
             progress=lambda step: report(1, step),
         )  # fmt: skip
     with atomic_folder(out) as folder:
-        found.write(folder)
-        _tried(_PAGE, lambda: _effort_page(found, folder / _PAGE))
-        return _names(folder), of_efforts(found)
+        findings.write(folder)
+        _tried(_PAGE, lambda: _effort_page(findings, folder / _PAGE))
+        return _names(folder), of_efforts(findings)
 
 
-def _effort_page(found: EffortFindings, path: Path) -> None:
+def _effort_page(findings: EffortFindings, path: Path) -> None:
     from wrenchbed.reports.effort_page import effort_page
 
-    effort_page(found, console.command()).write(path)
+    effort_page(findings, console.command()).write(path)
 
 
 def _diagnose_wrench(
@@ -177,14 +177,14 @@ def _diagnose_wrench(
         learnt = _learnt(data[0], learning.look_alikes, seed)
     steps = 7 if len(data) == 1 else 3 * len(data) + 3
     with console.progress("diagnosing", steps, alike=False) as report:
-        found = _diagnosed(data, seed, learnt, lambda step: report(1, step))
-    for name in found.plans:
+        findings = _diagnosed(data, seed, learnt, lambda step: report(1, step))
+    for name in findings.plans:
         console.check_out(out / name, Kind.PLAN, lock=False)
     with atomic_folder(out) as folder:
-        found.write(folder)
-        _tried(_PAGE, lambda: _page(found, folder / _PAGE))
-        _tried(_PICTURE, lambda: _draw(found, folder / _PICTURE))
-        return _names(folder), of_wrench(found)
+        findings.write(folder)
+        _tried(_PAGE, lambda: _page(findings, folder / _PAGE))
+        _tried(_PICTURE, lambda: _draw(findings, folder / _PICTURE))
+        return _names(folder), of_wrench(findings)
 
 
 def _names(folder: Path) -> list[str]:
@@ -204,16 +204,16 @@ def _diagnosed(
     return several(data, seed=seed, reliability=known, progress=step)
 
 
-def _page(found: Findings, path: Path) -> None:
+def _page(findings: Findings, path: Path) -> None:
     from wrenchbed.reports.diagnosis_page import diagnosis_page
 
-    diagnosis_page(found, console.command()).write(path)
+    diagnosis_page(findings, console.command()).write(path)
 
 
-def _draw(found: Findings, path: Path) -> None:
+def _draw(findings: Findings, path: Path) -> None:
     from wrenchbed.viewer.diagnoses import diagnosis_view
 
-    diagnosis_view(found, path, console.command())
+    diagnosis_view(findings, path, console.command())
 
 
 def _tried(name: str, write: Callable[[], None]) -> None:

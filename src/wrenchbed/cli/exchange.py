@@ -104,10 +104,10 @@ def _doubt(recording: Recording) -> str | None:
     from wrenchbed.calibration.trust import check
 
     try:
-        found = check(recording)
+        finding = check(recording)
     except WrenchbedError:
         return None
-    return None if found is None else found.sentence
+    return None if finding is None else finding.sentence
 
 
 def _no_guess(given: GuessArguments) -> None:
@@ -128,9 +128,9 @@ def _guessed(
     )  # fmt: skip
     path = out.with_suffix(".map.toml")
     console.check_out(path, Kind.MAP, *files)
-    found = wb.guess_map(files, stated)
-    write_text(path, found.text(path.parent))
-    return found.column_map(), {"guess": [*found.lines, f"map → {path}"]}
+    guess = wb.guess_map(files, stated)
+    write_text(path, guess.text(path.parent))
+    return guess.column_map(), {"guess": [*guess.lines, f"map → {path}"]}
 
 
 def _changed(column_map: ColumnMap, mode: str | None) -> ColumnMap:

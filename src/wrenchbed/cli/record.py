@@ -242,13 +242,13 @@ def record(
     link: Driver = kind(device.options(kind, robot, limits))
     revisit = {"yes": True, "no": False, "auto": True if run.dry_run else None}[run.revisit]
     with (
-        ready(link, todo, recover=run.recover, yes=run.yes) as found,
+        ready(link, todo, recover=run.recover, yes=run.yes) as complete,
         watched(link, picture.rrd, picture.view),
         console.progress(f"recording {robot}", len(todo)) as report,
     ):
         done = wb.record(
             link, todo, out, samples=run.samples, rate=run.rate, progress=report, revisit=revisit,
-            resume=run.resume, clear=run.dry_run or None, limits=found,
+            resume=run.resume, clear=run.dry_run or None, limits=complete,
         )  # fmt: skip
     _answer(done, todo, device.driver, as_json)
 

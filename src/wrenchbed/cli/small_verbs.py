@@ -106,13 +106,13 @@ def compared(result: wb.Comparison) -> Group:
     for c in result.changes:
         style = "bold" if c.changed else ""
         values = [quantity(c.name, {"value": v, "unit": c.unit}) for v in (c.before, c.after)]
-        told = {"value": c.after - c.before, "std": c.std, "unit": c.unit}
+        change = {"value": c.after - c.before, "std": c.std, "unit": c.unit}
         table.add_row(
-            c.name, *values, quantity(c.name, told, signed=True), f"{c.sigmas:+.1f}", style=style
+            c.name, *values, quantity(c.name, change, signed=True), f"{c.sigmas:+.1f}", style=style
         )
     parts = [Text(s, style="bold" if k == 0 else "") for k, s in enumerate(result.sentences)]
-    left = [Text(f"not compared  {x}", style="dim") for x in result.left]
-    return Group(*parts, "", table, *([""] if left else []), *left)
+    unlike = [Text(f"not compared  {x}", style="dim") for x in result.left]
+    return Group(*parts, "", table, *([""] if unlike else []), *unlike)
 
 
 def study(

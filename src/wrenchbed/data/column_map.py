@@ -369,8 +369,8 @@ def turned(data: Mapping[str, np.ndarray], where: str) -> Rotation | None:
 def _matrices(data: Mapping[str, np.ndarray], where: str) -> np.ndarray:
     matrix = np.stack([data[r] for r in ROTATION], axis=-1).reshape(-1, 3, 3)
     error = np.abs(np.swapaxes(matrix, -1, -2) @ matrix - np.eye(3)).max(axis=(1, 2))
-    left = np.linalg.det(matrix) < 0
-    bad = np.flatnonzero((error > ORTHONORMAL) | left)
+    left_handed = np.linalg.det(matrix) < 0
+    bad = np.flatnonzero((error > ORTHONORMAL) | left_handed)
     if len(bad):
         row = bad[0]
         why = "it is left-handed" if error[row] <= ORTHONORMAL else f"RᵀR off by {error[row]:.2g}"

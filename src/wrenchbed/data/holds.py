@@ -141,9 +141,9 @@ def _stays_away(
     """
     total = np.concatenate([[0.0], np.cumsum(values - values[0], dtype=float)])
     here = jumps + 1  # the first row behind the jump
-    own = np.searchsorted(begin, jumps, side="right") - 1
-    low = np.maximum(here - NEAR_ROWS, begin[own])
-    high = np.minimum(here + NEAR_ROWS, np.maximum(begin[own + 1], here + 1))
+    segment = np.searchsorted(begin, jumps, side="right") - 1
+    low = np.maximum(here - NEAR_ROWS, begin[segment])
+    high = np.minimum(here + NEAR_ROWS, np.maximum(begin[segment + 1], here + 1))
     before = (total[here] - total[low]) / (here - low)
     behind = (total[high] - total[here]) / (high - here)
     return np.asarray(np.abs(behind - before) > limit)

@@ -207,11 +207,11 @@ def _beside(
     part: dict[str, np.ndarray], path: Path, rows: int, first: Path
 ) -> dict[str, np.ndarray]:
     """Columns of a file without clock, row by row beside the first file's."""
-    own = len(next(iter(part.values())))
-    if own != rows:
+    count = len(next(iter(part.values())))
+    if count != rows:
         raise MapError(
             f"{path}: without a clock (t) it is laid beside {first.name} row by row, but it has "
-            f"{own} rows and not {rows}"
+            f"{count} rows and not {rows}"
         )
     return part
 

@@ -237,7 +237,7 @@ def _table_at(
     body = [k for k in plain if len(cells[k]) == width]
     first, last = _first_row(cells, body, decimal), body[-1]
     rows = [k for k in body if k >= first]
-    share = sum(_numeric(cells[k], decimal) for k in rows) / (width * max(len(rows), 1))
+    numeric = sum(_numeric(cells[k], decimal) for k in rows) / (width * max(len(rows), 1))
     same = len(rows) / max(sum(first <= k <= last for k in plain), 1)
     names = _names(lines, some, first, separator, decimal, width)
     while names and not names[-1] and width == len(names) and not any(cells[k][-1] for k in rows):
@@ -245,7 +245,7 @@ def _table_at(
     names = [name or str(k + 1) for k, name in enumerate(names)]
     enough = min(width, 7) / 7.0  # a wrench and more
     layout = Layout(separator, decimal, first, tuple(names))
-    return share * same * (0.5 + enough) + 1e-3 * len(rows) / len(plain), layout
+    return numeric * same * (0.5 + enough) + 1e-3 * len(rows) / len(plain), layout
 
 
 def _first_row(cells: dict[int, list[str]], body: Sequence[int], decimal: str) -> int:

@@ -155,14 +155,14 @@ def _finished(
     """The fit with one mount; ``seen``: gravity's direction in sensor axes less its mean (N, 3)."""
     force = wrench[:, :3] - wrench[:, :3].mean(axis=0)
     torque = wrench[:, 3:] - wrench[:, 3:].mean(axis=0)
-    left = force - weight * seen
+    residual = force - weight * seen
     # torque = c × (w γ) = Σ_j c_j (e_j × w γ)
     design = np.stack([cross(np.broadcast_to(e, seen.shape), weight * seen) for e in np.eye(3)])
     flat = design.reshape(3, -1).T
     lever, *_ = np.linalg.lstsq(flat, torque.ravel(), rcond=1e-6)
     rest = torque - np.tensordot(lever, design, axes=1)
     turning = float(np.sqrt((force**2).mean()))
-    force_rms = float(np.sqrt((left**2).mean()))
+    force_rms = float(np.sqrt((residual**2).mean()))
     torque_scale = float(np.sqrt((torque**2).mean()))
     torque_rms = max(float(np.sqrt((rest**2).mean())), _FLOOR * torque_scale, 1e-12)
     return GravityFit(
