@@ -1,13 +1,12 @@
 """Causes that show only between rows are found, and nothing is claimed on ordinary noise."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from altered import at_point, with_added, with_columns, with_rows, with_wrench, without_noise_stated
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
-from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.between_rows.row_effects import find_row_effects
 from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.physics.wrench import CHANNELS
@@ -23,19 +22,13 @@ def row_effects(rows):
     return find_row_effects(rows, configured(rows))
 
 
-def metadata(mode, rate):
-    tool = ToolInfo(float(TOOL.mass), tuple(map(float, TOOL.cog)), (0.002, 0.002, 0.001, 0, 0, 0))
-    sensor = SensorInfo("ati-gamma", tuple(map(float, STD)), 0.0, (0, 0, 0, 1.0, 0, 0, 0))
-    return Metadata("ur5", mode, "sim", rate, tool, sensor, {}, tuple(ROBOT.gravity))
-
-
 def static():
-    q = ROBOT.sample(80, np.random.default_rng(3))
-    t = np.arange(80) * 3.0 + 0.3
-    return ExperimentDesign(ROBOT, "static", q, t, 60, 100.0, metadata("static", 100.0), STD, None)
+    plan = Plan.of("ur5", ROBOT.sample(80, np.random.default_rng(3)))
+    return ExperimentDesign.of_plan(plan, ROBOT, samples=60)
 
 
 def dynamic():
+    """A minute of a slow multisine."""
     rng = np.random.default_rng(4)
     t = np.arange(7500) / 125.0
     q = np.tile([0.0, -1.2, 1.2, -1.5, -1.5, 0.0], (len(t), 1))
@@ -43,7 +36,7 @@ def dynamic():
         for f in (0.05, 0.1, 0.15, 0.25):
             size = (0.4 if j in (1, 2) else 1.0) * rng.uniform(0.1, 0.4)
             q[:, j] += size * np.sin(2 * np.pi * f * t + rng.uniform(0, 6.28))
-    return ExperimentDesign(ROBOT, "dynamic", q, t, 1, 125.0, metadata("dynamic", 125.0), STD, None)
+    return ExperimentDesign.of_plan(Plan.of("ur5", q, rate_hz=125.0), ROBOT)
 
 
 DESIGNS = {"static": static(), "dynamic": dynamic()}
@@ -52,15 +45,6 @@ DESIGNS = {"static": static(), "dynamic": dynamic()}
 def quiet(mode, seed=40):
     """Look-alike rows with nothing wrong."""
     return recording(DESIGNS[mode], draw(DESIGNS[mode], seed, "none"))
-
-
-def changed(rec, wrench):
-    return replace(rec, columns=dict(rec.columns) | dict(zip(CHANNELS, wrench.T, strict=True)))
-
-
-def unstated(rec):
-    meta = rec.metadata
-    return replace(rec, metadata=replace(meta, sensor=replace(meta.sensor, noise_std=None)))
 
 
 def named(findings):
@@ -72,8 +56,17 @@ def shaken(rec, acceleration, frequency):
     rotation = np.asarray(ROBOT.sensor_pose(rec.q, ROBOT.parameters.nominal)[0])
     wave = acceleration * np.sin(2 * np.pi * frequency * rec.t + 0.3)
     force = float(TOOL.mass) * wave[:, None] * rotation[:, 0, :]
-    torque = np.cross(np.asarray(TOOL.cog), force)
-    return changed(rec, rec.wrench + np.hstack([force, torque]))
+    return with_added(rec, at_point(force, np.asarray(TOOL.cog)))
+
+
+def noise(rec, seed=0):
+    return STD * np.random.default_rng(seed).standard_normal((len(rec), 6))
+
+
+def stale_rows(rec, share):
+    """The row that each row shows (N,), of a robot that repeats some."""
+    stale = np.random.default_rng(1).random(len(rec)) < share
+    return np.maximum.accumulate(np.where(stale, 0, np.arange(len(rec))))
 
 
 @pytest.mark.sampled
@@ -112,9 +105,8 @@ def test_frequency_and_amplitude_of_a_shaking_base(mode):
 
 def test_a_mains_line_is_noise_not_a_shaking_base():
     rec = quiet("static")
-    wrench = np.array(rec.wrench)
-    wrench[:, 2] += 2.0 * STD[2] * np.sin(2 * np.pi * 31.0 * rec.t)
-    (found,) = row_effects(changed(rec, wrench))
+    line = 2.0 * STD * np.eye(6)[2] * np.sin(2 * np.pi * 31.0 * rec.t)[:, None]
+    (found,) = row_effects(with_added(rec, line))
     assert found.effect == "sensor.noise" and found.channels == ("fz",)
     assert "electrical" in found.sentence and " Hz" in found.sentence
 
@@ -122,8 +114,7 @@ def test_a_mains_line_is_noise_not_a_shaking_base():
 @pytest.mark.parametrize("mode", DESIGNS)
 def test_added_noise_is_measured(mode):
     rec = quiet(mode)
-    extra = 1.2 * STD * np.random.default_rng(0).standard_normal(rec.wrench.shape)
-    (found,) = row_effects(changed(rec, rec.wrench + extra))
+    (found,) = row_effects(with_added(rec, 1.2 * noise(rec)))
     assert found.effect == "sensor.noise" and found.channels == CHANNELS
     for c, s in zip(CHANNELS, STD, strict=True):
         assert found.parameters[f"std.{c}"]["value"] == pytest.approx(1.2 * s, rel=0.15)
@@ -131,30 +122,25 @@ def test_added_noise_is_measured(mode):
 
 @pytest.mark.parametrize("mode", DESIGNS)
 def test_a_coarse_count_is_measured_even_when_printed_with_few_digits(mode):
-    rec = quiet(mode)
-    step = 4.0 * STD[0]
-    wrench = np.array(rec.wrench)
-    wrench[:, 0] = np.round(step * np.round(wrench[:, 0] / step), 3)
-    (found,) = row_effects(changed(rec, wrench))
+    rec, step = quiet(mode), 4.0 * STD[0]
+    coarse = with_columns(rec, {"fx": np.round(step * np.round(rec.columns["fx"] / step), 3)})
+    (found,) = row_effects(coarse)
     assert found.effect == "sensor.quantization" and found.channels == ("fx",)
     told = found.parameters["step.fx"]
     assert told["value"] == pytest.approx(step, abs=max(3 * told["std"], 1e-5))
-    assert named(row_effects(unstated(changed(rec, wrench)))) == {"sensor.quantization"}
+    assert named(row_effects(without_noise_stated(coarse))) == {"sensor.quantization"}
 
 
 def test_a_clipped_channel_or_a_fine_count_is_no_coarse_one():
-    rec = quiet("static")
-    wrench = np.round(rec.wrench, 6)
+    wrench = np.round(quiet("static").wrench, 6)
     wrench[:, 1] = np.clip(wrench[:, 1], -8.0, 3.0)
-    assert row_effects(changed(rec, wrench)) == ()
+    assert row_effects(with_wrench(quiet("static"), wrench)) == ()
 
 
 @pytest.mark.parametrize("mode", DESIGNS)
 def test_repeated_rows_are_counted(mode):
     rec = quiet(mode)
-    stale = np.random.default_rng(1).random(len(rec)) < 0.1
-    kept = np.maximum.accumulate(np.where(stale, 0, np.arange(len(rec))))
-    (found,) = row_effects(changed(rec, rec.wrench[kept]))
+    (found,) = row_effects(with_wrench(rec, rec.wrench[stale_rows(rec, 0.1)]))
     assert found.effect == "timing.stale" and found.channels == CHANNELS
     told = found.parameters["share"]
     assert told["value"] == pytest.approx(0.1, abs=4 * told["std"] + 0.005)
@@ -162,30 +148,23 @@ def test_repeated_rows_are_counted(mode):
 
 def test_repeats_of_one_device_channel():
     rec = quiet("static")
-    noise = 1e-3 * STD * np.random.default_rng(2).standard_normal(rec.wrench.shape)
-    wrench = rec.wrench + noise
-    stale = np.random.default_rng(1).random(len(rec)) < 0.2
-    kept = np.maximum.accumulate(np.where(stale, 0, np.arange(len(rec))))
-    wrench[:, 3:] = wrench[kept, 3:]
-    (found,) = row_effects(changed(rec, wrench))
+    wrench = rec.wrench + 1e-3 * noise(rec, 2)
+    wrench[:, 3:] = wrench[stale_rows(rec, 0.2), 3:]
+    (found,) = row_effects(with_wrench(rec, wrench))
     assert found.effect == "timing.stale" and found.channels == CHANNELS[3:]
 
 
 def test_noise_and_a_shaking_base_together():
     rec = shaken(quiet("static"), 0.06, 12.0)
-    wrench = np.array(rec.wrench)
-    wrench[:, 5] += 2.0 * STD[5] * np.random.default_rng(5).standard_normal(len(rec))
-    assert named(row_effects(changed(rec, wrench))) == {"sensor.noise", "base.vibration"}
+    noisy = with_added(rec, 2.0 * noise(rec, 5) * np.eye(6)[5])
+    assert named(row_effects(noisy)) == {"sensor.noise", "base.vibration"}
 
 
 def test_without_a_stated_noise_only_its_pattern_can_be_judged():
     rec = quiet("static")
-    noisy = rec.wrench + 3.0 * STD * np.random.default_rng(0).standard_normal(rec.wrench.shape)
-    assert row_effects(unstated(changed(rec, noisy))) == ()
-    assert named(row_effects(unstated(shaken(rec, 0.08, 12.0)))) == {"base.vibration"}
+    assert row_effects(without_noise_stated(with_added(rec, 3.0 * noise(rec)))) == ()
+    assert named(row_effects(without_noise_stated(shaken(rec, 0.08, 12.0)))) == {"base.vibration"}
 
 
 def test_single_rows_a_pose_say_nothing():
-    rec = quiet("static")
-    thin = replace(rec, columns={k: v[::60] for k, v in rec.columns.items()})
-    assert row_effects(thin) == ()
+    assert row_effects(with_rows(quiet("static"), slice(None, None, 60))) == ()

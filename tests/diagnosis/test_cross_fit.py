@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from linear_case import ROWS, dictionary, readings, refitter
-from simulated import UR5_TRUTH, WHITE, static
-from wrenchbed.data.metadata import ToolInfo
+from simulated import UR5_TRUTH, WHITE, static, with_tool
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.explain.claims import beside
 from wrenchbed.diagnosis.explain.refit import Refitter
@@ -78,11 +77,10 @@ def test_readings_of_a_fold_change_nothing_that_judges_it():
 
 
 @pytest.fixture(scope="module")
-def recording():
+def prepared():
     truth = {k: v for k, v in UR5_TRUTH.items() if not k.startswith("mount")}
     rec = static("ur5", truth, poses=40, samples=10, noise=WHITE)
-    stated = replace(rec.metadata, tool=ToolInfo(mass=1.4, cog=(0.007, -0.002, 0.083)))
-    return replace(rec, metadata=stated)
+    return prepare(with_tool(rec, 1.4, 0.007, -0.002, 0.083))
 
 
 def analysed(prepared) -> Analysis:
@@ -113,10 +111,9 @@ def with_tilt(a: Analysis) -> Claimed:
     return Claimed(twin_of(a, f, [0]), f, (0,), ())
 
 
-def test_a_calibration_without_a_fold_is_least_squares_on_the_others(recording):
+def test_a_calibration_without_a_fold_is_least_squares_on_the_others(prepared):
     """Readings are linear in mass, mass times CoG and bias: numpy fits them for each fold."""
-    p = prepare(recording)
-    a = analysed(p)
+    p, a = prepared, analysed(prepared)
     told = CrossFit(a).calibrated(calibrated(a))[p.scene.held]
     stated = p.configuration
 
@@ -139,17 +136,14 @@ def test_a_calibration_without_a_fold_is_least_squares_on_the_others(recording):
     assert np.abs(told / p.sigma - everywhere).max() > 0.05
 
 
-def test_no_simulator_has_seen_the_fold_that_it_is_read_on(recording):
-    sound = tilted(prepare(recording))
+def test_no_simulator_has_seen_the_fold_that_it_is_read_on(prepared):
+    sound = tilted(prepared)
     told, first = [], None
     for p in (sound, spoiled(sound, FOLD)):
         a = analysed(p)
         fits, claim = CrossFit(a), with_tilt(a)
         first = first or claim.finalist
-        prior = {
-            "spread": first.spread,
-            "rung": first.rung,
-        }  # all rows may say how large effects are
+        prior = {"spread": first.spread, "rung": first.rung}  # all rows may say how large
         claim = replace(claim, finalist=replace(claim.finalist, **prior))
         after, without = fits.explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
         read = (fits.calibrated(calibrated(a)), after, without["base.tilt"])
@@ -159,18 +153,12 @@ def test_no_simulator_has_seen_the_fold_that_it_is_read_on(recording):
     (*before, seen), (*after, seen_then) = told
     assert np.abs(seen_then - seen)[own].max() > 0.1  # fitted on all rows: it did
     for x, y in zip(before, after, strict=True):
-        print(
-            "MOVED",
-            np.abs(y - x)[own].max(),
-            np.abs(y - x)[others].max(),
-            np.abs(seen_then - seen)[own].max(),
-        )
         assert y[own] == pytest.approx(x[own], abs=0.03)
         assert np.abs(y - x)[others].max() > 0.1
 
 
-def test_a_named_effect_is_back_in_the_gap_without_it(recording):
-    a = analysed(tilted(prepare(recording)))
+def test_a_named_effect_is_back_in_the_gap_without_it(prepared):
+    a = analysed(tilted(prepared))
     claim = with_tilt(a)
     after, without = CrossFit(a).explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
     p, held = a.prepared, a.prepared.scene.held

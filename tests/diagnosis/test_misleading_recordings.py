@@ -109,7 +109,7 @@ def test_bursts_of_zero_mean_in_a_motion_are_not_none(tmp_path):
 def test_a_healthy_robot_whose_tool_is_stated_in_round_numbers_is_none():
     rec = static("ur5", LOAD, poses=60, samples=30, noise=WHITE)
     told = answer(with_tool(rec, 1.4, 0.0, 0.0, 0.07))
-    assert (told.verdict, told.which) == ("none", [])
+    assert (told.verdict, told.which, list(told.outliers)) == ("none", [], [])
 
 
 def test_rivals_without_a_stated_tool_have_a_next_experiment():

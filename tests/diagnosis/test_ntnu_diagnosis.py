@@ -1,10 +1,12 @@
 """The diagnosis on a real robot: A. Skrede, NTNU 2024, doi 10.5281/zenodo.11096791."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
+from altered import at_point, with_added, with_wrench
 from ntnu import DATA, RUNS, STD, motion, static
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.data import column_map
@@ -18,8 +20,6 @@ from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE
 from wrenchbed.diagnosis.prepare import accelerometer, contact
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered, prepare
 from wrenchbed.errors import CalibrationError, DiagnosisError, MapError
-from wrenchbed.physics.rotations import cross
-from wrenchbed.physics.wrench import CHANNELS
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,8 @@ def poses():
 
 @pytest.fixture(scope="module")
 def runs():
-    return {run: diagnose(motion(run)) for run in RUNS}
+    """The diagnosis of each run, made when it is first asked for."""
+    return cache(lambda run: diagnose(motion(run)))
 
 
 def causes(found) -> dict[str, dict]:
@@ -71,10 +72,7 @@ def test_the_tilt_is_witnessed_but_the_gap_of_the_wrench_is_something_else(poses
     assert told.verdict == "partial"
     assert told.gap.members["base.tilt"].low < 0.0 and told.gap.closed.high < 0.5
     assert told.gap.with_effects.low > 1.0
-
-
-def test_what_the_tilt_leaves_is_said_to_be_unknown(poses):
-    assert any("no effect of the library explains it" in n for n in poses.diagnosis.notes)
+    assert any("no effect of the library explains it" in n for n in told.notes)
 
 
 def test_a_number_that_nobody_states_is_no_hypothesis(poses):
@@ -83,13 +81,18 @@ def test_a_number_that_nobody_states_is_no_hypothesis(poses):
     assert not names & {"tool.mass", "tool.cog"}
 
 
-@pytest.mark.slow
-def test_without_the_accelerometer_the_same_wrench_names_nothing():
-    rec = static()
+def without_accelerometer(rec):
     bare = {k: v for k, v in rec.columns.items() if k not in accelerometer.AXES}
-    found = diagnose(Recording(rec.metadata, bare))
+    return Recording(rec.metadata, bare)
+
+
+@pytest.mark.slow
+def test_without_the_accelerometer_less_is_named():
+    found = diagnose(without_accelerometer(static()))
     assert found.diagnosis.verdict == "unknown"
     assert not found.diagnosis.which
+    moving = diagnose(without_accelerometer(motion(1)))
+    assert not {"tool.inertia", "base.vibration"} & set(causes(moving))
 
 
 def test_without_a_stated_noise_both_are_refused():
@@ -102,10 +105,10 @@ def test_without_a_stated_noise_both_are_refused():
 # ---- in motion --------------------------------------------------------------------------------
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("run", [1, 2])
 def test_bias_shift_inertia_and_vibration_are_found_in_motion(runs, run):
-    found = runs[run]
+    found = runs(run)
     told = causes(found)
     sure = {name for name, w in told.items() if w["probability"] > RIGHT_ELSEWHERE - 0.01}
     assert sure == {"sensor.bias", "tool.inertia", "base.vibration"}
@@ -116,17 +119,18 @@ def test_bias_shift_inertia_and_vibration_are_found_in_motion(runs, run):
     assert set(told) - sure <= {"sensor.crosstalk"}
 
 
+@pytest.mark.slow
 def test_what_else_is_named_is_the_same_in_all_runs(runs):
     """1 % of the torque about y shows about x: a property of the sensor, or of how it is mounted.
 
     It is on the edge of what can be named; all runs agree on its size.
     """
-    coupling, std = np.array([coupled(runs[r].analysis) for r in RUNS]).T
+    coupling, std = np.array([coupled(runs(r).analysis) for r in RUNS]).T
     assert coupling == pytest.approx(np.full(3, 0.0105), abs=0.001)
     assert (coupling > 5.0 * std).all()
     usual = {"environment.contact", "sensor.bias", "tool.inertia", "base.vibration"}
     for run in RUNS:
-        for cause in (w for w in runs[run].diagnosis.which if w["effect"] not in usual):
+        for cause in (w for w in runs(run).diagnosis.which if w["effect"] not in usual):
             assert (
                 cause["effect"] == "sensor.crosstalk"
                 and cause["probability"] < RIGHT_ELSEWHERE - 0.01
@@ -142,9 +146,10 @@ def coupled(a) -> tuple[float, float]:
     return size * float(f.x[1]), size * float(np.sqrt(f.covariance[1, 1]))
 
 
+@pytest.mark.slow
 def test_the_bias_shift_is_the_sessions(runs):
     """Runs 1 and 2 follow each other; run 3 is 3.3 days later."""
-    first, second, later = (causes(runs[r])["sensor.bias"]["parameters"] for r in RUNS)
+    first, second, later = (causes(runs(r))["sensor.bias"]["parameters"] for r in RUNS)
 
     def apart(a, b, name):
         std = np.hypot(a[name]["std"], b[name]["std"])
@@ -160,32 +165,33 @@ def test_the_bias_shift_is_the_sessions(runs):
     assert later["bias.fz"]["value"] < -0.15 < 0.15 < second["bias.fz"]["value"]
 
 
+@pytest.mark.slow
 def test_the_hammers_blows_are_told_from_the_arms_own_trembling(runs):
-    told = {r: " ".join(runs[r].diagnosis.notes) for r in RUNS}
+    told = {r: " ".join(runs(r).diagnosis.notes) for r in RUNS}
     assert "The tool vibrates" in told[1]
     assert "blow" not in told[1]
     assert "4 blows" in told[2]
 
 
 def test_the_hand_on_the_tool_is_rejected_as_contact(runs):
-    found = runs[3].diagnosis
+    found = runs(3).diagnosis
     assert found.verdict == "identified"
     assert found.which[0]["effect"] == "environment.contact"
     assert found.probabilities["environment.contact"] > 0.95
-    assert set(found.set90) <= set(causes(runs[3]))  # what is not named beside it is no candidate
+    assert set(found.set90) <= set(causes(runs(3)))  # what is not named beside it is no candidate
     told = values(found.which[0])
     assert [told[f"point.{a}"] for a in "xyz"] == pytest.approx([0.028, 0.003, 0.095], abs=0.005)
     assert (told["begin"], told["end"]) == pytest.approx((0.7, 4.1), abs=0.15)
-    assert set(causes(runs[3])) <= {
-        "environment.contact", "sensor.bias", "tool.inertia", "base.vibration",
-    }  # fmt: skip
+    usual = {"environment.contact", "sensor.bias", "tool.inertia", "base.vibration"}
+    assert set(causes(runs(3))) <= usual
+    places = " ".join(str(w["sentence"]) for w in found.where)
+    assert "environment.contact" in places and "tool.mass" not in places
 
 
 def disturbed(run: int, add) -> Recording:
     """A run with a wrench (N, 6) that a function of time (N,) adds."""
     rec = motion(run)
-    wrench = rec.wrench + add(rec.t)
-    return Recording(rec.metadata, dict(rec.columns) | dict(zip(CHANNELS, wrench.T, strict=True)))
+    return with_added(rec, add(rec.t))
 
 
 def during(t, begin, end):
@@ -198,7 +204,7 @@ def test_a_push_at_a_point_is_found_there():
     def push(t):
         size = during(t, 2.0, 3.5) * (1.0 + 0.4 * np.sin(9.0 * t)[:, None])
         turned = force * size * np.stack([np.cos(t), np.sin(t), np.ones_like(t)], axis=1)
-        return np.concatenate([turned, cross(point, turned)], axis=1)
+        return at_point(turned, point)
 
     found = prepare(disturbed(1, push))
     told = [found.touch.parameters[f"point.{a}"]["value"] for a in "xyz"]
@@ -234,11 +240,8 @@ def test_noise_of_the_sensor_is_no_trembling():
     rng = np.random.default_rng(0)
     rec = motion(1)
     prepared = gathered(rec)
-    smooth = (
-        np.stack([np.interp(rec.t, prepared.scene.t, c) for c in prepared.y.T], axis=1)
-        + rng.standard_normal((len(rec), 6)) * 30 * STD
-    )
-    quiet = Recording(rec.metadata, dict(rec.columns) | dict(zip(CHANNELS, smooth.T, strict=True)))
+    smooth = np.stack([np.interp(rec.t, prepared.scene.t, c) for c in prepared.y.T], axis=1)
+    quiet = with_wrench(rec, smooth + 30 * STD * rng.standard_normal((len(rec), 6)))
     assert find_tool_vibration(gathered(quiet)) == ()
 
 
@@ -247,32 +250,12 @@ def test_a_motion_without_joints_is_not_calibrated():
         calibrate(motion(1))
 
 
-@pytest.mark.slow
-def test_a_motion_without_an_accelerometer_is_diagnosed_without_inertia():
-    rec = motion(1)
-    bare = {k: v for k, v in rec.columns.items() if k not in accelerometer.AXES}
-    found = diagnose(Recording(rec.metadata, bare))
-    assert not {"tool.inertia", "base.vibration"} & set(causes(found))
-
-
 def test_a_zero_in_a_map_is_taken_off_first(tmp_path):
-    text = (DATA / "static.toml").read_text()
+    text, fx = (DATA / "static.toml").read_text(), 'column = "fx", unit = "N"'
     path = tmp_path / "map.toml"
-    path.write_text(
-        text.replace('column = "fx", unit = "N"', 'column = "fx", unit = "N", zero = 9.0')
-    )
+    path.write_text(text.replace(fx, f"{fx}, zero = 9.0"))
     rec = import_files([DATA / "0-calibration_fts-accel.csv"], column_map.read(path)).recording
     assert rec.columns["fx"] == pytest.approx(static().columns["fx"] - 9.0)
-    path.write_text(
-        text.replace('column = "fx", unit = "N"', 'column = "fx", unit = "N", zero = "a"')
-    )
+    path.write_text(text.replace(fx, f'{fx}, zero = "a"'))
     with pytest.raises(MapError, match=r"fx\.zero = 'a' must be a number"):
         column_map.read(path)
-
-
-def test_what_is_not_told_beside_a_touch_is_not_placed_either(runs):
-    told = {str(w["effect"]) for w in runs[3].diagnosis.which}
-    places = " ".join(str(w["sentence"]) for w in runs[3].diagnosis.where)
-    assert "environment.contact" in places
-    assert "tool.mass" not in told
-    assert "tool.mass" not in places

@@ -104,11 +104,6 @@ def test_a_pushed_pose_is_found_beside_a_named_cause():
     assert abs(told.gap.with_effects.value) < 0.3
 
 
-def test_a_sound_recording_has_no_outliers():
-    told = diagnose(sound(0)).diagnosis
-    assert (told.verdict, list(told.outliers)) == ("none", [])
-
-
 @pytest.mark.study  # three quarters of a minute
 def test_a_second_of_a_motion_that_is_pushed_is_named():
     design = ExperimentDesign.of_plan(choose.multisine(UR5, 40.0, 125.0, 11), UR5)
