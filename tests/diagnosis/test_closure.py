@@ -12,25 +12,30 @@ from wrenchbed.diagnosis.prepare.configuration import BIAS, Configuration
 from wrenchbed.simulation.closed_form import Model
 
 STD = np.array([2.0, 2.0, 2.0, 0.5, 0.5, 0.5])
-COUNT = np.array([1, 4, 4, 10])
-JUDGED = np.array([False, True, False, True])
+ONES, ZERO = np.ones(6), np.zeros((5, 6))
+"""Noise of a row, and readings of a simulator: four poses, a scene row between is not held."""
 
 
-def prepared(y, scatter=None, moving=False, mode="static", noise=None):
-    """Four poses, the first and the third set aside; a scene row between is not held."""
+def prepared(y=ZERO[:4], scatter=ZERO[:4], averaged=False, noise=ONES, count=(1, 4, 4, 10)):
+    """Four poses, the first and the third set aside; their rows scatter by variances (4, 6)."""
     return SimpleNamespace(
-        covariance=np.diag(STD**2), sigma=STD, judged=JUDGED, y=y, count=COUNT, block=np.arange(4),
-        scatter=np.zeros((4, 6, 6)) if scatter is None else scatter, moving=moving,
-        noise=np.ones(6) if noise is None else noise,
+        covariance=np.diag(STD**2),
+        sigma=STD,
+        judged=np.array([False, True, False, True]),
+        y=np.array(y),
+        count=np.array(count),
+        block=np.arange(4),
+        scatter=np.einsum("ki,ij->kij", scatter, np.eye(6)),
+        moving=False,
+        noise=noise,
         scene=SimpleNamespace(held=np.array([True, True, False, True, True])),
-        averaged=mode == "dynamic" and not moving,
-    )  # fmt: skip
+        averaged=averaged,
+    )
 
 
 def test_a_gap_is_the_mean_square_over_noise_less_one():
-    y = np.zeros((4, 6))
+    reading, y = ZERO.copy(), ZERO[:4].copy()
     y[1], y[3] = 3.0 * STD, 1.0 * STD
-    reading = np.zeros((5, 6))
     held_out = HeldOut(prepared(y))
     assert held_out.rows == 14
     assert held_out.of(reading) == pytest.approx([8.0, 0.0])
@@ -41,38 +46,35 @@ def test_a_gap_is_the_mean_square_over_noise_less_one():
 
 
 def test_rows_that_scatter_about_their_mean_add_to_the_gap():
-    scatter = np.zeros((4, 6, 6))
-    scatter[1] = np.diag(STD**2)  # each row's own noise
-    scatter[3, 0, 0] = 3.0 * STD[0] ** 2
-    held_out = HeldOut(prepared(np.zeros((4, 6)), scatter))
-    zero = np.zeros((5, 6))
-    assert held_out.of(zero) == pytest.approx([0.0, 0.5 - 1.0])
-    assert held_out.channels(zero)[0] == pytest.approx((0.0 * 4 + 2.0 * 10) / 14)
-    assert held_out.channels(zero)[1] == pytest.approx((0.0 * 4 - 1.0 * 10) / 14)
+    scatter = ZERO[:4].copy()
+    scatter[1], scatter[3, 0] = STD**2, 3.0 * STD[0] ** 2  # the first: each row's own noise
+    held_out = HeldOut(prepared(scatter=scatter))
+    assert held_out.of(ZERO) == pytest.approx([0.0, 0.5 - 1.0])
+    assert held_out.channels(ZERO)[0] == pytest.approx((0.0 * 4 + 2.0 * 10) / 14)
+    assert held_out.channels(ZERO)[1] == pytest.approx((0.0 * 4 - 1.0 * 10) / 14)
 
 
 def test_correlated_channels_are_whitened_together():
-    p = prepared(np.zeros((4, 6)))
+    p = prepared()
     p.covariance, p.sigma = np.eye(6), np.ones(6)
     p.covariance[0, 1] = p.covariance[1, 0] = 0.6
     p.y[1, :2] = 1.0
     expected = np.ones(2) @ np.linalg.inv(p.covariance[:2, :2]) @ np.ones(2) / 6 - 1.0
-    assert HeldOut(p).of(np.zeros((5, 6)))[0] == pytest.approx(expected)
+    assert HeldOut(p).of(ZERO)[0] == pytest.approx(expected)
 
 
 def test_the_floor_is_what_rows_scatter_with_the_mean_s_degree_of_freedom_back():
-    scatter = np.zeros((4, 6, 6))
-    scatter[1] = 0.75 * np.diag(STD**2)  # of 4 rows: 0.75 · 4 / 3 = 1
-    scatter[3] = 1.8 * np.diag(STD**2)  # of 10 rows: 1.8 · 10 / 9 = 2
-    assert HeldOut(prepared(np.zeros((4, 6)), scatter)).floor() == pytest.approx([0.0, 1.0])
-    p = prepared(np.zeros((4, 6)), scatter)
-    p.count = np.array([1, 1, 1, 2])  # one row shows no scatter; two of 1.8 · 2
-    assert HeldOut(p).floor() == pytest.approx([0.0, 2.6])
+    scatter = np.outer([0.0, 0.75, 0.0, 1.8], STD**2)
+    # of 4 rows: 0.75 · 4 / 3 = 1; of 10 rows: 1.8 · 10 / 9 = 2
+    assert HeldOut(prepared(scatter=scatter)).floor() == pytest.approx([0.0, 1.0])
+    # one row shows no scatter; two of 1.8 · 2
+    few = prepared(scatter=scatter, count=(1, 1, 1, 2))
+    assert HeldOut(few).floor() == pytest.approx([0.0, 2.6])
+    moved = prepared(averaged=True, noise=np.array([1.0, 2, 3, 1, 2, 3]))
+    assert HeldOut(moved).floor() == pytest.approx([1.0, 1.0])  # the noise of averages
 
 
-def test_the_floor_of_averages_of_a_motion_is_their_noise():
-    p = prepared(np.zeros((4, 6)), mode="dynamic", noise=np.array([1.0, 2, 3, 1, 2, 3]))
-    assert HeldOut(p).floor() == pytest.approx([1.0, 1.0])
+# ---- intervals ----------------------------------------------------------------------------------
 
 
 def drawn(count, block, seed=0):
@@ -80,48 +82,57 @@ def drawn(count, block, seed=0):
     return Bootstrap([SimpleNamespace(count=np.array(count), block=np.array(block))], seed)
 
 
-def test_a_mean_weighs_rows_and_its_interval_draws_blocks():
+def ones(n):
+    return np.ones(n, dtype=int)
+
+
+def test_means_weigh_rows_and_ratios_are_of_sums_and_intervals_draw_blocks():
     blocks, gaps = drawn([1, 1, 2], [0, 7, 7]), np.array([5.0, 9.0, 3.0])
-    told = blocks.mean(gaps)
-    assert told.value == pytest.approx((5.0 + 9.0 + 2 * 3.0) / 4)
+    mean = blocks.mean(gaps)
+    assert mean.value == pytest.approx((5.0 + 9.0 + 2 * 3.0) / 4)
     # of draws of two blocks: only the first, only the second, or both
-    assert (told.low, told.high) == pytest.approx(((9.0 + 2 * 3.0) / 3, 5.0))
-    assert blocks.mean(gaps) == told == drawn([1, 1, 2], [0, 7, 7]).mean(gaps)
-
-
-def test_a_ratio_is_of_sums_not_a_mean_of_ratios():
-    blocks = drawn([1, 1, 2], [0, 1, 1])
-    told = blocks.ratio(np.array([4.0, 4.0, 6.0]), np.array([4.0, 8.0, 8.0]))
-    assert told.value == pytest.approx((4.0 + 4.0 + 2 * 6.0) / (4.0 + 8.0 + 2 * 8.0))
-    assert (told.low, told.high) == pytest.approx((16 / 24, 1.0))
+    assert (mean.low, mean.high) == pytest.approx(((9.0 + 2 * 3.0) / 3, 5.0))
+    assert blocks.mean(gaps) == mean == drawn([1, 1, 2], [0, 7, 7]).mean(gaps)
+    ratio = blocks.ratio(np.array([4.0, 4.0, 6.0]), np.array([4.0, 8.0, 8.0]))
+    assert ratio.value == pytest.approx((4.0 + 4.0 + 2 * 6.0) / (4.0 + 8.0 + 2 * 8.0))
+    assert (ratio.low, ratio.high) == pytest.approx((16 / 24, 1.0))
 
 
 def test_rows_of_one_block_are_drawn_together():
     """Four blocks of 25 equal rows know as much as four rows."""
     gain = np.repeat([0.0, 1.0, 2.0, 3.0], 25)
-    together = drawn(np.ones(100, dtype=int), np.arange(100) // 25).mean(gain)
-    single = drawn(np.ones(100, dtype=int), np.arange(100)).mean(gain)
-    assert (together.low, together.high) == pytest.approx((0.5, 2.5), abs=0.26)
-    assert single.high - single.low == pytest.approx(2 * 1.96 * gain.std() / 10.0, rel=0.1)
+    together, single = drawn(ones(100), np.arange(100) // 25), drawn(ones(100), np.arange(100))
+    interval = together.mean(gain)
+    assert (interval.low, interval.high) == pytest.approx((0.5, 2.5), abs=0.26)
+    interval = single.mean(gain)
+    assert interval.high - interval.low == pytest.approx(2 * 1.96 * gain.std() / 10.0, rel=0.1)
+    # drawn from a few blocks at one end they would be alike
+    half = drawn(ones(40), np.arange(40)).mean(np.repeat([0.0, 1.0], 20))
+    assert 0.3 < half.low < 0.42 and 0.58 < half.high < 0.7  # 0.5 ∓ 1.96 · 0.5/√40
 
 
 def test_the_interval_leaves_out_a_fortieth_on_each_side():
     gain = np.random.default_rng(3).normal(0.5, 0.2, 400)
-    told = drawn(np.ones(400, dtype=int), np.arange(400), 1).ratio(gain, np.ones(400))
+    told = drawn(ones(400), np.arange(400), 1).ratio(gain, np.ones(400))
     assert told.value == pytest.approx(gain.mean())
     assert told.high - told.low == pytest.approx(2 * 1.96 * gain.std() / 20.0, rel=0.1)
     assert (told.low + told.high) / 2 == pytest.approx(told.value, abs=0.003)
 
 
 def test_the_interval_holds_the_truth_in_19_of_20_cases():
-    rng = np.random.default_rng(5)
-    held = 0
+    rng, held = np.random.default_rng(5), 0
     for seed in range(200):
-        of_block = rng.normal(0.3, 1.0, 24)
-        gaps = np.repeat(of_block, 10) + rng.normal(0.0, 0.5, 240)
-        told = drawn(np.ones(240, dtype=int), np.repeat(np.arange(24), 10), seed).mean(gaps)
+        gaps = np.repeat(rng.normal(0.3, 1.0, 24), 10) + rng.normal(0.0, 0.5, 240)
+        told = drawn(ones(240), np.repeat(np.arange(24), 10), seed).mean(gaps)
         held += told.low <= 0.3 <= told.high
     assert 0.90 <= held / 200 <= 0.98
+
+
+def test_rows_of_two_recordings_count_alike_and_their_blocks_are_not_one():
+    few, many = (SimpleNamespace(block=np.arange(10), count=np.full(10, k)) for k in (1, 3))
+    told = Bootstrap([few, many], 0).mean(np.repeat([1.0, 0.0], 10))
+    assert told.value == 0.25
+    assert told.low < 0.2 < 0.3 < told.high  # ten blocks alone would have no spread
 
 
 def test_nothing_is_closed_where_nothing_is_above_the_floor():
@@ -132,13 +143,12 @@ def test_nothing_is_closed_where_nothing_is_above_the_floor():
     assert np.isfinite([told.low, told.high]).all()
 
 
-def closure_of(members, closed, calibrated=6.0, floor=0.5):
+def closure_of(members, closed, floor=0.5):
     """Gaps of a diagnosis whose causes close so much each."""
     at = {k: Interval(v, v - 0.1, v + 0.1) for k, v in members.items()}
     share = None if closed is None else Interval(closed, closed - 0.1, closed + 0.1)
-    return Closure(
-        9.0, Interval(calibrated, 4.0, 8.0), None, floor, share, None, 40, 4, {}, at, None, {}
-    )
+    before = Interval(6.0, 4.0, 8.0)
+    return Closure(9.0, before, None, floor, share, None, 40, 4, {}, at, None, {})
 
 
 def test_the_closed_share_is_split_by_what_comes_back_without_each():
@@ -147,55 +157,43 @@ def test_the_closed_share_is_split_by_what_comes_back_without_each():
     assert told == pytest.approx({"base.tilt": 0.6, "cable.pull": 0.2, "tool.loose": 0.0})
     assert closure_of({"tool.loose": -2.0}, 0.8).shares == {"tool.loose": 0.0}
     assert closure_of(made, None).shares == pytest.approx(dict.fromkeys(made, 0.0))
-
-
-def test_what_a_gap_is_beyond_the_noise():
     assert closure_of({}, None).excess == pytest.approx(5.5)
     assert closure_of({}, None, floor=-0.2).excess == pytest.approx(6.0)  # no noise is below none
 
 
+# ---- configurations -----------------------------------------------------------------------------
+
+
+def nominal(robot):
+    model = Model.of(registry.load("robots", robot))
+    return Configuration(model, model.parameters.nominal + 0.0)
+
+
 @pytest.mark.parametrize("robot", ["ur5", "medrue"])
 def test_a_load_and_a_bias_are_put_where_they_belong(robot):
-    robot = registry.load("robots", robot)
-    model = Model.of(robot)
-    nominal = Configuration(model, model.parameters.nominal + 0.0)
-    bias = np.arange(1.0, 7.0)
-    given = nominal.with_load(1.25, np.array([0.01, -0.02, 0.06]), bias)
+    before, bias = nominal(robot), np.arange(1.0, 7.0)
+    given = before.with_load(1.25, np.array([0.01, -0.02, 0.06]), bias)
     assert given.mass == pytest.approx(1.25)
     assert given.cog == pytest.approx([0.01, -0.02, 0.06])
     assert given.bias == pytest.approx(bias)
+    model = before.model
     told = dict(zip(model.parameters.names, given.theta, strict=True))
     assert [v for k, v in told.items() if k in BIAS] == pytest.approx(bias)
-    assert nominal.theta == pytest.approx(model.parameters.nominal)  # a copy
-    assert len(given.robot_theta) == len(robot.parameters)
+    assert before.theta == pytest.approx(model.parameters.nominal)  # a copy
+    assert len(given.robot_theta) == len(model.robot.parameters)
 
 
 @pytest.mark.parametrize("robot", ["ur5", "oriented"])
 def test_a_tool_beside_a_cause_is_never_lighter_than_nothing(robot):
     """Seen: `diagnose --fast` of a real 7-joint arm ended at a mass of −0.37 kg, an error."""
-    model = Model.of(registry.load("robots", robot))
-    stated = Configuration(model, model.parameters.nominal)
-    refitter = SimpleNamespace(d=SimpleNamespace(
-        of_stated=lambda effect: {"sensor.bias": slice(0, 6), "tool.mass": slice(6, 7),
-                                  "tool.cog": slice(7, 10)}[effect],
-        size=np.ones(10), stated=np.arange(10),
-    ))  # fmt: skip
+    stated = nominal(robot)
+    of = {"sensor.bias": slice(0, 6), "tool.mass": slice(6, 7), "tool.cog": slice(7, 10)}
+    d = SimpleNamespace(of_stated=of.get, size=np.ones(10), stated=np.arange(10))
     error = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -stated.mass - 0.37, 0.0, 0.0, 0.3])
-    moved = _moved(refitter, error, stated)
+    moved = _moved(SimpleNamespace(d=d), error, stated)
     assert 0.0 < moved.mass < 1e-3
     assert moved.bias == pytest.approx([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     assert moved.cog == pytest.approx(stated.cog + np.array([0.0, 0.0, 0.3]))
-
-
-def stated_again(name):
-    """A simulator with one number as the metadata states it: (mass, cog, bias)."""
-    robot = registry.load("robots", "ur5")
-    model = Model.of(robot)
-    nominal = Configuration(model, model.parameters.nominal)
-    stated = nominal.with_load(0.9, np.zeros(3), np.zeros(6))
-    now = nominal.with_load(1.4, np.array([0.0, 0.0, 0.1]), np.ones(6))
-    told = restored(now, stated, name)
-    return told.mass, float(told.cog[2]), float(np.mean(told.bias))
 
 
 @pytest.mark.parametrize(
@@ -208,21 +206,7 @@ def stated_again(name):
     ],
 )
 def test_one_number_alone_goes_back_to_what_is_stated(name, expected):
-    assert stated_again(name) == pytest.approx(expected)
-
-
-def test_the_interval_draws_from_every_block():
-    held = SimpleNamespace(block=np.arange(40), count=np.ones(40, dtype=int))
-    gaps = np.repeat([0.0, 1.0], 20)  # drawn from a few blocks at one end they would be alike
-    drawn = Bootstrap([held], 0).mean(gaps)
-    assert drawn.value == 0.5
-    assert 0.3 < drawn.low < 0.42 and 0.58 < drawn.high < 0.7  # 0.5 ∓ 1.96 · 0.5/√40
-
-
-def test_rows_of_two_recordings_count_alike_and_their_blocks_are_not_one():
-    few, many = (
-        SimpleNamespace(block=np.arange(n), count=np.full(n, k)) for n, k in ((10, 1), (10, 3))
-    )
-    drawn = Bootstrap([few, many], 0).mean(np.repeat([1.0, 0.0], 10))
-    assert drawn.value == 0.25
-    assert drawn.low < 0.2 < 0.3 < drawn.high  # ten blocks alone would have no spread
+    stated = nominal("ur5").with_load(0.9, np.zeros(3), np.zeros(6))
+    now = nominal("ur5").with_load(1.4, np.array([0.0, 0.0, 0.1]), np.ones(6))
+    told = restored(now, stated, name)
+    assert (told.mass, float(told.cog[2]), float(np.mean(told.bias))) == pytest.approx(expected)

@@ -12,22 +12,25 @@ from wrenchbed.diagnosis.prepare.repeated_rows import Repeats, Step
 from wrenchbed.physics.wrench import CHANNELS
 
 ALL = (0, 1, 2, 3, 4, 5)
+ONES = np.ones(6)
 
 
-def scatter(variance, std=0.01, stated=True, scale=2.0, steady=True):
+def scatter(variance=ONES, std=0.01, stated=True, scale=2.0, steady=True):
     """Scatter of known variance (6,) in units of its scale."""
     return SimpleNamespace(
-        variance=lambda: (np.asarray(variance, dtype=float), np.full(6, std)),
-        scale=np.full(6, scale), stated=stated, rows=np.zeros((40, 6)),
+        variance=lambda: (variance * ONES, std * ONES),
+        scale=scale * ONES,
+        stated=stated,
+        rows=np.zeros((40, 6)),
         steady=lambda _: np.full(6, steady),
-    )  # fmt: skip
+    )
 
 
 def recording(mode="static", noise=None, n=10):
-    sensor = SimpleNamespace(noise_std=noise)
-    t = np.arange(n) * 0.1
-    wrench = np.outer(np.arange(float(n)), np.ones(6))
-    return SimpleNamespace(metadata=SimpleNamespace(mode=mode, sensor=sensor), t=t, wrench=wrench)
+    """Readings that rise by 1 a row."""
+    metadata = SimpleNamespace(mode=mode, sensor=SimpleNamespace(noise_std=noise))
+    rows = np.arange(float(n))
+    return SimpleNamespace(metadata=metadata, t=0.1 * rows, wrench=np.outer(rows, ONES))
 
 
 def repeats(share, expected=0.0, std=0.005, channels=ALL, stale=None):
@@ -42,39 +45,36 @@ def no_line(monkeypatch):
 
 def test_a_count_is_compared_with_what_is_stated_or_left():
     counted = np.array([3.0, 0, 0, 0, 0, 0])
-    stated = row_effects._base(recording(noise=[0.5] * 6), None, counted)
-    assert stated == pytest.approx([0.25] * 6)
-    assert row_effects._base(recording(), None, counted) is None
-    left = row_effects._base(recording(), scatter(np.ones(6)), counted)
-    assert left == pytest.approx([1.0, 4, 4, 4, 4, 4])
-    loud = row_effects._base(recording(), scatter(np.full(6, 2.5)), counted)
-    assert loud == pytest.approx([7.0, 10, 10, 10, 10, 10])
-    least = row_effects._base(recording(), scatter(np.ones(6)), counted + 9.0)
-    assert least == pytest.approx([0.04] * 6)  # a hundredth of the scale's square
-    unknown = row_effects._base(recording(noise=[0.0, 1, 1, 1, 1, 1]), None, counted)
-    assert unknown is None
+    for noise, left, count, expected in (
+        ([0.5] * 6, None, counted, [0.25] * 6),
+        (None, scatter(), counted, [1.0, 4, 4, 4, 4, 4]),
+        (None, scatter(2.5), counted, [7.0, 10, 10, 10, 10, 10]),
+        (None, scatter(), counted + 9.0, [0.04] * 6),  # a hundredth of the scale's square
+    ):
+        assert row_effects._base(recording(noise=noise), left, count) == pytest.approx(expected)
+    for noise in (None, [0.0, 1, 1, 1, 1, 1]):
+        assert row_effects._base(recording(noise=noise), None, counted) is None
 
 
 @pytest.mark.parametrize(("rise", "told"), [(0.44, False), (0.46, True)])
 def test_a_coarse_count_is_told_from_a_rise_of_0_45(rise, told):
     steps = [Step(0.2, 0.001), None, None, Step(0.3, 0.002), None, None]
     counted = np.array([0.46, 0, 0, rise, 0, 0]) * 4.0
-    found = row_effects._coarse(steps, counted, np.full(6, 4.0))
+    found = row_effects._coarse(steps, counted, 4.0 * ONES)
     assert found.effect == "sensor.quantization"
     assert found.channels == (("fx", "tx") if told else ("fx",))
     assert found.rise == pytest.approx(0.46)
     assert found.probability == pytest.approx(0.99 * ndtr(0.01 / 0.02))
     assert found.parameters["step.fx"] == {"value": 0.2, "std": 0.001, "unit": "N"}
-    assert row_effects._coarse(steps, counted * 0.9, np.full(6, 4.0)) is None
+    assert row_effects._coarse(steps, counted * 0.9, 4.0 * ONES) is None
 
 
 def test_repeats_are_told_from_a_share_of_three_hundredths():
     rec = recording()
     assert row_effects._stale(rec, repeats(0.029), None) is None
     found = row_effects._stale(rec, repeats(0.031), None)
-    assert (found.effect, found.rise) == ("timing.stale", 0.0)
+    assert (found.effect, found.rise, found.channels) == ("timing.stale", 0.0, CHANNELS)
     assert found.probability == pytest.approx(0.99 * ndtr((0.031 - 0.015) / 0.005))
-    assert found.channels == CHANNELS
     assert found.parameters["share"]["value"] == 0.031
     assert "3.1 % of the rows repeat" in found.sentence and "2.0 in a run" in found.sentence
     assert row_effects._stale(rec, repeats(0.05, expected=0.025), None) is None  # counts make half
@@ -82,39 +82,38 @@ def test_repeats_are_told_from_a_share_of_three_hundredths():
     assert "rows of fx, fy, fz repeat" in forces.sentence
 
 
-def test_fewer_repeats_are_told_if_they_are_late_by_enough(monkeypatch):
-    for late, told in ((0.34, False), (0.36, True)):
-        monkeypatch.setattr(row_effects, "_late", lambda *_, late=late: late)
-        found = row_effects._stale(recording(), repeats(0.02), None)
-        assert (found is not None) == told
-        assert found is None or found.rise == late
+@pytest.mark.parametrize(("late", "told"), [(0.34, False), (0.36, True)])
+def test_fewer_repeats_are_told_if_they_are_late_by_enough(monkeypatch, late, told):
+    monkeypatch.setattr(row_effects, "_late", lambda *_: late)
+    found = row_effects._stale(recording(), repeats(0.02), None)
+    assert (found and found.rise) == (late if told else None)
 
 
 def test_a_repeat_is_late_by_what_moved_meanwhile():
-    """Readings rise by 1 a row; one row of ten shows the one before: late by 1."""
-    rec = recording("dynamic")
-    stale = np.zeros(10, dtype=bool)
-    stale[4] = True
+    """One row of ten shows the one before: late by 1."""
+    rec, stale = recording("dynamic"), np.arange(10) == 4
     rec.wrench[4] = rec.wrench[3]
-    told = repeats(0.1, stale=stale)
-    s = scatter(np.full(6, 0.3), scale=0.5)
-    expected = (1.0 / 10 - 2.0 / 3.0 * 0.25 * 0.3 * 0.1) / 0.25
-    assert row_effects._late(rec, told, s) == pytest.approx(expected)
+    some, s = repeats(0.1, stale=stale), scatter(0.3, scale=0.5)
+
+    def expected(square):
+        return pytest.approx((square / 10 - 2.0 / 3.0 * 0.25 * 0.3 * 0.1) / 0.25)
+
+    assert row_effects._late(rec, some, s) == expected(1.0)
     rec.wrench[:, 3] *= 2.0  # a channel that moves twice as fast
-    faster = (4.0 / 10 - 2.0 / 3.0 * 0.25 * 0.3 * 0.1) / 0.25
-    assert row_effects._late(rec, told, s) == pytest.approx(faster)
-    assert row_effects._late(rec, repeats(0.1, stale=stale, channels=(0,)), s) == pytest.approx(
-        expected
-    )
-    assert row_effects._late(rec, told, None) == 0.0
-    assert row_effects._late(recording("static"), told, s) == 0.0
-    assert row_effects._late(rec, repeats(0.0), s) == 0.0
-    assert row_effects._late(rec, told, scatter(np.full(6, 90.0))) == 0.0
+    assert row_effects._late(rec, some, s) == expected(4.0)
+    assert row_effects._late(rec, repeats(0.1, stale=stale, channels=(0,)), s) == expected(1.0)
+    for nothing in (
+        (rec, some, None),
+        (recording("static"), some, s),
+        (rec, repeats(0.0), s),
+        (rec, some, scatter(90.0)),
+    ):
+        assert row_effects._late(*nothing) == 0.0
 
 
 def test_noise_is_told_from_a_rise_of_0_35_that_nothing_else_explains():
     variance = np.array([1.6, 1.2, 1.0, 1.0, 1.36, 1.3])
-    found = row_effects._noise(scatter(variance), np.zeros(6))
+    found = row_effects._noise(scatter(variance), 0.0 * ONES)
     assert (found.effect, found.channels) == ("sensor.noise", ("fx", "ty"))
     assert found.rise == pytest.approx(0.6)
     slack = np.hypot(0.01, 0.05)
@@ -125,55 +124,48 @@ def test_noise_is_told_from_a_rise_of_0_35_that_nothing_else_explains():
     assert "a row of fx has 2.53 N instead of 2 N" in found.sentence
     explained = np.array([0.4, 0, 0, 0, 0, 0])
     assert row_effects._noise(scatter(variance), explained) is None  # 1.3 · 0.4 of 0.6
-    assert row_effects._noise(scatter(variance, steady=False), np.zeros(6)) is None
+    assert row_effects._noise(scatter(variance, steady=False), 0.0 * ONES) is None
+    for rise, sure in ((0.38, False), (0.39, True)):  # Φ((rise − 0.35) / 0.05): 0.73 and 0.79
+        less = row_effects._noise(scatter(1.0 + rise, std=0.0), 0.0 * ONES)
+        assert (less is not None) == sure
 
 
-@pytest.mark.parametrize(("rise", "told"), [(0.38, False), (0.39, True)])
-def test_noise_less_sure_than_three_quarters_is_not_told(rise, told):
-    """Φ((rise − 0.35) / 0.05): 0.73 and 0.79."""
-    found = row_effects._noise(scatter(np.full(6, 1.0 + rise), std=0.0), np.zeros(6))
-    assert (found is not None) == told
-
-
-def shaking(rise, seen=0.0, std=0.02, line=None):
-    rise = np.asarray(rise, dtype=float)
+def shaking(rise, seen=0.0, line=None):
     return SimpleNamespace(
-        rise=rise, std=np.full(6, std), seen=np.full(6, seen), line=line, rms=0.1,
+        rise=np.array(rise, dtype=float),
+        std=0.02 * ONES,
+        seen=seen * ONES,
+        line=line,
+        rms=0.1,
         direction=(1.0, 0.0, 0.0),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(("rise", "told"), [(0.46, False), (0.48, True), (0.9, True)])
 def test_a_shaking_base_is_told_when_surely_above_0_45(rise, told):
-    shake = shaking([0.1, rise, 0.46, 0.0, 0.0, 0.0])
-    found = row_effects._vibration(scatter(np.ones(6)), shake)
+    found = row_effects._vibration(scatter(), shaking([0.1, rise, 0.46, 0.0, 0.0, 0.0]))
     assert (found is not None) == told
     if found is not None:
         slack = np.hypot(0.02, 0.05 * rise)
         assert found.probability == pytest.approx(0.995 * ndtr((rise - 0.45) / slack))
         assert found.channels == ("fy", "fz")
         assert found.rise == pytest.approx(rise)
-        told = found.parameters["amplitude.fy"]
-        assert told["value"] == pytest.approx(np.sqrt(2.0 * rise) * 2.0)
-        assert told["std"] == pytest.approx(0.02 * 4.0 / (np.sqrt(2.0 * rise) * 2.0))
+        amplitude = found.parameters["amplitude.fy"]
+        assert amplitude["value"] == pytest.approx(np.sqrt(2.0 * rise) * 2.0)
+        assert amplitude["std"] == pytest.approx(0.02 * 4.0 / (np.sqrt(2.0 * rise) * 2.0))
         assert "frequency" not in found.parameters and "over a broad band" in found.sentence
 
 
 def test_a_line_has_a_frequency_and_without_a_stated_noise_the_rest_is_the_measure():
-    tone = SimpleNamespace(frequency=12.3, std=0.1)
-    s = scatter(np.ones(6), stated=False)
-    found = row_effects._vibration(s, shaking([0.4, 0, 0, 0, 0, 0], seen=0.5, line=tone))
+    tone, rise = SimpleNamespace(frequency=12.3, std=0.1), [0.4, 0, 0, 0, 0, 0]
+    found = row_effects._vibration(scatter(stated=False), shaking(rise, 0.5, tone))
     assert found.rise == pytest.approx(0.8)
     assert found.parameters["frequency"] == {"value": 12.3, "std": 0.1, "unit": "Hz"}
     assert "at 12.30 Hz" in found.sentence
-    most = row_effects._vibration(s, shaking([0.4, 0, 0, 0, 0, 0], seen=2.0))
+    most = row_effects._vibration(scatter(stated=False), shaking(rise, 2.0))
     assert most.rise == pytest.approx(0.4 / 0.05)
 
 
-def test_only_whole_rows_that_repeat_are_an_effect_of_the_twin():
-    some = RowFinding("timing.stale", 0.9, 0.1, ("fx",), {}, "")
-    assert some.active(None) is None
-
-
-def test_too_few_rows_say_nothing():
+def test_few_rows_say_nothing_and_repeats_of_some_channels_are_no_effect_of_the_twin():
+    assert RowFinding("timing.stale", 0.9, 0.1, ("fx",), {}, "").active(None) is None
     assert row_effects.find_row_effects([1, 2], None) == ()

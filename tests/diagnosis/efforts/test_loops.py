@@ -16,10 +16,10 @@ from wrenchbed.diagnosis.efforts.verdict import Cause, Verdict, upheld
 from wrenchbed.diagnosis.gap.closure import Closure, Interval
 
 
-def case(seed, effect=None, joint=1, size=0.0):
-    """A recording of 40 s with one cause; friction ordinary, within 2 %."""
+def case(seed, effect=None, joint=1, size=0.0, seconds=40.0):
+    """A recording with one cause; friction ordinary, within 2 %."""
     rng = np.random.default_rng(seed)
-    t, q = loops.fourier(rng, 40.0)
+    t, q = loops.fourier(rng, seconds)
     heavier, gravity = 0.0, loops.MEDRUE.gravity
     if effect == "tool.mass":
         heavier = size
@@ -38,7 +38,7 @@ def case(seed, effect=None, joint=1, size=0.0):
     return loops.recording(t, q, effort, configured=loops.DRIVES)
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "joint", "size", "unit"),
     [("drive.coulomb", 1, 6.0, "N"), ("drive.coulomb", 4, 0.6, "N·m"),
@@ -61,7 +61,7 @@ def test_an_ordinary_medrue_has_no_cause_and_its_links_are_numbered():
 
 
 def test_a_slide_has_no_spring_that_turns():
-    recording = case(1)
+    recording = case(1, seconds=10.0)
     scene = effort_scene(recording, stated_drives(recording))
     effects = [{b.effect for b in of_joint(scene, j)[1]} for j in range(2)]
     assert effects[1] - effects[0] == {"link.spring"} and not effects[0] - effects[1]
@@ -95,7 +95,7 @@ def test_drives_that_a_diagnosis_corrects_explain_the_recording(tmp_path):
 
 
 def test_the_verb_answers_nothing_that_does_not_hold_over_the_wire(tmp_path, capsys):
-    case(5, "drive.coulomb", 1, 6.0).write(tmp_path / "rec.parquet")
+    case(5, "drive.coulomb", 1, 6.0, 10.0).write(tmp_path / "rec.parquet")
     assert main(["diagnose", str(tmp_path / "rec.parquet"), "--out", str(tmp_path / "out")]) == 1
     assert "has closed loops" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
