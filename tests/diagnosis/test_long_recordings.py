@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import wrenchbed as wb
+from altered import by_name, with_added
 from wrenchbed.calibration.observations import observe
 from wrenchbed.data.holds import gather, parts
 from wrenchbed.diagnosis.diagnose import diagnose
@@ -21,14 +23,13 @@ def at_rest(count, rho=0.0, seed=0):
     q = robot.sample(len(count), rng)
     with wb.SimDriver(wb.SimOptions("ur5")) as driver:
         metadata = driver.metadata("static", 125.0)
-    std = np.array(metadata.sensor.noise_std)
+    fresh = np.sqrt(1.0 - rho**2)
     noise = rng.standard_normal((n, 6))
-    for k in range(1, n):
-        noise[k] = rho * noise[k - 1] + np.sqrt(1.0 - rho**2) * noise[k]
-    y = model.predict(q, model.parameters.nominal)[hold] + std * noise
+    noise[0] /= fresh
+    noise = lfilter([fresh], [1.0, -rho], noise, axis=0)
+    y = model.predict(q, model.parameters.nominal)[hold] + metadata.sensor.noise_std * noise
     columns = {"t": np.arange(n) / 125.0, "segment": hold}
-    columns |= {f"q{k + 1}": q[hold, k] for k in range(6)}
-    columns |= {c: y[:, k] for k, c in enumerate(CHANNELS)}
+    columns |= by_name([f"q{k + 1}" for k in range(6)], q[hold]) | by_name(CHANNELS, y)
     return wb.Recording(metadata, columns, "long")
 
 
@@ -87,11 +88,9 @@ def test_rows_of_a_long_recording_are_diagnosed_as_of_a_short_one(short):
     told = diagnose(recording).diagnosis
     assert told.verdict == "none"
     assert "in 2,000 of 4,800 rows" in told.notes[0]
-    louder = dict(recording.columns)
-    rng = np.random.default_rng(4)
     std = recording.metadata.sensor.noise_std[2]
-    louder["fz"] = louder["fz"] + 2.0 * std * rng.standard_normal(len(recording))
-    told = diagnose(wb.Recording(recording.metadata, louder, "louder")).diagnosis
+    louder = 2.0 * std * np.random.default_rng(4).standard_normal((len(recording), 1))
+    told = diagnose(with_added(recording, louder * np.eye(6)[2])).diagnosis
     assert [w["effect"] for w in told.which] == ["sensor.noise"]
     found = told.which[0]["parameters"]["std.fz"]
     assert found["value"] == pytest.approx(2.0 * std, rel=0.1)

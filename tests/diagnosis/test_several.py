@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal
 from test_diagnose import recorded
 
 import wrenchbed as wb
+from altered import with_metadata
 from linear_case import LinearRefitter, dictionary, noise, refitter
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
@@ -103,11 +104,10 @@ def test_other_robots_and_the_same_rows_twice_are_refused(tmp_path):
     a = recorded(tmp_path, n=12)
     b = replace(a, name="b.parquet", columns=a.columns | {"fx": a.columns["fx"] + 1.0})
     check([a, b])
-    other = replace(b, metadata=replace(a.metadata, robot="medrue"))
+    other = with_metadata(b, robot="medrue")
     with pytest.raises(DiagnosisError, match=r"b\.parquet: metadata robot = 'medrue', but .*'ur5'"):
         check([a, other])
-    turned = replace(b, metadata=replace(a.metadata, gravity=(0.0, 0.0, 9.81)))
-    upright = replace(a, metadata=replace(a.metadata, gravity=(0.0, 0.0, -9.81)))
+    upright, turned = (with_metadata(r, gravity=(0, 0, g)) for r, g in ((a, -9.81), (b, 9.81)))
     with pytest.raises(DiagnosisError, match=r"b\.parquet: metadata gravity"):
         check([upright, turned])
     with pytest.raises(DiagnosisError, match="row by row"):
