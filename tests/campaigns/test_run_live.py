@@ -21,7 +21,7 @@ from wrenchbed.errors import (
 )
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
-from wrenchbed.hardware.drivers.base.live import LiveDriver
+from wrenchbed.hardware.drivers.live import LiveDriver
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.robots.motion_limits import Limits
 from wrenchbed.simulation.closed_form import Model
@@ -53,7 +53,7 @@ class Gauge(Transducer):
         self.count += 1
         load = self.model.predict(self.arm.q[None], self.model.parameters.nominal)[0]
         noisy = load + 1e-3 * self.rng.standard_normal(6)
-        return WrenchSample(time.monotonic(), None, self.count, 0.0, True, noisy + self.arm.push)
+        return WrenchSample(time.monotonic(), None, 0, 0.0, True, noisy + self.arm.push)
 
     def _at(self, t: float) -> WrenchSample | None:
         return self._read()
@@ -78,7 +78,7 @@ class Arm(LiveDriver):
     def _shut(self) -> None: ...
 
     def _read(self) -> ArmSample:
-        return ArmSample(time.monotonic(), None, 0, 0.0, True, self.q, np.zeros(6))
+        return ArmSample(time.monotonic(), None, 0.0, self.q, np.zeros(6))
 
     def _begin(self, goal: np.ndarray, seconds: float) -> None:
         error = self.fail.get(self.moves)

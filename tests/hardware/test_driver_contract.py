@@ -69,8 +69,6 @@ def check_reading_never_blocks_and_says_how_old_it_is(case, tmp_path):
             assert arm.q.shape == arm.qd.shape == (len(driver.robot.joints),)
             assert wrench.wrench.shape == (6,)
             assert np.isfinite(wrench.wrench).all()
-            assert wrench.frame
-            assert wrench.reference
             time.sleep(0.01)
         assert driver.health().ok, driver.health()
 

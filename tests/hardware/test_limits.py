@@ -1,30 +1,11 @@
 """Limits, speeds and ticks of drivers at their bounds, with numbers by hand."""
 
-import time
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.errors import (
-    DriverError,
-    LimitError,
-    LinkError,
-    ParameterError,
-    PlanError,
-    StoppedError,
-)
-from wrenchbed.hardware.device import Health
-from wrenchbed.hardware.drivers.base.live import pace, settled
-from wrenchbed.hardware.drivers.base.samples import Applied, ArmSample, as_designed, block_of
-from wrenchbed.hardware.drivers.base.timing import (
-    Resampler,
-    _least_late,
-    controller_time,
-    hermite,
-)
-from wrenchbed.hardware.drivers.base.watched_move import check_ready, stop_after
+from wrenchbed.errors import DriverError, LimitError, ParameterError, PlanError
+from wrenchbed.hardware.drivers.base import Applied, as_designed, block_of
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.robots.motion_limits import (
     Limits,
@@ -148,9 +129,6 @@ def test_a_load_is_refused_above_its_norm(wrench, told):
         limits.check_wrench(np.array(wrench))
 
 
-# ---- paths --------------------------------------------------------------------------------------
-
-
 def test_a_move_is_straight_and_takes_what_its_fastest_joint_needs():
     end = HOME.copy()
     end[0] += 1.0
@@ -192,79 +170,6 @@ def test_a_motion_names_the_row_that_is_too_fast():
         check_motion(UR5, targets, 1e-9, "motion")
 
 
-# ---- ticks and states ---------------------------------------------------------------------------
-
-
-def test_ticks_are_even_and_a_missed_one_is_not_made_up_for(monkeypatch):
-    slept = []
-    monkeypatch.setattr(time, "sleep", slept.append)
-    monkeypatch.setattr(time, "monotonic", lambda: 10.0)
-    assert pace(10.3, 0.1) == pytest.approx(10.4)
-    assert slept == [pytest.approx(0.3)]
-    assert pace(9.95, 0.1) == pytest.approx(10.05)  # late by half a period: caught up
-    assert pace(9.5, 0.1) == pytest.approx(10.1)  # by five: from now on
-    assert len(slept) == 1
-
-
-def test_calm_is_within_three_and_a_half_standard_errors():
-    half = np.tile([[1.0], [-1.0]], (8, 6))  # 16 rows, variance 16 / 15
-    error = np.sqrt(2.0 * (16.0 / 15.0) / 16.0)
-    for step, expected in ((3.4, True), (3.6, False), (-3.6, False)):
-        moved = half.copy()
-        moved[:, 2] += step * error
-        assert settled(np.concatenate([half, moved])) is expected
-    assert not settled(np.zeros((7, 6)))
-    assert settled(np.zeros((8, 6)))
-
-
-def arm(t, q, qd=0.0, device=None):
-    return ArmSample(t, device, 0, 0.0, True, np.array([q]), np.array([qd]))
-
-
-def test_between_two_states_joints_follow_the_cubic_of_their_values_and_speeds():
-    """x³ − 2 x² + 3 x − 1 from 1 to 3."""
-
-    def x(t):
-        return t**3 - 2 * t**2 + 3 * t - 1, 3 * t**2 - 4 * t + 3
-
-    before, after = arm(1.0, *x(1.0)), arm(3.0, *x(3.0))
-    for share in (0.0, 0.2, 0.5, 0.9, 1.0):
-        q, qd = hermite(before, after, 2.0, share)
-        assert (q[0], qd[0]) == pytest.approx(x(1.0 + 2.0 * share))
-
-
-def test_a_state_has_the_robot_s_own_time_where_it_has_one():
-    assert controller_time(arm(5.0, 0.0)) == 5.0
-    assert controller_time(arm(5.0, 0.0, device=2.0)) == 2.0
-
-
-def test_the_least_late_of_many_states_tells_how_clocks_stand():
-    t = np.arange(300) * 0.01
-    late = np.full(300, 0.02)
-    late[::25] = 0.0
-    pairs = np.stack([t, t * (1.0 + 1e-3) + 0.5 + late], axis=1)
-    slope, offset = _least_late(pairs)
-    assert (slope, offset) == pytest.approx((1e-3, 0.5), abs=1e-9)
-    slope, offset = _least_late(pairs[:150])  # three bins only: the offset alone
-    assert slope == 0.0
-    assert offset == pytest.approx(0.5)
-
-
-def test_rows_begin_with_the_first_state_and_end_with_the_last():
-    evenly = Resampler(50.0)
-    assert evenly.rows(5) == []
-    for k in range(5):
-        evenly.add(arm(100.0 + 0.02 * k, float(k), 50.0))
-        if k == 0:
-            assert evenly.rows(5) == []
-    rows = evenly.rows(3)
-    assert [r.t for r in rows] == pytest.approx([100.0, 100.02, 100.04])
-    rows += evenly.rows(99)
-    assert [r.q[0] for r in rows] == pytest.approx([0, 1, 2, 3, 4])
-    assert [r.host for r in rows] == pytest.approx([r.t for r in rows])
-    assert evenly.rows(99) == []
-
-
 def test_rows_become_columns_of_their_kind():
     rows = [{"fx": 1.0, "status": 3, "lost": -1, "saturated": 0}, {"fx": 2, "status": 4, "lost": 2,
              "saturated": 1}]  # fmt: skip
@@ -300,9 +205,6 @@ def test_a_robot_as_designed_states_its_tool_and_where_its_sensor_sits(robot):
     assert told.gravity == (0.0, 0.0, -9.8)
 
 
-# ---- what a driver must be first -----------------------------------------------------------------
-
-
 def test_a_driver_is_connected_before_it_does_anything():
     driver = SimDriver(SimOptions("ur5"))
     for act in (
@@ -326,31 +228,3 @@ def test_a_driver_is_active_before_it_moves():
         assert driver.position() == pytest.approx(HOME)
     finally:
         driver.close()
-
-
-# ---- health -------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("state", "error"),
-    [("ok", None), ("stopped", StoppedError), ("fault", StoppedError), ("stale", LinkError),
-     ("gone", LinkError)],
-)  # fmt: skip
-def test_a_bad_state_raises_what_it_calls_for(state, error):
-    health = SimpleNamespace(state=state, ok=state == "ok", detail="")
-    if error is None:
-        check_ready(health)
-        return
-    with pytest.raises(error) as raised:
-        check_ready(health)
-    assert type(raised.value) is error
-    assert error is not LinkError or str(raised.value) == state
-    assert isinstance(Health, type)
-
-
-def test_a_stop_is_as_hard_as_its_error():
-    kinds = []
-    stop_after(LimitError("force"), kinds.append)
-    stop_after(KeyboardInterrupt(), kinds.append)
-    stop_after(DriverError("link"), kinds.append)
-    assert kinds == ["hard", "soft", "soft"]

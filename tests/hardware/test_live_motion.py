@@ -31,7 +31,7 @@ class Ahead(Arm):
         if self.due:
             t, q = zip(*self.due, strict=True)
             self.q = np.array([np.interp(now, t, column) for column in np.transpose(q)])
-        return ArmSample(now, None, 0, 0.0, True, self.q, np.zeros(6))
+        return ArmSample(now, None, 0.0, self.q, np.zeros(6))
 
 
 def sweep(n: int) -> np.ndarray:

@@ -1,11 +1,16 @@
-"""Rows on an even clock from states that come unevenly, late and with gaps."""
+"""Rows on an even clock from states that come unevenly, late and with gaps; readings at a time."""
+
+import time
 
 import numpy as np
 import pytest
 
-from wrenchbed.hardware.drivers.base.live import settled
-from wrenchbed.hardware.drivers.base.samples import ArmSample
-from wrenchbed.hardware.drivers.base.timing import Resampler, hermite
+from wrenchbed.errors import LinkError
+from wrenchbed.hardware.clock import ClockFit
+from wrenchbed.hardware.drivers.base import ArmSample
+from wrenchbed.hardware.drivers.live import pace, settled
+from wrenchbed.hardware.drivers.timing import Resampler, controller_time, hermite
+from wrenchbed.hardware.transducers.base import Past, WrenchSample
 
 OMEGA = 2 * np.pi * 0.7
 
@@ -13,7 +18,7 @@ OMEGA = 2 * np.pi * 0.7
 def state(t: float, arrival: float) -> ArmSample:
     q = 0.8 * np.sin(OMEGA * t + np.arange(6))
     qd = 0.8 * OMEGA * np.cos(OMEGA * t + np.arange(6))
-    return ArmSample(arrival, 50.0 + t, 0, 0.0, True, q, qd)
+    return ArmSample(arrival, 50.0 + t, 0.0, q, qd)
 
 
 def test_late_states_and_gaps_leave_no_trace_in_the_rows():
@@ -54,14 +59,14 @@ def test_evidence_lies_on_a_line_between_two_states():
     for k in range(4):
         t, still = 0.04 * k, np.zeros(1)
         current = {"i": np.array([float(k)])}
-        even.add(ArmSample(t, t, 0, 0.0, True, still, still, evidence=current))
+        even.add(ArmSample(t, t, 0.0, still, still, evidence=current))
     rows = even.rows(9)
     assert [row.evidence["i"][0] for row in rows] == pytest.approx([0.25 * k for k in range(9)])
 
 
 def test_a_cubic_is_followed_exactly():
     def cubic(t):
-        return ArmSample(t, t, 0, 0.0, True, np.array([t**3 - t]), np.array([3 * t * t - 1]))
+        return ArmSample(t, t, 0.0, np.array([t**3 - t]), np.array([3 * t * t - 1]))
 
     for s in (0.0, 0.3, 1.0):
         q, qd = hermite(cubic(1.0), cubic(1.5), 0.5, s)
@@ -79,3 +84,96 @@ def test_noise_is_calm_and_a_swinging_load_is_not():
     assert not settled(noise[:5])
     quiet = sum(settled(0.05 * rng.standard_normal((60, 6))) for _ in range(300))
     assert quiet > 290
+
+
+def test_calm_is_within_three_and_a_half_standard_errors():
+    half = np.tile([[1.0], [-1.0]], (8, 6))  # 16 rows, variance 16 / 15
+    error = np.sqrt(2.0 * (16.0 / 15.0) / 16.0)
+    for step, expected in ((3.4, True), (3.6, False), (-3.6, False)):
+        moved = half.copy()
+        moved[:, 2] += step * error
+        assert settled(np.concatenate([half, moved])) is expected
+    assert not settled(np.zeros((7, 6))) and settled(np.zeros((8, 6)))
+
+
+def test_ticks_are_even_and_a_missed_one_is_not_made_up_for(monkeypatch):
+    slept = []
+    monkeypatch.setattr(time, "sleep", slept.append)
+    monkeypatch.setattr(time, "monotonic", lambda: 10.0)
+    assert pace(10.3, 0.1) == pytest.approx(10.4)
+    assert slept == [pytest.approx(0.3)]
+    assert pace(9.95, 0.1) == pytest.approx(10.05)  # late by half a period: caught up
+    assert pace(9.5, 0.1) == pytest.approx(10.1)  # by five: from now on
+    assert len(slept) == 1
+
+
+def test_the_least_late_of_many_readings_tells_how_clocks_stand():
+    fit = ClockFit(0.25)
+    assert fit.ppm is None
+    for k in range(300):
+        t = 0.01 * k
+        fit.add(t, t * (1.0 + 1e-3) + 0.5 + (0.0 if k % 25 == 0 else 0.02))
+    assert fit.host(3.0) == pytest.approx(3.503, abs=1e-6)
+    assert fit.ppm == pytest.approx(-1e3, abs=1e-3)
+    fit.clear()
+    for k in range(60):  # too few for a slope
+        fit.add(0.01 * k, 0.01 * k + 0.5 + (0.02 if k % 7 else 0.0))
+    assert fit.host(9.0) == pytest.approx(9.5) and fit.ppm is None
+
+
+def test_rows_begin_with_the_first_state_and_end_with_the_last():
+    evenly, still = Resampler(50.0), np.zeros(1)
+    assert evenly.rows(5) == []
+    for k in range(5):
+        evenly.add(ArmSample(100.0 + 0.02 * k, None, 0.0, still + k, still + 50.0))
+        if k == 0:
+            assert evenly.rows(5) == []
+    rows = evenly.rows(3)
+    assert [r.t for r in rows] == pytest.approx([100.0, 100.02, 100.04])
+    rows += evenly.rows(99)
+    assert [r.q[0] for r in rows] == pytest.approx([0, 1, 2, 3, 4])
+    assert [r.host for r in rows] == pytest.approx([r.t for r in rows])
+    assert evenly.rows(99) == []
+    assert controller_time(ArmSample(5.0, 2.0, 0.0, still, still)) == 2.0
+
+
+def sample(t, force, status=0, saturated=0, faults=()):
+    wrench = np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0])
+    return WrenchSample(t, None, 1, 0.0, True, wrench, status=status, saturated=saturated,
+                        faults=faults)  # fmt: skip
+
+
+def test_a_reading_between_two_has_the_flags_of_both():
+    past = Past(8)
+    past.add(sample(1.00, 1.0, status=1, faults=("hot",)))
+    past.add(sample(1.04, 3.0, status=2, saturated=4, faults=("hot", "wet")))
+    between = past.at(1.01)
+    assert between.wrench[0] == pytest.approx(1.5)
+    assert (between.status, between.saturated, between.faults) == (3, 4, ("hot", "wet"))
+    assert between.age == pytest.approx(0.01)
+
+
+def test_of_readings_close_together_the_nearer_one_counts():
+    past = Past(8)
+    for t, force in ((1.0, 1.0), (1.0005, 3.0), (1.0025, 5.0)):
+        past.add(sample(t, force))
+    told = [past.at(t).wrench[0] for t in (1.0, 1.0002, 1.0003, 1.0005, 1.0015)]
+    assert told == pytest.approx([1.0, 1.0, 3.0, 3.0, 4.0])
+
+
+def test_nothing_is_told_before_after_and_in_a_gap():
+    past = Past(8)
+    for t in (1.0, 1.04, 1.2):
+        past.add(sample(t, 0.0))
+    past.add(sample(1.1, 9.0))  # older than the last: not kept
+    assert past.at(0.99) is None and past.at(1.21) is None and past.at(1.1) is None
+    assert past.at(1.0) is not None and past.at(1.2) is None
+
+
+def test_states_too_far_apart_end_a_motion():
+    even = Resampler(100.0)
+    for t in (0.0, 0.01, 0.02, 0.25):
+        even.add(ArmSample(t, None, 0.0, np.zeros(6), np.zeros(6)))
+    assert len(even.rows(3)) == 3
+    with pytest.raises(LinkError, match=r"gap of 0\.230 s"):
+        even.rows(9)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from wrenchbed.errors import DriverError, LateError, LinkError, StoppedError
+from wrenchbed.errors import DriverError, LateError, LimitError, LinkError, StoppedError
 from wrenchbed.hardware.device import Health
-from wrenchbed.hardware.drivers.base import watched_move
-from wrenchbed.hardware.drivers.base.samples import ArmSample
-from wrenchbed.hardware.drivers.base.watched_move import WatchedMove
+from wrenchbed.hardware.drivers import live
+from wrenchbed.hardware.drivers.base import ArmSample
+from wrenchbed.hardware.drivers.live import WatchedMove, check_ready
 
 
 class Robot:
@@ -15,25 +15,28 @@ class Robot:
 
     def __init__(self, monkeypatch):
         self.now, self.q, self.qd, self.state = 100.0, 1.0, 0.0, "ok"
-        self.stops = []
-        monkeypatch.setattr(watched_move.time, "monotonic", lambda: self.now)
-        monkeypatch.setattr(watched_move.time, "sleep", self.later)
+        self.stops, self.push, self.mute = [], False, False
+        monkeypatch.setattr(live.time, "monotonic", lambda: self.now)
+        monkeypatch.setattr(live.time, "sleep", self.later)
 
     def later(self, seconds):
         self.now += seconds
 
     def read(self):
         q, qd = np.array([0.0, self.q]), np.array([0.0, self.qd])
-        return ArmSample(self.now, None, 0, 0.0, True, q, qd)
+        return ArmSample(self.now, None, 0.0, q, qd)
 
     def health(self):
         return Health(self.state)
 
     def guard(self):
-        pass
+        if self.push:
+            raise LimitError("too much")
 
     def stop(self, kind="soft"):
         self.stops.append(kind)
+        if self.mute:
+            raise LinkError("no answer")
 
 
 @pytest.fixture
@@ -159,10 +162,30 @@ def test_an_interrupt_stops_the_robot(robot, monkeypatch):
     def interrupted(_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(watched_move.time, "sleep", interrupted)
+    monkeypatch.setattr(live.time, "sleep", interrupted)
     motion = move(robot)
     with pytest.raises(KeyboardInterrupt):
         motion.wait()
     assert robot.stops == ["soft"]
     with pytest.raises(DriverError, match="interrupted"):
         motion.poll()
+
+
+def test_a_stop_for_too_much_force_stays_hard_and_one_that_fails_is_noted(robot):
+    robot.push = robot.mute = True
+    with pytest.raises(LimitError) as caught:
+        move(robot).poll()
+    assert robot.stops == ["hard"]
+    assert caught.value.__notes__ == ["the stop failed, too: no answer"]
+
+
+@pytest.mark.parametrize(
+    ("state", "error"),
+    [("stopped", StoppedError), ("fault", StoppedError), ("stale", LinkError), ("lost", LinkError)],
+)
+def test_a_bad_state_raises_what_it_calls_for(state, error):
+    check_ready(Health("ok"))
+    with pytest.raises(error) as raised:
+        check_ready(Health(state))
+    assert type(raised.value) is error
+    assert error is not LinkError or str(raised.value) == state

@@ -9,8 +9,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device import Health
-from wrenchbed.hardware.drivers.base import Applied, ArmSample, Driver, Move, Reached
-from wrenchbed.hardware.drivers.base.samples import as_designed
+from wrenchbed.hardware.drivers.base import Applied, ArmSample, Driver, Move, Reached, as_designed
 from wrenchbed.hardware.transducers.base import Past, Transducer, WrenchSample
 from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.physics.wrench import CHANNELS
@@ -98,7 +97,7 @@ class PlanarDriver(Driver):
 
     def _read(self) -> ArmSample:
         self.count += 1
-        return ArmSample(self.time, None, self.count, 0.0, True, self.q, 0.0 * self.q)
+        return ArmSample(self.time, None, 0.0, self.q, 0.0 * self.q)
 
     def _read_wrench(self) -> WrenchSample:
         return WrenchSample(self.time, None, self.count, 0.0, True, np.zeros(6))

@@ -28,7 +28,7 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import FleetError, WorkerError, WrenchbedError
 from wrenchbed.files import atomic_folder, write_json
-from wrenchbed.hardware.drivers.base.samples import as_designed
+from wrenchbed.hardware.drivers.base import as_designed
 from wrenchbed.jobs.workers import Progress, silent
 from wrenchbed.jobs.workers import workers as worker_pool
 from wrenchbed.physics.noise import noise_model

@@ -26,7 +26,7 @@ from wrenchbed.data.checked import load
 from wrenchbed.data.metadata import stated_robot
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import ParameterError, TwinError, WrenchbedWarning
-from wrenchbed.hardware.drivers.base.live import LiveDriver
+from wrenchbed.hardware.drivers.live import LiveDriver
 from wrenchbed.monitoring.compensation import BAND, Compensator, External, compensator
 from wrenchbed.monitoring.live import Datagrams, LineServer, LiveSummary, Sink, live
 from wrenchbed.physics.wrench import CHANNELS, UNITS

@@ -21,7 +21,7 @@ from wrenchbed.cli.console import Flag, Json, Repeated
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import DriverError, ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Driver
-from wrenchbed.hardware.drivers.base.live import LIVE, LiveDriver
+from wrenchbed.hardware.drivers.live import LIVE, LiveDriver
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits

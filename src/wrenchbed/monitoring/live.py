@@ -16,8 +16,7 @@ import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.device import GONE_S
-from wrenchbed.hardware.drivers.base.live import LiveDriver
-from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED
+from wrenchbed.hardware.drivers.live import CALM_SPEED, LiveDriver
 from wrenchbed.monitoring.compensation import Compensator, External
 
 POLL_S = 2e-4

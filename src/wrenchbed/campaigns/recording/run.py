@@ -26,7 +26,7 @@ from wrenchbed.data.recording import POINT
 from wrenchbed.data.writer import RecordingWriter
 from wrenchbed.errors import DriverError, LimitError, PlanError, SafetyStopError, WrenchbedWarning
 from wrenchbed.hardware.drivers.base import Driver
-from wrenchbed.hardware.drivers.base.live import LiveDriver
+from wrenchbed.hardware.drivers.live import LiveDriver
 from wrenchbed.jobs.workers import Progress, silent
 from wrenchbed.physics.wrench import CHANNELS
 

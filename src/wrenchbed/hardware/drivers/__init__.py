@@ -1,5 +1,8 @@
 """Drivers of robots, one file or folder each; `wrenchbed.registry.names("drivers")` lists them.
 
 May import: transducers and device of this room, and what the room may import; no sibling driver.
-Read first: ``base/driver.py``, then ``replay.py``, the shortest driver.
+Read first: ``base.py``, then ``replay.py``, the shortest driver; live drivers add ``live.py``.
 """
+
+SUPPORT = ("live", "timing")
+"""Modules of this folder that are no driver, beside ``base``."""

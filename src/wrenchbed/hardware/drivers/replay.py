@@ -77,7 +77,7 @@ class ReplayDriver(Driver):
         still = np.zeros(len(self._recording))
         qd = np.array([columns.get(f"qd{j}", still)[row] for j in joints], dtype=float)
         return ArmSample(
-            self._time, float(self._recording.t[row]), row, 0.0, not self._used[row],
+            self._time, float(self._recording.t[row]), 0.0,
             self._recording.q[row].astype(float), qd, mode="replay",
         )  # fmt: skip
 
@@ -153,11 +153,6 @@ class _InstantMove(Move):
 
     def _advance(self) -> Reached:
         return self._driver.jump(self.goal)
-
-    def wait(self, timeout: float | None = None) -> Reached:
-        end = self.poll()
-        assert end is not None
-        return end
 
 
 DRIVER = ReplayDriver

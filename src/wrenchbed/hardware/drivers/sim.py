@@ -28,8 +28,15 @@ from wrenchbed.errors import (
     WrenchbedWarning,
 )
 from wrenchbed.hardware.device import Health
-from wrenchbed.hardware.drivers.base import Applied, ArmSample, Block, Driver, Move, Reached
-from wrenchbed.hardware.drivers.base.samples import as_designed
+from wrenchbed.hardware.drivers.base import (
+    Applied,
+    ArmSample,
+    Block,
+    Driver,
+    Move,
+    Reached,
+    as_designed,
+)
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.physics.noise import NoiseStream, noise_model
 from wrenchbed.physics.time_derivatives import Jet
@@ -79,12 +86,10 @@ class SimMove(Move):
         self._taken += 1
         return reached if reached.duration > 0.0 else None
 
-    def wait(self, timeout: float | None = None) -> Reached:
-        while (end := self.poll()) is None:
-            if timeout is not None and self._taken * CONTROL_S > timeout:
-                self._halt()
-                self._end = LateError(f"the move did not arrive within {timeout:g} s")
-        return end
+    def _pause(self, timeout: float | None) -> None:
+        if timeout is not None and self._taken * CONTROL_S > timeout:
+            self._halt()
+            raise LateError(f"the move did not arrive within {timeout:g} s")
 
     def _halt(self) -> None:
         self._stop(self._taken * CONTROL_S)
@@ -203,13 +208,8 @@ class SimDriver(Driver):
         return self._plant.q
 
     def _read(self) -> ArmSample:
-        self._count += 1
-        fresh, self._seen = self._time > self._seen, self._time
-        target = self._plant.target
-        return ArmSample(
-            self._time, self._time, self._count, 0.0, fresh, self._plant.q, self._plant.qd,
-            target_q=target,
-        )  # fmt: skip
+        plant = self._plant
+        return ArmSample(self._time, self._time, 0.0, plant.q, plant.qd, plant.target)
 
     def _read_wrench(self) -> WrenchSample:
         """One row at rest; takes a microsecond of simulated time."""

@@ -14,7 +14,6 @@ from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, SafetyStopError
 from wrenchbed.hardware.device import GONE_S, STALE_S, Health, by_age, only_here, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
-from wrenchbed.hardware.drivers.base.live import LiveDriver
 from wrenchbed.hardware.drivers.can.board import GaugeBoard
 from wrenchbed.hardware.drivers.can.bus import CanLink, open_bus
 from wrenchbed.hardware.drivers.can.cia402 import OPERATIONAL, DriveState, DriveStatus, Want
@@ -22,6 +21,7 @@ from wrenchbed.hardware.drivers.can.cycle import Cycle, Following, Rest
 from wrenchbed.hardware.drivers.can.network import Drives
 from wrenchbed.hardware.drivers.can.options import CanOptions, master
 from wrenchbed.hardware.drivers.can.setpoints import BRAKE_S, Setpoints
+from wrenchbed.hardware.drivers.live import LiveDriver
 from wrenchbed.robots.base import Robot
 
 FIRST_S, ENABLED_S, CLEARED_S, STILL_S = 2.0, 2.0, 1.0, 0.5
@@ -63,7 +63,6 @@ class CanDriver(LiveDriver):
         self._network: Drives | None = None
         self._cycle: Cycle | None = None
         self._rated: np.ndarray | None = None
-        self._seen = 0
 
     @property
     def address(self) -> str:
@@ -87,7 +86,6 @@ class CanDriver(LiveDriver):
             Following(self._top), 1.0 / s.rate, master(s.base, s.nodes),
         )  # fmt: skip
         cycle.start()
-        self._seen = 0
         if not self._until(lambda: cycle.answers is not None, FIRST_S):
             silent = [d.node for d in cycle.drives if not d.answers]
             raise LinkError(f"drives {silent} do not answer SYNC: are their PDOs switched on?")
@@ -254,11 +252,9 @@ class CanDriver(LiveDriver):
         answers = cycle.answers
         if answers is None:
             raise LinkError("the drives have sent no state yet")
-        before, self._seen = self._seen, answers.sequence
         effort = None if self._rated is None else answers.torque * 1e-3 * self._rated
         return ArmSample(
-            t=answers.t, device_time=None, sequence=answers.sequence,
-            age=time.monotonic() - answers.t, fresh=answers.sequence != before,
+            t=answers.t, device_time=None, age=time.monotonic() - answers.t,
             q=answers.q.copy(), qd=answers.qd.copy(),
             target_q=(self._setpoints.command if cycle.following else answers.q).copy(),
             mode=self._mode(cycle),

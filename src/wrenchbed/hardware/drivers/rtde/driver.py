@@ -20,8 +20,7 @@ from wrenchbed.errors import (
 )
 from wrenchbed.hardware.device import GONE_S, STALE_S, Health, only_here, wait_until
 from wrenchbed.hardware.drivers.base import Applied, ArmSample, Move
-from wrenchbed.hardware.drivers.base.live import LiveDriver
-from wrenchbed.hardware.drivers.base.watched_move import CALM_SPEED, check_ready
+from wrenchbed.hardware.drivers.live import CALM_SPEED, LiveDriver, check_ready
 from wrenchbed.hardware.drivers.rtde import identity, own_wrench, status
 from wrenchbed.hardware.drivers.rtde.connection import ControlProcess, Links, RtdeOptions
 from wrenchbed.hardware.drivers.rtde.identity import Flange
@@ -118,7 +117,7 @@ class RtdeDriver(LiveDriver):
         self._links: Links | None = None
         self._control: ControlProcess | None = None
         self._followed, self._flange = Followed(), Flange(self.robot)
-        self._recoveries, self._seen, self._halts = 0, 0.0, 0.0
+        self._recoveries, self._halts = 0, 0.0
         self._undelivered = ""
         self._controller: dict[str, Any] = {}
 
@@ -163,7 +162,7 @@ class RtdeDriver(LiveDriver):
         registry.require("rtde_control", "hil")
         if not self._options.host:
             raise ParameterError("driver 'rtde' needs the robot's address: give its host")
-        self._recoveries, self._seen = 0, 0.0
+        self._recoveries = 0
         self._links = Links(self._options)
         self._links.open_state()
         self._flange, state = Flange(self.robot), self._look()
@@ -220,10 +219,9 @@ class RtdeDriver(LiveDriver):
 
     def _read(self) -> ArmSample:
         state = self._look()
-        fresh, self._seen = state.received > self._seen, state.received
         return ArmSample(
-            state.t, state.stamp, int(state.received), time.monotonic() - state.t, fresh,
-            np.array(state.q), np.array(state.qd), np.array(state.target_q), status.mode(state),
+            state.t, state.stamp, time.monotonic() - state.t, np.array(state.q),
+            np.array(state.qd), np.array(state.target_q), status.mode(state),
             status.safety(state), status.program(state), self._evidence(state),
         )  # fmt: skip
 

@@ -9,37 +9,33 @@ import threading
 import time
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
-from wrenchbed.errors import DriverError, LateError, LinkError
+from wrenchbed.errors import DriverError, LateError, LimitError, LinkError, StoppedError
 from wrenchbed.hardware.device import GONE_S, STALE_S, Health
-from wrenchbed.hardware.drivers.base.driver import Driver
-from wrenchbed.hardware.drivers.base.samples import (
+from wrenchbed.hardware.drivers.base import (
     Applied,
     ArmSample,
     Block,
+    Driver,
     Move,
     Onlooker,
+    Reached,
     as_designed,
     block_of,
 )
-from wrenchbed.hardware.drivers.base.timing import EvenRow, Resampler, Timing
-from wrenchbed.hardware.drivers.base.watched_move import (
-    CALM_SPEED,
-    WatchedMove,
-    check_ready,
-    stop_after,
-)
+from wrenchbed.hardware.drivers.timing import EvenRow, Resampler, Timing
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.motion_limits import Limits
 
+Sample = TypeVar("Sample", ArmSample, WrenchSample)
 LIVE = Limits(speed=0.25, tracking=0.7)
 """Default limits of a live driver, fractions of top speed: slow enough that somebody can reach the
 emergency stop, and a margin for motions whose speed was planned."""
@@ -60,6 +56,85 @@ _STEADY_POLL_S = 0.01
 _SIGMAS = 3.5
 """Standard errors by which the means of a steady window's halves may differ: six channels at rest
 exceed them in one of 350 windows."""
+CALM_SPEED = 2e-3
+"""Fastest joint at rest [rad/s or m/s]: with less the noise of speeds is a motion, with more rows
+at rest are taken in one."""
+TOLERANCE = 5e-4
+"""Farthest from its goal that a joint may come to rest [rad or m]: with less an arm that stands a
+little beside its goal never arrives, with more poses differ from the plan."""
+BLIND_S = 0.3
+"""Longest that a robot may move while its state or its sensor is stale [s]: a short stall
+passes."""
+STUCK_S = 3.0
+"""A move beyond its time is given up when it comes no nearer for so long [s]. A speed
+slider or a safety limit of the robot may make it slow."""
+_NEARER = 2.0 * TOLERANCE
+_WAIT_POLL_S = 0.005
+"""Time between two looks while waiting for a move [s], less than a cycle of 125 Hz."""
+
+
+def stop_after(error: BaseException, stop: Callable[[str], None]) -> None:
+    """Stop: hard after a limit was exceeded, else soft; a stop that fails is noted in the error."""
+    try:
+        stop("hard" if isinstance(error, LimitError) else "soft")
+    except DriverError as failed:
+        error.add_note(f"the stop failed, too: {failed}")
+
+
+def check_ready(health: Health) -> None:
+    """Raise the error that a bad state stands for.
+
+    Raises:
+        StoppedError: the robot stopped or is in fault.
+        LinkError: it is silent or gone.
+    """
+    if health.state in ("stopped", "fault"):
+        raise StoppedError(health.detail)
+    if not health.ok:
+        raise LinkError(health.detail or health.state)
+
+
+class WatchedMove(Move):
+    """A move during which link, robot, wrench and deadline are monitored."""
+
+    def __init__(self, driver: "LiveDriver", goal: np.ndarray, seconds: float) -> None:
+        super().__init__(goal)
+        self._driver, self._begun = driver, time.monotonic()
+        self._patience, self._deadline = self._begun + 2.0 * seconds + STUCK_S, np.inf
+        self._seen = self._begun
+        self._nearest, self._nearer = np.inf, self._begun
+
+    def _advance(self) -> Reached | None:
+        driver, now = self._driver, time.monotonic()
+        health = driver.health()
+        if health.ok:
+            self._seen = now
+        elif health.state != "stale" or now - self._seen > BLIND_S:
+            check_ready(health)
+        driver.guard()
+        arm = driver.read()
+        miss = float(np.abs(arm.q - self.goal).max())
+        if health.ok and miss < TOLERANCE and np.abs(arm.qd).max() < CALM_SPEED:
+            return Reached(arm.q, now - self._begun)
+        if miss < self._nearest - _NEARER:
+            self._nearest, self._nearer = miss, now
+        if now > self._deadline or now > max(self._patience, self._nearer + STUCK_S):
+            raise LateError(
+                f"the move did not arrive by its deadline, {miss:.2g} off its goal: does a speed "
+                "slider, a safety limit or something in its way hold it?"
+            )
+        return None
+
+    def _pause(self, timeout: float | None) -> None:
+        if timeout is not None and self._deadline == np.inf:
+            self._deadline = time.monotonic() + timeout
+        time.sleep(_WAIT_POLL_S)
+
+    def _failed(self, error: BaseException) -> None:
+        stop_after(error, self._driver.stop)
+
+    def _halt(self) -> None:
+        self._driver.stop("soft")
 
 
 def pace(due: float, period: float) -> float:
@@ -354,26 +429,25 @@ class LiveDriver(Driver):
 
     def _fresh_arm(self, after: float) -> ArmSample:
         """A state that arrived after a time and is not stale; waits at most `GONE_S`."""
-        begun = time.monotonic()
-        while True:
-            arm = self._read()
-            health = self._arm_health()
-            if health.state in ("stopped", "fault", "lost", "closed"):
-                check_ready(health)
-            if health.ok and arm.t > after:
-                return arm
-            if time.monotonic() - begun > GONE_S:
-                raise LinkError(health.detail or f"{self.name}: no new state for {GONE_S:g} s")
-            time.sleep(_POLL_S)
+        bad = ("stopped", "fault", "lost", "closed")
+        return self._fresh(self._read, self._arm_health, after, bad)
 
     def _fresh_wrench(self) -> WrenchSample:
         """A reading that arrived after the last row's; waits at most `GONE_S`."""
+        sensor = self.transducer
+        return self._fresh(sensor.read, sensor.health, self._last_row, ("lost", "fault"))
+
+    def _fresh(
+        self, read: Callable[[], Sample], health: Callable[[], Health], after: float,
+        bad: tuple[str, ...],
+    ) -> Sample:  # fmt: skip
         begun = time.monotonic()
         while True:
-            wrench = self.transducer.read()
-            health = self.transducer.health()
-            if health.ok and wrench.t > self._last_row:
-                return wrench
-            if health.state in ("lost", "fault") or time.monotonic() - begun > GONE_S:
-                raise LinkError(health.detail or "the sensor sends nothing new")
+            sample, now = read(), health()
+            if now.state in bad:
+                check_ready(now)
+            if now.ok and sample.t > after:
+                return sample
+            if time.monotonic() - begun > GONE_S:
+                raise LinkError(now.detail or f"{self.name}: nothing new for {GONE_S:g} s")
             time.sleep(_POLL_S / 2)

@@ -15,7 +15,7 @@ import numpy as np
 from wrenchbed.errors import LinkError
 from wrenchbed.hardware.clock import ClockFit
 from wrenchbed.hardware.device import STALE_S
-from wrenchbed.hardware.drivers.base.samples import ArmSample
+from wrenchbed.hardware.drivers.base import ArmSample
 from wrenchbed.hardware.transducers.base import WrenchSample
 
 _LATEST = 64
