@@ -99,7 +99,7 @@ def test_an_endless_model_is_refused_in_one_line_with_a_remedy(what, tmp_path):
 def test_few_copies_and_includes_are_read(tmp_path):
     written(tmp_path, f"<mujocoinclude>{BALL}</mujocoinclude>", "parts.xml")
     inside = COPIES.format(20, BALL) + '<include file="parts.xml"/>'
-    arm = read_arm(written(tmp_path, ARM.format(inside)), "s").arm
+    arm, _, _ = read_arm(written(tmp_path, ARM.format(inside)), "s")
     assert len(arm.links[0].shapes) == 22
 
 

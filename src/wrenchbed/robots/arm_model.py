@@ -7,7 +7,7 @@ JSON, so that they can be read without the file.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any, TypeVar
 
 import numpy as np
@@ -151,7 +151,13 @@ class ArmModel:
 
     def to_json(self) -> dict[str, Any]:
         """Arm as a JSON object; `from_json` reads it."""
-        return {f.name: _plain(getattr(self, f.name)) for f in fields(self)}
+        return asdict(
+            self,
+            dict_factory=lambda pairs: {
+                key: value.tolist() if isinstance(value, np.ndarray) else value
+                for key, value in pairs
+            },
+        )
 
     @classmethod
     def from_json(cls, raw: Mapping[str, Any]) -> "ArmModel":
@@ -200,15 +206,6 @@ class ArmModel:
         return tuple(driven.get(k, f"passive_{x.joint}") for k, x in enumerate(self.links))
 
 
-def _plain(value: Any) -> Any:
-    """Value converted to JSON's types."""
-    if isinstance(value, np.ndarray):
-        return value.tolist()
-    if isinstance(value, Shape | ArmLink | Load | Loops | Closure):
-        return {f.name: _plain(getattr(value, f.name)) for f in fields(value)}
-    return [_plain(v) for v in value] if isinstance(value, tuple) else value
-
-
 def _made(kind: type[_Made], raw: Mapping[str, Any], **parts: Any) -> _Made:
     """A dataclass from its fields as JSON has them, and from ``parts`` that were made already."""
     arrays = {f.name for f in fields(kind) if f.type is np.ndarray}
@@ -250,18 +247,3 @@ def lighter(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nda
     whole = (kept[:, 0] != kept[:, 1]) & (kept[:, 1] != kept[:, 2]) & (kept[:, 0] != kept[:, 2])
     _, first = np.unique(np.sort(kept[whole], axis=1), axis=0, return_index=True)
     return joined / count[:, None], kept[whole][np.sort(first)]
-
-
-@dataclass(frozen=True)
-class ArmFile:
-    """Arm as read from a model file.
-
-    Attributes:
-        arm: as numbers.
-        held: joints off the chain, which stay at home.
-        notes: what the user should know, one sentence each.
-    """
-
-    arm: ArmModel
-    held: tuple[str, ...] = ()
-    notes: tuple[str, ...] = field(default=())

@@ -37,6 +37,45 @@ an arm of 1 m, so that no planned pose touches what it stands on. The TOML state
 _DIGITS = 8
 """Number of digits of the SHA-256 in a robot's name."""
 _TOP = {"format", "name", "title", "sensor", "gravity", "floor", "model", "tool", "joint"}
+_CHAIN = """\
+# Joints q1 … from base to sensor: rad or m, rad/s or m/s; masses in kg, cog in m."""
+_LOOPS = """\
+# Driven joints are q1 …; the closed loops solve the passive ones, from home on.
+# rad or m, rad/s or m/s; masses in kg, cog in m."""
+_HEAD = """\
+# A robot for wrenchbed: this file stands wherever a robot's name does.
+# Made by  wrenchbed robot {file} --frame {frame}  ; every value may be edited.
+format = {format}
+name = {name}
+title = {title}
+sensor = {sensor}  # see: wrenchbed list sensors
+gravity = {gravity}  # m/s², in the file's world, z up
+{floor}
+
+[model]
+file = {path}  # seen from this file; only read
+sha256 = {sha256}
+frame = {place}  # the sensor's axes and origin
+{hold}
+[tool]  # behind the sensor, in its axes: {bodies}
+mass = {mass!r}  # kg
+cog = {cog}  # m
+inertia = {inertia}  # kg·m² about the CoG: xx yy zz xy xz yz
+
+{joints}
+"""
+_LINK = """\
+[[joint]]  # {column}, {link.kind}
+name = {joint}
+lower = {link.lower!r}
+upper = {link.upper!r}
+speed = {link.speed!r}
+home = {link.home!r}
+link = {body}
+mass = {link.mass!r}
+cog = {cog}
+
+"""
 _JOINT = {"name", "lower", "upper", "speed", "home", "link", "mass", "cog"}
 
 
@@ -86,9 +125,9 @@ def describe(
 
     if out.resolve() == file.resolve():
         raise ParameterError(f"--out {out} is the model file: nothing is written into it")
-    model = read_arm(file, frame, hold_others)
-    load = _load(model.arm, frame, file, tool_mass, tool_cog)
-    arm = replace(model.arm, floor=_floor(model.arm))
+    arm, held, notes = read_arm(file, frame, hold_others)
+    load = _load(arm, frame, file, tool_mass, tool_cog)
+    arm = replace(arm, floor=_floor(arm))
     stated = os.path.relpath(file.resolve(), out.resolve().parent)
     name = out.stem if out.stem not in ("", "my", "robot") else arm.name
     if sensor.lower().endswith(".toml"):
@@ -96,9 +135,8 @@ def describe(
     text = _toml(name, sensor, (Path(stated).as_posix(), file, frame, hold_others), arm, load)
     robot = _robot(text, arm, str(out), partial(_sensor, out.parent))
     loading = load.bodies or ("the tool that --tool-mass states",)
-    notes = list(model.notes)
-    if model.held:
-        notes.append(f"{', '.join(model.held)} stay where the file has them")
+    if held:
+        notes.append(f"{', '.join(held)} stay where the file has them")
     whole = [link for link in arm.links if not link.body.endswith(f"_{link.joint}")]
     light = [link.body for link in whole if link.mass <= 0.0]  # not between joints of one body
     if light:
@@ -131,8 +169,8 @@ def read(path: Path) -> FileArm | LoopArm:
             f"another): make it again with  wrenchbed robot {file.name} --frame "
             f"{model.text('frame')} --out {path.name}"
         )
-    described = read_arm(file, model.text("frame"), bool(model.raw.get("hold_others", False)))
-    return _robot(text, described.arm, str(path), partial(_sensor, path.parent))
+    arm, _, _ = read_arm(file, model.text("frame"), bool(model.raw.get("hold_others", False)))
+    return _robot(text, arm, str(path), partial(_sensor, path.parent))
 
 
 def rebuilt(record: Mapping[str, Any]) -> FileArm | LoopArm:
@@ -179,24 +217,16 @@ def _load(
     mass: float | None,
     cog: Sequence[float] | None,
 ) -> Load:
-    if mass is None and cog is None:
-        if arm.load is None:
-            raise ParameterError(
-                f"{file}: nothing behind the frame {frame!r} has a mass: state the tool by "
-                "--tool-mass KG --tool-cog X Y Z (sensor axes)"
-            )
+    """The stated tool, else what the file hangs behind the frame."""
+    if mass is None and cog is None and arm.load is not None:
         return arm.load
-    before = arm.load
-    if mass is None:
-        if before is None:
-            raise ParameterError("--tool-cog needs --tool-mass: the file hangs nothing there")
-        mass = before.mass
+    if mass is None or cog is None:
+        raise ParameterError(
+            f"{file}: state a tool by both --tool-mass KG --tool-cog X Y Z (sensor axes)"
+            + (f": nothing behind the frame {frame!r} has a mass" if arm.load is None else "")
+        )
     if not mass > 0.0 or not np.isfinite(mass):
         raise ParameterError(f"--tool-mass {mass:g} must be above 0 kg")
-    if cog is None:
-        if before is None:
-            raise ParameterError("--tool-mass needs --tool-cog X Y Z: the file hangs nothing there")
-        cog = before.cog
     if not all(np.isfinite(x) and abs(x) < 2.0 for x in cog):
         raise ParameterError(f"--tool-cog {' '.join(map(str, cog))} is not within 2 m (is it mm?)")
     return Load(float(mass), tuple(float(x) for x in cog), _ball(mass))
@@ -309,50 +339,20 @@ def _toml(
     load: Load,
 ) -> str:
     stated, file, frame, hold = model
-    lines = [
-        "# A robot for wrenchbed: this file stands wherever a robot's name does.",
-        f"# Made by  wrenchbed robot {file.name} --frame {frame}  ; every value may be edited.",
-        f"format = {FORMAT}",
-        f"name = {quoted(name)}",
-        f"title = {quoted(f'{arm.name} with {sensor} at {frame}')}",
-        f"sensor = {quoted(sensor)}  # see: wrenchbed list sensors",
-        f"gravity = {listed(arm.gravity)}  # m/s², in the file's world, z up",
-    ]
-    if arm.floor is None:
-        lines.append("# floor = 0.0  # lowest height [m] of what moves; without it, anywhere")
-    else:
-        lines.append(f"floor = {arm.floor:g}  # lowest height [m] of what moves; or leave it out")
-    lines += [
-        "",
-        "[model]",
-        f"file = {quoted(stated)}  # seen from this file; only read",
-        f"sha256 = {quoted(_sha(file))}",
-        f"frame = {quoted(frame)}  # the sensor's axes and origin",
-        *(["hold_others = true"] if hold else []),
-        "",
-        "[tool]  # behind the sensor, in its axes: " + (", ".join(load.bodies) or "as stated"),
-        f"mass = {load.mass!r}  # kg",
-        f"cog = {listed(load.cog)}  # m",
-        f"inertia = {listed(load.inertia)}  # kg·m² about the CoG: xx yy zz xy xz yz",
-        "",
-        "# Joints q1 … from base to sensor: rad or m, rad/s or m/s; masses in kg, cog in m.",
-    ]
-    if arm.loops is not None:
-        lines[-1:] = [
-            "# Driven joints are q1 …; the closed loops solve the passive ones, from home on.",
-            "# rad or m, rad/s or m/s; masses in kg, cog in m.",
-        ]
+    floor = "# floor = 0.0  # lowest height [m] of what moves; without it, anywhere"
+    if arm.floor is not None:
+        floor = f"floor = {arm.floor:g}  # lowest height [m] of what moves; or leave it out"
+    text = _HEAD.format(
+        file=file.name, frame=frame, format=FORMAT, name=quoted(name), sensor=quoted(sensor),
+        title=quoted(f"{arm.name} with {sensor} at {frame}"), gravity=listed(arm.gravity),
+        floor=floor, path=quoted(stated), sha256=quoted(_sha(file)), place=quoted(frame),
+        hold="hold_others = true\n" if hold else "", bodies=", ".join(load.bodies) or "as stated",
+        mass=load.mass, cog=listed(load.cog), inertia=listed(load.inertia),
+        joints=_CHAIN if arm.loops is None else _LOOPS,
+    )  # fmt: skip
     for column, link in zip(arm.columns, arm.links, strict=True):
-        lines += [
-            f"[[joint]]  # {column.partition('_')[0]}, {link.kind}",
-            f"name = {quoted(link.joint)}",
-            f"lower = {link.lower!r}",
-            f"upper = {link.upper!r}",
-            f"speed = {link.speed!r}",
-            f"home = {link.home!r}",
-            f"link = {quoted(link.body)}",
-            f"mass = {link.mass!r}",
-            f"cog = {listed(link.cog)}",
-            "",
-        ]
-    return "\n".join(lines)
+        text += _LINK.format(
+            column=column.partition("_")[0], link=link, joint=quoted(link.joint),
+            body=quoted(link.body), cog=listed(link.cog),
+        )  # fmt: skip
+    return text.removesuffix("\n")

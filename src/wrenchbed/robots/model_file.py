@@ -21,7 +21,6 @@ from wrenchbed.robots import loop_file
 from wrenchbed.robots.arm_model import (
     HINGE,
     SLIDE,
-    ArmFile,
     ArmLink,
     ArmModel,
     Load,
@@ -68,13 +67,18 @@ RESERVED = ("world", "base", "flange", "tool", "sensor_side")
 """Bodies of every robot's own MJCF, which no link may be called."""
 
 
-def read_arm(path: Path, frame: str, hold_others: bool = False) -> ArmFile:
+def read_arm(
+    path: Path, frame: str, hold_others: bool = False
+) -> tuple[ArmModel, list[str], list[str]]:
     """The arm between a file's base and one of its frames.
 
     Args:
         path: MJCF or URDF.
         frame: a site, body, link or fixed frame: where the sensor sits.
         hold_others: keep another arm of the file at its home instead of refusing it.
+
+    Returns:
+        The arm, names of joints off the chain, which stay at home, and what the user should know.
 
     Raises:
         ParameterError: the file is no model, or its arm is none that can be computed; says why.
@@ -88,7 +92,7 @@ def read_arm(path: Path, frame: str, hold_others: bool = False) -> ArmFile:
     _strip(spec, source)
     tree = _Tree(_compiled(spec, source, notes), source, frame, key)
     held = tree.held(hold_others)
-    return ArmFile(tree.arm(actuators), tuple(held), tuple(notes))
+    return tree.arm(actuators), held, notes
 
 
 def _spec(source: ModelSource) -> tuple[mujoco.MjSpec, list[str]]:
