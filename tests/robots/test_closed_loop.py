@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 from test_robots import random_theta
 
 from loop_files import PlainLoops, medrue_file
-from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.effects.chain import active_effect
 from wrenchbed.errors import ParameterError, PlanError
@@ -67,42 +66,6 @@ def test_medrue_through_its_loops_is_its_written_out_closed_form(tmp_path):
         assert robot.home == pytest.approx(MEDRUE.home)
         own = robot.parameters.nominal
         same_as_medrue(robot, own, theta, medrue_poses(theta, 150, 20 + k))
-
-
-@pytest.mark.slow
-def test_medrues_random_parameters_by_the_names_of_its_file(tmp_path):
-    """The nominal file's robot, its parameters set to where another MedRUE's file has its links."""
-    nominal = MEDRUE.parameters.nominal
-    robot = describe(medrue_file(nominal, tmp_path / "a.xml"), "ft", tmp_path / "a.toml").robot
-    rng = np.random.default_rng(12)
-    for k in range(2):
-        theta = random_theta(MEDRUE, rng)
-        file = medrue_file(theta, tmp_path / "b.xml")
-        other = describe(file, "ft", tmp_path / "b.toml").robot
-        mine = other.parameters.nominal
-        pairs = zip(robot.arm_model.links, other.arm_model.links, strict=True)
-        values = {"mount": robot.arm_model.end_turn.T @ other.arm_model.end_turn}
-        values |= {f"link.{a.body}": a.turn.T @ b.turn for a, b in pairs}
-        for group, turn in values.items():
-            vector = Rotation.from_matrix(turn).as_rotvec()
-            for axis, v in zip("xyz", vector, strict=True):
-                mine[robot.parameters.index(f"{group}.rotation.{axis}")] = v
-        offset = other.arm_model.end_shift - robot.arm_model.end_shift
-        for axis, v in zip("xyz", robot.arm_model.end_turn.T @ offset, strict=True):
-            mine[robot.parameters.index(f"mount.position.{axis}")] = v
-        base = robot.arm_model.base_turn.T @ (
-            other.arm_model.base_shift - robot.arm_model.base_shift
-        )
-        turned = robot.arm_model.base_turn.T @ other.arm_model.base_turn
-        carriage = other.arm_model.links[0]
-        start = base + turned @ carriage.shift
-        own = turned @ carriage.turn
-        for n, axis in enumerate("xyz"):
-            mine[robot.parameters.index(f"link.carriage.position.{axis}")] = start[n]
-            mine[robot.parameters.index(f"link.carriage.rotation.{axis}")] = Rotation.from_matrix(
-                robot.arm_model.links[0].turn.T @ own
-            ).as_rotvec()[n]
-        same_as_medrue(robot, mine, theta, medrue_poses(theta, 150, 30 + k))
 
 
 def matched(robot, name, rng):
@@ -203,50 +166,6 @@ def test_velocity_and_acceleration_are_those_of_the_positions(name, tmp_path):
     assert np.abs(jet.d - (after - before) / (2 * h)).max() < 1e-5
     assert np.abs(jet.dd - (after - 2 * at + before) / h**2).max() < 1e-4
     assert np.abs(jet.dd).max() > 0.1
-
-
-@pytest.fixture
-def forgotten(monkeypatch):
-    monkeypatch.setattr(registry, "_records", {})
-    monkeypatch.setattr(registry, "_known", {})
-
-    def forget():
-        registry._records.clear()
-        registry._known.clear()
-
-    return forget
-
-
-@pytest.mark.sampled
-@each_model
-def test_a_parallel_robot_is_planned_recorded_and_calibrated_by_its_file(
-    name, tmp_path, forgotten, capsys
-):
-    """Noise-free: mass, CoG, bias and mount to 1e-9; the calibration has the recording alone."""
-    toml, plan, rec = (str(tmp_path / f) for f in ("my.toml", "plan.parquet", "rec.parquet"))
-    truth = {
-        "tool.mass": 0.9, "tool.cog.x": 0.013, "sensor.bias.fx": 2.5, "sensor.bias.ty": -0.1,
-        "mount.rotation.x": 0.004, "mount.rotation.z": -0.006,
-    }  # fmt: skip
-    (tmp_path / "truth.json").write_text(json.dumps(truth))
-    file = str(models() / name / f"{name}.xml")
-    assert main(["robot", file, "--frame", "sensor", "--out", toml]) == 0
-    said = capsys.readouterr()
-    assert f"mm: {TOOLS[name]}" in said.out
-    assert "Solved from the closed loops" in said.out
-    assert said.err == ""
-    assert main(["plan", toml, "--n", "16", "--out", plan]) == 0
-    line = ["record", "--robot", toml, "--plan", plan, "--out", rec, "--samples", "2"]
-    assert main([*line, "--noise", "off", "--parameters", str(tmp_path / "truth.json")]) == 0
-    (tmp_path / "my.toml").unlink()
-    forgotten()
-    assert main(["calibrate", rec, "--out", str(tmp_path / "fit.json")]) == 0
-    fit = json.loads((tmp_path / "fit.json").read_text())
-    model = Model.of(registry.load("robots", fit["robot"])).parameters
-    wanted = model.vector(truth)
-    assert set(truth) <= set(fit["parameters"])
-    for p in fit["parameters"]:
-        assert fit["theta"][p] == pytest.approx(wanted[model.index(p)], abs=1e-9), p
 
 
 @each_model

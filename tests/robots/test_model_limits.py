@@ -7,8 +7,6 @@ import sys
 
 import pytest
 
-from arm_files import CASES
-from wrenchbed.errors import WrenchbedError
 from wrenchbed.robots.model_file import read_arm
 
 ARM = (
@@ -101,11 +99,3 @@ def test_few_copies_and_includes_are_read(tmp_path):
     inside = COPIES.format(20, BALL) + '<include file="parts.xml"/>'
     arm, _, _ = read_arm(written(tmp_path, ARM.format(inside)), "s")
     assert len(arm.links[0].shapes) == 22
-
-
-def test_a_shared_robot_is_far_from_the_limits():
-    for case in CASES:
-        try:
-            read_arm(case.path, case.frame)
-        except WrenchbedError as error:  # pragma: no cover - says which
-            pytest.fail(str(error))

@@ -6,7 +6,9 @@ from types import SimpleNamespace
 import mujoco
 import numpy as np
 import pytest
+from test_file_arm import arm_of
 
+from arm_files import CASES
 from iiwa import IIWA
 from wrenchbed import registry
 from wrenchbed.cli import main
@@ -48,14 +50,18 @@ def test_an_offset_of_joint_4_is_diagnosed(tmp_path):
     assert said["which"][0]["parameters"]["joint"]["value"] == 4
 
 
-def test_every_effect_of_the_arm_is_simulated_as_fitted():
-    (still, _), applied = examples(IIWA), 0
+@pytest.mark.parametrize("case", [None, CASES[0], CASES[5]], ids=["iiwa14", "mjcf", "urdf"])
+def test_every_effect_of_an_arm_is_simulated_as_fitted(case, tmp_path):
+    robot = IIWA if case is None else arm_of(case, tmp_path)
+    (still, _), applied = examples(robot), 0
     for name, effect in effects().items():
         if not effect.between_rows and effect.acts(still) and effect.variants(still):
-            active = [active_effect(IIWA, name)]
+            active = [active_effect(robot, name)]
             closed = respond(still, active)
             change = np.abs(closed - respond(still)).max()
-            assert np.abs(nominal(IIWA, active).wrench(still) - closed).max() < 0.05 * change + 1e-9
+            assert (
+                np.abs(nominal(robot, active).wrench(still) - closed).max() < 0.05 * change + 1e-9
+            )
             applied += 1
     assert applied > 20
 

@@ -1,4 +1,4 @@
-"""Universal Robots' other arms against files of them that come from elsewhere."""
+"""Universal Robots' arms against files of them that come from elsewhere."""
 
 import json
 import math
@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 
 from arm_files import DATA
-from wrenchbed import registry
 from wrenchbed.physics.rotations import rot_x, rot_z
 from wrenchbed.robots.described import describe
-from wrenchbed.robots.ur5 import NAMES, ur_arm
+from wrenchbed.robots.ur5 import NAMES, ROBOT, ur_arm
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 
@@ -22,6 +21,10 @@ REACH = {"ur3": 0.5, "ur3e": 0.5, "ur5e": 0.85, "ur10": 1.3, "ur10e": 1.3, "ur16
 PAYLOAD_MASS = {"ur3": 11.0, "ur3e": 11.2, "ur5e": 20.6, "ur10": 28.9, "ur10e": 33.5,
                 "ur16e": 33.1, "ur20": 64.0}  # fmt: skip
 # reach [m] and weight with cable [kg] of the data sheets
+
+
+def arm_of(name):
+    return ROBOT if name == "ur5" else ur_arm(name)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +59,7 @@ def described_links(name, q):
 @pytest.mark.parametrize("name", ["ur5", *NAMES])
 def test_an_arm_is_that_of_the_makers_ros_description(name):
     """Flange, masses, top speeds, and where each link's weight acts; other code and data."""
-    arm, told = registry.load("robots", "ur5") if name == "ur5" else ur_arm(name), DESCRIPTION[name]
+    arm, told = arm_of(name), DESCRIPTION[name]
     for q in arm.sample(5, np.random.default_rng(8)):
         links = described_links(name, q)
         rotation, position = arm.flange_pose(q[None], arm.parameters.nominal)
@@ -77,9 +80,9 @@ def test_an_arm_is_that_of_the_makers_ros_description(name):
         assert np.degrees([link.speed for link in arm.arm.links]) == pytest.approx(told["speed"])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ["ur5", *NAMES])
 def test_each_arm_reaches_weighs_and_turns_back_as_it_should(name):
-    arm = ur_arm(name)
+    arm = arm_of(name)
     theta, rng = arm.parameters.nominal, np.random.default_rng(4)
     q = arm.sample(12, rng)
     model = Model.of(arm)
@@ -92,8 +95,35 @@ def test_each_arm_reaches_weighs_and_turns_back_as_it_should(name):
     for row in q:
         rotation, position = arm.flange_pose(row[None], theta)
         found = arm.inverse(rotation[0], position[0])
+        assert 2 <= len(found) <= 8
+        assert (np.abs(found) <= np.pi + 1e-12).all()
         off = np.abs(np.angle(np.exp(1j * (found - row)))).max(axis=1)
         assert off.min() < 1e-8
         turns, places = arm.flange_pose(found, theta)
         assert np.abs(places - position[0]).max() < 1e-9
         assert np.abs(turns - rotation[0]).max() < 1e-9
+
+
+def test_the_tool_hanging_down_pulls_with_plus_m_g():
+    q = np.array([[0.0, -np.pi / 2, -np.pi / 2, -np.pi / 2, np.pi / 2, 0.0]])
+    theta = ROBOT.parameters.nominal
+    rotation, _ = ROBOT.sensor_pose(q, theta)
+    assert np.allclose(rotation[0, :, 2], [0, 0, -1], atol=1e-12)
+    load = Simulation(ROBOT, theta).wrench(q)[0]
+    assert np.allclose(load[:3], [0, 0, 1.35 * 9.80665], atol=1e-12)
+    weight = 1.35 * 9.80665
+    assert np.allclose(load[3:], np.cross([0.004, -0.006, 0.071], [0, 0, weight]), atol=1e-12)
+
+
+def test_base_tilt_turns_gravity_as_the_base_sees_it():
+    q = np.zeros((1, 6))
+    theta = ROBOT.parameters.vector({"base.tilt.x": 0.1})
+    rotation, _ = ROBOT.sensor_pose(q, theta)
+    nominal, _ = ROBOT.sensor_pose(q, ROBOT.parameters.nominal)
+    seen = nominal[0] @ rotation[0].T @ np.array([0.0, 0.0, -1.0])  # gravity in the base
+    assert np.allclose(seen, [0.0, np.sin(0.1), -np.cos(0.1)], atol=1e-12)
+
+
+def test_what_is_out_of_reach_has_no_solution():
+    assert len(ROBOT.inverse(np.eye(3), np.array([2.0, 0.0, 0.3]))) == 0
+    assert len(ROBOT.inverse(np.diag([1.0, -1.0, -1.0]), np.array([0.0, 0.05, 0.2]))) == 0
