@@ -9,7 +9,7 @@ from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.settings import ControllerSettings
 from wrenchbed import registry
 from wrenchbed.plant.body import BodyOptions
-from wrenchbed.plant.mujoco_plant import MujocoPlant
+from wrenchbed.plant.serving import MujocoPlant
 
 ROBOT = registry.load("robots", "ur5")
 NOMINAL = ROBOT.parameters.nominal
