@@ -1,12 +1,12 @@
-"""Pages answer in Chromium: values under the cursor, channels, zoom, tables, keyboard, print."""
+"""Pages in Chromium: they answer, can be read in light, dark, narrow and on paper, ask nobody."""
 
+import itertools
 import json
 import re
 
 import numpy as np
 import pytest
 from test_report import found
-from test_report_rendered import CONTRAST
 
 import axe
 import wrenchbed as wb
@@ -18,7 +18,7 @@ from wrenchbed.campaigns.result_rows import CampaignRows, empty
 from wrenchbed.campaigns.settings import Fleet
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.pages.document import Document, Figure, Section, Table
-from wrenchbed.pages.plots import bars, components, histograms, lines
+from wrenchbed.pages.plots import components, histograms
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.fit_page import fit_page
@@ -26,6 +26,43 @@ from wrenchbed.reports.recording_page import recording_page
 
 pytestmark = unless(BINARY is not None, "chromium is not installed")
 
+LEAST_CONTRAST, LEAST_LARGE = 4.5, 3.0
+"""WCAG 2.2, 1.4.3, level AA: of text, and of text from 24 px, or 18.66 px if bold."""
+CONTRAST = """(() => {
+  const canvas = document.createElement('canvas').getContext('2d', {willReadFrequently: true});
+  const rgba = text => { canvas.clearRect(0, 0, 1, 1); canvas.fillStyle = text;
+    canvas.fillRect(0, 0, 1, 1); return [...canvas.getImageData(0, 0, 1, 1).data]; };
+  const light = c => { const [r, g, b] = c.slice(0, 3).map(v => { v /= 255;
+    return v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4; });
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  const under = node => { for (let at = node; at; at = at.parentElement) {
+    const c = rgba(getComputedStyle(at).backgroundColor); if (c[3] > 250) return c; }
+    return [255, 255, 255, 255]; };
+  const inside = (r, x, y) => r.left <= x && x <= r.right && r.top <= y && y <= r.bottom;
+  const beneath = text => { const b = text.getBoundingClientRect();
+    const [x, y] = [(b.left + b.right) / 2, (b.top + b.bottom) / 2];
+    const shapes = [...text.closest('svg').querySelectorAll('path, rect')].filter(s =>
+      s.compareDocumentPosition(text) & Node.DOCUMENT_POSITION_FOLLOWING
+      && !s.closest('defs, clipPath') && inside(s.getBoundingClientRect(), x, y)
+      && s.getBoundingClientRect().height > b.height / 2);
+    const colours = shapes.map(s => [getComputedStyle(s).fill, getComputedStyle(s).fillOpacity])
+      .filter(([f, o]) => f !== 'none' && !f.startsWith('url') && o > .9).map(([f]) => rgba(f))
+      .filter(c => c[3] > 250);
+    return colours.pop() ?? under(text.closest('svg').parentElement); };
+  const bad = [];
+  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let n = walk.nextNode(); n; n = walk.nextNode()) {
+    const own = n.parentElement;
+    if (!n.textContent.trim() || own.closest('title') || !own.getClientRects().length) continue;
+    const drawn = own.closest('svg');
+    const style = getComputedStyle(own), size = parseFloat(style.fontSize);
+    const [a, b] = [light(rgba(drawn ? style.fill : style.color)),
+      light(drawn ? beneath(own) : under(own))];
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    const large = size >= 24 || (size >= 18.66 && style.fontWeight >= 700);
+    if (ratio < (large ? LARGE : LEAST)) bad.push([n.textContent.trim().slice(0, 40), ratio]);
+  }
+  return bad; })()""".replace("LARGE", str(LEAST_LARGE), 1).replace("LEAST", str(LEAST_CONTRAST), 1)
 KINDS = ("diagnosis", "unknown", "recording", "fit", "campaign", "study")
 
 
@@ -68,14 +105,11 @@ def _campaign(folder) -> Document:
 
 def _study() -> Document:
     rng = np.random.default_rng(0)
-    curves = {"a": ([1, 10, 100], [0.1, 3.0, 40.0])}
     spread = {"error": {"all": rng.lognormal(size=99)}}
     figures = (
-        Figure("wide", "Decades", lines(curves, "n", "y", log=True)),
         Figure("counts", "Counts", histograms(spread, "mm", log=True)),
-        Figure("bars", "Bars", bars({"one": 0.02, "another": 1.3}, "mm", log=True)),
         Figure("parts", "Parts", components({"m": rng.normal(size=(9, 6))})),
-    )  # fmt: skip
+    )
     rows = [(f"method {k}", (7 * k) % 11, float(k)) for k in range(12)]
     table = Table.of("Methods", ("method", "rank", "error [mm]"), rows, "of `wrenchbed`")
     sections = (Section("S", "text", (table, *figures)),)
@@ -103,12 +137,21 @@ def key(page, name: str) -> None:
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_figure_answers_and_nothing_complains(page, pages, kind):
     page.console.clear()
+    page.requests.clear()
     shown(page, pages[kind])
     count = page.run("document.querySelectorAll('figure[data-chart]').length")
-    assert count >= {"campaign": 2, "fit": 3}.get(kind, 4)
+    assert count >= 2
     assert page.run("document.querySelectorAll('figure.alive .live svg').length") == count
     assert page.console == []
+    assert set(page.requests.values()) == {pages[kind].as_uri()}
     assert pages[kind].stat().st_size < 3_000_000
+    mute = page.run(
+        "[...document.querySelectorAll('figure svg')].filter(s => !s.getAttribute('aria-label')"
+        " && !s.closest('figure').querySelector('figcaption, .title')).length"
+    )
+    assert mute == 0
+    headings = page.run("[...document.querySelectorAll('h1,h2,h3')].map(h => +h.tagName[1])")
+    assert headings[0] == 1 and all(b - a <= 1 for a, b in itertools.pairwise(headings))
     cut = page.run(
         "[...document.querySelectorAll('.live svg text')].filter(t => { const a ="
         " t.getBoundingClientRect(), b = t.closest('.live').getBoundingClientRect();"
@@ -122,18 +165,27 @@ def test_every_figure_answers_and_nothing_complains(page, pages, kind):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1280, "dark"), (390, "light")])
 def test_no_rule_of_wcag_is_broken(page, pages, kind, width, scheme):
-    if axe.script() is None:
-        pytest.skip("axe-core is not there, and npm cannot fetch it")
     shown(page, pages[kind], width, prefers_color_scheme=scheme)
-    assert axe.violations(page) == []
     assert page.run(CONTRAST) == []
     assert page.run("document.documentElement.scrollWidth") <= width
+    ground = page.run("getComputedStyle(document.body).backgroundColor")
+    assert (max(map(int, re.findall(r"\d+", ground)[:3])) < 80) == (scheme == "dark")
+    cut = page.run(
+        "[...document.querySelectorAll('.scroll, pre')].filter(s => s.scrollWidth >"
+        " s.clientWidth + 1 && s.tabIndex < 0).length"
+    )
+    assert cut == 0  # all that scrolls can be reached by keyboard
+    if axe.script() is None:
+        pytest.skip("axe-core is not there, and npm cannot fetch it")
+    assert axe.violations(page) == []
 
 
-def test_axe_finds_what_is_broken(page, pages):
+def test_the_checks_find_what_is_broken(page, pages):
     if axe.script() is None:
         pytest.skip("axe-core is not there, and npm cannot fetch it")
     shown(page, pages["study"])
+    page.run("document.querySelector('.card p, .lead').style.color = '#aaaaaa'")
+    assert len(page.run(CONTRAST)) >= 1
     page.run("document.querySelector('.tools button').setAttribute('aria-label', '')")
     page.run("document.querySelector('input').removeAttribute('aria-label')")
     page.run("document.querySelector('input').removeAttribute('placeholder')")
@@ -206,17 +258,6 @@ def test_tables_sort_by_numbers_and_filter(page, pages):
     assert "`" not in page.run("document.body.innerText")
 
 
-def test_bars_in_decades_begin_at_the_axis(page, pages):
-    shown(page, pages["study"])
-    blue = page.run("getComputedStyle(document.documentElement).getPropertyValue('--real')")
-    widths = page.run(
-        f"[...document.querySelectorAll('#bars .live svg path[fill=\"{blue.strip()}\"]')]"
-        ".map(p => p.getBoundingClientRect()).map(b => [b.left, b.width])"
-    )
-    (left, short), (other, long) = widths
-    assert abs(left - other) < 1.0 and 0.0 < short < 0.5 * long  # 0.02 and 1.3
-
-
 def test_a_script_that_is_not_the_pages_own_does_not_run(page, pages):
     shown(page, pages["study"])
     page.run(
@@ -239,3 +280,20 @@ def test_paper_has_the_still_figures(page, pages, kind):
     assert page.run("[...document.querySelectorAll('.still svg')]"
                     ".every(s => s.querySelector('title').textContent)")  # fmt: skip
     page.call("Emulation.setEmulatedMedia", media="")
+    pdf = page.printed()
+    boxes = re.findall(rb"/MediaBox \[([\d. ]+)\]", pdf)
+    sizes = {tuple(round(float(x)) for x in box.split()[2:]) for box in boxes}
+    assert sizes and all(abs(w - 595) <= 1 and abs(h - 842) <= 1 for w, h in sizes)  # A4
+    if kind == "diagnosis":
+        assert pdf.count(b"/Type /Page\n") + pdf.count(b"/Type /Page ") <= 8
+
+
+def test_the_first_screen_answers_where_which_and_how_far(page, pages):
+    page.open(pages["diagnosis"], 1280, 800, prefers_color_scheme="light")
+    bottoms = page.run(
+        "[...document.querySelectorAll('#where, #which, #far')]"
+        ".map(c => c.getBoundingClientRect().bottom)"
+    )
+    assert len(bottoms) == 3 and max(bottoms) < 800
+    first = page.run("document.querySelector('.cards').innerText")
+    assert "joint.compliance" in first and re.search(r"9\d(\.\d+)?\s%\sclosed", first)

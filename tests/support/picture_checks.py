@@ -9,10 +9,7 @@ import wrenchbed as wb
 from rrd_file import Rrd
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer.elements import scale_for
 from wrenchbed.viewer.robot import bodies
-
-CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
 
 
 def misplaced(path: Path, recording: wb.Recording) -> float:
@@ -33,28 +30,3 @@ def misplaced(path: Path, recording: wb.Recording) -> float:
             off = matrix([w, x, y, z]) - data.xmat[body].reshape(3, 3)
             worst = max(worst, np.abs(place[k] - data.xpos[body]).max(), np.abs(off).max())
     return float(worst)
-
-
-def wrong_arrow(path: Path, recording: wb.Recording) -> float:
-    """Largest error of the measured force's arrow [N], against the sensor's pose in closed form."""
-    robot, rrd = wb.load("robots", recording.metadata.robot), Rrd(path)
-    entity = "/world/wrench/measured/force"
-    rows = rrd.times(entity, "Arrows3D:vectors", "row")
-    arrow = rrd.values(entity, "Arrows3D:vectors", "row")[:, 0]
-    rotation, _ = robot.sensor_pose(recording.q[rows], robot.parameters.nominal)
-    wanted = np.einsum("kij,kj->ki", rotation, recording.wrench[rows, :3])
-    return float(np.abs(arrow / scale_for(recording.wrench).force - wanted).max())
-
-
-def stale_residual(path: Path, recording: wb.Recording, reading: np.ndarray) -> float:
-    """Largest error of the residual that is shown [N, N·m], against the last simulator's."""
-    rrd = Rrd(path)
-    parts = [rrd.values(f"/residual/{p}", "Scalars:scalars", "row") for p in CHANNELS]
-    return float(np.abs(np.concatenate(parts, axis=1) - (recording.wrench - reading)).max())
-
-
-def wrong_curve(path: Path, recording: wb.Recording) -> float:
-    """Largest error of a measured curve [N, N·m]."""
-    rrd = Rrd(path)
-    shown = [rrd.values(f"/wrench/{c}", "Scalars:scalars", "row")[:, 0] for c in CHANNELS]
-    return float(np.abs(np.stack(shown, axis=1) - recording.wrench).max())

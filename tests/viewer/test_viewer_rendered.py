@@ -13,7 +13,6 @@ from on_screen import screen
 from pictures import unless
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer import robot as shapes
 from wrenchbed.viewer import show
 from wrenchbed.viewer.elements import MEASURED, SIMULATED
 from wrenchbed.viewer.recordings import recording_view
@@ -37,23 +36,6 @@ def test_the_robot_has_the_outline_that_mujocos_rays_hit(tmp_path, name):
     assert len(found) == len(wanted)
     off = np.linalg.norm(found[:, None] - wanted, axis=2)
     assert off.min(axis=0).max() < 0.25  # of 2553 pixels
-
-
-@pytest.mark.slow
-def test_outlines_notice_turned_and_shifted_robots(tmp_path, monkeypatch):
-    robot = wb.load("robots", "ur5")
-    simulation = Simulation(robot, robot.parameters.nominal)
-    moved = simulation.robot.home + np.array([0.0, 0.05, 0.0, 0.0, 0.0, 0.0])
-    here, there = (motion(simulation, q[None]).position[0] for q in (robot.home, moved))
-    assert 0.02 < np.abs(here - there).max() < 0.06  # the tool, some centimetres
-    monkeypatch.setattr(shapes, "xyzw", lambda q: q)
-    silhouette.draw(robot, tmp_path / "turned.rrd")
-    monkeypatch.undo()
-    monkeypatch.setattr(silhouette, "motion", lambda s, q: motion(s, moved[None]))
-    silhouette.draw(robot, tmp_path / "shifted.rrd")
-    for name in ("turned", "shifted"):
-        picture = silhouette.pictured(tmp_path / f"{name}.rrd", free_port())
-        assert silhouette.overlap(picture, simulation) < LIKE
 
 
 @pytest.mark.slow

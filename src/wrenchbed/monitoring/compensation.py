@@ -33,8 +33,6 @@ alarm later than a person reacts."""
 BAND = 3.0
 """Largest mean at rest, in standard deviations of a row: a mean of 1 s scatters by a
 third of that where noise is slow."""
-DELAY = "timing.delay"
-"""The effect of which live undoes what it does in motion: joints of that time ago."""
 _TRIED, _TRIED_S = 8, 600.0
 """Poses, and their time [s], by which memory of an effect is seen: too short a time hides
 slow creep."""
@@ -113,8 +111,6 @@ class Compensator:
         kept = tuple(a for a in known if _undone(a, twin))
         self.not_undone = tuple(a.effect.name for a in known if a not in kept)
         self._twin = Twin(twin.model, twin.theta, kept, twin.recording)
-        self._delay = sum(a.values["delay"] for a in kept if a.effect.name == DELAY)
-        self._joints: deque[tuple[float, np.ndarray]] = deque()
         self._mixing, self._plain = _mixing(self._twin), not kept
         self._sum = np.zeros(6)
         self._zero, self._last = np.zeros(6), -np.inf
@@ -125,7 +121,6 @@ class Compensator:
 
     def __call__(self, t: float, q: np.ndarray, wrench: np.ndarray, at_rest: bool) -> External:
         """Compensate a reading (6,) [N, N·m] at joint values (J,), at a time [s]."""
-        q = self._then(t, q)
         if not np.array_equal(q, self.q):  # sensors are faster than joints
             self.q, self._here = q.copy(), self._evaluated(q)
         residual = self._mixing @ (wrench - self._here.expected)
@@ -157,22 +152,6 @@ class Compensator:
         moved = self._mean() - self._zero
         self._zero = self._zero + moved
         return ", ".join(f"{c} {v:+.3g}" for c, v in zip(CHANNELS, moved, strict=True))
-
-    def _then(self, t: float, q: np.ndarray) -> np.ndarray:
-        """Joint values (J,) of the moment that a reading shows, where readings are late."""
-        if not self._delay:
-            return q
-        self._joints.append((t, q.copy()))
-        while len(self._joints) > 2 and self._joints[1][0] <= t - self._delay:
-            self._joints.popleft()
-        (before, first), (after, second) = (
-            self._joints[0],
-            self._joints[min(1, len(self._joints) - 1)],
-        )
-        if after <= before:
-            return first
-        share = min(max((t - self._delay - before) / (after - before), 0.0), 1.0)
-        return np.asarray(first + share * (second - first))
 
     def _expected(self, q: np.ndarray) -> np.ndarray:
         """Reading (6,) that the calibrated sensor has without an external wrench."""
@@ -235,8 +214,6 @@ def compensator(path: str | Path, noise: np.ndarray, frame: str, follow: bool) -
 
 def _undone(a: ActiveEffect, twin: Twin) -> bool:
     """Whether an effect follows from the present pose and load alone, linearly."""
-    if a.effect.name == DELAY:
-        return True
     if a.effect.modes == ("dynamic",):
         return False
     return _without_memory(a, twin) and (not a.effect.in_sensor or _linear(a, twin))

@@ -23,45 +23,14 @@ LIBRARY, SCRIPT = "assets/echarts.min.js", "assets/page.js"
 """Apache ECharts 6.1.0 as npm has it (its licences beside it), and what a page does with it."""
 
 
-def rendered(template: str, context: Mapping[str, Any], figures: Sequence[Drawn] = ()) -> str:
-    """One self-contained page; the browser runs these scripts of it and no other.
-
-    Args:
-        template: ``diagnosis``, ``recording`` or ``study``.
-        context: what it shows, by name; ``verdict``, if any, chooses its colour.
-        figures: those that answer on the page; the library that draws them is left out if none.
-
-    Raises:
-        MissingExtraError: jinja2 is not installed.
-    """
-    jinja2 = registry.require("jinja2", "report")
-    environment = jinja2.Environment(
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        finalize=_cleaned,
-        loader=jinja2.FunctionLoader(_text),
-    )
-    environment.filters["code"] = _code
-    scripts = [_script(name) for name in ((LIBRARY, SCRIPT) if figures else (SCRIPT,))]
-    data = {f.chart.name: f.chart.to_json() for f in figures}
-    text = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
-    own = {
-        "scripts": [text for text, _ in scripts],
-        "allowed": " ".join(digest for _, digest in scripts),
-        "charts": text.replace("<", "\\u003c"),  # no end of the script within it
-    }
-    return str(environment.get_template(f"{template}.html.j2").render({**context, **own}))
-
-
 @dataclass(frozen=True)
 class ReportPage:
     """A page, ready to be written.
 
     Attributes:
-        context: what the template shows, by name; ``verdict`` chooses its colour.
+        context: what the template shows, by name; ``verdict``, if any, chooses its colour.
         template: which kind of page it is.
-        figures: that answer on the page.
+        figures: that answer on the page; the library that draws them is left out if none.
     """
 
     context: Mapping[str, Any]
@@ -69,12 +38,27 @@ class ReportPage:
     figures: Sequence[Drawn] = ()
 
     def html(self) -> str:
-        """One self-contained page with the figures inside.
+        """One self-contained page; the browser runs these scripts of it and no other.
 
         Raises:
             MissingExtraError: jinja2 is not installed.
         """
-        return rendered(self.template, self.context, self.figures)
+        jinja2 = registry.require("jinja2", "report")
+        environment = jinja2.Environment(
+            autoescape=True, trim_blocks=True, lstrip_blocks=True, finalize=_cleaned,
+            loader=jinja2.FunctionLoader(_text),
+        )  # fmt: skip
+        environment.filters["code"] = _code
+        scripts = [_script(name) for name in ((LIBRARY, SCRIPT) if self.figures else (SCRIPT,))]
+        data = {f.chart.name: f.chart.to_json() for f in self.figures}
+        charts = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
+        own = {
+            "scripts": [text for text, _ in scripts],
+            "allowed": " ".join(digest for _, digest in scripts),
+            "charts": charts.replace("<", "\\u003c"),  # no end of the script within it
+        }
+        template = environment.get_template(f"{self.template}.html.j2")
+        return str(template.render({**self.context, **own}))
 
     def write(self, path: str | Path) -> None:
         """Write the page, atomically."""

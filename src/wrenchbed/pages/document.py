@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from wrenchbed.files import atomic_folder, write_json, write_text
-from wrenchbed.pages import rendered
+from wrenchbed.pages import ReportPage
 from wrenchbed.pages.chart import Chart
 from wrenchbed.pages.draw import Drawn, draw, svg, titled
 from wrenchbed.pages.numbers import measured, minus
@@ -166,7 +166,7 @@ class Document:
         parts = [part for section in self.sections for part in section.parts]
         drawn = [p.drawn for p in parts if isinstance(p, Figure) and p.drawn is not None]
         told = {"page": self, "is_table": lambda p: isinstance(p, Table)}
-        return rendered("study", told, drawn)
+        return ReportPage(told, "study", drawn).html()
 
     def write(self, folder: Path, name: str, numbers: Any = None) -> None:
         """``name``.md, ``name``.html and the figures; ``name``.json if there are numbers."""

@@ -23,9 +23,9 @@ _COMPARED = ("Method 1", "Method 2", "Method 3", "joint fit")
 _READING = (
     "Its Denavit–Hartenberg table does not fit the transform printed above it; the manufacturer's "
     "parameters are used here. Method 3 is 'from literature' without saying which: here the sensor "
-    "is zeroed at a reference pose, tool forward, as a robot's zero button does; a second reading "
-    "adds the tool's weight. The article fits and judges Method 1 on the same readings; here every "
-    f"method is judged on poses that it has not seen. {SAMPLES} samples at {RATE_HZ:g} Hz a pose."
+    "is zeroed at a reference pose, tool forward, as a robot's zero button does. The article fits "
+    "and judges Method 1 on the same readings; here every method is judged on poses that it has "
+    f"not seen. {SAMPLES} samples at {RATE_HZ:g} Hz a pose."
 )
 
 

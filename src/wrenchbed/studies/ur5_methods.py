@@ -36,7 +36,6 @@ ORDER = (
     "Method 1",
     "Method 2",
     "Method 3",
-    "Method 3, with tool gravity",
     "joint fit",
     "exact model",
 )
@@ -91,15 +90,6 @@ def tool_gravity(scene: StudyScene) -> Predictor:
 def tare(reference: np.ndarray) -> Predictor:
     """Method 3 as we read it: the reading at a reference pose (6,) is taken for zero."""
     return lambda q: np.repeat(reference[None], len(q), axis=0)
-
-
-def tare_and_gravity(
-    scene: StudyScene, q_reference: np.ndarray, reference: np.ndarray
-) -> Predictor:
-    """Method 3, the other way: zeroed at a reference pose (1, 6), and the tool's weight on top."""
-    weight = tool_gravity(scene)
-    offset = reference - weight(q_reference)[0]
-    return lambda q: weight(q) + offset
 
 
 def joint_fit(scene: StudyScene, recording: Recording) -> tuple[Predictor, Fit]:
@@ -181,7 +171,6 @@ def run(scenario: Scenario, seed: int) -> Trial:
         "Method 1": known_weights(scene, calibrating),
         "Method 2": tool_gravity(scene),
         "Method 3": tare(zero),
-        "Method 3, with tool gravity": tare_and_gravity(scene, reference, zero),
         "joint fit": fitted,
         "exact model": lambda _: exact[last:],
     }
