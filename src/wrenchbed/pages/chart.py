@@ -13,6 +13,7 @@ import numpy as np
 Role = Literal["measured", "before", "after", "box", "rest", "ink"]
 """What a colour means: measured, simulated without and with the effects, a black box, beside."""
 Mark = Literal["dot", "ring", "diamond"]
+Kind = Literal["line", "points", "band", "bars"]
 DIGITS = 6
 """Significant digits of a number in a page."""
 MOST_POINTS = 400
@@ -70,7 +71,7 @@ class Series:
     """
 
     name: str
-    kind: Literal["line", "points", "band", "bars"]
+    kind: Kind
     x: np.ndarray
     y: np.ndarray
     std: np.ndarray | None = None

@@ -3,11 +3,12 @@
 from pathlib import PurePath
 
 import numpy as np
+from scipy.stats import binned_statistic
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.pages import ReportPage
-from wrenchbed.pages.chart import Axis, Chart, Panel, Series, thinned
+from wrenchbed.pages.chart import Axis, Chart, Kind, Panel, Role, Series, thinned
 from wrenchbed.pages.draw import draw
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.reports import effort_sentences as sentences
@@ -19,6 +20,10 @@ _SHOWN_S = 15.0
 _FITTED = "what is not stated fitted; what is stated stays within its ordinary spread"
 _BINS = 24
 """Of speed, in which friction is averaged."""
+_FRICTION: tuple[tuple[str, Kind, Role], ...] = (
+    ("measured", "points", "measured"), ("stated", "line", "before"),
+    ("with the effects", "line", "after"),
+)  # fmt: skip
 
 
 def effort_page(found: EffortFindings, command: str = "") -> ReportPage:
@@ -94,20 +99,15 @@ def _friction(found: EffortFindings, j: int) -> Chart:
     speed = scene.q.d[scene.kept(), j]
     stated = scene.thin(scene.friction[:, j])
     measured = stated + found.d.y[:, j]
-    edges = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, _BINS + 1)))
-    at = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, len(edges) - 2)
-    count = np.bincount(at, minlength=len(edges) - 1)
-    full = count > 0
-
-    def means(values: np.ndarray) -> np.ndarray:
-        return np.asarray(np.bincount(at, values, len(edges) - 1)[full] / count[full])
-
-    x = means(speed)
-    series = [Series("measured", "points", x, means(measured), role="measured"),
-              Series("stated", "line", x, means(stated), role="before")]  # fmt: skip
+    efforts = [speed, measured, stated]
     if "with_effects" in found.held_out.left:
-        made = measured - std * found.held_out.left["with_effects"][:, j]
-        series.append(Series("with the effects", "line", x, means(made), role="after"))
+        efforts.append(measured - std * found.held_out.left["with_effects"][:, j])
+    edges = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, _BINS + 1)))
+    x, *means = binned_statistic(speed, efforts, "mean", edges).statistic
+    series = [
+        Series(name, kind, x, y, role=role)
+        for y, (name, kind, role) in zip(means, _FRICTION, strict=False)
+    ]
     own = scene.robot.joints[j].own
     panel = Panel(Axis("speed", own("rad/s")), Axis("effort less rigid body", own("N·m")),
                   tuple(series), zero=True)  # fmt: skip

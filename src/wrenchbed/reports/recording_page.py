@@ -91,72 +91,60 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     return ReportPage(context, "recording", drawn)
 
 
-def _white(recording: Recording, s: Simulator, noise: np.ndarray) -> np.ndarray:
-    return np.asarray((recording.wrench - s.reading) / noise)
-
-
-def _heat(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> Chart:
-    order, unit = order_of(recording)
-    groups = bins(order, figures.BINS)
-    residuals = {s.name: _white(recording, s, noise) for s in known}
-    poses = unit == "pose"
-    return figures.heat(
-        residuals, groups, figures.ranges(order, groups), "pose" if poses else "time [s]",
-        "over the poses in order" if poses else "over time", "poses" if poses else "rows",
-    )  # fmt: skip
-
-
 def _charts(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> list[Chart]:
     """Residuals as a map, then readings and their residual, and the joints, over time."""
-    t = recording.t - recording.t[0]
-    told = [_heat(recording, known, noise)]
-    for part, first in (("Forces", 0), ("Torques", 3)):
-        told.append(_over_time(recording, known, noise, t, part, first))
+    order, unit = order_of(recording)
+    groups = bins(order, figures.BINS)
+    residuals = {s.name: np.asarray((recording.wrench - s.reading) / noise) for s in known}
+    poses = unit == "pose"
+    charts = [
+        figures.heat(
+            residuals, groups, figures.ranges(order, groups), "pose" if poses else "time [s]",
+            "over the poses in order" if poses else "over time", "poses" if poses else "rows",
+        )
+    ]  # fmt: skip
+    caption = "On the left measured and simulated, on the right their difference."
+    for title, first in (("Forces", 0), ("Torques", 3)):
+        panels = []
+        for k in range(first, first + 3):
+            readings = {"measured": recording.wrench[:, k]}
+            readings |= {s.name: s.reading[:, k] for s in known}
+            differences = {name: residual[:, k] for name, residual in residuals.items()}
+            panels.append((Axis(CHANNELS[k], UNITS[k]), readings))
+            panels.append((Axis(f"{CHANNELS[k]}, residual", "noise"), differences))
+        charts.append(_over_time(recording, f"{title} over time", panels, caption))
     if recording.joints:
-        turns = [j.unit == "rad" for j in robot_of(recording).joints]
-        panels, note = [], ""
-        for k, joint in enumerate(recording.joints):
-            y = recording.q[:, k]
-            series, note = thinned(
-                [Series("", "line", t, np.rad2deg(y) if turns[k] else 1e3 * y, ids=_rows(t))],
-            )  # fmt: skip
-            y_axis = Axis(joint, "°" if turns[k] else "mm")
-            panels.append(Panel(Axis("time", "s"), y_axis, series, height=0.7))
-        told.append(
-            Chart("joints", "Joints over time", tuple(panels), 2, shared=True, note=note)
-        )  # fmt: skip
-    return told
+        joints = robot_of(recording).joints
+        units = [("°", 180.0 / np.pi) if j.unit == "rad" else ("mm", 1e3) for j in joints]
+        q = [
+            (Axis(name, unit), {"": factor * recording.q[:, k]})
+            for k, (name, (unit, factor)) in enumerate(zip(recording.joints, units, strict=True))
+        ]
+        charts.append(_over_time(recording, "Joints over time", q))
+    return charts
 
 
 def _over_time(
-    recording: Recording, known: Sequence[Simulator], noise: np.ndarray, t: np.ndarray, part: str,
-    first: int,
+    recording: Recording, title: str, panels: Sequence[tuple[Axis, Mapping[str, np.ndarray]]],
+    caption: str = "",
 ) -> Chart:  # fmt: skip
-    """Three channels measured and simulated, each with its residual beside."""
-    roles: tuple[Role, ...] = ("before", "after", "box", "rest")
-    panels, note = [], ""
-    for k in range(first, first + 3):
-        channel, unit, y = CHANNELS[k], UNITS[k], recording.wrench[:, k]
-        readings = [Series("measured", "line", t, y, ids=_rows(t))]
-        left = []
-        for s, role in zip(known, roles, strict=False):
-            readings.append(
-                Series(s.name, "line", t, s.reading[:, k], role=role, dashed=True, ids=_rows(t))
+    """Curves (N,) by name, two panels beside each other; simulators are dashed."""
+    t, rows = recording.t - recording.t[0], np.arange(1, len(recording) + 1)
+    simulated: tuple[Role, ...] = ("before", "after", "box", "rest")
+    drawn, note = [], ""
+    for axis, curves in panels:
+        measured = [name for name in curves if name in ("", "measured")]
+        roles = dict(zip([n for n in curves if n not in measured], simulated, strict=False))
+        series = [
+            Series(
+                name, "line", t, y, role=roles.get(name, "measured"), ids=rows,
+                dashed=bool(measured) and name in roles,
             )
-            rest = (y - s.reading[:, k]) / noise[k]
-            left.append(Series(s.name, "line", t, rest, role=role, ids=_rows(t)))
-        for series, axis, zero in (
-            (readings, Axis(channel, unit), False),
-            (left, Axis(f"{channel}, residual", "noise"), True),
-        ):
-            kept, note = thinned(series)
-            panels.append(Panel(Axis("time", "s"), axis, kept, zero=zero, height=0.9))
-    caption = "On the left measured and simulated, on the right their difference."
-    return Chart(part.lower(), f"{part} over time", tuple(panels), 2, True, caption, note)
-
-
-def _rows(t: np.ndarray) -> np.ndarray:
-    return np.arange(1, len(t) + 1)
+            for name, y in curves.items()
+        ]  # fmt: skip
+        kept, note = thinned(series)
+        drawn.append(Panel(Axis("time", "s"), axis, kept, zero=not measured, height=0.9))
+    return Chart(title.split()[0].lower(), title, tuple(drawn), 2, True, caption, note)
 
 
 def _what(recording: Recording) -> dict[str, str]:
