@@ -21,13 +21,9 @@ from wrenchbed.exports.load_numbers import Origin, load_numbers
 from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 INERTIA = {
-    f"tool.inertia.{n}": v
-    for n, v in zip(
-        ("xx", "yy", "zz", "xy", "xz", "yz"),
-        (4e-3, 5e-3, 3e-3, 2e-4, -3e-4, 1e-4),
-        strict=True,
-    )
-}
+    "tool.inertia.xx": 4e-3, "tool.inertia.yy": 5e-3, "tool.inertia.zz": 3e-3,
+    "tool.inertia.xy": 2e-4, "tool.inertia.xz": -3e-4, "tool.inertia.yz": 1e-4,
+}  # fmt: skip
 TILT = {"base.tilt.x": 0.01, "base.tilt.y": -0.02}
 MOUNT = {"mount.position.x": 0.01, "mount.position.y": -0.02, "mount.position.z": 0.05}
 URDF = """<?xml version="1.0"?>
@@ -235,24 +231,6 @@ def test_urdf_is_read_by_mujoco_and_changes_nothing_else(fit, tmp_path, expected
     assert body.pos == pytest.approx(list(MOUNT.values()), abs=1e-9)
 
 
-def test_exported_mjcf_of_a_fit_reads_as_the_fit_compensates(fit, tmp_path):
-    twin = load_numbers(fit).twin
-    path, _ = wb.export(twin, tmp_path / "model")
-    model = mujoco.MjModel.from_xml_path(str(path))
-    data = mujoco.MjData(model)
-    robot = twin.model.robot
-    q = robot.sample(20, np.random.default_rng(5))
-    theta = twin.robot_theta
-    load = twin.model.true_wrench(q, twin.theta)
-    for row, want in zip(robot.qpos(q, theta), load, strict=True):
-        data.qpos[:] = row
-        data.qvel[:] = data.qacc[:] = 0.0
-        mujoco.mj_inverse(model, data)
-        mujoco.mj_rnePostConstraint(model, data)
-        reading = -np.concatenate([data.sensor("force").data, data.sensor("torque").data])
-        assert reading == pytest.approx(want, abs=1e-9)
-
-
 @pytest.mark.parametrize("series", ["cb3", "e"])
 def test_a_ur_told_by_the_script_feels_no_force(tmp_path, series):
     """The controller's own wrench is zero at 100 poses, and was not before."""
@@ -431,21 +409,10 @@ def test_contract(fit, tmp_path, name):
 
 BENIGN = "pose-log"
 HOSTILE = [
-    "x\nset_digital_out(0,True)",
-    "x\rset_digital_out(0,True)",
-    "x\r\n$OUT[1]=TRUE",
-    "x\u2028import os",
-    "x\u2029import os",
-    "x\u0085import os",
-    "x\x0bimport os\x0cimport os\x1cimport os",
-    "x\x00\x1b[2J\u202e\ufffe\uffff",
-    "-->",
-    "x--->",
-    "x---->\n<mass value='9'/>",
-    "x-",
-    "x--",
-    "coding: utf-7 +AAo-import os",
-]
+    "x\r\n$OUT[1]=TRUE", "x\u2028import os\u2029import os\u0085import os",
+    "x\x0bimport os\x0cimport os\x1cimport os", "x\x00\x1b[2J\u202e\ufffe\uffff",
+    "-->", "x---->\n<mass value='9'/>", "x-", "coding: utf-7 +AAo-import os",
+]  # fmt: skip
 """Texts that would end a comment of some language, or of all that read Unicode's line ends."""
 
 

@@ -4,8 +4,7 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
-from wrenchbed.effects.base import SHOWN, STAGES, ModelEffect
-from wrenchbed.errors import NotFoundError
+from wrenchbed.effects.base import SHOWN, STAGES
 from wrenchbed.reports.effects_page import PAGE, render, visible_size
 
 TEXT = render()
@@ -43,22 +42,3 @@ def test_companions_that_no_data_separates_are_named():
         a, b = sorted(pair)
         assert f"companions: `{b}`" in section(a) or f"`{b}`" in section(a).split("| parameter")[0]
         assert f"`{a}`" in section(b).split("| parameter")[0]
-
-
-def test_an_effect_that_does_not_say_where_it_is_seen_is_refused():
-    class Silent(ModelEffect):
-        """Nothing more."""
-
-        name = "base.silent"
-
-        def parameters(self, robot):
-            raise NotImplementedError
-
-        def variants(self, scene):
-            raise NotImplementedError
-
-        def theta(self, robot, theta, p):
-            raise NotImplementedError
-
-    with pytest.raises(NotFoundError, match=r"base\.silent.*Seen in"):
-        visible_size(Silent())

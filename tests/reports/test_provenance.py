@@ -71,9 +71,3 @@ def test_a_study_names_the_results_behind_it(tmp_path, made_then, monkeypatch):
     }  # fmt: skip
     assert "<p>three trials</p>" in html
     assert f"- made: {made_then}" in (out / "ur5.md").read_text()
-
-
-def test_a_page_without_facts_has_no_empty_section():
-    page = Document("T", "Lead.", (Section("S", "text"),), "by hand")
-    assert 'id="data"' not in page.html() and "by hand" in page.html()
-    assert "Data and command" not in page.markdown()

@@ -48,7 +48,7 @@ def test_table_1_gives_the_printed_position_errors(paper_robot):
         evaluated = [1e3 * row[s] for s in ("mean", "max", "std")]
         assert evaluated == pytest.approx(printed[key], rel=5e-3)
     assert 1e3 * after["mean"] == pytest.approx(published.AFTER["mean"], rel=0.03)
-    assert 1e3 * before["mean"] == pytest.approx(published.BEFORE["mean"], rel=0.06)
+    assert 1e3 * before["mean"] == pytest.approx(9.03, rel=0.06)  # from Table 3
 
 
 def test_without_noise_the_papers_procedure_is_exact_in_five_steps(paper_robot):

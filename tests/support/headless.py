@@ -1,6 +1,7 @@
 """Rerun's own viewer without a screen: what it shows of a file, as pictures and as state."""
 
 import io
+import socket
 import subprocess
 import time
 from collections.abc import Iterator
@@ -17,6 +18,13 @@ SIZE = (1600, 900)
 VULKAN = Path("/usr/share/vulkan/icd.d").is_dir()
 """Whether there is what the viewer draws with."""
 _LOADS_S = 60.0
+
+
+def free_port() -> int:
+    """A port of this machine that nobody listens at."""
+    with socket.socket() as probe:
+        probe.bind((show.HOST, 0))
+        return int(probe.getsockname()[1])
 
 
 class Seen:

@@ -7,9 +7,6 @@ import pytest
 import rerun as rr
 
 import wrenchbed as wb
-from headless import VULKAN, seen
-from on_screen import screen
-from pictures import unless
 from rrd_file import Rrd
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.pages import numbers
@@ -17,7 +14,6 @@ from wrenchbed.reports.claim import joints
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer.diagnoses import blame, diagnosis_view, painted, part_of
 from wrenchbed.viewer.elements import heat
-from wrenchbed.viewer.show import free_port
 
 
 def cause(effect, probability=1.0, rivals=(), **parameters):
@@ -157,17 +153,3 @@ def test_the_answers_are_in_words(found):
     said = f"Joint 2 is compliant and deflects under gravity: stiffness {value}."
     assert text.startswith(f"# identified: {said}")
     assert "joint.compliance | " in text and "with the effects |" in text
-
-
-@unless(VULKAN, "mesa-vulkan-drivers is not installed")
-def test_the_answers_are_read_on_the_screen(found):
-    findings, _, folder = found
-    port = free_port()
-    with seen(folder / "diagnosis.rrd", port), screen(port) as viewer:
-        text = viewer.words()
-    d = findings.diagnosis
-    assert "Joint 2 is compliant" in text
-    for name, p in d.probabilities.items():
-        assert p < 0.02 or (name in text and numbers.chance(p) in text)
-    assert "robot, painted by blame" in text and "answers" in text
-    assert d.gap.configured is not None and numbers.gap(d.gap.configured) in text

@@ -8,16 +8,13 @@ import pytest
 
 import silhouette
 import wrenchbed as wb
-from headless import VULKAN, seen
-from on_screen import screen
+from headless import VULKAN, free_port, seen
 from pictures import unless
-from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import show
 from wrenchbed.viewer.elements import MEASURED, SIMULATED
 from wrenchbed.viewer.recordings import recording_view
 from wrenchbed.viewer.robot import motion
-from wrenchbed.viewer.show import free_port
 
 pytestmark = unless(VULKAN, "mesa-vulkan-drivers is not installed")
 MARKERS = silhouette.around(0.8, 0.42, 0.3)
@@ -77,33 +74,6 @@ def test_what_the_viewer_asks_of_others_goes_nowhere(tmp_path, monkeypatch):
             asking, _ = nowhere.accept()
             with asking:
                 assert asking.recv(200).startswith(b"CONNECT api.github.com:443")
-
-
-def test_tabs_and_words_can_be_read_and_clicked(tmp_path):
-    robot = wb.load("robots", "medrue")
-    with wb.SimDriver(wb.SimOptions("medrue", seed=1)) as driver:
-        wb.record(driver, wb.poses(robot, 6, seed=1), tmp_path / "rec.parquet", samples=10)
-    recording = wb.Recording.read(tmp_path / "rec.parquet")
-    recording_view(recording, tmp_path / "view.rrd")
-    own = free_port()
-    with seen(tmp_path / "view.rrd", own), screen(own) as viewer:
-        first = viewer.words()
-        viewer.show("about", "rms of the residual")
-        about = viewer.words()
-    for text in (
-        "robot",
-        "loop closure [nm]",
-        *(f"{c} [{u}]" for c, u in zip(CHANNELS, UNITS, strict=True)),
-    ):
-        assert text in first.splitlines()
-    model = wb.Model.of(robot, recording.metadata)
-    theta = model.configured(recording.metadata)
-    left = recording.wrench - model.predict(recording.q, theta)
-    assert (
-        f"{np.sqrt(np.mean(left[:, 0] ** 2)):.3g} (" in about
-        and "agrees with the recording" in about
-    )
-    assert "60 rows" in about and "Measured is blue, simulated orange" in about
 
 
 def transforms(viewer) -> dict[str, np.ndarray]:

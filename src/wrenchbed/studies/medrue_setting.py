@@ -38,10 +38,6 @@ ACTUAL = {
 """True parameters of the simulated robot in Table 1 [mm, °, kg]."""
 AFTER = {"mean": 0.2771, "max": 0.320, "std": 0.0157}
 """Target workspace after calibration [mm]: abstract and Section 5."""
-BEFORE = {"mean": 9.03, "max": 12.2, "std": 1.65}
-"""Errors in the target workspace before calibration, from Table 3's improvements [mm]."""
-WHOLE_MEAN = (8.9135, 0.286)
-"""Mean over the whole workspace before and after [mm]; Section 5 calls it the target's."""
 IMPROVEMENT = {
     ("force", "whole"): (99.43, 99.29, 99.34), ("torque", "whole"): (100.0, 99.43, 100.0),
     ("force", "target"): (98.31, 98.73, 99.24), ("torque", "target"): (96.36, 96.70, 100.0),

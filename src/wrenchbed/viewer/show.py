@@ -30,13 +30,6 @@ PICTURE = "diagnosis.rrd"
 """Picture in the folder of a diagnosis."""
 
 
-def free_port() -> int:
-    """A port of this machine that nobody listens at."""
-    with socket.socket() as probe:
-        probe.bind((HOST, 0))
-        return int(probe.getsockname()[1])
-
-
 def command(file: str | Path | None, *, port: int = PORT) -> list[str]:
     """Command line of rerun's viewer for a file, or for rows that are still to come.
 
