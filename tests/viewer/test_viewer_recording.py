@@ -116,13 +116,6 @@ def test_an_arrow_is_the_load_on_the_sensor_in_the_world(recorded):
     assert np.abs(arrow / scale - [0, 0, -weight]).max() < 0.15 * weight + 0.3
 
 
-def test_a_ghost_is_only_where_the_fit_moves_a_body(recorded):
-    robot, _, rrd, _ = recorded
-    ghosts = {e for e in rrd.entities() if e.startswith("/world/sim")}
-    assert not any("/world/sim/world" in e for e in ghosts)
-    assert any(e.startswith("/world/sim/tool") for e in ghosts) == (robot.name == "medrue")
-
-
 @pytest.mark.parametrize("name", ROBOTS)
 def test_all_visible_geoms_are_drawn(name):
     robot = wb.load("robots", name)

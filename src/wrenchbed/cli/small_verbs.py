@@ -190,8 +190,7 @@ def view(
 
     Args:
         recording: Parquet file; the folder of a diagnosis; or an .rrd file.
-        against: fit.json and twin.json files whose simulators are held against it, the last as a
-            ghost.
+        against: fit.json and twin.json files whose simulators are held against it.
         rrd: Write this file and open nothing.
         port: Of the viewer's data, on 127.0.0.1.
     """

@@ -8,23 +8,20 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
 from wrenchbed.pages.provenance import markdown, provenance
 from wrenchbed.reports.answer import of_wrench
-from wrenchbed.reports.claim import Claim, claim, joints, joints_or
+from wrenchbed.reports.claim import Claim, joints, joints_or
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import layout
-from wrenchbed.viewer.elements import NEXT, ghost, heat
+from wrenchbed.viewer.elements import heat
 from wrenchbed.viewer.robot import BodyMotion, log_pose, log_shapes, log_world, motion
 from wrenchbed.viewer.stream import Canvas, bar, log_words, readable, to_file
 
 _LABEL_M = 0.1
 """Least distance of two labels."""
-MOST_NEXT = 5
-"""Proposed poses that are drawn."""
 
 
 def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
@@ -143,18 +140,10 @@ def answers(found: Findings, shares: Mapping[str, float], command: str = "") -> 
     if d.cannot_tell:
         rows += ["", "**What this recording cannot tell**", "", *(f"- {x}" for x in d.cannot_tell)]
     rows += ["", "**What to do next**", "", *(f"- {step}" for step in words.steps)]
-    if shares and proposed_poses(found) is not None:
-        rows += ["", f"Teal: up to {MOST_NEXT} of the proposed poses."]
     if d.notes:
         rows += ["", "**Notes**", "", *(f"- {n}" for n in d.notes)]
     names = (d.recording, *d.others)
     return "\n".join([*rows, *markdown(provenance(names, command, found.seed))])
-
-
-def proposed_poses(found: Findings) -> Plan | None:
-    """The first proposed plan of poses at rest, None where there is none."""
-    plan = next(iter(found.plans.values()), None)
-    return plan if plan is not None and plan.mode == "static" else None
 
 
 def _causes(claims: Sequence[Claim]) -> list[str]:
@@ -179,26 +168,17 @@ def _log_robot(
     log_shapes(canvas, "world/real", model, painted(model, robot, shares))
     home = motion(simulation, robot.home[None])
     log_pose(canvas, "world/real", home)
-    _log_label(canvas, model, robot, home, found)
-    plan = proposed_poses(found)
-    if plan is not None:
-        chosen = np.unique(np.linspace(0, len(plan) - 1, MOST_NEXT).astype(int))
-        ahead = motion(simulation, plan.q[chosen])
-        moving = [n for n in ahead.names if n != "world"]
-        for k in range(len(chosen)):
-            root = f"world/next/{k + 1}"
-            log_shapes(canvas, root, model, ghost(NEXT), only=moving)
-            log_pose(canvas, root, ahead, k)
+    _log_labels(canvas, model, robot, home, shares)
 
 
-def _log_label(
-    canvas: Canvas, model: Any, robot: SimulatedRobot, home: BodyMotion, found: Findings
+def _log_labels(
+    canvas: Canvas, model: Any, robot: SimulatedRobot, home: BodyMotion, shares: Mapping[str, float]
 ) -> None:
-    """What is named of each painted part, beside it, one label above the other."""
+    """Each painted part and its probability beside it, one label above the other."""
     parts = part_of(model, robot, shown_world=True)
     places: list[np.ndarray] = []
-    texts = part_labels(found)
-    for part in texts:
+    ranked = sorted(shares.items(), key=lambda item: -item[1])
+    for part, _ in ranked:
         own = [g for g, names in parts.items() if part in names]
         bodies = [model.body(int(model.geom_bodyid[g])).name for g in own]
         known = [home.names.index(b) for b in bodies if b in home.names]
@@ -207,26 +187,9 @@ def _log_label(
             place = place + np.array([0.0, 0.0, _LABEL_M])
         places.append(place)
     if places:
+        labels = [f"{part}, probability {numbers.chance(share)}" for part, share in ranked]
         shown = rr.Points3D(
-            places,
-            labels=[readable(x) for x in texts.values()],
-            radii=0.004,
-            colors=(255, 255, 255),
+            places, labels=[readable(x) for x in labels], radii=0.004, colors=(255, 255, 255),
             show_labels=True,
-        )
+        )  # fmt: skip
         canvas.once("world/blame", shown)
-
-
-def part_labels(found: Findings) -> dict[str, str]:
-    """Of each painted part its probability and the values that are named."""
-    d = found.diagnosis
-    result: dict[str, str] = {}
-    for part, share in sorted(blame(d.to_json()).items(), key=lambda item: -item[1]):
-        told = [f"{part}, probability {numbers.chance(share)}"]
-        for entry in d.which:
-            own = claim(entry)
-            places = [f"{own.name.split('.')[0]} {k}" for k in joints(entry)]
-            if part in (places or [own.name.split(".")[0]]):
-                told += [f"{size.name} {size.value}" for size in own.figures]
-        result[part] = "; ".join(told)
-    return result

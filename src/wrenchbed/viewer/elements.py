@@ -18,13 +18,12 @@ SIMULATED = (230, 110, 20)
 """Orange: what a simulator says."""
 OTHERS = ((0, 158, 115), (170, 110, 190), (225, 190, 60))
 """Further simulators beside the first."""
-NEXT = (13, 148, 136)
-"""Teal: what to do next."""
+RESIDUAL = (13, 148, 136)
+"""Teal: the residual."""
 JOINTS = (
     (31, 119, 180), (255, 127, 14), (44, 160, 44),
     (214, 39, 40), (148, 103, 189), (140, 86, 75),
 )  # fmt: skip
-GHOST_ALPHA = 80
 _LEAST = (0.89, 0.90, 0.91)
 """Of a part that nothing is wrong with: light grey."""
 _RAMP = np.array(
@@ -48,11 +47,6 @@ def heat(share: np.ndarray | float) -> np.ndarray:
     part = (at - low)[..., None]
     mixed = _RAMP[low] * (1.0 - part) + _RAMP[low + 1] * part
     return np.rint(255.0 * mixed).astype(np.uint8)
-
-
-def ghost(colour: Colour) -> tuple[int, int, int, int]:
-    """The colour, transparent."""
-    return (*colour, GHOST_ALPHA)
 
 
 @dataclass(frozen=True)

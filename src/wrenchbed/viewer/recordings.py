@@ -9,28 +9,21 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.pages.provenance import markdown, provenance
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.agreement import agreement, best
-from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.comparison import Simulator, modelled, noise_of, robot_of, simulators
 from wrenchbed.viewer import layout
 from wrenchbed.viewer.elements import (
     MEASURED,
-    NEXT,
+    RESIDUAL,
     SIMULATED,
-    ghost,
     log_arrows,
     log_channels,
     log_curves,
     log_joints,
     scale_for,
 )
-from wrenchbed.viewer.robot import BodyMotion, frames, log_motion, log_robot, log_shapes, motion
+from wrenchbed.viewer.robot import frames, log_robot, motion
 from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
-
-GROWN_M = 0.003
-"""By which the simulated robot is larger, so that one sees it around the real one."""
-_APART_M = 1e-5
-"""Bodies nearer than this are where the real robot's are: no ghost."""
 
 
 def recording_view(
@@ -54,10 +47,9 @@ def recording_view(
     q, at_rest = recording.q.astype(float), recording.metadata.mode == "static"
     at, axis = _over(recording)
     shown = frames(q, None if at_rest else at)
-    real = motion(Simulation(robot, known[0].theta), q[shown])
+    simulation = Simulation(robot, known[0].theta)
+    real, loops = motion(simulation, q[shown]), simulation.model.neq > 0
     residual = recording.wrench - best.reading
-    simulation = Simulation(robot, best.theta)
-    simulated, loops = motion(simulation, q[shown]), simulation.model.neq > 0
     blueprint = layout.page(
         layout.scene(robot.name),
         [
@@ -70,9 +62,6 @@ def recording_view(
     )
     with to_file(path, blueprint, axis) as canvas:
         log_robot(canvas, robot, at[shown], real)
-        apart = np.abs(simulated.position - real.position).max(axis=(0, 2)) > _APART_M
-        if apart.any():
-            log_ghost(canvas, robot, best.theta, at[shown], simulated.of(apart))
         scale = scale_for(recording.wrench)
         log_arrows(
             canvas, "measured", at[shown], recording.wrench[shown], real, scale, MEASURED, -1.0
@@ -80,10 +69,10 @@ def recording_view(
         log_arrows(canvas, "simulated", at[shown], best.reading[shown], real, scale, SIMULATED, 1.0)
         readings = {"measured": recording.wrench} | {s.name: s.reading for s in known}
         log_channels(canvas, "wrench", at, readings)
-        log_channels(canvas, "residual", at, {"residual": residual}, [NEXT])
+        log_channels(canvas, "residual", at, {"residual": residual}, [RESIDUAL])
         log_joints(canvas, at, q, robot.joints)
         if loops:
-            gap = 1e9 * simulated.gap[:, None]
+            gap = 1e9 * real.gap[:, None]
             log_curves(canvas, "closure", at[shown], gap, ["gap of the loops"], [SIMULATED])
         _log_words(canvas, recording, known, scale.sentence)
 
@@ -102,15 +91,6 @@ def _over(recording: Recording) -> tuple[np.ndarray, str]:
     if recording.metadata.mode == "static":
         return np.arange(float(len(recording))), ROW
     return recording.t.astype(float), TIME
-
-
-def log_ghost(
-    canvas: Canvas, robot: SimulatedRobot, theta: np.ndarray, at: np.ndarray, seen: BodyMotion
-) -> None:
-    """Log a simulated robot's bodies around the real ones, in orange that one sees through."""
-    model = Simulation(robot, theta).model
-    log_shapes(canvas, "world/sim", model, ghost(SIMULATED), GROWN_M, only=seen.names)
-    log_motion(canvas, "world/sim", at, seen)
 
 
 def _log_words(

@@ -1,7 +1,7 @@
 """The robot in the scene: MuJoCo's geoms as shapes of rerun, and where its bodies are."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -52,13 +52,11 @@ def shapes(
     model: mujoco.MjModel,
     body: int,
     paint: Mapping[int, tuple[int, ...]] | tuple[int, ...] | None = None,
-    grown: float = 0.0,
 ) -> dict[str, Any]:
     """A body's geoms in its own frame as rerun archetypes, by kind.
 
     Args:
         paint: RGB(A) of 0 … 255 instead of the model's, for all geoms or by number.
-        grown: by which all but meshes is larger [m], so that a ghost is seen around what it covers.
 
     Raises:
         NotFoundError: a geom is none of plane, box, sphere, ellipsoid, capsule, cylinder, mesh.
@@ -74,7 +72,7 @@ def shapes(
     for kind, numbers in chosen.items():
         g = np.array(numbers)
         turn = xyzw(model.geom_quat[g])
-        size, at = _half_sizes(model, g) + grown, model.geom_pos[g]
+        size, at = _half_sizes(model, g), model.geom_pos[g]
         look = {
             "colors": _painted(model, g, paint),
             "quaternions": turn,
@@ -187,13 +185,6 @@ class BodyMotion:
     rotation: np.ndarray
     gap: np.ndarray
 
-    def of(self, some: np.ndarray) -> "BodyMotion":
-        """Only some bodies (B,)."""
-        names = tuple(n for n, kept in zip(self.names, some, strict=True) if kept)
-        return replace(
-            self, names=names, position=self.position[:, some], quaternion=self.quaternion[:, some]
-        )
-
 
 def motion(simulation: Simulation, q: np.ndarray) -> BodyMotion:
     """Bodies at joint values (K, J), by MuJoCo's kinematics."""
@@ -248,7 +239,6 @@ def log_shapes(
     root: str,
     model: mujoco.MjModel,
     paint: Mapping[int, tuple[int, ...]] | tuple[int, ...] | None = None,
-    grown: float = 0.0,
     only: Collection[str] | None = None,
 ) -> None:
     """Log bodies' shapes under ``root/<body>``; see `shapes`.
@@ -258,7 +248,7 @@ def log_shapes(
     """
     for name, body in bodies(model).items():
         if only is None or name in only:
-            for kind, shape in shapes(model, body, paint, grown).items():
+            for kind, shape in shapes(model, body, paint).items():
                 canvas.once(f"{root}/{name}/{kind}", shape)
 
 
