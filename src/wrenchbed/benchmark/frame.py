@@ -82,6 +82,30 @@ def hold_means(rows: np.ndarray, hold: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
+class Shown:
+    """How much a cause shows beside all else.
+
+    Attributes:
+        gap: that it adds; of a cause between rows the mean rise of a row's variance.
+        rows: largest rise of a channel's row variance, 0 for a cause that shows in means.
+        between: whether it shows between rows.
+    """
+
+    gap: float
+    rows: float
+    between: bool
+
+    @property
+    def amount(self) -> float:
+        """What counts: gap, or rise between rows."""
+        return self.rows if self.between else self.gap
+
+    def needed(self, kind: str) -> float:
+        """Amount from which it counts in a kind of case."""
+        return (ROWS_NEEDED if self.between else NEEDED)[kind]
+
+
+@dataclass(frozen=True, eq=False)
 class RowChange(Generic[Shake]):
     """Change of single rows that leaves the mean of a hold unchanged.
 

@@ -14,10 +14,10 @@ from scipy.signal import lfilter
 from wrenchbed.benchmark.frame import (
     KINDS,
     NEEDED,
-    ROWS_NEEDED,
     SIZES,
     STATED,
     Rng,
+    Shown,
     converted,
     log_uniform,
     subsystem,
@@ -120,27 +120,11 @@ def draw(
 
 
 @dataclass(frozen=True, eq=False)
-class _Measured:
-    """An imperfection, the gap and row variance that it adds, and the reading with it."""
+class _Measured(Shown):
+    """An imperfection, what it adds, and the reading with it (N, 6)."""
 
     item: Imperfection
-    gap: float
     reading: np.ndarray
-    rows: float = 0.0
-
-    @property
-    def between_rows(self) -> bool:
-        return EFFECTS[self.item.name].rows
-
-    @property
-    def shown(self) -> float:
-        return self.rows if self.between_rows else self.gap
-
-    def needed(self, kind: str) -> float:
-        return (ROWS_NEEDED if self.between_rows else NEEDED)[kind]
-
-    def enough(self, kind: str) -> bool:
-        return self.shown >= self.needed(kind)
 
 
 class _Drawing:
@@ -177,7 +161,7 @@ class _Drawing:
             self._surround([*around, (second.item, 1.0)])
             again = self._measure(first.item)
             self.around, self.base = around, base
-            if self.size is not None or again.enough(self.kind):
+            if self.size is not None or again.amount >= again.needed(self.kind):
                 return self.case([again, second])
         raise ParameterError("no two causes show together in this design")
 
@@ -217,7 +201,7 @@ class _Drawing:
             sizes={c.item.name: {k: float(v) for k, v in c.item.values.items()} for c in causes},
             gaps={c.item.name: c.gap for c in causes},
             clean=clean,
-            rows={c.item.name: c.rows for c in causes if c.between_rows},
+            rows={c.item.name: c.rows for c in causes if c.between},
             background=self.minor,
             items=tuple(items),
             unclipped=self.robot.reading(items, clip=False) if limited else clean,
@@ -231,14 +215,14 @@ class _Drawing:
         now = self.size if self.size is not None else log_uniform(self.rng, *SIZES)
         for _ in range(_TRIES):
             cause = self._measure(EFFECTS[name].draw(self.design, self.rng, now))
-            if (self.size is not None and np.isfinite(cause.gap)) or cause.enough(self.kind):
+            needed = cause.needed(self.kind)
+            if (self.size is not None and np.isfinite(cause.gap)) or cause.amount >= needed:
                 return cause
-            if not np.isfinite(cause.shown):
+            if not np.isfinite(cause.amount):
                 now = 0.5 * now
                 continue
-            needed = cause.needed(self.kind)
-            growth = float(np.sqrt(_MARGIN * needed / max(cause.shown, 1e-12)))
-            if cause.shown < 0.01 * needed:  # the draw, not the size, is what does not show
+            growth = float(np.sqrt(_MARGIN * needed / max(cause.amount, 1e-12)))
+            if cause.amount < 0.01 * needed:  # the draw, not the size, is what does not show
                 growth = 1.2
             now = min(now * float(np.clip(growth, 1.05, 3.0)), LARGEST)
         return None
@@ -247,13 +231,13 @@ class _Drawing:
         """Change of the reading that an imperfection adds to everything around it."""
         if EFFECTS[item.name].rows:
             rise = raised_variance(self.design, item, self.base)
-            return _Measured(item, float(rise.mean()), self.base, float(rise.max()))
+            return _Measured(float(rise.mean()), float(rise.max()), True, item, self.base)
         with np.errstate(invalid="ignore"):
             reading = self.robot.reading([*self.around, (item, 1.0)])
         if not np.isfinite(reading).all():
-            return _Measured(item, float("nan"), self.base)
+            return _Measured(float("nan"), 0.0, False, item, self.base)
         size = gap(self.design, reading - self.base, configured=item.name in STATED)
-        return _Measured(item, size, reading)
+        return _Measured(size, 0.0, False, item, reading)
 
 
 def recording(design: ExperimentDesign, case: LookalikeCase) -> Recording:

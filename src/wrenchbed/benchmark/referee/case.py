@@ -11,16 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import (
-    KINDS,
-    NEEDED,
-    ROWS_NEEDED,
-    SIZES,
-    STATED,
-    Rng,
-    Usual,
-    log_uniform,
-)
+from wrenchbed.benchmark.frame import KINDS, NEEDED, SIZES, STATED, Rng, Shown, Usual, log_uniform
 from wrenchbed.benchmark.frame import subsystem as subsystem_of
 from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES, background, possible
 from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal
@@ -42,28 +33,18 @@ LARGEST_MINOR = 0.42
 
 
 @dataclass(frozen=True, eq=False)
-class TrueCause:
+class TrueCause(Shown):
     """A fault that counts.
 
     Attributes:
         fault: the fault.
         signature: what it adds to a clean reading where readings are compared (n, 6).
-        gap: that it adds; of a cause between rows the mean rise of a row's variance.
         world: what it was added to, with it.
-        rows: largest rise of a channel's row variance, 0 for a cause that shows in means.
     """
 
     fault: RefereeFault
     signature: np.ndarray
-    gap: float
     world: "World"
-    rows: float = 0.0
-
-    def enough(self, kind: str) -> bool:
-        """Whether a cause counts (contract, "When a cause counts"), with a margin in pairs."""
-        if between(self.fault.name):
-            return self.rows >= ROWS_NEEDED[kind]
-        return self.gap >= NEEDED[kind]
 
 
 def between(name: str) -> bool:
@@ -143,11 +124,10 @@ class World(ABC):
                     cause = self.measured(self.drawn(name, rng, size))
                 except ParameterError:  # too much for the machine
                     break
-                if cause.enough(kind):
+                needed = cause.needed(kind)
+                if cause.amount >= needed:
                     return cause
-                shown = cause.rows if between(name) else cause.gap
-                wanted = 1.2 * (ROWS_NEEDED if between(name) else NEEDED)[kind]
-                least = size * float(np.sqrt(wanted / max(shown, 1e-9)))
+                least = size * float(np.sqrt(1.2 * needed / max(cause.amount, 1e-9)))
                 if least > SIZES[1]:
                     break
                 size = log_uniform(rng, least, SIZES[1])
@@ -160,7 +140,7 @@ class World(ABC):
         for _ in range(self.pairs):
             second = first.world._one("pair", others, rng)
             again = self.again(first, second)
-            if again.enough("pair"):
+            if again.amount >= again.needed("pair"):
                 return [again, second]
         raise ParameterError("no second cause leaves the first one visible")
 
@@ -235,10 +215,10 @@ class FaultyRobot(World):
         if between(fault.name):
             rise = self.risen(fault)
             none = np.zeros_like(other.base)
-            return TrueCause(fault, none, float(rise.mean()), other, float(rise.max()))
+            return TrueCause(float(rise.mean()), float(rise.max()), True, fault, none, other)
         signature = other.base - self.base
         gap = other.usual.gap(signature, fault.name in STATED)
-        return TrueCause(fault, signature, gap, other)
+        return TrueCause(gap, 0.0, False, fault, signature, other)
 
     def compared(self, wrench: np.ndarray) -> np.ndarray:
         """Recorded rows (N, 6) minus what is stated, where readings are compared (n, 6)."""

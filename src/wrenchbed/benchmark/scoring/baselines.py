@@ -6,30 +6,20 @@ what no effect makes. That is what a careful user without them sees.
 """
 
 from collections.abc import Callable
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.special import logsumexp
 
 from wrenchbed.benchmark.scoring.case_rows import Claim
-from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, build
+from wrenchbed.diagnosis.evidence.dictionary import build
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import NONE
-from wrenchbed.diagnosis.explain.structures import Analysis, case
+from wrenchbed.diagnosis.explain.structures import case
 from wrenchbed.diagnosis.prepare.baseline import calibrate
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
 _RANK = 1e-10
 """Least eigenvalue that counts, relative to the largest one."""
-_DICTIONARIES: "WeakKeyDictionary[Prepared, tuple[EffectDictionary, np.ndarray]]" = (
-    WeakKeyDictionary()
-)
-"""Dictionary of a recording, and its readings (6 R,) against the baseline, whitened."""
-
-
-def reuse_dictionary(analysis: Analysis) -> None:
-    """Let the baselines use the dictionary of an analysis instead of building it again."""
-    _DICTIONARIES[analysis.prepared] = analysis.dictionary, analysis.refitter.y
 
 
 def none(prepared: Prepared) -> Claim:
@@ -39,11 +29,9 @@ def none(prepared: Prepared) -> Claim:
 
 def bic(prepared: Prepared) -> Claim:
     """The single effect, or none, of least BIC; probabilities from exp(−ΔBIC/2)."""
-    if prepared not in _DICTIONARIES:
-        baseline = calibrate(prepared)
-        d = build(prepared, baseline.robot_theta, baseline.tolerance)
-        _DICTIONARIES[prepared] = d, case(d, prepared, baseline)
-    d, y = _DICTIONARIES[prepared]
+    baseline = calibrate(prepared)
+    d = build(prepared, baseline.robot_theta, baseline.tolerance)
+    y = case(d, prepared, baseline)
     effects = d.E[:, : sum(bool(parameter) for _, parameter in d.label)]
     allowed = np.minimum(d.tolerance**2, LARGE)
     variance = np.tile(prepared.variance, d.rows)

@@ -24,7 +24,7 @@ from wrenchbed.benchmark.frame import STATED, attempts
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, LookalikeCase, draw, recording
 from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS
 from wrenchbed.benchmark.lookalikes.loads import RigidLoad
-from wrenchbed.benchmark.scoring.baselines import BASELINES, reuse_dictionary
+from wrenchbed.benchmark.scoring.baselines import BASELINES
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number, numbers
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.plan import Plan
@@ -183,7 +183,6 @@ def run(job: Job) -> CaseRow:
     if not results:
         answers |= {n: Claim("error", (), {}) for n in BASELINES}
     for name, baseline in BASELINES.items() if results else ():
-        reuse_dictionary(results[0].analysis)
         asked(name, partial(baseline, results[0].analysis.prepared))
     row = CaseRow(
         id=job.id,

@@ -206,9 +206,10 @@ class HostRecording(World):
         if between(fault.name):
             rise = np.mean((change / self.setting.scatter) ** 2, axis=0)
             none = np.zeros((1, 6))
-            return TrueCause(fault, none, float(rise.mean()), world, float(rise.max()))
+            return TrueCause(float(rise.mean()), float(rise.max()), True, fault, none, world)
         signature = self.setting.means(change)
-        return TrueCause(fault, signature, self.usual.gap(signature, fault.name in STATED), world)
+        gap = self.usual.gap(signature, fault.name in STATED)
+        return TrueCause(gap, 0.0, False, fault, signature, world)
 
     def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
         """Readings and gap that the first of two causes adds beside the second."""

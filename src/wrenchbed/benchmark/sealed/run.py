@@ -20,7 +20,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from wrenchbed.benchmark.scoring.baselines import BASELINES, reuse_dictionary
+from wrenchbed.benchmark.scoring.baselines import BASELINES
 from wrenchbed.benchmark.scoring.case_rows import Claim
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.data.checked import load
@@ -28,7 +28,6 @@ from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
-from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.errors import BenchmarkError, ParameterError, WorkerError
 from wrenchbed.files import TEMPORARY, atomic_folder, remove, write_json
 from wrenchbed.jobs.ending import with_group
@@ -90,15 +89,18 @@ def enter(
     Returns:
         Names of the entrants that failed.
     """
-    case = _Case(commitments.recording_of(cases, name))
-    failed = []
-    for entrant in sorted(entrants, key=lambda e: e.name != OURS):
+    recording = commitments.recording_of(cases, name)
+    digest, failed = commitments.digest(recording.read_bytes()), []
+    for entrant in entrants:
         folder = claims / entrant.name / name
         shutil.rmtree(folder, ignore_errors=True)  # of a run that was killed
         with atomic_folder(folder) as partial:
             begun, error = time.perf_counter(), ""
             try:
-                case.answer(entrant, partial, limit)
+                if entrant.command is None:
+                    _answer_ourselves(entrant.name, recording, partial, limit)
+                else:
+                    _call(entrant.command, recording, partial, limit)
             except OverTimeError:
                 error = f"took longer than {limit:g} s"
             except Exception as problem:  # an entrant's crash is its answer
@@ -109,41 +111,24 @@ def enter(
                 error = f"wrote no {CLAIM}"
             if error:
                 failed.append(entrant.name)
-            about = {
-                "seconds": time.perf_counter() - begun, "error": error, "recording": case.digest,
-                "command": entrant.command,
-            }  # fmt: skip
+            seconds = time.perf_counter() - begun
+            about = {"seconds": seconds, "error": error, "recording": digest}
             partial.mkdir(exist_ok=True)  # an entrant may have deleted it
-            write_json(partial / RUN, about)
+            write_json(partial / RUN, about | {"command": entrant.command})
     return failed
 
 
-class _Case:
-    """A case that entrants answer; wrenchbed's methods share what was prepared of it."""
-
-    def __init__(self, recording: Path) -> None:
-        self.recording = recording
-        self.digest = commitments.digest(recording.read_bytes())
-        self._prepared: Prepared | None = None
-
-    def answer(self, entrant: Entrant, out: Path, limit: float) -> None:
-        """Write an entrant's claim to ``out``."""
-        if entrant.command is not None:
-            _call(entrant.command, self.recording, out, limit)
+def _answer_ourselves(method: str, recording: Path, out: Path, limit: float) -> None:
+    """Write the claim of the diagnosis or of a baseline to ``out``."""
+    with _at_most(limit), warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        data = Recording.read(recording)
+        if method == OURS:
+            diagnose(data).diagnosis.write(out)
             return
-        with _at_most(limit), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            if entrant.name == OURS:
-                result = diagnose(Recording.read(self.recording))
-                reuse_dictionary(result.analysis)
-                self._prepared = result.analysis.prepared
-                result.diagnosis.write(out)
-                return
-            if self._prepared is None:
-                self._prepared = prepare(Recording.read(self.recording))
-            claim = BASELINES[entrant.name](self._prepared)
-            robot = self._prepared.scene.robot.name
-            write_json(out / CLAIM, contract(claim, self.recording.name, robot))
+        prepared = prepare(data)
+        claim, robot = BASELINES[method](prepared), prepared.scene.robot.name
+        write_json(out / CLAIM, contract(claim, recording.name, robot))
 
 
 def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
