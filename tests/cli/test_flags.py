@@ -47,7 +47,7 @@ FLAGS = {
         "seed=0, set=repeatable, table=None"
     ),
     "campaign": (
-        "diagnose=False, force=False, json=False, only=None, out=required, plan=None, poses=100, "
+        "force=False, json=False, only=None, out=required, plan=None, poses=100, "
         "robots=100, samples=50, seed=0, vary=noise,parameters, "
         "workers=None"
     ),
