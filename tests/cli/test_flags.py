@@ -18,8 +18,8 @@ FLAGS = {
         "channel=None, driver=sim, dry-run=False, effect=repeatable, effort=None, force=False, "
         "host=None, json=False, max-force=None, max-torque=None, noise=None, out=required, "
         "parameters=None, plan=required, rate=None, recording=None, recover=False, "
-        "resume=False, revisit=auto, robot=required, rrd=None, samples=100, seed=None, "
-        "sensor=None, set=repeatable, speed=None, tracking=None, view=False, "
+        "resume=False, revisit=auto, robot=required, samples=100, seed=None, "
+        "sensor=None, set=repeatable, speed=None, tracking=None, "
         "workspace=None, yes=False"
     ),
     "import": (

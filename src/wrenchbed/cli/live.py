@@ -21,16 +21,14 @@ from rich.table import Table
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
-from wrenchbed.cli.record import DeviceArguments, LimitArguments, viewer_address
+from wrenchbed.cli.record import DeviceArguments, LimitArguments
 from wrenchbed.data.checked import load
 from wrenchbed.data.metadata import stated_robot
-from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import ParameterError, TwinError, WrenchbedWarning
 from wrenchbed.hardware.drivers.live import LiveDriver
 from wrenchbed.monitoring.compensation import BAND, Compensator, External, compensator
 from wrenchbed.monitoring.live import Datagrams, LineServer, LiveSummary, Sink, live
 from wrenchbed.physics.wrench import CHANNELS, UNITS
-from wrenchbed.robots.base import SimulatedRobot
 
 _EVERY_S = 0.1
 """Time between two pictures of the gauge [s]."""
@@ -51,8 +49,6 @@ class LiveArguments:
         seconds: How long [s]; until Ctrl-C.
         udp: HOST:PORT that gets one datagram of JSON a reading.
         serve: TCP port on 127.0.0.1 that serves JSON lines to all clients; 0 chooses one.
-        rrd: Picture of the run to write, in sensor axes, see `wrenchbed view`.
-        view: Watch the robot and the wrench in rerun's window, in sensor axes.
     """
 
     frame: Literal["sensor", "flange", "base"] = "sensor"
@@ -61,8 +57,6 @@ class LiveArguments:
     seconds: float | None = None
     udp: str | None = None
     serve: int | None = None
-    rrd: Path | None = None
-    view: Flag = False
 
 
 def live_(
@@ -96,13 +90,9 @@ def live_(
     link = kind(device.options(kind, name, LimitArguments().limits(True)))
     noise = np.asarray(wb.load("sensors", link.robot.sensor).noise.row_std)
     compensate = compensator(file, noise, run.frame, run.follow == "on")
-    if run.rrd is not None:
-        console.check_out(run.rrd, Kind.PICTURE, file)
     with ExitStack() as stack:
         stopped = stack.enter_context(console.until_signal()).is_set
         sinks = _streams(stack, run, as_json)
-        if run.rrd is not None or run.view:
-            sinks.append(_picture(stack, link, compensate, run))
         for effect in compensate.not_undone:
             text = f"{effect} depends on more than pose and load: it is not undone"
             warnings.warn(text, WrenchbedWarning, stacklevel=1)
@@ -130,20 +120,6 @@ def _streams(stack: ExitStack, run: LiveArguments, as_json: bool) -> list[Sink]:
         if not as_json:
             console.say(f"JSON lines at 127.0.0.1:{server.port}")
     return sinks
-
-
-def _picture(
-    stack: ExitStack, link: LiveDriver, compensate: Compensator, run: LiveArguments
-) -> Sink:
-    """A sink that draws robot and wrench in another process."""
-    from wrenchbed.viewer.live import LiveView
-
-    if run.frame != "sensor":
-        raise ParameterError(f"--frame {run.frame}: pictures are drawn in sensor axes")
-    url = stack.enter_context(viewer_address(run.view))
-    assert isinstance(link.robot, SimulatedRobot)  # of which there is a compensator
-    draw = stack.enter_context(LiveView(link.robot, run.rrd, url, external=True))
-    return lambda external: draw(external.t, compensate.q, external.wrench)
 
 
 def _plain(done: LiveSummary) -> dict[str, object]:

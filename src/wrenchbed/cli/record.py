@@ -1,6 +1,5 @@
 """`wrenchbed record`: run a plan on a simulated or real robot, with pictures live or afterwards."""
 
-import contextlib
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,59 +22,11 @@ from wrenchbed.errors import DriverError, ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.hardware.drivers.live import LIVE, LiveDriver
 from wrenchbed.physics.wrench import CHANNELS, UNITS
-from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits
 
 _MOST_LEGS = 12
 """Most rows of a dry run's table."""
 _YES = ("y", "yes")
-
-
-@contextmanager
-def watched(link: Driver, rrd: Path | None, view: bool) -> Iterator[None]:
-    """Draw a live driver's readings while the block runs.
-
-    Args:
-        link: driver that the block records with.
-        rrd: picture to write, if any.
-        view: whether rerun's window shows them.
-    """
-    if rrd is None and not view:
-        yield
-        return
-    from wrenchbed.viewer.live import LiveView
-
-    if not isinstance(link, LiveDriver):
-        raise ParameterError(
-            "--view and --rrd are for live drivers; look at the recording: wrenchbed view"
-        )
-    if not isinstance(link.robot, SimulatedRobot):
-        raise ParameterError(f"robot {link.robot.name!r} has no model that could be shown")
-    with viewer_address(view) as url, LiveView(link.robot, rrd, url) as picture:
-        link.onlooker = picture
-        try:
-            yield
-        finally:
-            link.onlooker = None
-    if picture.dropped:
-        console.say(f"the picture missed {picture.dropped} rows; the recording has them")
-
-
-@contextmanager
-def viewer_address(view: bool) -> Iterator[str | None]:
-    """Address of a viewer, which stays open until its user closes it; None without one."""
-    if not view:
-        yield None
-        return
-    from wrenchbed.viewer import show
-
-    with show.viewer(None) as viewer:
-        try:
-            yield show.PROXY
-        finally:
-            console.say("close the window to go on")
-            with contextlib.suppress(KeyboardInterrupt):
-                show.until_closed(viewer)
 
 
 @dataclass(frozen=True)
@@ -192,19 +143,6 @@ class RunArguments:
     force: Flag = False
 
 
-@dataclass(frozen=True)
-class PictureArguments:
-    """Pictures for rerun.
-
-    Attributes:
-        rrd: With live drivers: picture to write while recording, see `wrenchbed view`.
-        view: With live drivers: watch while recording, in rerun's window.
-    """
-
-    rrd: Path | None = None
-    view: Flag = False
-
-
 def record(
     robot: str,
     plan: Path,
@@ -212,7 +150,6 @@ def record(
     device: DeviceArguments,
     run: RunArguments,
     motion: LimitArguments,
-    picture: PictureArguments,
     as_json: Json = False,
 ) -> None:
     """Run a plan on a simulated or real robot and record what its sensor reads.
@@ -227,7 +164,6 @@ def record(
     console.check_seed(device.seed or 0)
     inputs = (plan, device.parameters, replayed)
     console.check_out(out, Kind.RECORDING, *inputs, force=run.force or run.resume)
-    console.check_out(picture.rrd, Kind.PICTURE, out, *inputs)
     todo = wb.Plan.read(plan)
     if _plain(todo.robot) != _plain(wb.load("robots", robot).name):
         raise PlanError(f"{plan}: the plan is for robot {todo.robot!r}, not {robot!r}")
@@ -243,7 +179,6 @@ def record(
     revisit = {"yes": True, "no": False, "auto": True if run.dry_run else None}[run.revisit]
     with (
         ready(link, todo, recover=run.recover, yes=run.yes) as complete,
-        watched(link, picture.rrd, picture.view),
         console.progress(f"recording {robot}", len(todo)) as report,
     ):
         done = wb.record(

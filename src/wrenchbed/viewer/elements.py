@@ -98,20 +98,6 @@ def log_arrows(
         canvas.columns(path, at, data)
 
 
-def style_curves(
-    canvas: Canvas, path: str, names: Sequence[str], colours: Sequence[Colour]
-) -> None:
-    """Say once how the curves of an entity look; a measured one is wide, beneath the others."""
-    widths = [_BENEATH if c == MEASURED else _WIDTH for c in colours]
-    style = rr.SeriesLines(names=[readable(n) for n in names], colors=list(colours), widths=widths)
-    canvas.once(path, style)
-
-
-def add_rows(canvas: Canvas, path: str, at: np.ndarray, values: np.ndarray) -> None:
-    """Log rows (N, K) of the curves of an entity over the canvas's axis at (N,)."""
-    canvas.columns(path, at, rr.Scalars.columns(scalars=values))
-
-
 def log_curves(
     canvas: Canvas,
     path: str,
@@ -120,9 +106,14 @@ def log_curves(
     names: Sequence[str],
     colours: Sequence[Colour],
 ) -> None:
-    """Log curves (N, K) over the canvas's axis at (N,) as one entity."""
-    style_curves(canvas, path, names, colours)
-    add_rows(canvas, path, at, values)
+    """Log curves (N, K) over the canvas's axis at (N,) as one entity.
+
+    A measured one is wide, beneath the others.
+    """
+    widths = [_BENEATH if c == MEASURED else _WIDTH for c in colours]
+    style = rr.SeriesLines(names=[readable(n) for n in names], colors=list(colours), widths=widths)
+    canvas.once(path, style)
+    canvas.columns(path, at, rr.Scalars.columns(scalars=values))
 
 
 def log_channels(

@@ -33,43 +33,27 @@ def scene(robot: str, name: str = "robot") -> Any:
     )
 
 
-def channels(
-    name: str = "wrench", window: Window | None = None, residual: np.ndarray | None = None
-) -> Any:
-    """Curves of the six channels that share their time; with a residual (N, 6) each stands over
-    its own, whose range holds all but one in a thousand of the values."""
+def channels(name: str, window: Window, residual: np.ndarray | None = None) -> Any:
+    """Curves of the six channels; with a residual (N, 6) each stands over its own, whose range
+    holds all but one in a thousand of the values."""
     views = []
     for k, (c, u) in enumerate(zip(CHANNELS, UNITS, strict=True)):
-        view = curves(f"/wrench/{c}", f"{c} [{u}]", legend=k == 0, window=window)
+        view = curves(f"/wrench/{c}", f"{c} [{u}]", window, legend=k == 0)
         if residual is not None:
+            title = f"{c} measured − simulated [{u}]"
             reach = _reach(residual[:, k])
-            below = curves(
-                f"/residual/{c}", f"{c} measured − simulated [{u}]", reach, legend=False,
-                window=window,
-            )  # fmt: skip
+            below = curves(f"/residual/{c}", title, window, reach, legend=False)
             view = rr.blueprint.Vertical(view, below, row_shares=[1.6, 1.0])
         views.append(view)
     return rr.blueprint.Grid(*views, grid_columns=2, name=name)
 
 
 def curves(
-    origin: str,
-    name: str,
-    reach: float | None = None,
-    *,
-    legend: bool = True,
-    window: Window | None = None,
+    origin: str, name: str, window: Window, reach: float | None = None, *, legend: bool = True
 ) -> Any:
-    """Curves over time with one cursor; with a fixed range ± ``reach``.
-
-    With a window all of it is in view at first. Without one the plots scroll together: rerun has
-    no range for axes that are linked.
-    """
+    """Curves of which all of a window is in view at first; with a fixed range ± ``reach``."""
     b = rr.blueprint
-    links = b.components.LinkAxis
-    axis = b.TimeAxis(link=links.LinkToGlobal)
-    if window is not None:
-        axis = b.TimeAxis(link=links.Independent, view_range=_all_of(*window))
+    axis = b.TimeAxis(link=b.components.LinkAxis.Independent, view_range=_all_of(*window))
     return b.TimeSeriesView(
         origin=origin,
         name=name,
@@ -93,18 +77,15 @@ def document(origin: str, name: str) -> Any:
     return rr.blueprint.TextDocumentView(origin=origin, name=name)
 
 
-def page(
-    left: Any | None, right: Sequence[Any], timeline: str | None = TIME, *, follow: bool = False
-) -> Any:
-    """One view left, if any, and tabs right; on request it follows the newest time.
+def page(left: Any | None, right: Sequence[Any], timeline: str | None = TIME) -> Any:
+    """One view left, if any, and tabs right.
 
     Without a timeline nothing changes over time, and there is no slider.
     """
     b = rr.blueprint
     time = b.TimePanel(state="hidden")
     if timeline is not None:
-        play = "following" if follow else "paused"
-        time = b.TimePanel(state="collapsed", timeline=timeline, play_state=play)
+        time = b.TimePanel(state="collapsed", timeline=timeline, play_state="paused")
     tabs = b.Tabs(*right, active_tab=0)
     return b.Blueprint(
         tabs if left is None else b.Horizontal(left, tabs, column_shares=[1.0, 1.2]),

@@ -54,8 +54,8 @@ def recording_view(
         layout.scene(robot.name),
         [
             layout.channels("wrench and residual", (axis, at), residual),
-            layout.curves("/joints", "joints [°, mm]", window=(axis, at)),
-            *([layout.curves("/closure", "loop closure [nm]")] if loops else []),
+            layout.curves("/joints", "joints [°, mm]", (axis, at)),
+            *([layout.curves("/closure", "loop closure [nm]", (axis, at))] if loops else []),
             layout.document("/report", "about"),
         ],
         axis,
@@ -80,7 +80,7 @@ def recording_view(
 def _readings_alone(recording: Recording, path: str | Path) -> None:
     """What a sensor said on a robot without a model."""
     at, axis = _over(recording)
-    left, right = layout.channels(window=(axis, at)), [layout.document("/report", "about")]
+    left, right = layout.channels("wrench", (axis, at)), [layout.document("/report", "about")]
     with to_file(path, layout.page(left, right, axis), axis) as canvas:
         log_channels(canvas, "wrench", at, {"measured": recording.wrench})
         _log_words(canvas, recording, (), "there are none without a model of the robot")

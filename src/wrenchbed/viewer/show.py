@@ -20,8 +20,6 @@ from wrenchbed.viewer.recordings import recording_view
 
 HOST = "127.0.0.1"
 PORT = 9876
-PROXY = f"rerun+http://{HOST}:{PORT}/proxy"
-"""Where a live picture is sent."""
 NOWHERE = f"http://{HOST}:9"
 """Proxy for what rerun would ask of others: the discard port, at which nobody listens."""
 _PROXIES = ("all_proxy", "https_proxy", "http_proxy")
@@ -30,22 +28,21 @@ PICTURE = "diagnosis.rrd"
 """Picture in the folder of a diagnosis."""
 
 
-def command(file: str | Path | None, *, port: int = PORT) -> list[str]:
-    """Command line of rerun's viewer for a file, or for rows that are still to come.
+def command(file: str | Path, *, port: int = PORT) -> list[str]:
+    """Command line of rerun's viewer for a file.
 
     Raises:
         MissingExtraError: rerun is not installed.
     """
-    arguments = [str(_binary()), "--bind", HOST, "--port", str(port)]
-    return arguments if file is None else [*arguments, str(file)]
+    return [str(_binary()), "--bind", HOST, "--port", str(port), str(file)]
 
 
 @contextmanager
-def viewer(file: str | Path | None, *, port: int = PORT) -> Iterator["subprocess.Popen[bytes]"]:
+def viewer(file: str | Path, *, port: int = PORT) -> Iterator["subprocess.Popen[bytes]"]:
     """A viewer that listens, open until it is closed or the block ends.
 
     Args:
-        file: to show; None for rows that are still to come.
+        file: to show.
         port: of its data.
 
     Raises:
