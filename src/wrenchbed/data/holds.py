@@ -252,17 +252,12 @@ def noise_at_rest(recording: Recording) -> tuple[float, ...] | None:
     holds = _split(recording)
     if holds is None:
         return None
-    rest = holds.hold >= 0
-    hold, y = holds.hold[rest], recording.wrench[rest]
-    count = np.bincount(hold)
-    dof = len(hold) - len(count)
-    if dof < _ENOUGH_ROWS:
+    rest = holds.at_rest(recording, replace(recording.metadata, mode="static"))
+    poses = gather(rest, np.ones(len(rest), dtype=bool))
+    if poses.row_covariance is None or poses.dof < _ENOUGH_ROWS:
         return None
-    std = []
-    for channel in y.T:
-        mean = np.bincount(hold, channel) / count
-        std.append(float(np.sqrt(((channel - mean[hold]) ** 2).sum() / dof)))
-    return tuple(std) if min(std) > 0 else None
+    std = tuple(float(x) for x in np.sqrt(np.diag(poses.row_covariance)))
+    return std if min(std) > 0 else None
 
 
 def with_noise(recording: Recording) -> Recording:

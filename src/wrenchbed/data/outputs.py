@@ -47,7 +47,7 @@ class Kind(StrEnum):
 
 MEASURED = (Kind.RECORDING, Kind.LOG)
 """Kinds of files that may hold measurements, which nobody can repeat."""
-_JSON = (
+_FIELDS = (
     (Kind.DIAGNOSIS, {"verdict", "gap"}),
     (Kind.FIT, {"parameters", "status"}),
     (Kind.TWIN, {"effects", "theta"}),
@@ -56,13 +56,11 @@ _JSON = (
     (Kind.EXPORT, {"numbers", "frame", "left_out"}),
     (Kind.EXPORT, {"mass", "centerOfMass", "inertia"}),
     (Kind.EXPORT, {"$schema", "title", "properties"}),
+    (Kind.ROBOT, {"format", "model"}),
+    (Kind.SENSOR, {"format", "calibration"}),
+    (Kind.MAP, {"file"}),
 )
-"""Fields by which a JSON object's kind is recognized."""
-_TOML = {
-    Kind.ROBOT: {"format", "model"},
-    Kind.SENSOR: {"format", "calibration"},
-    Kind.MAP: {"file"},
-}
+"""Fields by which a JSON or TOML file's kind is recognized."""
 _BEGINNINGS = {
     b"RRF": Kind.PICTURE, b"\x89MCAP": Kind.LOG, b"<mujoco": Kind.MODEL,
 }  # fmt: skip
@@ -108,13 +106,11 @@ def _text(path: Path) -> Kind | None:
         return None
     try:
         text = path.read_text(encoding="utf-8")
-        if not text.lstrip().startswith("{"):
-            fields = tomllib.loads(text)
-            return next((kind for kind, known in _TOML.items() if known <= fields.keys()), None)
-        fields = json.loads(text)
+        is_json = text.lstrip().startswith("{")
+        fields = json.loads(text) if is_json else tomllib.loads(text)
     except (ValueError, RecursionError):
         return None
-    return next((kind for kind, known in _JSON if known <= fields.keys()), None)
+    return next((kind for kind, known in _FIELDS if known <= fields.keys()), None)
 
 
 def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> None:
