@@ -21,7 +21,6 @@ from wrenchbed.files import atomic_folder
 
 if TYPE_CHECKING:
     from wrenchbed.diagnosis.diagnose import Findings
-    from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
     from wrenchbed.diagnosis.explain.reliability import Reliability
     from wrenchbed.diagnosis.next.dry_run import DryRun
     from wrenchbed.reports.answer import Answer
@@ -145,6 +144,7 @@ def _diagnose_efforts(
     """Diagnose one recording's joint efforts, and its wrench too; names of files, and the words."""
     from wrenchbed.diagnosis.efforts.diagnose_efforts import STEPS, diagnose_efforts
     from wrenchbed.reports.answer import of_efforts
+    from wrenchbed.reports.effort_page import effort_page
 
     if len(data) != 1:
         raise ParameterError("diagnose of joint efforts takes one recording")
@@ -156,33 +156,37 @@ def _diagnose_efforts(
         )  # fmt: skip
     with atomic_folder(out) as folder:
         findings.write(folder)
-        _tried(_PAGE, lambda: _effort_page(findings, folder / _PAGE))
+        _tried(_PAGE, lambda: effort_page(findings, console.command()).write(folder / _PAGE))
         return _names(folder), of_efforts(findings)
-
-
-def _effort_page(findings: EffortFindings, path: Path) -> None:
-    from wrenchbed.reports.effort_page import effort_page
-
-    effort_page(findings, console.command()).write(path)
 
 
 def _diagnose_wrench(
     data: list[wb.Recording], learning: LearningOptions, seed: int, out: Path
 ) -> tuple[list[str], Answer]:
     """Diagnose the wrench of recordings; names of files, without plans, and the words."""
+    from wrenchbed.diagnosis.diagnose import diagnose as one
+    from wrenchbed.diagnosis.several import diagnose_several as several
     from wrenchbed.reports.answer import of_wrench
+    from wrenchbed.reports.diagnosis_page import diagnosis_page
 
     learnt = None
     if not learning.fast and len(data) == 1:
         learnt = _learnt(data[0], learning.look_alikes, seed)
     steps = 7 if len(data) == 1 else 3 * len(data) + 3
     with console.progress("diagnosing", steps, alike=False) as report:
-        findings = _diagnosed(data, seed, learnt, lambda step: report(1, step))
+
+        def step(name: str) -> None:
+            report(1, name)
+
+        if len(data) == 1:
+            findings = one(data[0], seed=seed, reliability=learnt, progress=step)
+        else:
+            findings = several(data, seed=seed, reliability=learnt, progress=step)
     for name in findings.plans:
         console.check_out(out / name, Kind.PLAN, lock=False)
     with atomic_folder(out) as folder:
         findings.write(folder)
-        _tried(_PAGE, lambda: _page(findings, folder / _PAGE))
+        _tried(_PAGE, lambda: diagnosis_page(findings, console.command()).write(folder / _PAGE))
         _tried(_PICTURE, lambda: _draw(findings, folder / _PICTURE))
         return _names(folder), of_wrench(findings)
 
@@ -193,30 +197,13 @@ def _names(folder: Path) -> list[str]:
     return [name for name in made if (folder / name).exists()]
 
 
-def _diagnosed(
-    data: list[wb.Recording], seed: int, known: Reliability | None, step: Callable[[str], None]
-) -> Findings:
-    from wrenchbed.diagnosis.diagnose import diagnose as one
-    from wrenchbed.diagnosis.several import diagnose_several as several
-
-    if len(data) == 1:
-        return one(data[0], seed=seed, reliability=known, progress=step)
-    return several(data, seed=seed, reliability=known, progress=step)
-
-
-def _page(findings: Findings, path: Path) -> None:
-    from wrenchbed.reports.diagnosis_page import diagnosis_page
-
-    diagnosis_page(findings, console.command()).write(path)
-
-
 def _draw(findings: Findings, path: Path) -> None:
     from wrenchbed.viewer.diagnoses import diagnosis_view
 
     diagnosis_view(findings, path, console.command())
 
 
-def _tried(name: str, write: Callable[[], None]) -> None:
+def _tried(name: str, write: Callable[[], object]) -> None:
     """Write a file; warn where that needs a library that is missing."""
     try:
         write()
