@@ -1,7 +1,7 @@
 """Every convention that some columns allow, each with its fit of one rigid load."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import product
 
@@ -35,54 +35,42 @@ class Pairing:
     """A wrench, and the table in which its orientation or joints are looked for.
 
     Attributes:
-        tables: all of them.
-        load: number of the table with the wrench.
-        sheet: number of the other one, or the same.
+        load: table with the wrench.
+        sheet: the other one, or the same.
         wrench: channel → column.
+        at: row of ``sheet`` at each row of the wrench (N,).
     """
 
-    tables: Sequence[Sheet]
-    load: int
-    sheet: int
+    load: Sheet
+    sheet: Sheet
     wrench: Mapping[str, str]
+    at: np.ndarray
+    _poses: dict[tuple[str, ...], Poses] = field(default_factory=dict)
 
     @cached_property
     def readings(self) -> np.ndarray:
         """Wrench (N, 6) in the file's units."""
-        return self.tables[self.load].block(list(self.wrench.values())).astype(float)
-
-    @cached_property
-    def at(self) -> np.ndarray | None:
-        """Row of the other table (N,) at each row of the wrench; None if they do not fit."""
-        return rows_at(self.tables[self.load], self.tables[self.sheet])
-
-    @cached_property
-    def _known(self) -> dict[tuple[str, ...], Poses]:
-        return {}
+        return self.load.block(list(self.wrench.values())).astype(float)
 
     def may_use(self, reading: Reading) -> bool:
         """Whether a reading uses neither the clock's columns nor this wrench."""
-        sheet = self.tables[self.sheet]
-        taken = set() if sheet.clock is None else {sheet.clock.column}
-        if self.load == self.sheet:
+        taken = set() if self.sheet.clock is None else {self.sheet.clock.column}
+        if self.load is self.sheet:
             taken |= set(self.wrench.values())
         return not taken & set(reading.names)
 
     def poses(self, names: Sequence[str]) -> Poses:
         """The poses that columns of an orientation or of joints mean."""
         key = tuple(sorted(names))
-        if key not in self._known:
-            self._known[key] = self._gathered(key)
-        return self._known[key]
-
-    def _gathered(self, names: Sequence[str]) -> Poses:
-        load, sheet = self.tables[self.load], self.tables[self.sheet]
-        if sheet is load or load.clock is None or sheet.clock is None:
-            turn = sheet.block(names)[self.at].astype(float)
-        else:
-            columns = [sheet.values[n].astype(float) for n in names]
-            turn = np.stack([np.interp(load.clock.t, sheet.clock.t, c) for c in columns], 1)
-        return gather(None if load.clock is None else load.clock.t, turn, self.readings)
+        if key not in self._poses:
+            ours, its = self.load.clock, self.sheet.clock
+            if self.sheet is self.load or ours is None or its is None:
+                turn = self.sheet.block(key)[self.at].astype(float)
+            else:
+                columns = [self.sheet.values[n].astype(float) for n in key]
+                turn = np.stack([np.interp(ours.t, its.t, c) for c in columns], axis=1)
+            self._poses[key] = gather(None if ours is None else ours.t, turn, self.readings)
+        return self._poses[key]
 
 
 def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention], str]:
@@ -114,12 +102,15 @@ def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention
 def _pairs(tables: Sequence[Sheet], stated: Stated) -> Iterator[tuple[Pairing, Reading]]:
     """All pairs of a wrench with an orientation's or joints' reading."""
     readings = [[*orientations(sheet), *_of_joints(sheet, stated)] for sheet in tables]
-    for load, sheet in enumerate(tables):
-        beside = [k for k, other in enumerate(tables) if rows_at(sheet, other) is not None]
-        for wrench, k in product(wrenches(sheet), beside):
-            pairing = Pairing(tables, load, k, wrench)
-            yield from ((pairing, r) for r in readings[k] if pairing.may_use(r))
-        if sheet.loads:
+    for load in tables:
+        beside = [
+            (rows_at(load, sheet), sheet, of) for sheet, of in zip(tables, readings, strict=True)
+        ]
+        for wrench, (at, sheet, of_sheet) in product(wrenches(load), beside):
+            if at is not None:
+                pairing = Pairing(load, sheet, wrench, at)
+                yield from ((pairing, r) for r in of_sheet if pairing.may_use(r))
+        if load.loads:
             return
 
 
@@ -144,8 +135,7 @@ def rows_at(load: Sheet, sheet: Sheet) -> np.ndarray | None:
 
 def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | None:
     """The orientation (G, 3, 3) at some rows of the wrench; None if the columns are none."""
-    sheet, at = pairing.tables[pairing.sheet], pairing.at
-    assert at is not None  # of every pair
+    sheet, at = pairing.sheet, pairing.at
     size = 1.0 if reading.unit is None else SIZES[reading.unit][1]
     columns = {t: sheet.values[n][at[rows]] for t, n in reading.targets.items()}
     if reading.robot is not None:
@@ -188,7 +178,7 @@ def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:
     shares = np.full(len(pairs), np.inf)
     of_reading: dict[tuple[int, int, str, tuple[str, ...]], list[int]] = {}
     for k, (pairing, reading) in enumerate(pairs):
-        key = pairing.load, pairing.sheet, reading.kind, reading.names
+        key = id(pairing.load), id(pairing.sheet), reading.kind, reading.names
         of_reading.setdefault(key, []).append(k)
     for members in of_reading.values():
         pairing, reading = pairs[members[0]]

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from wrenchbed.data.column_map import AUTO
 from wrenchbed.data.column_map import UNITS as SIZES
-from wrenchbed.data.guess.sheets import Reading
+from wrenchbed.data.guess.sheets import Reading, Sheet
 from wrenchbed.data.holds import split
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
@@ -247,7 +247,7 @@ class Convention:
 
     Attributes:
         reading: columns of the orientation or of joints.
-        sheet: number of the table with the orientation, and ``load`` of that with the wrench.
+        sheet: table with the orientation, and ``load`` with the wrench.
         wrench: channel → column.
         inverse: whether the orientation is the base's in the body.
         in_base: whether the wrench is in the base's axes.
@@ -260,8 +260,8 @@ class Convention:
     """
 
     reading: Reading
-    sheet: int
-    load: int
+    sheet: Sheet
+    load: Sheet
     wrench: Mapping[str, str]
     inverse: bool
     in_base: bool

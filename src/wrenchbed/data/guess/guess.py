@@ -139,7 +139,7 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
             f"conventions; {_LEAST_POSES} are needed"
         )
     if stated.known is not None:
-        fitting = [_as_known(c, tables, stated) for c in fitting]
+        fitting = [_as_known(c, stated) for c in fitting]
     fitting.sort(key=lambda c: c.fit.force_rms)
     best = min(fitting, key=lambda c: c.fit.against(fitting[0].fit))
     if best.fit.share > _MOST_LEFT:
@@ -163,10 +163,10 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
     return Guess(tuple(chosen), maps, tuple(others), untried)
 
 
-def _as_known(c: Convention, tables: Sequence[Sheet], stated: Stated) -> Convention:
+def _as_known(c: Convention, stated: Stated) -> Convention:
     """A convention with the tool and bias of an earlier calibration instead of fitted ones."""
     assert stated.known is not None
-    y = c.poses.mean(tables[c.load].block(list(c.wrench.values())).astype(float))
+    y = c.poses.mean(c.load.block(list(c.wrench.values())).astype(float))
     gravity = stated.gravity_size()
     return replace(c, fit=stated.known.fitted(c.fit, c.turn, y, c.in_base, gravity))
 
@@ -244,7 +244,7 @@ def _units(c: Convention, tables: Sequence[Sheet], stated: Stated) -> list[tuple
 
 def raw_map(c: Convention, tables: Sequence[Sheet], stated: Stated) -> dict[str, Any]:
     """The column map of a convention, as TOML would hold it."""
-    load = tables[c.load]
+    load = c.load
     recording: dict[str, Any] = {
         "robot": stated.robot or c.reading.robot or "my-robot", "mode": stated.mode or c.poses.mode,
         "gravity": [float(x) for x in c.gravity],
@@ -260,14 +260,14 @@ def raw_map(c: Convention, tables: Sequence[Sheet], stated: Stated) -> dict[str,
         recording["sensor"] = {"pose_flange": [0.0, 0.0, 0.0, *map(float, np.round(turn, 9))]}
     stated.put(recording, wrench, load)
     files = []
-    for k, sheet in sorted(enumerate(tables), key=lambda pair: pair[1] is not load):
+    for sheet in sorted(tables, key=lambda sheet: sheet is not load):
         columns = dict(wrench) if sheet is load else {}
-        if k == c.sheet:
+        if sheet is c.sheet:
             columns |= _turn_columns(c)
         time = sheet.clock
         if time is not None and time.column not in {x["column"] for x in columns.values()}:
             columns = {"t": {"column": time.column, "unit": time.unit}} | columns
-        columns |= _besides(c, tables, k, load)
+        columns |= _besides(c, sheet)
         if set(columns) - {"t"}:
             match = _pattern(sheet.path.name, [s.path.name for s in tables])
             files.append({"match": match, "columns": columns})
@@ -303,17 +303,15 @@ def _turn_columns(c: Convention) -> dict[str, dict[str, Any]]:
     return {t: {"column": n} | ({"unit": units[t]} if unit else {}) for t, n in targets.items()}
 
 
-def _besides(
-    c: Convention, tables: Sequence[Sheet], k: int, load: Sheet
-) -> dict[str, dict[str, Any]]:
+def _besides(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
     """Other columns that a recording may hold: temperature, segment, accelerometer."""
-    sheet, columns = tables[k], {}
+    columns = {}
     if "temperature" in sheet.roles:
         columns["temperature"] = {"column": sheet.roles["temperature"], "unit": "°C"}
-    if "segment" in sheet.roles and sheet is load:
+    if "segment" in sheet.roles and sheet is c.load:
         columns["segment"] = {"column": sheet.roles["segment"]}
     if "ax" in sheet.roles:
-        columns |= _accelerometer(c, sheet, load)
+        columns |= _accelerometer(c, sheet, c.load)
     return columns
 
 
