@@ -103,9 +103,8 @@ def _pairs(tables: Sequence[Sheet], stated: Stated) -> Iterator[tuple[Pairing, R
     """All pairs of a wrench with an orientation's or joints' reading."""
     readings = [[*orientations(sheet), *_of_joints(sheet, stated)] for sheet in tables]
     for load in tables:
-        beside = [
-            (rows_at(load, sheet), sheet, of) for sheet, of in zip(tables, readings, strict=True)
-        ]
+        rows = [rows_at(load, sheet) for sheet in tables]
+        beside = [*zip(rows, tables, readings, strict=True)]
         for wrench, (at, sheet, of_sheet) in product(wrenches(load), beside):
             if at is not None:
                 pairing = Pairing(load, sheet, wrench, at)

@@ -214,17 +214,16 @@ def _signs_and_units(
         gravity[c.fit.axis] = along * size
         sign = 1 if along * c.fit.weight > 0 else -1
         signed = replace(c, sign=sign, gravity=tuple(gravity))
-        for rank, units in enumerate(_units(signed, tables, stated)):
+        for rank, units in enumerate(_units(signed, stated)):
             yield (
                 c.cost + 0.05 * (along != down) + 0.01 * rank,
                 replace(signed, units=units),
             )
 
 
-def _units(c: Convention, tables: Sequence[Sheet], stated: Stated) -> list[tuple[str, str]]:
+def _units(c: Convention, stated: Stated) -> list[tuple[str, str]]:
     """Units of force and torque in which the load is a tool, the most usual first."""
-    names = {n: u for s in tables for n, u in s.units.items()}
-    force, torque = names.get(c.wrench["fx"]), names.get(c.wrench["tx"])
+    force, torque = (c.load.units.get(c.wrench[channel]) for channel in ("fx", "tx"))
     forces = (force,) if force is not None and SIZES[force][0] == "force" else _FORCES
     pairs, mass = [], stated.tool_mass
     for f in forces:
@@ -305,7 +304,7 @@ def _turn_columns(c: Convention) -> dict[str, dict[str, Any]]:
 
 def _besides(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
     """Other columns that a recording may hold: temperature, segment, accelerometer."""
-    columns = {}
+    columns: dict[str, dict[str, Any]] = {}
     if "temperature" in sheet.roles:
         columns["temperature"] = {"column": sheet.roles["temperature"], "unit": "°C"}
     if "segment" in sheet.roles and sheet is c.load:
