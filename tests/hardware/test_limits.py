@@ -9,10 +9,8 @@ from wrenchbed.hardware.drivers.base import Applied, as_designed, block_of
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.robots.motion_limits import (
     Limits,
-    check_motion,
     duration,
     minimum_jerk,
-    peak_speed,
     straight,
 )
 
@@ -81,11 +79,13 @@ def test_a_trajectory_keeps_its_share_of_top_speed(share, allowed):
     targets[1, 3] += 0.3 * 0.8 * TOP[3] / rate
     targets[2, 4] += share * 0.8 * TOP[4] / rate
     if allowed:
-        limits.check_speed(UR5, targets, rate, "trajectory")
+        limits.check_motion(UR5, targets, rate, "trajectory")
         return
     name = UR5.joints[4].name
-    with pytest.raises(PlanError, match=f"trajectory: {name} would move at .*80% of its top"):
-        limits.check_speed(UR5, targets, rate, "trajectory")
+    with pytest.raises(
+        PlanError, match=f"row 2: {name} would move at .*80% of its top"
+    ):
+        limits.check_motion(UR5, targets, rate, "trajectory")
 
 
 def test_a_streamed_target_may_be_a_twentieth_faster_as_ticks_are_uneven():
@@ -151,23 +151,16 @@ def test_minimum_jerk_begins_and_ends_at_rest_and_peaks_in_the_middle():
     assert (np.diff(minimum_jerk(fine)) * 2000).max() == pytest.approx(1.875, rel=1e-5)
 
 
-def test_peak_speed_is_of_the_fastest_step():
-    targets = np.array([[0.0, 0.0], [0.1, -0.3], [0.3, -0.2]])
-    assert peak_speed(targets, 10.0) == pytest.approx([2.0, 3.0])
-    assert peak_speed(targets[:1], 10.0) == pytest.approx([0.0, 0.0])
-    assert peak_speed(targets[:2], 10.0) == pytest.approx([1.0, 3.0])
-
-
 def test_a_motion_names_the_row_that_is_too_fast():
     targets = np.stack([HOME] * 4)
     targets[2:, 1] += 0.99 * TOP[1] / 50.0
-    check_motion(UR5, targets, 50.0, "motion")
+    Limits().check_motion(UR5, targets, 50.0, "motion")
     targets[2:, 1] += 0.02 * TOP[1] / 50.0
     with pytest.raises(PlanError, match=f"motion: row 2: {UR5.joints[1].name} would move at"):
-        check_motion(UR5, targets, 50.0, "motion")
+        Limits().check_motion(UR5, targets, 50.0, "motion")
     targets[2:, 1] = 99.0
     with pytest.raises(PlanError):
-        check_motion(UR5, targets, 1e-9, "motion")
+        Limits().check_motion(UR5, targets, 1e-9, "motion")
 
 
 def test_rows_become_columns_of_their_kind():

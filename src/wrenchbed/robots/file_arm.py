@@ -17,7 +17,7 @@ from wrenchbed.errors import WrenchbedError
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, exp, exp_rates
-from wrenchbed.robots.arm_model import COUPLED, HINGE, WELD, ArmModel, Load
+from wrenchbed.robots.arm_model import COUPLED, HINGE, WELD, ArmLink, ArmModel, Load
 from wrenchbed.robots.base import (
     ANGLE,
     Joint,
@@ -280,26 +280,30 @@ def arm_parameters(description: ArmDescription) -> ParameterSet:
     """Parameters of a serial arm or one with closed loops; passive joints have no zero."""
     items: list[Parameter] = []
     for k, link in enumerate(description.arm.links):
-        unit, size = ("rad", ANGLE) if link.kind == HINGE else ("m", _SLIDE)
-        bound = 6.3 if unit == "rad" else 2.0
         if k in description.arm.driven:
-            items.append(
-                Parameter(
-                    f"joint.{link.joint}.zero", 0.0, unit, size, -bound, bound, "joint zero offset"
-                )
-            )
-        items += [
-            Parameter(
-                f"link.{link.body}.position.{a}", float(v), "m", _LENGTH, -_FARTHEST, _FARTHEST,
-                "its joint's origin in the axes of the link before",
-            )
-            for a, v in zip("xyz", link.shift, strict=True)
-        ]  # fmt: skip
+            bound = 6.3 if link.kind == HINGE else 2.0
+            items.append(_zero(f"joint.{link.joint}.zero", link, bound, "joint zero offset"))
+        text = "its joint's origin in the axes of the link before"
+        items += _places(f"link.{link.body}.position", link.shift, text)
         text = "rotation vector against the file, in the link's axes"
         items += vector_parameters(f"link.{link.body}.rotation", "xyz", "rad", _TWIST, text)
     items += _closure_parameters(description.arm)
     load = description.load
     return ParameterSet(tuple(items)) + mounted_parameters(load.mass, load.cog, load.inertia)
+
+
+def _zero(name: str, link: ArmLink, bound: float, text: str) -> Parameter:
+    """What is added to the value of a link's joint."""
+    unit, size = ("rad", ANGLE) if link.kind == HINGE else ("m", _SLIDE)
+    return Parameter(name, 0.0, unit, size, -bound, bound, text)
+
+
+def _places(group: str, place: np.ndarray, text: str) -> list[Parameter]:
+    """Coordinates of a point (3,) [m]."""
+    return [
+        Parameter(f"{group}.{a}", float(v), "m", _LENGTH, -_FARTHEST, _FARTHEST, text)
+        for a, v in zip("xyz", place, strict=True)
+    ]
 
 
 def _closure_parameters(arm: ArmModel) -> list[Parameter]:
@@ -309,21 +313,14 @@ def _closure_parameters(arm: ArmModel) -> list[Parameter]:
     for closure in () if arm.loops is None else arm.loops.closures:
         group = f"loop.{closure.name}"
         if closure.kind == COUPLED:
-            hinge = arm.links[closure.first].kind == HINGE
-            unit, size = ("rad", ANGLE) if hinge else ("m", _SLIDE)
-            items.append(
-                Parameter(f"{group}.offset", 0.0, unit, size, -6.3, 6.3, "added to its law")
-            )
+            link = arm.links[closure.first]
+            items.append(_zero(f"{group}.offset", link, 6.3, "added to its law"))
             continue
-        for side, link in enumerate((closure.first, closure.second)):
-            where = arm.links[link].body if link >= 0 else "base"
-            items += [
-                Parameter(
-                    f"{group}.{where}.{a}", float(v), "m", _LENGTH, -_FARTHEST, _FARTHEST,
-                    "where the loop holds this link, in its axes",
-                )
-                for a, v in zip("xyz", closure.places[side], strict=True)
-            ]  # fmt: skip
+        for k, place in zip((closure.first, closure.second), closure.places, strict=True):
+            where = arm.links[k].body if k >= 0 else "base"
+            items += _places(
+                f"{group}.{where}", place, "where the loop holds this link, in its axes"
+            )
         if closure.kind == WELD:
             items += vector_parameters(f"{group}.rotation", "xyz", "rad", _TWIST, "of the weld")
     return items

@@ -43,27 +43,9 @@ class LoopArm(DescribedArm):
             BodyMass(x.body, x.mass, (float(x.cog[0]), float(x.cog[1]), float(x.cog[2])))
             for x in arm.links
         )
-        self._index_closures()
         self._loops = ClosedLoops(arm, self._geometry(self.parameters.nominal))
         homes = zip(arm.links, self._loops.home.tolist(), strict=True)
         self.arm_model = replace(arm, links=tuple(replace(x, home=at) for x, at in homes))
-
-    def _index_closures(self) -> None:
-        """Columns of each closure's points, weld and offset; none of what it has not."""
-        arm, index = self.arm_model, self.parameters.index
-        assert arm.loops is not None
-        self._held: list[tuple[list[int], list[int]]] = []
-        self._welds: list[list[int]] = []
-        self._offsets: list[int] = []
-        for c in arm.loops.closures:
-            group = f"loop.{c.name}"
-            where = [arm.links[k].body if k >= 0 else "base" for k in (c.first, c.second)]
-            coupled = c.kind == COUPLED
-            pair = [[] if coupled else [index(f"{group}.{w}.{a}") for a in "xyz"] for w in where]
-            self._held.append((pair[0], pair[1]))
-            weld = c.kind == WELD
-            self._welds.append([index(f"{group}.rotation.{a}") for a in "xyz"] if weld else [])
-            self._offsets.append(index(f"{group}.offset") if coupled else -1)
 
     @property
     def lengths(self) -> tuple[str, ...]:
@@ -110,18 +92,27 @@ class LoopArm(DescribedArm):
             vector = theta[..., columns]
             return fixed @ exp(*np.moveaxis(vector, -1, 0)) if vector.any() else fixed
 
-        closures = arm.loops.closures
+        p = self.values(theta)
+        places, welds, offsets = [], [], []
+        for closure in arm.loops.closures:
+            group, pair = f"loop.{closure.name}", (closure.first, closure.second)
+            if closure.kind == COUPLED:
+                places.append((np.zeros(3), np.zeros(3)))
+                offsets.append(p[f"{group}.offset"])
+            else:
+                bodies = (arm.links[k].body if k >= 0 else "base" for k in pair)
+                one, two = (stack_jets([p[f"{group}.{b}.{a}"] for a in "xyz"]) for b in bodies)
+                places.append((one, two))
+                offsets.append(np.zeros(()))
+            index = self.parameters.index
+            turn = [index(f"{group}.rotation.{a}") for a in "xyz"] if closure.kind == WELD else []
+            welds.append(turned(closure.turn, turn) if turn else closure.turn)
+        links = zip(arm.links, self._turns, strict=True)
         return Geometry(
-            [turned(link.turn, c) for link, c in zip(arm.links, self._turns, strict=True)],
-            [theta[..., c] for c in self._places],
-            self.zeros(theta),
-            [(theta[..., a], theta[..., b]) for a, b in self._held],
-            [
-                turned(c.turn, w) if w else c.turn
-                for c, w in zip(closures, self._welds, strict=True)
-            ],
-            [theta[..., k] if k >= 0 else np.zeros(()) for k in self._offsets],
-        )
+            [turned(link.turn, columns) for link, columns in links],
+            [theta[..., columns] for columns in self._places],
+            self.zeros(theta), places, welds, offsets,
+        )  # fmt: skip
 
     def _solved(self, q: Value, theta: np.ndarray) -> tuple[list[Value], Geometry]:
         """Values of all joints, (…, N) each, and the geometry."""

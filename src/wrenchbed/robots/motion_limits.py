@@ -42,38 +42,13 @@ def minimum_jerk(share: np.ndarray) -> np.ndarray:
     return share**3 * (10.0 + share * (-15.0 + 6.0 * share))
 
 
-def peak_speed(targets: np.ndarray, rate: float) -> np.ndarray:
-    """Largest speed (J,) of each joint along a trajectory (N, J) at a rate [Hz]."""
-    if len(targets) < 2:
-        return np.zeros(targets.shape[1])
-    return np.asarray(np.abs(np.diff(targets, axis=0)).max(axis=0) * rate)
-
-
-def check_motion(robot: Robot, targets: np.ndarray, rate: float, where: str) -> None:
-    """Refuse a trajectory (N, J) that leaves limits, the solvable region or the joints' speed.
-
-    Raises:
-        PlanError: names the row.
-    """
-    robot.check(targets, robot.parameters.nominal, where)
-    speed = np.abs(np.diff(targets, axis=0)) * rate
-    top = top_speeds(robot)
-    if (speed > top).any():
-        row, j = (int(k[0]) for k in np.nonzero(speed > top))
-        raise PlanError(f"{where}: row {row + 1}: {_too_fast(robot, j, speed[row, j], top[j])}")
-
-
 def top_speeds(robot: Robot) -> np.ndarray:
     """Top speed of each joint (J,) [unit/s]."""
     return np.array([j.speed for j in robot.joints])
 
 
-def _too_fast(robot: Robot, j: int, speed: float, limit: float) -> str:
-    joint = robot.joints[j]
-    return (
-        f"{joint.name} would move at {speed:.3g} {joint.unit}/s, "
-        f"its limit is {limit:.3g} {joint.unit}/s"
-    )
+def _moves(robot: Robot, j: int, speed: float) -> str:
+    return f"{robot.joints[j].name} would move at {speed:.3g} {robot.joints[j].unit}/s"
 
 
 @dataclass(frozen=True)
@@ -126,20 +101,19 @@ class Limits:
                 "outside the workspace"
             )
 
-    def check_speed(self, robot: Robot, targets: np.ndarray, rate: float, where: str) -> None:
-        """Refuse a trajectory (N, J) at a rate [Hz] that is faster than ``tracking`` allows.
+    def check_motion(self, robot: Robot, targets: np.ndarray, rate: float, where: str) -> None:
+        """Refuse a trajectory (N, J) at a rate [Hz] that `check_path` refuses or that is too fast.
 
         Raises:
-            PlanError: names the fastest joint.
+            PlanError: names the row, and its fastest joint.
         """
-        speed = peak_speed(targets, rate)
-        top = top_speeds(robot)
-        j = int(np.argmax(speed / top))
-        if speed[j] > self.tracking * top[j] * 1.001:
-            unit = robot.joints[j].unit
+        self.check_path(robot, targets, where)
+        speed, top = np.abs(np.diff(targets, axis=0)) * rate, top_speeds(robot)
+        for row in np.flatnonzero((speed > self.tracking * top * 1.001).any(axis=1))[:1]:
+            j = int(np.argmax(speed[row] / top))
             raise PlanError(
-                f"{where}: {robot.joints[j].name} would move at {speed[j]:.3g} {unit}/s, "
-                f"{speed[j] / top[j]:.0%} of its top speed; the limit is {self.tracking:.0%}"
+                f"{where}: row {row + 1}: {_moves(robot, j, speed[row, j])}, "
+                f"{speed[row, j] / top[j]:.0%} of its top speed; the limit is {self.tracking:.0%}"
             )
 
     def check_step(self, robot: Robot, last: np.ndarray, q: np.ndarray, seconds: float) -> str:
@@ -154,7 +128,8 @@ class Limits:
         speed = np.abs(q - last) / max(seconds, 1e-6)
         if (speed > 1.05 * top).any():
             j = int(np.argmax(speed / top))
-            return _too_fast(robot, j, speed[j], top[j])
+            unit = robot.joints[j].unit
+            return f"{_moves(robot, j, speed[j])}, its limit is {top[j]:.3g} {unit}/s"
         return ""
 
     def check_wrench(self, wrench: np.ndarray) -> None:

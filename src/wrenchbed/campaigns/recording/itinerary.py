@@ -10,7 +10,7 @@ from wrenchbed.errors import PlanError
 from wrenchbed.hardware.drivers.base import Driver
 from wrenchbed.planning.clearance import Clearance
 from wrenchbed.robots.base import Robot, SimulatedRobot
-from wrenchbed.robots.motion_limits import Limits, check_motion, duration, straight
+from wrenchbed.robots.motion_limits import Limits, duration, straight
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +50,7 @@ def check(driver: Driver, plan: Plan, rate: float, *, clear: bool) -> None:
     driver.limits.check_path(robot, plan.q, plan.name)
     if plan.mode == "static":
         return
-    check_motion(robot, plan.q, rate, plan.name)
-    driver.limits.check_speed(robot, plan.q, rate, plan.name)
+    driver.limits.check_motion(robot, plan.q, rate, plan.name)
     start = straight(driver.position(), plan.q[0])
     robot.check(start, robot.parameters.nominal, f"{plan.name}: move to row 0")
     if clear and isinstance(robot, SimulatedRobot):

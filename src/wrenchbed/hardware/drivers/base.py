@@ -17,7 +17,7 @@ from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device import Device
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.robots.base import INERTIA_AXES, Robot
-from wrenchbed.robots.motion_limits import Limits, check_motion, duration, straight
+from wrenchbed.robots.motion_limits import Limits, duration, straight
 
 Block = Mapping[str, np.ndarray]
 """Columns of a recording by name, each (n,)."""
@@ -283,9 +283,7 @@ class Driver(Device):
             PlanError: the trajectory leaves limits, the solvable region or the joints' speed.
         """
         self._check_active()
-        check_motion(self.robot, targets, rate, "trajectory")
-        self.limits.check_speed(self.robot, targets, rate, "trajectory")
-        self.limits.check_path(self.robot, targets, "trajectory")
+        self.limits.check_motion(self.robot, targets, rate, "trajectory")
         yield from self._track(targets, rate)
 
     def full_scale(self) -> np.ndarray:
