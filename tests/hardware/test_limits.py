@@ -82,9 +82,7 @@ def test_a_trajectory_keeps_its_share_of_top_speed(share, allowed):
         limits.check_motion(UR5, targets, rate, "trajectory")
         return
     name = UR5.joints[4].name
-    with pytest.raises(
-        PlanError, match=f"row 2: {name} would move at .*80% of its top"
-    ):
+    with pytest.raises(PlanError, match=f"row 2: {name} would move at .*80% of its top"):
         limits.check_motion(UR5, targets, rate, "trajectory")
 
 

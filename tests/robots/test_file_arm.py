@@ -34,21 +34,17 @@ def loads(robot, q, theta):
 
 @each_file
 def test_the_closed_form_is_the_users_file_in_mujoco(case, tmp_path):
-    """Nominal and with two random parameter vectors written into the file by other code."""
+    """Also with random parameters, as the robot's own MJCF has them; `test_closed_loop` writes
+    parameters into users' files."""
     robot = arm_of(case, tmp_path)
     rng = np.random.default_rng(5)
-    for k in range(3):
-        theta = robot.parameters.nominal if k == 0 else random_theta(robot, rng)
-        values = robot.parameters.mapping(theta)
-        own = theta.copy()
-        own[robot.parameters.index("sensor.mass")] = 0.0
-        plain = PlainArm(case.path, case.frame, robot.tool(own))
-        plain.change(values, np.array(robot.gravity))
-        zeros = {link.joint: values[f"joint.{link.joint}.zero"] for link in robot.arm_model.links}
-        q = robot.sample(60, rng)
-        measured = plain.wrench(q, zeros)
-        assert np.abs(measured).max() > 5.0
-        assert np.abs(measured - loads(robot, q, own)).max() < 1e-10
+    plain = PlainArm(case.path, case.frame, robot.tool(robot.parameters.nominal))
+    plain.model.opt.gravity[:] = robot.gravity
+    q = robot.sample(60, rng)
+    measured = plain.wrench(q, list(robot.joint_names))
+    assert np.abs(measured).max() > 5.0
+    assert np.abs(measured - loads(robot, q, robot.parameters.nominal)).max() < 1e-10
+    for theta in (robot.parameters.nominal, random_theta(robot, rng), random_theta(robot, rng)):
         written = Simulation(robot, theta).wrench(q)
         assert np.abs(written - loads(robot, q, theta)).max() < 1e-10
 
@@ -59,7 +55,7 @@ def test_what_the_file_hangs_behind_the_frame_is_the_tool(case, tmp_path):
     plain = PlainArm(case.path, case.frame, None)
     plain.model.opt.gravity[:] = robot.gravity
     q = robot.sample(50, np.random.default_rng(1))
-    measured = plain.wrench(q, {link.joint: 0.0 for link in robot.arm_model.links})
+    measured = plain.wrench(q, list(robot.joint_names))
     assert np.abs(measured - loads(robot, q, robot.parameters.nominal)).max() < 1e-9
     assert robot.description.load.bodies
 
@@ -73,9 +69,9 @@ def test_the_torque_of_weight_is_mujocos(case, tmp_path):
     plain.model.opt.gravity[:] = robot.gravity
     q = robot.sample(20, np.random.default_rng(2))
     ours = robot.gravity_torque(q, theta, np.array(robot.gravity))
-    names = [link.joint for link in robot.arm_model.links]
+    names = list(robot.joint_names)
     for row, torque in zip(q, ours, strict=True):
-        plain.wrench(row[None], dict.fromkeys(names, 0.0))
+        plain.wrench(row[None], names)
         held = [plain.data.qfrc_inverse[int(plain.model.joint(n).dofadr[0])] for n in names]
         assert np.abs(torque + np.array(held)).max() < 1e-9 * max(1.0, np.abs(held).max())
 

@@ -59,7 +59,7 @@ def test_ranges_and_resolutions_are_plausible_and_sourced(sensor: Sensor) -> Non
         assert sensor.accuracy_source.strip()
         assert (sensor.accuracy < 0.05 * sensor.calibration().range).all()
     assert np.abs(sensor.plate_offset).max() < 0.1 and sensor.plate_offset_source
-    counts = sensor.full_scale_counts()
+    counts = None if sensor.counts is None else sensor.calibration().range * sensor.counts
     assert counts is None or ((counts > 1000).all() and (counts < 2**31).all())
 
 
@@ -96,7 +96,8 @@ def row_of_the_page(sensor: Sensor) -> str:
         force = f"{x} · {z}" if x == y else f"{x} · {y} · {z}"
         return f"{force}, {a}" + ("" if a == b == c else f" · {c}" if a == b else f" · {b} · {c}")
 
-    own, counts = sensor.calibration(), sensor.full_scale_counts()
+    own = sensor.calibration()
+    counts = None if sensor.counts is None else own.range * sensor.counts
     return (
         f"| `{sensor.name}` | {', '.join(c.name for c in sensor.calibrations)} | "
         f"{short(own.range)} | {short(own.resolution)} | {short(sensor.noise.row_std)} | "

@@ -6,7 +6,6 @@ from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from wrenchbed.physics.wrench import Tool
 
@@ -55,7 +54,7 @@ def without_meshes(path: Path) -> mujoco.MjSpec:
 
 
 class PlainArm:
-    """The user's file itself, its numbers changed in place as parameters say.
+    """The user's file itself.
 
     Args:
         path, frame: file and body of the sensor.
@@ -86,39 +85,14 @@ class PlainArm:
         self.model = spec.compile()
         self.data = mujoco.MjData(self.model)
 
-    def change(self, values: dict[str, float], gravity: np.ndarray) -> None:
-        """Write parameters by their names into the compiled file."""
-        model = self.model
-        turns: dict[str, np.ndarray] = {}
-        for name, value in values.items():
-            group, _, rest = name.partition(".")
-            if group == "link":
-                body, what, axis = rest.rsplit(".", 2)
-                if what == "position":
-                    model.body_pos[model.body(body).id]["xyz".index(axis)] = value
-                else:
-                    turns.setdefault(body, np.zeros(3))["xyz".index(axis)] = value
-            elif group == "mount":
-                what, axis = rest.split(".")
-                if what == "position":
-                    model.body("seat").pos["xyz".index(axis)] = value
-                else:
-                    turns.setdefault("seat", np.zeros(3))["xyz".index(axis)] = value
-        for body, vector in turns.items():
-            b = model.body(body).id
-            own = Rotation.from_quat(model.body_quat[b], scalar_first=True)
-            model.body_quat[b] = (own * Rotation.from_rotvec(vector)).as_quat(scalar_first=True)
-        tilt = [values["base.tilt.x"], values["base.tilt.y"], 0.0]
-        model.opt.gravity[:] = Rotation.from_rotvec(tilt).apply(gravity)
-
-    def wrench(self, q: np.ndarray, zeros: dict[str, float]) -> np.ndarray:
-        """Load on the sensor (N, 6) [N, N·m] at values of the chain's joints, named with zeros."""
+    def wrench(self, q: np.ndarray, names: list[str]) -> np.ndarray:
+        """Load on the sensor (N, 6) [N, N·m] at values of the chain's joints, by their names."""
         model, data = self.model, self.data
-        at = [int(model.joint(name).qposadr[0]) for name in zeros]
+        at = [int(model.joint(name).qposadr[0]) for name in names]
         result = np.empty((len(q), 6))
         for i, row in enumerate(q):
             data.qpos[:] = model.qpos0
-            data.qpos[at] = row + np.array(list(zeros.values()))
+            data.qpos[at] = row
             data.qvel[:] = data.qacc[:] = 0.0
             mujoco.mj_inverse(model, data)
             result[i] = -np.concatenate([data.sensor("force").data, data.sensor("torque").data])

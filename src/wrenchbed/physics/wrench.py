@@ -65,29 +65,23 @@ def wrench(rotation: Value, position: Value, tool: Tool, gravity: np.ndarray) ->
     """
     if isinstance(rotation, Jet):
         return load(motion_of(rotation, position, gravity), tool.inertial)
-    return weight(_transposed(rotation) @ gravity, tool)
+    return weight(np.swapaxes(rotation, -1, -2) @ gravity, tool)
 
 
 def weight(seen: np.ndarray, tool: Tool) -> np.ndarray:
     """Load on the sensor (…, N, 6) [N, N·m] at rest in gravity that it sees as (…, N, 3) [m/s²]."""
-    return _join(tool, _scale(tool.mass, seen), _scale(tool.sensor_mass, seen))
+    force, own = (np.asarray(m)[..., None] * seen for m in (tool.mass, tool.sensor_mass))
+    return np.concatenate(np.broadcast_arrays(force + own, cross(tool.cog, force)), axis=-1)
+
+
+def symmetric(six: Sequence[float] | np.ndarray) -> np.ndarray:
+    """xx yy zz xy xz yz → (3, 3)."""
+    xx, yy, zz, xy, xz, yz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def physical_inertia(inertia: Sequence[float] | np.ndarray) -> bool:
     """Whether xx yy zz xy xz yz [kg·m²] has moments ≥ 0 with A + B ≥ C, as every body has."""
-    xx, yy, zz, xy, xz, yz = inertia
-    a, b, c = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    a, b, c = np.linalg.eigvalsh(symmetric(inertia))
     slack = 1e-9 * max(abs(c), 1e-12)
     return bool(a >= -slack and a + b >= c - slack)
-
-
-def _join(tool: Tool, force: np.ndarray, own: np.ndarray) -> np.ndarray:
-    return np.concatenate(np.broadcast_arrays(force + own, cross(tool.cog, force)), axis=-1)
-
-
-def _transposed(rotation: np.ndarray) -> np.ndarray:
-    return np.swapaxes(rotation, -1, -2)
-
-
-def _scale(factor: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    return np.asarray(factor)[..., None] * vector

@@ -17,6 +17,7 @@ import numpy as np
 
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.physics.rotations import matrix, quaternion
+from wrenchbed.physics.wrench import symmetric
 from wrenchbed.robots import loop_file
 from wrenchbed.robots.arm_model import (
     HINGE,
@@ -245,8 +246,7 @@ def _compiled(spec: mujoco.MjSpec, source: ModelSource, notes: list[str]) -> muj
 def _possible(spec: mujoco.MjSpec) -> None:
     """Bodies whose inertia has no positive moments get that of a small ball of their mass."""
     for body in spec.bodies:
-        xx, yy, zz, xy, xz, yz = body.fullinertia
-        moments = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        moments = symmetric(body.fullinertia)
         if np.isfinite(moments).all() and np.linalg.eigvalsh(moments)[0] <= 0.0:
             body.fullinertia = [max(_BALL_M**2 * body.mass, _BOUND)] * 3 + [0.0] * 3
 

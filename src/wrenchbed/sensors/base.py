@@ -107,12 +107,3 @@ class Sensor:
                 f"{self.name} has no calibration {wanted!r}{hint} Known: {', '.join(known)}"
             )
         return known[wanted]
-
-    def full_scale_counts(self, name: str | None = None) -> Array | None:
-        """Counts (6,) of the digital output at full scale; None where it does not count.
-
-        Raises:
-            NotFoundError: no such calibration.
-        """
-        full = self.calibration(name).range
-        return None if self.counts is None else full * self.counts

@@ -6,7 +6,7 @@ MuJoCo 4.0 reads the support force; the load on the sensor is minus that. `mj_in
 joint coordinates agrees with the closed form to 1e-14 N, `mj_forward` with a servo does not.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import mujoco
 import numpy as np
@@ -60,36 +60,12 @@ class Simulation:
         site = mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_SITE, "tcp")
         if site < 0:
             raise NotFoundError(f"robot {self.robot.name!r} has no tool tip in its model")
-        return np.array([data.site_xpos[site].copy() for data in self._standing(q)])
-
-    def sensor_frames(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Origin (N, 3) [m] and axes (N, 3, 3) of the sensor in the world at joints (N, J)."""
-        site = self.model.site("ft").id
-        rows = [np.append(data.site_xpos[site], data.site_xmat[site]) for data in self._standing(q)]
-        origin, axes = np.split(np.array(rows).reshape(-1, 12), [3], axis=1)
-        return origin, axes.reshape(-1, 3, 3)
-
-    def skeleton(self, q: np.ndarray) -> np.ndarray:
-        """The robot as lines (N, L, 2, 3) [m] at joints (N, J): each body with what carries it.
-
-        The last line leads to the sensor.
-        """
-        site, model = self.model.site("ft").id, self.model
-        body = np.arange(1, model.nbody)
-        parent = model.body_parentid[body]
-        lines = []
-        for data in self._standing(q):
-            at = np.stack([data.xpos[parent], data.xpos[body]], axis=1)
-            last = [data.xpos[model.site_bodyid[site]], data.site_xpos[site]]
-            lines.append(np.concatenate([at, [last]]))
-        return np.array(lines)
-
-    def _standing(self, q: np.ndarray) -> Iterator[mujoco.MjData]:
-        """MuJoCo's state at joint values (N, J), one row after the other."""
+        tips = []
         for row in np.asarray(self.robot.qpos(q, self.theta)):
             self.data.qpos[:] = row
             mujoco.mj_kinematics(self.model, self.data)
-            yield self.data
+            tips.append(self.data.site_xpos[site].copy())
+        return np.array(tips).reshape(-1, 3)
 
     def seated(self, q: np.ndarray, point: np.ndarray) -> np.ndarray | None:
         """Joint values (J,) nearest to q that put the tool tip at a point (3,); None if none do."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.physics.time_derivatives import Value
-from wrenchbed.physics.wrench import Tool, physical_inertia
+from wrenchbed.physics.wrench import Tool, physical_inertia, symmetric
 from wrenchbed.robots.base import INERTIA_AXES, Joint, Robot, SimulatedRobot
 from wrenchbed.robots.base import Values as Named
 from wrenchbed.robots.mjcf import write_load
@@ -100,7 +100,7 @@ def set_weights(
     p = robot.values(theta)
     six = [float(p[f"tool.inertia.{a}"]) for a in INERTIA_AXES]
     if not _compiles(six):
-        moments, axes = np.linalg.eigh(_matrix(six))
+        moments, axes = np.linalg.eigh(symmetric(six))
         axes[:, 0] *= np.sign(np.linalg.det(axes))
         own = next((b for b, n in enumerate(names) if n.endswith(MASS)), names.index("tool"))
         model.body_inertia[own], model.body_sameframe[own] = moments, 0
@@ -118,10 +118,4 @@ def with_some_inertia(robot: Robot, theta: np.ndarray) -> np.ndarray:
 
 
 def _compiles(six: Sequence[float] | np.ndarray) -> bool:
-    return physical_inertia(six) and float(np.linalg.eigvalsh(_matrix(six))[0]) > 1e-12
-
-
-def _matrix(six: Sequence[float] | np.ndarray) -> np.ndarray:
-    """xx yy zz xy xz yz → (3, 3)."""
-    xx, yy, zz, xy, xz, yz = six
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return physical_inertia(six) and float(np.linalg.eigvalsh(symmetric(six))[0]) > 1e-12
