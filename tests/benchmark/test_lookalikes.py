@@ -1,8 +1,5 @@
 """Look-alike cases: faults that show, a background that does not, and physics of their own."""
 
-import ast
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -23,8 +20,6 @@ from wrenchbed.physics.wrench import wrench
 from wrenchbed.planning.choose import multisine, poses
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
 
-SOURCE = Path(__file__).parents[2] / "src" / "wrenchbed" / "benchmark" / "lookalikes"
-FORBIDDEN = {"effects", "simulation", "diagnosis", "twin"}
 MOTION_ONLY = {"tool.inertia", "timing.delay", "timing.lowpass", "timing.stale", "timing.skew"}
 
 
@@ -224,19 +219,6 @@ def test_what_a_design_cannot_show_is_refused():
         draw(design, 0, "single", "timing.delay")
     with pytest.raises(ParameterError, match="kind of case"):
         draw(design, 0, "triple")
-
-
-@pytest.mark.parametrize("path", sorted(SOURCE.glob("*.py")), ids=lambda p: p.name)
-def test_no_code_is_shared_with_the_library_of_effects(path):
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        names = []
-        if isinstance(node, ast.Import):
-            names = [a.name for a in node.names]
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            names = [node.module] + [f"{node.module}.{a.name}" for a in node.names]
-        for name in names:
-            parts = name.split(".")
-            assert not (parts[0] == "wrenchbed" and parts[1:] and parts[1] in FORBIDDEN), name
 
 
 def test_a_motion_by_orientations_alone_can_be_tilted():

@@ -62,6 +62,19 @@ def test_the_referee_shares_no_effect_code_even_indirectly():
     assert not [m for m in reached("referee") if m.startswith(FORBIDDEN)]
 
 
+@pytest.mark.parametrize(
+    ("room", "forbidden"),
+    [
+        ("lookalikes", ("effects", "simulation", "diagnosis", "twin")),
+        ("efforts", ("drives", "effects", "diagnosis", "simulation", "physics.newton_euler")),
+    ],
+)
+def test_no_file_of_the_other_physics_imports_what_it_judges(room, forbidden):
+    for file in SOURCE.glob(f"benchmark/{room}/*.py"):
+        found = [m for m in modules(file) if m.startswith(forbidden)]
+        assert not found or file.stem == "entrants", file  # entrants ask the diagnosis
+
+
 def test_referee_and_look_alikes_share_the_frame_of_cases_only():
     both = reached("referee") & reached("lookalikes")
     assert {m for m in both if m.startswith("benchmark.")} == {"benchmark.frame"}

@@ -70,6 +70,12 @@ _FORGOTTEN = 200
 """Rows until the filter that colours noise has forgotten its start."""
 
 
+def name_of(key: Key) -> str:
+    """Name ``drive.coulomb.2`` of an effect and its joint."""
+    effect, joint = key
+    return effect if joint is None else f"{effect}.{joint}"
+
+
 def gap_of(setting: EffortSetting, added: np.ndarray) -> float:
     """Mean square of what is added (N, J), in a row's noise, at the worst joint in motion."""
     return float((_seen(setting, added) ** 2).mean(axis=0).max())

@@ -8,7 +8,8 @@ from typing import Any
 
 from wrenchbed import registry
 from wrenchbed.benchmark.efforts import case
-from wrenchbed.benchmark.efforts.case import EffortTruth, Key
+from wrenchbed.benchmark.efforts.case import EffortTruth, name_of
+from wrenchbed.benchmark.scoring.case_rows import Claim
 from wrenchbed.errors import ParameterError, WrenchbedError
 from wrenchbed.files import write_text
 from wrenchbed.robots.base import SimulatedRobot
@@ -57,49 +58,23 @@ def arms(files: Path, scratch: Path) -> list[SimulatedRobot]:
     return robots
 
 
-@dataclass(frozen=True)
-class EffortClaim:
-    """An answer.
-
-    Attributes:
-        verdict: of the contract.
-        causes: class of effects with joints of each claimed cause, first choice first.
-        presence: probability of each.
-        unknown: probability of ``unknown``.
-        none: probability of ``none``.
-        seconds: that it took.
-        error: what went wrong, empty if nothing did.
-    """
-
-    verdict: str
-    causes: tuple[tuple[Key, ...], ...] = ()
-    presence: tuple[float, ...] = ()
-    unknown: float = 0.0
-    none: float = 0.0
-    seconds: float = 0.0
-    error: str = ""
-
-
-def of_json(raw: Mapping[str, Any], seconds: float) -> EffortClaim:
-    """The claim of a `diagnosis.json`.
+def claim_of(raw: Mapping[str, Any]) -> Claim:
+    """The claim of a `diagnosis.json`; names of effects end with their joint.
 
     Raises:
         KeyError, TypeError, ValueError: it is not of the contract's form.
     """
-    which = list(raw["which"])
-    odds = raw.get("probabilities", {})
-    return EffortClaim(
+    which, odds = list(raw["which"]), raw.get("probabilities", {})
+    return Claim(
         str(raw["verdict"]),
         tuple(_class(entry) for entry in which),
+        {n: float(odds.get(n, 0.0)) for n in ("none", "unknown")},
         tuple(float(entry["probability"]) for entry in which),
-        float(odds.get("unknown", 0.0)),
-        float(odds.get("none", 0.0)),
-        seconds,
     )
 
 
-def _class(entry: Mapping[str, Any]) -> tuple[Key, ...]:
-    """Effects and joints that an entry of ``which`` claims as one class."""
+def _class(entry: Mapping[str, Any]) -> tuple[str, ...]:
+    """Effects with joints that an entry of ``which`` claims as one class."""
     joint = entry.get("parameters", {}).get(JOINT)
     joints: list[int | None] = [None]
     if joint is not None:
@@ -109,29 +84,29 @@ def _class(entry: Mapping[str, Any]) -> tuple[Key, ...]:
     effects = [str(e) for e in (entry["effect"], *entry.get("rivals", []))]
     if len(effects) > MOST:
         raise ValueError(f"the class of {effects[0]} has more than {MOST} members")
-    return tuple(_key(e, j) for e in effects for j in joints)
+    return tuple(_named(e, j) for e in effects for j in joints)
 
 
-def _key(effect: str, joint: int | None) -> Key:
-    """Joint named in the effect's name or beside it; tool and base have none."""
-    name, _, number = effect.rpartition(".")
-    if number.isdigit():
-        return (name, int(number))
-    return (effect, joint if effect.startswith(("drive.", "link.")) else None)
+def _named(effect: str, joint: int | None) -> str:
+    """Name with the joint of a drive or link, which may be in it already."""
+    if joint is None or effect.rpartition(".")[2].isdigit():
+        return effect
+    return name_of((effect, joint if effect.startswith(("drive.", "link.")) else None))
 
 
-def always_none(_: EffortTruth) -> EffortClaim:
+def always_none(_: EffortTruth) -> Claim:
     """Claim that nothing is wrong."""
-    return EffortClaim("none", none=1.0)
+    return Claim("none", (), {"none": 1.0})
 
 
-def oracle(truth: EffortTruth) -> EffortClaim:
+def oracle(truth: EffortTruth) -> Claim:
     """Claim of the truth itself."""
     if truth.kind == "none":
         return always_none(truth)
     if truth.kind == "outside":
-        return EffortClaim("unknown", unknown=1.0)
-    return EffortClaim("identified", (((truth.family, truth.joint),),), (1.0,))
+        return Claim("unknown", (), {"unknown": 1.0})
+    name = name_of((truth.family, truth.joint))
+    return Claim("identified", ((name,),), {name: 1.0}, (1.0,))
 
 
 TRIVIAL = {"always none": always_none, "oracle": oracle}
@@ -175,21 +150,22 @@ def answer(job: EffortJob) -> dict[str, Any]:
     if job.files not in _ARMS:
         _ARMS[job.files] = arms(job.files, job.scratch)
     made = case.make(_ARMS[job.files], job.seed, job.number, wrench=job.wrench)
-    claims = {name: asdict(_ask(name, made)) for name in job.entrants}
+    claims = {name: _asked(name, made) for name in job.entrants}
     if job.keep is not None:
         made.write(job.keep / f"{job.id}.parquet", job.keep / "truth" / f"{job.id}.json")
     return {"id": job.id, "truth": asdict(made.truth), "claims": claims}
 
 
-def _ask(name: str, made: case.EffortCase) -> EffortClaim:
+def _asked(name: str, made: case.EffortCase) -> dict[str, Any]:
+    """An entrant's claim as JSON, with the seconds that it took and its error."""
     if name in TRIVIAL:
-        return TRIVIAL[name](made.truth)
+        return asdict(TRIVIAL[name](made.truth)) | {"seconds": 0.0, "error": ""}
     from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 
-    begun = time.perf_counter()
+    begun, error = time.perf_counter(), ""
     try:
         result = diagnose_efforts(made.recording, wrench=made.recording.has_wrench)
-        return of_json(result.diagnosis.to_json(), time.perf_counter() - begun)
-    except (WrenchbedError, ArithmeticError, LookupError, TypeError, ValueError) as error:
-        spent = time.perf_counter() - begun
-        return EffortClaim("error", seconds=spent, error=f"{type(error).__name__}: {error}")
+        claim = claim_of(result.diagnosis.to_json())
+    except (WrenchbedError, ArithmeticError, LookupError, TypeError, ValueError) as problem:
+        claim, error = Claim("error", (), {}), f"{type(problem).__name__}: {problem}"
+    return asdict(claim) | {"seconds": time.perf_counter() - begun, "error": error}

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from wrenchbed.benchmark.efforts.case import Key
+from wrenchbed.benchmark.efforts.case import name_of
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim
 from wrenchbed.benchmark.scoring.metrics import METRICS, figure, markdown, right
 
@@ -30,25 +30,19 @@ def case_rows(rows: Sequence[Mapping[str, Any]], entrant: str) -> list[CaseRow]:
 
 
 def _row(number: str, truth: Mapping[str, Any], claim: Mapping[str, Any]) -> CaseRow:
-    cause, alike = _name((truth["family"], truth["joint"])), set(map(_name, truth["alike"]))
-    causes = [tuple(map(_name, c)) for c in claim["causes"]]
+    cause, alike = name_of((truth["family"], truth["joint"])), set(map(name_of, truth["alike"]))
+    causes = [tuple(c) for c in claim["causes"]]
     single = truth["kind"] == "library"
     if single:  # a class that begins with what no data of this motion tell apart is right
         causes = [(*c, cause) if c[0] in alike and cause not in c else c for c in causes]
-    odds = {"none": float(claim["none"]), "unknown": float(claim["unknown"])}
-    answer = Claim(str(claim["verdict"]), tuple(causes), odds, tuple(claim["presence"]))
+    presence = tuple(claim["presence"])
+    answer = Claim(claim["verdict"], tuple(causes), claim["probabilities"], presence)
     return CaseRow(
         number, "single" if single else str(truth["kind"]), (cause,) if single else (),
         str(truth["family"]) if truth["kind"] == "outside" else None,
         {cause: float(truth["gap"])}, {cause: float("inf")}, alike=tuple(sorted(alike)),
         answers={OURS: answer}, seconds={OURS: float(claim["seconds"])}, error=str(claim["error"]),
     )  # fmt: skip
-
-
-def _name(key: Key) -> str:
-    """Name ``drive.coulomb.2`` of an effect and its joint."""
-    effect, joint = key
-    return effect if joint is None else f"{effect}.{joint}"
 
 
 def figures(rows: Sequence[CaseRow]) -> tuple[Figure, ...]:
