@@ -107,7 +107,7 @@ def test_a_drive_that_stops_by_itself_keeps_its_voltage_on_its_ramp(arm, monkeyp
 
 def test_drives_that_still_move_are_not_enabled(arm):
     arm.connect()
-    assert until(lambda: arm.health().ok and arm.read().sequence > 10)
+    assert until(lambda: arm.health().ok and arm._cycle.answers.sequence > 10)
     arm.servos[3].speed = 8e4  # rolls out by itself, in 0.27 s
     begun = time.monotonic()
     assert until(lambda: abs(arm.read().qd[3]) > 0.1)

@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -23,11 +22,11 @@ WELL = {
 }  # fmt: skip
 
 
-NOMINAL = identity.OwnKinematics(
-    (0.0,) * 6, (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0),
-    (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823),
-    (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0), (1,) * 6,
-)  # fmt: skip
+NOMINAL = {
+    "theta": (0.0,) * 6, "a": (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0),
+    "d": (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823),
+    "alpha": (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0), "checksums": (1,) * 6,
+}  # fmt: skip
 
 
 class Stream:
@@ -75,7 +74,7 @@ def test_a_robot_that_is_ready_has_nothing_to_note(look):
 
 
 def test_the_kinematics_of_another_arm_fails_and_none_is_a_note(look):
-    other = replace(NOMINAL, a=(0.0, -0.612, -0.5723, 0.0, 0.0, 0.0))
+    other = NOMINAL | {"a": (0.0, -0.612, -0.5723, 0.0, 0.0, 0.0)}
     report, lines = look(kinematics=other)
     assert not report.ok and lines["kinematics"].grade == "fails"
     report, lines = look(kinematics=None)

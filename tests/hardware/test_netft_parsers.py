@@ -10,11 +10,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from robot_emulators.netft_box import rdt
+from robot_emulators.netft_box import rdt as box
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware.transducers.netft import configuration, records
-from wrenchbed.hardware.transducers.netft.receiver import DeviceClock, Received
-from wrenchbed.hardware.transducers.netft.records import Tracker, signed, table
+from wrenchbed.hardware.transducers.netft import configuration, rdt
+from wrenchbed.hardware.transducers.netft.rdt import DeviceClock, Received, Tracker, signed, table
 from wrenchbed.hardware.transducers.netft.transducer import _restarted
 
 WEEK_S = 7 * 86400.0
@@ -45,14 +44,14 @@ def swapped(name, value):
 @given(st.binary(max_size=40))
 @example(struct.pack(">HHI", 0x1234, 2, 0))
 def test_a_box_takes_requests_or_leaves_them(data):
-    request = rdt.parse(data)
+    request = box.parse(data)
     if request is None:
         return
     assert data == struct.pack(">HHI", 0x1234, request.command, request.samples)
 
 
 def test_a_box_knows_six_commands():
-    known = [c for c in range(65536) if rdt.parse(struct.pack(">HHI", 0x1234, c, 7))]
+    known = [c for c in range(65536) if box.parse(struct.pack(">HHI", 0x1234, c, 7))]
     assert known == [0x0000, 0x0002, 0x0003, 0x0004, 0x0041, 0x0042]
 
 
@@ -63,8 +62,8 @@ def test_a_box_knows_six_commands():
     st.lists(st.integers(-(2**31), 2**31 - 1), min_size=6, max_size=6),
 )
 def test_what_the_box_packs_the_client_reads(first, ft, status, counts):
-    packed = rdt.pack(first, np.array([ft, ft + 7]), np.array([status] * 2), [counts] * 2)
-    both = records.decode(packed)
+    packed = box.pack(first, np.array([ft, ft + 7]), np.array([status] * 2), [counts] * 2)
+    both = rdt.decode(packed)
     assert both[0].tolist()[:3] == (first, ft % 2**32, status)
     assert both["counts"].tolist() == [counts] * 2
     assert both[1].tolist()[:2] == ((first + 1) % 2**32, (ft + 7) % 2**32)
@@ -74,9 +73,9 @@ def test_what_the_box_packs_the_client_reads(first, ft, status, counts):
 def test_a_datagram_is_records_or_refused(data):
     if len(data) % 36:
         with pytest.raises(DriverError, match="no whole number"):
-            records.decode(data)
+            rdt.decode(data)
     else:
-        assert records.decode(data)["counts"].shape == (len(data) // 36, 6)
+        assert rdt.decode(data)["counts"].shape == (len(data) // 36, 6)
 
 
 @given(st.binary(max_size=400))
@@ -158,7 +157,7 @@ def test_an_answer_is_a_page_or_refused(answer, error, why):
 def rows(*pairs):
     """Records of pairs of counters."""
     packed = b"".join(struct.pack(">3I6i", *pair, 0, *(0,) * 6) for pair in pairs)
-    return records.decode(packed)
+    return rdt.decode(packed)
 
 
 @settings(deadline=None)

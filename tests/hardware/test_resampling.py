@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchbed.errors import LinkError
-from wrenchbed.hardware.clock import ClockFit
+from wrenchbed.hardware.device import ClockFit
 from wrenchbed.hardware.drivers.base import ArmSample
 from wrenchbed.hardware.drivers.live import pace, settled
 from wrenchbed.hardware.drivers.timing import Resampler, controller_time, hermite

@@ -17,8 +17,8 @@ def rdt() -> tuple[Target, list[bytes]]:
     import numpy as np
 
     from wrenchbed.errors import DriverError
-    from wrenchbed.hardware.transducers.netft import records
-    from wrenchbed.hardware.transducers.netft.receiver import DeviceClock, History
+    from wrenchbed.hardware.transducers.netft import rdt as records
+    from wrenchbed.hardware.transducers.netft.rdt import DeviceClock, History
 
     tracker, clock = records.Tracker(1000.0, 7.0), DeviceClock(7000.0)
     history, runs = History(1.5, 1e-3), [0]

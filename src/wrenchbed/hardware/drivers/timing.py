@@ -13,8 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wrenchbed.errors import LinkError
-from wrenchbed.hardware.clock import ClockFit
-from wrenchbed.hardware.device import STALE_S
+from wrenchbed.hardware.device import STALE_S, ClockFit
 from wrenchbed.hardware.drivers.base import ArmSample
 from wrenchbed.hardware.transducers.base import WrenchSample
 

@@ -14,8 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError, WrenchbedError
-from wrenchbed.hardware.clock import ClockFit
-from wrenchbed.hardware.device import STALE_S
+from wrenchbed.hardware.device import STALE_S, ClockFit
 from wrenchbed.hardware.drivers.rtde import identity, own_wrench, states, status
 from wrenchbed.hardware.drivers.rtde.states import ANSWER_S, NATIVE_HZ
 from wrenchbed.hardware.transducers.base import Transducer, transducer_at
@@ -83,12 +82,8 @@ def doctor(robot: Robot, host: str = "", sensor: str = "", seconds: float = 3.0)
             f"give --host ROBOT, --sensor SENSOR or both, and 0.1 … {_LONGEST_S:g} --seconds"
         )
     box = _transducer(sensor)
-    lines: list[Line] = []
-    if host:
-        lines += _controller(robot, host, seconds)
-    if box is not None:
-        lines += _box(box, seconds)
-    return Report(tuple(lines))
+    lines = [*_controller(robot, host, seconds)] if host else []
+    return Report((*lines, *(_box(box, seconds) if box is not None else ())))
 
 
 def _line(name: str, fine: bool, text: str, remedy: str, grade: Grade = "note") -> Line:
@@ -108,81 +103,66 @@ def _controller(robot: Robot, host: str, seconds: float) -> Iterator[Line]:
     if 30004 in closed:
         return
     stated = identity.stated(host) if 29999 not in closed else {}
+    times: list[tuple[float, float]] = []
+    values: Mapping[str, states.Values] = {}
     try:
         with states.Outputs(host, identity.SETTINGS, ANSWER_S) as stream:
-            version = stream.version
-            times, values = _watched(stream, seconds)
+            version, end = stream.version, time.monotonic() + seconds
+            while time.monotonic() < end:
+                arrival, packet = stream.next(time.monotonic() + ANSWER_S)
+                values = packet or values
+                times.append((arrival, values.get("timestamp", (math.nan,))[0]))
     except DriverError as error:
         yield Line("RTDE", "fails", str(error), "restart the controller")
         return
-    yield _version(version, stated)
-    yield _model(robot, stated, version[0])
-    if version[0] >= 5 and 29999 not in closed:
-        yield _remote(host)
-    yield _geometry(robot, host)
-    yield from _settings(robot, values)
+    yield from _identity(robot, host, version, stated, 29999 not in closed)
+    yield from _settings(robot, identity.in_words(values))
     yield from _stream(times, _SPARSE * NATIVE_HZ[version[0] > 3], "states", clocked=True)
 
 
-def _watched(
-    stream: states.Outputs, seconds: float
-) -> tuple[list[tuple[float, float]], Mapping[str, states.Values]]:
-    """(arrival, the controller's clock) of all states [s], and the last values."""
-    times: list[tuple[float, float]] = []
-    end = time.monotonic() + seconds
-    values: Mapping[str, states.Values] = {}
-    while time.monotonic() < end:
-        arrival, packet = stream.next(time.monotonic() + ANSWER_S)
-        values = packet or values
-        times.append((arrival, values.get("timestamp", (math.nan,))[0]))
-    return times, values
-
-
-def _version(version: Sequence[int], stated: Mapping[str, str]) -> Line:
+def _identity(
+    robot: Robot, host: str, version: Sequence[int], stated: Mapping[str, str], dashboard: bool
+) -> Iterator[Line]:
+    """Software, model, remote control and kinematics."""
     text = ".".join(map(str, version[:3]))
     text += f", serial {stated['serial']}" if "serial" in stated else ""
-    tried = (3, 15) if version[0] <= 3 else (5, 11)
+    tried = tuple(version[:2]) == ((3, 15) if version[0] <= 3 else (5, 11))
     remedy = "the drivers were tried with emulated 3.15 and 5.11: begin with --speed 0.05"
-    return _line("software", tuple(version[:2]) == tried, text, f"{remedy} and few poses")
-
-
-def _model(robot: Robot, stated: Mapping[str, str], major: int) -> Line:
+    yield _line("software", tried, text, f"{remedy} and few poses")
+    another = "give --robot as the arm is"
     try:
-        identity.check_model(robot, stated, major, at_flange=False)
+        identity.check_model(robot, stated, version[0], at_flange=False)
     except DriverError as error:
-        return Line("model", "fails", str(error), "give --robot as the arm is")
-    if "model" not in stated:
-        return Line("model", "note", "the dashboard does not say it", "look at the arm's label")
-    return Line("model", "ok", f"{stated['model']}, as {robot.name}")
-
-
-def _geometry(robot: Robot, host: str) -> Line:
+        yield Line("model", "fails", str(error), another)
+    else:
+        model = stated.get("model", "")
+        text = f"{model}, as {robot.name}" if model else "the dashboard does not say it"
+        yield _line("model", bool(model), text, "look at the arm's label")
+    if version[0] >= 5 and dashboard:
+        try:
+            answer = status.request(host, "is in remote control", ANSWER_S)
+        except LinkError as error:
+            yield Line("remote control", "note", str(error), "look at the pendant")
+        else:
+            on = "true" in answer.lower()
+            text = "on" if on else f"the dashboard says {answer!r}"
+            yield _line("remote control", on, text, "switch it on at the pendant", "fails")
     try:
         own = identity.geometry(robot, host).get("kinematics")
     except DriverError as error:
-        return Line("kinematics", "fails", str(error), "give --robot as the arm is")
-    if own is None:
-        text = "not told on port 30002: the arm's calibration is not recorded"
-        remedy = "enable the port under Settings › Security › Services"
-        return Line("kinematics", "note", text, remedy)
-    if "from_nominal" not in own:
-        return Line("kinematics", "note", f"read, and {robot.name} has no such table to compare")
-    text = f"the flange is up to {1e3 * own['from_nominal']:.1f} mm from that of {robot.name}"
-    return Line("kinematics", "ok", text)
+        yield Line("kinematics", "fails", str(error), another)
+        return
+    text = "not told on port 30002: the arm's calibration is not recorded"
+    if own is not None:
+        text = f"read, and {robot.name} has no such table to compare"
+        if "from_nominal" in own:
+            away = 1e3 * own["from_nominal"]
+            text = f"the flange is up to {away:.1f} mm from that of {robot.name}"
+    remedy = "" if own else "enable the port under Settings › Security › Services"
+    yield _line("kinematics", "mm from" in text, text, remedy)
 
 
-def _remote(host: str) -> Line:
-    try:
-        answer = status.request(host, "is in remote control", ANSWER_S)
-    except LinkError as error:
-        return Line("remote control", "note", str(error), "look at the pendant")
-    on = "true" in answer.lower()
-    text = "on" if on else f"the dashboard says {answer!r}"
-    return _line("remote control", on, text, "switch it on at the pendant, top right", "fails")
-
-
-def _settings(robot: Robot, values: Mapping[str, states.Values]) -> Iterator[Line]:
-    words = identity.in_words(values)
+def _settings(robot: Robot, words: Mapping[str, Any]) -> Iterator[Line]:
     safety, mode = words.get("safety_mode", "unknown"), words.get("robot_mode", "unknown")
     fine = safety in ("normal", "reduced")
     yield _line("safety", fine, safety, "clear it at the pendant", "fails")
@@ -191,28 +171,21 @@ def _settings(robot: Robot, values: Mapping[str, states.Values]) -> Iterator[Lin
     speed = words.get("speed_scaling", 1.0)
     remedy = "motions fail below 100 %: move the slider up"
     yield _line("speed slider", speed > 0.99, f"{speed:.0%}", remedy)
-    yield _payload(robot, words.get("payload"))
-    tcp = words.get("tcp_offset")
-    if tcp is None:
-        yield Line("TCP", "note", "the controller does not say it", "set the flange, all zeros")
-        return
-    at_flange = all(abs(v) <= 1e-6 for v in tcp)
-    text = "x y z " + " ".join(f"{1e3 * v:+.1f}" for v in tcp[:3]) + " mm"
-    remedy = "leave it as it is during a run; recordings state it"
-    yield _line("TCP", at_flange, "the flange" if at_flange else text, remedy)
-
-
-def _payload(robot: Robot, mass: float | None) -> Line:
-    if mass is None:
-        remedy = "set it at the pendant to the tool's mass"
-        return Line("payload", "note", "the controller does not say it", remedy)
-    tool = float(robot.tool(robot.parameters.nominal).mass)
+    mass, tool = words.get("payload"), float(robot.tool(robot.parameters.nominal).mass)
     remedy = (
         "set it at the pendant to what the flange carries: the arm stops to protect itself where "
         "they differ much"
     )
-    text = f"{mass:.3g} kg, tool of {robot.name} {tool:.3g} kg"
-    return _line("payload", abs(mass - tool) <= _HEAVY * max(tool, mass), text, remedy)
+    unsaid, known = "the controller does not say it", mass is not None
+    text = f"{mass:.3g} kg, tool of {robot.name} {tool:.3g} kg" if known else unsaid
+    fits = known and abs(mass - tool) <= _HEAVY * max(tool, mass)
+    yield _line("payload", fits, text, remedy)
+    tcp = words.get("tcp_offset")
+    at_flange = tcp is not None and all(abs(v) <= 1e-6 for v in tcp)
+    place = unsaid if tcp is None else "x y z " + " ".join(f"{1e3 * v:+.1f}" for v in tcp[:3])
+    text = "the flange" if at_flange else place if tcp is None else f"{place} mm"
+    remedy = "leave it as it is during a run; recordings state it"
+    yield _line("TCP", at_flange, text, remedy)
 
 
 def _stream(
@@ -250,11 +223,8 @@ def _stream(
     for device, host in zip(clock - clock[0], at - at[0], strict=True):
         fit.add(float(device), float(host))
     ppm = fit.ppm
-    text = (
-        "not known in so short a time"
-        if ppm is None
-        else f"runs {ppm:+.0f} ppm against this computer's"
-    )
+    text = "watched for too short a time"
+    text = text if ppm is None else f"runs {ppm:+.0f} ppm against this computer's"
     remedy = "watch longer (--seconds 30); if it stays, have the clock looked at"
     yield _line("clock", ppm is None or abs(ppm) < _DRIFT_PPM, text, remedy)
 
@@ -275,40 +245,35 @@ def _box(box: Transducer, seconds: float) -> Iterator[Line]:
         known, scale = box.identity, box.full_scale
         words = ", ".join(f"{name} {known[name]}" for name in _SHOWN if name in known)
         yield Line("box", "ok", words or "it does not say its serial number")
-        yield from _box_settings(known)
-        times = _readings(box, seconds)
-        yield _load(box, scale)
+        transform, number = known.get("tool_transform", ""), known.get("filter", "0")
+        if any(c in "123456789" for c in transform):
+            remedy = "set it to zeros in the box's settings: recordings are in the sensor's axes"
+            yield Line("tool transform", "fails", transform, remedy)
+        if number != "0":
+            remedy = "it delays readings: switch it off for motions"
+            yield Line("filter", "note", f"number {number}", remedy)
+        times: list[tuple[float, float]] = []
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            sample = box.read()
+            if sample.fresh:
+                clock = sample.device_time
+                times.append((sample.t, math.nan if clock is None else clock))
+            time.sleep(1e-3)
+        yield _load(box.read().wrench, scale)
         yield from _stream(times, _SPARSE * _NEEDED_HZ, "readings", clocked=False)
-        yield _lost(box)
+        health = box.health()
+        lost, records = health.counters["lost"], health.counters["readings"]
+        if not health.ok:
+            yield Line("readings", "fails", health.detail, "see the box's page of its status")
+            return
+        text = f"{records:.0f} records, {lost:.0f} lost"
+        yield _line("readings", lost <= 1e-3 * records, text, "use one switch and a cable")
     finally:
         box.close()
 
 
-def _box_settings(known: Mapping[str, str]) -> Iterator[Line]:
-    transform, number = known.get("tool_transform", ""), known.get("filter", "0")
-    if any(c in "123456789" for c in transform):
-        remedy = "set it to zeros in the box's settings: recordings are in the sensor's own axes"
-        yield Line("tool transform", "fails", transform, remedy)
-    if number != "0":
-        remedy = "it delays readings: switch it off for motions"
-        yield Line("filter", "note", f"number {number}", remedy)
-
-
-def _readings(box: Transducer, seconds: float) -> list[tuple[float, float]]:
-    """(arrival, device clock) of the readings that a driver would see [s]."""
-    times: list[tuple[float, float]] = []
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        sample = box.read()
-        if sample.fresh:
-            clock = math.nan if sample.device_time is None else sample.device_time
-            times.append((sample.t, clock))
-        time.sleep(1e-3)
-    return times
-
-
-def _load(box: Transducer, scale: np.ndarray | None) -> Line:
-    wrench = box.read().wrench
+def _load(wrench: np.ndarray, scale: np.ndarray | None) -> Line:
     text = f"{np.linalg.norm(wrench[:3]):.2f} N, {np.linalg.norm(wrench[3:]):.3f} N·m"
     if scale is None:
         return Line("load", "note", text, "it does not say its range: give --max-force")
@@ -316,15 +281,6 @@ def _load(box: Transducer, scale: np.ndarray | None) -> Line:
     grade: Grade = "note" if fraction < 1.0 else "fails"
     text = f"{text}, {fraction:.0%} of the range"
     return _line("load", fraction < 0.5, text, "unload the sensor, or set its zero", grade)
-
-
-def _lost(box: Transducer) -> Line:
-    health = box.health()
-    lost, records = health.counters["lost"], health.counters["readings"]
-    if not health.ok:
-        return Line("readings", "fails", health.detail, "see the box's page of its status")
-    text = f"{records:.0f} records, {lost:.0f} lost"
-    return _line("readings", lost <= 1e-3 * records, text, "use one switch and a cable")
 
 
 def _open(host: str, port: int, connect: Callable[..., Any] = socket.create_connection) -> bool:

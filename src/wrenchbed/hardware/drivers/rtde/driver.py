@@ -1,7 +1,6 @@
 """Driver of UR robots: states by RTDE, commands through a process that uses ur_rtde."""
 
 import time
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -31,12 +30,6 @@ _LEAST_SPEED, _LEAST_ACCELERATION, _MOST_ACCELERATION = 0.01, 0.05, 15.0
 brake with the last one."""
 _PEAK = 1.5
 """Peak speed over mean speed of a trapezoid whose ramps take a third each, by definition."""
-_WINDOW_S, _LAG_S = 0.6, 0.2
-"""Length of the compared stream and greatest delay of the controller [s], twice its look-ahead."""
-_MOVED, _FOLLOWED = 0.02, 0.2
-"""Least motion of the sent targets [rad] and fraction of it that the controller must follow."""
-_EVERY, _KEPT = 8, 400
-"""Targets between two comparisons, 64 ms, and targets kept, more than `_WINDOW_S` of 500 Hz."""
 _MOVE_S, _SOFT_S, _HARD_S, _DASHBOARD_S = 3.0, 0.8, 0.2, 0.5
 """Deadlines of answers: move, after another one came to rest; soft stop, after a stream ended; hard
 stop, which waits for nothing; stop by the dashboard [s]."""
@@ -60,39 +53,6 @@ def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float
     )
 
 
-class Followed:
-    """Whether the controller's own targets follow those that were sent.
-
-    ur_rtde confirms targets that it drops; the controller's ``target_q`` shows which arrive.
-    """
-
-    def __init__(self) -> None:
-        self._pairs: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=_KEPT)
-        self._count = 0
-
-    def clear(self) -> None:
-        """A stream begins anew."""
-        self._pairs.clear()
-
-    def add(self, t: float, sent: np.ndarray, target: np.ndarray) -> str:
-        """Add a sent target (J,) and the controller's (J,); a reason if it does not follow."""
-        if self._pairs and t - self._pairs[-1][0] > _LAG_S:
-            self._pairs.clear()
-        self._pairs.append((t, sent, target))
-        while t - self._pairs[0][0] > _WINDOW_S:
-            self._pairs.popleft()
-        self._count += 1
-        if self._count % _EVERY or t - self._pairs[0][0] < 2.0 * _LAG_S:
-            return ""
-        old = np.array([s for then, s, _ in self._pairs if t - then > _LAG_S])
-        moved = np.ptp(old, axis=0)
-        followed = np.ptp(np.array([a for _, _, a in self._pairs]), axis=0)
-        joint = int(np.argmax(moved))
-        if moved[joint] > _MOVED and followed[joint] < _FOLLOWED * moved[joint]:
-            return "targets are sent and the controller does not follow them: call recover()"
-        return ""
-
-
 class RtdeDriver(LiveDriver):
     """A UR robot over RTDE, with a Net F/T or its own wrench.
 
@@ -112,11 +72,11 @@ class RtdeDriver(LiveDriver):
         self._options = options
         self.top_rate = options.frequency or _MOST_HZ
         self.robot = registry.load("robots", options.robot)
-        own = own_wrench.OwnWrenchOptions(self.robot, self._look)
+        own = own_wrench.OwnWrench(self.robot, self._look)
         self.transducer = own_wrench.transducer(options.sensor, options.host, own)
         self._links: Links | None = None
         self._control: ControlProcess | None = None
-        self._followed, self._flange = Followed(), Flange(self.robot)
+        self._flange = Flange(self.robot)
         self._recoveries, self._halts = 0, 0.0
         self._undelivered = ""
         self._controller: dict[str, Any] = {}
@@ -190,7 +150,6 @@ class RtdeDriver(LiveDriver):
                 "one that a stop left: stop it there, close the other client, or call recover()"
             )
         self._control = links.open_control()
-        self._followed.clear()
         self._last_target = None
         wait_until(lambda: int(self._look().runtime) == status.PLAYING, GONE_S)
         self._halts = self._look().halts
@@ -236,7 +195,6 @@ class RtdeDriver(LiveDriver):
         return {name: np.array(values) for name, values in kept.items()}
 
     def _begin(self, goal: np.ndarray, seconds: float) -> None:
-        self._followed.clear()
         control = self._armed()
         control.refused = ""
         top = self.limits.speed * min(joint.speed for joint in self.robot.joints)
@@ -262,13 +220,10 @@ class RtdeDriver(LiveDriver):
         why = control.gone() or control.refused
         if not why and not control.send("servo", q=q.tolist(), at=at):
             why = "the control process takes no targets"
-        if not why:
-            why = self._followed.add(time.monotonic(), q, np.array(self._look().target_q))
         return Applied(None, why) if why else Applied(q)
 
     def _stop(self, kind: str) -> None:
         """Brake by the control worker; where it does not answer, by the status."""
-        self._followed.clear()
         self._last_target = None
         self._undelivered = ""
         control = self._control

@@ -11,7 +11,6 @@ import socket
 import struct
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -59,6 +58,11 @@ _HEAD = struct.Struct(">IB")
 _TABLE = struct.Struct(">6I24d")
 _LONGEST = 1 << 16
 """Bytes of a message; a robot state has some 1,500."""
+Kinematics = Mapping[str, tuple[float, ...]]
+"""Denavit–Hartenberg parameters of one arm, six each: offsets ``theta`` of the joints and twists
+``alpha`` [rad], lengths ``a`` and ``d`` [m], ``checksums`` by which the maker's drivers tell arms
+apart."""
+_COLUMNS = ("checksums", "theta", "a", "d", "alpha")
 _POSES, _SEED = 64, 0
 """Joint configurations at which two flanges are compared, drawn uniformly."""
 
@@ -129,52 +133,32 @@ def check_model(robot: Robot, answers: Mapping[str, str], major: int, at_flange:
         )
 
 
-@dataclass(frozen=True)
-class OwnKinematics:
-    """Denavit–Hartenberg parameters of one arm.
-
-    Attributes:
-        theta: offsets of the joints (6,) [rad].
-        a, d: lengths (6,) [m].
-        alpha: twists (6,) [rad].
-        checksums: by which the maker's drivers tell one arm from another (6,).
-    """
-
-    theta: tuple[float, ...]
-    a: tuple[float, ...]
-    d: tuple[float, ...]
-    alpha: tuple[float, ...]
-    checksums: tuple[int, ...]
-
-
-def read_kinematics(host: str, seconds: float) -> OwnKinematics | None:
+def read_kinematics(host: str, seconds: float) -> Kinematics | None:
     """What the controller states within some time [s]; None where nothing of the kind comes."""
-    end = time.monotonic() + seconds
+    end, held = time.monotonic() + seconds, b""
     try:
         with socket.create_connection((host, KINEMATICS_PORT), seconds) as link:
-            held = b""
             while (remaining := end - time.monotonic()) > 0.0:
+                size, kind = _HEAD.unpack_from(held) if len(held) >= _HEAD.size else (_HEAD.size, 0)
+                if not _HEAD.size <= size <= _LONGEST:
+                    return None
+                if len(held) >= max(size, _HEAD.size):
+                    message, held = held[_HEAD.size : size], held[size:]
+                    stated = kinematics_in(message) if kind == _STATE else None
+                    if stated is not None:
+                        return stated
+                    continue
                 link.settimeout(remaining)
                 data = link.recv(4096)
                 if not data:
                     return None
                 held += data
-                while len(held) >= _HEAD.size:
-                    size, kind = _HEAD.unpack_from(held)
-                    if not _HEAD.size <= size <= _LONGEST:
-                        return None
-                    if len(held) < size:
-                        break
-                    message, held = held[_HEAD.size : size], held[size:]
-                    stated = kinematics_in(message) if kind == _STATE else None
-                    if stated is not None:
-                        return stated
     except OSError:
         pass
     return None
 
 
-def kinematics_in(state: bytes) -> OwnKinematics | None:
+def kinematics_in(state: bytes) -> Kinematics | None:
     """The kinematics of a robot state without its head; None where it has none."""
     while len(state) >= _HEAD.size:
         size, kind = _HEAD.unpack_from(state)
@@ -182,32 +166,17 @@ def kinematics_in(state: bytes) -> OwnKinematics | None:
             return None
         if kind == _KINEMATICS and size >= _HEAD.size + _TABLE.size:
             numbers = _TABLE.unpack_from(state, _HEAD.size)
-            theta, a, d, alpha = (numbers[k : k + 6] for k in range(6, 30, 6))
-            return OwnKinematics(theta, a, d, alpha, numbers[:6])
+            return {name: numbers[6 * k : 6 * k + 6] for k, name in enumerate(_COLUMNS)}
         state = state[size:]
     return None
 
 
-def furthest(robot: URArm, own: OwnKinematics) -> float:
-    """Largest distance between the flange of an arm and that of a nominal robot [m].
-
-    Lengths alone do not tell: where axes are parallel, a calibration may shift one link by
-    decimetres and the next one back.
-    """
-    nominal = robot.parameters.nominal
-    values = {
-        f"{name}{k}": value
-        for name, column in (("a", own.a), ("d", own.d), ("alpha", own.alpha))
-        for k, value in enumerate(column, 1)
-    }
-    q = np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (_POSES, 6))
-    _, there = robot.sensor_pose(q + np.array(own.theta), robot.parameters.vector(values))
-    _, here = robot.sensor_pose(q, nominal)
-    return float(np.linalg.norm(there - here, axis=1).max())
-
-
 def geometry(robot: Robot, host: str) -> dict[str, Any]:
     """The arm's own calibrated kinematics, as recordings state it; nothing where it is not told.
+
+    Its ``from_nominal`` is the largest distance between its flange and the nominal robot's [m].
+    Lengths alone do not tell: where axes are parallel, a calibration may shift one link by
+    decimetres and the next one back.
 
     Raises:
         DriverError: it is another arm than the robot, or no arm; says what to change.
@@ -215,17 +184,21 @@ def geometry(robot: Robot, host: str) -> dict[str, Any]:
     own = read_kinematics(host, _SETTINGS_S)
     if own is None:
         return {}
-    fields = asdict(own)
-    if isinstance(robot, URArm):
-        if not np.isfinite([own.theta, own.a, own.d, own.alpha]).all():
-            raise DriverError(f"the controller's own kinematics holds what is no number: {own}")
-        fields["from_nominal"] = far = furthest(robot, own)
-        if far > _MOVED_M:
-            raise DriverError(
-                f"by the controller's own kinematics the flange is up to {far:.3f} m from that of "
-                f"{robot.name!r}: it moves another arm; {_REMEDY}"
-            )
-    return {"kinematics": fields}
+    if not isinstance(robot, URArm):
+        return {"kinematics": dict(own)}
+    if not np.isfinite([own[name] for name in _COLUMNS[1:]]).all():
+        raise DriverError(f"the controller's own kinematics holds what is no number: {own}")
+    values = {f"{name}{k}": v for name in ("a", "d", "alpha") for k, v in enumerate(own[name], 1)}
+    q = np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (_POSES, 6))
+    _, there = robot.sensor_pose(q + np.array(own["theta"]), robot.parameters.vector(values))
+    _, here = robot.sensor_pose(q, robot.parameters.nominal)
+    far = float(np.linalg.norm(there - here, axis=1).max())
+    if far > _MOVED_M:
+        raise DriverError(
+            f"by the controller's own kinematics the flange is up to {far:.3f} m from that of "
+            f"{robot.name!r}: it moves another arm; {_REMEDY}"
+        )
+    return {"kinematics": {**own, "from_nominal": far}}
 
 
 class Flange:

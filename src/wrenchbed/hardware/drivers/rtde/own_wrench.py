@@ -9,7 +9,6 @@ check the sign once on the robot's software version by a push.
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,29 +27,20 @@ _CB3_END, _E_END = (150.0, 30.0), (50.0, 10.0)
 whose torque is that force 0.2 m from the flange, and the sensor's range in UR5e's data sheet."""
 
 
-@dataclass(frozen=True)
-class OwnWrenchOptions:
-    """Where readings come from.
+class OwnWrench(Transducer):
+    """The robot's own wrench in the sensor's axes about the sensor's origin.
 
-    Attributes:
+    Args:
         robot: whose nominal sensor pose gives the sensor's axes.
         look: returns the robot's newest state without blocking.
     """
 
-    robot: Robot
-    look: Callable[[], Snapshot]
-
-
-class OwnWrench(Transducer):
-    """The robot's own wrench in the sensor's axes about the sensor's origin."""
-
     name = "ur-wrench"
     title = "a UR robot's own wrench over RTDE"
-    options = OwnWrenchOptions
 
-    def __init__(self, options: OwnWrenchOptions) -> None:
+    def __init__(self, robot: Robot, look: Callable[[], Snapshot]) -> None:
         super().__init__()
-        self._options = options
+        self._robot, self._look = robot, look
         self._newest: WrenchSample | None = None
 
     def _connect(self) -> None:
@@ -60,9 +50,9 @@ class OwnWrench(Transducer):
         self._past.clear()
 
     def _read(self) -> WrenchSample:
-        state, newest = self._options.look(), self._newest
+        state, newest = self._look(), self._newest
         if newest is None or newest.t != state.t:
-            self._newest = newest = reading(state, self._options.robot)
+            self._newest = newest = reading(state, self._robot)
             self._past.add(newest)
         return newest
 
@@ -76,14 +66,14 @@ class OwnWrench(Transducer):
         return by_age(time.monotonic() - sample.t, "the robot's own wrench", counters)
 
 
-def transducer(sensor: str, host: str, own: OwnWrenchOptions) -> Transducer:
+def transducer(sensor: str, host: str, own: OwnWrench) -> Transducer:
     """The sensor that an option names.
 
     Raises:
         ParameterError: it names none; the message lists the forms.
     """
     if sensor in OWN:
-        return OwnWrench(own)
+        return own
     if sensor in ("", "netft"):
         kind = registry.load("transducers", "netft")
         netft: Transducer = kind(kind.options(host=host))

@@ -14,8 +14,7 @@ from wrenchbed.hardware.device import Health, by_age, wait_until
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.hardware.transducers.netft import configuration
 from wrenchbed.hardware.transducers.netft.configuration import Configuration, Watch
-from wrenchbed.hardware.transducers.netft.receiver import Received, Receiver
-from wrenchbed.hardware.transducers.netft.records import signed, table
+from wrenchbed.hardware.transducers.netft.rdt import Received, Receiver, signed, table
 from wrenchbed.physics.wrench import CHANNELS
 
 INTERNAL_RATE = {"netbox": 7000.0, "axia": 7812.0}
