@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import wrenchbed as wb
+from altered import by_name
 from recorded import METADATA
 from rest_noise import WHITE, Rest, recorded
 from wrenchbed import registry
@@ -21,31 +22,30 @@ from wrenchbed.physics.noise import NoiseStream
 from wrenchbed.physics.wrench import CHANNELS
 
 NTNU = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma" / "0-steady-state_wrench.csv"
-SEEDS = range(100, 106)
 COLOURED = Rest(flicker=(0.1, 0.2, 0.05, 0.4, 0.3, 0.1))
 
 
-def standing(rest: Rest, seeds: range) -> tuple[np.ndarray, np.ndarray]:
-    """(found − true)/± of white and 1/f part of each seed and channel."""
-    white, flicker = [], []
-    for seed in seeds:
-        found = wb.learn_sensor(rest.recording(seed))
-        for s, w, a in zip(found.spectra, WHITE, WHITE * rest.flicker, strict=True):
-            white.append((s.white - w * rest.white) / s.white_std)
-            flicker.append((s.flicker - a) / s.flicker_std)
-    return np.array(white), np.array(flicker)
+def learnt(rest, first, count=3):
+    """What is learnt of a rest with each of some seeds."""
+    return [wb.learn_sensor(rest.recording(first + k)) for k in range(count)]
 
 
 @pytest.mark.slow
-def test_white_and_1_over_f_lie_within_their_intervals() -> None:
+def test_white_and_1_over_f_lie_within_their_intervals():
     """72 channels: 5 sigmas never; mean square of a normal number 1 ± 0.17, taken four times."""
-    for z in standing(COLOURED, range(100, 112)):
+    spectra = [found.spectra for found in learnt(COLOURED, 100, 12)]
+    white, white_std, flicker, flicker_std = (
+        np.array([[getattr(s, name) for s in each] for each in spectra])
+        for name in ("white", "white_std", "flicker", "flicker_std")
+    )
+    white, flicker = (white - WHITE) / white_std, (flicker - WHITE * COLOURED.flicker) / flicker_std
+    for z in (white, flicker):
         assert np.isfinite(z).all() and np.abs(z).max() < 5.0
         assert 0.33 < np.mean(z**2) < 1.67, np.round(z, 1)
         assert abs(z.mean()) < 4.0 / np.sqrt(z.size)
 
 
-def test_the_intervals_are_narrow() -> None:
+def test_the_intervals_are_narrow():
     """A minute at 250 Hz: white to 2 %, 1/f of a tenth of it to 15 %, of a twentieth to 40 %."""
     found = wb.learn_sensor(COLOURED.recording(110))
     white = np.array([s.white_std for s in found.spectra]) / WHITE
@@ -55,11 +55,10 @@ def test_the_intervals_are_narrow() -> None:
 
 
 @pytest.mark.slow
-def test_white_noise_has_no_colour() -> None:
+def test_white_noise_has_no_colour():
     """Of 36 channels some 2 % may show 1/f noise that is not there."""
     shown, white = 0, []
-    for seed in SEEDS:
-        found = wb.learn_sensor(Rest().recording(seed))
+    for found in learnt(Rest(), 100, 6):
         shown += sum(s.flicker > 0 for s in found.spectra)
         assert all(s.flicker_most < 0.03 * w for s, w in zip(found.spectra, WHITE, strict=True))
         white += [(s.white - w) / s.white_std for s, w in zip(found.spectra, WHITE, strict=True)]
@@ -71,10 +70,9 @@ def test_white_noise_has_no_colour() -> None:
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("hertz", [50.03, 59.9])
-def test_a_mains_line_is_found_and_does_not_colour_the_rest(hertz: float) -> None:
+def test_a_mains_line_is_found_and_does_not_colour_the_rest(hertz):
     rest = replace(COLOURED, hum=0.3, hum_hz=hertz)
-    for seed in range(120, 123):
-        found = wb.learn_sensor(rest.recording(seed))
+    for found in learnt(rest, 120, 2):
         noise = found.sensor.noise
         assert noise.mains_frequency == pytest.approx(hertz, abs=0.01)
         error = (noise.mains_amplitude - 0.3 * WHITE) / found.mains_std
@@ -85,10 +83,9 @@ def test_a_mains_line_is_found_and_does_not_colour_the_rest(hertz: float) -> Non
 
 
 @pytest.mark.slow
-def test_a_step_is_found_and_its_rounding_taken_off() -> None:
+def test_a_step_is_found_and_its_rounding_taken_off():
     rest = replace(COLOURED, step=1.0)
-    for seed in range(130, 133):
-        noise = wb.learn_sensor(rest.recording(seed)).sensor.noise
+    for noise in (found.sensor.noise for found in learnt(rest, 130)):
         np.testing.assert_allclose(noise.resolution, WHITE, rtol=1e-5)
         np.testing.assert_allclose(noise.white, WHITE, rtol=0.06)
     unrounded = wb.learn_sensor(COLOURED.recording(130)).sensor.noise
@@ -96,7 +93,7 @@ def test_a_step_is_found_and_its_rounding_taken_off() -> None:
 
 
 @pytest.mark.parametrize("step", [1e-6, 0.01, 0.0125, 1 / 3276.8])
-def test_the_grid_is_that_of_the_values(step: float) -> None:
+def test_the_grid_is_that_of_the_values(step):
     rng = np.random.default_rng(140)
     whole = np.rint(rng.normal(size=3000) * 40 + 900_000)
     assert grid_step(whole * step) == pytest.approx(step, rel=1e-5)
@@ -106,22 +103,20 @@ def test_the_grid_is_that_of_the_values(step: float) -> None:
 
 
 @pytest.mark.slow
-def test_the_correlation_is_found() -> None:
+def test_the_correlation_is_found():
     true = np.eye(6)
     true[0, 4] = true[4, 0] = 0.9
     true[1, 3] = true[3, 1] = -0.8
     rest = replace(COLOURED, flicker=(0.1,) * 6, correlation=true)
-    for seed in range(150, 153):
-        found = wb.learn_sensor(rest.recording(seed))
+    for found in learnt(rest, 150):
         assert np.abs(found.sensor.noise.correlation - true).max() < 5.0 * found.correlation_std
     assert found.correlation_std < 0.02
 
 
 @pytest.mark.slow
-def test_a_drift_is_found_with_its_uncertainty() -> None:
+def test_a_drift_is_found_with_its_uncertainty():
     rest = replace(COLOURED, drift=3.0, flicker=(0.05, 0.02, 0.05, 0.02, 0.0, 0.02))
-    for seed in range(160, 163):
-        found = wb.learn_sensor(rest.recording(seed))
+    for found in learnt(rest, 160):
         error = (found.drift - 3.0 * WHITE / 60.0) / found.drift_std
         assert np.abs(error).max() < 4.5
         noise = found.sensor.noise
@@ -133,31 +128,28 @@ def test_a_drift_is_found_with_its_uncertainty() -> None:
         assert (flicker < 0.1).all()  # the drift is not taken for 1/f noise
 
 
-def test_what_was_learnt_simulates_alike() -> None:
+def test_what_was_learnt_simulates_alike():
     """Full circle: the learnt model's rows have the deviation and the colour of the real ones."""
     rest = replace(COLOURED, flicker=(0.1,) * 6, correlation=0.5 * np.eye(6) + 0.5)
     real = rest.rows(170)
     learnt = wb.learn_sensor(recorded(real, rest.rate)).sensor.noise
-    t = np.arange(len(real)) / rest.rate
-    made = NoiseStream(replace(learnt, range=np.full(6, np.inf)), 1).corrupt(
-        t, np.zeros(real.shape)
-    )[0]
-    np.testing.assert_allclose(np.diff(made, axis=0).std(axis=0), np.diff(real, axis=0).std(axis=0),
-                               rtol=0.04)  # fmt: skip
-    np.testing.assert_allclose(np.corrcoef(np.diff(made, axis=0).T)[0, 1:], 0.5, atol=0.05)
+    t, unlimited = np.arange(len(real)) / rest.rate, replace(learnt, range=np.full(6, np.inf))
+    made = NoiseStream(unlimited, 1).corrupt(t, np.zeros(real.shape))[0]
+    steps, real_steps = np.diff(made, axis=0), np.diff(real, axis=0)
+    np.testing.assert_allclose(steps.std(axis=0), real_steps.std(axis=0), rtol=0.04)
+    np.testing.assert_allclose(np.corrcoef(steps.T)[0, 1:], 0.5, atol=0.05)
 
 
 @pytest.fixture(scope="module")
 def ntnu() -> Recording:
     rows = np.loadtxt(NTNU, delimiter=",", skiprows=1)
     n = len(rows)
-    columns = {"t": np.arange(n) / 698.1}
-    columns |= dict(zip(QUATERNION, np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)).T, strict=True))
-    columns |= dict(zip(CHANNELS, rows.T, strict=True))
+    columns = {"t": np.arange(n) / 698.1} | by_name(CHANNELS, rows)
+    columns |= by_name(QUATERNION, np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)))
     return Recording(Metadata("kuka", "static", sensor=SensorInfo("ati-gamma")), columns, "ntnu")
 
 
-def test_the_real_gamma_gets_about_the_published_numbers(ntnu: Recording) -> None:
+def test_the_real_gamma_gets_about_the_published_numbers(ntnu):
     """The published ones were read off by hand; lines of the arm are named, not fitted."""
     found, published = wb.learn_sensor(ntnu), registry.load("sensors", "ati-gamma").noise
     noise = found.sensor.noise
@@ -170,15 +162,15 @@ def test_the_real_gamma_gets_about_the_published_numbers(ntnu: Recording) -> Non
     np.testing.assert_allclose(noise.resolution[3:], 1e-6)
     assert {3, 9, 13, 16, 72} <= {round(f) for f in found.lines}
     said = " ".join(found.cannot_tell)
-    assert "slower than 1 s" in said and "fx, fy, fz, tx, ty" in said and "tz" not in said.split(
-        "colour of")[1].split(":")[0]  # fmt: skip
+    coloured = said.split("colour of")[1].split(":")[0]
+    assert "slower than 1 s" in said and "fx, fy, fz, tx, ty" in said and "tz" not in coloured
 
 
 def moved(columns: dict[str, np.ndarray], **more: np.ndarray) -> Recording:
     return Recording(METADATA, columns | more, "rest.parquet")
 
 
-def test_what_is_no_rest_is_refused_by_its_true_reason() -> None:
+def test_what_is_no_rest_is_refused_by_its_true_reason():
     rest = Rest(seconds=20.0)
     columns = dict(rest.recording(180).columns)
     n = len(columns["t"])
@@ -209,7 +201,7 @@ def test_what_is_no_rest_is_refused_by_its_true_reason() -> None:
     wb.learn_sensor(moved(columns))
 
 
-def test_a_coarse_step_and_a_slow_rate_are_said() -> None:
+def test_a_coarse_step_and_a_slow_rate_are_said():
     found = wb.learn_sensor(replace(COLOURED, step=4.0, rate=100.0).recording(190))
     said = " ".join(found.cannot_tell)
     assert "below the step of the output" in said
@@ -217,7 +209,7 @@ def test_a_coarse_step_and_a_slow_rate_are_said() -> None:
     assert "mains line" not in " ".join(wb.learn_sensor(COLOURED.recording(190)).cannot_tell)
 
 
-def test_range_and_mass_are_those_of_another_sensor(tmp_path: Path) -> None:
+def test_range_and_mass_are_those_of_another_sensor(tmp_path):
     rest = Rest(seconds=4.0).recording(200)
     stated = wb.learn_sensor(rest)
     assert stated.like == "ati-gamma" and stated.sensor.calibration().range[0] == 65.0
@@ -238,7 +230,7 @@ def test_range_and_mass_are_those_of_another_sensor(tmp_path: Path) -> None:
     assert wb.learn_sensor(heavy, like="ati-gamma").sensor.default == "SI-130-10"
 
 
-def test_the_verb_writes_what_loads_again(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+def test_the_verb_writes_what_loads_again(tmp_path, capsys):
     rec, out = tmp_path / "rest.parquet", tmp_path / "mine.toml"
     rest = replace(COLOURED, seconds=20.0, hum=0.3, step=0.2).recording(210)
     rest.write(rec)
