@@ -21,6 +21,15 @@ SWING, HARMONICS, BASE_HZ = 0.28, 5, 0.1
 """Typical amplitude of a harmonic [rad], their number and the first one's frequency [Hz]."""
 
 
+def by_joint(**groups):
+    """Values of the drives by the names of a fit."""
+    return {
+        f"drive.{group}.{j}": float(x)
+        for group, values in groups.items()
+        for j, x in enumerate(np.broadcast_to(values, 6), 1)
+    }
+
+
 def fourier(rng, seconds=60.0, rate=125.0, home=UR5.home, swing=SWING):
     """Clock (N,) and a periodic motion (N, 6) about a pose, analytic speeds and accelerations."""
     t = np.arange(round(seconds * rate)) / rate

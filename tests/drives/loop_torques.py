@@ -20,11 +20,7 @@ NOISE = np.array([1.0, 0.1, 0.1, 0.1, 0.1, 0.03])
 SWING = 0.5 * np.array([0.15, 0.12, 0.12, 0.12, 0.12, 0.4])
 """Typical amplitude of a harmonic [m, rad]."""
 GROUPS = {"coulomb": COULOMB, "viscous": VISCOUS, "offset": OFFSET, "inertia": ROTOR}
-DRIVES = {
-    f"drive.{kind}.{j}": float(x)
-    for kind, values in GROUPS.items()
-    for j, x in enumerate(values, 1)
-}
+DRIVES = arm_torques.by_joint(**GROUPS)
 """What the drives are, by the names of a fit."""
 PROBE = {"mass": 0.365, "cog": [-0.015872, -0.038343, 0.1107]}
 """MedRUE's own tool, which is not what it carries here."""

@@ -1,6 +1,7 @@
 """Fits of joint torques and currents: truths recovered, intervals that hold, honest refusals."""
 
 import json
+import re
 from dataclasses import dataclass
 
 import arm_torques as arm
@@ -20,14 +21,8 @@ from wrenchbed.errors import CalibrationError, MapError, ParameterError, Recordi
 from wrenchbed.physics.time_derivatives import Jet
 
 CONSTANT = np.array([13.0, 13.0, 12.0, 9.0, 9.0, 9.0])
+TOOL = ("tool.mass", "tool.cog.x", "tool.cog.y", "tool.cog.z")
 FREE = ("drive.coulomb", "drive.viscous", "drive.offset")
-
-
-def truth(mass, cog, **groups):
-    """Values by the names of a fit."""
-    drives = {f"drive.{k}.{j}": x for k, values in groups.items() for j, x in enumerate(values, 1)}
-    names = ("tool.mass", "tool.cog.x", "tool.cog.y", "tool.cog.z")
-    return drives | dict(zip(names, (mass, *cog), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,9 +54,9 @@ def motion(seed):
     """Of a UR5."""
     t, q = fourier(np.random.default_rng(seed))
     effort = torques(q) + COULOMB * np.sign(q.d) + VISCOUS * q.d
-    zero = np.zeros(6)
-    drives = {"coulomb": COULOMB, "viscous": VISCOUS, "offset": zero, "inertia": zero + arm.ROTOR}
-    return Motion(t, q, effort, truth(MASS, arm.COG, constant=CONSTANT, **drives))
+    drives = {"coulomb": COULOMB, "viscous": VISCOUS, "offset": 0.0, "inertia": arm.ROTOR}
+    true = dict(zip(TOOL, (MASS, *arm.COG), strict=True))
+    return Motion(t, q, effort, true | arm.by_joint(constant=CONSTANT, **drives))
 
 
 @pytest.fixture(scope="module")
@@ -73,8 +68,9 @@ def clean():
 def looped():
     """Of MedRUE with its load."""
     t, q = loops.fourier(np.random.default_rng(3))
-    true = truth(loops.MASS, loops.COG, constant=loops.CONSTANT, **loops.GROUPS)
-    return Motion(t, q, loops.torques(q), true, looped=True)
+    true = dict(zip(TOOL, (loops.MASS, *loops.COG), strict=True)) | loops.DRIVES
+    constant = arm.by_joint(constant=loops.CONSTANT)
+    return Motion(t, q, loops.torques(q), true | constant, looped=True)
 
 
 @pytest.fixture(params=["clean", "looped"])
@@ -105,7 +101,8 @@ def test_a_slide_has_units_of_its_own(looped, tmp_path, capsys):
     recording.write(tmp_path / "rec.parquet")
     assert main(["calibrate", str(tmp_path / "rec.parquet"), "--channels", "effort"]) == 0
     shown = capsys.readouterr().out
-    assert "1: N·s/m" in shown and "1: kg" in shown and "unit" in shown
+    for name, unit in (("viscous.1", "N·s/m"), ("inertia.1", "kg"), ("viscous.2", "N·m·s/rad")):
+        assert re.search(rf"^drive\.{name} .* {unit} *$", shown, re.MULTILINE), shown
     assert all(len(line) <= 80 for line in shown.splitlines())
 
 
@@ -160,18 +157,15 @@ def test_links_are_told_as_base_parameters(either):
 
 @pytest.mark.parametrize(("robot", "count"), [(UR5, 36), (loops.MEDRUE, 43)])
 def test_base_parameters_explain_all_torques_and_are_independent(robot, count):
-    rng = np.random.default_rng(7)
-    theta = robot.parameters.nominal
-    base = base_parameters(robot, theta)
-    at = robot.sample(50, rng)
+    rng, theta = np.random.default_rng(7), robot.parameters.nominal
+    base, at = base_parameters(robot, theta), robot.sample(50, rng)
     q = Jet(at, rng.normal(size=at.shape), rng.normal(size=at.shape))
     y = torque_regressor(robot, theta, q, np.array(robot.gravity)).reshape(300, -1)
-    kept = y[:, base.columns]
+    kept, phi = y[:, base.columns], rng.normal(size=y.shape[1])
     assert np.abs(kept @ base.grouping - y).max() < 1e-8
     singular = np.linalg.svd(kept / np.linalg.norm(kept, axis=0), compute_uv=False)
     assert singular[-1] > 1e-4 and np.linalg.matrix_rank(y, 1e-9 * np.abs(y).max()) == count
     assert len(base.names) == count
-    phi = rng.normal(size=y.shape[1])
     found = np.linalg.lstsq(kept, y @ phi, rcond=None)[0]
     assert np.abs(found - base.grouping @ phi).max() < 1e-8
 

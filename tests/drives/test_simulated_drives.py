@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from arm_torques import fourier
+from arm_torques import by_joint, fourier
 
 from wrenchbed import Recording, multisine, record, registry
 from wrenchbed.cli import main
@@ -13,7 +13,7 @@ from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.simulation.drives.drive_train import DriveTrain
-from wrenchbed.simulation.drives.faults import FAULTS, active_fault
+from wrenchbed.simulation.drives.faults import FAULTS, Rows, active_fault
 
 UR5, MEDRUE = (registry.load("robots", name) for name in ("ur5", "medrue"))
 SIX = np.array([6.0, 6.5, 4.5, 1.4, 1.2, 1.0])
@@ -41,26 +41,21 @@ def test_a_fit_finds_the_true_drives(tmp_path, kind):
         assert np.isfinite(rec.columns[more]).all()
     assert rec.columns["joint_temperature1"][0] == pytest.approx(25.0, abs=0.1)
     fit = calibrate_efforts(rec)
-    for name, value in TRUE.items():
-        assert abs(fit[name].value - value) < max(4.0 * fit[name].std, 0.02 * value), name
-    for j in range(6):
-        known = {"coulomb": (*SIX,), "viscous": (8.0, 8.5, 6.5, 1.5, 1.4, 1.2)}
-        for group, values in known.items():
-            name = f"drive.{group}.{j + 1}"
-            if name not in TRUE:
-                assert abs(fit[name].value - values[j]) < max(4.5 * fit[name].std, 0.1), name
-        if kind == "current":
-            constant = fit[f"drive.constant.{j + 1}"]
-            assert constant.std is None or abs(constant.value - gain[j]) < 4.5 * constant.std
+    usual = by_joint(coulomb=SIX, viscous=(8.0, 8.5, 6.5, 1.5, 1.4, 1.2))
+    for name, value in (usual | TRUE).items():
+        least = 0.02 * value if name in TRUE else 0.1
+        assert abs(fit[name].value - value) < max(4.0 * fit[name].std, least), name
+    if kind == "current":
+        for name, value in by_joint(constant=gain).items():
+            assert fit[name].std is None or abs(fit[name].value - value) < 4.5 * fit[name].std
 
 
 def test_the_wrench_stays_as_it_is_and_off_has_no_efforts(tmp_path):
     faults = ("drive.coulomb:joint=2,size=3", "drive.delay:joint=1,size=0.02")
     plain = simulated(tmp_path, "plain.parquet", seconds=9.0)
     faulty = simulated(tmp_path, "f.parquet", seconds=9.0, effort="torque", effects=faults)
-    assert plain.effort is None and faulty.effort == "tau"
-    assert np.array_equal(plain.wrench, faulty.wrench)
-    assert np.array_equal(plain.q, faulty.q)
+    assert (plain.effort, faulty.effort) == (None, "tau")
+    assert np.array_equal(plain.wrench, faulty.wrench) and np.array_equal(plain.q, faulty.q)
 
 
 def test_medrue_has_efforts(tmp_path):
@@ -115,8 +110,6 @@ def test_hysteresis_winds_up_over_its_width():
     """After a reversal: s (1 − 2 e^(−way/width)), by hand from Dahl's equation."""
     fault = active_fault("drive.hysteresis", {"joint": 1, "size": 2.0, "width": 0.1}, SIX)
     q = np.concatenate([np.linspace(0.0, 3.0, 301), np.linspace(3.0, 2.0, 101)[1:]])
-    from wrenchbed.simulation.drives.faults import Rows
-
     zero = np.zeros_like(q)
     got = fault.act(Rows(zero, q, zero, zero, zero, zero, 6.0), zero)
     assert got[300] == pytest.approx(2.0, abs=1e-6)

@@ -15,17 +15,14 @@ from arm_torques import (
     UR5,
     VISCOUS,
     bristles,
+    by_joint,
     coloured,
     fourier,
     recording,
     torques,
 )
 
-CONFIGURED = {
-    f"drive.{kind}.{j}": float(x)
-    for kind, values in (("coulomb", COULOMB), ("viscous", VISCOUS), ("inertia", [ROTOR] * 6))
-    for j, x in enumerate(values, 1)
-}
+CONFIGURED = by_joint(coulomb=COULOMB, viscous=VISCOUS, inertia=ROTOR)
 
 
 @dataclass(frozen=True)
