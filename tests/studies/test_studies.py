@@ -155,7 +155,7 @@ def test_the_medrue_study_runs_from_pool_to_page(tmp_path, monkeypatch, capfd):
     assert max(result["noise_free_mm"].values()) < 1e-9
     text = (out / "medrue.md").read_text(encoding="utf-8")
     titles = [f"Table {n}" for n in (1, 4, 5, 6)] + [f"Figure {n}" for n in (4, 6, 7, 8)]
-    for title in (*titles, "Tables 2 and 3", "Attainable, attained, published"):
+    for title in (*titles, "Tables 2 and 3", "The headline and the noise"):
         assert title in text, title
     for figure in ("figure4", "figure6", "figure7", "figure8"):
         assert (out / f"{figure}.svg").read_text(encoding="utf-8").startswith("<svg")

@@ -84,7 +84,7 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
             tables.identifiable_section(setting, observed, ranks, chosen),
             tables.paper_robot_section(setting, chosen, one),
             tables.population_section(table, one),
-            tables.limit_section(setting, chosen, table),
+            tables.limit_section(setting, chosen["O1"].chosen, table),
         ),
         made=f"wrenchbed study medrue{' --quick' if quick else ''}: pool of {POOL:,} "
         f"configurations, {count} robots, seed {seed}. doi 10.3390/s16060798.",
@@ -126,10 +126,11 @@ def _summary(
     bounds = {k: 1e3 * setting.bound(d.chosen, PAPER.std) for k, d in chosen.items()}
     mini40 = 1e3 * tables.expected(setting, o1.chosen, MINI40)
     certificate, target = o1.certificate, chosen["target"].certificate
-    attained = {
-        n.name: 1e3 * float(np.sqrt(np.nanmean(tables.attained(table, n, "weighted") ** 2)))
-        for n in (PAPER, MINI40)
-    }
+    attained = {}
+    for noise in (PAPER, MINI40):
+        labels = {"design": "O1", "noise": noise.name, "method": "weighted"}
+        errors = 1e3 * tables.column(table, "rms", **labels)
+        attained[noise.name] = float(np.sqrt(np.nanmean(errors**2)))
     return {
         "rank": observed.rank,
         "no_effect": list(observed.no_effect),

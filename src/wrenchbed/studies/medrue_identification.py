@@ -19,11 +19,8 @@ from wrenchbed.studies.medrue_setting import (
     ACTUAL,
     LOWER,
     MINI40,
-    MINI40_PLAIN,
     NOISY,
     PAPER,
-    PLAIN,
-    WIDE,
     NoiseModel,
     PoseDesign,
     StudySetting,
@@ -33,8 +30,6 @@ _STOP = 1e-12
 """RMS change of the parameters in the paper's units; its 1e-16 lies below rounding (1e-13)."""
 _MOST = 30
 """Largest number of Newton steps."""
-EMPIRICAL = (PAPER, PLAIN, WIDE, MINI40, MINI40_PLAIN)
-"""Readings of the noise that robots are identified with; ±1 N as 1σ, one sample, is hopeless."""
 _NOISY_STOP = 1e-6
 """Far below what noise leaves, in mm and degrees; the steps converge quadratically."""
 STATISTICS = ("mean", "max", "std", "rms")
@@ -189,17 +184,13 @@ def truth(setting: StudySetting, rng: np.random.Generator) -> np.ndarray:
 
 
 def one_robot(shared: SharedDesigns, number: int) -> list[Row]:
-    """Rows of all cases of one robot; the same number and seed give the same rows."""
+    """Rows of one robot before calibration, without noise, by design and by noise.
+
+    The same number and seed give the same rows.
+    """
     setting = shared.setting
     rng = np.random.default_rng([shared.seed, number])
-    return cases(shared, truth(setting, rng), rng, number)
-
-
-def cases(
-    shared: SharedDesigns, theta: np.ndarray, rng: np.random.Generator, number: int
-) -> list[Row]:
-    """Before calibration, without noise, by design, and by reading of the noise."""
-    setting = shared.setting
+    theta = truth(setting, rng)
     simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     judge = Judge(setting, theta, simulation)
     rows = judge.rows(setting.theta, robot=number, design="", noise="", method="before", steps=0)
@@ -210,7 +201,7 @@ def cases(
         robot.theta, robot=number, design="O1", noise="none", method="paper", steps=robot.steps
     )
     for name in shared.designs:
-        for noise in (*EMPIRICAL, *LOWER) if name == "O1" else (PAPER,):
+        for noise in (PAPER, MINI40, *LOWER) if name == "O1" else (PAPER,):
             measured = exact[name] + rng.standard_normal(exact[name].shape) * noise.std
             rows += _both(judge, q[name], measured, noise, robot=number, design=name)
     return rows

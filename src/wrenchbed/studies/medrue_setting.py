@@ -73,33 +73,27 @@ class NoiseModel:
 
     Attributes:
         name: for people.
-        row: standard deviation of one measurement (6,) [N, N·m].
-        samples: measurements that are averaged in each configuration.
+        row: standard deviation of one of the `SAMPLES` measurements that are averaged (6,)
+            [N, N·m].
     """
 
     name: str
     row: np.ndarray
-    samples: int
 
     @property
     def std(self) -> np.ndarray:
         """Standard deviation of a configuration's mean (6,) [N, N·m]."""
-        return self.row / np.sqrt(self.samples)
+        return self.row / np.sqrt(SAMPLES)
 
 
-PAPER = NoiseModel("±1 N as 3σ, 100 averaged", STATED / 3, SAMPLES)
-PLAIN = NoiseModel("±1 N as 3σ, one sample", STATED / 3, 1)
-WIDE = NoiseModel("±1 N as 1σ, 100 averaged", STATED, SAMPLES)
-WIDE_PLAIN = NoiseModel("±1 N as 1σ, one sample", STATED, 1)
-MINI40 = NoiseModel("certificate as 3σ, 100 averaged", CERTIFICATE / 3, SAMPLES)
-MINI40_PLAIN = NoiseModel("certificate as 3σ, one sample", CERTIFICATE / 3, 1)
+PAPER = NoiseModel("±1 N as 3σ, 100 averaged", STATED / 3)
+MINI40 = NoiseModel("certificate as 3σ, 100 averaged", CERTIFICATE / 3)
 LOWER = tuple(
-    NoiseModel(f"±{level:g} N as 3σ, 100 averaged", STATED * level / 3, SAMPLES)
+    NoiseModel(f"±{level:g} N as 3σ, 100 averaged", STATED * level / 3)
     for level in (0.5, 0.25, 0.1)
 )
 """Lower noise levels for Table 6, torque in proportion; the paper's levels are not in the text that
 we have."""
-READINGS = (PAPER, PLAIN, WIDE, WIDE_PLAIN, MINI40, MINI40_PLAIN)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,6 @@ from wrenchbed.studies.medrue_setting import (
     LOWER,
     MINI40,
     PAPER,
-    READINGS,
     NoiseModel,
     PoseDesign,
     StudySetting,
@@ -296,15 +295,13 @@ def _p(p: float) -> str:
 # ---- the physical limit --------------------------------------------------------------------------
 
 
-def limit_section(
-    setting: StudySetting, designs: Mapping[str, PoseDesign], table: pa.Table
-) -> Section:
-    """Bounds by reading of the noise, beside attained and published errors."""
+def limit_section(setting: StudySetting, chosen: np.ndarray, table: pa.Table) -> Section:
+    """The bound of two noises from O1's configurations, beside attained and published errors."""
     return Section(
         "The limit, and whether the paper's headline can be",
         "The Cramér–Rao bound is what no unbiased estimate from these wrenches can beat. An "
         "estimate that reaches it is efficient; a published error far below needs another noise.",
-        (_readings(setting, designs, table), _headline(setting, designs["O1"].chosen, table)),
+        (_headline(setting, chosen, table),),
     )
 
 
@@ -313,43 +310,6 @@ def expected(setting: StudySetting, chosen: np.ndarray, noise: NoiseModel) -> np
     covariance = setting.covariance(chosen, noise.std) / np.outer(setting.units, setting.units)
     errors = position_errors(setting, covariance, np.random.default_rng(0))
     return np.asarray(errors.mean(axis=0))
-
-
-def attained(table: pa.Table, noise: NoiseModel, method: str) -> np.ndarray:
-    """Rms errors in the target (robots,) [m] of fits from O1's configurations; NaN where lost."""
-    return column(table, "rms", design="O1", noise=noise.name, method=method)
-
-
-def _with_error(errors: np.ndarray) -> str:
-    """Rms over robots in mm with its standard error, and the number of robots that were lost."""
-    good = 1e3 * errors[np.isfinite(errors)]
-    if len(good) < 2:
-        return "–"
-    rms = float(np.sqrt(np.mean(good**2)))
-    error = float(np.std(good**2, ddof=1) / np.sqrt(len(good)) / (2 * rms))
-    lost = f", {len(errors) - len(good)} lost" if len(good) < len(errors) else ""
-    return f"{rms:.3g} ± {error:.1g}{lost}"
-
-
-def _readings(setting: StudySetting, designs: Mapping[str, PoseDesign], table: pa.Table) -> Table:
-    rows = []
-    for noise in READINGS:
-        bound, best = (
-            1e3 * setting.bound(designs[name].chosen, noise.std) for name in ("O1", "target")
-        )
-        fits = (_with_error(attained(table, noise, m)) for m in ("weighted", "paper"))
-        printed = published.rms_after()
-        rows.append((noise.name, bound, *fits, best, printed, bound / printed))
-    return Table.of(
-        "Attainable, attained, published: rms position error in the target [mm]",
-        (
-            "noise", "bound, O1's 100", "attained, weighted", "attained, unweighted",
-            "bound, best 100", "published", "bound / published",
-        ),
-        rows,
-        "± is the standard error over robots; – was not run. Robots whose estimate left the region "
-        "in which the five-bars close count as lost and are left out of the mean.",
-    )  # fmt: skip
 
 
 def _headline(setting: StudySetting, chosen: np.ndarray, table: pa.Table) -> Table:

@@ -17,7 +17,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.errors import PlanError
 from wrenchbed.jobs.parts import Row
 from wrenchbed.physics.rotations import rot_z
-from wrenchbed.robots.ur5 import UR5
+from wrenchbed.robots.ur5 import URArm
 from wrenchbed.studies.ur5_scene import DIRECTIONS, SAMPLES, Scenario, StudyScene
 
 _AXES = {
@@ -47,7 +47,7 @@ _HALVES = (slice(0, 3), slice(3, 6))
 
 
 def poses(
-    robot: UR5, direction: str, n: int, rng: np.random.Generator, *, roll: float | None
+    robot: URArm, direction: str, n: int, rng: np.random.Generator, *, roll: float | None
 ) -> np.ndarray:
     """Joint values (n, 6) at random positions of the tool.
 

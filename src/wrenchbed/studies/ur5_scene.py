@@ -16,7 +16,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.physics.noise import NoiseModel, NoiseStream
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import INERTIA_AXES
-from wrenchbed.robots.ur5 import UR5
+from wrenchbed.robots.ur5 import URArm
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 
@@ -94,7 +94,7 @@ class StudyScene:
     @classmethod
     def of(cls, scenario: Scenario, seed: int) -> "StudyScene":
         """Scene of a UR5 with an ATI Gamma in a scenario."""
-        robot: UR5 = registry.load("robots", "ur5")
+        robot: URArm = registry.load("robots", "ur5")
         model = Model.of(robot)
         theta = model.parameters.vector(
             INSTALLATION | {"sensor.mass": SENSOR_MASS} | dict(scenario.true)
