@@ -41,11 +41,6 @@ def until(done, seconds=3.0):
     return done()
 
 
-def talk(connection: socket.socket, words: str, answer: str) -> None:
-    connection.sendall(words.encode())
-    assert connection.recv(200) == answer.encode()
-
-
 def test_frames_as_the_protocol_writes_them():
     assert text.frame_text(Frame(0x123, b"\x0a\x0b"), 12.3456) == b"< frame 123 12.345600 0a0b >"
     assert text.frame_text(Frame(0x12345, b"", True), 1.0) == b"< frame 00012345 1.000000  >"
@@ -54,11 +49,11 @@ def test_frames_as_the_protocol_writes_them():
 
 
 @pytest.mark.parametrize(
-    "words", [(), ("123",), ("1234", "0"), ("800", "0"), ("123", "9"), ("123", "1"),
-              ("123", "1", "100"), ("12g", "0"), ("FFFFFFFF", "0"), ("123", "-1"), ("-12", "0")]
+    "words", ["", "123", "1234 0", "800 0", "123 9", "123 1", "123 1 100", "12g 0", "FFFFFFFF 0",
+              "123 -1", "-12 0"],
 )  # fmt: skip
 def test_words_that_are_no_frame(words):
-    assert text.frame_of(words) is None
+    assert text.frame_of(tuple(words.split())) is None
 
 
 @given(st.binary(max_size=600))
@@ -101,32 +96,27 @@ def test_two_clients_of_python_can_hear_each_other_and_not_themselves():
                 bus.shutdown()
 
 
-def test_the_handshake_and_what_is_refused():
+def test_the_handshake_what_is_refused_and_what_is_held_back():
     with hub() as one, socket.create_connection((HOST, one.port), 2.0) as client:
         assert client.recv(100) == b"< hi >"
-        talk(client, "< rawmode >", "< error unknown command >")
-        talk(client, "< open can7 >", "< error could not open bus >")
-        talk(client, "< open can0 >", "< ok >")
-        talk(client, "< rawmode >", "< ok >")
-        talk(client, "< echo >", "< echo >")
-        talk(client, "< send 12 0 >", "< error could not parse send command >")
-        client.sendall(b"nonsense \xff\xfe < send 123 1 ff >")
-        assert until(lambda: one.counters["frames"] == 1)
+        for words, answer in (
+            ("< rawmode >", "< error unknown command >"),
+            ("< open can7 >", "< error could not open bus >"),
+            ("< open can0 >", "< ok >"),
+            ("< echo >", "< echo >"),
+        ):
+            client.sendall(words.encode())
+            assert client.recv(200) == answer.encode()
+        client.sendall(b"< rawmode >")
+        for _ in range(20):
+            one.attach().send(Frame(0x123, b""))
+            time.sleep(0.001)
+        assert client.recv(6) == b"< ok >"
+        assert client.recv(12) == b"< frame 123 "  # held back, not lost
+        frames = one.counters["frames"]
+        client.sendall(b"nonsense \xff\xfe < send 12 0 >< send 123 1 ff >")
+        assert until(lambda: one.counters["frames"] == frames + 1)
         assert one.counters["rubbish"] >= 2
-
-
-def test_no_frame_follows_the_answer_to_rawmode_at_once():
-    with hub() as one:
-        send = one.attach().send
-        with socket.create_connection((HOST, one.port), 2.0) as client:
-            assert client.recv(100) == b"< hi >"
-            talk(client, "< open can0 >", "< ok >")
-            client.sendall(b"< rawmode >")
-            for _ in range(20):
-                send(Frame(0x123, b""))
-                time.sleep(0.001)
-            assert client.recv(6) == b"< ok >"
-            assert client.recv(12) == b"< frame 123 "  # held back, not lost
 
 
 def test_a_client_that_does_not_read_is_disconnected_and_the_others_are_not():
@@ -153,10 +143,7 @@ def test_a_client_that_does_not_read_is_disconnected_and_the_others_are_not():
 
 
 def test_a_port_that_is_taken_is_named():
-    with (
-        hub() as one,
-        pytest.raises(EmulatorError, match=f"{HOST}:{one.port}.*another host or port"),
-    ):
+    with hub() as one, pytest.raises(EmulatorError, match=f"{HOST}:{one.port}.*another host"):
         Hub(HOST, one.port).start()
 
 
@@ -175,41 +162,25 @@ def test_a_link_names_a_server_that_hangs_up_and_takes_little_time():
         link.close()
 
 
-def test_a_server_that_says_nothing_does_not_hang_the_link():
-    with socket.create_server((HOST, 0)) as silent:
-        port = silent.getsockname()[1]
-        begun = time.monotonic()
-        with pytest.raises(LinkError, match="does not answer within"):
-            open_bus("", "can0", HOST, port, 1_000_000)
-        assert time.monotonic() - begun < 5.0
-
-
-def test_a_bus_that_the_server_does_not_have_is_named():
-    with hub() as one, pytest.raises(LinkError, match="has no bus 'can7'"):
-        open_bus("", "can7", HOST, one.port, 1_000_000)
-
-
-def test_a_server_of_something_else_is_named():
-    with socket.create_server((HOST, 0)) as other:
-        threading.Timer(0.1, lambda: greet(other)).start()
-        with pytest.raises(LinkError, match="does not speak socketcand"):
-            open_bus("", "can0", HOST, other.getsockname()[1], 1_000_000)
-
-
 def greet(server: socket.socket) -> None:
     connection, _ = server.accept()
     connection.sendall(b"220 ready\r\n")
     connection.close()
 
 
-def test_a_missing_server_is_named_at_once():
-    begun = time.monotonic()
+def test_a_bus_that_cannot_be_opened_is_named():
+    with hub() as one, pytest.raises(LinkError, match="has no bus 'can7'"):
+        open_bus("", "can7", HOST, one.port, 1_000_000)
+    with socket.create_server((HOST, 0)) as silent:
+        port = silent.getsockname()[1]
+        with pytest.raises(LinkError, match="does not answer within"):
+            open_bus("", "can0", HOST, port, 1_000_000)
+    with socket.create_server((HOST, 0)) as other:
+        threading.Timer(0.1, lambda: greet(other)).start()
+        with pytest.raises(LinkError, match="does not speak socketcand"):
+            open_bus("", "can0", HOST, other.getsockname()[1], 1_000_000)
     with pytest.raises(LinkError, match="no CAN server at"):
         open_bus("", "can0", HOST, 9, 1_000_000)
-    assert time.monotonic() - begun < 1.0
-
-
-def test_a_bus_that_does_not_exist_is_named():
     with pytest.raises(LinkError, match="cannot open"):
         open_bus("socketcan", "no-such-bus0", "", 0, 1_000_000)
 

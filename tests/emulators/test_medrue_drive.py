@@ -24,23 +24,8 @@ STATUS, ACTUAL, TORQUE = 0x60410010, 0x60640020, 0x60770010
 
 
 WRITTEN = (0x1400, 0x1600, 0x1800, 0x1A00, 0x6060, 0x60C2, 0x1006, 0x6065, 0x607D, 0x6040, 0x607A)
-VALUES = (
-    0,
-    1,
-    2,
-    3,
-    4,
-    8,
-    255,
-    CONTROL,
-    TARGET,
-    MODE,
-    STATUS,
-    OFF | 0x183,
-    0x183,
-    OFF | 0x203,
-    0x203,
-)
+VALUES = (0, 1, 2, 3, 4, 8, 255, CONTROL, TARGET, MODE, STATUS, OFF | 0x183, 0x183, OFF | 0x203,
+          0x203)  # fmt: skip
 
 
 class Bench(SimulatedBus):
@@ -85,14 +70,9 @@ class Bench(SimulatedBus):
 
 
 @pytest.mark.parametrize(
-    "abort, state",
-    [
-        (None, DriveStatus.FAULT),
-        (1, DriveStatus.FAULT),
-        (3, DriveStatus.QUICK_STOP),
-        (0, DriveStatus.ENABLED),
-    ],
-)
+    "abort, state", [(None, DriveStatus.FAULT), (1, DriveStatus.FAULT),
+                     (3, DriveStatus.QUICK_STOP), (0, DriveStatus.ENABLED)],
+)  # fmt: skip
 def test_what_a_broken_connection_does_is_the_masters_choice(abort, state):
     bench = Bench().enabled(abort=abort)
     for _ in range(40):
@@ -101,33 +81,21 @@ def test_what_a_broken_connection_does_is_the_masters_choice(abort, state):
     assert bench.write(0x6007, 0, 2, 2) == Abort.VALUE
 
 
-def test_targets_that_stay_away_are_a_quick_stop_after_the_event_timer():
-    bench = Bench().enabled()
+@pytest.mark.parametrize(
+    "cycle, silent, code",
+    [(0, "rpdo", RPDO_TIMEOUT), (4000, "sync", SYNC_ERROR), (0, "sync", None)],
+)
+def test_what_stays_away_is_a_quick_stop_after_its_time(cycle, silent, code):
+    """Targets after the event timer, SYNC after 25 periods where there is a period: 0.1 s both."""
+    bench = Bench().enabled(cycle=cycle)
     for _ in range(24):
-        bench.tick(rpdo=False)  # 96 ms
+        bench.tick(**{silent: False})
     assert bench.state is DriveStatus.ENABLED
-    for _ in range(2):
-        bench.tick(rpdo=False)
-    assert bench.state is DriveStatus.QUICK_STOP and bench.emergencies() == [RPDO_TIMEOUT]
-    assert bench.read(0x603F) == RPDO_TIMEOUT - 0x10000
-    assert bench.read(0x6041) & 0x6F == 0x07
-
-
-def test_targets_without_sync_are_a_quick_stop_too():
-    bench = Bench().enabled(cycle=4000)
-    for _ in range(24):
-        bench.tick(sync=False)
-    assert bench.state is DriveStatus.ENABLED
-    for _ in range(2):
-        bench.tick(sync=False)  # 25 periods
-    assert bench.state is DriveStatus.QUICK_STOP and bench.emergencies() == [SYNC_ERROR]
-
-
-def test_without_a_period_nobody_waits_for_sync():
-    bench = Bench().enabled(cycle=0)
-    for _ in range(100):
-        bench.tick(sync=False)
-    assert bench.state is DriveStatus.ENABLED and not bench.emergencies()
+    for _ in range(2 if code else 80):
+        bench.tick(**{silent: False})
+    assert bench.emergencies() == ([code] if code else [])
+    assert bench.state is (DriveStatus.QUICK_STOP if code else DriveStatus.ENABLED)
+    assert bench.read(0x603F) % 0x10000 == (code or 0)
 
 
 @pytest.mark.parametrize(

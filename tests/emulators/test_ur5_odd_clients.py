@@ -1,8 +1,6 @@
 """Odd clients of the UR5's emulator: a program or a peer ends, and the robot serves on."""
 
-import itertools
 import math
-import struct
 import subprocess
 import sys
 import time
@@ -21,7 +19,7 @@ from robot_emulators.ur.modes import Runtime
 from robot_emulators.ur.outputs import Outputs
 from robot_emulators.ur.packets import Recipe
 from robot_emulators.ur.script import Collector
-from ur5_bench import CONTROL, CYCLE, Bench
+from ur5_bench import CYCLE, Bench
 from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 HOST = "127.0.1.33"
@@ -44,21 +42,6 @@ def answers_and_packs(bench: Bench) -> None:
     assert np.isfinite(bench.arm.q).all()
 
 
-COMMANDS = (1, 3, 6, 9, 12, 17, 24, 29, 30, 41, 51, 59, 62, 65)
-"""Of the control script: those that take numbers, one of each sort."""
-
-
-@pytest.mark.parametrize("number", COMMANDS)
-def test_registers_that_hold_no_quantity_end_a_program_at_most(bench, number):
-    for odd, at in itertools.product(ODD, (0, 3, 8)):
-        bench.write(i0=0, i1=0, **{f"d{k}": 0.0 for k in range(18)})
-        bench.controller.reboot()
-        bench.script()
-        bench.command(number, **{f"d{at}": odd})
-        bench.run(5 * CYCLE)
-        answers_and_packs(bench)
-
-
 @pytest.mark.parametrize("number, at", [(29, 4), (3, 3), (1, 0), (11, 2), (17, 0), (59, 2), (6, 7)])
 @pytest.mark.parametrize("odd", ODD)
 def test_such_a_command_ends_its_program(bench, number, at, odd):
@@ -67,6 +50,7 @@ def test_such_a_command_ends_its_program(bench, number, at, odd):
     bench.command(number, **{f"d{at}": odd})
     bench.run(2 * CYCLE)
     assert bench.controller.modes.runtime is Runtime.STOPPED
+    answers_and_packs(bench)
     bench.write(i0=0, **{f"d{at}": 0.0})
     bench.script()
     assert bench.controller.modes.runtime is Runtime.PLAYING
@@ -187,6 +171,17 @@ def test_a_fault_that_fails_raises_where_it_was_injected():
         assert not emulator.failed.is_set()
 
 
+def test_a_stop_before_the_first_cycle_lasts_as_long_as_any(monkeypatch):
+    emulator = emulated("ur5", EmulatorOptions(HOST, noise="off", setting={"box": "off"}))
+    monkeypatch.setattr(emulator, "_wait", lambda: None)
+    with emulator:
+        emulator.controller.protective_stop()
+        modes = emulator.controller.modes
+        assert not modes.unlock()
+        modes.tick(time.monotonic() + 5.1)
+        assert modes.unlock()
+
+
 BREAK = """
 import sys
 from robot_emulators.ur.controller import Controller
@@ -205,31 +200,3 @@ def test_a_process_whose_loop_breaks_down_ends_loudly():
     )
     assert done.returncode not in (0, None)
     assert "broken down" in done.stderr and "a cycle that cannot be" in done.stderr
-
-
-@pytest.mark.slow
-@pytest.mark.wire
-def test_odd_clients_one_after_the_other_leave_the_emulator_serving():
-    from emulator_process import running
-    from ur5_socket import Client, Lines
-    from ur5_socket import socket as sockets
-
-    with (
-        running("ur5", HOST, "--noise", "off", "--set", "box=off") as emulator,
-        Client(HOST) as reader,
-    ):
-        reader.stream("timestamp,actual_TCP_pose,output_int_register_0,runtime_state")
-        with sockets.create_connection((HOST, 30003), 2.0) as script, Client(HOST) as writer:
-            script.sendall(b"movej([1,2,3],a=1,v=1,r=0)\n")
-            script.sendall(b"write_output_integer_register(0 +0, 99999999999)\n")
-            script.sendall(CONTROL.encode())
-            reader.until(lambda s: s[-1] == 2)
-            names = [f"input_double_register_{k}" for k in range(6)]
-            writer.ask("I", ",".join(["input_int_register_0", *names]).encode())
-            writer.send("U", struct.pack(">Bi6d", 1, 29, 0, 0, 0, math.inf, 0, 0))
-            reader.until(lambda s: s[-1] == 1)
-        with Lines(HOST) as dashboard:
-            assert dashboard.ask("\xff" * 100).startswith("could not")
-        reader.newest()
-        emulator.fault("robot", "program_stop")
-        assert emulator.process.poll() is None

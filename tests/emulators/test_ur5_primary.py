@@ -8,7 +8,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from robot_emulators.ur import messages
 from robot_emulators.ur.modes import RobotMode, Runtime, SafetyMode
 from robot_emulators.ur.outputs import Outputs
 from robot_emulators.ur.primary import Primary
@@ -172,18 +171,6 @@ def test_a_runtime_exception_has_line_and_column(listener):
     assert told[14] == 10 and struct.unpack_from(">II", told, 15) == (2, 3)
     assert told[23:] == b"compile_error_name_not_found:nowhere:"
     assert listener.bench.controller.modes.runtime is Runtime.STOPPED
-
-
-@pytest.mark.parametrize(
-    "event, kind",
-    [(messages.said("x"), 0), (messages.popup_shown("a", "b", (True, False, True)), 2),
-     (messages.safety(3), 5), (messages.key("K", "n"), 7), (messages.error(1, 2, "t"), 6),
-     (messages.runtime_fault(1, 2, "t"), 10)],
-)  # fmt: skip
-def test_messages_state_their_size(event, kind):
-    packed = event.packed(1.0)
-    assert struct.unpack_from(">i", packed)[0] == len(packed)
-    assert packed[4] == 20 and packed[14] == kind
 
 
 @pytest.mark.slow

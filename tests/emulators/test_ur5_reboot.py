@@ -25,42 +25,22 @@ def reboot(bench: Bench) -> dict:
     return bench.controller.values
 
 
-def test_the_tcp_is_the_flange(bench):
-    bench.command(29, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0)
-    bench.run(2 * CYCLE)
-    assert bench.arm.tcp[2] == 0.1
-    assert reboot(bench)["tcp_offset"] == (0.0,) * 6
-
-
-def test_payload_and_gravity_are_those_of_the_installation(bench):
-    bench.command(65, 0.35, 0.0, 0.0, 0.05, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
-    bench.run(2 * CYCLE)
-    bench.command(59, 0.0, 9.0, 0.0)
-    bench.run(2 * CYCLE)
+def test_what_a_program_set_is_that_of_the_installation_again(bench):
+    for command in ((29, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0), (59, 0.0, 9.0, 0.0), (21, 0.1), (8,),
+                    (65, 0.35, 0.0, 0.0, 0.05, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0)):  # fmt: skip
+        bench.command(*command)
+        bench.run(2 * CYCLE)
     estimate = bench.controller.estimate
+    assert bench.arm.tcp[2] == 0.1 and bench.arm.force_scaling == 0.1
     assert estimate.payload.mass == 0.35 and estimate.gravity[1] == -9.0
+    assert np.abs(estimate._zero).max() > 5.0
     values = reboot(bench)
+    assert values["tcp_offset"] == (0.0,) * 6 and bench.arm.force_scaling == 1.0
     assert values["payload"] == (pytest.approx(1.35),)
     assert values["payload_cog"] == pytest.approx((0.004, -0.006, 0.071))
     assert values["payload_inertia"] == tuple(bench.body.arm.payload.inertia)
     assert values["target_gravity"] == pytest.approx(tuple(-GRAVITY))
-
-
-def test_the_zero_of_the_force_is_gone(bench):
-    bench.command(17, 0.35, 0.0, 0.0, 0.05)
-    bench.run(2 * CYCLE)
-    bench.command(8)
-    bench.run(2 * CYCLE)
-    assert np.abs(bench.controller.estimate._zero[2]) > 5.0
-    assert reboot(bench)["actual_TCP_force"] == pytest.approx((0.0,) * 6, abs=1e-3)
-
-
-def test_the_force_controllers_gain_is_one(bench):
-    bench.command(21, 0.1)
-    bench.run(2 * CYCLE)
-    assert bench.arm.force_scaling == 0.1
-    reboot(bench)
-    assert bench.arm.force_scaling == 1.0
+    assert values["actual_TCP_force"] == pytest.approx((0.0,) * 6, abs=1e-3)
 
 
 def test_the_speed_slider_is_at_full_speed_and_moves_keep_to_it(bench):

@@ -21,10 +21,10 @@ CONTROL = (Path(__file__).parent / "rtde_control.script").read_text(encoding="ut
 class Bench:
     """A controller whose time is its own."""
 
-    def __init__(self, table: float | None = None, series: str = "cb3") -> None:
+    def __init__(self, table: float | None = None, series: str = "cb3", **settings: str) -> None:
         request = PlantRequest("ur5", CYCLE, drives=True)
         self.body = MujocoPlant(BodyOptions("ur5", noise="off", table=table), request)
-        self.controller = Controller(ControllerSettings(series), self.body)
+        self.controller = Controller(ControllerSettings(series, **settings), self.body)
         self.arm = self.controller.arm
         self.now = 100.0
 
