@@ -107,13 +107,6 @@ def test_values_that_a_fault_does_not_take_are_refused(values, why):
         told(**values)
 
 
-def test_a_script_with_a_wrong_value_is_refused_before_it_runs():
-    faults = Faults()
-    faults.on("rdt", "drop", print, ASKS)
-    with pytest.raises(FaultError, match="script: rdt drop: share"):
-        faults.start((TimedFault("rdt", "drop", 9.0, 0.0, {"share": 2.0}),), "script")
-
-
 def test_a_fault_that_breaks_does_not_end_the_others():
     faults, answers = Faults(), []
 

@@ -123,27 +123,6 @@ def test_servoj_beyond_the_speed_limit_is_a_protective_stop():
     assert bench.arm.q == pytest.approx(start, abs=1e-9)
 
 
-def test_an_asynchronous_move_reports_its_progress_and_can_be_stopped():
-    bench = Bench().script()
-    bench.command(1, *(bench.arm.q + 0.5), 0.5, 1.0, i1=1)
-    bench.run(0.3)
-    assert bench.said(0) == 2 and bench.said(2) & 1 << 15
-    bench.command(34, 5.0, i1=0)
-    bench.run(0.3)
-    assert not bench.arm.moving and not bench.said(2) & 1 << 15
-
-
-def test_the_watchdog_ends_the_program_100_ms_after_the_last_write():
-    bench = Bench().script()
-    bench.command(35, 10.0)
-    bench.run(2 * CYCLE)
-    bench.write(i0=0)
-    bench.run(0.08)
-    assert bench.controller.modes.runtime is Runtime.PLAYING
-    bench.run(0.04)
-    assert bench.controller.modes.runtime is Runtime.STOPPED
-
-
 def test_a_paused_move_goes_on_to_its_goal():
     bench = Bench().script()
     goal = bench.arm.q + 0.5

@@ -7,12 +7,14 @@ import time
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from robot_emulators.ur import messages, programs
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.modes import Runtime
 from robot_emulators.ur.programs import ProgramFileError
-from robot_emulators.ur.script import Collector
+from robot_emulators.ur.script import Collector, is_secondary
 from ur5_bench import CYCLE, Bench
 
 HOST = "127.0.1.34"
@@ -272,6 +274,35 @@ def test_nobody_answers_a_socket(bench):
     assert bench.said == ["False", "False", "0"] and not bench.plays
     bench.play("while True:", '  x = socket_read_binary_integer(4, "none", 0)', "end", seconds=1.0)
     assert bench.plays and not bench.faults
+
+
+def test_other_scripts_are_separate_programs():
+    collector = Collector()
+    text = b"# words\n\nstopj(2)\nsec s():\n  set_digital_out(0, True)\nend\n"
+    assert [is_secondary(one) for one in collector.feed(text)] == [False, True]
+    text = "def f():\n write_output_integer_register(0 +24, 2)\nend\n"
+    assert collector.feed(text.encode()) == [text]
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.lists(st.binary(max_size=60), max_size=20))
+def test_arbitrary_text_never_crashes_the_collector(chunks):
+    collector = Collector()
+    for chunk in chunks:
+        assert collector.feed(chunk) is not None
+
+
+def test_an_endless_program_is_refused():
+    collector = Collector()
+    collector.feed(b"def f():\n")
+    assert any(collector.feed(b"x = 1\n" * 20000) is None for _ in range(60))
+
+
+@pytest.mark.parametrize("value, fits", [(2**31 - 1, True), (-(2**31), True), (2**31, False)])
+def test_only_what_fits_a_register_is_written(bench, value, fits):
+    bench.play(f"write_output_integer_register(0 +3, {value})")
+    assert bench.controller.values["output_int_register_3"] == (value if fits else 0,)
+    assert bool(bench.faults) != fits
 
 
 EXTERNAL = b'textmsg("from the computer")\nwhile True:\n  sync()\nend\n# NODE_CONTROL_LOOP_ENDS\n'

@@ -176,11 +176,6 @@ def test_values_do_not_grow_without_bound():
     assert said == [math.inf]
 
 
-def test_an_endless_loop_that_waits_takes_no_longer_than_its_cycles():
-    machine = Machine(compiled("while True:\n  sync()\nend\n", TABLE), [])
-    assert all(machine.cycle() for _ in range(1000))
-
-
 @settings(max_examples=300, deadline=None)
 @given(st.text(string.printable, max_size=200))
 def test_arbitrary_text_is_a_program_or_says_where_it_is_none(text):
@@ -207,21 +202,3 @@ def test_words_in_any_order_end_a_program_at_most(words):
                 break
     except (ScriptFaultError, ProgramEndsError):
         pass
-
-
-NUMBERS = st.integers(-1000, 1000) | st.floats(-1e6, 1e6).map(lambda x: round(x, 6))
-TREES = st.recursive(
-    NUMBERS.map(lambda x: (f"({x!r})", x)),
-    lambda inner: st.tuples(inner, st.sampled_from("+-*"), inner).map(
-        lambda t: (f"({t[0][0]} {t[1]} {t[2][0]})",
-                   {"+": t[0][1] + t[2][1], "-": t[0][1] - t[2][1], "*": t[0][1] * t[2][1]}[t[1]])
-    ),
-    max_leaves=12,
-)  # fmt: skip
-
-
-@settings(max_examples=200, deadline=None)
-@given(TREES)
-def test_sums_and_products_are_those_of_arithmetic(tree):
-    text, value = tree
-    assert body(f"say({text})") == [pytest.approx(value, rel=1e-12, abs=1e-12)]
