@@ -43,7 +43,7 @@ def test_a_script_is_sorted_and_run_in_time(tmp_path):
     ("text", "message"),
     [
         ("[[fault]]\nlink='rdt'", r"fault 1: kind = None must be a name"),
-        ("[[fault]]\nlink='a'\nkind='b'\nat=-1", "at = -1 must be at least 0 s"),
+        ("[[fault]]\nlink='a'\nkind='b'\nat=-1", "at = -1 must be a number, at least 0 s"),
         ("faults = 3", r"holds \[\[fault\]\] entries and nothing else"),
         ("[[fault", "not valid TOML"),
     ],

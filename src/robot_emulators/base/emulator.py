@@ -9,7 +9,6 @@ import threading
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import TracebackType
 from typing import ClassVar, Self
 
 from robot_emulators.base.faults import Faults
@@ -49,7 +48,15 @@ class Emulator(ABC):
     """Name of each setting → what it does and its default."""
 
     def __init__(self, options: Options, make_plant: PlantMaker) -> None:
-        _check_local(options.host)
+        try:
+            local = ipaddress.IPv4Address(options.host).is_loopback
+        except ValueError:
+            local = False
+        if not local:
+            raise SettingError(
+                f"--host {options.host}: an emulator serves this machine only: give 127.0.0.1 … "
+                "127.255.255.254"
+            )
         self.options, self.make_plant = options, make_plant
         self.faults = Faults()
         self.addresses: dict[str, str] = {}
@@ -91,21 +98,5 @@ class Emulator(ABC):
         self.start()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *error: object) -> None:
         self.stop()
-
-
-def _check_local(host: str) -> None:
-    try:
-        local = ipaddress.IPv4Address(host).is_loopback
-    except ValueError:
-        local = False
-    if not local:
-        raise SettingError(
-            f"--host {host}: an emulator serves this machine only: give 127.0.0.1 … 127.255.255.254"
-        )

@@ -82,10 +82,8 @@ def parse(raw: Any, where: str) -> TimedFault:
         if not isinstance(word, str) or not word:
             raise FaultError(f"{where}: {key} = {word!r} must be a name")
     for key, number in (("at", at), ("seconds", seconds)):
-        if not is_number(number):
-            raise FaultError(f"{where}: {key} = {number!r} must be a number [s]")
-        if number < 0.0:
-            raise FaultError(f"{where}: {key} = {number!r} must be at least 0 s")
+        if not is_number(number) or number < 0.0:
+            raise FaultError(f"{where}: {key} = {number!r} must be a number, at least 0 s")
     return TimedFault(str(link), str(kind), float(at), float(seconds), values)
 
 
@@ -203,15 +201,11 @@ class Faults:
             if not line.strip():
                 continue
             try:
-                self.inject(parse(_object(line), "fault"))
+                self.inject(parse(json.loads(line), "fault"))
+            except ValueError as error:
+                why = f"give one JSON object a line: {line.strip()[:60]!r}: {error}"
+                answer(f"refused: {error if isinstance(error, FaultError) else why}")
             except Exception as error:
                 answer(f"refused: {error}")
             else:
                 answer("done")
-
-
-def _object(line: str) -> Any:
-    try:
-        return json.loads(line)
-    except ValueError as error:
-        raise FaultError(f"{line.strip()[:60]!r}: give one JSON object a line: {error}") from error

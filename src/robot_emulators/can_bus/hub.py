@@ -47,17 +47,10 @@ class Device:
     Args:
         post: takes a frame that it sends, from any thread.
         heard: called with every frame of others; None hears nothing.
-        ids: of the frames that it hears, its acceptance filter; all if None.
     """
 
-    def __init__(
-        self, post: Callable[[Frame], None], heard: Heard | None, ids: frozenset[int] | None
-    ) -> None:
-        self.send, self.heard, self.ids = post, heard, ids
-
-    def listen(self, ids: frozenset[int]) -> None:
-        """Hear other ids from now on."""
-        self.ids = ids
+    def __init__(self, post: Callable[[Frame], None], heard: Heard | None) -> None:
+        self.send, self.heard = post, heard
 
 
 class Hub:
@@ -89,7 +82,7 @@ class Hub:
         self._thread = LoopThread("can hub", self._break_down)
         self._listener = Listener(self._thread, lambda: Client(self._number(), self))
 
-    def attach(self, heard: Heard | None = None, ids: frozenset[int] | None = None) -> Device:
+    def attach(self, heard: Heard | None = None) -> Device:
         """Add a device of this process; see `Device`."""
         number = self._number()
 
@@ -98,7 +91,7 @@ class Hub:
             if not self._thread.inside:
                 self._thread.soon(self._pass_on)
 
-        device = Device(post, heard, ids)
+        device = Device(post, heard)
         self._devices = {**self._devices, number: device}  # the hub's thread may be reading them
         return device
 
@@ -217,11 +210,10 @@ class Hub:
         for number, device in self._devices.items():
             if device.heard is None or number == sender:
                 continue
-            if device.ids is None or frame.can_id in device.ids:
-                try:
-                    device.heard(t, frame)
-                except Exception as error:
-                    self._fail(error)
+            try:
+                device.heard(t, frame)
+            except Exception as error:
+                self._fail(error)
         text = frame_text(frame, time.time())
         for number, client in self._clients.items():
             if number != sender:

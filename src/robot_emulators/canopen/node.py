@@ -44,13 +44,11 @@ class Node:
         send: puts a frame on the bus.
         sheet: text of its EDS file, which defines its objects.
         lock: held while it acts.
-        listen: called with the ids that it hears, whenever they change.
     """
 
     def __init__(
-        self, node: int, send: Callable[[Frame], None], sheet: str, lock: threading.RLock,
-        listen: Callable[[frozenset[int]], None] = lambda ids: None,
-    ) -> None:  # fmt: skip
+        self, node: int, send: Callable[[Frame], None], sheet: str, lock: threading.RLock
+    ) -> None:
         self.node, self.lock = node, lock
         objects = self.objects = Objects.from_eds(sheet, node)
         self.rpdos, self.tpdos = (
@@ -61,7 +59,8 @@ class Node:
         self.fails: Callable[[str], bool] = lambda kind: False
         """Whether it has a fault of a kind now: ``mute``, ``heartbeat_loss``, or of a profile."""
         self.now = 0.0
-        self._send, self._listen = send, listen
+        self._send = send
+        self._ids = frozenset[int]()
         self._by_id: dict[int, Pdo] = {}
         self._sdo = SdoServer(objects, self._locked, self._sdo_written)
         self._consumers = [k for k in objects if k[0] == 0x1016 and k[1]]
@@ -108,7 +107,7 @@ class Node:
 
     def hear(self, t: float, frame: Frame) -> None:
         """Take a frame from the bus at a time [s]."""
-        if frame.extended or frame.remote or self.fails("mute"):
+        if frame.can_id not in self._ids or frame.extended or frame.remote or self.fails("mute"):
             return
         with self.lock:
             self.now = t
@@ -275,7 +274,7 @@ class Node:
         self._by_id = {p.can_id: p for p in reversed(self.rpdos) if p.can_id is not None}
         sync = self.objects[0x1005, 0] & 0x7FF
         always = {0x000, sync, 0x600 + self.node}
-        self._listen(frozenset(always | set(self._by_id) | {0x700 + n for n in nodes}))
+        self._ids = frozenset(always | set(self._by_id) | {0x700 + n for n in nodes})
 
     def _locked(self, key: Key) -> None:
         """Process data are configured before OPERATIONAL, save for their event timers."""
@@ -294,7 +293,7 @@ class Node:
         """Attach what the EDS cannot state of the values that may be written."""
         entry = self.objects.entry
         entry((0x1003, 0)).check = _check_clears
-        entry((0x1005, 0)).check = _check_sync
+        entry((0x1005, 0)).check = check_free
         entry((0x1014, 0)).check = self._check_emergency
         for key in self._consumers:
             entry(key).check = partial(self._check_consumer, key)
@@ -316,7 +315,3 @@ def _check_clears(value: int) -> None:
     """The error history can be cleared only."""
     if value:
         raise AbortError(Abort.VALUE)
-
-
-def _check_sync(value: int) -> None:
-    check_free(value)

@@ -6,6 +6,7 @@ gets an abort. Source: CiA 301, 7.2.4.3 (protocols of SDO).
 
 import struct
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from robot_emulators.canopen.dictionary import Abort, AbortError, Entry, Key, Objects
 
@@ -18,6 +19,7 @@ _EXPEDITED = 4
 """Data bytes of an expedited transfer."""
 
 
+@dataclass
 class _Transfer:
     """A segmented transfer between its first and its last frame.
 
@@ -25,15 +27,15 @@ class _Transfer:
         key: of the object.
         download: whether the client writes it.
         data: of a download what came so far; of an upload what is still to send.
-        toggle: bit of the next segment.
         size: that the client announced for a download.
+        toggle: bit of the next segment.
     """
 
-    def __init__(
-        self, key: Key, download: bool, data: bytes = b"", size: int | None = None
-    ) -> None:
-        self.key, self.download, self.data, self.size = key, download, data, size
-        self.toggle = 0
+    key: Key
+    download: bool
+    data: bytes = b""
+    size: int | None = None
+    toggle: int = 0
 
 
 class SdoServer:

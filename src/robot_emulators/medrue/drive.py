@@ -52,15 +52,13 @@ class DriveEmulator(Node):
         position: initial position [count].
         watchdog: event timer of its RPDO after power-up [s].
         lock: shared with the plant's thread.
-        listen: told the ids that it hears, whenever they change.
     """
 
     def __init__(
         self, node: int, send: Callable[[Frame], None], ratings: Ratings, position: float,
         watchdog: float, lock: threading.RLock,
-        listen: Callable[[frozenset[int]], None] = lambda ids: None,
     ) -> None:  # fmt: skip
-        super().__init__(node, send, profile.SHEET, lock, listen)
+        super().__init__(node, send, profile.SHEET, lock)
         self.ratings = ratings
         profile.check(self.objects)
         profile.rate(self.objects, ratings, round(position))

@@ -27,7 +27,7 @@ class BusFaults:
         self._faults, self._hub, self._board = faults, hub, board
         self._drives = {drive.node: drive for drive in drives}
         self._random = random.Random(0)
-        self._impostor = hub.attach(self._pose, frozenset((board.base << 4,)))
+        self._impostor = hub.attach(self._pose)
         hub.stalled = lambda: faults.now("can", "stall") is not None
         drive, order = self._drive, hub.order
         node = {"node": _one_of(list(self._drives))}
@@ -69,8 +69,8 @@ class BusFaults:
     def _pose(self, t: float, frame: Frame) -> None:
         """Answer the sensor's gauge requests too, as a node at the same ids does."""
         base = self._board.base << 4
-        clash = self._faults.now("can", "id_clash") is not None
-        if clash and frame.can_id == base and not frame.data:
+        asked = frame.can_id == base and not frame.data
+        if asked and self._faults.now("can", "id_clash") is not None:
             self._impostor.send(Frame(base, bytes([0x37, 2, 1, 0, 0, 0, 7, 7])))
             self._impostor.send(Frame(base | 1, bytes(6)))
 

@@ -151,9 +151,7 @@ class MedrueEmulator(Emulator):
         for j, node in enumerate(setting.nodes):
             device = hub.attach()
             ratings, position = self._ratings(body.arm, j, counts[j]), body.q[j] * counts[j]
-            drive = DriveEmulator(
-                node, device.send, ratings, position, setting.watchdog, lock, device.listen
-            )
+            drive = DriveEmulator(node, device.send, ratings, position, setting.watchdog, lock)
             device.heard = drive.hear
             self.drives.append(drive)
         self.plant.drives = self.drives

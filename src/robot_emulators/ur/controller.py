@@ -24,7 +24,7 @@ from robot_emulators.ur.messages import PROTECTIVE_STOP, Event
 from robot_emulators.ur.modes import Modes, Runtime
 from robot_emulators.ur.packets import Values, Version, inputs, outputs, zero
 from robot_emulators.ur.programs import Loaded
-from robot_emulators.ur.script import Program, ProgramError, is_secondary
+from robot_emulators.ur.script import ProgramError, is_secondary
 from robot_emulators.ur.script_program import ScriptProgram
 from robot_emulators.ur.settings import ControllerSettings
 from robot_emulators.ur.tool_wrench import ExternalWrench, WrenchEstimate
@@ -78,7 +78,7 @@ class Controller:
         self.fields = outputs(settings.version)
         self.values: dict[str, Values] = {name: zero(kind) for name, kind in self.fields.items()}
         self.inputs = Inputs(inputs(settings.version), self._written)
-        self.program: Program | None = None
+        self.program: ScriptProgram | ExternalControl | None = None
         self.loaded: Loaded | None = None
         self.announce: Callable[[Event], None] = lambda event: None
         self.address = ""
@@ -237,7 +237,7 @@ class Controller:
         """Compile a program in another thread, so that no control cycle waits for it."""
         return self._compiler.submit(compiled, self.settings.version, text)
 
-    def _begin(self, program: Program) -> None:
+    def _begin(self, program: ScriptProgram | ExternalControl) -> None:
         self.arm.thaw(go_on=False)
         self.program, self.modes.runtime = program, Runtime.PLAYING
         self.announce(messages.key(messages.STARTED, program.name))
@@ -249,7 +249,7 @@ class Controller:
         if not self._goes_on(self.program):
             self.stop_program()
 
-    def _goes_on(self, program: Program) -> bool:
+    def _goes_on(self, program: ScriptProgram | ExternalControl) -> bool:
         try:
             return program.cycle(self.now)
         except ProgramError as error:

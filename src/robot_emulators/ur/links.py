@@ -13,11 +13,12 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from typing import TYPE_CHECKING
 
-from robot_emulators.ur.script import Program, ProgramError
+from robot_emulators.ur.script import ProgramError
 from robot_emulators.ur.urscript.machine import LONGEST, Code
 
 if TYPE_CHECKING:
     from robot_emulators.ur.controller import Controller
+    from robot_emulators.ur.script_program import ScriptProgram
 
 DIAL_S = 2.0
 """How long a connection may take [s]."""
@@ -170,13 +171,13 @@ class ExternalControl:
         controller: "Controller",
         address: tuple[str, int],
         compiled: Callable[[str], Future[Code]],
-        play: Callable[[Code], Program],
+        play: "Callable[[Code], ScriptProgram]",
     ) -> None:
         self._controller, self._address = controller, address
         self._compiled, self._play = compiled, play
         self._links = Links(controller.address)
         self._steps = self._fetch()
-        self._program: Program | None = None
+        self._program: ScriptProgram | None = None
 
     def cycle(self, now: float) -> bool:
         """Take one control cycle; False at its end."""

@@ -171,7 +171,10 @@ class Recipe:
 def outputs(version: Version) -> dict[str, str]:
     """Name → type of what this software sends."""
     found = _listed(_OUTPUTS) | _registers("output", version) | _registers("input", version)
-    return {name: kind for name, kind in found.items() if _exists(name, version)}
+    return {
+        name: kind for name, kind in found.items()
+        if name not in _SINCE or _after(_SINCE[name], version)
+    }  # fmt: skip
 
 
 def inputs(version: Version) -> dict[str, str]:
@@ -196,10 +199,6 @@ def _registers(way: str, version: Version) -> dict[str, str]:
     found = {f"{way}_int_register_{k}": "INT32" for k in range(count)}
     found |= {f"{way}_double_register_{k}": "DOUBLE" for k in range(count)}
     return found | {f"{way}_bit_register_{k}": "BOOL" for k in BIT_REGISTERS}
-
-
-def _exists(name: str, version: Version) -> bool:
-    return name not in _SINCE or _after(_SINCE[name], version)
 
 
 def _after(since: tuple[tuple[int, int, int], tuple[int, int, int]], version: Version) -> bool:

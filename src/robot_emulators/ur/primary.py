@@ -1,12 +1,12 @@
 """The primary and secondary interfaces: robot state at 10 Hz, messages, programs and commands."""
 
 from collections.abc import Callable
-from typing import Protocol
 
 from robot_emulators.ur import messages
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.network import Peer
+from robot_emulators.ur.outputs import Timestamp
 from robot_emulators.ur.primary_state import FIELDS, robot_state
 from robot_emulators.ur.script import Collector
 
@@ -16,18 +16,10 @@ DATES = {"cb3": "13-10-2021, 12:00:00", "e": "08-03-2022, 12:00:00", "x": "15-06
 """Of each series' software: a date as the controller writes it; estimates."""
 
 
-class Clock(Protocol):
-    """The controller's time."""
-
-    def now(self) -> float:
-        """Seconds since it was switched on."""
-        ...
-
-
 class Primary:
     """Tells clients of ports 30001 and 30002 how the robot is."""
 
-    def __init__(self, controller: Controller, clock: Clock) -> None:
+    def __init__(self, controller: Controller, clock: Timestamp) -> None:
         self._controller, self._clock = controller, clock
         self._readers: set[Peer] = set()
         self._listeners: set[Peer] = set()

@@ -1,7 +1,6 @@
-"""Programs: what one is to the controller, and where one ends that arrives as URScript."""
+"""URScript that arrives at the ports: where a program ends, and what ends it."""
 
 import re
-from typing import Protocol
 
 _LONGEST = 1 << 22
 """Bytes of a program that is not complete, from which the connection is closed."""
@@ -19,30 +18,6 @@ class ProgramError(Exception):
     def __init__(self, text: str, line: int = 0, column: int = 0) -> None:
         super().__init__(text)
         self.line, self.column = line, column
-
-
-class Program(Protocol):
-    """A program that plays.
-
-    Attributes:
-        name: as it is reported.
-        direct: what it commands is done in the same control cycle, else in the next.
-    """
-
-    name: str
-    direct: bool
-
-    def cycle(self, now: float) -> bool:
-        """Take one control cycle; False at its end.
-
-        Raises:
-            ProgramError: it cannot go on.
-        """
-        ...
-
-    def close(self) -> None:
-        """It is over."""
-        ...
 
 
 def is_secondary(text: str) -> bool:

@@ -106,11 +106,12 @@ class ScriptProgram:
 
     def until_done(self, motion: ArmMotion) -> Iterator[None]:
         """Wait for a motion's end, or until another takes its place."""
-        yield from self.during(motion, self._lasting(motion))
 
-    def _lasting(self, motion: ArmMotion) -> Iterator[None]:
-        while not motion.done and self.arm.moves_by(motion):
-            yield
+        def lasting() -> Iterator[None]:
+            while not motion.done and self.arm.moves_by(motion):
+                yield
+
+        yield from self.during(motion, lasting())
 
     def cycles(self, seconds: float) -> Iterator[None]:
         """Wait for a time, a control cycle at least."""

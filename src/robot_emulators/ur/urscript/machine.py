@@ -5,13 +5,11 @@ before it waits is bounded, as are threads, calls inside calls, and what values 
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from itertools import islice
-from types import CodeType
 from typing import Any
 
-from robot_emulators.ur.urscript.functions import CONVERTERS, Act, Builtin, Steps
-from robot_emulators.ur.urscript.translation import OPERATORS, translated
+from robot_emulators.ur.urscript.functions import CONVERTERS, Builtin, Steps
+from robot_emulators.ur.urscript.translation import FILE, OPERATORS, Code, translated
 from robot_emulators.ur.urscript.values import (
     ACTS,
     NO_NAME,
@@ -30,30 +28,12 @@ LONGEST = 1 << 18
 MOST_IN_A_CYCLE = 20_000
 """Loops and calls that a program may take in one control cycle before it waits."""
 _MOST_THREADS = 50
-_FILE = "<urscript>"
 _MISTAKES = (ArithmeticError, LookupError, NameError, TypeError, ValueError)
 _HELPERS = {
     "ProgramEndsError": ProgramEndsError, "Pose": Pose, "copied": copied, "get": get, "put": put,
     "truth": truth, "o_negative": negative,
 } | {f"o_{name}": ACTS[sign] for sign, name in OPERATORS.items()} | {
     f"as_{kind}": convert for kind, convert in CONVERTERS.items()}  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class Code:
-    """A compiled program.
-
-    Attributes:
-        name: of the program.
-        secondary: it runs beside the program that plays.
-        code: of a module with the generator function ``program``.
-        builtins: functions of the controller by the names under which it calls them.
-    """
-
-    name: str
-    secondary: bool
-    code: CodeType
-    builtins: Mapping[str, Act]
 
 
 def compiled(text: str, table: Mapping[str, Builtin]) -> Code:
@@ -67,16 +47,13 @@ def compiled(text: str, table: Mapping[str, Builtin]) -> Code:
     if len(text) > LONGEST:
         raise ScriptFaultError(f"a program of more than {LONGEST} characters")
     try:
-        program = translated(text, table)
-        code = compile(program.module, _FILE, "exec")
+        return translated(text, table)
     except RecursionError:
         raise ScriptFaultError("the program is nested too deeply") from None
     except SyntaxError as error:
         raise ScriptFaultError(
             f"syntax_error_on_line:{error.lineno}:", error.lineno or 1, error.offset or 1
         ) from None
-    acts = {f"b_{name}": table[name].act for name in program.called}
-    return Code(program.name, program.secondary, code, acts)
 
 
 class _Thread:
@@ -167,7 +144,7 @@ def _place(error: BaseException) -> tuple[int, int]:
     place, trace = (0, 0), error.__traceback__
     while trace is not None:
         code = trace.tb_frame.f_code
-        if code.co_filename == _FILE:
+        if code.co_filename == FILE:
             at = next(islice(code.co_positions(), trace.tb_lasti // 2, None), (0, 0, 0, 0))
             place = (at[0] or 0, (at[2] or 0) + 1)
         trace = trace.tb_next

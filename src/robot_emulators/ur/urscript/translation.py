@@ -12,14 +12,17 @@ import ast
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
+from types import CodeType
 from typing import TypeVar
 
 from robot_emulators.ur.urscript import tokens as lexer
-from robot_emulators.ur.urscript.functions import Builtin
+from robot_emulators.ur.urscript.functions import Act, Builtin
 from robot_emulators.ur.urscript.tokens import Token
 from robot_emulators.ur.urscript.values import NO_NAME, ScriptFaultError
 
 T = TypeVar("T", bound=ast.AST)
+FILE = "<urscript>"
+"""Name of a program's text in Python's tracebacks."""
 _DEEPEST = 60
 """Nested blocks and brackets; deeper than any program that a person wrote."""
 _LONGEST_CHAIN = 400
@@ -59,24 +62,24 @@ class _Scope:
         return self.parameters | self.plain | self.local
 
 
-@dataclass(frozen=True)
-class Translation:
-    """A program in Python.
+@dataclass(frozen=True, eq=False)
+class Code:
+    """A compiled program.
 
     Attributes:
         name: of the program.
         secondary: it runs beside the program that plays.
-        module: with one generator function, ``program``.
-        called: functions of the controller that it calls.
+        code: of a module with the generator function ``program``.
+        builtins: functions of the controller by the names under which it calls them.
     """
 
     name: str
     secondary: bool
-    module: ast.Module
-    called: frozenset[str]
+    code: CodeType
+    builtins: Mapping[str, Act]
 
 
-def translated(text: str, table: Mapping[str, Builtin]) -> Translation:
+def translated(text: str, table: Mapping[str, Builtin]) -> Code:
     """A program's text in Python; functions of the controller are those of a table.
 
     Raises:
@@ -96,7 +99,7 @@ class _Translator:
         self._top = self._scope = _Scope(None)
         self._functions: list[tuple[_Scope, ast.FunctionDef]] = []
 
-    def program(self) -> Translation:
+    def program(self) -> Code:
         """The whole text; one function is that function's program."""
         start = self._tokens[0]
         name, secondary = "unnamed", False
@@ -121,7 +124,8 @@ class _Translator:
         for scope, function in self._functions:
             self._resolve(scope, function, shared)
         module = ast.fix_missing_locations(ast.Module([program], []))
-        return Translation(name, secondary, module, frozenset(self._called))
+        acts = {f"b_{called}": self._table[called].act for called in self._called}
+        return Code(name, secondary, compile(module, FILE, "exec"), acts)
 
     def _is_whole(self) -> bool:
         """Whether the text is one function without parameters, from its first token to its end."""

@@ -96,14 +96,11 @@ def negative(value: Value) -> Value:
     return _arithmetic("-", lambda a, b: a - b)(0, value)
 
 
-def _bounded(value: float | int) -> float | int:
-    return float(value) if isinstance(value, int) and abs(value) > _EXACT else value
-
-
 def _arithmetic(sign: str, act: Callable[[Any, Any], Any]) -> Callable[[Value, Value], Value]:
     def number(left: Value, right: Value) -> Value:
         try:
-            return _bounded(act(left, right))
+            value = act(left, right)
+            return float(value) if isinstance(value, int) and abs(value) > _EXACT else value
         except ZeroDivisionError:
             raise ScriptFaultError("division by zero") from None
         except OverflowError:
