@@ -101,7 +101,7 @@ class FaultySender:
         if self._faults.now("rdt", "stall") is not None:
             self.counters["silent"] += len(data) // size
             return
-        through = self._swap(self._thin(parts, size))
+        through = self._changed(parts, size)
         self.counters["sent"] += sum(len(p) for p in through) // size
         self._out(through, to)
         self._spoil(bytes(data[:size]), to)
@@ -113,33 +113,29 @@ class FaultySender:
             for part in parts:
                 send(part, to)
 
-    def _thin(self, parts: list[memoryview], size: int) -> list[memoryview]:
-        """Drop and double a share."""
-        out = []
-        drop, double = (self._faults.now("rdt", kind) for kind in ("drop", "duplicate"))
+    def _hit(self, kind: str) -> bool:
+        """Whether this datagram is one of the fraction that a fault takes."""
+        values = self._faults.now("rdt", kind)
+        return values is not None and bool(self._random.random() < values["share"])
+
+    def _changed(self, parts: list[memoryview], size: int) -> list[memoryview]:
+        """Drop and double some, and send some one place later than their turn."""
+        out: list[memoryview] = []
         for part in parts:
-            if drop and self._random.random() < drop["share"]:
+            if self._hit("drop"):
                 self.counters["dropped"] += len(part) // size
                 continue
-            out.append(part)
-            if double and self._random.random() < double["share"]:
-                self.counters["duplicated"] += len(part) // size
-                out.append(part)
-        return out
-
-    def _swap(self, parts: list[memoryview]) -> list[memoryview]:
-        """Send a share one place later than its turn."""
-        swap = self._faults.now("rdt", "swap")
-        out = []
-        for part in parts:
-            if self._held is not None:
-                out += [part, self._held]
-                self._held = None
-                self.counters["swapped"] += 1
-            elif swap and self._random.random() < swap["share"]:
-                self._held = part
-            else:
-                out.append(part)
+            double = self._hit("duplicate")
+            self.counters["duplicated"] += double * (len(part) // size)
+            for copy in [part] * (1 + double):
+                if self._held is not None:
+                    out += [copy, self._held]
+                    self._held = None
+                    self.counters["swapped"] += 1
+                elif self._hit("swap"):
+                    self._held = copy
+                else:
+                    out.append(copy)
         return out
 
     def _spoil(self, record: bytes, to: tuple[str, int]) -> None:
