@@ -12,7 +12,7 @@ ABOVE = {
     "prepare": set(),
     "evidence": {"prepare"},
     "explain": {"prepare", "evidence"},
-    "gap": {"prepare", "evidence", "explain"},
+    "gap": {"prepare", "evidence", "explain", "next"},
     "efforts": {"evidence", "explain", "gap"},
     "between_rows": {"prepare"},
     "next": {"prepare", "evidence", "explain"},

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from linear_case import EFFECTS, Named, dictionary, readings
@@ -56,42 +57,32 @@ def test_large_backgrounds_are_believed_only_beside_a_gap_that_dwarfs_them():
     assert some == pytest.approx([1 / 3, 1 / 3, 1 / 3, 0.1, 1e-5, 1e-5])
 
 
+def marginal(d, level, y, wide, sizes):
+    """Logarithm of the mean likelihood over sizes of some columns, all matrices dense."""
+    K = np.diag(level.v0) + (d.E * level.V) @ d.E.T
+    zero = np.zeros(len(y))
+    each = [multivariate_normal(zero, K + size**2 * wide @ wide.T).logpdf(y) for size in sizes]
+    return logsumexp(each) - np.log(len(sizes)) + 0.5 * len(y) * np.log(2.0 * np.pi)
+
+
 def test_a_single_hypothesis_has_its_marginal_likelihood_over_all_sizes():
     d = dictionary(rows=30)
-    y = readings(d, {"base.tilt": 0.1})
-    s = Searcher(d)
+    y, s = readings(d, {"base.tilt": 0.1}), Searcher(d)
     nulls, found = s.nulls(y), {(x.index, x.rung): x.log_posterior for x in s.singles(y)}
     level = s.rungs[1].level
-    K = np.diag(level.v0) + (d.E * level.V) @ d.E.T
-    flat = 0.5 * len(y) * np.log(2.0 * np.pi)
-    null = multivariate_normal(np.zeros(len(y)), K).logpdf(y) + flat
-    assert nulls[1] == pytest.approx(null + np.log(1 / 3))
-    index = next(k for k, h in enumerate(d.hypotheses) if h.name == "base.tilt")
-    h = d.hypotheses[index]
-    wide = d.E[:, h.columns]
-    each = [
-        multivariate_normal(np.zeros(len(y)), K + size**2 * wide @ wide.T).logpdf(y) + flat
-        for size in s.scales(h)
-    ]
-    expected = np.log(np.mean(np.exp(np.array(each) - each[0]))) + each[0]
-    assert found[index, 1] == pytest.approx(expected + s.prior(h) + np.log(1 / 3), rel=1e-6)
+    assert nulls[1] == pytest.approx(marginal(d, level, y, d.E[:, :1], [0.0]) + np.log(1 / 3))
+    index, h = next((k, h) for k, h in enumerate(d.hypotheses) if h.name == "base.tilt")
+    expected = marginal(d, level, y, d.E[:, h.columns], s.scales(h)) + s.prior(h) + np.log(1 / 3)
+    assert found[index, 1] == pytest.approx(expected, rel=1e-6)
     assert len(found) == (len(d.hypotheses) + 2) * len(s.rungs)
 
 
 def test_the_unknown_shares_its_prior_among_what_it_may_depend_on():
     d = dictionary(rows=30)
-    s = Searcher(d)
-    y = readings(d, {"pose": 0.5})
-    (own,) = (x for x in s.singles(y) if x.index == -1 - s.kernels.index("pose") and x.rung == 0)
-    level = s.rungs[0].level
-    K = np.diag(level.v0) + (d.E * level.V) @ d.E.T
-    wide = d.E[:, d.kernels["pose"]]
-    sizes = 2.0 ** np.arange(9)
-    flat = 0.5 * len(y) * np.log(2.0 * np.pi)
-    each = [
-        multivariate_normal(np.zeros(len(y)), K + size**2 * wide @ wide.T).logpdf(y) + flat
-        for size in sizes
-    ]
-    expected = np.log(np.mean(np.exp(np.array(each) - each[0]))) + each[0]
-    prior = np.log(0.15 / 2) + np.log(1 / 3)
-    assert own.log_posterior == pytest.approx(expected + prior, rel=1e-6)
+    s, y = Searcher(d), readings(d, {"pose": 0.5})
+    pose = -1 - s.kernels.index("pose")
+    (told,) = (x for x in s.singles(y) if (x.index, x.rung) == (pose, 0))
+    expected = marginal(d, s.rungs[0].level, y, d.E[:, d.kernels["pose"]], 2.0 ** np.arange(9))
+    assert told.log_posterior == pytest.approx(
+        expected + np.log(0.15 / 2) + np.log(1 / 3), rel=1e-6
+    )

@@ -13,20 +13,17 @@ from wrenchbed.effects.base import Variant
 
 
 def searcher(*names, timing=()):
+    """Hypotheses of effects, some of them of timing."""
     stages = {n: "timing" if n in timing else "reading" for n in names}
-    return SimpleNamespace(
-        hypotheses=[
-            SimpleNamespace(name=n, effect=Named(n, stage=stages[n]), variant=Variant(n, ()))
-            for n in names
-        ]
-    )
+    of = [(n, Named(n, stage=stages[n]), Variant(n, ())) for n in names]
+    each = [SimpleNamespace(name=n, effect=effect, variant=v) for n, effect, v in of]
+    return SimpleNamespace(hypotheses=each)
 
 
-def singles(*told):
-    return [SingleEvidence(index, rung, float(value)) for index, rung, value in told]
-
-
-def kept(found):
+def distinct(told, most=6, base=100.0):
+    """What is kept (index, evidence) of single hypotheses (index, evidence)."""
+    each = [SingleEvidence(index, 0, float(value)) for index, value in told]
+    found = structures._distinct(searcher(*NAMES), each, most, base)
     return [(s.index, s.log_posterior) for s in found]
 
 
@@ -34,53 +31,42 @@ NAMES = ("a.a", "a.a", "a.a", "b.b", "b.b", "c.c", "d.d")
 
 
 def test_of_each_effect_the_best_and_a_second_variant_nearly_as_good():
-    told = singles(
-        (0, 0, 100), (0, 1, 99.9), (1, 0, 98.5), (2, 0, 98.2), (3, 0, 90), (4, 0, 87.9),
-        (-1, 0, 500), (5, 0, 89),
-    )  # fmt: skip
-    found = structures._distinct(searcher(*NAMES), told, 6, 100.0)
-    assert kept(found) == [(0, 100.0), (1, 98.5), (3, 90.0), (5, 89.0)]
-    near = structures._distinct(searcher(*NAMES), singles((3, 0, 90), (4, 0, 88.1)), 6, 90.0)
-    assert kept(near) == [(3, 90.0), (4, 88.1)]
-
-
-def test_no_more_effects_than_asked_for_and_the_first_beyond():
-    told = singles((0, 0, 100), (3, 0, 90), (5, 0, 80), (6, 0, 70))
-    found = structures._distinct(searcher(*NAMES), told, 2, 100.0)
-    assert kept(found) == [(0, 100.0), (3, 90.0), (5, 80.0)]
+    told = [(0, 100), (0, 99.9), (1, 98.5), (2, 98.2), (3, 90), (4, 87.9), (-1, 500), (5, 89)]
+    assert distinct(told) == [(0, 100.0), (1, 98.5), (3, 90.0), (5, 89.0)]
+    assert distinct([(3, 90), (4, 88.1)], base=90.0) == [(3, 90.0), (4, 88.1)]
+    # no more effects than asked for, and the first beyond
+    some = [(0, 100), (3, 90), (5, 80), (6, 70)]
+    assert distinct(some, most=2) == [(0, 100.0), (3, 90.0), (5, 80.0)]
 
 
 @pytest.mark.parametrize(("base", "far"), [(100.0, 60.0), (150.0, 60.0), (60.0, 80.0)])
 def test_what_is_far_behind_the_best_is_left_out(base, far):
-    told = singles((0, 0, 100), (3, 0, 100 - far + 0.5), (5, 0, 100 - far - 0.5))
-    found = structures._distinct(searcher(*NAMES), told, 6, base)
-    assert kept(found) == [(0, 100.0), (3, 100 - far + 0.5)]
+    near, beyond = 100 - far + 0.5, 100 - far - 0.5
+    assert distinct([(0, 100), (3, near), (5, beyond)], base=base) == [(0, 100.0), (3, near)]
 
 
 def test_beside_one_effect_of_timing_all_are_tried_each_at_its_best():
     s = searcher("timing.delay", "timing.lowpass", "a.a", timing=("timing.delay", "timing.lowpass"))
-    told = singles((0, 0, 50), (1, 0, 3), (1, 2, 7), (2, 0, 40), (-1, 0, 99))
-    found = structures._other_clocks(s, told, singles((0, 0, 50)))
-    assert [(f.index, f.rung, f.log_posterior) for f in found] == [(1, 2, 7.0)]
-    assert structures._other_clocks(s, told, singles((2, 0, 40))) == []
-    both = structures._other_clocks(s, told, singles((0, 0, 50), (1, 2, 7)))
-    assert both == []
+    told = [SingleEvidence(*x) for x in ((0, 0, 50.0), (1, 0, 3.0), (1, 2, 7.0), (2, 0, 40.0))]
+    delay, _, lowpass, other = told
+    assert structures._other_clocks(s, told, [delay]) == [lowpass]
+    assert structures._other_clocks(s, told, [other]) == []
+    assert structures._other_clocks(s, told, [delay, lowpass]) == []
 
 
 def test_the_unknown_beside_an_effect_may_depend_on_something_else_than_the_unknown_alone():
     """A tilt that looks much like time: alone time explains most, beside the tilt the pose."""
-    alike = {("time", "base.tilt"): 0.95}
-    d = dictionary(alike=alike)
-    r = refitter(d, readings(d, {"base.tilt": 8.0, "pose": 3.0}))
-    told = structures.rank(r.searcher, r)
-    assert told.kernel == "pose"
-    r = refitter(d, readings(d, {"base.tilt": 8.0}))
-    told = structures.rank(r.searcher, r)
-    assert told.kernel == "time"
-    assert told.mixed < told.explanations[0].log_posterior
-    d = dictionary(alike={("pose", "base.tilt"): 0.999})
-    r = refitter(d, readings(d, {"base.tilt": 8.0}))
-    told = structures.rank(r.searcher, r)  # beside the tilt a wander in time is the likeliest
+
+    def ranked(d, gaps):
+        r = refitter(d, readings(d, gaps))
+        return structures.rank(r.searcher, r)
+
+    d = dictionary(alike={("time", "base.tilt"): 0.95})
+    assert ranked(d, {"base.tilt": 8.0, "pose": 3.0}).kernel == "pose"
+    told = ranked(d, {"base.tilt": 8.0})
+    assert told.kernel == "time" and told.mixed < told.explanations[0].log_posterior
+    # beside the tilt a wander in time is the likeliest
+    told = ranked(dictionary(alike={("pose", "base.tilt"): 0.999}), {"base.tilt": 8.0})
     assert (told.kernel, told.mixed > told.unknown) == ("pose", True)
 
 
@@ -124,19 +110,16 @@ def test_one_more_effect_has_prior_odds_of_two_ninths():
     (told,) = (s for s in r.added(one) if s.index == index)
     both = r.extended(one, pull)
     assert both.names == ("base.tilt", "cable.pull")
-    s = r.searcher
-    gained = told.log_posterior - one.log_posterior
-    size = s.scales(pull)
+    s, level = r.searcher, r.searcher.rungs[one.rung].level
     column = d.E[:, pull.columns]
-    level = s.rungs[one.rung].level
-    w = column.T @ level.solve(r.y[:, None])[:, 0]
-    p = column.T @ level.solve(column)
+    w, p = column.T @ level.solve(r.y[:, None])[:, 0], column.T @ level.solve(column)
     each = [
         0.5 * w @ np.linalg.solve(np.eye(2) / z**2 + p, w)
         - 0.5 * np.linalg.slogdet(np.eye(2) + z**2 * p)[1]
-        for z in size
+        for z in s.scales(pull)
     ]
     evidence = np.logaddexp.reduce(each) - np.log(len(each))
+    gained = told.log_posterior - one.log_posterior
     assert gained == pytest.approx(evidence + s.prior(pull) + np.log(0.1 / 0.45), rel=1e-3)
     assert not any(x.index == d.hypotheses.index(tilt) for x in r.added(one))
 

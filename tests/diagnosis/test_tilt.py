@@ -13,24 +13,34 @@ from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.prepare import accelerometer
 
 TILT = "base.tilt"
+COVARIANCE = np.array([[4e-4, 1e-4], [1e-4, 9e-4]])
+SEEN = np.sqrt(0.1)
+"""The tilt that adds a gap of 0.4 with its first column."""
 
 
-def analysed(gaps, tilt, covariance, parts=None, probability=0.95):
+def analysed(gaps, tilt, parts=None, probability=0.95):
     """An analysis whose only explanations are of these parts, and nothing."""
     d = dictionary()
     r = refitter(d, readings(d, gaps))
     names = parts or tuple(gaps)
     f = r.fit(tuple(next(h for h in d.hypotheses if h.name == n) for n in names), 0)
+    with_parts, without = np.log([probability, 1.0 - probability])
     told = [
-        explained(r, replace(f, log_posterior=float(np.log(probability)))),
-        Explanation(replace(r.nothing(), log_posterior=float(np.log(1 - probability))), (), 0.0),
+        explained(r, replace(f, log_posterior=float(with_parts))),
+        Explanation(replace(r.nothing(), log_posterior=float(without)), (), 0.0),
     ]
     told.sort(key=lambda e: -e.log_posterior)
-    ranking = SimpleNamespace(explanations=tuple(told), unknown=-np.inf)
-    testimony = accelerometer.Testimony(np.array(tilt), np.array(covariance), 5.0, 0.01, 100)
+    testimony = accelerometer.Testimony(np.array(tilt), COVARIANCE, 5.0, 0.01, 100)
     return SimpleNamespace(
-        ranking=ranking, prepared=SimpleNamespace(testimony=testimony), refitter=r, dictionary=d
+        ranking=SimpleNamespace(explanations=tuple(told), unknown=-np.inf),
+        prepared=SimpleNamespace(testimony=testimony),
+        refitter=r,
+        dictionary=d,
     )
+
+
+def cause(name, probability=0.95, gap=0.4):
+    return SimpleNamespace(names=(name,), probability=probability, part=Part(name, gap, index=0))
 
 
 def tilted(a):
@@ -42,20 +52,17 @@ def verdict_of(a, kind, *causes):
     return Verdict(kind, tuple(causes), a.ranking.explanations[0], told)
 
 
-COVARIANCE = [[4e-4, 1e-4], [1e-4, 9e-4]]
-
-
 def test_agreement_is_the_chance_of_a_difference_as_large():
-    a = analysed({TILT: 0.4}, [0.35, 0.05], COVARIANCE)
+    a = analysed({TILT: 0.4}, [0.35, 0.05])
     f = tilted(a).finalist
     away = f.x - np.array([0.35, 0.05])
-    square = away @ np.linalg.inv(f.covariance + np.array(COVARIANCE)) @ away
+    square = away @ np.linalg.inv(f.covariance + COVARIANCE) @ away
     assert agreement(a, tilted(a), a.prepared.testimony) == pytest.approx(np.exp(-square / 2))
     assert 0.01 < np.exp(-square / 2) < 0.9
 
 
 def test_both_sensors_together_are_their_weighted_mean():
-    a = analysed({TILT: 0.4}, [0.35, 0.02], COVARIANCE)
+    a = analysed({TILT: 0.4}, [0.35, 0.02])
     told = with_accelerometer(a, verdict_of(a, "none"))
     before, after = tilted(a).finalist, told.explanation.finalist
     one, other = np.linalg.inv(before.covariance), np.linalg.inv(COVARIANCE)
@@ -66,7 +73,7 @@ def test_both_sensors_together_are_their_weighted_mean():
 
 
 def test_a_small_tilt_that_both_see_is_claimed():
-    a = analysed({TILT: 0.4}, [np.sqrt(0.1), 0.0], COVARIANCE)
+    a = analysed({TILT: 0.4}, [SEEN, 0.0])
     told = with_accelerometer(a, verdict_of(a, "none"))
     assert told.verdict == "identified"
     (cause,) = told.causes
@@ -81,63 +88,58 @@ def test_a_small_tilt_that_both_see_is_claimed():
     ("gap", "probability", "tilt"),
     [
         (0.2, 0.95, np.sqrt(0.05)),  # less than a quarter of a gap
-        (0.4, 0.85, np.sqrt(0.1)),  # not sure enough
-        (0.4, 0.95, np.sqrt(0.1) + 0.2),  # the two contradict each other
+        (0.4, 0.85, SEEN),  # not sure enough
+        (0.4, 0.95, SEEN + 0.2),  # the two contradict each other
     ],
     ids=["small", "unsure", "apart"],
 )
 def test_otherwise_the_verdict_stays(gap, probability, tilt):
-    a = analysed({TILT: gap}, [tilt, 0.0], COVARIANCE, probability=probability)
+    a = analysed({TILT: gap}, [tilt, 0.0], probability=probability)
     verdict = verdict_of(a, "none")
     assert with_accelerometer(a, verdict) is verdict
 
 
 def test_without_a_testimony_or_a_tilt_the_verdict_stays():
-    a = analysed({TILT: 0.4}, [np.sqrt(0.1), 0.0], COVARIANCE)
+    a = analysed({TILT: 0.4}, [SEEN, 0.0])
     verdict = verdict_of(a, "none")
     a.prepared.testimony = None
     assert with_accelerometer(a, verdict) is verdict
     assert sentences(a, verdict) == ()
-    other = analysed({"cable.pull": 3.0}, [0.3, 0.0], COVARIANCE)
+    other = analysed({"cable.pull": 3.0}, [0.3, 0.0])
     verdict = verdict_of(other, "identified")
     assert with_accelerometer(other, verdict) is verdict
     assert len(sentences(other, verdict)) == 1
 
 
 def test_a_tilt_joins_the_causes_of_the_same_explanation():
-    a = analysed({"cable.pull": 3.0, TILT: 0.4}, [np.sqrt(0.1), 0.0], COVARIANCE)
-    own = Part("cable.pull", 3.0, index=0)
-    cause = SimpleNamespace(names=("cable.pull",), probability=0.9, part=own)
-    told = with_accelerometer(a, verdict_of(a, "identified", cause))
+    a = analysed({"cable.pull": 3.0, TILT: 0.4}, [SEEN, 0.0])
+    pull = cause("cable.pull", 0.9, 3.0)
+    told = with_accelerometer(a, verdict_of(a, "identified", pull))
     assert [c.names for c in told.causes] == [("cable.pull",), (TILT,)]
     assert told.causes[1].part.index == 1
-    assert told.explanation.finalist.x[2] == pytest.approx(np.sqrt(0.1), abs=0.02)
-    elsewhere = replace(verdict_of(a, "identified", cause), explanation=a.ranking.explanations[1])
+    assert told.explanation.finalist.x[2] == pytest.approx(SEEN, abs=0.02)
+    elsewhere = replace(verdict_of(a, "identified", pull), explanation=a.ranking.explanations[1])
     assert with_accelerometer(a, elsewhere) is elsewhere
 
 
 def test_a_tilt_that_is_claimed_already_is_only_measured_better():
-    a = analysed({TILT: 3.0}, [np.sqrt(0.75) + 0.01, 0.0], COVARIANCE)
-    cause = SimpleNamespace(names=(TILT,), probability=0.7, part=tilted(a).parts[0])
-    verdict = verdict_of(a, "identified", cause)
-    told = with_accelerometer(a, verdict)
-    assert told.causes == (cause,)
+    a = analysed({TILT: 3.0}, [np.sqrt(0.75) + 0.01, 0.0])
+    claim = SimpleNamespace(names=(TILT,), probability=0.7, part=tilted(a).parts[0])
+    told = with_accelerometer(a, verdict_of(a, "identified", claim))
+    assert told.causes == (claim,)
     before, after = tilted(a).finalist, told.explanation.finalist
     assert np.diagonal(after.covariance).max() < np.diagonal(before.covariance).max()
     assert before.x[0] < after.x[0] < np.sqrt(0.75) + 0.01
 
 
 def test_people_are_told_whether_they_agree_and_what_is_left():
-    a = analysed({TILT: 0.4, "pose": 3.0}, [np.sqrt(0.1), 0.0], COVARIANCE, parts=(TILT,))
+    a = analysed({TILT: 0.4, "pose": 3.0}, [SEEN, 0.0], parts=(TILT,))
     a.prepared.testimony = replace(a.prepared.testimony, tilt=tilted(a).finalist.x)
-    part = Part(TILT, 0.4, index=0)
-    cause = SimpleNamespace(names=(TILT,), probability=0.95, part=part)
-    verdict = replace(verdict_of(a, "identified", cause), explanation=tilted(a))
+    verdict = replace(verdict_of(a, "identified", cause(TILT)), explanation=tilted(a))
     first, second = sentences(a, verdict)
     assert "agrees (p = 1)" in first
     assert "remaining gap of 3" in second or "remaining gap of 2.9" in second
-    large = SimpleNamespace(names=(TILT,), probability=0.95, part=replace(part, share=9.0))
-    assert len(sentences(a, replace(verdict, causes=(large,)))) == 1
+    assert len(sentences(a, replace(verdict, causes=(cause(TILT, gap=9.0),)))) == 1
     a.prepared.testimony = replace(a.prepared.testimony, tilt=a.prepared.testimony.tilt + 0.3)
     assert "does not agree" in sentences(a, verdict)[0]
     a.prepared.testimony = replace(a.prepared.testimony, log_bayes=0.5)
@@ -147,9 +149,9 @@ def test_people_are_told_whether_they_agree_and_what_is_left():
 
 
 def test_beside_a_number_that_is_blamed_only_the_tilt_is_updated():
-    a = analysed({"tool.mass": 9.0, TILT: 0.4}, [np.sqrt(0.1), 0.0], COVARIANCE)
+    a = analysed({"tool.mass": 9.0, TILT: 0.4}, [SEEN, 0.0])
     before = tilted(a).finalist
     assert (len(before.x), before.covariance.shape) == (2, (3, 3))
     after = with_accelerometer(a, verdict_of(a, "none")).explanation.finalist
     assert len(after.x) == 2
-    assert after.x[0] == pytest.approx(np.sqrt(0.1), abs=0.02)
+    assert after.x[0] == pytest.approx(SEEN, abs=0.02)
