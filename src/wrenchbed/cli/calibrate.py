@@ -163,7 +163,7 @@ def drive_fit_table(fit: DriveFit) -> Group:
         ("joint efforts ", "bold"), f"{fit.recording}  {fit.robot}, {fit.seconds:.0f} s, "
         f"{fit.rows} rows below {fit.cutoff:.3g} Hz"
     )  # fmt: skip
-    parts = [head, "", _parameters(fit.identified), "", _errors(fit)]
+    parts: list[Any] = [head, "", _parameters(fit.identified), "", _errors(fit)]
     title = "refuted by the data" if fit.refuted else "status"
     return Group(*parts, *console.section(title, [fit.refuted or fit.status]))
 

@@ -80,12 +80,14 @@ class Columns:
             times = "appears twice" if name in names else "is missing"
             raise MapError(f"{self.where}: column {name!r} {times}; found {', '.join(names)}")
         column = self.table.column(name)
-        if not (pa.types.is_floating(column.type) or pa.types.is_integer(column.type)):
-            for row, cell in enumerate(column.to_pylist()):
+        if pa.types.is_floating(column.type) or pa.types.is_integer(column.type):
+            values = column.to_numpy().astype(float)
+        else:
+            cells = column.to_pylist()
+            for row, cell in enumerate(cells):
                 if cell is not None and not is_number(str(cell)):
                     raise self._wrong(name, row, f"{str(cell)!r} is no number")
-            column = pa.array(map(_float, column.to_pylist()), pa.float64())
-        values = np.asarray(column.to_numpy(zero_copy_only=False), dtype=float)
+            values = np.array([*map(_float, cells)], dtype=float)
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
             raise self._wrong(name, int(bad[0]), "the value is missing or not finite")

@@ -77,15 +77,9 @@ class GravityFit:
 
     def against(self, other: "GravityFit") -> float:
         """Twice the log-likelihood by which this one is worse than another."""
-        n = 3 * min(self.poses, _ENOUGH)
-        return (
-            2.0
-            * n
-            * float(
-                np.log(self.force_rms / other.force_rms)
-                + np.log(self.torque_rms / other.torque_rms)
-            )
-        )
+        worse = np.log(self.force_rms / other.force_rms)
+        worse += np.log(self.torque_rms / other.torque_rms)
+        return 6.0 * min(self.poses, _ENOUGH) * float(worse)
 
 
 def fits(
@@ -153,22 +147,18 @@ def _finished(
     wrench: np.ndarray,
 ) -> GravityFit:
     """The fit with one mount; ``seen``: gravity's direction in sensor axes less its mean (N, 3)."""
-    force = wrench[:, :3] - wrench[:, :3].mean(axis=0)
-    torque = wrench[:, 3:] - wrench[:, 3:].mean(axis=0)
-    residual = force - weight * seen
+    force, torque = np.split(wrench - wrench.mean(axis=0), 2, axis=1)
     # torque = c × (w γ) = Σ_j c_j (e_j × w γ)
     design = np.stack([cross(np.broadcast_to(e, seen.shape), weight * seen) for e in np.eye(3)])
-    flat = design.reshape(3, -1).T
-    lever, *_ = np.linalg.lstsq(flat, torque.ravel(), rcond=1e-6)
-    rest = torque - np.tensordot(lever, design, axes=1)
-    turning = float(np.sqrt((force**2).mean()))
-    force_rms = float(np.sqrt((residual**2).mean()))
-    torque_scale = float(np.sqrt((torque**2).mean()))
-    torque_rms = max(float(np.sqrt((rest**2).mean())), _FLOOR * torque_scale, 1e-12)
+    lever, *_ = np.linalg.lstsq(design.reshape(3, -1).T, torque.ravel(), rcond=1e-6)
+    residuals = (force - weight * seen, torque - np.tensordot(lever, design, axes=1))
+    force_left, torque_left = (float(np.sqrt((r**2).mean())) for r in residuals)
+    force_size, torque_size = (float(np.sqrt((x**2).mean())) for x in (force, torque))
+    torque_rms = max(torque_left, _FLOOR * torque_size, 1e-12)
     return GravityFit(
         weight, axis, mount[0], mount[1], lever,
-        max(force_rms, _FLOOR * turning, 1e-12), torque_rms,
-        force_rms / max(turning, 1e-12), torque_rms / max(torque_scale, 1e-12), len(wrench),
+        max(force_left, _FLOOR * force_size, 1e-12), torque_rms,
+        force_left / max(force_size, 1e-12), torque_rms / max(torque_size, 1e-12), len(wrench),
     )  # fmt: skip
 
 

@@ -111,7 +111,7 @@ class KnownLoad:
         mass = max(*sigmas("tool.mass"), float(f"{self.force_rms / gravity:.3g}"))
         cog = max(sigmas(*(f"tool.cog.{a}" for a in "xyz")))
         bias = sigmas(*(f"sensor.bias.{c}" for c in CHANNELS))
-        tolerance = {"tool.mass": mass, "tool.cog": cog, "sensor.bias": bias}
+        tolerance: dict[str, Any] = {"tool.mass": mass, "tool.cog": cog, "sensor.bias": bias}
         recording["tolerance"] = {k: v for k, v in tolerance.items() if np.min(v) > 0}
 
 
