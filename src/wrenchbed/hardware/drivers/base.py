@@ -147,7 +147,7 @@ class Move(ABC):
         return None
 
 
-class Driver(Device):
+class Driver(Device, ABC):
     """A robot with its sensor, simulated or real.
 
     ``connect`` opens the link and moves nothing, ``activate`` makes it ready to move,

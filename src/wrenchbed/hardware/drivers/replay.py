@@ -13,7 +13,6 @@ from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DriverError, RecordingError
-from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base import Applied, ArmSample, Block, Driver, Move, Reached
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.robots.motion_limits import Limits
@@ -65,12 +64,6 @@ class ReplayDriver(Driver):
     def metadata(self, mode: str, rate: float) -> Metadata:
         return self._recording.metadata
 
-    def _connect(self) -> None:
-        """Nothing to open: the recording was read."""
-
-    def _close(self) -> None:
-        """Nothing to release."""
-
     def _read(self) -> ArmSample:
         row, columns = self._row, self._recording.columns
         joints = range(1, len(self._recording.joints) + 1)
@@ -116,9 +109,6 @@ class ReplayDriver(Driver):
 
     def _stop(self, kind: str) -> None:
         """Nothing moves."""
-
-    def _health(self) -> Health:
-        return Health("ok")
 
     def _sample(self, n: int, rate: float) -> Block:
         near = np.abs(self._recording.q - self._position()).max(axis=1) < NEAR

@@ -10,7 +10,7 @@ creep, remember the complete recording run.
 """
 
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -27,7 +27,6 @@ from wrenchbed.errors import (
     ParameterError,
     WrenchbedWarning,
 )
-from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base import (
     Applied,
     ArmSample,
@@ -153,7 +152,7 @@ class SimDriver(Driver):
         twin = Twin(self.model, self.theta, active)
         self._playback = Playback(twin, options.seed) if active else None
         self._plant = ServoDrivenRobot(self._simulation, robot.home)
-        self._time, self._seen, self._count = 0.0, -1.0, 0
+        self._time = 0.0
         self._touch_rng = np.random.default_rng([options.seed, 1])
         self._contact = np.zeros(6)
 
@@ -198,12 +197,6 @@ class SimDriver(Driver):
         if mode == "static":
             self._playback.expect(plan)
 
-    def _connect(self) -> None:
-        """Nothing to open: the robot starts at its home pose."""
-
-    def _close(self) -> None:
-        """Nothing to release."""
-
     def _position(self) -> np.ndarray:
         return self._plant.q
 
@@ -217,7 +210,7 @@ class SimDriver(Driver):
         reading = np.array([block[c][0] for c in CHANNELS])
         saturated = int(block["status"][0])
         return WrenchSample(
-            self._time, self._time, self._count, 0.0, True, reading, status=saturated,
+            self._time, self._time, 0, 0.0, True, reading, status=saturated,
             saturated=saturated,
         )  # fmt: skip
 
@@ -237,9 +230,6 @@ class SimDriver(Driver):
         self._time += self._plant.settle(start)[1]
         if self._playback is not None:
             self._playback.way((begun, self._time), start, self._plant.q)
-
-    def _health(self) -> Health:
-        return Health("ok")
 
     def _touch(self, point: np.ndarray) -> Reached:
         """The tip rests within `TOUCH_STD` of the point, pushed by an unknown force."""
@@ -300,33 +290,33 @@ class SimDriver(Driver):
         return columns
 
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
-        moved = self._moved(targets, rate)
-        if self._playback is not None:
-            moved = self._with_effects(list(moved))
-        efforts: dict[str, np.ndarray] = {}
-        if self._efforts is not None:
-            blocks = list(moved)
-            efforts = self._in_motion(self._efforts, blocks, targets, rate)
-            moved = iter(blocks)
+        """Block by block; effects and efforts need the complete motion first."""
+        moved: Iterable[Samples] = self._moved(targets, rate)
+        readings, efforts = None, dict[str, np.ndarray]()
+        if self._playback is not None or self._efforts is not None:
+            moved = list(moved)
+            t, q, qd, load = (np.concatenate(part) for part in zip(*moved, strict=True))
+            if self._playback is not None:
+                readings = self._playback.motion(t, q, qd, load)
+            if self._efforts is not None:
+                efforts = self._in_motion(self._efforts, t, q, targets, rate)
         done = 0
         for t, q, qd, reading in moved:
-            part = targets[done : done + len(t)]
-            some = {name: values[done : done + len(t)] for name, values in efforts.items()}
+            part = slice(done, done + len(t))
             done += len(t)
-            columns = dict(self._columns(t, q, reading))
+            columns = dict(self._columns(t, q, reading if readings is None else readings[part]))
             columns |= {f"qd{j + 1}": qd[:, j] for j in range(qd.shape[1])}
-            columns |= {f"q_target{j + 1}": part[:, j] for j in range(part.shape[1])}
-            yield columns | some
+            columns |= {f"q_target{j + 1}": v for j, v in enumerate(targets[part].T)}
+            yield columns | {name: values[part] for name, values in efforts.items()}
 
     @staticmethod
     def _in_motion(
-        efforts: ReportedEfforts, blocks: list[Samples], targets: np.ndarray, rate: float
+        efforts: ReportedEfforts, t: np.ndarray, q: np.ndarray, targets: np.ndarray, rate: float
     ) -> dict[str, np.ndarray]:
         """Columns of a complete motion; speeds and accelerations are those of a spline through it.
 
         MuJoCo's speeds are those of half a step before (semi-implicit Euler).
         """
-        t, q = (np.concatenate([block[k] for block in blocks]) for k in range(2))
         if len(t) < _LEAST_ROWS:
             raise ParameterError(f"--effort: {len(t)} rows of motion are too few, {_LEAST_ROWS} do")
         path = make_interp_spline(t, q, k=5)
@@ -334,7 +324,7 @@ class SimDriver(Driver):
         return efforts.columns(t, moving, targets, rate)
 
     def _moved(self, targets: np.ndarray, rate: float) -> Iterator[Samples]:
-        """Rows of a motion without effects, block by block."""
+        """Rows of a motion, block by block: readings, or loads where effects make them."""
         block, steps = max(1, int(_BLOCK_S * rate)), steps_in(1.0 / rate)
         path = CubicSpline(np.arange(len(targets)), targets, bc_type="natural")
         between = np.arange(1, steps + 1) / steps
@@ -346,16 +336,6 @@ class SimDriver(Driver):
             t = self._time + np.arange(len(part)) / rate
             self._time = float(t[-1]) + 1.0 / rate
             yield t, q, qd, load if self._playback else self.model.read(load, self.theta)
-
-    def _with_effects(self, blocks: list[Samples]) -> Iterator[Samples]:
-        """The same blocks with the readings of the complete motion instead of loads."""
-        assert self._playback is not None
-        t, q, qd, load = (np.concatenate(part) for part in zip(*blocks, strict=True))
-        reading = self._playback.motion(t, q, qd, load)
-        done = 0
-        for block in blocks:
-            yield *block[:3], reading[done : done + len(block[0])]
-            done += len(block[0])
 
     def _columns(self, t: np.ndarray, q: np.ndarray, reading: np.ndarray) -> Block:
         reading, status = self._stream.corrupt(t, reading)

@@ -6,7 +6,7 @@ A frozen reading is always visible: it carries its age, and `health` names what 
 
 import bisect
 import time
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -56,7 +56,7 @@ class WrenchSample:
     faults: tuple[str, ...] = ()
 
 
-class Transducer(Device):
+class Transducer(Device, ABC):
     """A force/torque sensor with its electronics. Use as a context manager."""
 
     form: ClassVar[str] = ""

@@ -7,6 +7,7 @@ header uint16 size, uint8 type, big endian.
 
 import contextlib
 import math
+import os
 import socket
 import struct
 import threading
@@ -22,6 +23,8 @@ NATIVE_HZ = {False: 125.0, True: 500.0}
 """States per second of a CB3 and of an e-Series; source: Universal Robots, "RTDE guide"."""
 ANSWER_S = 2.0
 """Time in which the controller must start its stream [s]; a healthy one needs 10 ms."""
+PRIORITY = -10
+"""Nice value of the thread of states: before other programs, behind real-time ones."""
 _HEADER = struct.Struct(">HB")
 _PROTOCOL, _VERSION, _TEXT = ord("V"), ord("v"), ord("M")
 _OUTPUTS, _START, _DATA = ord("O"), ord("S"), ord("U")
@@ -327,6 +330,8 @@ class StateReceiver:
         self._thread.join(1.0)
 
     def _run(self) -> None:
+        with contextlib.suppress(OSError):  # where the system allows it
+            os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), PRIORITY)
         try:
             while True:
                 self._take(*self._stream.next())
