@@ -251,16 +251,6 @@ def test_a_control_process_that_dies_or_hangs_is_named(bench, link, how):
     assert not alive(process.pid)
 
 
-def test_recovering_is_limited(bench):
-    bench.driver.deactivate()
-    driver = rtde_moves.driver(HOST, recoveries=1)
-    with contextlib.closing(driver):
-        driver.connect()
-        driver.recover(unlock=True)
-        with pytest.raises(DriverError, match="look for the cause"):
-            driver.recover(unlock=True)
-
-
 OTHER_CLIENT = """
 import os, sys
 from rtde_control import RTDEControlInterface as Control

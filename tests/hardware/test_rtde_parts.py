@@ -375,7 +375,7 @@ def test_the_own_wrench_is_a_transducer():
         ({"sensor": "nonsense"}, "netft"), ({"sensor": "netft://"}, "netft"),
         ({"sensor": "netft://h?x=1"}, "netft"), ({"sensor": "ftp://h"}, "netft"),
         ({"frequency": 0.0}, "frequency"), ({"watchdog_hz": 500.0}, "watchdog_hz"),
-        ({"attempts": 0}, "attempts"), ({"connect_s": -1.0}, "connect_s"),
+        ({"connect_s": -1.0}, "connect_s"),
     ],
 )  # fmt: skip
 def test_wrong_options_are_refused(change, error):
@@ -396,12 +396,12 @@ def test_what_the_robot_is_can_be_read_while_disconnected():
 
 
 def test_a_controller_that_is_off_or_silent_is_named_within_the_deadline():
-    driver = RtdeDriver(RtdeOptions(host="127.0.2.8", sensor="rtde", connect_s=2.0, attempts=3))
+    driver = RtdeDriver(RtdeOptions(host="127.0.2.8", sensor="rtde", connect_s=2.0))
     begun = time.monotonic()
     with pytest.raises(LinkError, match="refused"):
         driver.connect()
     assert time.monotonic() - begun < 4.0
     with server(states.PORT, lambda link: time.sleep(3.0)):
-        driver = RtdeDriver(RtdeOptions(host=HOST, sensor="rtde", connect_s=2.5, attempts=1))
+        driver = RtdeDriver(RtdeOptions(host=HOST, sensor="rtde", connect_s=2.5))
         with pytest.raises(LinkError, match="does not answer"):
             driver.connect()

@@ -22,7 +22,7 @@ def refusing():
 
 
 def fresh(**more):
-    return rtde_moves.driver(HOST, **{"connect_s": 4.0, "attempts": 3, "power_on": True} | more)
+    return rtde_moves.driver(HOST, **{"connect_s": 4.0, "power_on": True} | more)
 
 
 @pytest.mark.sampled
@@ -37,7 +37,7 @@ def fresh(**more):
 def test_a_controller_that_refuses_is_named_in_time(refusing, kind, values, error, words):
     refusing.fault("rtde", kind, **values)
     until = time.monotonic() + values["seconds"]
-    driver = fresh(connect_s=2.5, attempts=1)
+    driver = fresh(connect_s=2.5)
     begun = time.monotonic()
     with contextlib.closing(driver), pytest.raises(error, match=words):
         driver.connect()
@@ -57,7 +57,7 @@ def test_a_controller_that_refuses_is_named_in_time(refusing, kind, values, erro
 def test_a_controller_that_does_not_obey_is_named_in_time(
     refusing, where, kind, values, error, words
 ):
-    driver = fresh(connect_s=2.0 if kind != "script_never_starts" else 7.0, attempts=2)
+    driver = fresh(connect_s=2.0 if kind != "script_never_starts" else 7.0)
     with contextlib.closing(driver):
         driver.connect()
         refusing.fault(where, kind, **values)
@@ -74,7 +74,7 @@ def test_a_controller_that_does_not_obey_is_named_in_time(
     "where, kind", [("rtde", "unlisten"), ("dashboard", "unlisten"), ("script", "unlisten")]
 )
 def test_a_controller_that_is_late_is_waited_for(refusing, where, kind):
-    driver = fresh(attempts=5)  # with pauses of 1.5 s in all
+    driver = fresh()
     with contextlib.closing(driver):
         driver.connect() if where != "rtde" else None
         refusing.fault(where, kind, seconds=0.4)

@@ -45,8 +45,9 @@ _LEAST_S = 1.0
 """Time that must remain for another attempt [s], in which a process can start and connect."""
 _LOOK = "check --host, power, cable, and that nothing blocks TCP 30004"
 """What to check when the robot cannot be reached."""
+_IN_USE = "another client controls this robot: close it"
 _REFUSALS: tuple[tuple[str, type[DriverError], str], ...] = (
-    ("already in use", DriverError, "another client controls this robot: close it"),
+    ("already in use", DriverError, _IN_USE),
     (
         "remote control",
         StoppedError,
@@ -58,8 +59,7 @@ _REFUSALS: tuple[tuple[str, type[DriverError], str], ...] = (
         "the robot does not start the program that it was sent: look at its pendant",
     ),
 )
-"""What ur_rtde says, the error to raise, and its message; after `StoppedError` no other attempt
-helps."""
+"""What ur_rtde says, the error to raise, and its message."""
 _POLL_S, _ANSWER_POLL_S = 0.01, 0.001
 """Time between two looks for the first event and for an answer [s]; a stop must not wait longer."""
 _END_S = 5.0
@@ -82,10 +82,8 @@ class RtdeOptions:
         limits: of its motion; a quarter of top speed anywhere if None.
         power_on: whether `activate` may switch the robot on and release its brakes.
         connect_s: deadline of `connect` and of each reconnection [s].
-        attempts: how often a link is tried within that deadline.
         effort: ``current``: recordings keep motor currents i1… [A], and what the controller wants
             of its joints; ``off``: neither. A UR robot reports no joint torques.
-        recoveries: how often `recover` may be called between `connect` and `close`.
     """
 
     robot: str = "ur5"
@@ -96,8 +94,6 @@ class RtdeOptions:
     limits: Limits | None = None
     power_on: bool = False
     connect_s: float = 8.0
-    attempts: int = 5
-    recoveries: int = 100
     effort: str = "current"
 
     def __post_init__(self) -> None:
@@ -117,8 +113,8 @@ class RtdeOptions:
             )
         if not 1.0 <= self.watchdog_hz <= 50.0:
             raise ParameterError(f"watchdog_hz {self.watchdog_hz:g} Hz must be from 1 to 50 Hz")
-        if not self.connect_s > 0.0 or self.attempts < 1 or self.recoveries < 0:
-            raise ParameterError("connect_s and attempts must be above 0, recoveries at least 0")
+        if not self.connect_s > 0.0:
+            raise ParameterError(f"connect_s {self.connect_s:g} s must be above 0")
 
 
 class ControlProcess:
@@ -363,21 +359,18 @@ class Links:
             self.shared.beat("driver")
 
     def _try(self, attempt: Callable[[float], T]) -> T:
-        """What an attempt returns before a deadline; it is repeated where that may help."""
+        """What an attempt returns; it is repeated before the deadline where that may help."""
         options = self._options
         deadline, pause = time.monotonic() + options.connect_s, _FIRST_PAUSE_S
-        failure: DriverError = LinkError("not tried")
-        for tried in range(options.attempts):
-            if tried:
-                if time.monotonic() + pause + _LEAST_S > deadline:
-                    break
-                time.sleep(pause)
-                pause *= 2.0
+        while True:
             try:
                 return attempt(deadline)
             except DriverError as error:
                 failure = error
-                if isinstance(error, StoppedError):
-                    break
+            passes = isinstance(failure, LinkError) or str(failure) == _IN_USE
+            if not passes or time.monotonic() + pause + _LEAST_S > deadline:
+                break
+            time.sleep(pause)
+            pause *= 2.0
         look = f": {_LOOK}" if isinstance(failure, LinkError) else ""
         raise type(failure)(f"robot at {options.host}: {failure}{look}") from failure

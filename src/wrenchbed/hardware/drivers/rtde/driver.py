@@ -77,7 +77,7 @@ class RtdeDriver(LiveDriver):
         self._links: Links | None = None
         self._control: ControlProcess | None = None
         self._flange = Flange(self.robot)
-        self._recoveries, self._halts = 0, 0.0
+        self._halts = 0.0
         self._undelivered = ""
         self._controller: dict[str, Any] = {}
 
@@ -122,7 +122,6 @@ class RtdeDriver(LiveDriver):
         registry.require("rtde_control", "hil")
         if not self._options.host:
             raise ParameterError("driver 'rtde' needs the robot's address: give its host")
-        self._recoveries = 0
         self._links = Links(self._options)
         self._links.open_state()
         self._flange, state = Flange(self.robot), self._look()
@@ -160,11 +159,6 @@ class RtdeDriver(LiveDriver):
 
     def _recover(self, unlock: bool) -> None:
         links, options = self._live(), self._options
-        if self._recoveries >= options.recoveries:
-            raise DriverError(
-                f"recover() was called {self._recoveries} times since connect(): look for the cause"
-            )
-        self._recoveries += 1
         self._drop_control(0.0)
         links.renew_state()
         trouble = status.problem(self._look())
@@ -248,7 +242,7 @@ class RtdeDriver(LiveDriver):
         if control is not None:
             silent = links.shared.silence("control")
             known = status.Control(control.gone(), silent, control.program_ended, self._halts)
-        counters = status.count(state, links.restarts, self._recoveries)
+        counters = status.count(state, links.restarts)
         health = status.judge(state, links.ended, known, counters)
         if health.ok and state is not None:
             self._flange.look(state)

@@ -155,9 +155,9 @@ def judge(
     return link
 
 
-def count(state: Snapshot | None, restarts: int, recoveries: int) -> dict[str, float]:
+def count(state: Snapshot | None, restarts: int) -> dict[str, float]:
     """Counters of the link, by name."""
-    counters: dict[str, float] = {"restarts": restarts, "recoveries": recoveries}
+    counters: dict[str, float] = {"restarts": restarts}
     if state is not None:
         counters |= {
             "states": state.received, "skipped": state.skipped, "refused states": state.bad,
