@@ -362,12 +362,14 @@ class Links:
         """What an attempt returns; it is repeated before the deadline where that may help."""
         options = self._options
         deadline, pause = time.monotonic() + options.connect_s, _FIRST_PAUSE_S
+        failure: DriverError | None = None
         while True:
             try:
                 return attempt(deadline)
             except DriverError as error:
-                failure = error
-            passes = isinstance(failure, LinkError) or str(failure) == _IN_USE
+                passes = isinstance(error, LinkError) or str(error) == _IN_USE
+                if failure is None or not isinstance(error, LinkError):
+                    failure = error  # a refusal says more than a later silence
             if not passes or time.monotonic() + pause + _LEAST_S > deadline:
                 break
             time.sleep(pause)
