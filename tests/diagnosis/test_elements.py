@@ -61,6 +61,7 @@ def test_the_proposed_motion_tells_parallel_joints_apart(tmp_path, joint):
     assert cause["elements"] == [f"joint {joint}"] and cause["combination"] is None
 
 
+@pytest.mark.slow
 def test_a_joint_that_turns_about_its_own_axis_is_one_element(tmp_path):
     recording = simulated(tmp_path / "r.parquet", f"joint.offset:joint=5,offset={OFFSET}", poses())
     answer = wb.diagnose(recording).diagnosis.to_json()

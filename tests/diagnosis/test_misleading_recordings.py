@@ -71,7 +71,7 @@ def test_a_small_gap_names_nothing_whatever_the_stated_noise(level):
         assert level == 0.01
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_a_wrong_mass_on_a_tilted_base_is_no_cable(seed):
     arm = registry.load("robots", "ur5")

@@ -46,7 +46,7 @@ def in_pose(rec, pose):
 # ---- hands --------------------------------------------------------------------------------------
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "pose", "along"), [(0, 7, "+x"), (1, 0, "−y"), (2, 59, "+z"), (3, 30, "−y")]
 )

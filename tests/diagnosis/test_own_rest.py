@@ -44,7 +44,7 @@ def first(host, draw, least):
     return next(f for f in faults if host.measured(f).gap > least)
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sensor.jump", "sensor.crosstalk", "tool.mass"])
 def test_a_fault_is_named_beside_what_the_robot_leaves_unexplained(host, name):
     fault = first(host, lambda rng: host.drawn(name, rng, 2.0), 12.0)

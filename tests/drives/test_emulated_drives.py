@@ -37,7 +37,7 @@ def emulated(robot, effects, seed, kind):
     return loops.recording(t - t[0], Jet(q, q, q), effort, prefix, tool=loops.PROBE)
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize(("kind", "joint", "seed"), [("torque", 1, 0), ("current", 4, 3)])
 def test_half_more_friction_of_medrue_is_diagnosed_beside_a_healthy_fit(
     tmp_path, kind, joint, seed
