@@ -134,7 +134,6 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
     Args:
         robot: registry name.
         effects: as ``sensor.drift`` or ``joint.backlash:joint=3,…``; each episode has one of them.
-        randomise: whether episodes differ beyond noise.
         seconds: length of an episode [s].
         render_mode: ``rgb_array`` or None.
     """
@@ -145,7 +144,6 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
         self,
         robot: str = "ur5",
         effects: Sequence[str] = (),
-        randomise: bool = True,
         seconds: float = 8.0,
         render_mode: str | None = None,
     ) -> None:
@@ -154,7 +152,7 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
             raise ParameterError(f"robot {robot!r} has no model to simulate")
         if not seconds > STEP_S:
             raise ParameterError(f"seconds = {seconds} must be above {STEP_S}")
-        self.robot, self.effects, self.randomise = known, tuple(effects), randomise
+        self.robot, self.effects = known, tuple(effects)
         self.steps, self.render_mode = round(seconds / STEP_S), render_mode
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32)
         reach = np.array([200.0] * 3 + [20.0] * 3 + [2.0] * 3 + [TARGET_N[1]] + [1.0] * 3)
@@ -170,7 +168,7 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
         """Another limb below the tip, another force; the sensor is zeroed."""
         super().reset(seed=seed)
         rng = self.np_random
-        self.wanted = float(rng.uniform(*TARGET_N)) if self.randomise else float(np.mean(TARGET_N))
+        self.wanted = float(rng.uniform(*TARGET_N))
         self.hand = Hand(self.robot)
         self.limb = self._limb()
         effect = (str(rng.choice(self.effects)),) if self.effects else ()
@@ -212,9 +210,7 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
 
     def _limb(self) -> Limb:
         """A limb below the tip."""
-        rng, share = self.np_random, (0.5, 0.5, 0.5, 0.5)
-        if self.randomise:
-            share = tuple(rng.random(4))
+        share = self.np_random.random(4)
         stiffness = STIFFNESS[0] * (STIFFNESS[1] / STIFFNESS[0]) ** share[0]
         radius, above = (
             a + s * (b - a) for s, (a, b) in zip(share[1:3], (RADIUS, ABOVE), strict=True)
@@ -225,8 +221,6 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
 
     def _parameters(self) -> Mapping[str, float]:
         """Another bias of the sensor."""
-        if not self.randomise:
-            return {}
         rng = self.np_random
         sizes = [_BIAS[0]] * 3 + [_BIAS[1]] * 3
         names = [f"sensor.bias.{c}" for c in ("fx", "fy", "fz", "tx", "ty", "tz")]
