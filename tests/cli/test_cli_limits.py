@@ -1,19 +1,15 @@
 """Too little memory, too few files: told as such at once, and no file is blamed."""
 
 import errno
-import os
 import resource
 import subprocess
 import sys
-import time
 from pathlib import Path
 
-import psutil
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from ended import alive_after
 from wrenchbed.cli import main
 from wrenchbed.data.plan import is_plan
 from wrenchbed.data.recording import Recording
@@ -45,15 +41,11 @@ def test_low_memory_is_told_at_once_and_never_hangs(made, tmp_path, megabytes, v
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("files", [16, 40])
-def test_few_open_files_for_workers_are_told_at_once_and_never_hang(made, tmp_path, files):
-    rec, out = made / "rec.parquet", tmp_path / "out"
-    few = (resource.RLIMIT_NOFILE, files)
-    campaign = ("campaign", "ur5", "--robots", 2, "--poses", 12, "--out", out / "fleet")
-    for needs, words in ((68, ("diagnose", rec, "--fast", "--out", out)), (72, campaign)):
-        code, said = limited(*few, *words)
-        assert code == 1 and said.count("\n") == 1, said
-        assert f"may open {files} and needs {needs}" in said and f"ulimit -n {needs}" in said
-    assert not (out / "diagnosis.json").exists()
+def test_few_open_files_for_workers_are_told_at_once_and_never_hang(tmp_path, files):
+    words = ("campaign", "ur5", "--robots", 2, "--poses", 12, "--out", tmp_path / "fleet")
+    code, said = limited(resource.RLIMIT_NOFILE, files, *words)
+    assert code == 1 and said.count("\n") == 1, said
+    assert f"may open {files} and needs 72" in said and "ulimit -n 72" in said
 
 
 def test_files_that_run_out_are_one_line(made, monkeypatch, capsys):
@@ -107,21 +99,3 @@ def test_what_is_no_shortage_is_none():
         assert shortage(error) is None
     unloaded = ImportError("libarrow.so.2600: failed to map segment from shared object")
     assert "out of memory" in str(shortage(unloaded))
-
-
-def test_kill_9_of_diagnose_leaves_no_process_and_ends_the_pipe(made, tmp_path):
-    command = [sys.executable, "-m", "wrenchbed", "diagnose", str(made / "rec.parquet"), "--fast"]
-    quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL}
-    process = subprocess.Popen([*command, "--out", str(tmp_path / "found")], **quiet)
-    until = time.monotonic() + HUNG_S
-    children: list[psutil.Process] = []
-    while not children and time.monotonic() < until:
-        children = psutil.Process(process.pid).children(recursive=True)
-        time.sleep(0.02)
-    assert len(children) == 1 and process.poll() is None
-    begun = time.monotonic()
-    process.kill()
-    assert not alive_after(children, 5.0)
-    with process:
-        assert not os.read(process.stdout.fileno(), 1)  # ends when nobody holds the pipe
-    assert time.monotonic() - begun < 1.0
