@@ -21,7 +21,7 @@ import numpy as np
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.rotations import apply
 from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets, value
-from wrenchbed.robots.arm_model import CONNECT, COUPLED, HINGE, ArmModel, Closure
+from wrenchbed.robots.arm_model import CONNECT, COUPLED, HINGE, WELD, ArmModel, Closure
 
 _STRIDE, _CAREFUL = 0.2, 0.05
 """Longest way of a driven joint between two Newton solutions [rad, m over the arm's reach], at
@@ -40,6 +40,8 @@ _RANK = 1e-7
 """Singular values of ∂r/∂x below this share of the largest are zero."""
 _SEEDS, _ROUNDS, _NEAREST = 300, 3, 2
 """Poses solved beforehand, rounds of reaching them, and how many a pose is reached from."""
+_EQUATIONS = {CONNECT: 3, COUPLED: 1, WELD: 6}
+"""Numbers that must be zero, of each kind of closure."""
 _STEPS = 12
 """Newton steps to a solution at most; it needs three to five."""
 Frame = tuple[Value, Value]
@@ -144,10 +146,10 @@ class ClosedLoops:
 
     def _slopes(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
         """∂r/∂ all joints (…, N, E, L) of real values, exact where the loops are closed."""
-        frames = self.frames(_columns(at), geometry)
+        frames = self.frames(_split(at), geometry)
         rows = []
         for n, closure in enumerate(self.loops.closures):
-            size = {CONNECT: 3, COUPLED: 1}.get(closure.kind, 6)
+            size = _EQUATIONS[closure.kind]
             block = np.zeros((*at.shape[:-1], size, at.shape[-1]))
             rows.append(block)
             if closure.kind == COUPLED:
@@ -191,13 +193,13 @@ class ClosedLoops:
         at = at.copy()
         at[self.driven] += self.nominal.zeros
         for _ in range(3 * _STEPS):
-            r = self.residual(_columns(at), self.nominal)
+            r = self.residual(_split(at), self.nominal)
             step = np.linalg.pinv(self._slopes(at, self.nominal)[:, self.passive], _RANK) @ r
             at[self.passive] -= step * min(1.0, _LEAP / max(np.abs(step).max(), 1e-12))
         slopes = self._slopes(at, self.nominal)
         left, size, right = np.linalg.svd(slopes[:, self.passive])
         rank = int((size > _RANK * size[0]).sum())
-        r = np.abs(self.residual(_columns(at), self.nominal))
+        r = np.abs(self.residual(_split(at), self.nominal))
         if r.max() > _DIGITS:
             raise ParameterError(
                 f"the loops do not close at home (keyframe, else as the file stands): "
@@ -229,7 +231,7 @@ class ClosedLoops:
         way = np.random.default_rng(0).uniform(-1.0, 1.0, (4, len(self.driven)))
         goal = home[self.driven] + _STRIDE * way * self._unit[self.driven]
         at = self._follow(np.tile(home, (len(goal), 1)), goal, _CAREFUL)
-        r = np.abs(self.residual(_columns(at[np.isfinite(at[:, 0])]), self.nominal))
+        r = np.abs(self.residual(_split(at[np.isfinite(at[:, 0])]), self.nominal))
         if r.size and r.max() > 10.0 * _DIGITS:
             raise ParameterError(
                 "the loops have more equations than they need, and which ones turns with the pose: "
@@ -242,7 +244,7 @@ class ClosedLoops:
         at = 0
         gaps = []
         for closure in self.loops.closures:
-            size = {CONNECT: 3, COUPLED: 1}.get(closure.kind, 6)
+            size = _EQUATIONS[closure.kind]
             gap = float(np.abs(r[at : at + size]).max())
             at += size
             words = (
@@ -281,7 +283,7 @@ class ClosedLoops:
         return at
 
     def _kept_residual(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
-        return np.asarray(self.residual(_columns(at), geometry) @ self._kept.T)
+        return np.asarray(self.residual(_split(at), geometry) @ self._kept.T)
 
     def _solved_nominal(self, q: np.ndarray) -> np.ndarray:
         key = q.tobytes() + bytes(str(q.shape), "ascii")
@@ -356,20 +358,20 @@ class ClosedLoops:
             at[~(settled & (self._regular(inverse) > self._floor))] = np.nan
         return at
 
-    def lifted(self, q: Value, geometry: Geometry, real: Geometry) -> list[Value]:
+    def lifted(self, q: Value, geometry: Geometry, real: Geometry, steps: bool) -> list[Value]:
         """Values of all joints, (…, N) each, with the derivatives that q and the geometry carry.
 
         Args:
             q: driven joints' values (N, J), also jets.
             geometry: real or complex.
             real: its real part.
+            steps: whether the geometry is complex.
         """
         at = self.solved(value(q).real, real)
-        jet, steps = isinstance(q, Jet), any(np.iscomplexobj(g) for g in _arrays(geometry))
-        orders = 2 * jet + (steps or np.iscomplexobj(value(q)))
+        orders = 2 * isinstance(q, Jet) + (steps or np.iscomplexobj(value(q)))
         if not orders:
-            return _columns(at)
-        driven, values = q + geometry.zeros, list[Value](_columns(at))
+            return _split(at)
+        driven, values = q + geometry.zeros, list[Value](_split(at))
         for j, k in enumerate(self.driven):
             values[k] = driven[..., j]
         inverse = self._inverse(at, real) @ self._kept
@@ -403,7 +405,7 @@ class ClosedLoops:
 
         def miss(x: np.ndarray) -> np.ndarray:
             at[self.passive] = x
-            return np.asarray(self.residual(_columns(at), self.nominal))
+            return np.asarray(self.residual(_split(at), self.nominal))
 
         nearest = least_squares(miss, self.home[self.passive], xtol=1e-12, ftol=1e-12, gtol=1e-12)
         r = np.abs(miss(nearest.x))
@@ -415,14 +417,8 @@ class ClosedLoops:
         )
 
 
-def _columns(at: np.ndarray) -> list[Value]:
-    return [at[..., k] for k in range(at.shape[-1])]
-
-
-def _arrays(geometry: Geometry) -> list[np.ndarray]:
-    places = [p for pair in geometry.places for p in pair]
-    return [*geometry.turns, *geometry.shifts, geometry.zeros, *places, *geometry.welds,
-            *geometry.offsets]  # fmt: skip
+def _split(at: np.ndarray) -> list[Value]:
+    return list(np.moveaxis(at, -1, 0))
 
 
 def _coupled(closure: Closure, at: Sequence[Value], offset: np.ndarray) -> Value:

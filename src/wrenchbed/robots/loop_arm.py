@@ -119,7 +119,8 @@ class LoopArm(DescribedArm):
         geometry, real = self._geometry(theta), theta.real
         if real.ndim > 1 and (real == real.reshape(-1, real.shape[-1])[0]).all():
             real = real.reshape(-1, real.shape[-1])[0]  # a batch of complex steps of one robot
-        return self._loops.lifted(q, geometry, self._geometry(real)), geometry
+        steps = np.iscomplexobj(theta)
+        return self._loops.lifted(q, geometry, self._geometry(real), steps), geometry
 
     def _placed(self, frame: tuple[Value, Value], theta: np.ndarray) -> tuple[Value, Value]:
         """Frame in world axes from one in base axes."""

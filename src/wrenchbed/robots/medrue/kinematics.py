@@ -258,13 +258,17 @@ def qpos(p: Values, q: Value) -> Value:
     """The 13 coordinates of the MJCF, depth first (…, N, 13); real parameters only."""
     loops = solved(p, q)
     left, right = loops.bars
-    span = loops.e2 - loops.e1
+    span, wrist = loops.e2 - loops.e1, loops.wrist
+    angle = atan2(left.E[..., 1] - left.D[..., 1], left.E[..., 0] - left.D[..., 0])
+    gamma = angle + q[..., 5] + p["dq6"]
+    c_beta = wrist[..., 2, 2] * cos(gamma) - wrist[..., 1, 2] * sin(gamma)
     return stack_jets(
         [
             q[..., 0],
             q[..., 1], _elbow(left.direction, q[..., 1] + p["dq2"], left.E - left.B),
             q[..., 2], _elbow(left.direction, q[..., 2] + p["dq3"], left.E - left.D),
-            q[..., 5], atan2(loops.beta.s, loops.beta.c), atan2(loops.alpha.s, loops.alpha.c),
+            q[..., 5], atan2(wrist[..., 0, 2], c_beta),
+            atan2(-wrist[..., 0, 1], wrist[..., 0, 0]),
             jet_sqrt(_dot(span, span)),
             q[..., 3], _elbow(right.direction, q[..., 3] + p["dq4"], right.E - right.B),
             q[..., 4], _elbow(right.direction, q[..., 4] + p["dq5"], right.E - right.D),
