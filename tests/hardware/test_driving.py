@@ -13,7 +13,6 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import (
     CalibrationError,
-    DriverError,
     NotFoundError,
     ParameterError,
     PlanError,
@@ -41,19 +40,6 @@ each_driver = pytest.mark.parametrize("make", DRIVERS.values(), ids=DRIVERS.keys
 
 
 @each_driver
-def test_nothing_works_before_connect_and_close_may_come_twice(make):
-    driver = make()
-    with pytest.raises(DriverError, match=r"call connect\(\) first"):
-        driver.position()
-    driver.connect()
-    driver.connect()
-    driver.close()
-    driver.close()
-    with pytest.raises(DriverError, match="not connected"):
-        driver.sample(1, 100.0)
-
-
-@each_driver
 def test_a_move_arrives_and_says_where(make):
     with make() as driver:
         q = driver.robot.sample(1, np.random.default_rng(0))[0]
@@ -61,17 +47,6 @@ def test_a_move_arrives_and_says_where(make):
         assert np.abs(reached.q - q).max() < 1e-11
         assert np.array_equal(reached.q, driver.position())
         assert reached.duration > 0.2
-
-
-@each_driver
-def test_a_move_beyond_limits_is_refused_and_nothing_moves(make):
-    with make() as driver:
-        before = driver.position()
-        far = before.copy()
-        far[1] = 9.0
-        with pytest.raises(PlanError, match="outside its limits"):
-            driver.move(far)
-        assert np.array_equal(driver.position(), before)
 
 
 @each_driver

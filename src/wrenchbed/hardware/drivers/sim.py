@@ -292,7 +292,8 @@ class SimDriver(Driver):
     def _track(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
         """Block by block; effects and efforts need the complete motion first."""
         moved: Iterable[Samples] = self._moved(targets, rate)
-        readings, efforts = None, dict[str, np.ndarray]()
+        readings: np.ndarray | None = None
+        efforts: dict[str, np.ndarray] = {}
         if self._playback is not None or self._efforts is not None:
             moved = list(moved)
             t, q, qd, load = (np.concatenate(part) for part in zip(*moved, strict=True))

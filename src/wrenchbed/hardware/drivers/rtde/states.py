@@ -142,7 +142,7 @@ class Outputs:
             LinkError: none comes by ``end`` (`time.monotonic`, [s]).
             DriverError: what comes is not RTDE.
         """
-        kind = None
+        kind, content = self._packet(end)
         while kind != _DATA:
             kind, content = self._packet(end)
         arrival = time.monotonic()
