@@ -26,7 +26,7 @@ from wrenchbed.benchmark.referee import scenario
 from wrenchbed.benchmark.sealed import make
 from wrenchbed.benchmark.sealed import run as entrants
 from wrenchbed.cli import blind, main
-from wrenchbed.cli import diagnose as diagnose_verb
+from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.jobs.parts import Parts, write_table
 from wrenchbed.pages.document import Document, Figure, Section, Table
@@ -113,8 +113,7 @@ def small_study(folder, *_):
 @pytest.fixture(scope="module")
 def quick():
     """Costly results are computed once."""
-    diagnosed = diagnose_verb._diagnosed
-    found = cache(lambda path: diagnosed([wb.Recording.read(path)], 0, None, lambda _: None))
+    found = cache(lambda path, diagnosed=diagnose: diagnosed(wb.Recording.read(path)))
     prepared = cache(lambda path: prepare(wb.Recording.read(path)))
     bic = cache(entrants.BASELINES["bic"])
     with pytest.MonkeyPatch.context() as patch:
@@ -124,7 +123,7 @@ def quick():
         patch.setattr("wrenchbed.jobs.workers.workers", inline)
         patch.setattr("wrenchbed.campaigns.simulated_robots.worker_pool", inline)
         patch.setattr(make.Family, "case", cache(make.Family.case))
-        patch.setattr(diagnose_verb, "_diagnosed", lambda data, *_: found(data[0].name))
+        patch.setattr("wrenchbed.diagnosis.diagnose.diagnose", lambda data, **_: found(data.name))
         patch.setattr("wrenchbed.reports.diagnosis_page.draw", undrawn)
         patch.setattr(entrants, "prepare", lambda data: prepared(data.name))
         patch.setitem(entrants.BASELINES, "bic", bic)
