@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from netft_scene import boxed, plain
-from robot_emulators.base.arguments import read
 from robot_emulators.errors import EmulatorError, FaultError, SettingError
 from robot_emulators.netft_box.sensing import BoxSettings, Timeline
 
@@ -136,14 +135,6 @@ def test_a_taken_port_is_named():
 def test_impossible_settings_are_refused(bad):
     with pytest.raises(SettingError, match=next(iter(bad))):
         BoxSettings(**bad)
-
-
-def test_settings_of_a_command_line():
-    (given,) = read({"rate": "500", "buffer": "4", "torque_unit": "lbf-in"}, BoxSettings)
-    assert (given.rate, given.buffer, given.torque_unit) == (500.0, 4, "lbf-in")
-    for words in ({"rates": "1"}, {"rate": "fast"}):
-        with pytest.raises(SettingError, match="rate"):
-            read(words, BoxSettings)
 
 
 def test_the_reported_time_has_a_constant_delay():

