@@ -11,6 +11,7 @@ import time
 import warnings
 from collections import Counter, deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from robot_emulators.base.event_loop import Connection, Listener, LoopThread, taken
 from robot_emulators.can_bus.socketcand import (
@@ -41,16 +42,17 @@ Heard = Callable[[float, Frame], None]
 """Called with the time at which a frame came (`time.monotonic`) and the frame."""
 
 
+@dataclass
 class Device:
     """A device of this process at a hub.
 
-    Args:
-        post: takes a frame that it sends, from any thread.
+    Attributes:
+        send: takes a frame that it sends, from any thread.
         heard: called with every frame of others; None hears nothing.
     """
 
-    def __init__(self, post: Callable[[Frame], None], heard: Heard | None) -> None:
-        self.send, self.heard = post, heard
+    send: Callable[[Frame], None]
+    heard: Heard | None
 
 
 class Hub:

@@ -4,7 +4,7 @@ A thread runs until it waits, so that nothing interrupts it between two waits. H
 before it waits is bounded, as are threads, calls inside calls, and what values may become.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from itertools import islice
 from typing import Any
 
@@ -56,27 +56,21 @@ def compiled(text: str, table: Mapping[str, Builtin]) -> Code:
         ) from None
 
 
-class _Thread:
-    def __init__(self, number: int, steps: Iterator[None]) -> None:
-        self.number, self.steps = number, steps
-
-
 class Machine:
-    """One program that runs, with its threads, one slice a control cycle each."""
+    """One program that runs, with its threads, one slice a control cycle each.
+
+    Attributes:
+        current: number of the thread that runs now.
+    """
 
     def __init__(self, code: Code, context: Any) -> None:
         mine = {"context": context, "spend": self._spend, "run": self._run, "kill": self._kill,
                 "join": self._join, "__builtins__": {}}  # fmt: skip
         names: dict[str, Any] = _HELPERS | mine | dict(code.builtins)
         exec(code.code, names)
-        main = _Thread(0, names["program"]())
-        self._threads, self._count = {0: main}, 0
-        self._running, self._left = main, MOST_IN_A_CYCLE
-
-    @property
-    def current(self) -> int:
-        """Number of the thread that runs now."""
-        return self._running.number
+        self._threads: dict[int, Steps] = {0: names["program"]()}
+        self.current = self._count = 0
+        self._left = MOST_IN_A_CYCLE
 
     def cycle(self) -> bool:
         """Run until every thread waits; False at the program's end.
@@ -88,21 +82,21 @@ class Machine:
         self._left = MOST_IN_A_CYCLE
         done: set[int] = set()
         while 0 in self._threads:
-            waiting = [t for n, t in self._threads.items() if n not in done]
+            waiting = [number for number in self._threads if number not in done]
             if not waiting:
                 return True
-            for thread in waiting:
-                done.add(thread.number)
-                if thread.number in self._threads:
-                    self._slice(thread)
+            for number in waiting:
+                done.add(number)
+                if number in self._threads:
+                    self._slice(number)
         return False
 
-    def _slice(self, thread: _Thread) -> None:
-        self._running = thread
+    def _slice(self, number: int) -> None:
+        self.current = number
         try:
-            next(thread.steps)
+            next(self._threads[number])
         except StopIteration:
-            self._threads.pop(thread.number, None)
+            self._threads.pop(number, None)
         except ProgramEndsError:
             raise
         except ScriptFaultError as error:
@@ -123,15 +117,13 @@ class Machine:
         if len(self._threads) >= _MOST_THREADS:
             raise ScriptFaultError(f"more than {_MOST_THREADS} threads")
         self._count += 1
-        self._threads[self._count] = _Thread(self._count, steps)
+        self._threads[self._count] = steps
         return self._count
 
     def _kill(self, number: Any) -> None:
         """End a thread, if there is one of this number."""
-        thread = self._threads.get(number) if isinstance(number, int) else None
-        if thread is not None and thread is not self._running:
-            del self._threads[thread.number]
-            thread.steps.close()  # type: ignore[attr-defined]
+        if isinstance(number, int) and number != self.current and number in self._threads:
+            self._threads.pop(number).close()
 
     def _join(self, number: Any) -> Steps:
         """Wait for a thread's end."""
