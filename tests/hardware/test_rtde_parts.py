@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import random
 import socket
 import struct
 import subprocess
@@ -30,7 +31,7 @@ from wrenchbed.hardware.drivers.rtde.control_worker import (
     SharedNumbers,
     sound,
 )
-from wrenchbed.hardware.drivers.rtde.driver import trapezoid
+from wrenchbed.hardware.drivers.rtde.driver import Followed, trapezoid
 from wrenchbed.hardware.drivers.rtde.states import Snapshot, StateReceiver, implausible
 
 HOST = "127.0.2.9"
@@ -99,6 +100,16 @@ def test_a_move_uses_no_more_than_its_speed(distance, seconds, top):
 def test_only_six_finite_angles_are_sent(q):
     numbers = isinstance(q, list) and all(isinstance(v, float) and math.isfinite(v) for v in q)
     assert sound(q) == (numbers and len(q) == 6)
+
+
+@pytest.mark.parametrize("gain, why", [(1.0, ""), (0.0, "does not follow")])
+def test_targets_that_are_dropped_are_noticed_and_late_ones_are_followed(gain, why):
+    followed, rng, said = Followed(), random.Random(3), ""
+    for k in range(120):
+        sent = np.full(6, 0.2 * math.sin(0.05 * k))
+        late = np.full(6, gain * 0.2 * math.sin(0.05 * max(0, k - 12)) + rng.gauss(0.0, 1e-5))
+        said = said or followed.add(0.008 * k, sent, late)
+    assert why in said and bool(why) == bool(said)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 """Driver of UR robots: states by RTDE, commands through a process that uses ur_rtde."""
 
 import time
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
@@ -30,6 +31,12 @@ _LEAST_SPEED, _LEAST_ACCELERATION, _MOST_ACCELERATION = 0.01, 0.05, 15.0
 brake with the last one."""
 _PEAK = 1.5
 """Peak speed over mean speed of a trapezoid whose ramps take a third each, by definition."""
+_WINDOW_S, _LAG_S = 0.6, 0.2
+"""Length of the compared stream and greatest delay of the controller [s], twice its look-ahead."""
+_MOVED, _FOLLOWED = 0.02, 0.2
+"""Least motion of the sent targets [rad] and fraction of it that the controller must follow."""
+_EVERY = 8
+"""Targets between two comparisons: 64 ms."""
 _MOVE_S, _SOFT_S, _HARD_S, _DASHBOARD_S = 3.0, 0.8, 0.2, 0.5
 """Deadlines of answers: move, after another one came to rest; soft stop, after a stream ended; hard
 stop, which waits for nothing; stop by the dashboard [s]."""
@@ -51,6 +58,33 @@ def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float
         max(speed, _LEAST_SPEED),
         min(max(acceleration, _LEAST_ACCELERATION), _MOST_ACCELERATION),
     )
+
+
+class Followed:
+    """Whether the controller's own targets follow those that were sent: ur_rtde confirms targets
+    that it drops."""
+
+    def __init__(self) -> None:
+        self._pairs: deque[tuple[float, np.ndarray, np.ndarray]] = deque()
+        self._count = 0
+
+    def add(self, t: float, sent: np.ndarray, target: np.ndarray) -> str:
+        """Add a sent target (J,) and the controller's (J,); a reason if it does not follow."""
+        pairs = self._pairs
+        if pairs and t - pairs[-1][0] > _LAG_S:  # a stream begins anew
+            pairs.clear()
+        pairs.append((t, sent, target))
+        while t - pairs[0][0] > _WINDOW_S:
+            pairs.popleft()
+        self._count += 1
+        if self._count % _EVERY or t - pairs[0][0] < 2.0 * _LAG_S:
+            return ""
+        moved = np.ptp([s for then, s, _ in pairs if t - then > _LAG_S], axis=0)
+        joint = int(np.argmax(moved))
+        followed = float(np.ptp([target[joint] for *_, target in pairs]))
+        if moved[joint] > _MOVED and followed < _FOLLOWED * moved[joint]:
+            return "targets are sent and the controller does not follow them: call recover()"
+        return ""
 
 
 class RtdeDriver(LiveDriver):
@@ -76,7 +110,7 @@ class RtdeDriver(LiveDriver):
         self.transducer = own_wrench.transducer(options.sensor, options.host, own)
         self._links: Links | None = None
         self._control: ControlProcess | None = None
-        self._flange = Flange(self.robot)
+        self._flange, self._followed = Flange(self.robot), Followed()
         self._halts = 0.0
         self._undelivered = ""
         self._controller: dict[str, Any] = {}
@@ -148,7 +182,7 @@ class RtdeDriver(LiveDriver):
                 f"a program is {status.program(self._look())} on the robot, someone else's or "
                 "one that a stop left: stop it there, close the other client, or call recover()"
             )
-        self._control = links.open_control()
+        self._control, self._followed = links.open_control(), Followed()
         self._last_target = None
         wait_until(lambda: int(self._look().runtime) == status.PLAYING, GONE_S)
         self._halts = self._look().halts
@@ -189,7 +223,7 @@ class RtdeDriver(LiveDriver):
         return {name: np.array(values) for name, values in kept.items()}
 
     def _begin(self, goal: np.ndarray, seconds: float) -> None:
-        control = self._armed()
+        control, self._followed = self._armed(), Followed()
         control.refused = ""
         top = self.limits.speed * min(joint.speed for joint in self.robot.joints)
         distance = float(np.abs(goal - np.array(self._look().q)).max())
@@ -214,11 +248,13 @@ class RtdeDriver(LiveDriver):
         why = control.gone() or control.refused
         if not why and not control.send("servo", q=q.tolist(), at=at):
             why = "the control process takes no targets"
+        if not why:
+            why = self._followed.add(time.monotonic(), q, np.array(self._look().target_q))
         return Applied(None, why) if why else Applied(q)
 
     def _stop(self, kind: str) -> None:
-        """Brake by the control worker; where it does not answer, by the status."""
-        self._last_target = None
+        """Brake by the control process; where it does not answer, by the dashboard."""
+        self._followed, self._last_target = Followed(), None
         self._undelivered = ""
         control = self._control
         if control is None:
