@@ -326,7 +326,7 @@ class RtdeDriver(LiveDriver):
             raise LateError(f"the robot does not rest within {_REST_S:g} s of its stop")
 
     def _drop_control(self, quit_s: float) -> None:
-        """End the control worker, within a time [s] in which it may stop the robot itself."""
+        """End the control process, within a time [s] in which it may stop the robot itself."""
         control, self._control = self._control, None
         if control is not None:
             if quit_s > 0.0 and not control.gone():
