@@ -70,21 +70,13 @@ def test_an_effect_twice_on_one_joint_is_named(folder, capsys):
         refused(line, "effect joint.compliance acts twice", capsys)
 
 
-@pytest.mark.sampled
-@pytest.mark.parametrize(
-    ("field", "value"),
-    [
-        ("tool", None), ("tool", {"mass": 1.0}), ("tool", {"mass": "1", "cog": [0, 0, 0]}),
-        ("redundancies", 3), ("redundancies", [{}]), ("no_effect", [1]), ("parameters", []),
-        ("parameters", {"tool.mass": 1.0}), ("parameters", {"tool.mass": {"value": 1.0}}),
-    ],
-)  # fmt: skip
-def test_a_fit_edited_by_hand_is_refused_by_field(field, value, folder, capsys):
+@pytest.mark.parametrize("value", [None, {"mass": 1.0}, {"mass": "one", "cog": [0, 0, 0]}])
+def test_a_fit_edited_by_hand_is_refused_by_field(value, folder, capsys):
     assert main(["calibrate", "r.parquet", "--out", "fit.json"]) == 0
     fit = json.loads((folder / "fit.json").read_text())
-    (folder / "edited.json").write_text(json.dumps(fit | {field: value}))
+    (folder / "edited.json").write_text(json.dumps(fit | {"tool": value}))
     line = ["report", "r.parquet", "edited.json", "--out", "r.html"]
-    refused(line, f"edited: field {field!r} is not as `calibrate` writes it", capsys)
+    refused(line, "edited: field 'tool' is not as `calibrate` writes it", capsys)
 
 
 @pytest.mark.parametrize("digits", [400, 5_000])
