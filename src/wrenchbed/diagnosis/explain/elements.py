@@ -68,7 +68,11 @@ class Elements:
     def within(self, names: Collection[str]) -> "Elements":
         """Those of some names, and the explanation's own."""
         keep = [k for k, name in enumerate(self.names) if k == 0 or name in names]
-        return Elements(*(tuple(x[k] for k in keep) for x in (self.names, self.fits, self.parts)))
+        return Elements(
+            tuple(self.names[k] for k in keep),
+            tuple(self.fits[k] for k in keep),
+            tuple(self.parts[k] for k in keep),
+        )
 
 
 def of_element(variant: Variant) -> bool:
