@@ -13,12 +13,13 @@ import numpy as np
 from scipy import special
 
 from wrenchbed import registry
-from wrenchbed.calibration import misfit
+from wrenchbed.calibration import misfit, suspects
 from wrenchbed.calibration.accuracy import Goal, tip_jacobian
 from wrenchbed.calibration.checks.examine import REFUTED, of_load
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.rigid_load import left_of_swing
 from wrenchbed.calibration.checks.rows import of_rows
+from wrenchbed.calibration.checks.rows_of_poses import contradicted
 from wrenchbed.calibration.compensated import restored
 from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue
 from wrenchbed.calibration.fit_problem import LOSSES, Outcome, Problem
@@ -284,6 +285,8 @@ def prepared(recording: Recording, options: CalibrationOptions, touches: Touches
     stated = model.configured(recording.metadata)
     names = {model.parameters.names[i] for i in free}
     finding = finding or _finding(recording, data, model, stated, names)
+    if finding is None and recording.metadata.mode == "static":
+        finding = contradicted(recording, data.keep, data.count)
     if finding is not None and options.loss != "linear" and finding.reason in OUTLIERS:
         finding = None  # such a loss resists them
     if finding is not None and finding.reason not in GENERAL and not options.force:
@@ -299,7 +302,8 @@ def finished(task: Task, outcome: Outcome, options: CalibrationOptions) -> Fit:
     recording, problem = task.recording, task.problem
     theta = problem.at(outcome.solution.x)
     check_mass(float(problem.model.robot.tool(problem.model.robot.robot_theta(theta)).mass))
-    refuted = _refuted(problem, outcome, task.finding)
+    outcome, fault = suspects.allowed_for(problem, outcome)
+    refuted = _refuted(problem, outcome, task.finding) or fault
     if refuted is not None and not options.force:
         raise CalibrationError(f"{recording.name}: {refuted}")
     return replace(_result(recording, problem, outcome, theta), refuted=refuted)

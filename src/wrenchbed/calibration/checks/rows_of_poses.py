@@ -1,0 +1,63 @@
+"""Rows of a pose that the others of it contradict: of the move before, or of no measurement at all.
+
+They move the pose's mean, and enlarge the noise that its repeats show, so that no later check sees
+them.
+"""
+
+import numpy as np
+
+from wrenchbed.calibration.checks.finding import Finding
+from wrenchbed.data.recording import Recording
+
+FAR = 8.0
+"""Standard deviations of a row from its pose's median, by the rows' median deviation, from which it
+is no repeat: normal noise is so far off once in 10¹⁵ rows."""
+SHARE, LEAST = 0.005, 3
+"""Share of the rows, and rows, that are far off at least: fewer move no mean by much."""
+MOVED = 3.0
+"""Standard uncertainties by which far rows move the poses' means, if they matter."""
+FIRST = 0.8
+"""Share of the far rows among the first third of their poses from which the moves before are in
+them: of rows in any order a third are."""
+_MAD = 1.4826
+"""Standard deviation of a normal variable over its median absolute deviation."""
+
+
+def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> Finding | None:
+    """Why the rows of poses are not repeats of each other; None where nothing speaks against it.
+
+    Args:
+        recording: at rest.
+        keep: rows that are used (N,), boolean.
+        count: used rows of each pose, in the order of the recording (M,).
+    """
+    if count.mean() < 2 * LEAST:
+        return None
+    rows, y = np.flatnonzero(keep), recording.wrench[keep]
+    pose = np.repeat(np.arange(len(count)), count)
+    start = np.cumsum(count) - count
+    middle = np.stack([np.median(part, axis=0) for part in np.split(y, start[1:])])
+    away = np.abs(y - middle[pose])
+    std = np.maximum(_MAD * np.median(away, axis=0), 1e-9 * np.ptp(y, axis=0) + 1e-300)
+    far = (away > FAR * std).any(axis=1)
+    if far.sum() < max(LEAST, SHARE * len(y)):
+        return None
+    mean = np.add.reduceat(y, start) / count[:, None]
+    moved = (mean - middle) / (std / np.sqrt(count)[:, None])
+    if np.sqrt((moved**2).mean(axis=0)).max() < MOVED:
+        return None
+    place = np.arange(len(y)) - start[pose]
+    share, row = 100.0 * far.mean(), int(rows[np.flatnonzero(far)[0]])
+    if (place[far] < count[pose][far] / 3.0).mean() >= FIRST:
+        last = int(np.quantile(place[far], 0.9)) + 1
+        return Finding(
+            "order of poses",
+            f"the first rows of the poses ({share:.1f} % of all, the first in row {row}) are those "
+            f"of the move before: the wrench is late or filtered, or the tool still rings. Leave "
+            f"out the first {last} rows of each pose",
+        )
+    return Finding(
+        "spike",
+        f"{share:.1f} % of the rows lie far from all others of their pose (the first: row {row}): "
+        "they are no measurements of it. Leave them out",
+    )

@@ -1,0 +1,217 @@
+"""What faults of sensor, mount and joints could move a fit by, where noise does not explain it all.
+
+A gain of one channel makes the readings disagree with every rigid load, and yet moves the mass that
+fits best. So the residual is explained by the suspects, each family with a size of its own, found
+by maximum marginal likelihood (MacKay 1992, doi 10.1162/neco.1992.4.3.415); what they do to each
+parameter is added to its uncertainty, and a fit that a large fault moves is refused by its name.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import special
+
+from wrenchbed.calibration.fit_problem import Outcome, Problem
+from wrenchbed.calibration.least_squares import BLIND
+from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.wrench import CHANNELS
+
+ROWS = 8000
+"""Most observations that are looked at, evenly spread: a minute at 125 Hz."""
+SPARE = 20
+"""Readings beyond all parameters from which a residual tells its causes."""
+SURE, CLEAR = 1e-6, 5.0
+"""P-value of the F test of all suspects, and standard deviations of one of them, from which they
+explain a part of the residual."""
+LARGE = 5.0
+"""Sizes of an ordinary imperfection from which it is a fault: 5 % of a gain, 1° of a tilt."""
+MOVED = 5.0
+"""Standard uncertainties by which a fault moves a parameter, if it matters."""
+STEP = 1e-6
+"""Step of finite differences of angles [rad] and joint values [rad; m]."""
+_SIZES = np.logspace(-2.0, 3.0, 26)
+"""Sizes of a family that are tried, in ordinary ones."""
+
+
+class Suspect(NamedTuple):
+    """A fault with its change of each reading (M, 6) at ordinary size, and that size in words."""
+
+    family: str
+    name: str
+    change: np.ndarray
+    size: float
+    unit: str
+
+    def words(self, times: float) -> str:
+        """``a gain of fz off by -12 %``."""
+        return f"{self.name} off by {times * self.size:.2g} {self.unit}"
+
+
+@dataclass(frozen=True, eq=False)
+class _Explained:
+    """A residual explained by suspects.
+
+    Attributes:
+        shift: of the parameters (K,), in tolerances.
+        std: of them (K,), likewise.
+        times: size of each suspect (S,) in ordinary ones, and its standard uncertainty (S,).
+    """
+
+    shift: np.ndarray
+    std: np.ndarray
+    times: np.ndarray
+    times_std: np.ndarray
+
+
+def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, str | None]:
+    """The outcome with an uncertainty that holds what suspects could move, and why it is refuted.
+
+    Args:
+        problem: what was fitted, without touches or prior.
+        outcome: of the fit.
+
+    Returns:
+        The outcome, and a sentence on the fault; None if no large one moves the values.
+    """
+    if problem.prior or problem.touches is not None:
+        return outcome, None
+    some = np.unique(np.linspace(0, len(problem.data) - 1, ROWS).astype(int))
+    every = list(_suspects(problem, outcome.solution.x, some))
+    found = _explained(problem, outcome, every, some)
+    if found is None:
+        return outcome, None
+    std = np.sqrt(np.diagonal(outcome.covariance))
+    wide = np.hypot(found.std, found.shift) * problem.scale
+    moved = (np.abs(found.shift) * problem.scale > MOVED * std) & (outcome.solution.blind < BLIND)
+    fault = _largest(every, found)
+    factor = np.maximum(1.0, np.divide(wide, std, out=np.ones_like(std), where=std > 0.0))
+    grown = replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
+    if not moved.any() or fault is None:
+        return grown, None
+    k = int(np.argmax(np.where(moved, np.abs(found.shift) * problem.scale / std, 0.0)))
+    parameter = problem.model.parameters[problem.free[k]]
+    by = abs(found.shift[k]) * problem.scale[k]
+    return grown, (
+        f"the readings are not those of one load: {every[fault].words(found.times[fault])} would "
+        f"explain most of what is left, and move {parameter.name} by {by:.2g} {parameter.unit}. "
+        "Run `wrenchbed diagnose`, repair what it names, and calibrate again"
+    )
+
+
+def _largest(suspects: list[Suspect], found: _Explained) -> int | None:
+    """The suspect that explains most of those that are surely faults; None if none is."""
+    power = [float((s.change**2).sum()) for s in suspects] * found.times**2
+    fault = np.abs(found.times) > np.maximum(LARGE, MOVED * found.times_std)
+    return int(np.argmax(np.where(fault, power, -1.0))) if fault.any() else None
+
+
+def _suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
+    """Gains, crosstalk, tilt of gravity, zeros of joints and a delay, at some observations."""
+    model, theta = problem.model, problem.at(x)
+    q, t = problem.data.q[some], problem.data.t
+    read = model.predict(q, theta)
+    for i, to in enumerate(CHANNELS):
+        for j, of in enumerate(CHANNELS):
+            change = np.zeros_like(read)
+            size = 0.01 if i == j else 0.005 * _arm(i, j)
+            change[:, i] = size * read[:, j]
+            if i == j:
+                yield Suspect("gain", f"a gain of {to}", change, 100.0 * size, "%")
+            else:
+                unit = ("", "1/m", "m")[(i < 3 <= j) + 2 * (j < 3 <= i)]
+                yield Suspect("crosstalk", f"a part of {of} in {to}", change, size, unit)
+    gravity = np.asarray(model.gravity)
+    for axis in np.linalg.svd(gravity[None])[2][1:]:
+        tilted = replace(model, gravity=tuple(gravity + STEP * np.cross(axis, gravity)))
+        change = (tilted.predict(q, theta) - read) * (np.deg2rad(0.2) / STEP)
+        yield Suspect("tilt", "the direction of gravity", change, 0.2, "°")
+    for j, joint in enumerate(model.robot.joints):
+        unit = np.eye(len(model.robot.joints))[j]
+        shifted = Jet(q.v + STEP * unit, q.d, q.dd) if isinstance(q, Jet) else q + STEP * unit
+        turns = joint.unit == "rad"
+        size = np.deg2rad(0.2) if turns else 2e-4
+        change = (model.predict(shifted, theta) - read) * (size / STEP)
+        shown, words = (0.2, "°") if turns else (0.2, "mm")
+        yield Suspect("zero", f"the zero of {joint.name}", change, shown, words)
+    if isinstance(q, Jet):
+        whole = model.predict(problem.data.q, theta)
+        late = -0.002 * np.gradient(whole, t, axis=0)[some]
+        yield Suspect("delay", "the time of the wrench", late, 2.0, "ms")
+
+
+def _arm(i: int, j: int) -> float:
+    """Lever between channels of different kinds: 0.1 m of torque from force, its inverse back."""
+    return 1.0 if (i < 3) == (j < 3) else 0.1 if j < 3 else 10.0
+
+
+def _explained(
+    problem: Problem, outcome: Outcome, suspects: list[Suspect], some: np.ndarray
+) -> _Explained | None:
+    """The residual explained by suspects; None where they do not explain most of it."""
+    x = outcome.solution.x
+    residual, slopes = problem.residual(x)[some], problem.jacobian(x)[some] * problem.scale
+    changes = np.stack([s.change for s in suspects], axis=2)
+    least = np.maximum(outcome.noise.expected, 1e-9 * np.abs(problem.data.wrench).max(axis=0))
+    noise = np.maximum(outcome.noise.scatter, least)
+    for _ in range(2):  # the second time by the noise that suspects leave
+        A, S, r = (
+            (v / noise.reshape(1, 6, *[1] * (v.ndim - 2))).reshape(-1, *v.shape[2:])
+            for v in (slopes, changes, residual)
+        )
+        both = np.column_stack([A, S])
+        u, s, _ = np.linalg.svd(both, full_matrices=False)
+        kept = u[:, s > 1e-9 * s[0]]
+        rest = r - kept @ (kept.T @ r)
+        spare = len(r) - kept.shape[1]
+        if spare < SPARE:
+            return None
+        scale = np.sqrt((rest.reshape(-1, 6) ** 2).mean(axis=0) * len(r) / spare) * noise
+        noise = np.maximum(scale, least)
+    q = np.linalg.qr(A)[0]
+    left = r - q @ (q.T @ r)
+    explained, remains = float(left @ left - rest @ rest), float(rest @ rest)
+    many = kept.shape[1] - A.shape[1]
+    ratio = explained / max(many, 1) / max(remains / spare, 1e-300)
+    S_left = S - q @ (q.T @ S)
+    length = np.linalg.norm(S_left, axis=0)
+    least = 1e-6 * np.linalg.norm(S, axis=0) + 1e-300
+    alone = np.abs(S_left.T @ left) / np.maximum(length, least)
+    if special.fdtrc(max(many, 1), spare, ratio) > SURE and alone.max() < CLEAR:
+        return None
+    return _posterior(A, S, r, _sizes(S_left, left, [s.family for s in suspects]))
+
+
+def _sizes(S: np.ndarray, left: np.ndarray, family: list[str]) -> np.ndarray:
+    """Size of each suspect's family (S,) that makes what is left likeliest, one family at a time.
+
+    Args:
+        S: changes by the suspects that no parameter takes up (n, S), in units of noise.
+        left: residual likewise (n,).
+        family: of each suspect.
+    """
+    q, R = np.linalg.qr(S)
+    y = q.T @ left
+    groups = {f: np.array([g == f for g in family]) for f in dict.fromkeys(family)}
+    size = np.full(len(family), _SIZES[0])
+
+    def cost(trial: np.ndarray) -> float:
+        covariance = np.eye(len(R)) + (R * trial**2) @ R.T
+        return float(np.linalg.slogdet(covariance)[1] + y @ np.linalg.solve(covariance, y))
+
+    for _ in range(3):
+        for of in groups.values():
+            trials = [np.where(of, s, size) for s in _SIZES]
+            size = min(trials, key=cost)
+    return size
+
+
+def _posterior(A: np.ndarray, S: np.ndarray, r: np.ndarray, size: np.ndarray) -> _Explained:
+    """Parameters and suspects together, each suspect with a prior of its family's size."""
+    both = np.column_stack([A, S])
+    k = A.shape[1]
+    precision = np.concatenate([np.full(k, 1e-12), 1.0 / size**2])
+    covariance = np.linalg.inv(both.T @ both + np.diag(precision))
+    mean, std = covariance @ (both.T @ r), np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
+    return _Explained(mean[:k], std[:k], mean[k:], std[k:])
