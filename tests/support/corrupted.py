@@ -62,7 +62,7 @@ class Corruption:
     """A way to break a recording.
 
     Attributes:
-        reasons: that are true of it.
+        reasons: that are true of it; none where no check can name it.
         bases: recordings that it applies to.
     """
 
@@ -268,6 +268,43 @@ def _swap(one: str, other: str) -> Mutator:
     return lambda d: swapped(d.r, one, other)
 
 
+def _gain(c: str, relative: float) -> Mutator:
+    """A channel reads too much by a part of its reading."""
+    return lambda d: with_columns(d.r, {c: (1.0 + relative) * d.r.columns[c]})
+
+
+def _crosstalk(to: str, of: str, part: float) -> Mutator:
+    """A channel shows a part of another one."""
+    return lambda d: with_columns(d.r, {to: d.r.columns[to] + part * d.r.columns[of]})
+
+
+def _zero_off(name: str, angle: float) -> Mutator:
+    """A joint's zero is off by an angle [rad]."""
+    return lambda d: with_columns(d.r, {name: d.r.columns[name] + angle})
+
+
+def _late(rows: int) -> Mutator:
+    """The wrench comes so many rows late."""
+    return reads(lambda d: d.r.wrench[np.maximum(np.arange(len(d.r)) - rows, 0)])
+
+
+def _low_passed(weight: float) -> Mutator:
+    """Each reading keeps a part of the one before: a filter of first order."""
+
+    def smooth(d: Dice) -> np.ndarray:
+        result = np.array(d.r.wrench)
+        for k in range(1, len(result)):
+            result[k] = (1.0 - weight) * result[k - 1] + weight * result[k]
+        return result
+
+    return reads(smooth)
+
+
+def _lost(part: float) -> Mutator:
+    """A part of the rows reads zero."""
+    return reads(lambda d: d.r.wrench * (d.rng.random(len(d.r)) >= part)[:, None])
+
+
 # ---- corruptions: name, reasons that are true of it, how it is made -----------------------------
 
 EVERYWHERE: dict[str, tuple[str, Mutator]] = {
@@ -342,6 +379,7 @@ OF_ORIENTATIONS: dict[str, tuple[str, Mutator]] = {
         "turned sensor, gravity, swapped channels, frame of the wrench",
         reads(lambda d: turned(d.r.wrench, Rotation.from_euler("z", 90.0, degrees=True))),
     ),
+    "orientations_of_another": ("another robot", reads(_orientations_of_another)),
     "orientation_inverse": ("joints", _signs(*QUATERNION[1:])),
     "orientation_scalar_last": (
         "joints",
@@ -357,6 +395,9 @@ AT_REST: dict[str, tuple[str, Mutator]] = {
     ),
     "poses_one_late": ("order of poses", _shifted_poses(-1)),
     "poses_one_early": ("order of poses", _shifted_poses(1)),
+    **{f"wrench_{n}_rows_late": ("order of poses, not one load", _late(n)) for n in (1, 2)},
+    "low_passed": ("order of poses, not one load", _low_passed(0.6)),
+    "rows_lost": ("spike, saturated", _lost(0.05)),
     "poses_shuffled": (
         "another robot, order of poses",
         lambda d: of_other_holds(d.r, d.rng.permutation(d.poses)),
@@ -379,21 +420,29 @@ IN_MOTION: dict[str, tuple[str, Mutator]] = {
     "rate_of_another": ("clock", lambda d: with_metadata(d.r, rate_hz=500.0)),
     "time_too_fast": ("clock", lambda d: with_columns(d.r, {"t": d.r.t / 2.0})),
 }
+MISFIT: dict[str, tuple[str, Mutator]] = {
+    **{
+        f"gain_of_{c}_{100 * g:+.0f}_percent": ("", _gain(c, g))
+        for c in ("fx", "fz", "tx", "ty")
+        for g in (0.01, -0.05, 0.2)
+    },
+    "fx_shows_fz": ("", _crosstalk("fx", "fz", 0.05)),
+    "ty_shows_fz": ("", _crosstalk("ty", "fz", 0.02)),
+}
+"""Faults that no check names: what is published must hold the truth, or a fit is refused."""
 TABLES = {
+    ("ur5", "oriented"): MISFIT,
     BASES: EVERYWHERE,
     ("oriented",): OF_ORIENTATIONS,
     ("ur5", "medrue", "oriented"): AT_REST,
-    ("ur5", "motion"): OF_ARMS,
+    ("ur5", "motion"): OF_ARMS | {"elbow_off_by_1_degree": ("", _zero_off("q3", np.deg2rad(1)))},
     ("motion",): IN_MOTION,
     ("ur5", "medrue", "motion"): {"joints_freeze": ("frozen joint, joints", _stuck(0.6))},
     ("ur5", "medrue"): {"joints_in_degrees": ("joints", lambda d: in_degrees(d.r, d.r.joints[1:]))},
-    ("ur5", "oriented"): {
-        "orientations_of_another": ("another robot", reads(_orientations_of_another))
-    },
 }
 """Corruptions by the recordings that they apply to."""
 CORRUPTIONS = {
-    name: Corruption(name, tuple(reasons.split(", ")), bases, change)
+    name: Corruption(name, tuple(reasons.split(", ")) if reasons else (), bases, change)
     for bases, made in TABLES.items()
     for name, (reasons, change) in made.items()
 }

@@ -6,6 +6,7 @@ from wrenchbed.calibration.checks.examine import of_load
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.rigid_load import Observed
 from wrenchbed.calibration.checks.rows import of_rows
+from wrenchbed.calibration.checks.rows_of_poses import contradicted
 from wrenchbed.calibration.observations import Observations, observe, usable
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError
@@ -57,6 +58,9 @@ def check(recording: Recording) -> Finding | None:
     if found is not None:
         return found
     data = observe(recording)
+    found = recording.metadata.mode == "static" and contradicted(recording, data.keep, data.count)
+    if found:
+        return found
     free = {model.parameters.names[i] for i in model.parameters.select(model.robot.free)}
     theta = model.configured(recording.metadata)
     return of_load(recording, observed(recording, data, model, theta, free))
