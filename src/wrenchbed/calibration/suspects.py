@@ -25,8 +25,8 @@ SPARE = 20
 SURE, CLEAR = 1e-6, 5.0
 """P-value of the F test of all suspects, and standard deviations of one of them, from which they
 explain a part of the residual."""
-LARGE = 5.0
-"""Sizes of an ordinary imperfection from which it is a fault: 5 % of a gain, 1° of a tilt."""
+LARGE = 3.0
+"""Sizes of an ordinary imperfection from which it is a fault: 3 % of a gain, 0.6° of a tilt."""
 MOVED = 5.0
 """Standard uncertainties by which a fault moves a parameter, if it matters."""
 STEP = 1e-6
@@ -36,17 +36,11 @@ _SIZES = np.logspace(-2.0, 3.0, 26)
 
 
 class Suspect(NamedTuple):
-    """A fault with its change of each reading (M, 6) at ordinary size, and that size in words."""
+    """A fault with its change of each reading (M, 6) at ordinary size."""
 
     family: str
     name: str
     change: np.ndarray
-    size: float
-    unit: str
-
-    def words(self, times: float) -> str:
-        """``a gain of fz off by -12 %``."""
-        return f"{self.name} off by {times * self.size:.2g} {self.unit}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +49,16 @@ class _Explained:
 
     Attributes:
         shift: of the parameters (K,), in tolerances.
-        std: of them (K,), likewise.
-        times: size of each suspect (S,) in ordinary ones, and its standard uncertainty (S,).
+        std: of them (K,), likewise; by noise alone ``least``.
+        times: size of each suspect (S,) in ordinary ones.
+        sure: by how many standard deviations each explains more than noise, alone (S,).
     """
 
     shift: np.ndarray
     std: np.ndarray
+    least: np.ndarray
     times: np.ndarray
-    times_std: np.ndarray
+    sure: np.ndarray
 
 
 def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, str | None]:
@@ -84,17 +80,18 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, str | None
         return outcome, None
     std = np.sqrt(np.diagonal(outcome.covariance))
     wide = np.hypot(found.std, found.shift) * problem.scale
-    moved = (np.abs(found.shift) * problem.scale > MOVED * std) & (outcome.solution.blind < BLIND)
+    ratio = np.abs(found.shift) / found.least
+    moved = (ratio > MOVED) & (outcome.solution.blind < BLIND)
     fault = _largest(every, found)
     factor = np.maximum(1.0, np.divide(wide, std, out=np.ones_like(std), where=std > 0.0))
     grown = replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
     if not moved.any() or fault is None:
         return grown, None
-    k = int(np.argmax(np.where(moved, np.abs(found.shift) * problem.scale / std, 0.0)))
+    k = int(np.argmax(np.where(moved, ratio, 0.0)))
     parameter = problem.model.parameters[problem.free[k]]
     by = abs(found.shift[k]) * problem.scale[k]
     return grown, (
-        f"the readings are not those of one load: {every[fault].words(found.times[fault])} would "
+        f"the readings are not those of one load: {every[fault].name} would "
         f"explain most of what is left, and move {parameter.name} by {by:.2g} {parameter.unit}. "
         "Run `wrenchbed diagnose`, repair what it names, and calibrate again"
     )
@@ -103,7 +100,7 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, str | None
 def _largest(suspects: list[Suspect], found: _Explained) -> int | None:
     """The suspect that explains most of those that are surely faults; None if none is."""
     power = [float((s.change**2).sum()) for s in suspects] * found.times**2
-    fault = np.abs(found.times) > np.maximum(LARGE, MOVED * found.times_std)
+    fault = (np.abs(found.times) > LARGE) & (found.sure > CLEAR)
     return int(np.argmax(np.where(fault, power, -1.0))) if fault.any() else None
 
 
@@ -118,27 +115,24 @@ def _suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Sus
             size = 0.01 if i == j else 0.005 * _arm(i, j)
             change[:, i] = size * read[:, j]
             if i == j:
-                yield Suspect("gain", f"a gain of {to}", change, 100.0 * size, "%")
+                yield Suspect("gain", f"a wrong gain of {to}", change)
             else:
-                unit = ("", "1/m", "m")[(i < 3 <= j) + 2 * (j < 3 <= i)]
-                yield Suspect("crosstalk", f"a part of {of} in {to}", change, size, unit)
+                yield Suspect("crosstalk", f"a crosstalk of {of} in {to}", change)
     gravity = np.asarray(model.gravity)
     for axis in np.linalg.svd(gravity[None])[2][1:]:
         tilted = replace(model, gravity=tuple(gravity + STEP * np.cross(axis, gravity)))
         change = (tilted.predict(q, theta) - read) * (np.deg2rad(0.2) / STEP)
-        yield Suspect("tilt", "the direction of gravity", change, 0.2, "°")
+        yield Suspect("tilt", "another direction of gravity", change)
     for j, joint in enumerate(model.robot.joints):
         unit = np.eye(len(model.robot.joints))[j]
         shifted = Jet(q.v + STEP * unit, q.d, q.dd) if isinstance(q, Jet) else q + STEP * unit
-        turns = joint.unit == "rad"
-        size = np.deg2rad(0.2) if turns else 2e-4
+        size = np.deg2rad(0.2) if joint.unit == "rad" else 2e-4
         change = (model.predict(shifted, theta) - read) * (size / STEP)
-        shown, words = (0.2, "°") if turns else (0.2, "mm")
-        yield Suspect("zero", f"the zero of {joint.name}", change, shown, words)
+        yield Suspect("zero", f"a wrong zero of {joint.name}", change)
     if isinstance(q, Jet):
         whole = model.predict(problem.data.q, theta)
         late = -0.002 * np.gradient(whole, t, axis=0)[some]
-        yield Suspect("delay", "the time of the wrench", late, 2.0, "ms")
+        yield Suspect("delay", "a wrench that is late", late)
 
 
 def _arm(i: int, j: int) -> float:
@@ -154,6 +148,7 @@ def _explained(
     residual, slopes = problem.residual(x)[some], problem.jacobian(x)[some] * problem.scale
     changes = np.stack([s.change for s in suspects], axis=2)
     least = np.maximum(outcome.noise.expected, 1e-9 * np.abs(problem.data.wrench).max(axis=0))
+    least = np.where(least > 0.0, least, np.inf)  # a channel that reads nothing
     noise = np.maximum(outcome.noise.scatter, least)
     for _ in range(2):  # the second time by the noise that suspects leave
         A, S, r = (
@@ -180,7 +175,7 @@ def _explained(
     alone = np.abs(S_left.T @ left) / np.maximum(length, least)
     if special.fdtrc(max(many, 1), spare, ratio) > SURE and alone.max() < CLEAR:
         return None
-    return _posterior(A, S, r, _sizes(S_left, left, [s.family for s in suspects]))
+    return _posterior(A, S, r, _sizes(S_left, left, [s.family for s in suspects]), alone)
 
 
 def _sizes(S: np.ndarray, left: np.ndarray, family: list[str]) -> np.ndarray:
@@ -207,11 +202,14 @@ def _sizes(S: np.ndarray, left: np.ndarray, family: list[str]) -> np.ndarray:
     return size
 
 
-def _posterior(A: np.ndarray, S: np.ndarray, r: np.ndarray, size: np.ndarray) -> _Explained:
+def _posterior(
+    A: np.ndarray, S: np.ndarray, r: np.ndarray, size: np.ndarray, sure: np.ndarray
+) -> _Explained:
     """Parameters and suspects together, each suspect with a prior of its family's size."""
     both = np.column_stack([A, S])
     k = A.shape[1]
     precision = np.concatenate([np.full(k, 1e-12), 1.0 / size**2])
     covariance = np.linalg.inv(both.T @ both + np.diag(precision))
     mean, std = covariance @ (both.T @ r), np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-    return _Explained(mean[:k], std[:k], mean[k:], std[k:])
+    least = np.sqrt(np.diagonal(np.linalg.inv(A.T @ A + 1e-12 * np.eye(k))))
+    return _Explained(mean[:k], std[:k], least, mean[k:], sure)
