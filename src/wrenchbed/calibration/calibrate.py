@@ -302,11 +302,12 @@ def finished(task: Task, outcome: Outcome, options: CalibrationOptions) -> Fit:
     recording, problem = task.recording, task.problem
     theta = problem.at(outcome.solution.x)
     check_mass(float(problem.model.robot.tool(problem.model.robot.robot_theta(theta)).mass))
-    outcome, fault = suspects.allowed_for(problem, outcome)
+    grown, fault = suspects.allowed_for(problem, outcome)
+    fault = None if options.hold else fault  # a held number may be what is wrong
     refuted = _refuted(problem, outcome, task.finding) or fault
     if refuted is not None and not options.force:
         raise CalibrationError(f"{recording.name}: {refuted}")
-    return replace(_result(recording, problem, outcome, theta), refuted=refuted)
+    return replace(_result(recording, problem, grown, theta), refuted=refuted)
 
 
 def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:

@@ -29,6 +29,8 @@ LARGE = 3.0
 """Sizes of an ordinary imperfection from which it is a fault: 3 % of a gain, 0.6° of a tilt."""
 MOVED = 5.0
 """Standard uncertainties by which a fault moves a parameter, if it matters."""
+MATTERS = 0.1
+"""Part of a parameter's tolerance by which it moves, if it matters: less is not worth a refusal."""
 STEP = 1e-6
 """Step of finite differences of angles [rad] and joint values [rad; m]."""
 _SIZES = np.logspace(-2.0, 3.0, 26)
@@ -81,7 +83,7 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, str | None
     std = np.sqrt(np.diagonal(outcome.covariance))
     wide = np.hypot(found.std, found.shift) * problem.scale
     ratio = np.abs(found.shift) / found.least
-    moved = (ratio > MOVED) & (outcome.solution.blind < BLIND)
+    moved = (ratio > MOVED) & (np.abs(found.shift) > MATTERS) & (outcome.solution.blind < BLIND)
     fault = _largest(every, found)
     factor = np.maximum(1.0, np.divide(wide, std, out=np.ones_like(std), where=std > 0.0))
     grown = replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
@@ -162,8 +164,9 @@ def _explained(
         spare = len(r) - kept.shape[1]
         if spare < SPARE:
             return None
-        scale = np.sqrt((rest.reshape(-1, 6) ** 2).mean(axis=0) * len(r) / spare) * noise
-        noise = np.maximum(scale, least)
+        unit = np.where(np.isinf(noise), 0.0, noise)
+        scale = np.sqrt((rest.reshape(-1, 6) ** 2).mean(axis=0) * len(r) / spare) * unit
+        noise = np.where(np.isinf(least), np.inf, np.maximum(scale, least))
     q = np.linalg.qr(A)[0]
     left = r - q @ (q.T @ r)
     explained, remains = float(left @ left - rest @ rest), float(rest @ rest)
@@ -211,5 +214,6 @@ def _posterior(
     precision = np.concatenate([np.full(k, 1e-12), 1.0 / size**2])
     covariance = np.linalg.inv(both.T @ both + np.diag(precision))
     mean, std = covariance @ (both.T @ r), np.sqrt(np.maximum(np.diagonal(covariance), 0.0))
-    least = np.sqrt(np.diagonal(np.linalg.inv(A.T @ A + 1e-12 * np.eye(k))))
+    alone = np.diagonal(np.linalg.pinv(A.T @ A, rcond=1e-12))
+    least = np.sqrt(np.maximum(alone, 1e-300))
     return _Explained(mean[:k], std[:k], least, mean[k:], sure)
