@@ -10,7 +10,8 @@ from robot_emulators.ur.links import Links
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.motions import ArmMotion
 from robot_emulators.ur.script import ProgramError
-from robot_emulators.ur.urscript.machine import Code, Machine
+from robot_emulators.ur.urscript.machine import Machine
+from robot_emulators.ur.urscript.translation import Code
 from robot_emulators.ur.urscript.values import ProgramEndsError, ScriptFaultError
 
 if TYPE_CHECKING:

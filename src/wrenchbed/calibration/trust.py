@@ -58,9 +58,10 @@ def check(recording: Recording) -> Finding | None:
     if found is not None:
         return found
     data = observe(recording)
-    found = recording.metadata.mode == "static" and contradicted(recording, data.keep, data.count)
-    if found:
-        return found
+    if recording.metadata.mode == "static":
+        found = contradicted(recording, data.keep, data.count)
+        if found is not None:
+            return found
     free = {model.parameters.names[i] for i in model.parameters.select(model.robot.free)}
     theta = model.configured(recording.metadata)
     return of_load(recording, observed(recording, data, model, theta, free))

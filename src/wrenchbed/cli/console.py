@@ -84,8 +84,9 @@ def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> d
     """
     hints = get_type_hints(options)
     names = [f.name for f in fields(options) if f.name not in excluded]
-    known = {name: simple for name in names if (simple := _simple_type(hints[name])) is not None}
-    values = {}
+    kinds = {name: _simple_type(hints[name]) for name in names}
+    known = {name: kind for name, kind in kinds.items() if kind is not None}
+    values: dict[str, Any] = {}
     for name, word in words.items():
         if name not in known:
             raise ParameterError(f"--set {name}: no such setting. Known: {', '.join(known)}")

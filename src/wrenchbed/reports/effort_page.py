@@ -103,7 +103,7 @@ def _friction(found: EffortFindings, j: int) -> Chart:
     if "with_effects" in found.held_out.left:
         efforts.append(measured - std * found.held_out.left["with_effects"][:, j])
     edges = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, _BINS + 1)))
-    x, *means = binned_statistic(speed, efforts, "mean", edges).statistic
+    x, *means = np.asarray(binned_statistic(speed, efforts, "mean", edges).statistic)
     series = [
         Series(name, kind, x, y, role=role)
         for y, (name, kind, role) in zip(means, _FRICTION, strict=False)

@@ -63,7 +63,7 @@ _HEAD = """
 """
 
 
-def spec_of(arm: ArmModel, load: Load, zeros: Sequence[float]) -> mujoco.MjSpec:
+def spec_of(arm: ArmModel, load: Load, zeros: np.ndarray) -> mujoco.MjSpec:
     """An arm with a load as it stands at home; ``zeros`` (L,) are added to its joints' values."""
     spec = mujoco.MjSpec.from_string(_HEAD)
     spec.modelname, spec.option.gravity = arm.name, arm.gravity

@@ -101,7 +101,7 @@ def examine(setting: StudySetting, chosen: np.ndarray) -> tuple[Observability, d
     sets = {len(chosen): chosen}
     for n in (_RANKED, len(setting.q)):
         sets[n] = np.linspace(0, len(setting.q) - 1, n).astype(int)
-    ranks, first = {}, np.empty(0)
+    ranks, first = {}, np.empty((0, 0))
     actual = of_table_1(setting, published.ACTUAL)
     for label, theta in (("nominal", setting.theta), ("Table 1's robot", actual)):
         for n, rows in sorted(sets.items()):

@@ -57,7 +57,7 @@ class KnownLoad:
         if mass is None or cog is None or None in bias:
             raise MapError(f"{path}: is no fit.json with tool and sensor.bias.fx … tz")
         std = {k: v.get("std") for k, v in values.raw.items() if isinstance(v, Mapping)}
-        known = {k: float(s) for k, s in std.items() if is_number(s) and s > 0}
+        known = {k: float(s) for k, s in std.items() if isinstance(s, int | float) and s > 0}
         rms = [raw.part("residual_rms").number(c, "N") or 0.0 for c in CHANNELS[:3]]
         return cls(mass, cog, np.array(bias, dtype=float), known, max(rms))
 

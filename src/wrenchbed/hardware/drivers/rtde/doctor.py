@@ -176,9 +176,11 @@ def _settings(robot: Robot, words: Mapping[str, Any]) -> Iterator[Line]:
         "set it at the pendant to what the flange carries: the arm stops to protect itself where "
         "they differ much"
     )
-    unsaid, known = "the controller does not say it", mass is not None
-    text = f"{mass:.3g} kg, tool of {robot.name} {tool:.3g} kg" if known else unsaid
-    fits = known and abs(mass - tool) <= _HEAVY * max(tool, mass)
+    unsaid, fits = "the controller does not say it", False
+    text = unsaid
+    if mass is not None:
+        text = f"{mass:.3g} kg, tool of {robot.name} {tool:.3g} kg"
+        fits = abs(mass - tool) <= _HEAVY * max(tool, mass)
     yield _line("payload", fits, text, remedy)
     tcp = words.get("tcp_offset")
     at_flange = tcp is not None and all(abs(v) <= 1e-6 for v in tcp)
