@@ -218,23 +218,56 @@ def test_another_campaigns_folder_is_refused(whole, tmp_path):
         campaign(small(1), tmp_path / "mine")
 
 
-def test_the_summary_tells_errors_and_who_failed(tmp_path):
-    fleet = small(40, ("noise", "effects"))
+def test_the_summary_tells_errors_coverage_and_detection(tmp_path):
+    fleet = small(40, ("noise", "effects"), diagnose=True)
     kept = CampaignRows(tmp_path, fleet)
+    rng = np.random.default_rng(0)
     for k in range(40):
-        ill = {"effect": "base.tilt", "size": 2.0, "added": 9.0, "force.after": 0.4}
-        row = {"force.before": 1.0, "force.after": 0.1, "inside95": 0.95} | (ill if k % 4 else {})
-        kept.add(empty(fleet, k) | ({"error": "PlanError: no"} if k == 2 else row))
+        ill = k % 4 > 0
+        kept.add(empty(fleet, k) | {
+            "effect": "base.tilt" if ill else "", "size": rng.uniform(0.4, 5.0) if ill else 0.0,
+            "added": 9.0 if k != 1 else 0.1,
+            "verdict": "identified" if ill else "none", "named": "base.tilt" if ill else "",
+            "claimed": "base.tilt" if ill else "", "right": 1.0, "force.before": 1.0,
+            "force.after": 0.1, "inside95": 0.95,
+        } | ({"named": "tool.mass", "alike": "base.tilt tool.mass", "right": 0.0} if k == 2 else {})
+        )  # fmt: skip
     page = summary.page(fleet, kept.finish(), tmp_path)
     text = page.markdown()
-    assert "| force before [mN] | 39 | 1000 | 1000 | 1000 | 1000 | 1000 | 1000 |" in text
-    assert "| force after, an effect [mN] | 29 | 400.0" in text and "Failed: 1" in text
-    assert "| 2 | none | PlanError: no | `--only 2` |" in text
-    (card,) = page.cards
-    assert card.figure == "100.0 mN" and "1000 mN" in card.text
-    assert page.summary["failed"] == 1 and page.summary["inside95, no effect"] == pytest.approx(
-        0.95
+    assert "The table leaves 1 robot out whose effect" in text
+    assert "| base.tilt | 29 | 97 % (82–100) | 97 | 100 | 0 | 29 |" in text
+    assert "| none | 10 | 100 % (69–100) | – | – | 10 |" in text
+    cards = {c.label: c for c in page.cards}
+    assert cards["Diagnosis"].figure == "38 of 39 right" and "97 % (87–100)" in text
+    assert cards["After calibration"].figure == "100.0 mN" and "1000 mN" in text
+    wrong = page.sections[-1].parts[-1]
+    assert [row[0] for row in wrong.rows] == ["2"] and wrong.rows[0][-1] == "`--only 2`"
+    assert (
+        page.summary["right, of those that show"] == pytest.approx(38 / 39)
+        and page.summary["force_after_median [mN]"] == 100.0
     )
+
+
+@pytest.mark.slow
+def test_robots_are_diagnosed_and_judged():
+    """Of a few robots with effects that show, most are identified; without parameters varied."""
+    fleet = Fleet("ur5", 8, ("noise", "effects"), poses=60, samples=40, seed=3, diagnose=True)
+    done = robot_rows(fleet, (2, 3, 5))
+    assert all(row["added"] > 10 and row["error"] == "" for row in done)
+    for row in done:
+        assert row["verdict"] == "identified" and row["claimed"] == row["effect"]
+        assert row["right"] == 1.0 and row["closed"] > 0.9 and row["probability"] > 0.9
+        assert row["where"] == row["effect"].partition(".")[0]
+
+
+@pytest.mark.slow
+def test_what_looks_the_same_is_held_though_not_named():
+    """One tool's mass makes all that a gain of all channels makes."""
+    row = robot_rows(Fleet("ur5", 172, ("noise", "effects"), diagnose=True), [171])[0]
+    gains = json.loads(row["values"])
+    assert len(gains) == 6 and set(gains.values()) == {gains["gain.fx"]}
+    assert row["effect"] == "sensor.gain" and row["verdict"] == "identified"
+    assert row["named"] == "tool.mass" and "sensor.gain" in row["alike"].split()
 
 
 def test_one_robot_alone_again(tmp_path, capsys, whole):

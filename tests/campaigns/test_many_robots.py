@@ -62,11 +62,12 @@ class Sizes:
         return future
 
 
-def test_every_robot_is_in_one_task():
+@pytest.mark.parametrize("diagnose", [False, True])
+def test_every_robot_is_in_one_task(diagnose):
     pool = Sizes()
-    rows = list(_results(pool, Fleet("ur5", 90), range(90), 2))
+    rows = list(_results(pool, Fleet("ur5", 90, diagnose=diagnose), range(90), 2))
     assert sorted(row["robot"] for row in rows) == list(range(90))
-    assert min(pool.sizes) >= 1 and max(pool.sizes) == 25
+    assert min(pool.sizes) >= 1 and max(pool.sizes) == (1 if diagnose else 25)
 
 
 def test_a_robot_that_cannot_be_fitted_leaves_the_others_alone():

@@ -18,11 +18,14 @@ Row = dict[str, Any]
 ALL, SETTING, PARTS = "robots.parquet", "campaign.json", "parts"
 _EVERY_S, _MOST = 2.0, 256
 """Longest time [s] and largest number of rows between two writes."""
-_TEXT = ("effect", "values", "error")
+_TEXT = ("effect", "values", "error", "verdict", "claimed", "named", "alike", "where")
 _INTEGER = ("rows", "rank")
 _NUMBER = ("size", "added", "inside95", "residual.force", "residual.torque")
 _JUDGED = tuple(f"{x}.{w}" for x in ("force", "torque", "position") for w in ("before", "after"))
-SECONDS = ("seconds.record", "seconds.calibrate")
+_DIAGNOSED = (
+    "probability", "gap.configured", "gap.calibrated", "gap.with_effects", "closed", "right",
+)  # fmt: skip
+SECONDS = ("seconds.record", "seconds.calibrate", "seconds.diagnose")
 """Columns of durations, which differ between equal runs."""
 
 
@@ -34,7 +37,7 @@ def schema(fleet: Fleet) -> pa.Schema:
     columns = [("robot", pa.int64()), ("seed", pa.int64())]
     columns += [(n, pa.string()) for n in _TEXT] + [(n, pa.int64()) for n in _INTEGER]
     columns += [("converged", pa.bool_())]
-    columns += [(n, pa.float64()) for n in (*_NUMBER, *_JUDGED, *parameters, *SECONDS)]
+    columns += [(n, pa.float64()) for n in (*_NUMBER, *_JUDGED, *_DIAGNOSED, *parameters, *SECONDS)]
     return pa.schema(columns)
 
 

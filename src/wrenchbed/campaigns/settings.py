@@ -43,6 +43,7 @@ class Fleet:
         poses: of each, where no plan is given.
         samples: rows a pose.
         seed: not negative.
+        diagnose: whether each recording is diagnosed, too.
         plan: that all robots run.
     """
 
@@ -52,6 +53,7 @@ class Fleet:
     poses: int = 100
     samples: int = 50
     seed: int = 0
+    diagnose: bool = False
     plan: Plan | None = None
 
     def __post_init__(self) -> None:
@@ -98,7 +100,7 @@ class Fleet:
             plan = hashlib.sha256(np.ascontiguousarray(self.plan.q).tobytes()).hexdigest()
         return {
             "robot": self.robot, "vary": sorted(self.vary), "poses": self.poses,
-            "samples": self.samples, "seed": self.seed, "plan": plan,
+            "samples": self.samples, "seed": self.seed, "diagnose": self.diagnose, "plan": plan,
         }  # fmt: skip
 
 

@@ -1,10 +1,11 @@
-"""Many simulated robots: each recorded in MuJoCo, calibrated, compared with its truth.
+"""Many simulated robots: each recorded in MuJoCo, calibrated, diagnosed, compared with its truth.
 
 Moves between poses take their time but are not simulated (`wrenchbed record` steps MuJoCo through
 each). Recordings at rest do not depend on them: joints are measured where the servos hold them.
 """
 
 import json
+import re
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
@@ -12,7 +13,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import pyarrow as pa
@@ -45,6 +46,8 @@ SETTLE_S = 0.5
 """Time from the end of a move to the first row [s]."""
 _JUDGED, _SEED = 100, 20_160_798
 """Poses at which all robots are judged, and what they are drawn from."""
+_EFFECT = re.compile(r"[a-z]+\.[a-z_]+")
+"""Pattern of an effect's name in a sentence."""
 _COURSES: dict[str, Recording] = {}
 """The course of the present fleet, by the fleet's settings."""
 _AHEAD = 3
@@ -107,12 +110,16 @@ def robot_rows(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
     calibrated = (time.perf_counter() - begun) / max(len(done), 1)
     errors = _errors(fleet, [truth for _, truth in done.values()], fits)
     each = zip(done.items(), fits, errors, strict=True)
-    for (k, (_, truth)), fitted, error in each:
+    for (k, (recording, truth)), fitted, error in each:
         rows[k]["seconds.record"] = seconds
         with _error_into(rows[k]):
             fit = _checked(fitted)
             rows[k]["seconds.calibrate"] = calibrated
             rows[k] |= _of_fit(fleet, truth, fit) | error
+            if fleet.diagnose:
+                begun = time.perf_counter()
+                rows[k] |= _diagnosed(fleet, truth, recording)
+                rows[k]["seconds.diagnose"] = time.perf_counter() - begun
     return list(rows.values())
 
 
@@ -246,6 +253,36 @@ def judged(name: str) -> tuple[np.ndarray, np.ndarray | None]:
     return robot.sample(_JUDGED, np.random.default_rng(_SEED)), robot.target()
 
 
+def _diagnosed(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
+    from wrenchbed.diagnosis.diagnose import diagnose
+
+    d = diagnose(recording).diagnosis
+    after, closed = d.gap.with_effects, d.gap.closed
+    claimed = [str(w["effect"]) for w in d.which]
+    named = claimed + [str(r) for w in d.which for r in w["rivals"]]
+    row: dict[str, Any] = {
+        "verdict": d.verdict,
+        "claimed": " ".join(claimed),
+        "named": " ".join(named),
+        "alike": " ".join(sorted({n for text in d.cannot_tell for n in _EFFECT.findall(text)})),
+        "probability": float(d.which[0]["probability"]) if d.which else float("nan"),
+        "where": str(d.where[0]["subsystem"]) if d.where else "",
+        "gap.configured": _number(d.gap.configured),
+        "gap.calibrated": _number(d.gap.calibrated.value),
+        "gap.with_effects": _number(None if after is None else after.value),
+        "closed": _number(None if closed is None else closed.value),
+    }
+    if truth.effect:
+        row["right"] = float(d.verdict == "identified" and truth.effect in claimed)
+    elif "parameters" not in fleet.vary:
+        row["right"] = float(d.verdict == "none")
+    return row
+
+
+def _number(x: float | None) -> float:
+    return float("nan") if x is None else float(x)
+
+
 def write_one(fleet: Fleet, k: int, folder: Path) -> Row:
     """Work on robot ``k`` again, and write rec.parquet, fit.json and row.json into a folder."""
     recording, _ = _checked(recorded(fleet, [k])[0])
@@ -260,7 +297,7 @@ def write_one(fleet: Fleet, k: int, folder: Path) -> Row:
 def campaign(
     fleet: Fleet, folder: str | Path, *, workers: int = 2, progress: Progress = silent
 ) -> pa.Table:
-    """Record and calibrate many simulated robots: one row each.
+    """Record, calibrate and, if asked for, diagnose many simulated robots: one row each.
 
     Robots whose rows are in the folder already are not simulated again.
 
@@ -302,7 +339,7 @@ def _results(pool: Executor, fleet: Fleet, todo: Sequence[int], workers: int) ->
             size = min(together, -(-(len(todo) - first) // workers))  # the last end together
             waiting.add(pool.submit(robot_rows, fleet, todo[first : first + size]))
             first += size
-            together = min(2 * together, _TOGETHER)
+            together = 1 if fleet.diagnose else min(2 * together, _TOGETHER)
         ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
         for future in ready:
             yield from future.result()

@@ -1,6 +1,7 @@
-"""The summary of a campaign: distributions of errors, and coverage of stated uncertainties."""
+"""The summary of a campaign: distributions of errors, coverage, answers of the diagnosis."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,8 +19,11 @@ from wrenchbed.simulation.closed_form import Model
 _ERRORS = (("force", 1e3, "mN"), ("torque", 1e3, "mN·m"), ("position", 1e3, "mm"))
 _WHEN = ("before", "after")
 _QUANTILES = (5, 25, 50, 75, 95)
-MOST_FAILED = 200
+_VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
+MOST_WRONG = 200
 """Largest number of robots that are listed."""
+SHOWS = 1.0
+"""Least mean square change of a reading that an effect makes, in units of a row's noise."""
 
 
 def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Document:
@@ -44,11 +48,11 @@ def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Docu
     sections = [_calibration(table)]
     if "parameters" in fleet.vary:
         sections.append(_coverage(fleet, table))
-    if failed:
-        sections.append(_failed(table))
+    if fleet.diagnose:
+        sections.append(_diagnosis(fleet, table))
     made = f"Row k of `{ALL}` follows from `{SETTING}` and k alone, but for its times."
     origin = provenance([folder / ALL, folder / SETTING], command, fleet.seed)
-    cards = tuple(_cards(table))
+    cards = tuple(_cards(fleet, table))
     title = f"Campaign of {fleet.robot}"
     return Document(title, lead, tuple(sections), made, figures(table), origin, cards)
 
@@ -64,6 +68,9 @@ def figures(table: pa.Table) -> dict[str, float | None]:
                 results[f"{what}_{when}_median [{unit}]"] = float(np.nanmedian(values))
     inside = _finite(numbers(table, "inside95")[text(table, "effect") == ""])
     results["inside95, no effect"] = float(inside.mean()) if len(inside) else None
+    right = _finite(numbers(table, "right")[is_detected(table)])
+    if len(right):
+        results["right, of those that show"] = float(right.mean())
     return results
 
 
@@ -75,6 +82,11 @@ def numbers(table: pa.Table, name: str) -> np.ndarray:
 def text(table: pa.Table, name: str) -> np.ndarray:
     """Column of texts (N,)."""
     return np.array([x or "" for x in table[name].to_pylist()])
+
+
+def is_detected(table: pa.Table) -> np.ndarray:
+    """Robots (N,) without an effect, or with one that changes their readings enough."""
+    return np.asarray((text(table, "effect") == "") | (numbers(table, "added") >= SHOWS))
 
 
 def _finite(values: np.ndarray) -> np.ndarray:
@@ -90,8 +102,8 @@ def _healthy(table: pa.Table) -> tuple[np.ndarray, str]:
     return worked, "all robots"
 
 
-def _cards(table: pa.Table) -> Iterator[Card]:
-    """Card of the accuracy of calibration."""
+def _cards(fleet: Fleet, table: pa.Table) -> Iterator[Card]:
+    """Cards of the accuracy of calibration and of the share of right diagnoses."""
     chosen, of_whom = _healthy(table)
     before, after = (_finite(1e3 * numbers(table, f"force.{w}")[chosen]) for w in _WHEN)
     if len(after):
@@ -99,6 +111,12 @@ def _cards(table: pa.Table) -> Iterator[Card]:
         start = float(np.median(before)) if len(before) else 0.0
         words += f"; before calibration {render(start)} mN." if start > 0.0 else "."
         yield Card("After calibration", f"{render(float(np.median(after)))} mN", words)
+    right = _finite(numbers(table, "right")[is_detected(table)])
+    if fleet.diagnose and len(right):
+        hits = int(right.sum())
+        what = "" if "parameters" in fleet.vary else ", or none"
+        words = f"{_share(hits, len(right))}: the effect is identified{what}; robots whose "
+        yield Card("Diagnosis", f"{hits} of {len(right)} right", f"{words}effect shows.")
 
 
 def _calibration(table: pa.Table) -> Section:
@@ -174,16 +192,70 @@ def _interval(hits: int, count: int) -> tuple[float, float]:
     return 100.0 * float(low), 100.0 * float(high)
 
 
-def _failed(table: pa.Table) -> Section:
-    """Robots that failed, each with the command that makes it again."""
-    error, effect = text(table, "error"), text(table, "effect")
-    robot, failed = table["robot"].to_pylist(), np.flatnonzero(error != "").tolist()
-    rows = [
-        (str(robot[k]), effect[k] or "none", error[k], f"`--only {robot[k]}`")
-        for k in failed[:MOST_FAILED]
-    ]
-    lead = "The command at the end of this page with the last column works on the robot again." + (
-        f" {len(failed) - MOST_FAILED} more are in {ALL}." if len(failed) > MOST_FAILED else ""
+def _diagnosis(fleet: Fleet, table: pa.Table) -> Section:
+    shows = is_detected(table)
+    effect, verdict = text(table, "effect"), text(table, "verdict")
+    right, named = numbers(table, "right"), _among(table, "named")
+    held = named | _among(table, "alike")
+    rows = []
+    for name in (None, *sorted(set(effect[shows]))):
+        chosen = shows if name is None else shows & (effect == name)
+        known, ill = _finite(right[chosen]), chosen & (effect != "")
+        rows.append((
+            "all that show" if name is None else name or "none", int(chosen.sum()),
+            _share(int(known.sum()), len(known)) if len(known) else "–",
+            *(f"{100 * hits[ill].mean():.0f}" if ill.any() else "–" for hits in (named, held)),
+            *(int((verdict[chosen] == v).sum()) for v in _VERDICTS),
+        ))  # fmt: skip
+    columns = ("true effect", "robots", "right (95 %)", "named [%]", "held [%]", *_VERDICTS)
+    hidden = int((~shows).sum())
+    missing = (
+        f"The table leaves {hidden} {'robot' if hidden == 1 else 'robots'} out whose effect "
+        "changes the readings by less than a row's noise, such as an effect in a joint with a "
+        "vertical axis. "
     )
-    columns = ("robot", "true effect", "error", "again with")
-    return Section("Failed", lead, (Table.of("Robots that failed", columns, rows),))
+    too = (
+        "Parameters differ too: stated biases, masses and rotations are wrong in every robot, and "
+        "an answer that names these is true but does not count as right. "
+    )
+    lead = (missing if hidden else "") + (too if "parameters" in fleet.vary else "")
+    lead += (
+        "Right: the true effect is identified, or rightly none. Named: it is among the claimed "
+        "causes or their rivals. Held: it is named, or the diagnosis says that it looks the same "
+        "as what it names, or can make all of that (as a gain can of one tool's mass). "
+        "Robots of a campaign have effects of the library's own form; the sealed benchmark judges "
+        "by a physics that shares no code with it."
+    )
+    answers = Table.of("Answers by true effect", columns, rows)
+    return Section("Diagnosis", lead, (answers, _gone_wrong(table)))
+
+
+def _among(table: pa.Table, column: str) -> np.ndarray:
+    """Robots (N,) whose true effect is in a column of names."""
+    pairs = zip(text(table, "effect"), text(table, column), strict=True)
+    return np.array([e != "" and e in names.split() for e, names in pairs], dtype=bool)
+
+
+def _gone_wrong(table: pa.Table) -> Table:
+    """Robots whose answer is wrong or that failed, each with the command that makes it again."""
+    right, error, shows = numbers(table, "right"), text(table, "error"), is_detected(table)
+    truth, claimed, verdict = (text(table, n) for n in ("effect", "claimed", "verdict"))
+    robot, added = table["robot"].to_pylist(), numbers(table, "added")
+    wrong = np.flatnonzero((right == 0.0) | (error != ""))
+    wrong = wrong[np.argsort(~shows[wrong], kind="stable")]
+    rows = [
+        (
+            str(robot[k]), truth[k] or "none", float(added[k]), "yes" if shows[k] else "no",
+            error[k] or claimed[k] or verdict[k], f"`--only {robot[k]}`",
+        )
+        for k in wrong[:MOST_WRONG].tolist()
+    ]  # fmt: skip
+    rest = len(wrong) - MOST_WRONG
+    columns = ("robot", "true effect", "change", "shows", "answer, or error", "again with")
+    note = (
+        "Those whose effect shows come first. The command at the end of this page with the last "
+        "column writes the robot's recording and fit to a folder of its number."
+        + (f" {rest} more are in robots.parquet." if rest > 0 else "")
+    )
+    listed = Table.of("Robots whose effect is not identified, or that failed", columns, rows, note)
+    return replace(listed, empty="There is none.")

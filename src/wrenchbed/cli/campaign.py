@@ -1,4 +1,4 @@
-"""`wrenchbed campaign`: plan, record and calibrate many simulated robots."""
+"""`wrenchbed campaign`: plan, record, calibrate and diagnose many simulated robots."""
 
 import os
 from dataclasses import dataclass
@@ -23,6 +23,7 @@ class RobotArguments:
         plan: That all robots run; random poses if none.
         poses: Of each robot, without --plan.
         samples: Rows a pose.
+        diagnose: Also diagnose each recording, a second or more each.
         seed: All follows from it.
     """
 
@@ -31,13 +32,16 @@ class RobotArguments:
     plan: Path | None = None
     poses: int = 100
     samples: int = 50
+    diagnose: bool = False
     seed: int = 0
 
     def fleet(self, robot: str) -> "wb.Fleet":
         """What the rows of the campaign follow from."""
         words = tuple(w.strip() for w in self.vary.split(",") if w.strip())
         plan = None if self.plan is None else wb.Plan.read(self.plan)
-        return wb.Fleet(robot, self.robots, words, self.poses, self.samples, self.seed, plan)
+        return wb.Fleet(
+            robot, self.robots, words, self.poses, self.samples, self.seed, self.diagnose, plan
+        )
 
 
 def campaign(
@@ -50,7 +54,7 @@ def campaign(
     force: Flag = False,
     as_json: Json = False,
 ) -> None:
-    """Plan, record and calibrate many simulated robots: one row each, and a summary.
+    """Plan, record, calibrate and diagnose many simulated robots: one row each, and a summary.
 
     A stopped campaign goes on when the same line is given again; with more robots it grows.
 
