@@ -30,7 +30,7 @@ from robot_emulators.ur.settings import ControllerSettings
 from robot_emulators.ur.tool_wrench import ExternalWrench, WrenchEstimate
 from robot_emulators.ur.urscript import machine
 from robot_emulators.ur.urscript.functions import Table
-from robot_emulators.ur.urscript.machine import Code
+from robot_emulators.ur.urscript.translation import Code
 from robot_emulators.ur.urscript.values import ScriptFaultError
 
 _MOST_SECONDARY = 4
@@ -69,12 +69,14 @@ class Controller:
     """
 
     def __init__(self, settings: ControllerSettings, plant: Plant) -> None:
-        self.settings = settings
+        self.settings: ControllerSettings = settings
         self.terminals = Terminals()
         self.external = ExternalWrench()
         self.modes = Modes(settings.power)
-        self.estimate = WrenchEstimate(plant.arm.payload, at_tcp=not settings.e_series)
-        self.arm = ControlledArm(plant, self.estimate, self._load)
+        self.estimate: WrenchEstimate = WrenchEstimate(
+            plant.arm.payload, at_tcp=not settings.e_series
+        )
+        self.arm: ControlledArm = ControlledArm(plant, self.estimate, self._load)
         self.fields = outputs(settings.version)
         self.values: dict[str, Values] = {name: zero(kind) for name, kind in self.fields.items()}
         self.inputs = Inputs(inputs(settings.version), self._written)

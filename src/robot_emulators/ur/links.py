@@ -14,7 +14,8 @@ from concurrent.futures import Future
 from typing import TYPE_CHECKING
 
 from robot_emulators.ur.script import ProgramError
-from robot_emulators.ur.urscript.machine import LONGEST, Code
+from robot_emulators.ur.urscript.machine import LONGEST
+from robot_emulators.ur.urscript.translation import Code
 
 if TYPE_CHECKING:
     from robot_emulators.ur.controller import Controller

@@ -15,6 +15,7 @@ from robot_emulators.ur.urscript.translation import Code
 from robot_emulators.ur.urscript.values import ProgramEndsError, ScriptFaultError
 
 if TYPE_CHECKING:
+    from robot_emulators.ur.arm import ControlledArm
     from robot_emulators.ur.controller import Controller
 
 _HISTORY = 512
@@ -35,7 +36,8 @@ class ScriptProgram:
     """
 
     def __init__(self, controller: "Controller", code: Code) -> None:
-        self.controller, self.arm = controller, controller.arm
+        self.controller = controller
+        self.arm: ControlledArm = controller.arm
         self._machine = Machine(code, self)
         self.name, self.secondary = code.name, code.secondary
         self.direct = code.name == _AT_ONCE

@@ -158,6 +158,8 @@ def _explained(
             for v in (slopes, changes, residual)
         )
         both = np.column_stack([A, S])
+        if not (np.isfinite(both).all() and np.isfinite(r).all()):
+            return None
         u, s, _ = np.linalg.svd(both, full_matrices=False)
         kept = u[:, s > 1e-9 * s[0]]
         rest = r - kept @ (kept.T @ r)

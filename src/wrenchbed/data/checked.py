@@ -117,9 +117,12 @@ class Fields:
     def square(self, key: str, size: int) -> list[list[float]]:
         """A matrix (size, size) of finite numbers."""
         rows = self.raw.get(key)
-        good = isinstance(rows, list) and len(rows) == size
-        if not good or not all(
-            isinstance(r, list) and len(r) == size and all(map(is_number, r)) for r in rows
+        if (
+            not isinstance(rows, list)
+            or len(rows) != size
+            or not all(
+                isinstance(r, list) and len(r) == size and all(map(is_number, r)) for r in rows
+            )
         ):
             rule = f"must be a matrix of {size} × {size} finite numbers"
             raise self.kind(f"{self.where}{self._label(key)} {rule}")

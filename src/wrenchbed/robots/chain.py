@@ -253,7 +253,7 @@ def _combined(weights: Sequence[np.ndarray], parts: Sequence[Value]) -> Value:
 
 def _turned_back(x: Vector, turn: np.ndarray) -> tuple[np.ndarray, ...]:
     """Product Rᵀ v for a vector whose components come first."""
-    return tuple(_combined([turn[..., k, j] for k in range(3)], x) for j in range(3))
+    return tuple(_combined([turn[..., k, j] for k in range(3)], list(x)) for j in range(3))
 
 
 def _stacked(x: Vector, shape: tuple[int, ...]) -> np.ndarray:

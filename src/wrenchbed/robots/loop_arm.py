@@ -174,7 +174,9 @@ class LoopArm(DescribedArm):
         arm, geometry = super().at(theta), self._geometry(theta)
         assert arm.loops is not None
         closures = tuple(
-            closure if closure.kind == COUPLED else replace(closure, places=np.array(places), turn=weld)
+            closure
+            if closure.kind == COUPLED
+            else replace(closure, places=np.array(places), turn=weld)
             for closure, places, weld in zip(
                 arm.loops.closures, geometry.places, geometry.welds, strict=True
             )

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.data.checked import Fields, is_number, load
+from wrenchbed.data.checked import Fields, load
 from wrenchbed.data.column_map import UNITS
 from wrenchbed.data.guess.convention import GravityFit, in_body
 from wrenchbed.data.guess.sheets import Sheet, sheet_of, wrenches
