@@ -186,10 +186,10 @@ def view(
     rrd: Path | None = None,
     port: int = 9876,
 ) -> None:
-    """Look at a recording with what simulators say, or at a diagnosis, in rerun.
+    """Look at a recording with what simulators say, at a plan or at a diagnosis, in rerun.
 
     Args:
-        recording: Parquet file; the folder of a diagnosis; or an .rrd file.
+        recording: Parquet file, of a plan too; the folder of a diagnosis; or an .rrd file.
         against: fit.json and twin.json files whose simulators are held against it.
         rrd: Write this file and open nothing.
         port: Of the viewer's data, on 127.0.0.1.

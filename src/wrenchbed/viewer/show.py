@@ -12,10 +12,11 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from wrenchbed import registry
-from wrenchbed.data.plan import is_plan
+from wrenchbed.data.plan import Plan, is_plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DriverError, ParameterError
 from wrenchbed.jobs.ending import bound
+from wrenchbed.viewer.plans import plan_view
 from wrenchbed.viewer.recordings import recording_view
 
 HOST = "127.0.0.1"
@@ -124,7 +125,7 @@ def view(
     """Show a picture until its window is closed, or write it to a file.
 
     Args:
-        file: recording in Parquet, folder of a diagnosis, or an ``.rrd`` file.
+        file: recording or plan in Parquet, folder of a diagnosis, or an ``.rrd`` file.
         against: fit.json and twin.json files whose simulators are compared with the recording.
         rrd: file to write; then nothing is opened.
         port: of the viewer's data, on 127.0.0.1.
@@ -150,8 +151,11 @@ def _picture(file: Path, against: Sequence[str | Path], rrd: Path | None, folder
         if not made.is_file():
             raise ParameterError(f"{made}: there is no such file; `diagnose --out` makes it")
         return made
-    if is_plan(file):
-        raise ParameterError(f"{file}: is a plan; `record --dry-run` checks and prints its moves")
     out = rrd or folder / f"{file.stem}.rrd"
-    recording_view(Recording.read(file), out, against)
+    if not is_plan(file):
+        recording_view(Recording.read(file), out, against)
+    elif against:
+        raise ParameterError(f"{file}: is a plan; fits and twins are compared with recordings")
+    else:
+        plan_view(Plan.read(file), out)
     return out

@@ -1,0 +1,152 @@
+"""A plan as one sees it before any robot moves: its poses, the way through them, what to expect."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+
+from wrenchbed import registry
+from wrenchbed.campaigns.recording.itinerary import Leg, itinerary
+from wrenchbed.data.plan import Plan
+from wrenchbed.errors import ParameterError, PlanError
+from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk
+from wrenchbed.simulation.closed_form import Model
+from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.viewer import layout
+from wrenchbed.viewer.elements import (
+    SIMULATED,
+    log_arrows,
+    log_channels,
+    log_joints,
+    scale_for,
+)
+from wrenchbed.viewer.robot import FRAMES_HZ, frames, log_robot, motion
+from wrenchbed.viewer.stream import ROW, TIME, Canvas, log_words, to_file
+
+STAY_S = 1.0
+"""Shown at a pose whose plan leaves the time to the recorder."""
+WAY = (13, 148, 136)
+"""Teal of the sensor's way."""
+_DOT_M, _LINE_M = 0.008, 0.0015
+
+
+def plan_view(plan: Plan, path: str | Path, limits: Limits | None = None) -> None:
+    """Write the view of a plan.
+
+    Poses are reached from home as a campaign would reach them; a plan that cannot be run is shown
+    pose by pose, and why it cannot.
+
+    Args:
+        path: of the ``.rrd``.
+        limits: of the driver that shall run it.
+
+    Raises:
+        ParameterError: the robot has no model.
+        MissingExtraError: rerun is not installed.
+    """
+    robot = registry.load("robots", plan.robot)
+    if not isinstance(robot, SimulatedRobot):
+        raise ParameterError(f"{plan.name}: robot {plan.robot!r} has no model to show")
+    limits = limits or Limits()
+    axis, blocked = TIME, ""
+    if plan.mode == "dynamic":
+        assert plan.rate_hz is not None  # `Plan` holds it
+        q, at = plan.q, np.arange(len(plan)) / plan.rate_hz
+    else:
+        try:
+            rows = range(len(plan))
+            legs = itinerary(robot, plan, robot.home, limits, rows, clear=True)
+            q, at = along(robot, legs, plan.dwell, limits.speed)
+        except PlanError as error:
+            axis, blocked = ROW, str(error)
+            q, at = plan.q, np.arange(float(len(plan)))
+    _write(path, plan, robot, q, at, axis, blocked)
+
+
+def along(
+    robot: SimulatedRobot, legs: Sequence[Leg], dwell: np.ndarray, speed: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Joint values (K, J) and times (K,) [s] of a campaign from home: moves, a stay at each pose.
+
+    Args:
+        dwell: stays by row of the plan [s]; `STAY_S` where it is 0.
+        speed: share of the joints' top speed.
+    """
+    here, now = np.asarray(robot.home, dtype=float), 0.0
+    q, at = [here], [now]
+    for leg in legs:
+        for end in leg.via:
+            seconds = duration(robot, here, end, speed)
+            steps = np.linspace(0.0, 1.0, 1 + max(1, round(seconds * FRAMES_HZ)))[1:]
+            q += [*(here + minimum_jerk(steps[:-1])[:, None] * (end - here)), end]
+            at += list(now + seconds * steps)
+            here, now = end, now + seconds
+        now += float(dwell[leg.row]) or STAY_S
+        q.append(here)
+        at.append(now)
+    return np.array(q), np.array(at)
+
+
+def _write(
+    path: str | Path,
+    plan: Plan,
+    robot: SimulatedRobot,
+    q: np.ndarray,
+    at: np.ndarray,
+    axis: str,
+    blocked: str,
+) -> None:
+    model = Model.of(robot)
+    expected = model.predict(q, model.parameters.nominal)
+    shown = frames(q, at if axis == TIME else None)
+    simulation = Simulation(robot, robot.parameters.nominal)
+    seen = motion(simulation, q[shown])
+    scale = scale_for(expected)
+    tabs = [
+        layout.channels("expected at rest", (axis, at)),
+        layout.curves("/joints", "joints [°, mm]", window=(axis, at)),
+        layout.document("/report", "about"),
+    ]
+    with to_file(path, layout.page(layout.scene(robot.name), tabs, axis), axis) as canvas:
+        log_robot(canvas, robot, at[shown], seen)
+        log_arrows(canvas, "simulated", at[shown], expected[shown], seen, scale, SIMULATED)
+        log_channels(canvas, "wrench", at, {"nominal robot and tool": expected}, [SIMULATED])
+        log_joints(canvas, at, q, robot.joints)
+        _log_marks(canvas, plan, simulation, seen.sensor)
+        log_words(canvas, "report", _words(plan, expected, at, blocked, scale.sentence))
+
+
+def _log_marks(canvas: Canvas, plan: Plan, simulation: Simulation, way: np.ndarray) -> None:
+    """Where the sensor goes, where it rests, and the points that the tip shall touch."""
+    canvas.once("world/way", rr.LineStrips3D([way], colors=WAY, radii=_LINE_M))
+    if plan.mode == "static":
+        rests = motion(simulation, plan.q).sensor
+        canvas.once("world/poses", rr.Points3D(rests, colors=WAY, radii=_DOT_M))
+    if plan.points is not None:
+        canvas.once("world/touches", rr.Points3D(plan.points, colors=SIMULATED, radii=_DOT_M))
+
+
+def _words(plan: Plan, expected: np.ndarray, at: np.ndarray, blocked: str, scale: str) -> str:
+    kind = "a motion" if plan.mode == "dynamic" else f"{len(plan)} poses"
+    if plan.points is not None:
+        kind = f"{len(plan)} touches of known points"
+    rows = [f"# {plan.name}", "", f"Robot **{plan.robot}**, {kind}."]
+    if blocked:
+        rows += ["", f"**It cannot be run**: {blocked}. Poses are shown in turn, without a way."]
+    elif plan.mode == "static":
+        rows += ["", f"The way from home takes {at[-1]:.0f} s with {STAY_S:g} s at each pose; "
+                 "it is within reach and touches nothing that the model holds."]  # fmt: skip
+    else:
+        rows += ["", f"It lasts {at[-1]:.0f} s at {plan.rate_hz:g} Hz."]
+    rows += [
+        "", "Teal is the sensor's way and where it rests. Arrows and curves are what nominal "
+        f"parameters and the model's own tool weigh at rest: {scale}.",
+        "", "| channel | least | largest |", "|---|---|---|",
+    ]  # fmt: skip
+    for k, (channel, unit) in enumerate(zip(CHANNELS, UNITS, strict=True)):
+        low, high = expected[:, k].min(), expected[:, k].max()
+        rows.append(f"| {channel} | {low:.3g} {unit} | {high:.3g} {unit} |")
+    return "\n".join(rows)

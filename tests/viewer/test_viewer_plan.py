@@ -1,0 +1,98 @@
+"""A plan's picture, read back from its file: the way that a campaign would take, and its poses."""
+
+import numpy as np
+import pytest
+import rerun as rr
+
+import wrenchbed as wb
+from rrd_file import Rrd
+from wrenchbed.campaigns.recording.itinerary import itinerary
+from wrenchbed.data.plan import is_plan
+from wrenchbed.errors import ParameterError
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.motion_limits import Limits
+from wrenchbed.simulation.simulation import Simulation
+from wrenchbed.viewer.plans import STAY_S, along, plan_view
+from wrenchbed.viewer.robot import motion
+
+UR5 = wb.load("robots", "ur5")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _strict():
+    rr.set_strict_mode(True)
+    yield
+    rr.set_strict_mode(False)
+
+
+def words(rrd: Rrd) -> str:
+    return str(rrd.values("/report", "TextDocument:text")[0, 0])
+
+
+@pytest.mark.parametrize("name", ["ur5", "medrue"])
+def test_the_way_rests_at_every_pose_in_turn(name):
+    robot = wb.load("robots", name)
+    plan = wb.poses(robot, 8, seed=3)
+    legs = itinerary(robot, plan, robot.home, Limits(), range(8), clear=True)
+    dwell = np.array([0.0, 2.5] * 4)
+    q, at = along(robot, legs, dwell, Limits().speed)
+    assert (np.diff(at) > 0).all()
+    stays = np.flatnonzero((np.diff(q, axis=0) == 0).all(axis=1))
+    assert np.array_equal(q[stays], plan.q)
+    assert np.allclose(np.diff(at)[stays], np.where(dwell > 0, dwell, STAY_S))
+    moving = sum(leg.seconds for leg in legs)
+    assert at[-1] == pytest.approx(moving + np.where(dwell > 0, dwell, STAY_S).sum(), abs=1e-9)
+    speed = np.abs(np.diff(q, axis=0)) / np.diff(at)[:, None]
+    top = Limits().speed * np.array([j.speed for j in robot.joints])
+    assert (speed <= 1.001 * top).all()
+    assert (speed.max(axis=0) > 0.3 * top).any()
+
+
+def test_the_picture_holds_poses_way_and_expected_wrenches(tmp_path):
+    plan = wb.poses(UR5, 6, seed=3)
+    plan_view(plan, tmp_path / "p.rrd")
+    rrd = Rrd(tmp_path / "p.rrd")
+    simulation = Simulation(UR5, UR5.parameters.nominal)
+    dots = rrd.values("/world/poses", "Points3D:positions")[0]
+    assert np.abs(dots - motion(simulation, plan.q).sensor).max() < 1e-6
+    joints = np.deg2rad(rrd.values("/joints", "Scalars:scalars", "time"))
+    model = wb.Model.of(UR5)
+    expected = model.predict(joints, model.parameters.nominal)
+    for k, channel in enumerate(CHANNELS):
+        drawn = rrd.values(f"/wrench/{channel}", "Scalars:scalars", "time")
+        assert np.allclose(drawn[:, 0], expected[:, k], atol=1e-9)
+    assert "touches nothing" in words(rrd)
+
+
+def test_a_plan_that_cannot_be_run_is_shown_with_the_reason(tmp_path):
+    q = np.array([UR5.home, UR5.home])
+    q[1, 1] = 0.9  # the arm through its bench
+    plan_view(wb.Plan.of("ur5", q), tmp_path / "p.rrd")
+    rrd = Rrd(tmp_path / "p.rrd")
+    assert "cannot be run" in words(rrd) and "row 1" in words(rrd)
+    assert len(rrd.values("/joints", "Scalars:scalars", "row")) == 2
+
+
+def test_touches_and_motions_are_shown(tmp_path):
+    medrue = wb.load("robots", "medrue")
+    tip = medrue.tool_pose(medrue.home[None], medrue.parameters.nominal)[1]
+    plan_view(wb.Plan.of("medrue", medrue.home[None], points=tip), tmp_path / "t.rrd")
+    touched = Rrd(tmp_path / "t.rrd").values("/world/touches", "Points3D:positions")[0]
+    assert np.abs(touched - tip).max() < 1e-6
+    plan = wb.multisine(UR5, 5.0, 50.0, 1)
+    plan_view(plan, tmp_path / "m.rrd")
+    rrd = Rrd(tmp_path / "m.rrd")
+    degrees = rrd.values("/joints", "Scalars:scalars", "time")
+    assert np.allclose(degrees, np.rad2deg(plan.q), rtol=1e-12)
+    assert "/world/poses" not in rrd.entities()
+
+
+def test_plans_are_told_from_recordings_and_other_files(tmp_path):
+    wb.poses(UR5, 4, seed=3).write(tmp_path / "p.parquet")
+    with wb.SimDriver(wb.SimOptions("ur5", seed=1)) as driver:
+        wb.record(driver, wb.poses(UR5, 4, seed=3), tmp_path / "r.parquet", samples=2)
+    (tmp_path / "x.parquet").write_text("no")
+    found = [is_plan(tmp_path / f"{n}.parquet") for n in "prxn"]
+    assert found == [True, False, False, False]
+    with pytest.raises(ParameterError, match="has no model"):
+        plan_view(wb.Plan.of("oriented", np.zeros((1, 1))), tmp_path / "o.rrd")
