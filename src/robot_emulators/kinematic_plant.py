@@ -74,7 +74,8 @@ class KinematicPlant:
         return np.concatenate([weight, np.cross(self.load.cog, weight)])
 
     def readings(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The present weight at all times (n, 6), never saturated."""
+        """The load's weight now, in sensor axes, repeated for each time t (n,) [s]: wrenches (n, 6)
+        [N, N·m], and their saturated channels (n,) as bits, always 0."""
         return np.tile(self.wrench(), (len(t), 1)), np.zeros(len(t), dtype=np.uint32)
 
     def model_torques(

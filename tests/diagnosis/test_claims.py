@@ -7,7 +7,13 @@ import pytest
 from scipy.special import ndtr
 
 from linear_case import dictionary, readings, refitter
-from wrenchbed.diagnosis.explain.claims import beside, explained, stated, wrong_numbers, zero_offset
+from wrenchbed.diagnosis.explain.claims import (
+    explained,
+    stated,
+    stated_errors_beside,
+    wrong_numbers,
+    zero_offset,
+)
 from wrenchbed.diagnosis.explain.contributions import doubled, twins
 
 JOINTS = ("joint.offset", "joint.backlash")
@@ -90,7 +96,7 @@ def test_errors_of_stated_numbers_are_estimated_without_their_tolerance(rung):
     expected = np.sqrt(2.0 / 4.0) * np.eye(10)[6]
     assert told.mean == pytest.approx(expected, abs=1e-3)
     assert np.diagonal(told.covariance) == pytest.approx(np.full(10, 1.0 / precision), rel=1e-6)
-    assert beside(r, f) == pytest.approx(expected, abs=1e-3)
+    assert stated_errors_beside(r, f) == pytest.approx(expected, abs=1e-3)
 
 
 def test_what_a_small_part_holds_of_a_stated_number_is_given_back():
@@ -179,7 +185,7 @@ def test_the_sensors_own_weight_is_bounded_while_stated_numbers_are_exact(
     values = {k: getattr(d, k) for k in d.__dataclass_fields__}
     size = np.where(np.arange(len(d.size)) == 6, mass_size, 1.0)
     r = refitter(type(d)(**values | {"size": size}), readings(d, {}))
-    beside(r, r.fit(hypotheses(d, ("base.tilt",)), 0))
+    stated_errors_beside(r, r.fit(hypotheses(d, ("base.tilt",)), 0))
     (level,) = r.exact.values()
     assert level.V[d.of_effect("tool.self_weight")] == pytest.approx(bound**2)
     assert level.V[d.stated] == pytest.approx(np.zeros(10))

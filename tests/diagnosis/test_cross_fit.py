@@ -8,7 +8,7 @@ import pytest
 from linear_case import ROWS, dictionary, readings, refitter
 from simulated import UR5_TRUTH, WHITE, static, with_tool
 from wrenchbed.diagnosis.evidence.search import Searcher
-from wrenchbed.diagnosis.explain.claims import beside
+from wrenchbed.diagnosis.explain.claims import stated_errors_beside
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis, case
 from wrenchbed.diagnosis.explain.structures import build as build_dictionary
@@ -66,7 +66,7 @@ def test_readings_of_a_fold_change_nothing_that_judges_it():
         size = f.spread if size is None else size  # how large effects are, all rows may say
         less, f = r.without(FOLD), replace(f, spread=size, rung=0)
         again = less.again(f)
-        told.append((f.x, again.x, beside(less, again), less.d.fitted(less.y)))
+        told.append((f.x, again.x, stated_errors_beside(less, again), less.d.fitted(less.y)))
     (all_rows, x, stated, alone), (moved, x2, stated2, alone2) = told
     assert np.abs(moved - all_rows).max() > 0.1
     for a, b in ((x, x2), (stated, stated2), (alone, alone2)):

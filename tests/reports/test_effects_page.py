@@ -5,7 +5,7 @@ import pytest
 from wrenchbed import registry
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
 from wrenchbed.effects.base import SHOWN, STAGES
-from wrenchbed.reports.effects_page import PAGE, render, visible_size
+from wrenchbed.reports.effects_page import PAGE, render, seen_in
 
 TEXT = render()
 
@@ -29,7 +29,7 @@ def test_the_introduction_states_every_stage_and_every_variable_of_a_figure():
 def test_every_effect_says_all_about_itself(name):
     effect, text = registry.load("effects", name), section(name)
     assert effect.title[1:] in text and effect.source in text
-    assert f"stage: {effect.stage}" in text and visible_size(effect) in text
+    assert f"stage: {effect.stage}" in text and seen_in(effect) in text
     assert "- in MuJoCo: " in text and "- seen in: " in text
     for robot in ("ur5", "medrue"):
         for p in effect.parameters(registry.load("robots", robot)):

@@ -106,10 +106,14 @@ def described(*kinds: type[Settings]) -> dict[str, str]:
 
 
 def read(words: Mapping[str, str], *kinds: type[Settings]) -> list[Any]:
-    """Settings of each kind from text by name.
+    """Parse ``--set name=value`` into one object of each kind of settings, in the order of kinds.
+
+    Args:
+        words: name of a setting → its value as text; settings left out keep their defaults.
+        kinds: classes of settings; each takes the names that it has.
 
     Raises:
-        SettingError: an unknown name, listing all; or a value that is none.
+        SettingError: no kind has such a name, with a list of all; or the text is no allowed value.
     """
     known = described(*kinds)
     for name in words:

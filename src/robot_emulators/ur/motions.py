@@ -279,7 +279,7 @@ class Servo(ArmMotion):
         return 2.0 / self._rate
 
     def distance(self, q: np.ndarray) -> np.ndarray:
-        """How far the target is from q (6,)."""
+        """Distance of each joint from q (6,) to the target (6,) [rad], never negative."""
         return np.asarray(np.abs(self._goal - q))
 
     def begin(self, q: np.ndarray, qd: np.ndarray) -> None:

@@ -84,7 +84,8 @@ class Primary:
 
 
 class ScriptClient:
-    """One client that sends programs, or one of the commands that the pendant sends so."""
+    """One client of a port that takes URScript: it uploads a program to the controller, or runs a
+    command of the pendant, such as ``power on``, that is sent as if it were a program."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller, self._collector = controller, Collector()
@@ -99,7 +100,7 @@ class ScriptClient:
         }
 
     def receive(self, data: bytes, now: float) -> bool:
-        """Take bytes of programs; False where one grows beyond all measure."""
+        """Take bytes of programs; False once a program is longer than the collector allows."""
         scripts = self._collector.feed(data)
         for text in scripts or ():
             command = self._commands.get(text.strip())

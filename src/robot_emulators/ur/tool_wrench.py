@@ -51,7 +51,13 @@ class WrenchEstimate:
         self.wrench = np.zeros(6)
 
     def update(self, load: np.ndarray, rotation: np.ndarray, tcp: np.ndarray) -> None:
-        """Take the measured load (6,); R_base_flange and the TCP in flange axes."""
+        """Compute the reported wrench (6,) [N, N·m], in axes of the base.
+
+        Args:
+            load: measured on the flange, in its axes (6,) [N, N·m].
+            rotation: of the flange in axes of the base (3, 3).
+            tcp: pose of the TCP in flange axes (6,); its position [m] is used.
+        """
         weight = self.payload.mass * self.gravity
         force = rotation @ load[:3] - weight
         torque = rotation @ load[3:] - cross(rotation @ self.payload.cog, weight)

@@ -141,7 +141,10 @@ def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
 def _diagnose_efforts(
     data: list[wb.Recording], efforts: EffortOptions, seed: int, out: Path
 ) -> tuple[list[str], Answer]:
-    """Diagnose one recording's joint efforts, and its wrench too; names of files, and the words."""
+    """Diagnose the joint efforts of one recording, with its wrench if ``efforts.channels`` is both.
+
+    Returns the names of the files written to the folder ``out``, and the answer to print.
+    """
     from wrenchbed.diagnosis.efforts.diagnose_efforts import STEPS, diagnose_efforts
     from wrenchbed.reports.answer import of_efforts
     from wrenchbed.reports.effort_page import effort_page

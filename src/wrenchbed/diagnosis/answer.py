@@ -93,7 +93,9 @@ def with_elements(a: Analysis, verdict: Verdict) -> Verdict:
 
 
 def _elements(a: Analysis, cause: Cause, spread: float) -> dict[str, Any]:
-    """``elements`` and ``combination`` of an entry."""
+    """Keys ``elements`` and ``combination`` of a cause's entry in ``which``: the joints, links or
+    axes that explain the recording equally well, and the sum of their sizes that it determines,
+    with a standard uncertainty multiplied by ``spread``; None where it determines none."""
     of_effect = cause.elements[cause.names[0]]
     total = combination(a.refitter, of_effect, spread)
     return {

@@ -13,8 +13,9 @@ NAMES = ("compliance", "compliance.x", "compliance.y")
 class BaseCompliance(Effect):
     """R → Exp(α) R about the base's origin, α = C M: M is gravity's moment on all that moves.
 
-    Of M counts the horizontal part; ``compliance`` gives alike about x and y of the world, the
-    other two are added about one axis. The base gives in the direction of its moment: α ∥ +M.
+    M [N·m] is taken about the base's origin; only its horizontal part tilts the base. C
+    [rad/(N·m)] is ``compliance`` about both x and y of the world, plus ``compliance.x`` about x
+    and ``compliance.y`` about y. With ``compliance`` alone the base turns about M: α ∥ +M.
 
     Seen in: poses stretched out and drawn in, with joint 1 turned: the tilt follows reach times
     weight.

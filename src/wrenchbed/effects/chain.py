@@ -127,8 +127,8 @@ class EffectChain:
         return reading
 
     def placed(self, scene: Scene) -> tuple[Pose, np.ndarray]:
-        """The sensor's pose, and the tool's load on it (M, 6) [N, N·m]: the stages before others
-        pull."""
+        """Pose of the sensor, and the tool's load on it (M, 6) [N, N·m], after stages ``model``,
+        ``joint`` and ``pose``; no effect has added a wrench yet."""
         theta = self.theta(scene.robot, scene.theta)
         pose = self.pose(scene, theta)
         as_stated = pose.rotation is scene.pose[0] and pose.position is scene.pose[1]

@@ -49,7 +49,7 @@ def _section(e: Effect) -> str:
         f"### {e.name}\n",
         _sentence(e) + "\n",
         f"- stage: {e.stage}; recordings: {_recordings(e)}; robots: {_robots(e)}",
-        f"- seen in: {visible_size(e)}",
+        f"- seen in: {seen_in(e)}",
         f"- in MuJoCo: {_in_mujoco(e)}",
         f"- size from: {e.source}",
     ]
@@ -72,11 +72,11 @@ def _sentence(e: Effect) -> str:
     return f"{e.title[0].upper()}{e.title[1:]}. {formula}"
 
 
-def visible_size(e: Effect) -> str:
-    """Which data show an effect, from its docstring.
+def seen_in(e: Effect) -> str:
+    """Which recordings show an effect: the paragraph ``Seen in: …`` of its docstring, in one line.
 
     Raises:
-        NotFoundError: the docstring does not say.
+        NotFoundError: the docstring has no such paragraph.
     """
     for text in _paragraphs(e):
         if text.startswith(SEEN):

@@ -50,9 +50,10 @@ def subsystems(found: Findings) -> list[dict[str, Any]]:
     return result
 
 
-def invisible(found: Findings) -> str:
-    """Names of the places where nothing is seen."""
-    return ", ".join(f.variable for f in found.places if not f.seen)
+def invisible(findings: Findings) -> str:
+    """Channels, joints and other variables on which the residual is not seen to depend, listed
+    with commas."""
+    return ", ".join(place.variable for place in findings.places if not place.seen)
 
 
 def places(found: Findings) -> list[dict[str, str]]:

@@ -235,7 +235,7 @@ def _compiled(spec: mujoco.MjSpec, source: ModelSource, notes: list[str]) -> muj
         if "inertia" not in str(cause):
             raise _refused(source, cause) from None
         options.balanceinertia = True
-        _possible(spec)
+        _repair_inertias(spec)
         notes.append("a body's inertia is that of no body: it is replaced by a possible one")
     try:
         return spec.compile()
@@ -243,8 +243,9 @@ def _compiled(spec: mujoco.MjSpec, source: ModelSource, notes: list[str]) -> muj
         raise _refused(source, cause) from None
 
 
-def _possible(spec: mujoco.MjSpec) -> None:
-    """Bodies whose inertia has no positive moments get that of a small ball of their mass."""
+def _repair_inertias(spec: mujoco.MjSpec) -> None:
+    """Replace each inertia [kg·m²] with a principal moment of zero or less by that of a small ball
+    of the body's mass, which MuJoCo can compile."""
     for body in spec.bodies:
         moments = symmetric(body.fullinertia)
         if np.isfinite(moments).all() and np.linalg.eigvalsh(moments)[0] <= 0.0:

@@ -166,7 +166,13 @@ def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: 
 
 @dataclass(frozen=True, eq=False)
 class SharedDesigns:
-    """Data shared by all robots: the setting without its Jacobian, designs by name, a seed."""
+    """What all random robots of the study are identified with; each worker process gets a copy.
+
+    Attributes:
+        setting: the study's, without its Jacobian, which would make the copies large.
+        designs: name of each pose design → indices (n,) of its configurations in ``setting.q``.
+        seed: with the number of a robot it gives that robot's parameters and noise.
+    """
 
     setting: StudySetting
     designs: Mapping[str, np.ndarray]

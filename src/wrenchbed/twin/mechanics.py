@@ -151,7 +151,13 @@ class Mechanism:
         )
 
     def _settle_play(self, give: np.ndarray, force: np.ndarray, coming: np.ndarray) -> None:
-        """Put what has play, columns of (M, E), where forces (M, E) push it."""
+        """Move each added joint that has play to where the force on it pushes it, in place.
+
+        Args:
+            give: positions of the added joints (M, E) [rad or m]; columns with play are written.
+            force: on each added joint in the middle of its play (M, E) [N·m or N].
+            coming: direction in which each joint of the robot last moved (M, J).
+        """
         for k, a in enumerate(self._added):
             if a.half is not None:
                 give[:, k] = a.side(force[:, k], coming)

@@ -77,7 +77,8 @@ def name_of(key: Key) -> str:
 
 
 def gap_of(setting: EffortSetting, added: np.ndarray) -> float:
-    """Mean square of what is added (N, J), in a row's noise, at the worst joint in motion."""
+    """Gap that a fault makes: mean square, at the joint where it is largest, of the efforts that
+    the fault adds (N, J) in units of one row's noise; a joint at rest counts as 0."""
     return float((_seen(setting, added) ** 2).mean(axis=0).max())
 
 

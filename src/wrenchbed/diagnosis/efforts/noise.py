@@ -26,10 +26,11 @@ class JointNoise:
     """Noise of one joint.
 
     Attributes:
-        std: of one row [N·m].
+        std: standard deviation of one row's noise [N·m].
         filter: whitening filter (K,), which begins with 1.
-        innovation: standard deviation after it [N·m].
-        weight: of each row (M,) ≤ 1: less where the richest model leaves more.
+        innovation: standard deviation of the filtered noise [N·m].
+        weight: of each row in a fit (M,), at most 1; smaller where the residual of the richest
+            model is larger.
     """
 
     std: float
@@ -47,16 +48,15 @@ class JointNoise:
 def joint_noise(
     y: np.ndarray, columns: np.ndarray, speed: np.ndarray, use: np.ndarray
 ) -> JointNoise:
-    """Noise of one joint, of what all columns (M, K) leave of its torque y (M,).
-
-    Rows that are not of use (M,) have no weight.
+    """Noise of one joint, from the residual of its torque y (M,) [N·m] after a fit of all columns
+    (M, K), at joint speeds (M,); rows outside ``use`` (M,), boolean, get no weight.
     """
-    left, rows = remains(y, columns, use), int(use.sum())
-    std = float(np.std(left[use])) * float(np.sqrt(rows / max(rows - columns.shape[1], 1)))
-    left = np.where(use, left, 0.0)
+    residual, rows = remains(y, columns, use), int(use.sum())
+    std = float(np.std(residual[use])) * float(np.sqrt(rows / max(rows - columns.shape[1], 1)))
+    residual = np.where(use, residual, 0.0)
     std = max(std, 1e-9 * max(float(np.std(y)), 1e-3))
-    kernel = _whitening(left)
-    white = signal.lfilter(kernel, [1.0], left)
+    kernel = _whitening(residual)
+    white = signal.lfilter(kernel, [1.0], residual)
     fast = np.abs(speed) / max(float(np.abs(speed).max()), 1e-12)
     level = float(np.var(white[use & (fast > _SLOW[-1])]))
     weight = use.astype(float)
@@ -69,7 +69,8 @@ def joint_noise(
 
 
 def remains(y: np.ndarray, columns: np.ndarray, use: np.ndarray) -> np.ndarray:
-    """Residual of y (M,) after least squares with a small ridge on some rows (M,)."""
+    """Residual of y (M,) after a least-squares fit of columns (M, K), with a small ridge, to the
+    rows of ``use`` (M,), boolean."""
     scale = np.sqrt(np.maximum((columns**2).mean(axis=0), 1e-300))
     scaled = columns / scale
     some = scaled[use]
@@ -77,10 +78,11 @@ def remains(y: np.ndarray, columns: np.ndarray, use: np.ndarray) -> np.ndarray:
     return np.asarray(y - scaled @ np.linalg.solve(gram, some.T @ y[use]))
 
 
-def _whitening(left: np.ndarray) -> np.ndarray:
-    """1, −a₁ … of the autoregressive process of a residual (M,)."""
-    n = len(left)
-    moments = np.array([left[: n - k] @ left[k:] / n for k in range(_ORDER + 1)])
+def _whitening(residual: np.ndarray) -> np.ndarray:
+    """Filter (1 + K,) that makes a residual (M,) [N·m] white: 1, −a₁, …, −a_K, where aₖ are the
+    coefficients of the autoregressive process fitted to it."""
+    n = len(residual)
+    moments = np.array([residual[: n - k] @ residual[k:] / n for k in range(_ORDER + 1)])
     moments[0] *= 1.0 + _FLOOR
     if moments[0] <= 0.0:
         return np.array([1.0])

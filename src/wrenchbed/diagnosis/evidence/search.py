@@ -27,7 +27,13 @@ THREADS = 2
 
 @dataclass(frozen=True)
 class SingleEvidence:
-    """A hypothesis (its place in the list; kernels from −1 down) on a rung, its log posterior."""
+    """How likely one hypothesis alone is, on one level of background.
+
+    Attributes:
+        index: of the hypothesis in `Searcher.hypotheses`; of kernel k it is −1 − k.
+        rung: index of the level of background in `Searcher.rungs`.
+        log_posterior: natural logarithm of prior times evidence, not normalised.
+    """
 
     index: int
     rung: int

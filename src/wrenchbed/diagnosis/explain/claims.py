@@ -237,8 +237,9 @@ def stated(refitter: Refitter, f: Finalist) -> Stated:
     return Stated(mean[:numbers] + held, covariance[:numbers, :numbers])
 
 
-def beside(refitter: Refitter, f: Finalist) -> np.ndarray:
-    """Errors of the stated numbers (S,) that fit best with a finalist's parts as they are."""
+def stated_errors_beside(refitter: Refitter, f: Finalist) -> np.ndarray:
+    """Errors of the stated bias, mass and CoG (S,), in typical sizes, that fit a finalist's
+    residual best while its parts keep their values."""
     d = refitter.d
     spread = np.full(len(d.stated), LARGEST)
     return _fitted(_exact(refitter, f.rung), d.E[:, d.stated], f.residual, spread)[0]

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.diagnosis.explain.claims import beside
+from wrenchbed.diagnosis.explain.claims import stated_errors_beside
 from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.prepare.baseline import Baseline
@@ -70,7 +70,7 @@ class HeldOut:
 
 def corrected(refitter: Refitter, f: Finalist, stated: Configuration) -> Configuration:
     """A configured simulator with bias, mass and CoG as they come out beside a finalist."""
-    return _moved(refitter, beside(refitter, f), stated)
+    return _moved(refitter, stated_errors_beside(refitter, f), stated)
 
 
 def _moved(refitter: Refitter, error: np.ndarray, stated: Configuration) -> Configuration:
