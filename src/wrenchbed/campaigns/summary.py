@@ -21,7 +21,8 @@ _WHEN = ("before", "after")
 _QUANTILES = (5, 25, 50, 75, 95)
 _VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
 MOST_WRONG = 200
-"""Largest number of robots that are listed."""
+"""Largest number of failed robots that are listed: more make the page longer than anyone reads, and
+all stand in the table of rows."""
 SHOWS = 1.0
 """Least mean square change of a reading that an effect makes, in units of a row's noise."""
 

@@ -28,7 +28,8 @@ STEP_S = CYCLE_S * CYCLES
 SPEED = 0.03
 """Of the tip at an action of 1 [m/s]."""
 TOO_MUCH_N = 40.0
-"""A force that would hurt: it ends the episode [N]."""
+"""Force that ends an episode as harmful [N], five times the largest of `TARGET_N`: a smaller one
+ends the episode at each overshoot, a much larger one never punishes."""
 TARGET_N = (2.0, 8.0)
 """Range of the wanted force [N]."""
 STIFFNESS = (300.0, 3000.0)

@@ -18,7 +18,8 @@ from wrenchbed.simulation.drives.drive_train import DriveTrain, EffortNoise, tem
 from wrenchbed.simulation.servo_motion import ServoDrivenRobot
 
 _WARM_EVERY = 250
-"""Cycles between updates of the temperatures."""
+"""Control cycles between updates of the temperatures, 0.5 s to 2 s: drives warm up over many
+minutes, so that rarer updates show as steps and more frequent ones only cost time of each cycle."""
 
 
 class Efforts(NamedTuple):

@@ -26,7 +26,8 @@ from wrenchbed.twin.comparison import binned_rms, bins
 BINS = 8
 """Columns of the map of residuals."""
 _LINEAR = 5.0
-"""Largest gap that is drawn on a linear axis."""
+"""Largest gap [noise variances] that is drawn on a linear axis: there a gap of 1, as large as the
+noise, is still a sixth of the width; far beyond it small bars could not be read."""
 _ROLES: Mapping[str, Role] = {"sim": "before", "effects": "after", "box": "box", "real": "measured"}
 
 FITTED = "bias, tool mass and centre of gravity fitted, as every user does"

@@ -36,7 +36,8 @@ ROBOTS = {False: 200, True: 8}
 STARTS = {False: 3, True: 1}
 """Number of starting points of each exchange, by --quick."""
 _FIXED = 1 + 6 + 2
-"""Number of steps that do not depend on the number of robots."""
+"""Steps of progress before the random robots: the pool, six searches for poses (O1 … O5 and the
+target's error), and the ranks and the paper's robot. Another number ends the bar early or late."""
 _RANKED = 1000
 """Configurations from which the rank is stated, beside the chosen ones and the whole pool."""
 _ACTIVE = 1e-13

@@ -25,7 +25,8 @@ REFUTED = 0.1
 """Part of the readings' swing (of squares) that no load explains, from which the load is refuted.
 The imperfections of a robot leave less: gains, tilts and cables of the library a hundredth."""
 SURE = 5.0
-"""Standard uncertainties by which a load must differ from zero to count."""
+"""Least load over its standard uncertainty that counts as present: at 2 chance
+makes one in one recording of twenty, at 20 a light tool on a noisy sensor counts as missing."""
 LEAST_WEIGHT, LITTLE = 0.01, 0.05
 """Least measured weight, over the stated one, at which a load counts as present, and as not
 subtracted already."""
@@ -52,7 +53,8 @@ FOLLOWED = 0.5
 ROUND = 0.05
 """Least spread of forces, over the radius, along any axis, for a sphere through them to be seen."""
 SPHERE = 0.1
-"""Forces whose distance from their middle varies less, relative, are one weight turned about."""
+"""Relative scatter of the forces' distances from their middle, up to which they are one weight
+turned about: less finds none on a sensor with gain errors, more finds one in pushes by hand."""
 MIRRORED = 0.1
 """A CoG that comes out at minus the stated one, within this share, is a wrong sign of torques."""
 STANDARD_GRAVITY = 9.80665

@@ -15,7 +15,8 @@ STUCK = 0.2
 CLIPPED = 0.3
 """Share of the rows at a channel's end that is refused whatever the end is."""
 FEW = 10
-"""Fewest rows from which a fraction of them is evaluated."""
+"""Fewest rows from which the fraction at a channel's end is evaluated: of fewer rows `CLIPPED` is
+three or less, which coarse counts reach by chance."""
 AT_END, LEAST_CLIPPED = 0.01, 0.02
 """Distance of a channel's extreme from the sensor's range, and least fraction of rows there, for a
 clipped channel."""

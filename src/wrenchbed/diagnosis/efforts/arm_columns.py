@@ -28,7 +28,8 @@ _LIGHT = 0.01
 _COMMON = 4e-3
 """Delay at which the column of a common one is made [s]; estimate."""
 _NOTHING = 1e-9
-"""Rms over the largest column's below which a column is none."""
+"""Largest value of a column, over that of the largest column, up to which it is rounding: a larger
+limit drops small but real causes, a smaller one than 1e-15 keeps rounding of doubles as a cause."""
 _LAST = -2.0
 """Log odds of the link that carries the tool against the tool that hangs on it; estimate."""
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))

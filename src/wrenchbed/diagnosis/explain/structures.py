@@ -57,7 +57,8 @@ NEAR = 12.0
 """A rival is refitted if its linear evidence is so near that of the part it replaces (natural
 logarithm)."""
 MOST = 3
-"""Largest number of rivals refitted for each part."""
+"""Largest number of rivals refitted for each part, best first: each costs a nonlinear fit; with
+fewer a rival that is worse in the linear model but better when refitted is missed."""
 
 
 def predictive_score(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> float:

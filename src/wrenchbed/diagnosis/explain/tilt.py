@@ -19,7 +19,8 @@ from wrenchbed.diagnosis.explain.verdict import Cause, Verdict
 from wrenchbed.diagnosis.prepare.accelerometer import TILT, Testimony
 
 SURE = 0.9
-"""Least probability of a tilt that is claimed although it alone would not count,"""
+"""Least probability of a tilt that is claimed although its gap alone would not count: below, one
+claim of ten or more would be wrong; near 1 a second sensor would hardly ever decide,"""
 LEAST = 0.25
 """and least gap that it then adds: a quarter of what a cause needs without a second sensor."""
 DISAGREE = 0.01

@@ -13,6 +13,8 @@ from wrenchbed.diagnosis.explain.elements import DOUBT, RIVAL, Elements
 from wrenchbed.diagnosis.explain.structures import MARGIN, Ranking
 
 MOST_RIVALS = 4
+"""Most rivals of a named cause: a reader who gets more than five candidates learns nothing, so the
+verdict is unknown; with fewer, pairs of look-alike effects and their mixtures would be unknown."""
 INSEPARABLE = tuple(frozenset({"mount.rotation", n}) for n in ("joint.offset", "sensor.crosstalk"))
 """Pairs of effects that no data without contact distinguishes."""
 

@@ -22,7 +22,8 @@ HARMONICS = 5
 _PERIOD_S = 10.0
 """Period of the slowest sine [s]; estimate."""
 _FADE_S = 2.0
-"""Duration of the fade from rest and to rest at both ends [s]."""
+"""Duration of the fade from rest and to rest at both ends [s]: a fifth of `_PERIOD_S`. A shorter
+one adds accelerations that shrink the whole motion, a longer one wastes rows near rest."""
 _SPEED, _ACCELERATION = 0.6, 4.0
 """Share of top speed, and largest acceleration [rad/s²]; estimates."""
 _ROOM = 0.05

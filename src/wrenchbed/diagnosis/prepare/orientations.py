@@ -28,7 +28,8 @@ EVEN = 0.2
 STILL = 0.02
 """Rate of turn [rad/s] below which the tool counts as at rest."""
 LEAST_STILL = 5
-"""Averaged rows at rest from which an accelerometer's zero is taken."""
+"""Fewest averaged rows at rest from which an accelerometer's gain and zero are fitted, one more
+than the four unknowns of an axis; with fewer all rows are used, although motion disturbs them."""
 SCALE, ZERO = 0.01, 1.0
 """Standard deviations of an accelerometer's gain, relative, and zero [m/s²], before it is seen."""
 

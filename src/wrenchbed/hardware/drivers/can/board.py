@@ -38,6 +38,8 @@ _SINCE = (3, 7)
 """Firmware from which counts and units are queried; an older one is taken to use `_COUNTS` per N
 and N·m. No manual of an older one is known."""
 _COUNTS = 1_000_000
+"""Counts per N and per N·m that an older firmware is taken to use, since it cannot be queried: a
+wrong number scales every wrench by the same factor."""
 _MOST_ANSWERS = 16
 """Answers that wait to be read; a query has three."""
 

@@ -44,8 +44,9 @@ FAR_S = 0.15
 """Farthest that a position may be behind its target, likewise [s]; drives lag by
 a few cycles."""
 REST_S = 0.5
-"""Longest duration of a quick stop from top speed [s]; a drive that needs longer keeps its voltage
-until it stands, by `Rest.reached`."""
+"""Longest time that a quick stop from top speed is granted before an axis counts as at rest without
+answers [s]: too short releases an axis that moves, too long delays each stop of a mute bus. A drive
+that answers keeps its voltage until it stands, by `Rest.reached`."""
 _SPEED_OVER = 6
 """Answers from which speeds are computed; fewer are dominated by the encoder's last count."""
 _SLOW = 0.02

@@ -23,6 +23,8 @@ from wrenchbed.robots.base import Robot
 Grade = Literal["ok", "note", "fails"]
 """``fails``: a recording run would not start or not end; ``note``: look at it."""
 _PORTS = {30004: "RTDE", 30003: "scripts", 29999: "dashboard"}
+"""TCP port of the controller → the service that answers there; Universal Robots fixes the numbers.
+A recording run needs all three."""
 _SPARSE = 0.9
 """Fraction of the states that must arrive: fewer make a recording run wait for its rows."""
 _NEEDED_HZ, _LONGEST_S = 100.0, 600.0
