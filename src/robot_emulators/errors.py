@@ -21,4 +21,4 @@ class FaultError(EmulatorError, ValueError):
 
 
 class EmulatorWarning(UserWarning):
-    """What a person should know; the emulator goes on."""
+    """A condition that a person should know of; the emulator goes on."""

@@ -49,7 +49,8 @@ class Arm:
 
 
 class Efforts(NamedTuple):
-    """What the drives report: torque or force (J,), current (J,) [A], temperature (J,) [°C]."""
+    """Efforts that the drives report: torque or force (J,) [N·m or N], current (J,) [A], and
+    temperature (J,) [°C]."""
 
     torque: np.ndarray
     current: np.ndarray
@@ -112,7 +113,7 @@ class Plant(Protocol):
 
     @property
     def efforts(self) -> Efforts:
-        """What the drives report of the reported state."""
+        """Efforts that the drives report, of the same moment as `q`."""
 
     def step(self, target: np.ndarray, due: float = 0.0) -> None:
         """Take one control cycle towards a target (J,); due at a time of `time.monotonic` [s]."""

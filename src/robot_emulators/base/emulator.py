@@ -88,7 +88,8 @@ class Emulator(ABC):
 
     @abstractmethod
     def serve(self) -> dict[str, str]:
-        """What `start` does for this kind; where it raises, `stop` follows."""
+        """Begin to serve clients: the part of `start` that each kind fills in; `stop` follows if it
+        raises."""
 
     @abstractmethod
     def stop(self) -> None:

@@ -128,7 +128,7 @@ class Hub:
         self._thread.soon(run)
 
     def say(self, text: bytes) -> None:
-        """Put bytes as they are into every client's stream; call it in the hub's thread."""
+        """Send bytes to every client without a frame around them; call it in the hub's thread."""
         for client in self._clients.values():
             client.say(text)
 
@@ -237,7 +237,7 @@ class Client(Connection):
 
     @property
     def off(self) -> bool:
-        """Whether it is bus off: it hears nothing and is not heard."""
+        """Whether the client is bus off: it receives no frame and its frames reach nobody."""
         return self.off_until > 0.0 and time.monotonic() < self.off_until
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -280,7 +280,7 @@ class Client(Connection):
             queue += text
 
     def speaks(self) -> None:
-        """It sent a frame, so it has read the answer to ``rawmode``."""
+        """Note that the client sent a frame, so that it has read the answer to ``rawmode``."""
         self.spoke = True
         self._quiet_until = 0.0
 

@@ -23,14 +23,15 @@ class Frame(NamedTuple):
 
 
 class Command(NamedTuple):
-    """What a client asks: its first word and the rest."""
+    """A command of a client: its first word and the words after it."""
 
     verb: str
     words: tuple[str, ...]
 
 
 def split(buffer: bytes) -> tuple[list[Command], bytes, int]:
-    """Commands in what a client sent, what is left of it, and how many pieces were rubbish."""
+    """Split bytes of a client into commands, the bytes of an unfinished one, and the number of
+    pieces that are no command."""
     commands: list[Command] = []
     rubbish = 0
     while True:

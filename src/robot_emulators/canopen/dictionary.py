@@ -61,9 +61,9 @@ class Entry:
         mapped: whether a PDO may carry it.
         default: value after a reset, a number or the bytes of a text.
         low: smallest number that may be written, None where its type decides.
-        high: largest number that may be written, likewise.
+        high: largest number that may be written, None where its type decides.
         check: runs before a number is written; raises `AbortError`.
-        value: now.
+        value: the present one.
     """
 
     size: int
@@ -104,7 +104,7 @@ class Entry:
         return value
 
     def raw(self) -> bytes:
-        """Its bytes on the bus, little endian."""
+        """The value's bytes on the bus, little endian."""
         if isinstance(self.value, bytes):
             return self.value
         return (self.value % (1 << 8 * self.size)).to_bytes(self.size, "little")

@@ -71,7 +71,7 @@ class Pdo:
 
     @property
     def type(self) -> int:
-        """Its transmission type."""
+        """Transmission type of the PDO; source: CiA 301."""
         return self._objects[self.index, 2]
 
     @property
@@ -89,12 +89,12 @@ class Pdo:
         self._objects[self.index, 5] = round(seconds * 1000.0)
 
     def keys(self) -> list[Key]:
-        """What it carries, in order."""
+        """Objects that the PDO carries, in order."""
         entries = [self._objects[self._map, k + 1] for k in range(self._objects[self._map, 0])]
         return [(entry >> 16, entry >> 8 & 0xFF) for entry in entries]
 
     def pack(self) -> bytes:
-        """Its data now."""
+        """Data of the PDO with the present values of its objects."""
         return self._objects.pack(self.keys())
 
     def unpack(self, data: bytes) -> list[tuple[Key, int]] | None:
@@ -115,7 +115,7 @@ class Pdo:
         return [(key, value) for key, value in values if isinstance(value, int)]
 
     def at_sync(self) -> bytes | None:
-        """What a TPDO transmits at a SYNC, None where nothing."""
+        """Data that a TPDO transmits at a SYNC; None if it transmits none."""
         if self.can_id is None or not self.synchronous:
             return None
         self._syncs += 1
@@ -126,7 +126,7 @@ class Pdo:
         return data
 
     def at_event(self, t: float) -> bytes | None:
-        """What an event-driven TPDO transmits at a time [s], None where nothing."""
+        """Data that an event-driven TPDO transmits at a time [s]; None if it transmits none."""
         if self.can_id is None or self.type < _EVENT:
             return None
         data, timer = self.pack(), self.timer

@@ -41,7 +41,7 @@ class AxisState(enum.Enum):
 
 
 class Command(enum.Enum):
-    """What a controlword asks."""
+    """Command that a controlword gives to a drive."""
 
     VOLTAGE_OFF = enum.auto()
     QUICK_STOP = enum.auto()
@@ -110,7 +110,7 @@ class Axis:
 
     @property
     def speed(self) -> float:
-        """Of the set-point [count/s]."""
+        """Speed of the set-point [count/s]."""
         return self._point.speed
 
     @property
@@ -141,7 +141,7 @@ class Axis:
 
     @property
     def driven(self) -> bool:
-        """Whether it follows targets."""
+        """Whether the drive is enabled, so that the axis follows targets."""
         return self.state is AxisState.ENABLED
 
     def use(self, settings: MotionSettings) -> None:
@@ -192,7 +192,10 @@ class Axis:
         self._path.take(t, self.command, target, period)
 
     def advance(self, t: float, seconds: float, plant: float) -> float:
-        """Where the servo shall be at t, some time later [s]; ``plant`` is where it is [count]."""
+        """Advance the set-point by ``seconds`` to time ``t`` [s]; return the position to command.
+
+        Positions are in counts of the plant's encoder; ``plant`` is the measured one.
+        """
         self.actual = plant - self.shift
         if self.driven:
             self._follow(t, seconds)

@@ -87,7 +87,7 @@ class BoardEmulator:
             self._send(Frame(self.base << 4 | op, reply))
 
     def gauges(self, t: float) -> np.ndarray:
-        """What the converter reads (6,), −32768 … 32767."""
+        """Gauge counts of the converter at a time [s] (6,), −32768 … 32767."""
         gain = 1.0 if self.active == self.slot else _OTHER_GAIN
         counts = np.rint(gain * self._gauges @ self._wrench(t))
         if (rail := self._fault("saturated_gauge")) is not None:

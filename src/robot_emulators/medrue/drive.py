@@ -116,7 +116,7 @@ class DriveEmulator(Node):
         self, t: float, seconds: float, actual: float, speed: float, effort: Sequence[float],
         due: float | None = None,
     ) -> float:  # fmt: skip
-        """Where the servo shall be after some time [s]; called by the plant, with the lock.
+        """Return the position to command [count]; the plant calls this while it holds the lock.
 
         Args:
             t: now [s].

@@ -19,7 +19,7 @@ _GARBAGE_TEXT = b"< frame zz >\xff\xfe< nonsense > frame 12"
 
 
 class BusFaults:
-    """What goes wrong on the bus, and what answers in the sensor's place."""
+    """Faults of the CAN bus that can be switched on; one is a node in the sensor's place."""
 
     def __init__(
         self, faults: Faults, hub: Hub, drives: Sequence[DriveEmulator], board: BoardEmulator

@@ -30,7 +30,7 @@ _LINES = 4
 
 @dataclass(frozen=True)
 class MotionSettings:
-    """What the master may set, each with its object; source: CiA 402.
+    """Settings of a drive's motion that the master writes, each with its object; source: CiA 402.
 
     Positions are in counts, speeds in count/s, accelerations in count/s².
     """
@@ -51,7 +51,7 @@ class MotionSettings:
 
     @property
     def speed(self) -> float:
-        """Of a profile, which the largest speed limits."""
+        """Speed of a profile [count/s], never above the top speed."""
         return min(self.profile_speed, self.top_speed)
 
 
@@ -68,7 +68,7 @@ def settings(objects: Objects) -> MotionSettings:
 
 @dataclass
 class SetPoint:
-    """Where an axis shall be [count] and how fast [count/s]."""
+    """Commanded position [count] and speed [count/s] of an axis."""
 
     position: float
     speed: float = 0.0
@@ -95,7 +95,8 @@ class SetPoint:
 
 
 class Line(NamedTuple):
-    """From one target [count] to the next in a period [s] from a time on [s]."""
+    """Straight motion from one target to the next: it begins at time ``begin`` [s], leads from
+    ``start`` to ``end`` [count] and takes ``period`` [s]."""
 
     begin: float
     start: float
@@ -133,7 +134,7 @@ class Interpolation:
         return bool(self._lines)
 
     def at(self, t: float) -> float:
-        """Where the axis shall be at a time [s] [count]."""
+        """Commanded position of the axis [count] at a time [s]."""
         begin, start, end, period, locked = next(
             (line for line in reversed(self._lines) if line.begin <= t), self._lines[0]
         )

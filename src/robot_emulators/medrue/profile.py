@@ -35,7 +35,7 @@ _NEAR = 0.05
 
 @dataclass(frozen=True)
 class Ratings:
-    """What an axis can do.
+    """Limits and ratings of one axis and its drive.
 
     Attributes:
         lower: software position limit [count].

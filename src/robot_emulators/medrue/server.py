@@ -55,7 +55,7 @@ _NODES = Argument(
 
 @dataclass(frozen=True)
 class BusSettings(Settings):
-    """What is on the bus, and how it counts."""
+    """Settings of the CAN bus: its port, its nodes, and counts per unit of drives and sensor."""
 
     port: int = setting(29536, integer(0, 65535), "TCP port of the bus (29536)")
     channel: str = setting("can0", text(), "name of the bus (can0)")
@@ -177,7 +177,7 @@ class MedrueEmulator(Emulator):
         self.hub.stop()
 
     def _ratings(self, arm: Arm, j: int, counts: float) -> Ratings:
-        """What axis ``j`` of the arm can do."""
+        """Limits and ratings of axis ``j`` of the arm, with ``counts`` per m or rad."""
         slides, top = arm.linear[j], arm.speed[j] * counts
         return Ratings(
             lower=int(np.ceil(arm.lower[j] * counts)),

@@ -137,7 +137,7 @@ class Box:
 
 @dataclass(frozen=True)
 class MountSettings(Settings):
-    """Where the sensor is."""
+    """Settings of where the sensor is mounted."""
 
     robot: str = setting("ur5", text(), "whose flange the sensor is on, default ur5")
 

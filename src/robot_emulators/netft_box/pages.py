@@ -46,7 +46,7 @@ _WRONG: Reply = ("400 Bad Request", "text/html", "<html><body>no valid address</
 
 
 class Pages:
-    """What the box answers over HTTP; it changes pace and sensing."""
+    """Web pages of the box; requests to them change the pace of RDT and the sensing."""
 
     def __init__(self, settings: BoxSettings, pace: Pace, sensing: Sensing) -> None:
         self._settings, self._pace, self._sensing = settings, pace, sensing

@@ -41,7 +41,7 @@ _REQUESTS = 16
 
 
 class Request(NamedTuple):
-    """What a client asks: a command, and how many samples, 0 for endless."""
+    """A client's request: its command, and the number of samples, 0 for endless."""
 
     command: int
     samples: int
@@ -161,7 +161,7 @@ class FaultySender:
 
 @dataclass
 class Pace:
-    """What RDT is set to: records a second, records of a buffered datagram, whether it is on."""
+    """Settings of RDT: rate of records [Hz], records in a buffered datagram, whether it is on."""
 
     rate: float
     buffer: int

@@ -22,7 +22,7 @@ _FOLLOW_SPEED = 0.5
 
 @dataclass(frozen=True, eq=False)
 class ForceMode:
-    """As URScript's force_mode states it, of type 2.
+    """Arguments of URScript's force_mode of type 2, whose task frame is not transformed.
 
     Attributes:
         frame: pose of the task frame in the base (6,).
@@ -70,7 +70,7 @@ class ControlledArm:
         self.restart()
 
     def restart(self) -> None:
-        """What clients can set is as after switching on; the arm stays where it is."""
+        """Reset what clients can set as after switching on; the arm stays where it is."""
         self.tcp = NO_TOOL.copy()
         self.slider = self.force_scaling = 1.0
 
@@ -81,7 +81,7 @@ class ControlledArm:
 
     @property
     def motion(self) -> ArmMotion | None:
-        """What moves the arm now."""
+        """Motion that moves the arm now."""
         return self._motion
 
     def moves_by(self, motion: ArmMotion) -> bool:

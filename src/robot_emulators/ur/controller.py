@@ -298,7 +298,7 @@ class Controller:
 
 
 def functions(version: Version) -> Table:
-    """What programs of this software may call."""
+    """Functions that URScript programs may call under a version of the software."""
     generation = 0 if version[0] < 5 else 1 if version[0] < 10 else 2
     missing = {name for name, since in _SINCE.items() if version[:2] < since[generation]}
     return Table({name: builtin for name, builtin in _FUNCTIONS.items() if name not in missing})

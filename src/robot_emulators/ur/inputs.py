@@ -43,7 +43,7 @@ class Inputs:
         self._written(values)
 
     def clear(self) -> None:
-        """As after switching on."""
+        """Set all inputs to zero, as after switching on."""
         self.values = {name: zero(kind) for name, kind in self.fields.items()}
         self.at.clear()
 

@@ -54,7 +54,7 @@ class Link:
 
     @property
     def open(self) -> bool:
-        """Whether it is connected; it becomes `lost` where that fails."""
+        """Whether the connection is open; it becomes `lost` if it could not be made."""
         if not self._open and not self.lost and select.select([], [self._socket], [], 0.0)[1]:
             self._open = not self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
             if not self._open:
@@ -63,7 +63,7 @@ class Link:
 
     @property
     def dialling(self) -> bool:
-        """Whether it is neither connected nor lost yet."""
+        """Whether the connection is still being made: neither open nor lost."""
         return not self.open and not self.lost
 
     def read(self, count: int) -> bytes | None:
@@ -73,7 +73,7 @@ class Link:
         return self._taken(count) if len(self.held) >= count else None
 
     def until(self, end: bytes) -> bytes | None:
-        """What is there up to an end, which is taken away, too."""
+        """Take the bytes received before an end mark, and drop the mark; None until it has come."""
         if end not in self.held:
             self._hear()
         at = self.held.find(end)
@@ -188,7 +188,7 @@ class ExternalControl:
         return self._program.cycle(now)
 
     def close(self) -> None:
-        """Its connections end with it."""
+        """End the program and close all its connections."""
         self._links.close()
         if self._program is not None:
             self._program.close()

@@ -21,7 +21,7 @@ PAUSED, RESUMED = "PROGRAM_XXX_PAUSED", "PROGRAM_XXX_RESUMED"
 
 @dataclass(frozen=True)
 class Event:
-    """Anything that clients of the primary interface are told.
+    """A message that clients of the primary interface receive.
 
     Attributes:
         kind: of `SAID` … `FAULT`.
@@ -93,7 +93,7 @@ def runtime_fault(line: int, column: int, text: str) -> Event:
 
 
 def stopped_because(why: str) -> Event:
-    """What the safety system objected to.
+    """Message that gives the reason of a stop by the safety system.
 
     C153A0 and its kin name the exact cause on a controller; the emulator says it in words, under
     one code of its own choice.

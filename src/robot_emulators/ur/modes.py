@@ -21,7 +21,7 @@ class RobotMode(IntEnum):
 
 
 class SafetyMode(IntEnum):
-    """What the safety system allows."""
+    """State of the safety system; the numbers are those of RTDE's ``safety_mode``."""
 
     NORMAL = 1
     PROTECTIVE_STOP = 3
@@ -29,7 +29,7 @@ class SafetyMode(IntEnum):
 
 
 class Runtime(IntEnum):
-    """What the program does."""
+    """State of the robot program; the numbers are those of RTDE's ``runtime_state``."""
 
     STOPPING = 0
     STOPPED = 1

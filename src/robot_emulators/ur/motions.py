@@ -152,7 +152,8 @@ class _Planned(ArmMotion):
         return self._at(self._profile.at(self._t) / length if length > 0.0 else 1.0, q)
 
     def _planned(self, length: float, q: np.ndarray) -> Profile:
-        """As the pace asks; a time that is too short for the joints becomes longer."""
+        """Profile over a length at the pace asked for, or in its time [s], which becomes longer if
+        the joints cannot follow."""
         if self._seconds <= 0.0:
             return Profile(length, self._speed, self._acceleration)
         steepest = self._steepest(q)

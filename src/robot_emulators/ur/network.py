@@ -17,7 +17,7 @@ _HOLDS = 1 << 18
 
 
 class Conversation(Protocol):
-    """What is said on one connection."""
+    """Server's side of one connection."""
 
     def receive(self, data: bytes, now: float) -> bool:
         """Take bytes; False ends the connection."""
@@ -30,7 +30,7 @@ class Conversation(Protocol):
 
 @dataclass(frozen=True)
 class Network:
-    """What all ports of a controller share.
+    """Settings that all ports of a controller share.
 
     Attributes:
         thread: of the loop that serves them.

@@ -83,7 +83,8 @@ class Outputs:
         }
 
     def _efforts(self) -> dict[str, Values]:
-        """What the controller wants, without friction, and what its drives report."""
+        """Outputs of torques and currents: wanted ones, by a model without friction, and those that
+        the drives report."""
         arm = self._controller.arm
         plant, gravity = arm.plant, self._controller.estimate.gravity
         wanted = plant.model_torques(arm.q, arm.qd, arm.qdd, gravity)

@@ -19,7 +19,7 @@ _MOST_HELD = 1 << 22
 
 @dataclass(frozen=True)
 class Offer:
-    """What a session may hand out.
+    """Outputs and inputs that an RTDE session may use.
 
     Attributes:
         version: of the controller's software.

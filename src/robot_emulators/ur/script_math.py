@@ -97,7 +97,7 @@ def pose_sub(_: Any, p_to: Six, p_from: Six) -> Pose:
 
 @TABLE.add()
 def to_str(_: Any, val: str) -> str:
-    """As text."""
+    """Text of a value."""
     return val
 
 

@@ -62,7 +62,7 @@ def _pose(program: ScriptProgram, goal: Any) -> np.ndarray | None:
 def movej(
     program: ScriptProgram, q: Any, a: float = 1.4, v: float = 1.05, t: float = 0.0, r: float = 0.0
 ) -> Steps:
-    """To joint values or a pose, straight in joint space."""
+    """Move to joint values (6,) or a pose (6,) on a straight line in joint space."""
     yield from program.until_done(ToJoints(_joints(program, q), _pace(program, a, v, t)))
 
 
@@ -83,7 +83,7 @@ def movel(
 def movep(
     program: ScriptProgram, pose: Any, a: float = 1.2, v: float = 0.25, r: float = 0.0
 ) -> Steps:
-    """As movel."""
+    """Move the TCP to a pose (6,); the emulator does it as `movel`, without blends."""
     yield from movel(program, pose, a, v)
 
 
@@ -92,7 +92,8 @@ def movec(
     program: ScriptProgram, pose_via: Any, pose_to: Any, a: float = 1.2, v: float = 0.25,
     r: float = 0.0, mode: float = 0,
 ) -> Steps:  # fmt: skip
-    """On a circle through a pose to another; the tool turns evenly or, in mode 1, not at all."""
+    """Move the TCP on a circle through a pose (6,) to another; the tool turns evenly or, in mode 1,
+    not at all."""
     arm, pace = program.arm, _pace(program, a, v)
     via, goal = _pose(program, pose_via), _pose(program, pose_to)
     if via is None or goal is None:
@@ -112,7 +113,7 @@ def _check_fractions(a: float, v: float, r: float) -> None:
 def optimovej(
     program: ScriptProgram, q: Any, a: float = 0.3, v: float = 0.3, r: float = 0.0
 ) -> Steps:
-    """As movej, with fractions of the top speed and acceleration."""
+    """Move as `movej`, with fractions of the top speed and acceleration."""
     _check_fractions(a, v, r)
     yield from movej(program, q, a * _OPTIMO, v * _OPTIMO)
 
@@ -121,7 +122,7 @@ def optimovej(
 def optimovel(
     program: ScriptProgram, pose: Any, a: float = 0.3, v: float = 0.3, r: float = 0.0
 ) -> Steps:
-    """As movel, with fractions of the top speed and acceleration."""
+    """Move as `movel`, with fractions of the top speed and acceleration."""
     _check_fractions(a, v, r)
     yield from movel(program, pose, a * _OPTIMO_TOOL, v * _OPTIMO_TOOL)
 
@@ -211,7 +212,8 @@ def force_mode(
     program: ScriptProgram, task_frame: Six, selection_vector: Six, wrench: Six, type: float,
     limits: Six,
 ) -> None:  # fmt: skip
-    """Yield until a wrench is reached; of types 1 and 3 the axes of the frame as they are."""
+    """Let the arm yield until it exerts a wrench (6,) [N, N·m]; types 1 and 3, which turn the task
+    frame, act as type 2."""
     program.arm.force = ForceMode(task_frame, selection_vector, wrench, limits)
 
 

@@ -63,7 +63,7 @@ class ScriptProgram:
             raise ProgramError(fault.text, fault.line, fault.column) from fault
 
     def close(self) -> None:
-        """Its connections end with it."""
+        """Close all connections that the program opened."""
         self.links.close()
 
     def watch(self, name: str, frequency: float, action: str) -> None:

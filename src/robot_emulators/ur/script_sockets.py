@@ -41,7 +41,7 @@ def socket_close(program: ScriptProgram, socket_name: str = _NAME) -> None:
 def _waited(
     program: ScriptProgram, name: str, timeout: float, read: Callable[[Link], bytes | None]
 ) -> Steps:
-    """What a read finds in time; a timeout of zero waits for ever. None without anything.
+    """Bytes that a read finds before the timeout [s], else None; a timeout of zero never ends.
 
     A read that finds the connection closed takes a control cycle, so that no program can spin.
     """

@@ -240,4 +240,4 @@ def ft_rtde_input_enable(
 
 @TABLE.add("set_tool_voltage", "force_mode_set_damping")
 def without_effect(program: ScriptProgram, value: Any = 0) -> None:
-    """What changes nothing here."""
+    """Accept a setting that changes nothing in the emulator."""

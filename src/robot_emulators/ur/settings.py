@@ -107,7 +107,7 @@ class ControllerSettings(Settings):
 
     @property
     def version(self) -> Version:
-        """Of the controller's software."""
+        """Version of the controller's software."""
         if not self.software:
             return _SERIES[self.series][0]
         major, minor, bugfix = (int(word) for word in self.software.split("."))
@@ -121,7 +121,7 @@ class ControllerSettings(Settings):
 
     @property
     def cycle(self) -> float:
-        """Of its control [s]."""
+        """Control cycle [s]."""
         return _SERIES[self.series][1]
 
     @property

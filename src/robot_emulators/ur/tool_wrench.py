@@ -26,14 +26,15 @@ class WrenchEstimate:
         self.restart()
 
     def restart(self) -> None:
-        """As the installation states it: payload, gravity, zero."""
+        """Reset payload, gravity and zero to those of the installation."""
         self.payload = self._installed
         self.gravity = GRAVITY.copy()
         self._zero = np.zeros(6)
         self.wrench = np.zeros(6)
 
     def carry(self, mass: float, cog: np.ndarray, inertia: np.ndarray | None = None) -> None:
-        """Take a payload; without inertia the old one stays, on an e-Series the CoG for zeros."""
+        """Set the payload: mass [kg], CoG (3,) [m]. Without inertia the old one stays; on an
+        e-Series a CoG of zeros keeps the old CoG."""
         keep = not self._at_tcp and not cog.any()
         self.payload = Payload(
             mass,

@@ -97,7 +97,7 @@ class Shown:
 
     @property
     def amount(self) -> float:
-        """What counts: gap, or rise between rows."""
+        """Size by which a fault shows: the gap, or the rise of variance between rows."""
         return self.rows if self.between else self.gap
 
     def needed(self, kind: str) -> float:

@@ -39,8 +39,8 @@ def tip_jacobian(
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """Where the tool must be accurate: derivative (T, 3, K) of its position [m] by the
-    parameters."""
+    """Poses at which the tool must be accurate, as the derivative (T, 3, K) of its position [m] by
+    the parameters."""
 
     sensitivity: np.ndarray
 

@@ -21,7 +21,7 @@ class ParameterWords:
     Attributes:
         start: where the fit began.
         interval: its 95 % interval, empty where the data fix only a combination of it.
-        change: from the start, likewise.
+        change: from ``start`` to ``value``, in the same unit.
     """
 
     name: str

@@ -51,7 +51,8 @@ class _Explained:
 
     Attributes:
         shift: of the parameters (K,), in tolerances.
-        std: of them (K,), likewise; by noise alone ``least``.
+        std: standard uncertainty of the shift (K,), in tolerances.
+        least: the part of ``std`` that is due to noise alone (K,), in tolerances.
         times: size of each suspect (S,) in ordinary ones.
         sure: by how many standard deviations each explains more than noise, alone (S,).
     """
@@ -184,11 +185,11 @@ def _explained(
 
 
 def _sizes(S: np.ndarray, left: np.ndarray, family: list[str]) -> np.ndarray:
-    """Size of each suspect's family (S,) that makes what is left likeliest, one family at a time.
+    """Size of each suspect's family (S,) that makes the residual likeliest, one family at a time.
 
     Args:
         S: changes by the suspects that no parameter takes up (n, S), in units of noise.
-        left: residual likewise (n,).
+        left: residual that no parameter takes up (n,), in units of noise.
         family: of each suspect.
     """
     q, R = np.linalg.qr(S)

@@ -106,7 +106,7 @@ def levels(
 
     Args:
         design: derivatives of each by the parameters, in the kernel's eigenvectors (B, N, K).
-        residual: measured − fitted, likewise (B, N).
+        residual: measured − fitted, in the kernel's eigenvectors (B, N).
         spread: the kernel's eigenvalues (N,).
         least: variance that the independent part has at least (B,).
     """

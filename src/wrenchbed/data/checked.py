@@ -23,10 +23,10 @@ def is_number(value: Any) -> bool:
 
 
 class Fields:
-    """An object of a file whose fields are checked as they are read.
+    """An object of a JSON or TOML file; each field is checked when it is read.
 
     Args:
-        raw: the object.
+        raw: the object as it was parsed.
         where: file, and the part of it, at the beginning of each message.
         error: what is raised.
         name: of this object in its file, with dots; empty for the file itself.
@@ -46,7 +46,12 @@ class Fields:
         return f"{self.name}.{key}" if self.name else key
 
     def only(self, known: Collection[str], what: str) -> "Fields":
-        """These fields, after unknown ones are refused."""
+        """Raise the error for a field that is not known, with the nearest name; return the object.
+
+        Args:
+            known: names of all fields.
+            what: has these fields, for the message.
+        """
         for key in self.raw:
             if key not in known:
                 has = f"{what} has {', '.join(sorted(known))}"

@@ -147,7 +147,7 @@ class Recording:
 
 
 def _frozen(array: np.ndarray) -> np.ndarray:
-    """A read-only array as it is, unless it looks into one that may be written; else a copy."""
+    """Return the array itself if nobody can write to its memory, else a read-only copy."""
     seen: object = array
     while isinstance(seen, np.ndarray) and not seen.flags.writeable:
         seen = seen.base
@@ -159,7 +159,7 @@ def _frozen(array: np.ndarray) -> np.ndarray:
 
 
 def joint_columns(columns: Mapping[str, Any]) -> tuple[str, ...]:
-    """Names q1…qJ of the joint columns, as far as they are numbered without a gap."""
+    """Find the joint columns q1…qJ; a gap in their numbers ends them."""
     names: list[str] = []
     while f"q{len(names) + 1}" in columns:
         names.append(f"q{len(names) + 1}")

@@ -160,7 +160,7 @@ def _bone(
 
 
 def _servo(spec: mujoco.MjSpec, column: str, link: ArmLink) -> None:
-    """It holds the joint at home while its control is 0."""
+    """Add a position servo that holds a joint at its home value while its control is 0."""
     spec.add_actuator(
         name=column, target=column, trntype=mujoco.mjtTrn.mjTRN_JOINT,
         gainprm=[STIFFNESS, *[0.0] * 9], biastype=mujoco.mjtBias.mjBIAS_AFFINE,

@@ -114,7 +114,7 @@ def describe(
         out: TOML file to write; a file of this name is replaced.
         sensor: registry name, or the path of a user's TOML file.
         tool_mass: of the tool [kg]; it replaces what the file has behind the frame.
-        tool_cog: of the tool (3,) [m] in sensor axes; likewise.
+        tool_cog: of the tool (3,) [m] in sensor axes; it replaces that of the file.
         hold_others: keep another arm in the file where it stands.
 
     Raises:

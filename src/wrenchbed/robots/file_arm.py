@@ -293,7 +293,7 @@ def arm_parameters(description: ArmDescription) -> ParameterSet:
 
 
 def _zero(name: str, link: ArmLink, bound: float, text: str) -> Parameter:
-    """What is added to the value of a link's joint."""
+    """Parameter that is added to the reading of a link's joint [rad or m], within ± bound."""
     unit, size = ("rad", ANGLE) if link.kind == HINGE else ("m", _SLIDE)
     return Parameter(name, 0.0, unit, size, -bound, bound, text)
 

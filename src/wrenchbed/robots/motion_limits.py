@@ -57,11 +57,11 @@ class Limits:
 
     Attributes:
         speed: share of each joint's top speed that moves may use, above 0 and at most 1.
-        tracking: the same for trajectories and streamed targets.
+        tracking: share of top speed, above 0, that trajectories and streamed targets may use.
         workspace: where the sensor may be, (lower xyz), (upper xyz) in the world [m]; anywhere if
             None.
         force: largest measured force [N]; the robot is stopped above it. None: no limit.
-        torque: largest measured torque [N·m], likewise.
+        torque: largest measured torque [N·m]; the robot is stopped above it. None: no limit.
     """
 
     speed: float = SPEED_SHARE

@@ -92,8 +92,8 @@ _FAST_WRIST = (180.0, 180.0, 180.0, 360.0, 360.0, 360.0)
 
 
 class _Published(NamedTuple):
-    """What is published of an arm: d1, a2, a3, d4, d5, d6 [m]; masses [kg], CoGs [m] at the links'
-    ends; top speeds [°/s]."""
+    """Numbers that the maker publishes of an arm: d1, a2, a3, d4, d5, d6 [m]; masses of the links
+    [kg]; CoGs [m] from the links' ends; top speeds of the joints [°/s]."""
 
     lengths: tuple[float, ...]
     masses: tuple[float, ...]

@@ -144,7 +144,7 @@ def _place(error: BaseException) -> tuple[int, int]:
 
 
 def _in_words(error: Exception) -> str:
-    """What went wrong, as a controller says it."""
+    """Text of a program's error as a controller words it."""
     if isinstance(error, NameError):  # the name as it stands in Python is quoted
         return NO_NAME.format(str(error).split("'")[1][2:])
     text = str(error)

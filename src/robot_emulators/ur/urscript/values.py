@@ -30,7 +30,7 @@ class ScriptFaultError(Exception):
         self.text, self.line, self.column = text, line, column
 
     def at(self, line: int, column: int) -> "ScriptFaultError":
-        """The same with a place, unless it has one."""
+        """The error with a line and column of the program, unless it has them already."""
         return self if self.line else ScriptFaultError(self.text, line, column)
 
 
@@ -69,7 +69,7 @@ def truth(value: Value) -> bool:
 
 
 def kind(value: Value) -> str:
-    """What a value is, in a word."""
+    """Type of a value in words, such as ``a list``."""
     for of, word in ((bool, "a truth value"), (int | float, "a number"), (str, "a text"),
                      (Pose, "a pose"), (list, "a list"), (dict, "a struct")):  # fmt: skip
         if isinstance(value, of):

@@ -83,7 +83,7 @@ def gap_of(setting: EffortSetting, added: np.ndarray) -> float:
 
 
 def _seen(setting: EffortSetting, added: np.ndarray) -> np.ndarray:
-    """Added efforts (N, J) in units of a row's noise, zero where a joint rests."""
+    """Efforts that a fault adds (N, J) in units of one row's noise, zero where a joint rests."""
     return np.asarray(added * setting.scale / setting.noise * setting.moving)
 
 
@@ -213,7 +213,8 @@ class EffortTruth:
         robot, motion: names.
         family, joint: of the cause; ``none`` of a healthy robot; joint 1-based or None.
         parameters: true values, SI.
-        gap: that the cause adds at its worst joint, in a row's noise.
+        gap: mean square that the cause adds at the joint where it is largest, in units of one
+            row's noise.
         alike: families with joints that imitate the cause on this motion, itself first.
         wrench: whether a sensor was there too.
     """

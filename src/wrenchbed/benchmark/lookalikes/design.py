@@ -286,7 +286,7 @@ class ExperimentDesign:
 
     @cached_property
     def usual(self) -> Usual:
-        """What every fit removes: bias, mass and CoG."""
+        """Readings that a wrong bias, mass and CoG add, which every fit removes."""
         load = self.load
         changed = [replace(load, mass=load.mass + 1.0)]
         changed += [replace(load, cog=load.cog + 0.01 * axis) for axis in np.eye(3)]

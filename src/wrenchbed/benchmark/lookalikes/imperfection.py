@@ -133,7 +133,7 @@ class Imperfection:
 
     @property
     def moves(self) -> bool:
-        """Whether it changes the pose of the sensor, before tilt and mount."""
+        """Whether the imperfection moves the sensor by its part in a joint or a link."""
         return self.joint is not None or self.link is not None
 
 

@@ -202,7 +202,7 @@ class RefereeSetting:
 
     @cached_property
     def usual(self) -> Usual:
-        """What every fit removes: bias, mass and CoG."""
+        """Readings that a wrong bias, mass and CoG add, which every fit removes."""
         return Usual.of(self.nuisance(), self.noise)
 
     def nuisance(self) -> np.ndarray:

@@ -291,7 +291,7 @@ class SemiRealFamily(make.Family):
         return {k: v for k, v in asdict(self).items() if k != "source"}
 
     def kinds(self) -> list[str]:
-        """Kind of each case: one is the recording as it is, since more would be copies of it."""
+        """Draw the kind of each case; one alone is the unchanged recording: more were copies."""
         shares = np.array(referee.SHARES[1:]) / sum(referee.SHARES[1:])
         counts = np.concatenate([[1], np.floor(shares * (self.cases - 1) + 1e-9)])
         return self.shuffled(counts.astype(int))

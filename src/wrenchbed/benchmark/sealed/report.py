@@ -180,7 +180,8 @@ def marked(metric: Metric, scored: ScoredMetric) -> str:
 
 
 def _goal(metric: Metric) -> tuple[float, float] | None:
-    """Least and largest figure that meets a target, as it is shown; None without a target."""
+    """Smallest and largest figure that meets a metric's target, in the unit of the target's text;
+    None if the metric has no target."""
     parts = re.fullmatch(r"([≥≤<>]?) ?([\d.]+)(?:–([\d.]+))?( %)?", metric.target)
     if parts is None:
         return None

@@ -369,7 +369,7 @@ def semi_real(rows: Sequence[CaseRow]) -> dict[str, Metric]:
     """
 
     def known(method: str) -> set[str]:
-        """Effects that an entrant claims of the recording as it is."""
+        """Effects that an entrant claims of the unchanged recording."""
         return {n for r in rows if r.kind == "none" for c in r.answers[method].causes for n in c}
 
     def of(title: str, target: str, kinds: tuple[str, ...], held: _Held) -> Metric:

@@ -104,7 +104,8 @@ def of_load(recording: Recording, seen: Observed) -> Finding | None:
 
 
 def _as_mounted(seen: Observed) -> Observed:
-    """The readings in the axes as they are stated, where a fit finds the sensor's rotation."""
+    """Turn readings into the axes of the stated mount if one rotation of the sensor by more than
+    `TURNED` makes a rigid load fit; else return them unchanged."""
     if not seen.turns:
         return seen
     turn = best_turn(seen)
@@ -117,7 +118,8 @@ def _as_mounted(seen: Observed) -> Observed:
 
 
 def _refuted(seen: Observed, load: Load) -> Finding | None:
-    """The reason why no load fits; None if what is left may be imperfections of the robot."""
+    """Find the reason why no load fits; None if the residual may be due to imperfections of the
+    robot."""
     finding = mistake(seen) or changed(seen) or touched(seen)
     if finding is not None or load.share < REFUTED:
         return finding

@@ -81,7 +81,7 @@ def channel_mistake(seen: Observed, before: Load) -> Finding | None:
 
 
 def thinned(seen: Observed) -> Observed:
-    """At most `MOST` observations, evenly spread."""
+    """Keep at most `MOST` observations, spread evenly over the recording."""
     if len(seen) <= MOST:
         return seen
     return part(seen, np.linspace(0, len(seen) - 1, MOST).astype(int))

@@ -58,9 +58,9 @@ class GravityFit:
         mount: rotation from the given body's axes to the sensor's; None for none.
         quarter: whether ``mount`` is at right angles.
         lever: CoG in sensor axes (3,) in the file's torque per force.
-        force_rms: and ``torque_rms`` of what is left, file units.
-        share: of the force that turns with the body, how much is left.
-        torque_share: the same of the torque.
+        force_rms, torque_rms: of the residual, in the file's units.
+        share: residual of the force over that part of it that turns with the body.
+        torque_share: residual of the torque over that part of it that turns with the body.
         poses: number of rows.
     """
 

@@ -117,16 +117,16 @@ class KnownLoad:
 
 @dataclass(frozen=True)
 class Stated:
-    """Facts that the user states besides the files.
+    """Facts about robot, tool and sensor that the user states on the command line.
 
     Attributes:
-        robot: name.
-        mode: static, dynamic or auto; found out if none.
-        gravity: its size [m/s²]; the file's, else the standard one, if none.
+        robot: registry name.
+        mode: static, dynamic or auto; found out if not given.
+        gravity: size of gravity [m/s²]; if not given the file's, else the standard one.
         mass: of the tool [kg].
         fit: ``fit.json`` of an earlier calibration of the same sensor and tool.
         rest: text file of the wrench at rest, in the same units: the noise of one row.
-        sensor: model.
+        sensor: registry name of the sensor.
     """
 
     robot: str | None = None

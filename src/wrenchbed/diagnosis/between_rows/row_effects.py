@@ -136,7 +136,8 @@ def unexplained(
 
 
 def _base(recording: Recording, s: Scatter | None, counted: np.ndarray) -> np.ndarray | None:
-    """Variance of a row without a coarse count (6,): as stated, else what is left of it."""
+    """Variance of a row's noise (6,): as stated, else the measured scatter of rows less that of
+    coarse counts (6,); None if neither is known."""
     std = recording.metadata.sensor.noise_std
     if std is not None and min(std) > 0.0:
         return np.square(std)

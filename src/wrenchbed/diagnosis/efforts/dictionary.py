@@ -47,7 +47,8 @@ class Dictionary:
         blocks: causes, named and not; ``at`` their columns.
         fold: block of time of each row (M,).
         gram, right, square: whitened products of each block (B, P, P), (B, P), (B, C).
-        plain: likewise of rows in noises of a row, not whitened; the squares are (B,).
+        plain: products (B, P, P), (B, P), (B,) of rows that are not whitened, in units of one
+            row's noise; the last is summed over channels.
     """
 
     scene: EffortScene

@@ -47,7 +47,7 @@ class EffortScene:
         inertias: of its links, and of its motors as stated.
         signals: kinematics (N, J) and effort, as torques.
         body: torque of the rigid body (N, J) [N·m, of slides N].
-        friction: torque of stated friction, or of ordinary friction fitted (N, J), likewise.
+        friction: torque of stated friction, or of ordinary friction fitted (N, J) [N·m or N].
         regressor: of the links' inertial parameters (N, J, 10 L).
         drives: what is stated of the drives.
         currents: whether currents were recorded and turned into torques.

@@ -21,8 +21,8 @@ ALIKE = 0.99
 """Cosine from which two signatures count as the same."""
 PLAUSIBLE = 8.0
 """Largest plausible size of an effect in multiples of its typical size, as `LARGEST_SCALE` of the
-search: a larger one lets weak signatures imitate many others, so that more verdicts are ambiguous; a
-smaller one denies rivals that the search itself would accept."""
+search: a larger one lets weak signatures imitate many others, so that more verdicts are ambiguous;
+a smaller one denies rivals that the search itself would accept."""
 _UNSEEN = 1e-6
 """Share of a signature that may be left where a fit takes all of it."""
 _RIDGE = 0.002

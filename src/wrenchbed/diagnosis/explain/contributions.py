@@ -19,7 +19,7 @@ SAME, EXCUSED = 0.02, 0.1
 
 
 def made_by(refitter: Refitter, f: Finalist, parts: Collection[int]) -> np.ndarray:
-    """Whitened readings (6 R,) that some parts add while the others stay as they are."""
+    """Whitened readings (6 R,) that some parts add to those of all other parts of a finalist."""
     amplitudes = np.isin(f.variables.part, list(parts)) & ~f.variables.shape
     without = np.where(amplitudes, 0.0, f.x)
     return np.asarray(refitter.response(f.parts, f.x) - refitter.response(f.parts, without))
@@ -31,7 +31,7 @@ def any_free_form(f: Finalist) -> bool:
 
 
 def share(refitter: Refitter, f: Finalist, part: int) -> float:
-    """Reduction of the gap by one part while the others stay as they are.
+    """Reduction of the gap by one part of a finalist while all other parts keep their sizes.
 
     Beside a form-free part the others take up what they can of it: the two may hold large curves
     against each other.

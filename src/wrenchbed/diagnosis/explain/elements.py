@@ -66,7 +66,7 @@ class Elements:
     parts: tuple[int, ...]
 
     def within(self, names: Collection[str]) -> "Elements":
-        """Those of some names, and the explanation's own."""
+        """Keep the elements with some names, and always the first, which the explanation has."""
         keep = [k for k, name in enumerate(self.names) if k == 0 or name in names]
         return Elements(
             tuple(self.names[k] for k in keep),
@@ -179,11 +179,11 @@ def _likely(logs: np.ndarray) -> list[int]:
 
 
 def combination(refitter: Refitter, of: Elements, spread: float) -> Combination | None:
-    """What the readings determine of the sizes of several elements; None where no sum does.
+    """Weighted sum of the sizes of several elements that the readings determine; None if none is.
 
     Args:
         refitter: of the recording.
-        of: elements of one effect with one amplitude each, of which the readings are proportional.
+        of: elements of one effect with one amplitude each, whose readings are proportional.
         spread: factor on the standard uncertainty.
     """
     parts = [f.parts[p] for f, p in zip(of.fits, of.parts, strict=True)]

@@ -65,7 +65,7 @@ Structure = tuple[JointPart, ...]
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Where the variables (k,) of a structure lie.
+    """Which of a structure's variables (k,), fitted to several recordings, each recording uses.
 
     Attributes:
         at: of each recording: places of its variables, in the order of `Variables`.

@@ -53,7 +53,7 @@ def weighed_again(a: Analysis) -> Analysis:
 
 
 def rest_variance(a: Analysis, f: Finalist) -> np.ndarray:
-    """Variance (6,) that an explanation leaves in each channel, over that of a row's noise."""
+    """Residual variance of an explanation in each channel (6,), over that of one row's noise."""
     d = a.dictionary
     rest = d.without_stated(f.residual).reshape(-1, 6)
     left = (rest**2).mean(axis=0)

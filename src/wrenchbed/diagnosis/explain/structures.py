@@ -207,10 +207,12 @@ def _extended(
 
 
 def beside(refitter: Refitter, f: Finalist, singles: Sequence[SingleEvidence]) -> list[Finalist]:
-    """A finalist with a broad part, and with each of the best special effects besides.
+    """Fit a finalist that has a broad part again with each of the best narrow hypotheses added.
+
+    Returns an empty list where no part is broad.
 
     Args:
-        singles: every hypothesis alone, best first of each effect is tried.
+        singles: evidence of every hypothesis alone; of each effect its best one is tried.
     """
     if not any(is_broad(h) for h in f.parts):
         return []

@@ -25,7 +25,7 @@ class Diagnosis:
         verdict: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
         gap: how far, on rows that no fit saw.
         where: subsystems with their share of the gap, as the contract has them.
-        which: claimed causes, likewise.
+        which: claimed causes, as the contract has them.
         probabilities: over the leading cause.
         cannot_tell: sentences.
         blind: what these data could not have shown.

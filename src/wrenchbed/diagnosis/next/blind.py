@@ -24,7 +24,7 @@ NOTHING = "no effect on these readings"
 
 @dataclass(frozen=True)
 class BlindSpot:
-    """What a design cannot show.
+    """An effect, or one of its elements, that the readings of a design cannot show.
 
     Attributes:
         effect: its name.

@@ -36,8 +36,8 @@ class Testimony:
         tilt: rotation of gravity about the base's x and y (2,) [rad].
         covariance: (2, 2), from its own residual.
         log_bayes: log Bayes factor of a tilt against none.
-        rms: of what is left [m/s²].
-        dof: degrees of freedom behind it.
+        rms: of the accelerometer's residual [m/s²].
+        dof: degrees of freedom of that residual.
     """
 
     tilt: np.ndarray

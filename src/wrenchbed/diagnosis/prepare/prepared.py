@@ -126,7 +126,7 @@ class Prepared:
 
     @property
     def noise_source(self) -> str:
-        """Description of where a row's noise comes from, for people."""
+        """Words on where the noise of one row is known from: ``as stated`` or ``from its …``."""
         return "as stated" if self.source == "stated" else f"from its {self.source}"
 
     @cached_property

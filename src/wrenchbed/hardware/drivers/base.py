@@ -91,10 +91,10 @@ class Move(ABC):
         self._end: Reached | DriverError | None = None
 
     def poll(self) -> Reached | None:
-        """Where it ended, None while it moves; never blocks.
+        """Return what the move reached, or None while it is under way; never blocks.
 
         Raises:
-            DriverError: it failed or was cancelled; the robot was stopped.
+            DriverError: the move failed or was cancelled; the robot was stopped.
         """
         if self._end is None:
             try:
@@ -132,7 +132,7 @@ class Move(ABC):
 
     @abstractmethod
     def _advance(self) -> Reached | None:
-        """Where it ended, None while it moves; raises DriverError where it failed."""
+        """Return what the move reached, None while it lasts; raise DriverError if it failed."""
 
     def _pause(self, timeout: float | None) -> None:
         """Wait a little; raise `LateError` after a timeout [s] since the first such pause."""
@@ -287,7 +287,7 @@ class Driver(Device, ABC):
         yield from self._track(targets, rate)
 
     def full_scale(self) -> np.ndarray:
-        """Where the sensor's range ends (6,) [N, N·m]; the smaller where more is known than one."""
+        """Range of the sensor (6,) [N, N·m]; of several known ranges the smallest."""
         known = registry.load("sensors", self.robot.sensor)
         return np.asarray(known.calibration().range)
 

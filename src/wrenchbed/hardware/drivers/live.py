@@ -216,12 +216,13 @@ class LiveDriver(Driver):
 
     @property
     def address(self) -> str:
-        """Where a real robot may be, for people; empty where only an emulator can be."""
+        """Text that names the address of the robot, for messages; empty if only an emulator can be
+        connected."""
         return self.name
 
     @property
     def answers(self) -> Mapping[str, Any]:
-        """What the connected controller says of itself, for a recording."""
+        """Facts that the connected controller reports of itself, for a recording's metadata."""
         return {}
 
     def full_scale(self) -> np.ndarray:

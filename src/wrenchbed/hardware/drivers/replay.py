@@ -23,7 +23,7 @@ NEAR = 1e-3
 
 @dataclass(frozen=True)
 class ReplayOptions:
-    """What is replayed.
+    """Options of the driver that plays a recording back.
 
     Attributes:
         robot: registry name.

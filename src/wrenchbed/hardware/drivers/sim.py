@@ -165,7 +165,7 @@ class SimDriver(Driver):
         self, options: SimOptions, active: tuple[ActiveEffect, ...], drives: Mapping[str, float],
         faults: tuple[str, ...],
     ) -> ReportedEfforts | None:  # fmt: skip
-        """What the drives report, None if recordings do not have it."""
+        """Model of the efforts that simulated drives report; None if ``options.effort`` is off."""
         if options.effort not in ("torque", "current", "off"):
             raise ParameterError(f"effort {options.effort!r}: give torque, current or off")
         if options.effort == "off" and (drives or faults):

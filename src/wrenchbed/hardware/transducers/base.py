@@ -94,12 +94,12 @@ class Transducer(Device, ABC):
 
     @property
     def full_scale(self) -> np.ndarray | None:
-        """Where the range ends (6,) [N, N·m], as the connected device reports it; else None."""
+        """Range (6,) [N, N·m] that the connected device reports; None if it reports none."""
         return None
 
     @property
     def identity(self) -> Mapping[str, Any]:
-        """What the connected device says of itself, for a recording; empty where it does not."""
+        """Facts that the connected device reports of itself, for a recording's metadata."""
         return {}
 
     @abstractmethod

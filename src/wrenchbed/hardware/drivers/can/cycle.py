@@ -41,8 +41,8 @@ STUCK_S = 0.01
 """A target may move this long at top speed while the position stays [s]: a drive that
 follows has moved after two and a half cycles of 250 Hz."""
 FAR_S = 0.15
-"""Farthest that a position may be behind its target, likewise [s]; drives lag by
-a few cycles."""
+"""Farthest that a position may be behind its target, as motion at top speed for this time [s];
+drives lag by a few cycles."""
 REST_S = 0.5
 """Longest time that a quick stop from top speed is granted before an axis counts as at rest without
 answers [s]: too short releases an axis that moves, too long delays each stop of a mute bus. A drive

@@ -263,7 +263,7 @@ class CanDriver(LiveDriver):
         )  # fmt: skip
 
     def _evidence(self, effort: np.ndarray | None) -> Mapping[str, np.ndarray]:
-        """What a recording keeps of the drives beside their joints."""
+        """Columns of joint efforts that a recording keeps: ``tau`` [N·m or N] or ``i`` [A] (J,)."""
         if effort is None or self.setting.effort == "off":
             return {}
         return {"tau" if self.setting.effort == "torque" else "i": effort}

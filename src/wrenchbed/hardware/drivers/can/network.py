@@ -124,7 +124,7 @@ class Drives:
 
     @property
     def counters(self) -> dict[str, float]:
-        """For health: how many drives lack an object or refuse its value."""
+        """Count, for the health report, the drives that lack an object or refuse its value."""
         return {f"without 0x{index:04X}": float(len(n)) for index, n in self._lacking.items() if n}
 
     def release(self) -> None:

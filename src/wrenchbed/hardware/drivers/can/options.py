@@ -115,7 +115,8 @@ class CanOptions:
         counts_per_unit: of each drive per m or rad, negative where it counts the other way;
             1 µm and 2²⁰ per turn unless given.
         effort: ``torque``: drives report it (0x6077, 0x6076) and recordings keep it as tau1…
-            [N·m or N]; ``current``: likewise (0x6078, 0x6075) as i1… [A]; ``off``: neither.
+            [N·m or N]; ``current``: they report current (0x6078, 0x6075), kept as i1… [A];
+            ``off``: neither.
         watchdog: time without targets after which a drive stops [s].
         limits: of its motion; a quarter of top speed anywhere if None.
     """

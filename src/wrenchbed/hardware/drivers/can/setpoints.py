@@ -44,9 +44,9 @@ class TimedTargets:
     """A smooth path through targets that arrive before their times, cycle by cycle.
 
     Args:
-        q: joint values where the path begins (J,).
-        speed: likewise (J,).
-        now: when [s].
+        q: joint values at which the path begins (J,).
+        speed: of the joints there (J,).
+        now: time at which it begins [s].
     """
 
     def __init__(self, q: np.ndarray, speed: np.ndarray, now: float) -> None:
@@ -71,11 +71,11 @@ class TimedTargets:
 
     @property
     def rests(self) -> bool:
-        """Whether it is at rest at the last target."""
+        """Whether the path has come to rest at its last target."""
         return self._clock >= self._last
 
     def step(self, seconds: float) -> np.ndarray:
-        """Where to be some time later [s] (J,)."""
+        """Advance the path by some time [s]; return the joint values to command then (J,)."""
         seconds, self._lost = seconds + self._lost, 0.0
         self.passed = seconds
         remaining = self._last - self._clock
@@ -115,12 +115,12 @@ class TimedTargets:
 
 
 class Setpoints:
-    """Safe to use from several threads.
+    """Joint values to command in each cycle, of the motion under way; several threads may use it.
 
     Args:
         period: of the cycles [s].
-        lower: joint limits (J,).
-        upper: likewise.
+        lower: lower joint limits (J,).
+        upper: upper joint limits (J,).
         speed: top speed of each joint (J,).
     """
 

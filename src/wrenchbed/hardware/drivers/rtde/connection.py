@@ -68,7 +68,7 @@ _END_S = 5.0
 
 @dataclass(frozen=True)
 class RtdeOptions:
-    """Where the robot is and how it is used.
+    """Options of the RTDE driver: address of the robot, sensor, rates and limits.
 
     Attributes:
         robot: registry name.
@@ -248,7 +248,7 @@ class ControlProcess:
 
     @property
     def pid(self) -> int:
-        """Of the process."""
+        """Process id of the control process."""
         return self._process.pid
 
 
@@ -359,7 +359,7 @@ class Links:
             self.shared.beat("driver")
 
     def _try(self, attempt: Callable[[float], T]) -> T:
-        """What an attempt returns; it is repeated before the deadline where that may help."""
+        """Run an attempt, which takes a deadline [s]; repeat it after a failure that may pass."""
         options = self._options
         deadline, pause = time.monotonic() + options.connect_s, _FIRST_PAUSE_S
         failure: DriverError | None = None

@@ -213,7 +213,7 @@ class RtdeDriver(LiveDriver):
         )  # fmt: skip
 
     def _evidence(self, state: Snapshot) -> Mapping[str, np.ndarray]:
-        """What a recording keeps of a state beside its joints."""
+        """Columns of currents, targets and temperatures (J,) that a recording keeps of a state."""
         if self._options.effort == "off":
             return {}
         kept = {
@@ -310,7 +310,10 @@ class RtdeDriver(LiveDriver):
             raise LinkError(health.detail)
 
     def _trouble(self) -> str:
-        """What keeps the robot from moving; its states report it some cycles after its program."""
+        """Say what keeps the robot from moving, empty if nothing does.
+
+        Its states report it some cycles after its program stopped, so this waits for them.
+        """
         wait_until(lambda: status.problem(self._look()) is not None, STALE_S)
         trouble = status.problem(self._look())
         return trouble[1] if trouble else ""

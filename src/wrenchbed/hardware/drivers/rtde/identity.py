@@ -90,7 +90,8 @@ def in_words(raw: Mapping[str, states.Values]) -> dict[str, Any]:
 
 
 def stated(host: str) -> dict[str, str]:
-    """What the controller says of itself; less where it has no dashboard or an old one."""
+    """Ask the dashboard for model, serial and software; an old one answers only some of it, and
+    without a dashboard the result is empty."""
     answers = {}
     for name, command in _ASKED.items():
         try:
@@ -134,7 +135,8 @@ def check_model(robot: Robot, answers: Mapping[str, str], major: int, at_flange:
 
 
 def read_kinematics(host: str, seconds: float) -> Kinematics | None:
-    """What the controller states within some time [s]; None where nothing of the kind comes."""
+    """Read the arm's calibrated kinematics from the controller within some time [s]; None if none
+    come."""
     end, held = time.monotonic() + seconds, b""
     try:
         with socket.create_connection((host, KINEMATICS_PORT), seconds) as link:
@@ -172,9 +174,10 @@ def kinematics_in(state: bytes) -> Kinematics | None:
 
 
 def geometry(robot: Robot, host: str) -> dict[str, Any]:
-    """The arm's own calibrated kinematics, as recordings state it; nothing where it is not told.
+    """Calibrated kinematics of the connected arm, for a recording's metadata; empty if the
+    controller sends none.
 
-    Its ``from_nominal`` is the largest distance between its flange and the nominal robot's [m].
+    ``from_nominal`` is the largest distance between its flange and the nominal robot's [m].
     Lengths alone do not tell: where axes are parallel, a calibration may shift one link by
     decimetres and the next one back.
 

@@ -98,7 +98,7 @@ def reading(state: Snapshot, robot: Robot) -> WrenchSample:
 
 
 def full_scale(major: float) -> np.ndarray:
-    """Where the robot's own wrench ends (6,) [N, N·m], by the version of its software."""
+    """Range of the robot's own wrench (6,) [N, N·m], by the major version of its software."""
     return np.repeat(_CB3_END if major <= 3 else _E_END, 3)
 
 

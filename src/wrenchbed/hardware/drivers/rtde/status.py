@@ -58,7 +58,7 @@ Look = Callable[[], Snapshot]
 
 
 def mode(state: Snapshot) -> str:
-    """Of the robot: ``running``, ``off`` …"""
+    """Name of the robot's mode: ``running``, ``off`` …"""
     return MODES.get(int(state.mode), f"mode {state.mode:g}")
 
 
@@ -82,7 +82,8 @@ def program(state: Snapshot) -> str:
 
 
 def problem(state: Snapshot) -> tuple[State, str] | None:
-    """What keeps the robot from moving, and what to do; None where nothing does."""
+    """Name the state of health and the reason, with its remedy, that keep the robot from moving;
+    None if nothing does."""
     word = safety(state)
     if word not in ("normal", "reduced"):
         kind, remedy = _REMEDIES.get(word, ("stopped", "look at the pendant"))
@@ -113,7 +114,7 @@ class Control:
 def judge(
     state: Snapshot | None, ended: str, control: Control | None, counters: Mapping[str, float]
 ) -> Health:
-    """What is wrong: the link first, then the robot's safety, its program, its control.
+    """Judge the health of a session: first the link, then safety, the program, and the control.
 
     Args:
         state: the newest one.

@@ -177,7 +177,7 @@ class Tracker:
         self._asked = True
 
     def take(self, records: np.ndarray) -> np.ndarray:
-        """Those of some records (n,) to keep, in order."""
+        """Return the records to keep of some that arrived (n,): none twice, in order."""
         rdt = records["rdt"].astype(np.int64)
         if self._begun and not self._asked and (np.diff(rdt, prepend=self.last[0]) == 1).all():
             self.last, self._jump = (int(rdt[-1]), int(records["ft"][-1])), None
