@@ -1,6 +1,7 @@
 """wrenchbed: a testbed for robots that carry a six-axis force/torque sensor.
 
 Every verb of the command line is a function here. A name is imported on first use.
+Used by: the command line, and everybody who writes ``import wrenchbed``.
 """
 
 import sys

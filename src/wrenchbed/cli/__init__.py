@@ -1,6 +1,7 @@
 """The command line: every verb is a function of the library with files in and out.
 May import every room; only this room prints.
 Read first: this file, then `console`; each verb's module is loaded when it is called.
+Used by: the program ``wrenchbed``.
 """
 
 import ast

@@ -1,4 +1,5 @@
 """Joint torques and motor currents: predicted and fitted.
 
 Imports robots, data and what lies below. Open `inverse_dynamics` first.
+Used by: cli and diagnosis.
 """

@@ -1,6 +1,7 @@
 """Gymnasium environments of calibration and contact; importing this room registers them.
 It may import all rooms below it, which is every room but cli, studies and viewer.
 Read `calibration`, then `contact`.
+Used by: users, by `gymnasium.make`.
 """
 
 import os

@@ -1,5 +1,6 @@
 """Drivers move a real or simulated robot; transducers read a force/torque sensor.
 
 May import: simulation, twin, effects, calibration, robots, sensors, data, physics, registry.
-Read first: ``device.py``, then ``drivers/base/driver.py`` and ``transducers/base.py``.
+Read first: ``device.py``, then ``drivers/base.py`` and ``transducers/base.py``.
+Used by: campaigns, cli and monitoring.
 """

@@ -2,4 +2,5 @@
 May import: exports, hardware, planning, twin and the rooms below them.
 Read first: `compare`; then `check` (the monthly one), `history` (its file) and `steps` (its numbers
 and their scatter), `compensation` and `live`.
+Used by: cli.
 """

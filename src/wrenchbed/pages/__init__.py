@@ -2,6 +2,7 @@
 May import: jobs and the root files.
 Read first: this file; then `chart` (the data of a figure), `draw` and ``assets/page.js`` (its two
 renderers), `document` (studies), `plots` and `numbers`.
+Used by: benchmark, calibration, campaigns, cli, drives, monitoring, reports, studies, viewer.
 """
 
 import base64

@@ -2,4 +2,5 @@
 Imports: twin, effects, simulation, robots, sensors, physics, registry, errors; the door of
 robot_emulators, which alone of all rooms this one knows.
 Read first: serving.py, then body.py.
+Used by: cli, for ``emulate``; environments.
 """

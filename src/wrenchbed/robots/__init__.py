@@ -2,6 +2,7 @@
 Imports physics only.
 Read first: `base` (what a robot is), then `chain` with `ur5` and `file_arm` as its kinds, and
 `closed_loop` with `loop_arm`.
+Used by: every other room but files, jobs, pages, physics and sensors.
 """
 
 SUPPORT = (

@@ -1,4 +1,5 @@
 """The corrected simulator: a robot in MuJoCo with the effects that a diagnosis identified.
 Imports effects, simulation, data, robots, sensors and physics.
 Read first: `twin`, then `mechanics` (what is compliant) and `replay` (what its sensor reads).
+Used by: campaigns, cli, diagnosis, exports, hardware, monitoring, plant, reports, viewer.
 """

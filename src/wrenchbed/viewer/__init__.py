@@ -1,6 +1,7 @@
 """Recordings, plans and diagnoses as pictures for rerun; the only room that knows rerun.
 May import: reports, diagnosis, campaigns (recording), twin, simulation and the rooms below them.
 Read first: `show`, then `recordings`; `stream` is the canvas that everything is drawn on.
+Used by: cli.
 """
 
 from wrenchbed import registry

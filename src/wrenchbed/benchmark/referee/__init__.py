@@ -5,4 +5,5 @@ Here a third machine really moves: hidden hinges give, play has stops, hoses and
 MuJoCo's forward dynamics with an implicit integrator at 1 ms (0.5 ms in motion), then a sensor of
 other laws (Bouc–Wen, Dahl, chains of relaxations) reads it. Nothing here may import effects,
 look-alikes or the diagnosis; a test sees to it.
+Used by: sealed.
 """

@@ -3,4 +3,5 @@
 May import: simulation (closed form), robots, sensors, data, physics.
 Read first: `examine`, which states the order; then `rigid_load` (how well one load under gravity
 explains the readings) and `mistakes` (which mistake explains what it does not).
+Used by: calibration, cli and diagnosis.
 """

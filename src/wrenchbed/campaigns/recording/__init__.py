@@ -2,4 +2,5 @@
 
 May import: hardware, planning, data, robots, physics, errors.
 Read first: ``run.py`` (`record`), then ``itinerary.py`` (moves) and ``resume.py`` (after a stop).
+Used by: cli.
 """

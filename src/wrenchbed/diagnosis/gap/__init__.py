@@ -1,4 +1,5 @@
 """How large the gap is, where it lies, and how far the twin closes it on held-out rows.
 Imports prepare, evidence and explain.
 Read first: `result` (the answer), then `closure` and `where`.
+Used by: efforts, `diagnose`; reports.
 """

@@ -1,4 +1,5 @@
 """Which experiment would separate the causes that a recording cannot.
 Imports prepare, evidence and explain.
 Read first: `experiments`, then `actions`; `dry_run` asks before a recording.
+Used by: gap, `diagnose`; cli and reports.
 """

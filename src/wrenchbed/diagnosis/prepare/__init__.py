@@ -1,4 +1,5 @@
 """A recording made ready: checks, noise, blocks, held-out rows, baseline calibration.
 Imports no other folder of the diagnosis.
 Read first: `prepared` (what all later steps work on), then `prepare_recording`.
+Used by: all folders of the diagnosis but efforts; benchmark, cli and reports.
 """

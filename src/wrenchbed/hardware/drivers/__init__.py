@@ -2,6 +2,7 @@
 
 May import: transducers and device of this room, and what the room may import; no sibling driver.
 Read first: ``base.py``, then ``replay.py``, the shortest driver; live drivers add ``live.py``.
+Used by: campaigns, cli and monitoring.
 """
 
 SUPPORT = ("live", "timing")

@@ -2,4 +2,5 @@
 
 May import: ``hardware.device``, registry, sensors, physics, errors; no sibling and no driver.
 Read first: ``base.py``, then ``ur_wrench.py``, the shortest transducer.
+Used by: drivers.
 """

@@ -1,4 +1,5 @@
 """Formulas of robots in C, built with the package where there is a compiler.
 Imports no other folder.
 Read first: `statics`.
+Used by: robots, medrue and simulation.
 """

@@ -2,4 +2,5 @@
 
 Imports simulation, robots and what lies below. Read first: `drive_train`, then `faults`. The fits
 of `wrenchbed.drives` have formulas of their own.
+Used by: hardware and plant.
 """

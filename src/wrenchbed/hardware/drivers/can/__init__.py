@@ -3,6 +3,7 @@
 May import: driver base, transducer base, robots, registry, errors.
 Read first: ``driver.py``, then ``cycle.py`` (the cyclic exchange) and ``network.py`` (power-up);
 ``board.py`` reads the sensor.
+Used by: the registry, by the driver's name ``can``.
 """
 
 from wrenchbed.hardware.drivers.can.driver import CanDriver

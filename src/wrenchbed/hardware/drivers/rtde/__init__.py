@@ -2,6 +2,7 @@
 
 May import: driver base, transducers; ``control_worker`` imports the standard library only.
 Read first: ``driver.py``, then ``connection.py``, ``states.py`` and ``control_worker.py``.
+Used by: the registry, by the driver's name ``rtde``; cli, for its doctor.
 """
 
 from wrenchbed.hardware.drivers.rtde.connection import RtdeOptions

@@ -217,8 +217,8 @@ class TargetStream:
         """The newest target that is due, None if none is.
 
         Args:
-            now: `time.monotonic` [s].
-            state: likewise, when the robot's newest state arrived.
+            now: present `time.monotonic` [s].
+            state: `time.monotonic` [s] at which the robot's newest state arrived.
         """
         q = None
         while self.due <= now:

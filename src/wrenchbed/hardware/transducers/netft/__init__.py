@@ -2,6 +2,7 @@
 
 May import: transducer base, ``hardware.device``, registry, physics, errors; no other transducer.
 Read first: ``transducer.py``, then ``configuration.py`` (web page) and ``receiver.py`` (RDT).
+Used by: the registry, by the transducer's name ``netft``.
 """
 
 from wrenchbed.hardware.transducers.netft.transducer import NetftOptions, NetftTransducer

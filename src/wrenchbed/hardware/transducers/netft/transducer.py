@@ -200,7 +200,7 @@ class NetftTransducer(Transducer):
         return mask or (_ALL if self._table.out_of_range(status) else 0)
 
     def _beyond(self, counts: np.ndarray, status: int) -> str:
-        """Describe counts (6,) far out of range that the status word does not report; else empty."""
+        """Describe counts (6,) far out of range that the status word conceals, else empty."""
         if self._range is None or self._table.out_of_range(status):
             return ""
         biased = any(c in "123456789" for c in self._page.bias)
