@@ -54,9 +54,9 @@ class Profile:
             return self.length
         if t < self._ramp:
             return 0.5 * self._a * t * t
-        left = self.duration - t
-        if left < self._ramp:
-            return self.length - 0.5 * self._a * left * left
+        remaining = self.duration - t
+        if remaining < self._ramp:
+            return self.length - 0.5 * self._a * remaining * remaining
         return self._v * (t - 0.5 * self._ramp)
 
 
@@ -163,15 +163,15 @@ class _Planned(ArmMotion):
 
     def _steepest(self, q: np.ndarray) -> np.ndarray:
         """How steep each joint is over the way (6,) [rad], where it is steepest."""
-        before, found = q, np.zeros(6)
+        before, steepest = q, np.zeros(6)
         try:
             for k in range(1, _LOOKS + 1):
                 following = self._at(k / _LOOKS, before)
-                found = np.maximum(found, _LOOKS * np.abs(following - before))
+                steepest = np.maximum(steepest, _LOOKS * np.abs(following - before))
                 before = following
         except UnreachableError:
-            return found
-        return found
+            return steepest
+        return steepest
 
     @abstractmethod
     def _plan(self, q: np.ndarray) -> float:
@@ -217,10 +217,10 @@ class ToPose(_Planned):
     def _at(self, share: float, q: np.ndarray) -> np.ndarray:
         turn, _ = matrix(np.concatenate([np.zeros(3), share * self._turn]))
         pose = vector(turn @ self._rotation, self._place(share))
-        found = self._kinematics.follow(pose, self._tcp, q)
-        if found is None:
+        joints = self._kinematics.follow(pose, self._tcp, q)
+        if joints is None:
             raise UnreachableError("the straight way leaves the robot's reach")
-        return found
+        return joints
 
     def _place(self, share: float) -> np.ndarray:
         return np.asarray(self._from + share * self._way)

@@ -55,14 +55,14 @@ class Outputs:
         """Take the controller's state after a cycle; what takes long, for `wanted` fields alone."""
         controller = self._controller
         self._count += 1
-        found: dict[str, Values] = {"timestamp": (timestamp,), "control_step": (self._count,)}
-        found |= self._joints() | self._modes()
+        outputs: dict[str, Values] = {"timestamp": (timestamp,), "control_step": (self._count,)}
+        outputs |= self._joints() | self._modes()
         if not wanted.isdisjoint(_TOOL_FIELDS):
-            found |= self._tool()
+            outputs |= self._tool()
         if "ft_raw_wrench" in wanted:
-            found["ft_raw_wrench"] = self._raw()
+            outputs["ft_raw_wrench"] = self._raw()
         values = controller.values
-        values.update({name: value for name, value in found.items() if name in controller.fields})
+        values.update({name: value for name, value in outputs.items() if name in controller.fields})
 
     def _raw(self) -> Values:
         """The reading of the sensor, or where a box has it for itself what the arm measures."""

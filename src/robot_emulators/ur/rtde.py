@@ -120,8 +120,8 @@ class RtdeSession:
         good = asked is not None and NOT_FOUND not in types
         number = 1 if self.protocol == 2 else None
         self.output = Recipe(number, list(zip(asked or [], types, strict=True))) if good else None
-        share = frequency / self._offer.rate
-        self._share = share if 0.0 < share < 1.0 else 1.0
+        rate_fraction = frequency / self._offer.rate
+        self._share = rate_fraction if 0.0 < rate_fraction < 1.0 else 1.0
         self._phase = 1.0 - self._share
         head = bytes([good]) if self.protocol == 2 else b""
         self._answer(wire.OUTPUTS, head + ",".join(types).encode())

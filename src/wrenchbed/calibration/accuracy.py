@@ -22,11 +22,11 @@ def tip_jacobian(
     Raises:
         NotFoundError: the robot has no tool tip.
     """
-    own = len(robot.parameters)
+    parameter_count = len(robot.parameters)
     result = np.zeros((len(q), 3, len(columns)))
-    shifted = np.tile(theta[:own].astype(complex), (len(columns), 1, 1))
+    shifted = np.tile(theta[:parameter_count].astype(complex), (len(columns), 1, 1))
     for k, c in enumerate(columns):
-        if c < own:
+        if c < parameter_count:
             shifted[k, 0, c] += 1j * _STEP
     at_once = max(1, _ROWS_AT_ONCE // max(len(q), 1))
     for first in range(0, len(columns), at_once):

@@ -89,13 +89,13 @@ def identify_from_gravity(
     # sums of g gᵀ, g fᵀ and g τᵀ, a row a component of g
     x, y, z = (both[:, :3].T @ both).tolist()
     gx, gy, gz, *bias = mean.tolist()
-    share = w[0] * x[0] + w[1] * y[1] + w[2] * z[2]
+    weighted_square = w[0] * x[0] + w[1] * y[1] + w[2] * z[2]
     square = x[0] + y[1] + z[2] + len(g) * (gx * gx + gy * gy + gz * gz)
-    if not share > 1e-12 * square * max(w[:3]):
+    if not weighted_square > 1e-12 * square * max(w[:3]):
         raise CalibrationError(
             "all poses have one orientation: mass and bias cannot be distinguished"
         )
-    mass = (w[0] * x[3] + w[1] * y[4] + w[2] * z[5]) / share
+    mass = (w[0] * x[3] + w[1] * y[4] + w[2] * z[5]) / weighted_square
     hx, hy, hz = _moment(x, y, z, w[3:])
     for k, pull in enumerate((gx, gy, gz)):
         bias[k] -= mass * pull
@@ -120,8 +120,8 @@ def _moment(x: list[float], y: list[float], z: list[float], w: list[float]) -> l
     determinant = a * p + d * q + e * t
     if not determinant > _WELL_SPREAD * ((a + b + c) / 3.0) ** 3:
         normal = np.array([[a, d, e], [d, b, f], [e, f, c]])
-        found: list[float] = np.linalg.lstsq(normal, np.array(r), rcond=1e-10)[0].tolist()
-        return found
+        minimal: list[float] = np.linalg.lstsq(normal, np.array(r), rcond=1e-10)[0].tolist()
+        return minimal
     k, m, n = a * c - e * e, d * e - a * f, a * b - d * d
     return [
         (p * r[0] + q * r[1] + t * r[2]) / determinant,

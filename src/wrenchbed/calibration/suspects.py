@@ -78,21 +78,21 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, str | None
         return outcome, None
     some = np.unique(np.linspace(0, len(problem.data) - 1, ROWS).astype(int))
     every = list(_suspects(problem, outcome.solution.x, some))
-    found = _explained(problem, outcome, every, some)
-    if found is None:
+    explained = _explained(problem, outcome, every, some)
+    if explained is None:
         return outcome, None
     std = np.sqrt(np.diagonal(outcome.covariance))
-    wide = np.hypot(found.std, found.shift) * problem.scale
-    ratio = np.abs(found.shift) / found.least
-    moved = (ratio > MOVED) & (np.abs(found.shift) > MATTERS) & (outcome.solution.blind < BLIND)
-    fault = _largest(every, found)
+    wide = np.hypot(explained.std, explained.shift) * problem.scale
+    ratio = np.abs(explained.shift) / explained.least
+    moved = (ratio > MOVED) & (np.abs(explained.shift) > MATTERS) & (outcome.solution.blind < BLIND)
+    fault = _largest(every, explained)
     factor = np.maximum(1.0, np.divide(wide, std, out=np.ones_like(std), where=std > 0.0))
     grown = replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
     if not moved.any() or fault is None:
         return grown, None
     k = int(np.argmax(np.where(moved, ratio, 0.0)))
     parameter = problem.model.parameters[problem.free[k]]
-    by = abs(found.shift[k]) * problem.scale[k]
+    by = abs(explained.shift[k]) * problem.scale[k]
     return grown, (
         f"the readings are not those of one load: {every[fault].name} would "
         f"explain most of what is left, and move {parameter.name} by {by:.2g} {parameter.unit}. "

@@ -32,14 +32,14 @@ def observed(
         theta: parameters (P,) as the metadata states them.
         free: names of the parameters that a fit will find.
     """
-    robot, own = model.robot, model.robot.robot_theta(theta)
-    tool, stated = robot.tool(own), recording.metadata.tool
+    robot, robot_theta = model.robot, model.robot.robot_theta(theta)
+    tool, stated = robot.tool(robot_theta), recording.metadata.tool
     known = np.zeros(6)
     if data.source != "residual":
         known = np.sqrt(np.diagonal(data.row_covariance) / np.mean(data.count))
     return Observed(
-        recording.name, robot, own, np.asarray(model.gravity), data.q, data.wrench, known, data.t,
-        np.searchsorted(recording.t, data.t).clip(0, len(recording) - 1), float(tool.mass),
+        recording.name, robot, robot_theta, np.asarray(model.gravity), data.q, data.wrench, known,
+        data.t, np.searchsorted(recording.t, data.t).clip(0, len(recording) - 1), float(tool.mass),
         stated.mass is not None, None if stated.cog is None else np.asarray(stated.cog),
         any(mount <= free for mount in _MOUNTS),
     )  # fmt: skip
@@ -54,14 +54,14 @@ def check(recording: Recording) -> Finding | None:
     model = Model.of(robot_of(recording), recording.metadata)
     if recording.metadata.mode == "dynamic" and not recording.joints:
         raise CalibrationError(f"{recording.name}: motion needs joint columns")
-    found = of_rows(recording, usable(recording), model.robot.sensor)
-    if found is not None:
-        return found
+    finding = of_rows(recording, usable(recording), model.robot.sensor)
+    if finding is not None:
+        return finding
     data = observe(recording)
     if recording.metadata.mode == "static":
-        found = contradicted(recording, data.keep, data.count)
-        if found is not None:
-            return found
+        finding = contradicted(recording, data.keep, data.count)
+        if finding is not None:
+            return finding
     free = {model.parameters.names[i] for i in model.parameters.select(model.robot.free)}
     theta = model.configured(recording.metadata)
     return of_load(recording, observed(recording, data, model, theta, free))

@@ -88,8 +88,8 @@ def estimate(t: np.ndarray, residual: np.ndarray, design: np.ndarray, least: np.
         least: variance that the independent part has at least (6,).
     """
     spread, basis = modes(t)
-    x, left = basis.T @ np.moveaxis(design, 1, 0), basis.T @ residual.T[..., None]
-    independent, level = levels(x, left[..., 0], spread, least)
+    x, projected = basis.T @ np.moveaxis(design, 1, 0), basis.T @ residual.T[..., None]
+    independent, level = levels(x, projected[..., 0], spread, least)
     return Wander(independent, level, basis, spread)
 
 
@@ -171,8 +171,8 @@ def fit(problem: Problem) -> Outcome:
     explained = bool(special.chdtrc(6 * problem.dof, chi2) > TRUST)
     known = solution.covariance
     if isinstance(data.q, Jet):
-        found = _scattered(problem, solution, inflated=not explained)
-        return found if explained else misfit.grown(problem, found, known)
+        outcome = _scattered(problem, solution, inflated=not explained)
+        return outcome if explained else misfit.grown(problem, outcome, known)
     if explained:
         return settled(problem, solution)
     few = len(data) - len(problem.free) < ENOUGH or len(data) > MOST_POSES
@@ -209,12 +209,12 @@ def _blind(problem: Problem) -> Outcome:
     solution = problem.solve(_rows(fallback_covariance(), np.ones(len(data))), problem.start)
     factor = 1.0
     for _ in range(REWEIGHTINGS):
-        found = problem.found(solution.x)
-        if _exact(found, data):
+        variance = problem.found(solution.x)
+        if _exact(variance, data):
             whitened = solution.residual[: data.wrench.size]
             factor = float(whitened @ whitened) / (6 * problem.dof)
             break
-        pooled = np.repeat([found[:3].mean(), found[3:].mean()], 3)
+        pooled = np.repeat([variance[:3].mean(), variance[3:].mean()], 3)
         time = _correlation_time(problem, solution.x)
         solution = problem.solve(none_of(pooled * time), solution.x)
     effective = float(data.count.sum()) / _correlation_time(problem, solution.x)
@@ -229,14 +229,14 @@ def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> O
     variance = np.zeros(6)
     for _ in range(REWEIGHTINGS):
         # many parameters may swallow a channel's residual, never its noise
-        found = np.maximum(problem.found(solution.x), expected)
+        measured = np.maximum(problem.found(solution.x), expected)
         time = _correlation_time(problem, solution.x)
-        if np.allclose(found * time, variance, rtol=_SETTLED, atol=0.0):
+        if np.allclose(measured * time, variance, rtol=_SETTLED, atol=0.0):
             break
-        variance = found * time
+        variance = measured * time
         solution = problem.solve(none_of(variance), solution.x)
-    share = np.minimum(1.0, expected / np.maximum(found, 1e-300)) if inflated else np.ones(6)
-    effective = float(data.count.sum()) / time * share
+    fraction = np.minimum(1.0, expected / np.maximum(measured, 1e-300)) if inflated else np.ones(6)
+    effective = float(data.count.sum()) / time * fraction
     noise = _noise(problem, solution, data.source, effective, inflated)
     return Outcome(solution, solution.covariance, problem.dof, noise)
 
@@ -247,9 +247,9 @@ def _wandering(problem: Problem, solution: Solution) -> Outcome:
     least = np.diagonal(data.row_covariance) / float(np.mean(data.count))
     order = np.argsort(data.t)
     for _ in range(REWEIGHTINGS):
-        design, left = problem.jacobian(solution.x)[order], problem.residual(solution.x)[order]
-        slow = estimate(data.t[order], left, design, least)
-        z = slow.whiten(left)
+        design, residual = problem.jacobian(solution.x)[order], problem.residual(solution.x)[order]
+        slow = estimate(data.t[order], residual, design, least)
+        z = slow.whiten(residual)
         between = np.corrcoef(z, rowvar=False)
         together = _rows(between, np.ones(len(data)))
 
@@ -304,7 +304,7 @@ def _noise(
 ) -> FitNoise:
     data = problem.data
     rows = float(np.mean(data.count))
-    found = np.sqrt(problem.found(solution.x))
+    scatter = np.sqrt(problem.found(solution.x))
     known = source != "residual"
-    alone = np.sqrt(np.diagonal(data.row_covariance)) if known else found * np.sqrt(rows)
-    return FitNoise(alone, source, alone / np.sqrt(rows), found, effective, rows, inflated)
+    alone = np.sqrt(np.diagonal(data.row_covariance)) if known else scatter * np.sqrt(rows)
+    return FitNoise(alone, source, alone / np.sqrt(rows), scatter, effective, rows, inflated)

@@ -249,8 +249,8 @@ def places(a: Analysis, verdict: Verdict, gap: Closure) -> list[Place]:
         gain = best - max((e.log_posterior for e in others), default=best - 60.0)
         # a Bayes factor is an e-value, and 1/e a p-value: Vovk & Wang 2021, 10.1214/20-AOS2020
         p_value = float(np.exp(-max(gain, 0.0)))
-        share = gap.shares.get(c.names[0], 0.0)
-        result.append((c.names[0], _detail(verdict, c), share, p_value))
+        closed = gap.shares.get(c.names[0], 0.0)
+        result.append((c.names[0], _detail(verdict, c), closed, p_value))
     return result
 
 
@@ -269,21 +269,21 @@ def _detail(verdict: Verdict, cause: Cause) -> str:
 
 def probabilities(verdict: Verdict, between: Sequence[RowFinding]) -> dict[str, float]:
     """Probability of each answer; an effect between rows leads where the means name no cause."""
-    share = dict(verdict.probabilities)
+    probability = dict(verdict.probabilities)
     if between and not verdict.causes:
         best = between[0]
-        spare = share.get(NONE, 0.0) * best.probability
-        share[NONE] = share.get(NONE, 0.0) - spare
-        share[best.effect] = share.get(best.effect, 0.0) + spare
-    total = sum(share.values())
-    share = {k: v / total for k, v in share.items()}
+        spare = probability.get(NONE, 0.0) * best.probability
+        probability[NONE] = probability.get(NONE, 0.0) - spare
+        probability[best.effect] = probability.get(best.effect, 0.0) + spare
+    total = sum(probability.values())
+    probability = {k: v / total for k, v in probability.items()}
     for lead in verdict.causes[:1]:  # it leads no more often than it is there
         name = "|".join(lead.names)
-        more = max(share.get(name, 0.0) - lead.probability, 0.0)
+        more = max(probability.get(name, 0.0) - lead.probability, 0.0)
         if more > 0.0:
-            share[name] -= more
-            share[UNKNOWN] = share.get(UNKNOWN, 0.0) + more
-    return share
+            probability[name] -= more
+            probability[UNKNOWN] = probability.get(UNKNOWN, 0.0) + more
+    return probability
 
 
 def set90(

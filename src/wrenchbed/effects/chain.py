@@ -186,11 +186,11 @@ def _key(active: Sequence[ActiveEffect]) -> _Key:
 
 def _kept(known: dict[_Key, _T], key: _Key, make: Callable[[], _T]) -> _T:
     """Cached value of a key, or a newly made one; the least recently used is dropped first."""
-    found = known.pop(key) if key in known else make()
+    value = known.pop(key) if key in known else make()
     if len(known) == _KEPT:
         del known[next(iter(known))]
-    known[key] = found
-    return found
+    known[key] = value
+    return value
 
 
 @dataclass(frozen=True, eq=False)

@@ -78,8 +78,8 @@ class Hand:
         length = math.sqrt(shift @ shift)
         if self._blocked(new, length):
             return np.repeat(self.q[None], parts, axis=0)
-        share = np.arange(1, parts + 1)[:, None] / parts
-        line = self.q + share * (new - self.q)
+        fraction = np.arange(1, parts + 1)[:, None] / parts
+        line = self.q + fraction * (new - self.q)
         self.q, self.tip = new, self.tip + shift
         self._age, self._gone = self._age + 1, self._gone + length
         return np.asarray(line)
@@ -211,12 +211,12 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
 
     def _limb(self) -> Limb:
         """A limb below the tip."""
-        share = self.np_random.random(4)
-        stiffness = STIFFNESS[0] * (STIFFNESS[1] / STIFFNESS[0]) ** share[0]
+        draws = self.np_random.random(4)
+        stiffness = STIFFNESS[0] * (STIFFNESS[1] / STIFFNESS[0]) ** draws[0]
         radius, above = (
-            a + s * (b - a) for s, (a, b) in zip(share[1:3], (RADIUS, ABOVE), strict=True)
+            a + s * (b - a) for s, (a, b) in zip(draws[1:3], (RADIUS, ABOVE), strict=True)
         )
-        angle = 0.6 * (share[3] - 0.5)  # about x, along which MedRUE's patient lies
+        angle = 0.6 * (draws[3] - 0.5)  # about x, along which MedRUE's patient lies
         axis = np.array([np.cos(angle), np.sin(angle), 0.0])
         return Limb(self.hand.tip - [0.0, 0.0, radius + above], axis, radius, stiffness)
 

@@ -240,16 +240,16 @@ def _replaceable(path: Path) -> int | None:
         OSError: a folder, a device or a write-protected file has the name.
     """
     try:
-        found = path.stat()
+        status = path.stat()
     except FileNotFoundError:
         return None
-    if stat.S_ISDIR(found.st_mode):
+    if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, "is a folder; give the name of a file", str(path))
-    if not stat.S_ISREG(found.st_mode):
+    if not stat.S_ISREG(status.st_mode):
         raise OSError(errno.EINVAL, "is a device or a pipe; give the name of a file", str(path))
-    if not found.st_mode & 0o222:
+    if not status.st_mode & 0o222:
         raise PermissionError(errno.EACCES, "is write-protected; give another name", str(path))
-    return None if path.is_symlink() else stat.S_IMODE(found.st_mode) & 0o777
+    return None if path.is_symlink() else stat.S_IMODE(status.st_mode) & 0o777
 
 
 def _make(folder: Path) -> list[Path]:
@@ -326,9 +326,9 @@ def _named(error: OSError, path: Path, size: int | None, written: int) -> OSErro
     text = error.strerror
     if error.errno in _FULL:
         folder = next(p for p in (path.parent, *path.absolute().parents) if p.exists())
-        found = os.statvfs(folder)
+        status = os.statvfs(folder)
         needed = f"more than {_amount(written)}" if size is None else _amount(size)
-        text = f"{text}: {needed} needed, {_amount(found.f_bavail * found.f_frsize)} free"
+        text = f"{text}: {needed} needed, {_amount(status.f_bavail * status.f_frsize)} free"
     return OSError(error.errno, text, str(path))
 
 

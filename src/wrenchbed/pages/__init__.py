@@ -53,13 +53,13 @@ class ReportPage:
         scripts = [_script(name) for name in ((LIBRARY, SCRIPT) if self.figures else (SCRIPT,))]
         data = {f.chart.name: f.chart.to_json() for f in self.figures}
         charts = json.dumps(data, ensure_ascii=False, separators=(",", ":"))
-        own = {
+        assets = {
             "scripts": [text for text, _ in scripts],
             "allowed": " ".join(digest for _, digest in scripts),
             "charts": charts.replace("<", "\\u003c"),  # no end of the script within it
         }
         template = environment.get_template(f"{self.template}.html.j2")
-        return str(template.render({**self.context, **own}))
+        return str(template.render({**self.context, **assets}))
 
     def write(self, path: str | Path) -> None:
         """Write the page, atomically."""

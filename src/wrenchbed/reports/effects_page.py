@@ -94,8 +94,8 @@ def _recordings(e: Effect) -> str:
 
 
 def _robots(e: Effect) -> str:
-    found = [n for n, robot in _all_robots().items() if e.applies(robot)]
-    return "all" if len(found) == len(_all_robots()) else ", ".join(found)
+    robots = [n for n, robot in _all_robots().items() if e.applies(robot)]
+    return "all" if len(robots) == len(_all_robots()) else ", ".join(robots)
 
 
 def _all_robots() -> dict[str, Robot]:
@@ -104,15 +104,15 @@ def _all_robots() -> dict[str, Robot]:
 
 def _in_mujoco(e: Effect) -> str:
     if type(e).edit_spec is not Effect.edit_spec:
-        told = (inspect.getdoc(type(e).edit_spec) or "").split("\n")[0]
-        return f"{told[0].lower()}{told[1:].rstrip('.')}"
+        sentence = (inspect.getdoc(type(e).edit_spec) or "").split("\n")[0]
+        return f"{sentence[0].lower()}{sentence[1:].rstrip('.')}"
     return STAGES[e.stage].simulated
 
 
 def _parameters(e: Effect) -> Iterator[str]:
     """One row for parameters that differ in their number or channel alone."""
     robots = {n: r for n, r in _all_robots().items() if e.applies(r)}
-    told: dict[tuple[str, str, str, str], list[str]] = {}
+    rows: dict[tuple[str, str, str, str], list[str]] = {}
     free = {n for robot in robots.values() for n in _amplitudes(e, robot)}
     for robot_name, robot in robots.items():
         groups: dict[tuple[str, str, str, str], list[str]] = {}
@@ -120,8 +120,8 @@ def _parameters(e: Effect) -> Iterator[str]:
             kind = "amplitude" if p.name in free else "shape"
             groups.setdefault((_stem(p.name), _text(p), kind, _size(p)), []).append(p.name)
         for (_, text, kind, size), names in groups.items():
-            told.setdefault((_listed(names), text, kind, size), []).append(robot_name)
-    for (listed, text, kind, size), who in told.items():
+            rows.setdefault((_listed(names), text, kind, size), []).append(robot_name)
+    for (listed, text, kind, size), who in rows.items():
         yield f"| {listed} | {text} | {kind} | {size} | {_who(who, robots)} |"
 
 

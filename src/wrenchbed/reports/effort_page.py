@@ -62,10 +62,10 @@ def effort_page(found: EffortFindings, command: str = "") -> ReportPage:
 
 def _joints(found: EffortFindings) -> list[int]:
     """Joints whose friction is shown, from 0: named ones, else the one with the largest gap."""
-    own = [c.key[1] - 1 for c in found.verdict.causes
+    named = [c.key[1] - 1 for c in found.verdict.causes
            if c.key[1] is not None and c.key[0].startswith("drive.")]  # fmt: skip
-    if own:
-        return list(dict.fromkeys(own))[:2]
+    if named:
+        return list(dict.fromkeys(named))[:2]
     gaps = [v["before"] for v in found.diagnosis.gap.per_channel.values()][: found.d.scene.joints]
     return [int(np.argmax(gaps))] if found.diagnosis.verdict != "none" else []
 
@@ -80,8 +80,8 @@ def _efforts(found: EffortFindings) -> Chart:
     panels, note = [], ""
     for j in range(scene.joints):
         series = [Series("measured", "line", t[rows], measured[rows, j], role="measured")]
-        own = (("calibrated", "before"), ("with_effects", "after"))
-        for name, role in own:
+        roles = (("calibrated", "before"), ("with_effects", "after"))
+        for name, role in roles:
             if name in found.held_out.left:
                 made = measured[:, j] - std[j] * found.held_out.left[name][:, j]
                 label = name.replace("_", " the ")
@@ -108,8 +108,8 @@ def _friction(found: EffortFindings, j: int) -> Chart:
         Series(name, kind, x, y, role=role)
         for y, (name, kind, role) in zip(means, _FRICTION, strict=False)
     ]
-    own = scene.robot.joints[j].own
-    panel = Panel(Axis("speed", own("rad/s")), Axis("effort less rigid body", own("N·m")),
+    own_unit = scene.robot.joints[j].own
+    panel = Panel(Axis("speed", own_unit("rad/s")), Axis("effort less rigid body", own_unit("N·m")),
                   tuple(series), zero=True)  # fmt: skip
     caption = "Means over bins of speed; what depends on angle or load alone averages out."
     return Chart(f"friction-{j + 1}", f"Friction of joint {j + 1}", (panel,), caption=caption)

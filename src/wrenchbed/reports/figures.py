@@ -64,8 +64,8 @@ def _bars(name: str, title: str, rows: Sequence[tuple[str, float, str]], caption
     """Horizontal bars with their gaps, coloured by kind."""
     series = []
     for kind in dict.fromkeys(kind for _, _, kind in rows):
-        own = [(k, value) for k, (_, value, other) in enumerate(rows) if other == kind]
-        place, values = (np.array(x, dtype=float) for x in zip(*own, strict=True))
+        of_kind = [(k, value) for k, (_, value, other) in enumerate(rows) if other == kind]
+        place, values = (np.array(x, dtype=float) for x in zip(*of_kind, strict=True))
         texts = tuple(numbers.gap(v) for v in values)
         series.append(Series("", "bars", values, place, role=_ROLES[kind], texts=texts))
     labels = Axis("", names=tuple(label for label, _, _ in rows))

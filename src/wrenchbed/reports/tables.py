@@ -30,14 +30,14 @@ def subsystems(found: Findings) -> list[dict[str, Any]]:
     claimed = {str(w["effect"]).split(".")[0] for w in d.which}
     rivals = {n.split(".")[0] for n in sentences.names(d.which)} - claimed
     scatter = {n.split(".")[0] for n in rows} & claimed
-    hints, share = sentences.hinted(found), dict[str, float]()
+    hints, shares = sentences.hinted(found), dict[str, float]()
     for w in d.where:
-        own = str(w["subsystem"])
-        share[own] = share.get(own, 0.0) + max(float(w["share"]), 0.0)
+        subsystem = str(w["subsystem"])
+        shares[subsystem] = shares.get(subsystem, 0.0) + max(float(w["share"]), 0.0)
     means = {str(w["effect"]).split(".")[0] for w in d.which if w["effect"] not in rows}
     result = []
     for name in SUBSYSTEMS:
-        value, kind, text = share.get(name, 0.0), "quiet", "–"
+        value, kind, text = shares.get(name, 0.0), "quiet", "–"
         if name in means:
             kind, text = "claimed", numbers.share(value)
         elif name in scatter:
@@ -94,10 +94,10 @@ def candidates(probabilities: Mapping[str, float]) -> list[dict[str, str]]:
 
 def explanations(found: Findings) -> list[dict[str, Any]]:
     """The best structures with what each leaves, and how much less likely it is than the best."""
-    told = found.analysis.ranking.explanations
+    ranked = found.analysis.ranking.explanations
     result: list[dict[str, Any]] = []
     seen = set()
-    for e in told:
+    for e in ranked:
         text = " + ".join(f"{h.name} ({h.variant.label})" for h in e.finalist.parts)
         own_names = {h.name for h in e.finalist.parts}
         wrong = [p.name for p in e.parts if p.index is None and p.name not in own_names]
@@ -112,7 +112,7 @@ def explanations(found: Findings) -> list[dict[str, Any]]:
                 "text": text,
                 "named": bool(found.diagnosis.which) and same and first,
                 "rest": numbers.gap(max(e.rest, 0.0)),
-                "behind": _odds(told[0].log_posterior - e.log_posterior),
+                "behind": _odds(ranked[0].log_posterior - e.log_posterior),
             }
         )
     return result

@@ -133,8 +133,8 @@ class SerialChain(MountedArm):
         zeros[:-1] += before
         zeros[1:] += behind
         twist = np.append(twist, 0.0)
-        own = np.stack([hinges, zeros, np.cos(twist), np.sin(twist)], axis=-1)
-        return Packed(gravity @ between[0], between[-1], own.ravel())
+        joints = np.stack([hinges, zeros, np.cos(twist), np.sin(twist)], axis=-1)
+        return Packed(gravity @ between[0], between[-1], joints.ravel())
 
     def gravity_slopes(
         self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]

@@ -278,16 +278,16 @@ def _robot(
         table.refuse("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
     floor = table.number("floor") if "floor" in table.raw else None
     sensor = known_as(table.text("sensor"))
-    own = registry.record_of("sensors", sensor)
+    sensor_record = registry.record_of("sensors", sensor)
     load = _stated_load(table.part("tool"), arm.load)
     edited = replace(arm, links=links, gravity=tuple(gravity), floor=floor)
-    whole = text if own is None else text + sensor
+    whole = text if sensor_record is None else text + sensor
     digest = hashlib.sha256(whole.encode()).hexdigest()[:_DIGITS]
     name = f"{table.text('name')}@{digest}"
     description = ArmDescription(name, table.text("title"), sensor, edited, load)
     record = {"toml": text, "arm": arm.to_json()}
-    if own is not None:
-        record["sensor"] = {"name": sensor, "record": dict(own)}
+    if sensor_record is not None:
+        record["sensor"] = {"name": sensor, "record": dict(sensor_record)}
     if edited.loops is None:
         return FileArm(description, record)
     try:

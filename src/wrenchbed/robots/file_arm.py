@@ -230,7 +230,7 @@ class FileArm(DescribedArm, SerialChain):
         origins = [np.broadcast_to(frame[3], (len(q), 3)) for frame in frames]
         rotation, sensor = self.sensor_pose(q, theta)
         tip = 2.0 * np.array(self.description.load.cog)
-        tool = np.stack([sensor + rotation @ (share * tip) for share in (0.0, 0.5, 1.0)])
+        tool = np.stack([sensor + rotation @ (fraction * tip) for fraction in (0.0, 0.5, 1.0)])
         good = np.ones(len(q), dtype=bool)
         if floor is not None:
             low = np.stack([*origins[2:], *tool])[..., 2]
@@ -250,11 +250,11 @@ class FileArm(DescribedArm, SerialChain):
             if link.kind != HINGE:
                 continue
             zero, joint = self.zero_names[k], link.joint
-            own = np.linalg.solve(
+            back_turn = np.linalg.solve(
                 exp_rates(theta[self._turns[k]]), exp(*theta[self._turns[k]]) @ link.axis
             )
             directions[f"the zero of {joint} against the rotation of {link.body} on it"] = _against(
-                zero, f"link.{link.body}.rotation", own
+                zero, f"link.{link.body}.rotation", back_turn
             )
             if k + 1 < len(links):
                 other, axis = links[k + 1], links[k + 1].turn.T @ link.axis

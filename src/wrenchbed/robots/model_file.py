@@ -422,12 +422,12 @@ class _Tree:
             start = 0.5 * (lower + upper)
         bodies, name = np.flatnonzero(segment == k + 1), self._joint_name(j)
         body = int(model.jnt_bodyid[j])
-        own = model.body(body).name or f"link{k + 1}"
-        own = own if j == self._joints(body)[-1] else f"{own}_{name}"
+        body_name = model.body(body).name or f"link{k + 1}"
+        body_name = body_name if j == self._joints(body)[-1] else f"{body_name}_{name}"
         mass, cog, inertia = self._together(bodies, *here)
         return ArmLink(
-            joint=_plain(name), body=_plain(own), kind=kind, axis=axis, turn=turn, shift=shift,
-            lower=lower, upper=upper,
+            joint=_plain(name), body=_plain(body_name), kind=kind, axis=axis, turn=turn,
+            shift=shift, lower=lower, upper=upper,
             speed=self.source.speeds().get(name, float(_SPEED[kind])), home=start,
             mass=mass, cog=cog, inertia=inertia, shapes=self._shapes(bodies, *here),
         )  # fmt: skip
@@ -467,10 +467,10 @@ class _Tree:
         model, data = self.model, self.data
         shapes = []
         for body in bodies:
-            own = np.flatnonzero(model.geom_bodyid == body)
-            ghost = (model.geom_contype[own] == 0) & (model.geom_conaffinity[own] == 0)
-            visual = own[ghost & (model.geom_group[own] < _HIDDEN_GROUP)]
-            for g in visual if len(visual) else own:
+            geoms = np.flatnonzero(model.geom_bodyid == body)
+            ghost = (model.geom_contype[geoms] == 0) & (model.geom_conaffinity[geoms] == 0)
+            visual = geoms[ghost & (model.geom_group[geoms] < _HIDDEN_GROUP)]
+            for g in visual if len(visual) else geoms:
                 kind = _SHAPES.get(mujoco.mjtGeom(model.geom_type[g]))
                 if kind is None:
                     continue

@@ -17,8 +17,8 @@ _PEAK = 1.875
 
 def straight(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Points on a straight joint-space line (`PATH_POINTS`, J)."""
-    share = np.linspace(0.0, 1.0, PATH_POINTS)[:, None]
-    return np.asarray(start + share * (np.asarray(end) - start))
+    fraction = np.linspace(0.0, 1.0, PATH_POINTS)[:, None]
+    return np.asarray(start + fraction * (np.asarray(end) - start))
 
 
 def reachable(robot: Robot, q: np.ndarray) -> np.ndarray:

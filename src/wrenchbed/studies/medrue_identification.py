@@ -263,10 +263,10 @@ def predict(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Wrench (N, 6) and tool position (N, 3) in closed form."""
     robot, model = setting.robot, setting.model
-    own = robot.robot_theta(theta)
+    robot_theta = robot.robot_theta(theta)
     with np.errstate(invalid="ignore"):  # a bad estimate cannot reach every configuration
-        rotation, origin = robot.sensor_pose(q, own)
-        load = wrench(rotation, origin, robot.tool(own), np.asarray(model.gravity))
-    p = robot.values(own)
+        rotation, origin = robot.sensor_pose(q, robot_theta)
+        load = wrench(rotation, origin, robot.tool(robot_theta), np.asarray(model.gravity))
+    p = robot.values(robot_theta)
     tip = np.array([p["xT"], p["yT"], p["zT"]])
     return model.read(load, theta), origin + rotation @ tip

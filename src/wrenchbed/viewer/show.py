@@ -99,9 +99,9 @@ def quiet() -> Iterator[dict[str, str]]:
     Telemetry is off, and its question for newer versions goes to a proxy that is not there.
     """
     with tempfile.TemporaryDirectory(prefix="wrenchbed-view-") as folder:
-        own = dict.fromkeys(("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME"), folder)
+        folders = dict.fromkeys(("XDG_CONFIG_HOME", "XDG_DATA_HOME", "XDG_CACHE_HOME"), folder)
         away = {name: NOWHERE for word in _PROXIES for name in (word, word.upper())}
-        environment = {"RUST_LOG": "warn"} | os.environ | own | away
+        environment = {"RUST_LOG": "warn"} | os.environ | folders | away
         subprocess.run(
             [str(_binary()), "analytics", "disable"],
             env=environment, check=True, capture_output=True, timeout=_QUIET_S,

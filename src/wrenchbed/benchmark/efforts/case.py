@@ -108,9 +108,9 @@ def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> 
 
 def classed(fault: EffortFault, size: float, rest: dict[Key, float]) -> tuple[Key, ...]:
     """Families with joints that no data of this motion tell from the cause, itself first."""
-    own: Key = (fault.family, fault.joint)
-    same = [k for k, v in rest.items() if v <= SAME + SHARE * size and k != own]
-    return (own, *same)
+    cause: Key = (fault.family, fault.joint)
+    same = [k for k, v in rest.items() if v <= SAME + SHARE * size and k != cause]
+    return (cause, *same)
 
 
 def _rest(columns: np.ndarray, target: np.ndarray) -> float:

@@ -68,11 +68,11 @@ def path_of_holds(design: "ExperimentDesign") -> JointPath:
     """Straight joint-space moves from hold to hold."""
     robot, theta, gravity, t = design.robot, design.theta, design.gravity, design.t
     q = target = design.q
-    share = np.arange(1, STEPS + 1) / STEPS
+    fraction = np.arange(1, STEPS + 1) / STEPS
     before = np.concatenate([q[:1], q[:-1]])
     if not robot.joints:
         target = q * np.where((before * q).sum(axis=1, keepdims=True) < 0.0, -1.0, 1.0)
-    points = before[:, None] + share[None, :, None] * (target - before)[:, None]
+    points = before[:, None] + fraction[None, :, None] * (target - before)[:, None]
     points = points.reshape(-1, q.shape[1])
     if not robot.joints:
         points = points / np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-9)
@@ -85,7 +85,7 @@ def path_of_holds(design: "ExperimentDesign") -> JointPath:
         points = points[np.maximum(last, at[0])]
         motion = at_rest(robot, theta, points, gravity)
     since = np.concatenate([t[:1] - 1.0, t[:-1]])
-    times = (since[:, None] + share * (t - since)[:, None]).ravel()
+    times = (since[:, None] + fraction * (t - since)[:, None]).ravel()
     torque = weights(robot, theta, points, gravity).torque
     wrench = load_wrench(motion, design.load)
     return JointPath(times, points, wrench, motion.specific_force, torque, at)

@@ -93,11 +93,11 @@ def gear_error(
     order = int(rng.choice([1, 2, 3, 4], p=[0.4, 0.4, 0.1, 0.1]))
     wave = about(rng, np.deg2rad(4.0 / 60.0) * size)
     phase, over = rng.uniform(-np.pi, np.pi, 2), rng.uniform(0.0, 0.2)
-    own = np.eye(len(setting.robot.joints))[k]
+    unit = np.eye(len(setting.robot.joints))[k]
 
     def drive(q: np.ndarray) -> np.ndarray:
         angle = order * q[:, k] + phase[0]
-        return np.outer(wave * (np.sin(angle) + over * np.sin(2 * angle + phase[1])), own)
+        return np.outer(wave * (np.sin(angle) + over * np.sin(2 * angle + phase[1])), unit)
 
     true = {"amplitude": wave, "joint": float(k + 1)}
     return RefereeFault(true, body=lambda m: replace(m, drive=(*m.drive, drive)))
@@ -243,8 +243,10 @@ def inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 def loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A part that slides to and fro in the tool and shifts its CoG by about 1.5 mm."""
     travel = about(rng, 1.5e-3 * size)
-    share = float(rng.uniform(0.08, 0.2))
-    part = LoosePart(share, direction(rng), 0.5 * travel / share, float(rng.uniform(0.05, 0.3)))
+    mass_fraction = float(rng.uniform(0.08, 0.2))
+    part = LoosePart(
+        mass_fraction, direction(rng), 0.5 * travel / mass_fraction, float(rng.uniform(0.05, 0.3))
+    )
     return RefereeFault({"travel": travel}, body=lambda m: replace(m, loose=part))
 
 
@@ -276,12 +278,12 @@ def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 @drawn("tool.slide")
 def slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The CoG moves by about 2 mm: a clamp creeps (Kohlrausch), or it sticks and slips."""
-    share = elapsed(setting.path.t)
+    progress = elapsed(setting.path.t)
     if rng.uniform() < 0.5:
-        law = -np.expm1(-((share / rng.uniform(0.1, 1.0)) ** rng.uniform(0.4, 1.0)))
+        law = -np.expm1(-((progress / rng.uniform(0.1, 1.0)) ** rng.uniform(0.4, 1.0)))
     else:
         waits = rng.gamma(4.0, 1.0, int(rng.integers(12, 40)))
-        law = np.searchsorted(np.cumsum(waits) / waits.sum(), share, "right").astype(float)
+        law = np.searchsorted(np.cumsum(waits) / waits.sum(), progress, "right").astype(float)
     way = about(rng, 2e-3 * size) * direction(rng)
     moved = np.outer(law / law[-1], way)
     mass, cog = _stated(setting)

@@ -121,8 +121,8 @@ def _legs(
     """Straight, or by the home pose, if that stays within the workspace; else none."""
     home = robot.home
     for legs in ([(start, end)], [(start, home), (home, end)]):
-        share = np.linspace(0.0, 1.0, _CHECKS)[:, None]
-        points = np.concatenate([a + share * (b - a) for a, b in legs])
+        fraction = np.linspace(0.0, 1.0, _CHECKS)[:, None]
+        points = np.concatenate([a + fraction * (b - a) for a, b in legs])
         if not robot.infeasible(points, robot.parameters.nominal):
             return legs
     return []
@@ -308,10 +308,10 @@ def _poses(robot: SimulatedRobot, rng: Rng) -> DrivePath:
 
 def _motion(robot: SimulatedRobot, rng: Rng) -> DrivePath:
     """A spline through random points about a pose, from rest to rest."""
-    share = rng.uniform()
+    fraction = rng.uniform()
     low = np.array([_REACH_M[0] if j.unit == "m" else _REACH[0] for j in robot.joints])
     high = np.array([_REACH_M[1] if j.unit == "m" else _REACH[1] for j in robot.joints])
-    reach = low + share * (high - low)
+    reach = low + fraction * (high - low)
     top = np.array([j.speed for j in robot.joints])
     for attempt in range(_TRIES):
         middle = robot.sample(1, rng)[0]

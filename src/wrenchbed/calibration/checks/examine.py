@@ -80,8 +80,8 @@ def examine(
             diagnosis, which sets a hand aside and names a zero that jumps.
     """
     sensor = seen.robot.sensor
-    found = rows.of_rows(recording, keep, sensor, blocking=blocking) or of_load(recording, seen)
-    return found if found is None or found.blocks or not blocking else None
+    finding = rows.of_rows(recording, keep, sensor, blocking=blocking) or of_load(recording, seen)
+    return finding if finding is None or finding.blocks or not blocking else None
 
 
 def of_load(recording: Recording, seen: Observed) -> Finding | None:
@@ -220,8 +220,8 @@ def _beyond(seen: Observed, load: Load) -> Finding | None:
 def _weight(seen: Observed, load: Load) -> Finding | None:
     mass = float(load.phi[0])
     unit = float(np.sqrt(((seen.seen.origin.T - seen.seen.origin.mean(axis=1)) ** 2).sum()))
-    left = max(float(load.left[:3].max(initial=0.0)), float(seen.noise[:3].max(initial=0.0)))
-    std = left / max(unit, 1e-300)
+    force_std = max(float(load.left[:3].max(initial=0.0)), float(seen.noise[:3].max(initial=0.0)))
+    std = force_std / max(unit, 1e-300)
     least = (LITTLE if seen.stated or load.share > REFUTED else LEAST_WEIGHT) * seen.mass
     if abs(mass) >= max(SURE * std, least):
         return None

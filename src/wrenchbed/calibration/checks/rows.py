@@ -59,8 +59,8 @@ def of_rows(
         RecordingError: the recording has no wrench.
     """
     recording.require_wrench()
-    found = (_channels(recording), _spikes(recording), _ranges(recording, keep, sensor))
-    for some in (*found, _clock(recording), standing(recording)):
+    groups = (_channels(recording), _spikes(recording), _ranges(recording, keep, sensor))
+    for some in (*groups, _clock(recording), standing(recording)):
         for finding in some:
             if finding.blocks or not blocking:
                 return finding
@@ -210,17 +210,17 @@ def frozen_joints(recording: Recording) -> list[tuple[str, int, int]]:
         moved |= np.diff(x) != 0.0
     travelled = np.concatenate([[0], np.cumsum(moved)])
     most = max(3, int(0.05 * travelled[-1]))
-    found = []
+    runs = []
     for name, x in zip(names, columns, strict=True):
         row, rows = _longest_run(x)
         if travelled[row + rows - 1] - travelled[row] > most:
-            found.append((name, row, rows))
+            runs.append((name, row, rows))
     row, rows = _longest_run(travelled)
     segment = recording.columns.get("segment", np.zeros(len(recording)))
     poses = len(np.unique(segment[row : row + rows]))
     if poses > most if recording.metadata.mode == "static" else rows > 0.05 * len(recording):
-        found.append((ALL, row, rows))
-    return found
+        runs.append((ALL, row, rows))
+    return runs
 
 
 def standing(recording: Recording) -> Iterator[Finding]:

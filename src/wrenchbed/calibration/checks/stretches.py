@@ -42,15 +42,15 @@ def trimmed(seen: Observed) -> tuple[np.ndarray, np.ndarray]:
     for _ in range(STARTS):
         rows = rng.permutation(len(seen))[:6]
         for _ in range(STEPS):
-            left = y - d @ _solution(d[rows], y[rows])
-            size = (left**2).sum(axis=1)
+            residual = y - d @ _solution(d[rows], y[rows])
+            size = (residual**2).sum(axis=1)
             order = np.argsort(size)[:kept]
             if set(order) == set(rows):
                 break
             rows = order
         cost = float(np.sort(size)[:kept].sum())
         if cost < least:
-            best, least = left, cost
+            best, least = residual, cost
     spread = _MAD * np.median(np.abs(best), axis=0)
     return best * scale, spread * scale
 

@@ -99,11 +99,11 @@ def shaking(s: Scatter) -> Shaking | None:
     x = _along(s, maps, direction)
     if not s.steady(x):
         return None
-    found = line(s, x, rms**2)
-    if found is not None:
-        passed = max(s.passed(found.frequency), 0.25)
+    frequency_line = line(s, x, rms**2)
+    if frequency_line is not None:
+        passed = max(s.passed(frequency_line.frequency), 0.25)
         rise, std, rms = rise / passed, std / passed, rms / np.sqrt(passed)
-    return Shaking(rise, seen, std, rms, direction, found)
+    return Shaking(rise, seen, std, rms, direction, frequency_line)
 
 
 def _least(vector: np.ndarray, std: float) -> tuple[np.ndarray, float, np.ndarray]:
@@ -140,15 +140,15 @@ def line(s: Scatter, x: np.ndarray, power: float) -> Line | None:
     grid, total = grid[use], 2.0 * np.abs(spectrum / s.count[:, None]) ** 2
     mean = total.mean(axis=0)
     peak = int(np.argmax(mean))
-    share = (mean[peak] - float(np.median(mean))) / power
-    if share < NARROW:
+    fraction = (mean[peak] - float(np.median(mean))) / power
+    if fraction < NARROW:
         return None
     fine = grid[peak] + np.linspace(-0.5, 0.5, 11) / length
     parts = _power(s, x, fine)
     group = np.arange(len(parts)) % JACKKNIFE
-    left = [_top(fine, parts[group != k].mean(axis=0)) for k in range(JACKKNIFE)]
-    std = np.sqrt((JACKKNIFE - 1.0) * np.var(left))
-    return Line(_top(fine, parts.mean(axis=0)), float(std), float(min(share, 1.0)))
+    tops = [_top(fine, parts[group != k].mean(axis=0)) for k in range(JACKKNIFE)]
+    std = np.sqrt((JACKKNIFE - 1.0) * np.var(tops))
+    return Line(_top(fine, parts.mean(axis=0)), float(std), float(min(fraction, 1.0)))
 
 
 def _power(s: Scatter, x: np.ndarray, frequencies: np.ndarray) -> np.ndarray:

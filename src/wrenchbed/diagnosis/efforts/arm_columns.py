@@ -46,12 +46,12 @@ def of_arm(scene: EffortScene) -> tuple[list[Column], list[Block]]:
         blocks += more[1]
     size = max(float(np.abs(c.data).max()) for c in columns)
     seen = {c.name for c in columns if np.abs(c.data).max() > _NOTHING * size}
-    left = []
+    visible = []
     for b in blocks:
-        own = tuple(n for n in b.columns if n in seen)
-        if own:
-            left.append(Block(b.effect, b.joint, b.outside, own, b.value, b.prior))
-    return [c for c in columns if c.name in seen], left
+        names = tuple(n for n in b.columns if n in seen)
+        if names:
+            visible.append(Block(b.effect, b.joint, b.outside, names, b.value, b.prior))
+    return [c for c in columns if c.name in seen], visible
 
 
 def _links(scene: EffortScene) -> tuple[list[Column], list[Block]]:
@@ -68,11 +68,11 @@ def _links(scene: EffortScene) -> tuple[list[Column], list[Block]]:
             forms["inertia"].append(np.concatenate([np.zeros(4), np.eye(6)[i]]))
         if mass <= 0.0:
             continue
-        for kind, own in forms.items():
-            names = tuple(f"link.{kind}.{k + 1}.{i}" for i in range(len(own)))
+        for kind, of_kind in forms.items():
+            names = tuple(f"link.{kind}.{k + 1}.{i}" for i in range(len(of_kind)))
             std = {"mass": _LINK_MASS * mass, "cog": _LINK_COG * mass,
                    "inertia": _LINK_INERTIA * _mean_inertia(phi)}[kind]  # fmt: skip
-            columns += [Column(n, y @ form, std) for n, form in zip(names, own, strict=True)]
+            columns += [Column(n, y @ form, std) for n, form in zip(names, of_kind, strict=True)]
             last = k == scene.robot.carrier  # the tool hangs on it, and is the more likely cause
             blocks.append(Block(f"link.{kind}", k + 1, False, names, prior=_LAST * last))
     return columns, blocks

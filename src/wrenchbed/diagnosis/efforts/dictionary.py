@@ -204,8 +204,8 @@ def _periods(
     """
     angle, columns, blocks = scene.q.v[:, j], list[Column](), list[Block]()
     kept = angle[scene.kept()]
-    left = np.where(use, remains(y, np.concatenate([data, arm], axis=1), use), 0.0)
-    fast = strongest(left, kept)
+    residual = np.where(use, remains(y, np.concatenate([data, arm], axis=1), use), 0.0)
+    fast = strongest(residual, kept)
     for effect, turn, many in (
         ("drive.ripple", fitting(y[use], ordinary[use], kept[use]), GEAR_MOST - SLOWEST),
         ("drive.cogging", fast, FASTEST - GEAR_MOST),

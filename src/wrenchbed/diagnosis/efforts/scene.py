@@ -92,25 +92,25 @@ class EffortScene:
     @property
     def residual(self) -> np.ndarray:
         """Measured less predicted (N, C): efforts [N·m, of slides N], then the wrench if any."""
-        left = self.signals.effort - self.total
+        effort = self.signals.effort - self.total
         if self.wrench is None:
-            return left
-        return np.concatenate([left, self.wrench[0] - self.wrench[1]], axis=1)
+            return effort
+        return np.concatenate([effort, self.wrench[0] - self.wrench[1]], axis=1)
 
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the channels (C,): ``joint 1`` …, then ``fx`` …."""
-        own = tuple(f"joint {j + 1}" for j in range(self.joints))
-        return own if self.wrench is None else (*own, *CHANNELS)
+        joints = tuple(f"joint {j + 1}" for j in range(self.joints))
+        return joints if self.wrench is None else (*joints, *CHANNELS)
 
     @property
     def speeds(self) -> np.ndarray:
         """Speeds at the kept rows (M, C) by which rows count; the arm's for the wrench."""
-        own = self.q.d[self.kept()]
+        speeds = self.q.d[self.kept()]
         if self.wrench is None:
-            return own
-        arm = np.abs(own).max(axis=1, keepdims=True)
-        return np.concatenate([own, np.repeat(arm, len(CHANNELS), axis=1)], axis=1)
+            return speeds
+        arm = np.abs(speeds).max(axis=1, keepdims=True)
+        return np.concatenate([speeds, np.repeat(arm, len(CHANNELS), axis=1)], axis=1)
 
     def sensed(self, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
         """Wrench (N, 6) of other parameters (P,) or gravity (3,) [m/s²]; (N, 0) without one."""
@@ -178,8 +178,8 @@ def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) 
         currents, step,
     )  # fmt: skip
     if sensor is not None:
-        own = predicted(model, recording, theta, signals.q, np.asarray(model.gravity))
-        scene = replace(scene, wrench=(sensor, own))
+        predicted_wrench = predicted(model, recording, theta, signals.q, np.asarray(model.gravity))
+        scene = replace(scene, wrench=(sensor, predicted_wrench))
     return replace(scene, friction=_friction(scene))
 
 
@@ -189,26 +189,26 @@ def _constants(recording: Recording, drives: Drives) -> np.ndarray:
     if known.all():
         return drives.of("drive.constant")
     fit = calibrate_efforts(recording, (*FRICTION, CONSTANT), force=True)
-    found = np.array([fit[f"{CONSTANT}.{j + 1}"].value for j in range(len(known))])
-    if not (np.isfinite(found) & (found > 0.0)).all():
-        joint = int(np.flatnonzero(~(np.isfinite(found) & (found > 0.0)))[0]) + 1
+    constants = np.array([fit[f"{CONSTANT}.{j + 1}"].value for j in range(len(known))])
+    if not (np.isfinite(constants) & (constants > 0.0)).all():
+        joint = int(np.flatnonzero(~(np.isfinite(constants) & (constants > 0.0)))[0]) + 1
         raise DiagnosisError(
             f"{recording.name}: the drive constant of joint {joint} comes out negative: state "
             f"metadata configured.drive.constant.{joint} [N·m/A; N/A], or record with another "
             "sign"
         )
-    return np.where(known, drives.of("drive.constant"), found)
+    return np.where(known, drives.of("drive.constant"), constants)
 
 
 def _friction(scene: EffortScene) -> np.ndarray:
     """Stated friction (N, J); what is not stated is fitted by least squares."""
-    drives, left, found = scene.drives, scene.signals.effort - scene.body, []
+    drives, residual, friction = scene.drives, scene.signals.effort - scene.body, []
     for j in range(scene.joints):
         speed = scene.q.d[:, j]
         columns = np.column_stack([direction(speed), speed, np.ones_like(speed)])
         stated = [drives.value[k][j] for k in ("drive.coulomb", "drive.viscous", "drive.offset")]
         if np.isfinite(stated[0]):
-            found.append(columns @ np.nan_to_num(stated))
+            friction.append(columns @ np.nan_to_num(stated))
         else:
-            found.append(columns @ np.linalg.lstsq(columns, left[:, j], rcond=None)[0])
-    return np.stack(found, axis=-1)
+            friction.append(columns @ np.linalg.lstsq(columns, residual[:, j], rcond=None)[0])
+    return np.stack(friction, axis=-1)

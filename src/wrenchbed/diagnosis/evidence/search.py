@@ -88,11 +88,11 @@ class Searcher:
             )
             for members in groups.values()
         ]
-        share = np.log(PRIOR[UNKNOWN] / max(1, len(self.kernels)))
+        log_prior = np.log(PRIOR[UNKNOWN] / max(1, len(self.kernels)))
         for k, name in enumerate(self.kernels):
             columns = self.d.kernels[name][None]
             result.append(
-                _Batch(np.array([-1 - k]), columns, KERNEL_SCALES[None], np.array([share]))
+                _Batch(np.array([-1 - k]), columns, KERNEL_SCALES[None], np.array([log_prior]))
             )
         return tuple(result)
 
@@ -104,8 +104,8 @@ class Searcher:
     def prior(self, h: Hypothesis) -> float:
         """Effects alike; variants by their weight; what must exceed its typical size is rarer."""
         rare = min(1.0, float(np.sqrt(h.typical_gap)) * 2.0)
-        share = h.variant.weight / self._weights[h.name]
-        prior = float(np.log(PRIOR["one"] / len(self._weights) * share * rare))
+        fraction = h.variant.weight / self._weights[h.name]
+        prior = float(np.log(PRIOR["one"] / len(self._weights) * fraction * rare))
         return prior + self.odds.get(h.name, 0.0)
 
     @cached_property

@@ -184,15 +184,15 @@ def _signatures(d: EffectDictionary) -> tuple[Signature, ...]:
     variants = {
         e: e.variants(d.prepared.scene) for e in effects().values() if e.acts(d.prepared.scene)
     }
-    several = {e.name: len(own) > 1 for e, own in variants.items()}
+    several = {e.name: len(of_effect) > 1 for e, of_effect in variants.items()}
     signatures = [
         Signature(h.effect, h.variant, np.asarray(h.columns), several[h.name])
         for h in d.hypotheses
         if not h.variant.free_form
     ]
     known = {(w.name, w.variant.label, tuple(w.columns)) for w in signatures}
-    for effect, own in variants.items():
-        for variant in own:
+    for effect, of_effect in variants.items():
+        for variant in of_effect:
             every = [seen.get((effect.name, n), []) for n in variant.free]
             if any(len(columns) != 1 for columns in every):
                 continue

@@ -104,21 +104,21 @@ def elements(
         Elements by the effect's name; of the part's own effect, the part is always one.
     """
     others = [k for k in range(len(f.parts)) if k != part]
-    own = f.parts[part]
+    replaced = f.parts[part]
     imitating = {name: _imitating(refitter, f, part, name) for name in effects}
     if not any(imitating.values()):
-        return {own.name: Elements((element(own.variant),), (f,), (part,))}
+        return {replaced.name: Elements((element(replaced.variant),), (f,), (part,))}
     base = refitter.keeping(f, others)
 
     def fitted(h: Hypothesis) -> Finalist:
         return refitter.extended(base, h) if base.parts else refitter.fit((h,), f.rung)
 
-    again = fitted(own).log_posterior  # on the same terms as the others
+    again = fitted(replaced).log_posterior  # on the same terms as the others
     result = {}
     for name, hypotheses in imitating.items():
         fits = [fitted(h) for h in hypotheses]
         logs = np.array([g.log_posterior for g in fits])
-        if name == own.name:
+        if name == replaced.name:
             likely = _likely(np.array([again, *logs]))
             every, parts = [f, *fits], [part, *(len(g.parts) - 1 for g in fits)]
         elif fits:
@@ -158,10 +158,10 @@ def _imitating(refitter: Refitter, f: Finalist, part: int, effect: str) -> list[
     for h in candidates:
         at = np.searchsorted(columns, h.columns)
         solved = np.linalg.lstsq(gram[np.ix_(at, at)], along[at], rcond=1e-10)[0]
-        left = energy - float(along[at] @ solved)
+        residual = energy - float(along[at] @ solved)
         name = element(h.variant)
-        if left <= UNLIKE * energy and left < rest.get(name, (np.inf, h))[0]:
-            rest[name] = left, h
+        if residual <= UNLIKE * energy and residual < rest.get(name, (np.inf, h))[0]:
+            rest[name] = residual, h
     nearest = sorted(rest, key=lambda name: rest[name][0])[:TRIED]
     return [h for name, (_, h) in rest.items() if name in nearest]
 
@@ -193,8 +193,8 @@ def combination(refitter: Refitter, of: Elements, spread: float) -> Combination 
     columns = refitter.d.E[:, [int(h.columns[0]) for h in parts]]
     gram = refitter.level_of(f).products(columns)
     along = gram[0] / gram[0, 0]
-    left = np.diagonal(gram) - along * gram[0]
-    if (left > SAME * np.diagonal(gram)).any():
+    residual = np.diagonal(gram) - along * gram[0]
+    if (residual > SAME * np.diagonal(gram)).any():
         return None
     known = [
         {q.name: q for q in h.effect.parameters(refitter.scene.robot)}[h.variant.free[0]]

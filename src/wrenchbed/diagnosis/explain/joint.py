@@ -88,10 +88,10 @@ class Layout:
         free = [p for p, part in enumerate(parts) if not part.of[0].effect.stated]
         for p in free:
             for home in parts[p].homes:
-                own = Variables.of((parts[p].of[home],)).shape
-                places[p, home] = len(shape) + np.arange(len(own))
-                shape += own.tolist()
-                owner += [len(sets)] * len(own)
+                is_shape = Variables.of((parts[p].of[home],)).shape
+                places[p, home] = len(shape) + np.arange(len(is_shape))
+                shape += is_shape.tolist()
+                owner += [len(sets)] * len(is_shape)
                 sets.append((p, home))
         at = tuple(
             np.concatenate([
@@ -291,8 +291,8 @@ class JointRefitter:
         if (id(f), keep) not in self._kept:
             parts = tuple(f.parts[k] for k in keep)
             sets = f.layout.sets
-            own = [s for k in keep for s, (p, _) in enumerate(sets) if p == k]
-            x = np.concatenate([f.x[f.layout.owner == s] for s in own])
+            kept_sets = [s for k in keep for s, (p, _) in enumerate(sets) if p == k]
+            x = np.concatenate([f.x[f.layout.owner == s] for s in kept_sets])
             self._kept[id(f), keep] = (f, self.fit(parts, f.rungs, x))
         return self._kept[id(f), keep][1]
 
@@ -311,10 +311,10 @@ class JointRefitter:
         at = Layout.of(parts).at
         result = np.zeros((len(self.y), len(x)))
         for r, each in enumerate(self.each):
-            places, own = at[r], tuple(p.of[r] for p in parts)
+            places, views = at[r], tuple(p.of[r] for p in parts)
             some = [i for i, k in enumerate(places.tolist()) if k in set(which)]
             rows = self._rows[r]
-            result[rows, places[some]] = each.design(own, x[places], f[rows], some)
+            result[rows, places[some]] = each.design(views, x[places], f[rows], some)
         return result[:, list(which)]
 
     def _minimum(

@@ -56,13 +56,13 @@ def rest_variance(a: Analysis, f: Finalist) -> np.ndarray:
     """Residual variance of an explanation in each channel (6,), over that of one row's noise."""
     d = a.dictionary
     rest = d.without_stated(f.residual).reshape(-1, 6)
-    left = (rest**2).mean(axis=0)
-    root = np.tile(np.sqrt(np.maximum(left, d.prepared.variance)), len(rest))
+    variance = (rest**2).mean(axis=0)
+    root = np.tile(np.sqrt(np.maximum(variance, d.prepared.variance)), len(rest))
     design = np.column_stack([d.E[:, d.stated], f.design]) / root[:, None]
     precision = np.concatenate([np.full(len(d.stated), FREE), 1.0 / f.spread**2])
     gram = design.T @ design
     free = float(np.trace(np.linalg.solve(gram + np.diag(precision), gram)))
-    return np.asarray(left / (1.0 - min(free / rest.size, MOST_FREE)))
+    return np.asarray(variance / (1.0 - min(free / rest.size, MOST_FREE)))
 
 
 def decided(ranking: Ranking) -> Verdict:
@@ -73,9 +73,9 @@ def decided(ranking: Ranking) -> Verdict:
     """
     verdict = decide(ranking)
     if not verdict.causes:
-        share = {NONE: 0.0} | {n: p for n, p in verdict.probabilities.items() if n != NONE}
-        share[UNKNOWN] = share.get(UNKNOWN, 0.0) + verdict.probabilities.get(NONE, 0.0)
-        return replace(verdict, verdict=UNKNOWN, probabilities=share)
+        probability = {NONE: 0.0} | {n: p for n, p in verdict.probabilities.items() if n != NONE}
+        probability[UNKNOWN] = probability.get(UNKNOWN, 0.0) + verdict.probabilities.get(NONE, 0.0)
+        return replace(verdict, verdict=UNKNOWN, probabilities=probability)
     return widened(verdict, _as_predictive(ranking, verdict))
 
 

@@ -161,17 +161,17 @@ def minimum(problem: Problem, centre: np.ndarray, x: np.ndarray, spread: np.ndar
         normal = design.products(design) + np.diag(precision)
         score = design.products(white)[:, 0] - precision * (x - centre)
         step = np.linalg.solve(normal, score)
-        size, share = float(np.sqrt(max(step @ normal @ step, 0.0))), 1.0
-        while share > _LEAST_SHARE:
-            trial = x + share * step
+        size, fraction = float(np.sqrt(max(step @ normal @ step, 0.0))), 1.0
+        while fraction > _LEAST_SHARE:
+            trial = x + fraction * step
             residual = y - response(trial)
             whiter = whitened(residual[:, None])
             then = cost(trial, whiter)
             if then < now:
                 x, r, white, now = trial, residual, whiter, then
                 break
-            share /= 3.0
-        if share <= _LEAST_SHARE or size * share < _DONE:
+            fraction /= 3.0
+        if fraction <= _LEAST_SHARE or size * fraction < _DONE:
             break
     return x
 
@@ -325,12 +325,12 @@ class Refitter:
         others = self.y - self.response(parts, np.where(free, 0.0, x))  # parts hardly interact
         solved_others = level.solve(others[:, None])[:, 0]
         first = len(x) - int((free | moves).sum())
-        own = (np.flatnonzero(free) - first).tolist()
+        amplitudes = (np.flatnonzero(free) - first).tolist()
 
         def fitted(at: np.ndarray) -> tuple[float, np.ndarray]:
             """Squared residual with the best amplitudes of the part, and these."""
             bare = np.where(free, 0.0, at)[first:]
-            design = self._changes(parts[last:], bare, 0.0, own, np.ones(len(bare)))
+            design = self._changes(parts[last:], bare, 0.0, amplitudes, np.ones(len(bare)))
             normal = level.products(design) + _RIDGE * np.eye(design.shape[1])
             score = design.T @ solved_others
             best = np.linalg.solve(normal, score)

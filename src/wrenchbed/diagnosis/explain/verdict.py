@@ -121,19 +121,21 @@ def widened(verdict: Verdict, rivals: Sequence[str]) -> Verdict:
     names = (*lead.names, *more)
     if not more:
         return verdict
-    share = dict(verdict.probabilities)
+    probability = dict(verdict.probabilities)
     key = "|".join(names)
-    share[key] = share.pop("|".join(lead.names), lead.probability)
-    share[key] += sum(share.pop(n, 0.0) for n in more)
+    probability[key] = probability.pop("|".join(lead.names), lead.probability)
+    probability[key] += sum(probability.pop(n, 0.0) for n in more)
     if len(names) > 1 + MOST_RIVALS:
-        return Verdict(UNKNOWN, (), verdict.explanation, share)
+        return Verdict(UNKNOWN, (), verdict.explanation, probability)
     lead_shares = lead.shares or (1.0,) * len(lead.names)
     each = np.array([*lead_shares, *(min(lead_shares) for _ in more)])
     shares = tuple((each / each.sum()).tolist())
-    wider = replace(lead, names=names, shares=shares, probability=max(lead.probability, share[key]))
+    wider = replace(
+        lead, names=names, shares=shares, probability=max(lead.probability, probability[key])
+    )
     causes = (wider, *others)
     word = named(causes) if verdict.verdict in ("identified", "ambiguous") else verdict.verdict
-    return replace(verdict, verdict=word, causes=causes, probabilities=share)
+    return replace(verdict, verdict=word, causes=causes, probabilities=probability)
 
 
 def tempered(verdict: Verdict, right: float) -> Verdict:
@@ -141,17 +143,17 @@ def tempered(verdict: Verdict, right: float) -> Verdict:
 
     What is taken from the leading answer goes to ``unknown``, from that to all others alike.
     """
-    share = dict(verdict.probabilities)
+    probability = dict(verdict.probabilities)
     lead = "|".join(verdict.causes[0].names) if verdict.causes else verdict.verdict
-    spare = share[lead] * (1.0 - right)
-    share[lead] -= spare
-    others = [UNKNOWN] if lead != UNKNOWN else [n for n in share if n != UNKNOWN] or [NONE]
+    spare = probability[lead] * (1.0 - right)
+    probability[lead] -= spare
+    others = [UNKNOWN] if lead != UNKNOWN else [n for n in probability if n != UNKNOWN] or [NONE]
     for name in others:
-        share[name] = share.get(name, 0.0) + spare / len(others)
+        probability[name] = probability.get(name, 0.0) + spare / len(others)
     causes = tuple(replace(c, probability=c.probability * right) for c in verdict.causes)
-    if causes and share[lead] <= share[UNKNOWN]:
-        return replace(verdict, verdict=UNKNOWN, causes=(), probabilities=share)
-    return replace(verdict, causes=causes, probabilities=share)
+    if causes and probability[lead] <= probability[UNKNOWN]:
+        return replace(verdict, verdict=UNKNOWN, causes=(), probabilities=probability)
+    return replace(verdict, causes=causes, probabilities=probability)
 
 
 def _outvoting(ranking: Ranking, claim: Explanation) -> frozenset[int]:
@@ -184,12 +186,12 @@ def _causes(
         both = zip(weight, ranked, strict=True)
         present = sum(float(w) for w, e in both if e.names & set(members))
         shares = np.array([score[n] for n in members])
-        own = tuple(float(s) for s in shares / max(shares.sum(), 1e-300))
-        causes.append(Cause(members, present * part.probability, part, own))
+        fractions = tuple(float(s) for s in shares / max(shares.sum(), 1e-300))
+        causes.append(Cause(members, present * part.probability, part, fractions))
     return tuple(causes)
 
 
 def _by_class(causes: Sequence[Cause], effects: Mapping[str, float]) -> dict[str, float]:
     lead = causes[0].names
-    share = {"|".join(lead): sum(effects.get(n, 0.0) for n in lead)}
-    return share | {n: p for n, p in effects.items() if n not in lead}
+    probability = {"|".join(lead): sum(effects.get(n, 0.0) for n in lead)}
+    return probability | {n: p for n, p in effects.items() if n not in lead}

@@ -143,10 +143,10 @@ class _Search:
         gravity = np.asarray(self._robot.gravity)
         y = torque_regressor(self._robot, self._theta, q, gravity)[..., self._base]
         rows, joints = y.shape[:2]
-        own = np.zeros((rows, joints, 3, joints))
+        friction = np.zeros((rows, joints, 3, joints))
         for j in range(joints):
-            own[:, j, :, j] = np.stack([np.sign(q.d[:, j]), q.d[:, j], np.ones(rows)], axis=-1)
-        columns = np.concatenate([y, own.reshape(rows, joints, -1)], axis=-1)
+            friction[:, j, :, j] = np.stack([np.sign(q.d[:, j]), q.d[:, j], np.ones(rows)], axis=-1)
+        columns = np.concatenate([y, friction.reshape(rows, joints, -1)], axis=-1)
         sign, level = np.linalg.slogdet(np.einsum("njp,njr->pr", columns, columns))
         if sign <= 0.0 or level <= beaten:
             return -np.inf

@@ -86,15 +86,15 @@ def fitted(read: np.ndarray, rotation: np.ndarray, gravity: np.ndarray) -> Testi
         gain = np.linalg.lstsq(np.column_stack([seen, np.ones(len(seen))]), read, rcond=None)[0]
         turns = [(cross(axis, gravity) @ rotation) @ gain[:3] for axis in np.eye(3)[:2]]
         design = np.stack([_without(basis, x).ravel() for x in turns], axis=1)
-        left = _without(basis, read).ravel()
+        residual = _without(basis, read).ravel()
         normal = design.T @ design
         if np.linalg.eigvalsh(normal)[0] < 1e-9 * max(float((seen**2).sum()), 1e-12):
             return None
-        step = np.linalg.solve(normal, design.T @ left)
+        step = np.linalg.solve(normal, design.T @ residual)
         tilt = tilt + step
         if np.abs(step).max() < 1e-9:
             break
-    square = float(((left - design @ step) ** 2).sum())
+    square = float(((residual - design @ step) ** 2).sum())
     none = square + float(tilt @ normal @ tilt)
     covariance = np.linalg.inv(normal) * square / dof
     logs = [_log_bayes(tilt, normal, square, none, dof + 2, float(s)) for s in SIZES]

@@ -128,19 +128,19 @@ def variance(recording: Recording, means: Averages, tool: Tool, without: np.ndar
         tool: the load.
         without: averages that do not count (M,).
     """
-    share = float((means.weight**2).sum())
+    variance_ratio = float((means.weight**2).sum())
     std = np.asarray(recording.metadata.sensor.noise_std)
     at = means.of(recording.t[:, None])[:, 0]
     inside = recording.t[(recording.t >= at[0]) & (recording.t <= at[-1])]
     use = np.interp(inside, at, without.astype(float)) == 0.0
     rough = means.rough(recording.t, recording.wrench)
     leaked, kept = means.of(rough), means.of(use[:, None].astype(float))[:, 0] > 1.0 - 1e-9
-    noise = np.maximum(leaked[kept].var(axis=0), share * std**2)
+    noise = np.maximum(leaked[kept].var(axis=0), variance_ratio * std**2)
     measured = acceleration_columns(recording)
     if measured is None:
         return np.asarray(noise)
     shaken = means.rough(recording.t, measured)[use]
-    force = float(tool.mass) ** 2 * share * shaken.var(axis=0)
+    force = float(tool.mass) ** 2 * variance_ratio * shaken.var(axis=0)
     return np.asarray(noise + np.concatenate([force, tool.lever**2 @ force]))
 
 

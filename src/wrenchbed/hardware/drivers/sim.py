@@ -256,8 +256,8 @@ class SimDriver(Driver):
         """Joint values after each control period of a move, and at last where it came to rest."""
         self._contact = np.zeros(6)
         steps = max(1, int(np.ceil(seconds / CONTROL_S)))
-        for share in minimum_jerk(np.arange(1, steps + 1) / steps):
-            self._plant.advance(start + share * (goal - start), seconds / steps)
+        for fraction in minimum_jerk(np.arange(1, steps + 1) / steps):
+            self._plant.advance(start + fraction * (goal - start), seconds / steps)
             yield Reached(self._plant.q, 0.0)
         there, waited = self._plant.settle(goal)
         if not there:

@@ -150,17 +150,17 @@ def _identity(
             text = "on" if on else f"the dashboard says {answer!r}"
             yield _line("remote control", on, text, "switch it on at the pendant", "fails")
     try:
-        own = identity.geometry(robot, host).get("kinematics")
+        kinematics = identity.geometry(robot, host).get("kinematics")
     except DriverError as error:
         yield Line("kinematics", "fails", str(error), another)
         return
     text = "not told on port 30002: the arm's calibration is not recorded"
-    if own is not None:
+    if kinematics is not None:
         text = f"read, and {robot.name} has no such table to compare"
-        if "from_nominal" in own:
-            away = 1e3 * own["from_nominal"]
+        if "from_nominal" in kinematics:
+            away = 1e3 * kinematics["from_nominal"]
             text = f"the flange is up to {away:.1f} mm from that of {robot.name}"
-    remedy = "" if own else "enable the port under Settings › Security › Services"
+    remedy = "" if kinematics else "enable the port under Settings › Security › Services"
     yield _line("kinematics", "mm from" in text, text, remedy)
 
 

@@ -106,8 +106,8 @@ class RtdeDriver(LiveDriver):
         self._options = options
         self.top_rate = options.frequency or _MOST_HZ
         self.robot = registry.load("robots", options.robot)
-        own = own_wrench.OwnWrench(self.robot, self._look)
-        self.transducer = own_wrench.transducer(options.sensor, options.host, own)
+        sensor = own_wrench.OwnWrench(self.robot, self._look)
+        self.transducer = own_wrench.transducer(options.sensor, options.host, sensor)
         self._links: Links | None = None
         self._control: ControlProcess | None = None
         self._flange, self._followed = Flange(self.robot), Followed()
