@@ -17,8 +17,6 @@ MEASURE = (
 )
 LARGE_P = 0.006
 """Probabilities below are not worth a word."""
-MOST_BLIND = 5
-"""Effects that a headline without a cause names as not excluded."""
 _COUNT = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 _KERNELS = {
     "orientation": "the sensor's orientation",
@@ -51,7 +49,7 @@ def headline(found: Findings) -> str:
 def _without_claim(found: Findings) -> str:
     d = found.diagnosis
     if d.verdict == "none":
-        return f"No cause found: the residual is within normal imperfections.{_not_excluded(d)}"
+        return f"No cause found: the residual is within normal imperfections{_not_excluded(d)}"
     if _crowd(d):
         return "Too many effects explain the gap equally well."
     if (what := _unexplained(found)) != GAP:
@@ -62,14 +60,12 @@ def _without_claim(found: Findings) -> str:
 
 
 def _not_excluded(d: Diagnosis) -> str:
-    """The causes that this recording could not have shown, the robot's own first."""
-    names = dict.fromkeys(s.effect for s in d.blind)
-    first = sorted(names, key=lambda n: n.split(".")[0] not in ("joint", "link", "base", "tool"))
-    if not first:
-        return ""
-    more = f" and {len(first) - MOST_BLIND} more" if len(first) > MOST_BLIND else ""
-    some = ", ".join(first[:MOST_BLIND])
-    return f" Not excluded, because these readings do not show all of them: {some}{more}."
+    """How many causes this recording could not have shown, or not everywhere."""
+    count = len({spot.effect for spot in d.blind})
+    if not count:
+        return "."
+    effects = "1 effect" if count == 1 else f"{count} effects"
+    return f"; {effects} could not be seen, or not in every joint or channel."
 
 
 def depends(kernel: str) -> str:
