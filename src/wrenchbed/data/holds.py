@@ -60,7 +60,7 @@ _ENOUGH_ROWS = 50
 
 @dataclass(frozen=True, eq=False)
 class Holds:
-    """H poses at rest.
+    """Means of a static recording over its H poses at rest.
 
     Attributes:
         t: mean time (H,) [s].

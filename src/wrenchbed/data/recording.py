@@ -105,7 +105,8 @@ class Recording:
         return np.stack([self.columns[c] for c in names], axis=-1)
 
     def parts_of_q(self) -> Iterator[np.ndarray]:
-        """`q` of some rows at a time (n, J): all of it would be a large recording's half."""
+        """Yield `q` for some rows at a time (n, J), as all of `q` would be half a large
+        recording."""
         columns = [self.columns[c] for c in self.joints or QUATERNION]
         for first in range(0, len(self), parquet.ROWS_AT_ONCE):
             yield np.stack([c[first : first + parquet.ROWS_AT_ONCE] for c in columns], axis=-1)

@@ -70,7 +70,8 @@ def causes(
 
 
 def with_elements(a: Analysis, verdict: Verdict) -> Verdict:
-    """The verdict with the elements that explain the recordings as well as those it found."""
+    """Add to each cause the joints, links or axes that explain the recordings as well as its
+    own."""
     f = verdict.explanation.finalist
     recordings = (
         zip((a, *a.others), f.joint.views, strict=True) if isinstance(f, View) else [(a, f)]
@@ -220,8 +221,8 @@ def _flat(a: Analysis, f: Finalist, i: int) -> float:
 
 
 def rms_between(below: float, above: float) -> float:
-    """Rms distance of a point to values spread uniformly from ``below`` under it to ``above`` over
-    it."""
+    """Rms deviation from a point of values spread uniformly from ``below`` under that point to
+    ``above`` over it, all in one unit."""
     return float(np.sqrt((below**2 - below * above + above**2) / 3.0))
 
 

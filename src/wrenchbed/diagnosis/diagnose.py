@@ -60,7 +60,7 @@ Progress = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A diagnosis with what it rests on.
+    """A diagnosis with the analysis that it follows from.
 
     Attributes:
         diagnosis: the answers.
@@ -117,7 +117,7 @@ def diagnose(
 
 
 class Examined(NamedTuple):
-    """A recording, weighed.
+    """A recording with weighed explanations, outliers, and effects between rows.
 
     Attributes:
         known: how often claims are right.

@@ -32,7 +32,7 @@ _FEW = 4
 
 @dataclass(frozen=True)
 class Health:
-    """State of a device.
+    """Health of a driver's or transducer's device.
 
     Attributes:
         state: one of `State`.

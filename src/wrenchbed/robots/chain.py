@@ -205,7 +205,8 @@ class SerialChain(MountedArm):
         return np.array([link.mass for link in self.bodies]), centres
 
     def gravity_torque(self, q: Value, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """(N, J) [N·m or N]: of each joint's axis, what all that it carries does; exact at rest."""
+        """Torque or force about each joint's axis (N, J) [N·m or N] by the weight of all that the
+        joint carries; exact at rest."""
         if isinstance(q, Jet):
             return super().gravity_torque(q, theta, gravity)
         each, centres = self.links(q, theta)

@@ -168,7 +168,8 @@ def _held(
 def parents(
     model: mujoco.MjModel, joints: Sequence[int], above: Callable[[int], list[int]]
 ) -> tuple[int, ...]:
-    """The number of the joint before each of some; −1 of those on the base."""
+    """For each of some joints the place, among them, of the nearest one towards the base; −1 if
+    none."""
     numbers = []
     for j in joints:
         before = [i for i in above(int(model.jnt_bodyid[j])) if i < j and i in joints]

@@ -28,7 +28,8 @@ STIFFNESS, DAMPING = 20000.0, 400.0
 
 
 def bare(path: Path) -> mujoco.MjSpec:
-    """A file without what `frictionless` leaves out: a copy, so that it is parsed once."""
+    """Read a file and make it `frictionless`; the result is a copy, since the file is parsed
+    once."""
     return _bare(path, path.stat().st_mtime_ns).copy()
 
 
@@ -38,10 +39,10 @@ def _bare(path: Path, _changed: int) -> mujoco.MjSpec:
 
 
 def frictionless(spec: mujoco.MjSpec) -> mujoco.MjSpec:
-    """Leave out what a file has for whoever opens it and what no record may depend on.
+    """Remove contact and its shapes, dry and viscous friction of joints, and limits of servo forces
+    from a spec, and return it.
 
-    That is contact and its shapes, dry and viscous friction of joints, and limits of the servos'
-    forces. The same spec is returned.
+    A file has these for viewers; no recording may depend on them.
     """
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     for geom in list(spec.geoms):

@@ -20,7 +20,8 @@ from wrenchbed.robots.base import (
 
 
 class Oriented(LoadInSensorAxes):
-    """The rotation of the sensor is measured; where it is, is unknown."""
+    """A robot without joints, known only by the measured rotation of its sensor; the sensor's
+    position is unknown."""
 
     name = "oriented"
     title = "any robot, by the recorded orientation of its sensor"

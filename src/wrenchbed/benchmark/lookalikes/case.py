@@ -189,7 +189,8 @@ class _Drawing:
         raise ParameterError(f"{family or 'no family'} shows enough in this design")
 
     def case(self, causes: Sequence[_Measured]) -> LookalikeCase:
-        """The case with these causes, the first one measured beside all others."""
+        """Make the case with some causes; the first one is measured in the presence of all
+        others."""
         items = [*self.around, *[(c.item, 1.0) for c in reversed(causes)]]
         clean = causes[0].reading if causes else self.base
         changed = [c.item.rows for c in causes if c.item.rows is not None]

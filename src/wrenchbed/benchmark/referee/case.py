@@ -34,7 +34,7 @@ LARGEST_MINOR = 0.42
 
 @dataclass(frozen=True, eq=False)
 class TrueCause(Shown):
-    """A fault that counts.
+    """A fault large enough to be a cause of its case.
 
     Attributes:
         fault: the fault.
@@ -221,7 +221,8 @@ class FaultyRobot(World):
         return TrueCause(gap, 0.0, False, fault, signature, other)
 
     def compared(self, wrench: np.ndarray) -> np.ndarray:
-        """Recorded rows (N, 6) minus what is stated, where readings are compared (n, 6)."""
+        """Recorded rows (N, 6) less the readings of the stated robot, at the instants where
+        readings are compared (n, 6)."""
         every = np.zeros((len(self.setting.path.t), 6))
         every[self.setting.path.rows] = wrench
         return self.setting.thin(every) - self.setting.nominal[:: self.setting.stride]
@@ -318,7 +319,7 @@ def as_case(
     minor: float,
     rng: Rng,
 ) -> RefereeCase:
-    """The recording of a robot with causes, and what a referee knows of it."""
+    """Make the case of a robot with causes: its recording and its truth."""
     setting, path = world.setting, world.setting.path
     last = causes[-1].world if causes else world
     assert isinstance(last, FaultyRobot)

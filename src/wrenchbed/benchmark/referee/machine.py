@@ -101,7 +101,7 @@ class Pad:
 
 @dataclass(frozen=True, eq=False)
 class Mechanics:
-    """The true machine.
+    """Errors, compliances and plays of the true machine.
 
     Attributes:
         theta: its geometry and load, the robot's own parameters (P,).
@@ -141,12 +141,12 @@ class Mechanics:
 
 @dataclass(frozen=True, eq=False)
 class Machine:
-    """A compiled machine.
+    """A true machine as a compiled MuJoCo model.
 
     Attributes:
-        robot: its kind.
-        mechanics: its truth.
-        model: MuJoCo's.
+        robot: the kind of robot.
+        mechanics: its true errors.
+        model: of MuJoCo.
         position, velocity: indices of the drives (J,) in ``qpos`` and ``qvel``.
     """
 

@@ -47,7 +47,7 @@ _CHECKS = 25
 
 @dataclass(frozen=True, eq=False)
 class DrivePath:
-    """T instants.
+    """Motion of a robot at T instants, with the rows that are recorded.
 
     Attributes:
         t: of each instant (T,) [s].

@@ -59,7 +59,8 @@ _SHARED: list[tuple[ExperimentDesign, int]] = []
 
 
 def truth(design: ExperimentDesign, case: LookalikeCase, effect: str) -> dict[str, float] | None:
-    """True parameters of an effect, SI; what is not named is 0. None where forms differ."""
+    """True parameters of an effect in SI units, 0 if left out; None if the case's effect has
+    another form than the library's."""
     if effect in STATED:
         return _stated(design, case, effect)
     drawn = EFFECTS.get(effect)

@@ -68,7 +68,8 @@ class ScoredMetric:
 
 @dataclass(frozen=True)
 class Metric:
-    """One figure: what each case adds to its sums, and what the sums (…, k) say.
+    """One figure of a score: the numbers that each case adds, and the figure made of their sums
+    (…, k).
 
     Attributes:
         title: for a table.

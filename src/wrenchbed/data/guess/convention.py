@@ -174,11 +174,11 @@ def right_angles(mount: Rotation) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Poses:
-    """Rows gathered.
+    """Rows of a file gathered into poses.
 
     Attributes:
-        mode: of the recording that they mean.
-        groups: begin and end of the rows of each pose (G, 2).
+        mode: ``static`` or ``dynamic``, of the recording that the rows make.
+        groups: first row and end of each pose (G, 2).
     """
 
     mode: str
@@ -197,7 +197,7 @@ class Poses:
 
 
 def gather(t: np.ndarray | None, turn: np.ndarray, wrench: np.ndarray) -> Poses:
-    """Find the poses.
+    """Gather rows into poses, by when orientation or joints move.
 
     Args:
         t: clock (N,) [s], if there is one.

@@ -48,7 +48,7 @@ class Line:
 
 @dataclass(frozen=True, eq=False)
 class Shaking:
-    """Acceleration of the base and what it adds.
+    """Random acceleration of the base, and the variance that it adds to rows.
 
     Attributes:
         rise: of a row's variance (6,), in units of the squared scale.

@@ -34,7 +34,7 @@ STEPS = 4
 
 @dataclass(frozen=True, eq=False)
 class EffortFindings:
-    """A diagnosis of joint efforts with what it rests on.
+    """A diagnosis of joint efforts with the analysis that it follows from.
 
     Attributes:
         diagnosis: the answers.

@@ -48,7 +48,8 @@ class Evidence:
         return covariance, covariance @ right
 
     def freed(self, blocks: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Columns (K,) that some causes set free, and what their precision loses (K,)."""
+        """Indices of the columns (K,) that some causes set free, and the loss of their prior
+        precision (K,)."""
         at = np.unique(np.concatenate([self.d.at[b] for b in blocks]))
         wide = np.maximum(AMPLITUDE / np.maximum(self.d.size[at], 1e-12), self.d.std[at])
         return at, self.d.std[at] ** -2.0 - wide**-2.0
@@ -91,7 +92,8 @@ def whole(d: Dictionary, misfit: float = 1.0) -> Evidence:
 
 
 def left_square(d: Dictionary, x: np.ndarray, blocks: np.ndarray | None = None) -> float:
-    """Whitened square of what amplitudes (P,) leave, over some blocks of time."""
+    """Sum of squares of the whitened residual beside amplitudes (P,), over some blocks of time;
+    over all if None."""
     use = np.arange(len(d.gram)) if blocks is None else blocks
     gram, right = d.gram[use].sum(axis=0), d.right[use].sum(axis=0)
     return float(d.square[use].sum() - 2.0 * x @ right + x @ gram @ x)

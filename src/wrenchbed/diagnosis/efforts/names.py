@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Named:
-    """An effect.
+    """Words and unit of an effect for people.
 
     Attributes:
         title: what it is, ``{joint}`` in the place of the joint's number; begins small.

@@ -36,7 +36,7 @@ Structure = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Structures with their evidence.
+    """Structures of causes that were searched, with their evidence.
 
     Attributes:
         d: the columns.

@@ -43,7 +43,7 @@ HELD = "held"
 
 @dataclass(frozen=True)
 class Sign:
-    """One sign.
+    """One sign of trouble in the residual of a joint.
 
     Attributes:
         kind: ``held``, ``episode``, ``peak`` or ``outliers``.

@@ -74,9 +74,11 @@ def _inverse(gram: np.ndarray) -> np.ndarray:
 
 
 def added(d: Dictionary, fit: TwinFit, block: int) -> float:
-    """Gap that a cause adds at its worst joint, beyond what every fit leaves free there.
+    """Gap that a cause adds at the joint where it is largest, after the columns that every fit
+    leaves free are fitted to it there.
 
-    What all joints share is known from the others: of a cause in one drive it takes nothing away.
+    Columns shared by all joints are known from the other joints, so they take up no part of a
+    cause in one drive.
     """
     own = d.blocks[block].joint
     if own is not None and bool((d.joint[d.at[block]] >= 0).all()):

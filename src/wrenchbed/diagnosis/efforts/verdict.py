@@ -56,13 +56,13 @@ Key = tuple[str, int | None]
 
 @dataclass(frozen=True, eq=False)
 class Cause:
-    """A claim.
+    """One claimed cause of a gap in joint efforts.
 
     Attributes:
-        block: its number in the dictionary.
+        block: number of the cause in the dictionary.
         key: effect and joint.
-        rivals: others that may be there instead, likeliest first.
-        probability: that it or one of its rivals is there.
+        rivals: causes that may be present instead, likeliest first.
+        probability: that the cause or one of its rivals is present.
         share: of the gap that it adds.
     """
 
@@ -75,7 +75,7 @@ class Cause:
 
 @dataclass(frozen=True, eq=False)
 class Verdict:
-    """The answer.
+    """Answer to a recording of joint efforts: a word, and the claimed causes.
 
     Attributes:
         word: of the contract.

@@ -220,7 +220,7 @@ class EffectDictionary:
         return np.asarray(np.linalg.lstsq(self.E[:, self.stated], signal, rcond=None)[0])
 
     def without_stated(self, signal: np.ndarray) -> np.ndarray:
-        """A signal (6 R, …) less what bias, mass and CoG make of it."""
+        """Remove from a signal (6 R, …) its least-squares fit by bias, mass and CoG."""
         return np.asarray(signal - self.fitted_away @ (self.fitted_away.T @ signal))
 
     def without(self, fold: int) -> "EffectDictionary":

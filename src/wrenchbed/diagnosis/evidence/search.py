@@ -102,7 +102,11 @@ class Searcher:
         return np.asarray(np.minimum(least * 2.0 ** np.arange(STEPS), max(LARGEST_SCALE, least)))
 
     def prior(self, h: Hypothesis) -> float:
-        """Effects alike; variants by their weight; what must exceed its typical size is rarer."""
+        """Log prior of a hypothesis alone.
+
+        Every effect has the same prior and its variants divide it by their weights; a hypothesis
+        that shows only beyond its typical size gets less.
+        """
         rare = min(1.0, float(np.sqrt(h.typical_gap)) * 2.0)
         fraction = h.variant.weight / self._weights[h.name]
         prior = float(np.log(PRIOR["one"] / len(self._weights) * fraction * rare))
@@ -184,7 +188,8 @@ class Searcher:
         return self._known[rung]
 
     def rung_prior(self, y: np.ndarray) -> np.ndarray:
-        """Normal backgrounds alike; larger ones only beside a gap that dwarfs them."""
+        """Log prior of each level of background (rungs,): equal for normal levels; larger levels
+        are likely only if the gap of the readings y is much larger than theirs."""
         total = max(self.d.gap(y) - self.d.row_noise, 0.0)
         gaps = np.array([r.gap for r in self.rungs])
         normal = np.array([r.normal for r in self.rungs])

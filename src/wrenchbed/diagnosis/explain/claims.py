@@ -57,7 +57,7 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """A finalist, what it claims, and what remains.
+    """A finalist, the causes that may be claimed from it, and the gap that remains.
 
     Attributes:
         parts: what may be claimed, largest first: effects and wrong stated numbers.

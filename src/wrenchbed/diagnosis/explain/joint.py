@@ -174,7 +174,8 @@ class JointFinalist:
 
 
 class OneOf(Refitter):
-    """The refitter of one of several recordings: what it fits again, it fits to all of them."""
+    """Refitter of one of several recordings of a robot; every fit is made to all of them at
+    once."""
 
     def __init__(self, refitter: Refitter, joint: "JointRefitter", at: int) -> None:
         super().__init__(refitter.searcher, refitter.y)
@@ -287,7 +288,7 @@ class JointRefitter:
         return self._again[id(f)][1]
 
     def keeping(self, f: JointFinalist, keep: tuple[int, ...]) -> JointFinalist:
-        """A finalist with some of its parts alone, fitted again from where they are."""
+        """Fit again with only some parts of a finalist, starting from their present values."""
         if (id(f), keep) not in self._kept:
             parts = tuple(f.parts[k] for k in keep)
             sets = f.layout.sets
@@ -307,7 +308,7 @@ class JointRefitter:
     def _design(
         self, parts: Structure, x: np.ndarray, f: np.ndarray, which: Sequence[int]
     ) -> np.ndarray:
-        """Slopes (6 R, m) of some variables at x, where the response is f."""
+        """Derivatives (6 R, m) of the response by some variables at x, where the response is f."""
         at = Layout.of(parts).at
         result = np.zeros((len(self.y), len(x)))
         for r, each in enumerate(self.each):

@@ -93,7 +93,8 @@ def _axis(x: np.ndarray) -> str:
 
 
 def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
-    """Observations (H,) of blocks that all others contradict; none where these are many.
+    """Mark the observations (H,) of blocks that all other blocks contradict; none if such blocks
+    are many.
 
     Args:
         a: the analysis.

@@ -248,7 +248,8 @@ class Refitter:
         return self._fitted(parts, rung, centre if start is None else start, spread)
 
     def extended(self, f: Finalist, h: Hypothesis) -> Finalist:
-        """A finalist with one part more; the others begin, and keep to the size, where they are."""
+        """Fit again with one part more; the other parts start from their present values and keep
+        their prior sizes."""
         parts = (*f.parts, h)
         start = np.concatenate([f.x, self.start((h,))])
         wide = self.widest(parts)
@@ -277,7 +278,7 @@ class Refitter:
         return self._fitted(parts, rung, x, spread, rough=False)
 
     def keeping(self, f: Finalist, keep: Sequence[int]) -> Finalist:
-        """A finalist with some of its parts alone, fitted again from where they are."""
+        """Fit again with only some parts of a finalist, starting from their present values."""
         if not keep:
             return self.nothing()
         at = [i for k in keep for i in f.variables.of_parts([k])]
@@ -411,7 +412,7 @@ class Refitter:
         return self._freed[rung, blamed]
 
     def start(self, parts: Sequence[Hypothesis]) -> np.ndarray:
-        """Variables without any amplitude, shapes where the variants put them (k,)."""
+        """Starting point of a fit (k,): amplitudes 0, shapes at the values of their variants."""
 
         def at(h: Hypothesis, name: str) -> float:
             return h.variant.at[name] / _parameters(h.effect, self.scene.robot)[name].tolerance
@@ -429,9 +430,10 @@ class Refitter:
     def design(
         self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray, which: Iterable[int]
     ) -> np.ndarray:
-        """Slopes (6 R, k) of some variables at x, where the response is f.
+        """Derivatives (6 R, k) of the response by the variables ``which`` at x, where the response
+        is f.
 
-        Those of effects without shapes are the dictionary's: they hardly change.
+        For effects without shapes they are the columns of the dictionary, which hardly change.
         """
         v, which = Variables.of(parts), list(which)
         result = np.empty((len(self.y), len(which)))

@@ -74,7 +74,7 @@ def predictive_score(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray
 
 
 def prediction_errors(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> np.ndarray:
-    """Whitened rows (6 R,) less what all other blocks predict of them: P_bb⁻¹ w_b of each block."""
+    """Errors (6 R,) of predicting each block of whitened rows from all other blocks: P_bb⁻¹ w_b."""
     half, w = _weighed(level, f)
     result = np.empty_like(w)
     for rows in _of_blocks(block_rows):
@@ -385,7 +385,8 @@ class Analysis:
 
 
 def analyse(prepared: Prepared) -> Analysis:
-    """Calibrate, build the dictionary there, and rank what explains the rest."""
+    """Calibrate the prepared recording, build the dictionary of effects at the calibrated robot,
+    and rank the explanations of the residual."""
     coarse = prepared.coarse
     baseline = calibrate(coarse)
     t = prepared.testimony

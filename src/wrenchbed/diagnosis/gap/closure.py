@@ -133,7 +133,8 @@ def calibrated(a: Analysis) -> Twin:
 
 
 def twin_of(a: Analysis, f: Finalist, keep: Sequence[int]) -> Twin:
-    """The twin with some parts of a finalist, and the stated numbers as they come out beside it."""
+    """Make the twin that has some parts of a finalist as effects, with the stated numbers corrected
+    as fitted together with the finalist."""
     values = a.refitter.values(f.parts, f.x)
     active = tuple(ActiveEffect(f.parts[k].effect, values[k]) for k in keep)
     configuration = corrected(a.refitter, f, a.prepared.configuration)
@@ -142,7 +143,7 @@ def twin_of(a: Analysis, f: Finalist, keep: Sequence[int]) -> Twin:
 
 @dataclass(frozen=True, eq=False)
 class Claimed:
-    """The diagnosed simulator.
+    """The simulator corrected by the claimed causes.
 
     Attributes:
         twin: fitted on all rows.

@@ -48,8 +48,8 @@ def upheld(verdict: Verdict, gap: Closure, witnessed: Collection[str] = ()) -> V
 def small(gap: Closure) -> bool:
     """Whether the gap is so small that there may be no cause.
 
-    Channel by channel, as the analysis weighs it: imperfections do not share how noise scatters
-    together. The gap itself is so small within its interval.
+    This holds for the mean gap of single channels, as the analysis weighs it, since imperfections
+    do not share the correlation of the noise, and for the lower end of the gap's interval.
     """
     floor = max(gap.floor, 0.0)
     return max(gap.channels, gap.calibrated.low) - floor <= LARGEST_NONE

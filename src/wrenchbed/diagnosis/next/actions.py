@@ -141,7 +141,8 @@ def actions(
 
 
 def feasible(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Poses (N, J) that the robot can take, where it knows clear of itself and the table (N,)."""
+    """Mark the poses (N, J) that the robot can take (N,), boolean; a robot that knows its shape
+    must also be clear of itself and the table."""
     good = np.ones(len(q), dtype=bool)
     good[list(robot.infeasible(q, robot.parameters.nominal))] = False
     clear = getattr(robot, "clear", None)

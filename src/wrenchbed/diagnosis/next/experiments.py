@@ -81,7 +81,7 @@ class ExperimentRows:
 
 
 class Comparison:
-    """Compares explanations in designs that hold a recording and what may follow it.
+    """Compares explanations in designs made of a recording and of experiments that may follow.
 
     Args:
         d: dictionary of the recording.
@@ -273,7 +273,7 @@ def _tool_change(
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """A proposal.
+    """A proposed experiment.
 
     Attributes:
         action: what to do.

@@ -28,7 +28,7 @@ since `connect` [s], joint values (J,) and wrench (6,) [N, N·m]."""
 
 @dataclass(frozen=True, eq=False)
 class ArmSample:
-    """State of a robot.
+    """Newest state of a robot's arm.
 
     Attributes:
         t: `time.monotonic` of this machine when it arrived [s]; a simulated robot's own time.

@@ -95,7 +95,7 @@ class Resampler:
 
 
 def controller_time(arm: ArmSample) -> float:
-    """Time of a state on the robot's clock, on this machine's where it has none [s]."""
+    """Time of a robot's state [s]: on the robot's clock, or on this machine's if it has none."""
     return arm.t if arm.device_time is None else arm.device_time
 
 

@@ -27,7 +27,7 @@ HISTORY = 1024
 
 @dataclass(frozen=True, eq=False)
 class WrenchSample:
-    """One reading.
+    """One reading of a force/torque sensor.
 
     Attributes:
         t: `time.monotonic` of this machine when it arrived [s].
@@ -85,7 +85,8 @@ class Transducer(Device, ABC):
         return replace(sample, age=max(0.0, time.monotonic() - sample.t), fresh=fresh)
 
     def at(self, t: float) -> WrenchSample | None:
-        """The reading at a time of `time.monotonic` [s]; None where it is unknown.
+        """Reading at a time of `time.monotonic` [s], interpolated; None if none is known near that
+        time.
 
         Its age is the time to the nearest reading, its flags are those of both neighbours.
         """

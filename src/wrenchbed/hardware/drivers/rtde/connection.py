@@ -149,7 +149,8 @@ class ControlProcess:
         self._kill = weakref.finalize(self, _end, self._process)
 
     def wait_ready(self, deadline: float) -> None:
-        """Wait for its first event, and kill it where none comes by then (`time.monotonic`, [s]).
+        """Wait for the process's first event; kill it if none comes before the deadline
+        (`time.monotonic` [s]).
 
         Raises:
             LinkError: none came in time, or the robot cannot be reached.
@@ -215,14 +216,14 @@ class ControlProcess:
         return f"the control process ended with code {code}"
 
     def quit(self, timeout: float) -> None:
-        """Ask it to end, kill it when it has not ended by then [s], and release it."""
+        """Ask the process to end, kill it after the timeout [s], and release its resources."""
         self.send("quit")
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout)
         self.kill()
 
     def kill(self, why: str = "") -> None:
-        """End it at once, for a reason, and release it; may be called twice."""
+        """End the process at once, for a reason, and release its resources; may be called twice."""
         self._why = self._why or self.gone() or why
         self._kill()
         with self._lock:

@@ -42,7 +42,7 @@ _SHOWN = ("product", "serial", "firmware", "calibration")
 
 @dataclass(frozen=True)
 class Line:
-    """One thing that was looked at: its grade, what was found, and what to do if it is not ok."""
+    """Result of one check: its grade, the finding, and the remedy if it is not ok."""
 
     name: str
     grade: Grade

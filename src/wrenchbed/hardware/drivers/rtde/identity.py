@@ -68,7 +68,8 @@ _POSES, _SEED = 64, 0
 
 
 def settings(host: str) -> dict[str, Any]:
-    """How the controller is set up, as recordings state it; less where it does not say.
+    """Read the controller's settings for a recording's metadata; those that it does not report are
+    left out.
 
     Payload [kg] and its centre of gravity (3,) in flange axes [m], TCP in the flange x y z [m] and
     rotation vector [rad], modes in words, the controller's clock [s], speed scaling 0 … 1.
@@ -161,7 +162,8 @@ def read_kinematics(host: str, seconds: float) -> Kinematics | None:
 
 
 def kinematics_in(state: bytes) -> Kinematics | None:
-    """The kinematics of a robot state without its head; None where it has none."""
+    """Read the kinematics from the bytes of a robot-state message after its head; None if it has
+    none."""
     while len(state) >= _HEAD.size:
         size, kind = _HEAD.unpack_from(state)
         if not _HEAD.size <= size <= len(state):

@@ -205,7 +205,8 @@ class Outputs:
 
 
 def once(host: str, names: Sequence[str], timeout: float) -> dict[str, Values]:
-    """One packet of named outputs; less where the controller lacks some or does not answer."""
+    """Read one packet of named outputs; those that the controller lacks are left out, and without
+    an answer all."""
     try:
         with Outputs(host, names, timeout) as stream:
             values = stream.next(time.monotonic() + timeout)[1] or {}
