@@ -3,6 +3,9 @@
 import json
 import resource
 import struct
+import sys
+import tracemalloc
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -11,13 +14,13 @@ import pytest
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import CompressionFormat, CompressionMode
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 from test_logs import COUNT, bag1, bag2, messages
 
 import wrenchbed as wb
-from wrenchbed.data import checked, logs, parquet
+from wrenchbed.data import checked, logs, parquet, unpacking
 from wrenchbed.data.logs import table
 from wrenchbed.data.plan import Plan, is_plan
 from wrenchbed.data.plan import read as read_points
@@ -35,6 +38,7 @@ from wrenchbed.robots.model_file import read_arm
 
 WANTED = ["stamp", "wrench.force.x"]
 MB = 2**20
+zstd = pytest.importorskip("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
 
 
 def mcap_of(path, *, compression=CompressionType.NONE, data_crcs=False, use_chunking=True):
@@ -103,17 +107,25 @@ def compressed1(path, way):
     return writer, Stores.ROS1_NOETIC, "log.bag"
 
 
-def compressed2(path, way):
-    writer = Writer2(path / "log", version=9)
+def compressed2(path, way, storage=StoragePlugin.SQLITE3):
+    writer = Writer2(path / "log", version=9, storage_plugin=storage)
     writer.set_compression(way, CompressionFormat.ZSTD)
     return writer, Stores.ROS2_HUMBLE, "log"
 
 
-@pytest.mark.parametrize(
-    ("make", "way"),
-    [(compressed1, way) for way in (Writer1.CompressionFormat.BZ2, Writer1.CompressionFormat.LZ4)]
-    + [(compressed2, way) for way in (CompressionMode.FILE, CompressionMode.MESSAGE)],
-)
+compressed_mcap = partial(compressed2, storage=StoragePlugin.MCAP)
+COMPRESSED = [
+    (compressed1, Writer1.CompressionFormat.BZ2),
+    (compressed1, Writer1.CompressionFormat.LZ4),
+    (compressed2, CompressionMode.FILE),
+    (compressed2, CompressionMode.MESSAGE),
+    (compressed_mcap, CompressionMode.FILE),
+    (compressed_mcap, CompressionMode.MESSAGE),
+    (compressed_mcap, CompressionMode.STORAGE),
+]
+
+
+@pytest.mark.parametrize(("make", "way"), COMPRESSED)
 def test_compressed_bags_come_in(make, way, tmp_path):
     writer, known, name = make(tmp_path, way)
     store, ros1 = get_typestore(known), make is compressed1
@@ -126,6 +138,69 @@ def test_compressed_bags_come_in(make, way, tmp_path):
     (tmp_path / "plain").mkdir()
     plain = table((bag1 if ros1 else bag2)(tmp_path / "plain"), "/wrench", WANTED)
     assert table(tmp_path / name, "/wrench", WANTED).equals(plain)
+
+
+@pytest.mark.parametrize(("make", "way"), COMPRESSED)
+def test_a_bag_that_is_a_bomb_is_refused_before_it_fills_the_memory(
+    make, way, tmp_path, monkeypatch
+):
+    writer, known, name = make(tmp_path, way)
+    with writer:
+        kind, store = "geometry_msgs/msg/WrenchStamped", get_typestore(known)
+        topic = writer.add_connection("/wrench", kind, typestore=store)
+        writer.write(topic, 1, bytes(32 * MB))
+    monkeypatch.setattr(unpacking, "LARGEST", 4 * MB)
+    monkeypatch.setattr(unpacking, "RATIO", 2)
+    refused_without_memory(tmp_path / name, "4,194,304")
+    if make is compressed1:  # a chunk that states less than it holds
+        path = tmp_path / name
+        whole = path.read_bytes()
+        at = whole.index(b"size=", whole.index(b"compression=")) + 5
+        path.write_bytes(whole[:at] + struct.pack("<I", 1000) + whole[at + 4 :])
+        refused_without_memory(path, "unpack to more than 1,000")
+
+
+def refused_without_memory(path, *parts):
+    """The message as `refused`, where no more than twice 4 MB were in use meanwhile."""
+    assert sum(f.stat().st_size for f in (path.iterdir() if path.is_dir() else [path])) < 300_000
+    tracemalloc.start()
+    try:
+        text = refused(path, *parts)
+        assert tracemalloc.get_traced_memory()[1] < 10 * MB
+    finally:
+        tracemalloc.stop()
+    return text
+
+
+@pytest.mark.parametrize("storage", list(StoragePlugin))
+def test_a_message_that_does_not_state_its_size_is_no_bomb_either(storage, tmp_path, monkeypatch):
+    packer = zstd.ZstdCompressor()
+    bomb = packer.compress(bytes(32 * MB)) + packer.flush()
+    with Writer2(tmp_path / "log", version=9, storage_plugin=storage) as writer:
+        kind, store = "geometry_msgs/msg/WrenchStamped", get_typestore(Stores.ROS2_HUMBLE)
+        writer.write(writer.add_connection("/wrench", kind, typestore=store), 1, bomb)
+    about = tmp_path / "log" / "metadata.yaml"
+    text = about.read_text()
+    text = text.replace("compression_format: ''", "compression_format: zstd")
+    about.write_text(text.replace("compression_mode: ''", "compression_mode: MESSAGE"))
+    monkeypatch.setattr(unpacking, "LARGEST", 4 * MB)
+    refused_without_memory(tmp_path / "log", "unpack to more than 4,194,304")
+
+
+@pytest.mark.parametrize("way", [CompressionType.LZ4, CompressionType.ZSTD])
+@pytest.mark.parametrize("stated", [32 * MB + 100, 1000])
+def test_a_chunk_of_an_mcap_file_that_is_a_bomb_is_refused(stated, way, tmp_path, monkeypatch):
+    path = tmp_path / "a.mcap"
+    with path.open("wb") as stream:
+        writer = McapWriter(stream, compression=way)
+        writer.start()
+        writer.add_message(writer.register_channel("/wrench", "json", 0), 1, bytes(32 * MB), 1)
+        writer.finish()
+    whole = path.read_bytes()
+    at = whole.index(b"\x06", 9 + 12) + 9 + 16
+    path.write_bytes(whole[:at] + struct.pack("<Q", stated) + whole[at + 8 :])
+    monkeypatch.setattr(unpacking, "LARGEST", 4 * MB)
+    refused_without_memory(path, "4,194,304" if stated > MB else "unpack to more than 1,000")
 
 
 def test_a_bag_whose_index_or_definition_is_another_is_refused(tmp_path):
@@ -321,7 +396,7 @@ def test_a_chunk_that_states_more_than_memory_is_refused(tmp_path):
     magic = b"\x89MCAP0\r\n"
     path = tmp_path / "bomb.mcap"
     path.write_bytes(magic + record(1, bytes(8)) + chunk + record(15, bytes(4)) + magic)
-    refused(path, "a chunk states 3,221,225,472 bytes unpacked")
+    refused(path, "state 3,221,225,472 bytes unpacked, more than 268,435,456")
 
 
 @pytest.mark.parametrize(

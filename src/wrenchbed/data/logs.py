@@ -2,22 +2,26 @@
 
 Rosbags 1 and 2 are read by `rosbags`, MCAP files by `mcap`, which checks the CRC-32 of chunks and
 data. What these libraries do not check is checked here: the number of messages that a log states,
-the size of an unpacked chunk, and the checksum of a message's definition.
+the sizes to which chunks, messages and files unpack, and the checksum of a message's definition.
 """
 
 import json
 from array import array
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from wrenchbed import registry
+from wrenchbed.data import unpacking
 from wrenchbed.data.recording import Recording
+from wrenchbed.data.unpacking import check_file, stated_size, unpack
 from wrenchbed.errors import MapError, WrenchbedError, raise_shortage
 from wrenchbed.files import atomic_write
 
@@ -30,9 +34,6 @@ METADATA = "metadata.yaml"
 KEY = "wrenchbed"
 """Metadata record that keeps the recording's own metadata as JSON."""
 _SUFFIXES = (".bag", ".mcap", ".db3")
-_LARGEST = 2**28
-"""Largest record, and largest unpacked chunk [bytes], which is held in memory: 64 times mcap's
-default chunk (4 MiB). A small file that unpacks to more is damaged, or an archive bomb."""
 _LONGEST_DEFINITION = 2**18
 """Longest definition of a kind of messages that is parsed [characters]: 20 times the longest of
 ROS's own; the parser takes seconds for a longer one."""
@@ -265,16 +266,13 @@ def _of_mcap(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
     counts: Counter[int] = Counter()
     with path.open("rb") as stream:
         for outer in library.StreamReader(
-            stream, emit_chunks=True, validate_crcs=True, record_size_limit=_LARGEST
+            stream, emit_chunks=True, validate_crcs=True, record_size_limit=unpacking.LARGEST
         ).records:
             records = [outer]
             if isinstance(outer, kinds.Chunk):
-                if outer.uncompressed_size > _LARGEST:
-                    raise MapError(
-                        f"{path}: a chunk states {outer.uncompressed_size:,} bytes unpacked, more "
-                        f"than {_LARGEST:,}: damaged, or a bomb"
-                    )
-                records = library.breakup_chunk(outer, validate_crc=True)
+                data = unpack(outer.data, outer.compression, outer.uncompressed_size)
+                chunk = replace(outer, compression="", data=data)
+                records = library.breakup_chunk(chunk, validate_crc=True)
             for record in records:
                 if isinstance(record, kinds.Schema):
                     schemas[record.id] = record
@@ -304,21 +302,52 @@ def _channel_of_mcap(record: Any, schema: Any) -> Channel:
 def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
     """Messages of a bag of ROS 1 or 2; see `_messages`."""
     bag1 = path.suffix == ".bag"
-    library = registry.require("rosbags.rosbag1" if bag1 else "rosbags.rosbag2", "logs")
+    library = registry.require(f"rosbags.rosbag{1 if bag1 else 2}.reader", "logs")
     whole = path.parent if path.suffix == ".db3" and (path.parent / METADATA).is_file() else path
-    with library.Reader(whole) as bag:
+    bag = library.Reader(whole)
+    if whole.is_dir():
+        for file in whole.iterdir():
+            check_file(file)
+        bag.storage.STORAGE_PLUGINS = {**bag.storage.STORAGE_PLUGINS, "mcap": _left_to_mcap}
+    with bag:
+        for position, chunk in bag.chunks.items() if bag1 else ():
+            bag.bio.seek(position)
+            header = library.Header.read(bag.bio)
+            kind, size = header.get_string("compression"), header.get_uint32("size")
+            limited = partial(unpack, compression=kind, stated=size)
+            bag.chunks[position] = chunk._replace(decompressor=limited)
+        packed = not bag1 and bag.compression_mode == "message"
+        if packed:  # rosbags unpacks without a limit; now it hands out what is stored
+            bag.storage.metadata = bag.storage.metadata._replace(compression_mode=None)
         topics |= {c.topic: c.msgtype for c in bag.connections}
         connections = [c for c in bag.connections if c.topic == topic]
         count = 0
-        for connection, logged, data in bag.messages(connections) if connections else ():
-            encoding = "ros1" if bag1 else connection.ext.serialization_format
-            text, digest = connection.msgdef, connection.digest
+        for channel, logged, data in _stored(bag, connections):
             count += 1
-            yield Channel(
-                connection.topic, connection.msgtype, encoding, text.data,
-                text.format.name.lower(), "" if digest == "*" else digest,
-            ), logged, data  # fmt: skip
+            yield channel, logged, unpack(data, "zstd", stated_size(data)) if packed else data
         _check_count(path, sum(c.msgcount for c in connections), count)
+
+
+def _left_to_mcap(path: Path) -> SimpleNamespace:
+    """In the place of rosbags' reader of an MCAP file, which unpacks chunks without a limit."""
+    return SimpleNamespace(path=path, connections=(), open=lambda: None, close=lambda: None)
+
+
+def _stored(bag: Any, connections: Sequence[Any]) -> Messages:
+    """Messages of one topic of an open bag; those of ROS 2 may yet be compressed."""
+    if not connections:
+        return
+    parts = getattr(getattr(bag, "storage", None), "storages", ())
+    files = [part.path for part in parts if isinstance(part, SimpleNamespace)]
+    digest = "" if connections[0].digest == "*" else connections[0].digest
+    for file in files:
+        for channel, logged, data in _of_mcap(file, connections[0].topic, {}):
+            yield replace(channel, digest=digest), logged, data
+    for connection, logged, data in () if files else bag.messages(connections):
+        text, kind = connection.msgdef, connection.msgtype
+        encoding = getattr(connection.ext, "serialization_format", "ros1")
+        language = text.format.name.lower()
+        yield Channel(connection.topic, kind, encoding, text.data, language, digest), logged, data
 
 
 def _check_count(path: Path, stated: int, count: int) -> None:
