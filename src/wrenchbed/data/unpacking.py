@@ -5,7 +5,9 @@ An archive bomb is a few kilobytes that unpack to gigabytes, whatever size they 
 
 import sys
 from contextlib import suppress
+from io import BytesIO
 from pathlib import Path
+from typing import IO
 
 from wrenchbed import registry
 
@@ -13,10 +15,11 @@ LARGEST = 2**28
 """Largest record, and largest unpacked chunk or message [bytes], which is held in memory: 64 times
 mcap's default chunk (4 MiB)."""
 RATIO = 200
-"""Largest size of an unpacked file beyond `LARGEST`, over its own: ten times the ratio of a log
-whose readings hardly change. It lies on the disk."""
-_STEP = 2**20
-"""Bytes of a file that are unpacked at once."""
+"""Unpacked over packed size, ten times that of a log whose readings hardly change. Parts that may
+be beyond it are first unpacked to nowhere; a whole file on the disk may be larger than `LARGEST`
+up to it."""
+_STEP = 2**18
+"""Bytes that are unpacked at once where only the size is asked for."""
 _ZSTD = "compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd"
 _DECODERS = {
     "bz2": ("bz2", "BZ2Decompressor"),
@@ -47,11 +50,14 @@ def unpack(data: bytes, compression: str, stated: int | None) -> bytes:
         if compression not in _DECODERS:
             raise ValueError(f"compression {compression!r}; {', '.join(_DECODERS)} can be read")
         module, name = _DECODERS[compression]
-        decoder = getattr(registry.require(module, "logs"), name)()
+        library = registry.require(module, "logs")
+        if limit > RATIO * len(data):
+            _check_size(library.open(BytesIO(data)), len(data), limit)
+        decoder = getattr(library, name)()
         content = decoder.decompress(data, max_length=limit + 1)
         complete = decoder.eof and not decoder.unused_data
     if len(content) > limit:
-        raise ValueError(f"{len(data):,} bytes unpack to more than {limit:,}: damaged, or a bomb")
+        raise _too_large(len(data), limit)
     if not complete or stated not in (None, len(content)):
         raise ValueError(
             f"{len(data):,} bytes unpack to {len(content):,}, and end early or state another size: "
@@ -75,13 +81,20 @@ def check_file(file: Path) -> None:
     if not file.is_file():
         return
     zstd = registry.require(_ZSTD, "logs")
-    packed, size = file.stat().st_size, 0
-    limit = max(LARGEST, RATIO * packed)
-    with suppress(zstd.ZstdError, EOFError), zstd.open(file) as stream:  # not zstd: read as it is
-        while part := stream.read(_STEP):
+    packed = file.stat().st_size
+    with suppress(zstd.ZstdError, EOFError):  # not zstd: read as it is
+        _check_size(zstd.open(file), packed, max(LARGEST, RATIO * packed), f"{file.name}: ")
+
+
+def _check_size(stream: IO[bytes], packed: int, limit: int, where: str = "") -> None:
+    """Unpack a stream of so many packed bytes to nowhere, and refuse it beyond a limit [bytes]."""
+    size = 0
+    with stream:
+        while size <= limit and (part := stream.read(_STEP)):
             size += len(part)
-            if size > limit:
-                raise ValueError(
-                    f"{file.name}: {packed:,} bytes unpack to more than {limit:,}: "
-                    "damaged, or a bomb"
-                )
+    if size > limit:
+        raise _too_large(packed, limit, where)
+
+
+def _too_large(packed: int, limit: int, where: str = "") -> ValueError:
+    return ValueError(f"{where}{packed:,} bytes unpack to more than {limit:,}: damaged, or a bomb")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed.data import checked
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages import ReportPage, numbers
@@ -163,11 +164,14 @@ def _tool(name: str, fit: Mapping[str, Any]) -> list[tuple[str, str]]:
         ParameterError: the field is not as `calibrate` writes it.
     """
     try:
-        mass, cog = float(fit["tool"]["mass"]), [1e3 * float(x) for x in fit["tool"]["cog"]]
-    except (LookupError, TypeError, ValueError) as cause:
+        values = [fit["tool"]["mass"], *fit["tool"]["cog"]]
+    except (LookupError, TypeError):
+        values = []
+    if len(values) != 4 or not all(map(checked.is_number, values)):
         raise ParameterError(
             f"{name}: field 'tool' is not as `calibrate` writes it; calibrate again"
-        ) from cause
+        )
+    mass, cog = values[0], [1e3 * x for x in values[1:]]
     words = f"({', '.join(f'{x:.4g}' for x in cog)}) mm"
     return [("mass", numbers.minus(f"{mass:.4g} kg")), ("centre of gravity", numbers.minus(words))]
 
