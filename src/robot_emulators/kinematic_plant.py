@@ -25,14 +25,14 @@ _LENGTHS = {
     "ur10e": (0.1807, -0.6127, -0.57155, 0.17415, 0.11985, 0.11655),
     "ur16e": (0.1807, -0.4784, -0.36, 0.17415, 0.11985, 0.11655),
 }
-"""d1, a2, a3, d4, d5, d6 [m]."""
+"""Denavit–Hartenberg lengths d1, a2, a3, d4, d5, d6 [m]."""
 _TOP_SPEEDS = {"ur3": (180.0,) * 3 + (360.0,) * 3, "ur5": (180.0,) * 6,
                "ur10": (120.0,) * 2 + (180.0,) * 4}  # fmt: skip
-"""Of the joints [°/s]; an e-Series has those of the CB3 arm of its size."""
+"""Top speeds of the joints [°/s]; an e-Series has those of the CB3 arm of its size."""
 _HOME = np.array([0.0, -pi / 2, pi / 2, -pi / 2, -pi / 2, 0.0])
 _LOAD = Payload(1.0, np.array([0.0, 0.0, 0.05]))
 _RANGE = np.array([130.0, 130.0, 400.0, 10.0, 10.0, 10.0])
-"""Of the sensor [N, N·m]: ATI Gamma SI-130-10."""
+"""Range of the sensor (6,) [N, N·m]: ATI Gamma SI-130-10."""
 
 
 class KinematicPlant:

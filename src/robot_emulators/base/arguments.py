@@ -10,13 +10,13 @@ from robot_emulators.errors import SettingError
 
 @dataclass(frozen=True)
 class Argument:
-    """One value.
+    """Rule for the value of one argument or setting.
 
     Attributes:
-        check: whether it may be this.
-        what: it must be, in words.
-        default: where it is not given; one that `check` refuses makes it compulsory.
-        parse: reads it from text.
+        check: whether a value is allowed.
+        what: words on what the value must be.
+        default: value if none is given; a default that `check` refuses makes it compulsory.
+        parse: makes the value from text.
     """
 
     check: Callable[[Any], bool]
@@ -32,19 +32,19 @@ def is_number(value: Any) -> bool:
 
 
 def number(low: float, high: float, default: float | None = None) -> Argument:
-    """A number from low to high."""
+    """Rule for a number from low to high."""
     return Argument(
         lambda v: is_number(v) and low <= v <= high, f"a number {low:g} … {high:g}", default, float
     )
 
 
 def above(low: float) -> Argument:
-    """A number above low."""
+    """Rule for a number above low."""
     return Argument(lambda v: is_number(v) and v > low, f"a number above {low:g}", parse=float)
 
 
 def integer(low: int, high: int, default: int | None = None) -> Argument:
-    """A whole number from low to high; as text also hexadecimal."""
+    """Rule for a whole number from low to high; as text also hexadecimal."""
     return Argument(
         lambda v: is_number(v) and v == int(v) and low <= v <= high,
         f"a whole number {low} … {high}", default, lambda word: int(word, 0),
@@ -52,19 +52,19 @@ def integer(low: int, high: int, default: int | None = None) -> Argument:
 
 
 def word(known: Collection[str], default: str | None = None) -> Argument:
-    """One of some words."""
+    """Rule for one of some words."""
     return Argument(
         lambda v: isinstance(v, str) and v in known, f"one of {', '.join(known)}", default
     )
 
 
 def text(default: str = "") -> Argument:
-    """Any text."""
+    """Rule for any text."""
     return Argument(lambda v: isinstance(v, str), "text", default)
 
 
 def flag(default: bool | None = None) -> Argument:
-    """True or false; as text on or off."""
+    """Rule for true or false; as text on or off."""
     return Argument(
         lambda v: isinstance(v, bool), "true or false (on or off)", default,
         {"on": True, "off": False}.__getitem__,
@@ -72,7 +72,7 @@ def flag(default: bool | None = None) -> Argument:
 
 
 def numbers(count: int, most: float) -> Argument:
-    """A list of numbers, none beyond ± most."""
+    """Rule for a list of ``count`` numbers, none beyond ± most."""
     return Argument(
         lambda v: isinstance(v, list) and len(v) == count
         and all(is_number(x) and abs(x) <= most for x in v),
@@ -81,7 +81,8 @@ def numbers(count: int, most: float) -> Argument:
 
 
 def setting(default: Any, argument: Argument, text: str) -> Any:
-    """A field of `Settings`: its default, what it may be, and what it does."""
+    """Make a field of `Settings` from its default, the rule for its value, and words on its
+    meaning."""
     return field(default=default, metadata={"argument": argument, "text": text})
 
 
@@ -101,7 +102,7 @@ class Settings:
 
 
 def described(*kinds: type[Settings]) -> dict[str, str]:
-    """Name of each setting → what it does and its default."""
+    """Name of each setting → words on its meaning and default."""
     return {f.name: f.metadata["text"] for kind in kinds for f in fields(kind)}
 
 

@@ -185,7 +185,7 @@ def taken(what: str, host: str, port: int, error: OSError) -> EmulatorError:
 
 
 class Connection(asyncio.Protocol):
-    """One TCP client."""
+    """Connection of one TCP client."""
 
     transport: asyncio.Transport
 

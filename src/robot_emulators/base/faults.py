@@ -28,7 +28,7 @@ Handler = Callable[["TimedFault"], None]
 
 @dataclass(frozen=True)
 class TimedFault:
-    """One fault.
+    """One fault of an emulator, with its time.
 
     Attributes:
         link: of the emulator, for instance ``rtde``.
@@ -46,7 +46,8 @@ class TimedFault:
 
     @property
     def end(self) -> float:
-        """When it ends, begun now, on `time.monotonic` [s]; without a duration never."""
+        """`time.monotonic` [s] at which the fault ends if it begins now; infinite without a
+        duration."""
         return time.monotonic() + self.seconds if self.seconds else float("inf")
 
 
@@ -68,10 +69,10 @@ def read(path: str | Path) -> tuple[TimedFault, ...]:
 
 
 def parse(raw: Any, where: str) -> TimedFault:
-    """Check one entry.
+    """Check one entry of a script of faults and make it a fault.
 
     Raises:
-        FaultError: names the field.
+        FaultError: an entry is wrong; names the field.
     """
     if not isinstance(raw, Mapping):
         raise FaultError(f"{where}: must be an object with link and kind")
@@ -116,7 +117,7 @@ class Faults:
 
     @property
     def known(self) -> tuple[tuple[str, str], ...]:
-        """All (link, kind), sorted."""
+        """Link and kind of every fault that can happen, sorted."""
         return tuple(sorted(self._handlers))
 
     def now(self, link: str, kind: str) -> Mapping[str, Any] | None:
@@ -182,7 +183,7 @@ class Faults:
         threading.Thread(target=self._take, args=(lines, answer), daemon=True).start()
 
     def stop(self) -> None:
-        """No further fault."""
+        """Begin no further fault."""
         self._stopped.set()
 
     def _run(self, script: tuple[TimedFault, ...]) -> None:

@@ -35,11 +35,11 @@ class CycleClock:
 
     @property
     def remaining(self) -> float:
-        """Time until the next deadline [s], 0 where it has passed."""
+        """Time until the next deadline [s], 0 if it has passed."""
         return max(0.0, self.due - time.monotonic())
 
     def advance(self) -> int:
-        """Count one cycle as done; how many more deadlines have passed already."""
+        """Count one cycle as done; return how many further deadlines have passed already."""
         self._cycles += 1
         behind = time.monotonic() - self._begun - self._cycles * self.period
         if behind > self._give_up:
@@ -66,7 +66,7 @@ class CycleThread:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
-        """Let time run."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:

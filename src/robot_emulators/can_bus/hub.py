@@ -149,7 +149,7 @@ class Hub:
                 client.off_until = until
 
     def joined(self, client: "Client") -> bool:
-        """Take a new client; False where there are too many."""
+        """Take a new client; return False if there are too many."""
         if len(self._clients) >= CLIENTS:
             return False
         self._clients[client.number] = client
@@ -285,7 +285,7 @@ class Client(Connection):
         self._quiet_until = 0.0
 
     def flush(self) -> bool:
-        """Send what is queued; False where the client is too slow."""
+        """Send what is queued; return False if the client takes it too slowly."""
         if self._quiet_until and time.monotonic() >= self._quiet_until:
             self._quiet_until = 0.0
         if self._held and not self._quiet_until:

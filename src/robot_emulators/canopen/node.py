@@ -69,10 +69,10 @@ class Node:
         self._forget()
 
     def on_reset(self) -> None:
-        """The node is back to what it is after power-up; its objects have their defaults."""
+        """React to a reset of the node: all objects have their defaults again."""
 
     def on_reset_communication(self) -> None:
-        """The communication is back to what it is after power-up."""
+        """React to a reset of the communication, which is as after power-up again."""
 
     def on_sync(self, t: float) -> None:
         """A SYNC at a time [s] while operational, after its RPDOs were taken."""

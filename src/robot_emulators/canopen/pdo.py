@@ -59,24 +59,24 @@ class Pdo:
         self.heard = self.sent = 0.0
         """When it was last received or transmitted [s], 0 for never."""
         self.waiting: list[tuple[Key, int]] | None = None
-        """Of an RPDO: values that wait for SYNC."""
+        """Values of an RPDO that wait for SYNC."""
         self._last: bytes | None = None
         self._syncs = 0
 
     @property
     def can_id(self) -> int | None:
-        """The id that it uses, None while it is switched off."""
+        """CAN id of the PDO; None while it is switched off."""
         value = self._objects[self.index, 1]
         return None if value & _OFF else value & _ID
 
     @property
     def type(self) -> int:
-        """Transmission type of the PDO; source: CiA 301."""
+        """Transmission type of the PDO, as its communication parameter holds it."""
         return self._objects[self.index, 2]
 
     @property
     def synchronous(self) -> bool:
-        """Whether SYNC makes it act."""
+        """Whether the PDO acts on SYNC."""
         return self.type <= _SYNCHRONOUS
 
     @property
@@ -98,7 +98,8 @@ class Pdo:
         return self._objects.pack(self.keys())
 
     def unpack(self, data: bytes) -> list[tuple[Key, int]] | None:
-        """Values of its data; None where they are too short, empty where one is out of range."""
+        """Parse data into values of the PDO's objects; None if they are too short, empty if a value
+        is out of range."""
         entries = [(key, self._objects.entry(key)) for key in self.keys()]
         ends = list(itertools.accumulate((entry.size for _, entry in entries), initial=0))
         if len(data) < ends[-1]:

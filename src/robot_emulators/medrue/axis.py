@@ -115,7 +115,7 @@ class Axis:
 
     @property
     def statusword(self) -> int:
-        """0x6041."""
+        """Statusword of the drive (0x6041)."""
         word = self.state.value | _VOLTAGE | _REMOTE
         if self.code and self.state is not AxisState.FAULT:
             word |= _WARNING

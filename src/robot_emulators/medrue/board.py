@@ -24,7 +24,7 @@ BAD_CALIBRATION, ANY_ERROR = 1 << 6, 1 << 15
 _OTHER_GAIN = 0.8
 """Amplification of the gauges while another calibration than the sensor's is active."""
 _NOTHING = 0x100
-"""In place of the first byte of a request that has none."""
+"""Value that stands for the first byte of a request that has none."""
 TOP_BITRATE = 2_000_000
 """Bit rate of divisor 0; divisor d makes it so much by d + 1."""
 BOOT_S = 0.1

@@ -43,12 +43,12 @@ longer, and the position of a plant that stands still would run away."""
 
 
 class DriveEmulator(Node):
-    """A drive.
+    """Emulated CiA 402 drive of one axis.
 
     Args:
-        node: id.
+        node: CANopen id.
         send: puts a frame on the bus.
-        ratings: of its axis.
+        ratings: limits and ratings of its axis.
         position: initial position [count].
         watchdog: event timer of its RPDO after power-up [s].
         lock: shared with the plant's thread.

@@ -14,7 +14,7 @@ from robot_emulators.canopen.dictionary import Objects
 METHODS = (35, 37)
 """Methods of homing (0x6098), both: the home is where the axis is; source: CiA 402."""
 _NEAR = 1.0
-"""Where a position counts as reached by the set-point [count]."""
+"""Distance [count] from which a position counts as reached by the set-point."""
 _GAIN = 0.01
 """Fraction of its phase error that a SYNC corrects; a larger one lets jitter through."""
 _MISSED = 2
@@ -83,7 +83,7 @@ class SetPoint:
     def to_position(
         self, goal: float, top: float, up: float, down: float, seconds: float
     ) -> bool:  # fmt: skip
-        """Move for some time towards a position; whether it is reached."""
+        """Move for some time towards a position; return whether it is reached."""
         way = goal - self.position
         slow = abs(self.speed) <= 3.0 * down * seconds
         if slow and abs(way) <= max(abs(self.speed) * seconds, _NEAR):

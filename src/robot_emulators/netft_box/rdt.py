@@ -48,7 +48,7 @@ class Request(NamedTuple):
 
 
 def parse(data: bytes) -> Request | None:
-    """The request in a datagram, None where it is none that a box knows."""
+    """Parse a datagram as a request; None if the box knows no such request."""
     if len(data) != REQUEST.itemsize:
         return None
     row = np.frombuffer(data, REQUEST)[0]
@@ -174,10 +174,10 @@ class Pace:
 
 @dataclass
 class RecordStream:
-    """One request being answered.
+    """Stream of records that answers one request.
 
     Attributes:
-        to: whom.
+        to: address of the client.
         tick: sample of the next record to send.
         every: samples from one record to the next.
         buffered: several records a datagram.

@@ -181,7 +181,7 @@ class Sensing:
         return self._raw - self._bias
 
     def set_bias(self, channel: int, counts: float) -> None:
-        """Change one channel's zero."""
+        """Set one channel's zero [count]."""
         with self._lock:
             self._bias = np.where(np.arange(6) == channel, counts, self._bias)
 

@@ -14,7 +14,7 @@ from robot_emulators.ur.tool_wrench import WrenchEstimate
 _YIELDING = np.array([6e-4] * 3 + [0.02] * 3)
 """Speed per missing force [m/(s·N)] and torque [rad/(s·N·m)]; the axes' admittance."""
 SAFE_DECELERATION = 15.0
-"""With which the arm brakes when it is stopped by its safety system [rad/s²]."""
+"""Deceleration of the joints when the safety system stops the arm [rad/s²]."""
 _SLACK = 1.02
 _FOLLOW_SPEED = 0.5
 """Speed at which an injected following error grows [rad/s]."""

@@ -123,7 +123,7 @@ class Controller:
             self._start(text, at_once=secondary)
 
     def load(self, name: str) -> bool:
-        """Take a program by its file's name, stopped; False where there is none.
+        """Load a program by its file's name without starting it; return False if there is none.
 
         Raises:
             ProgramFileError: it cannot be played.
@@ -136,7 +136,7 @@ class Controller:
         return loaded is not None
 
     def play(self) -> bool:
-        """Go on after a pause, or start what is loaded; False where neither can be."""
+        """Go on after a pause, or start the loaded program; return False if neither is possible."""
         if not self.modes.ready or self.modes.runtime is Runtime.PLAYING:
             return False
         if self.modes.runtime is Runtime.PAUSED and self.program is not None:
@@ -187,13 +187,13 @@ class Controller:
         self._hold()
 
     def power_off(self) -> None:
-        """No power: the program ends."""
+        """Switch the power off, which ends the program."""
         self.stop_program()
         self.modes.power_off()
         self.arm.freeze()
 
     def reboot(self) -> None:
-        """Everything as after switching on; the arm stays where it is."""
+        """Reset everything to its state after switching on; the arm stays where it is."""
         self.stop_program()
         self.modes = Modes(self.settings.power, self.now)
         self.terminals = Terminals()

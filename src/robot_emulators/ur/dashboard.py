@@ -24,7 +24,7 @@ _TOO_EARLY = (
 
 
 class Dashboard:
-    """One dashboard client."""
+    """Answers the commands of one client of the dashboard server."""
 
     def __init__(self, controller: Controller, peer: Peer, shut_down: Callable[[], None]) -> None:
         self._controller, self._peer = controller, peer
@@ -94,7 +94,7 @@ class Dashboard:
         return len(self._line) <= _LONGEST_LINE
 
     def end(self) -> None:
-        """The client is gone."""
+        """Forget the client, which is gone."""
         self._line = b""
 
     def _say(self, answer: str) -> None:

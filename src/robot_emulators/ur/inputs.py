@@ -10,7 +10,7 @@ _CONFIGURABLE, _TOOL = 8, 16
 
 
 class Inputs:
-    """The controller's inputs.
+    """Inputs of the controller that clients write.
 
     A value stays until it is written again. An input belongs to the client whose accepted recipe
     first named it, until that client is gone.
@@ -54,7 +54,7 @@ class Inputs:
 
 
 class Terminals:
-    """The control box's outputs.
+    """Outputs of the control box.
 
     Attributes:
         bits: digital outputs: 8 standard, 8 configurable, 2 of the tool.

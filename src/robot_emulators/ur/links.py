@@ -34,7 +34,7 @@ _ANSWER_S, _SILENT_S = 5.0, 0.5
 
 
 class Link:
-    """One connection, begun at once; `open` says when it is there."""
+    """A TCP connection of a program; dialling begins at once, and `open` says when it stands."""
 
     def __init__(self, address: str, port: int, source: str) -> None:
         self.held = bytearray()
@@ -67,7 +67,7 @@ class Link:
         return not self.open and not self.lost
 
     def read(self, count: int) -> bytes | None:
-        """So many bytes, if they are there."""
+        """Take ``count`` bytes; None if fewer have come."""
         if len(self.held) < count:
             self._hear()
         return self._taken(count) if len(self.held) >= count else None
@@ -80,12 +80,12 @@ class Link:
         return self._taken(at + len(end))[:at] if at >= 0 else None
 
     def all(self) -> bytes | None:
-        """Whatever is there."""
+        """Take all bytes that have come; None if there are none."""
         self._hear()
         return self._taken(len(self.held)) if self.held else None
 
     def send(self, data: bytes) -> bool:
-        """Send; a peer that takes nothing loses the connection."""
+        """Send data at once; a peer that does not take all of them loses the connection."""
         if not self.open:
             return False
         try:
@@ -97,7 +97,7 @@ class Link:
         return sent == len(data)
 
     def close(self) -> None:
-        """End it."""
+        """Close the connection."""
         self.lost = True
         self._socket.close()
 
@@ -131,7 +131,8 @@ class Links:
         self._links: dict[str, Link] = {}
 
     def dial(self, address: str, port: int, name: str) -> Link | None:
-        """Begin a connection; None where there is no such address or port.
+        """Begin a connection under a name; None if the address or port is wrong, or there are too
+        many.
 
         Names of hosts are not looked up, as that would hold up the control cycle.
         """
@@ -145,24 +146,24 @@ class Links:
         return None
 
     def of(self, name: str) -> Link | None:
-        """The connection of a name, if it is open."""
+        """Find the connection of a name that is open or holds unread bytes; else None."""
         link = self._links.get(name)
         return link if link is not None and (link.open or link.held) else None
 
     def hang_up(self, name: str) -> None:
-        """End a connection."""
+        """Close the connection of a name."""
         link = self._links.pop(name, None)
         if link is not None:
             link.close()
 
     def close(self) -> None:
-        """End all."""
+        """Close all connections."""
         for name in list(self._links):
             self.hang_up(name)
 
 
 class ExternalControl:
-    """A program that is asked for when it plays."""
+    """A program that the controller fetches from a computer when it plays."""
 
     direct = False
     name = "external_control"

@@ -11,7 +11,7 @@ _BOOT_S = 0.5
 
 
 class RobotMode(IntEnum):
-    """The arm's power."""
+    """State of the arm's power and brakes."""
 
     POWER_OFF = 3
     POWER_ON = 4
@@ -82,17 +82,17 @@ class Modes:
 
     @property
     def robot_bits(self) -> int:
-        """robot_status_bits: power on, program running."""
+        """Bits of RTDE's ``robot_status_bits``: power on, program running."""
         powered = self.robot is not RobotMode.POWER_OFF
         return powered | (self.runtime is Runtime.PLAYING) << 1
 
     @property
     def safety_bits(self) -> int:
-        """safety_status_bits."""
+        """Bits of RTDE's ``safety_status_bits``."""
         return _SAFETY_BITS[self.safety]
 
     def tick(self, now: float) -> None:
-        """Finish what takes its time."""
+        """Finish the changes of mode that are due at a time [s]."""
         self.now = now
         if self._next is not None and now >= self._next[0]:
             self.robot, self._next = self._next[1], None
@@ -102,30 +102,31 @@ class Modes:
             self.safety = SafetyMode.NORMAL
 
     def power_on(self) -> None:
-        """Off → idle."""
+        """Switch the power on: from off to idle, after booting."""
         if self.robot is RobotMode.POWER_OFF and self.safety is SafetyMode.NORMAL:
             self.robot, self._next = RobotMode.POWER_ON, (self.now + _BOOT_S, RobotMode.IDLE)
 
     def power_off(self) -> None:
-        """Any → off."""
+        """Switch the power off in any mode."""
         self.robot, self._next = RobotMode.POWER_OFF, None
 
     def release_brakes(self) -> None:
-        """Off or idle → running."""
+        """Release the brakes: from off or idle to running, which takes time."""
         if self.safety is SafetyMode.NORMAL and self.robot is not RobotMode.RUNNING:
             steps = 2 if self.robot is RobotMode.POWER_OFF else 1
             self.robot = RobotMode.POWER_ON if steps == 2 else self.robot
             self._next = (self.now + steps * _BOOT_S, RobotMode.RUNNING)
 
     def protective_stop(self) -> bool:
-        """The safety system stops the arm; someone must unlock it. False where nothing moves."""
+        """Stop the arm by its safety system until it is unlocked; return False if it is stopped
+        already."""
         if self.safety is not SafetyMode.NORMAL:
             return False
         self.safety, self.stopped_at, self._unlocked_at = SafetyMode.PROTECTIVE_STOP, self.now, 0.0
         return True
 
     def unlock(self) -> bool:
-        """End a protective stop; False where it is too early."""
+        """End a protective stop; return False if it is too early."""
         if self.protective and self.now - self.stopped_at < UNLOCK_AFTER_S:
             return False
         if self.protective:
@@ -133,7 +134,8 @@ class Modes:
         return True
 
     def unlock_at_once(self) -> None:
-        """End a protective stop; what must pass before it is asked for is the pendant's affair."""
+        """End a protective stop without the waiting time, which the pendant's client keeps
+        itself."""
         if self.protective:
             self._unlocked_at = self.now + _UNLOCK_S
 

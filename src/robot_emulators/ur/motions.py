@@ -26,7 +26,7 @@ _LOOKS = 24
 _GAIN = 300.0
 """servoj's default gain, at which the lookahead time is the time by which the arm lags."""
 _INERTIA = np.array([2.0, 2.0, 0.8, 0.1, 0.1, 0.05])
-"""Of each joint with what it carries [kg·m²]; estimate, for torques alone."""
+"""Inertia of each joint with what it carries [kg·m²]; estimate, used for torques alone."""
 _DRAG = np.array([4.0, 4.0, 2.0, 0.5, 0.5, 0.3])
 """Viscous friction that stays without compensation [N·m·s/rad]; estimate."""
 _COMPENSATED = 0.1

@@ -46,7 +46,7 @@ class Network:
 
 
 class Peer(Connection):
-    """One client's connection."""
+    """Connection of one client to a port of the controller."""
 
     def __init__(self, port: "Port") -> None:
         super().__init__(_KERNEL_HOLDS)
@@ -74,7 +74,8 @@ class Peer(Connection):
             self.close()
 
     def send(self, data: bytes, most: int = 0) -> None:
-        """Send what the kernel takes and keep the rest: ``most`` bytes or what is usual."""
+        """Send what the kernel takes and keep the rest, up to ``most`` bytes or the usual limit; a
+        client for whom more would wait is closed."""
         if self.closed:
             return
         self._held += data
@@ -88,7 +89,8 @@ class Peer(Connection):
             self.send(data)
 
     def tick(self, now: float) -> None:
-        """Listen, or do not; send what waits; close where nothing was taken for too long."""
+        """Pause or resume reading, send what waits, and close a client that took nothing for too
+        long."""
         if self.closed:
             return
         if self._quiet():
@@ -163,7 +165,7 @@ class Port:
             raise taken("the UR5", self.host, self.number, error) from error
 
     def joined(self, peer: Peer) -> bool:
-        """Take a new client; False where there are too many."""
+        """Take a new client; return False if there are too many."""
         if len(self.peers) >= _MOST_PEERS:
             return False
         self.peers.add(peer)

@@ -147,17 +147,17 @@ class Recipe:
 
     @property
     def size(self) -> int:
-        """Bytes of its values."""
+        """Size of the values in a packet [byte]."""
         return self._struct.size
 
     def pack(self, values: Mapping[str, Values]) -> bytes:
-        """A data packet."""
+        """Pack values by name into a data packet."""
         flat = chain.from_iterable([values[name] for name in self.names])
         head = b"" if self.number is None else bytes([self.number])
         return packet(DATA, head + self._struct.pack(*flat))
 
     def unpack(self, payload: bytes) -> dict[str, Values] | None:
-        """Values from the start of a payload; None where it is too short."""
+        """Unpack values by name from the start of a payload; None if it is too short."""
         if len(payload) < self._struct.size:
             return None
         flat = self._struct.unpack_from(payload)

@@ -11,13 +11,14 @@ from robot_emulators.ur.primary_state import FIELDS, robot_state
 from robot_emulators.ur.script import Collector
 
 PERIOD_S = 0.1
-"""Between two robot states [s]."""
+"""Time between two robot states [s]."""
 DATES = {"cb3": "13-10-2021, 12:00:00", "e": "08-03-2022, 12:00:00", "x": "15-06-2025, 12:00:00"}
-"""Of each series' software: a date as the controller writes it; estimates."""
+"""Build date of each series' software, as the controller writes it; estimates."""
 
 
 class Primary:
-    """Tells clients of ports 30001 and 30002 how the robot is."""
+    """Server of the primary and secondary interfaces, ports 30001 and 30002: sends the robot's
+    state."""
 
     def __init__(self, controller: Controller, clock: Timestamp) -> None:
         self._controller, self._clock = controller, clock
@@ -111,5 +112,5 @@ class ScriptClient:
         return scripts is not None
 
     def end(self) -> None:
-        """The client is gone; an unfinished program with it."""
+        """Forget the client, which is gone, and its unfinished program."""
         self._collector = Collector()

@@ -27,7 +27,7 @@ _ROBOT_TYPES = {
 }  # fmt: skip
 """Number of each arm's type."""
 _LIMIT_ACCELERATION = 40.0
-"""Of a joint [rad/s²]; estimate."""
+"""Largest acceleration of a joint that the state reports [rad/s²]; estimate."""
 _DEFAULTS = (1.05, 1.4, 0.25, 1.2, 0.0)
 """Speed and acceleration of joints and of the tool where a move states none, and a radius."""
 

@@ -39,7 +39,7 @@ class Loaded:
 
 
 def load(folder: Path | None, name: str) -> Loaded | None:
-    """A program of a folder by its file's name, with or without folders; None where there is none.
+    """Load a program by its file's name, whose folders are ignored; None if the folder has none.
 
     Raises:
         ProgramFileError: the file is no program that can be played; says why.

@@ -37,7 +37,7 @@ class Offer:
 
 
 class RtdeSession:
-    """Answers one client's packets.
+    """Session of one RTDE client: answers its packets.
 
     Attributes:
         burst: data packets that a fault holds back.
@@ -92,7 +92,7 @@ class RtdeSession:
         return b"" if self.output is None else self.output.pack(values)
 
     def end(self) -> None:
-        """The client is gone."""
+        """Forget the client, which is gone."""
         self.started = False
         self._offer.inputs.release(id(self))
 
@@ -165,7 +165,7 @@ class RtdeSession:
 
 
 class Rtde:
-    """RTDE on one port."""
+    """Server of RTDE: one port, and a session for each client."""
 
     def __init__(self, network: Network, offer: Offer) -> None:
         self.port = Port(network, "rtde", PORT, self._answer)
@@ -175,12 +175,17 @@ class Rtde:
 
     @property
     def wanted(self) -> set[str]:
-        """Fields that some client gets."""
+        """Names of the outputs that some client receives."""
         recipes = [session.output for session in self._sessions.values() if session.started]
         return {name for recipe in recipes if recipe is not None for name in recipe.names}
 
     def stream(self, values: Mapping[str, Values], send: bool) -> None:
-        """Send what is due, unless the controller is so late that it leaves packets out."""
+        """Send each client its packet if it is due.
+
+        Args:
+            values: all outputs by name.
+            send: False if the controller is so late that it leaves packets out.
+        """
         self._sessions = {p: s for p, s in self._sessions.items() if not p.closed}
         if self._offer.fault("freeze") is None:
             self._frozen = None

@@ -77,13 +77,13 @@ def made(pose: np.ndarray) -> Pose:
 
 @TABLE.add()
 def pose_trans(_: Any, p_from: Six, p_from_to: Six) -> Pose:
-    """One pose after the other."""
+    """Product of two poses (6,)."""
     return made(poses.pose_trans(p_from, p_from_to))
 
 
 @TABLE.add()
 def pose_inv(_: Any, p_from: Six) -> Pose:
-    """The way back."""
+    """Inverse of a pose (6,)."""
     rotation, position = poses.matrix(p_from)
     return made(poses.vector(rotation.T, -(rotation.T @ position)))
 

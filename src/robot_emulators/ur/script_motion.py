@@ -71,7 +71,7 @@ def movel(
     program: ScriptProgram, pose: Any, a: float = 1.2, v: float = 0.25, t: float = 0.0,
     r: float = 0.0,
 ) -> Steps:  # fmt: skip
-    """Straight to a pose, or to that of joint values."""
+    """Move the TCP on a straight line to a pose (6,), or to the pose of joint values (6,)."""
     pace, goal, arm = _pace(program, a, v, t), _pose(program, pose), program.arm
     if goal is None:
         yield from program.refuse(stopped_because(_FAR), _FAR)
@@ -231,7 +231,7 @@ def force_mode_set_gain_scaling(program: ScriptProgram, scaling: float) -> None:
 
 @TABLE.add("freedrive_mode", "teach_mode")
 def freedrive_mode(program: ScriptProgram, freeAxes: Any = None, feature: Any = None) -> None:
-    """The arm may be pushed; nobody pushes it here, so it stays."""
+    """Accept freedrive; nobody pushes the emulated arm, so it stays where it is."""
     program.controller.freedrive = True
 
 

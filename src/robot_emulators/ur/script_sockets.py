@@ -67,7 +67,8 @@ def _count(number: float) -> int:
 def socket_read_binary_integer(
     program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """How many, then so many 32 bit integers; 0 and not-a-number where they do not come."""
+    """Read ``number`` 32 bit integers: a list of their count and themselves; of 0 and not-a-numbers
+    if they do not come in time."""
     count = _count(number)
     data = yield from _waited(program, socket_name, timeout, lambda link: link.read(4 * count))
     if data is None:
@@ -79,7 +80,8 @@ def socket_read_binary_integer(
 def socket_read_byte_list(
     program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """How many, then so many bytes; 0 and −1 where they do not come."""
+    """Read ``number`` bytes: a list of their count and themselves; of 0 and −1s if they do not come
+    in time."""
     count = _count(number)
     data = yield from _waited(program, socket_name, timeout, lambda link: link.read(count))
     return [0] + [-1] * count if data is None else [count, *data]
@@ -89,7 +91,7 @@ def socket_read_byte_list(
 def socket_read_line(
     program: ScriptProgram, socket_name: str = _NAME, timeout: float = 2.0
 ) -> Steps:
-    """A line without its end; empty where none comes."""
+    """Read a line without its end; empty if none comes in time."""
     data = yield from _waited(program, socket_name, timeout, lambda link: link.until(b"\n"))
     return "" if data is None else data.decode("latin-1").rstrip("\r")
 

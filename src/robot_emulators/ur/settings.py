@@ -51,7 +51,7 @@ def _address() -> Argument:
 
 @dataclass(frozen=True)
 class ControllerSettings(Settings):
-    """Which controller it is, and what is connected to it."""
+    """Settings of the emulated controller: series, software, and what is connected to it."""
 
     series: str = setting(
         "",

@@ -18,7 +18,7 @@ FORMAT = 1
 
 @dataclass(frozen=True)
 class IdentifiedValue:
-    """One identified parameter.
+    """Value of one identified parameter, with its uncertainty.
 
     Attributes:
         value, nominal: [unit]; nominal is where the fit started from.
@@ -59,10 +59,10 @@ class FitNoise:
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A calibration.
+    """Result of a calibration: identified parameters, noise and residual.
 
     Attributes:
-        recording, robot: what was fitted.
+        recording, robot: names of what was fitted.
         status: one sentence: converged or not, and how far to trust it.
         converged: whether the iteration stopped by itself.
         iterations: Gauss–Newton steps.
@@ -71,7 +71,7 @@ class Fit:
         gravity: under which they were fitted, world axes (3,) [m/s²].
         tool: the load in the contract's terms: mass [kg], cog (3,) [m] in sensor axes.
         covariance: of the free parameters (K, K), minimum-norm where they are redundant.
-        correlation: the same, normalised.
+        correlation: of the free parameters (K, K), −1 … 1.
         residual_rms: per channel over the holds (6,) [N, N·m].
         noise: see `Noise`.
         poses, rows: how much data stood behind it.

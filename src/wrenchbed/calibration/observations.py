@@ -25,16 +25,16 @@ _SCALE = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 
 @dataclass(frozen=True, eq=False)
 class Observations:
-    """M observations.
+    """Means of the wrench over M poses or stretches, to which parameters are fitted.
 
     Attributes:
         q: joint values (M, J), orientations (M, 4), or jets in motion.
         wrench: readings (M, 6) [N, N·m], means over ``count`` rows.
-        count: (M,).
-        row_covariance: of one row (6, 6); zero where there is no noise at all.
-        dof: degrees of freedom behind it; inf if stated, 0 if unknown.
+        count: rows in each mean (M,).
+        row_covariance: noise of one row (6, 6); zero if there is no noise at all.
+        dof: degrees of freedom of ``row_covariance``; inf if stated, 0 if unknown.
         source: ``repeats``, ``stated`` or ``residual``.
-        t: (M,) [s].
+        t: mean time of each (M,) [s].
         keep: rows of the recording that are not saturated (N,), boolean.
         flagged: rows used although a real device's status word is not 0.
     """

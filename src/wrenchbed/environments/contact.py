@@ -24,18 +24,18 @@ _CORRECTED, _OFTEN = 10, 50
 """Moves over which the error until then is corrected; moves after which it is in any case."""
 CYCLE_S, CYCLES = 0.004, 5
 STEP_S = CYCLE_S * CYCLES
-"""Of one action [s]."""
+"""Duration of one action [s]."""
 SPEED = 0.03
-"""Of the tip at an action of 1 [m/s]."""
+"""Speed of the tip at an action of 1 [m/s]."""
 TOO_MUCH_N = 40.0
 """Force that ends an episode as harmful [N], five times the largest of `TARGET_N`: a smaller one
 ends the episode at each overshoot, a much larger one never punishes."""
 TARGET_N = (2.0, 8.0)
 """Range of the wanted force [N]."""
 STIFFNESS = (300.0, 3000.0)
-"""Of soft tissue over bone [N/m]; with `RADIUS`, `ABOVE` and the tool's bias what is randomised."""
+"""Stiffness of soft tissue over bone [N/m], drawn at random as `RADIUS`, `ABOVE` and the bias."""
 RADIUS, ABOVE = (0.04, 0.07), (0.005, 0.02)
-"""Of the leg, and from it to the tip at first [m]."""
+"""Radius of the leg, and first distance from it to the tip [m]."""
 _BIAS = (1.0, 0.02)
 """Largest bias of a channel [N, N·m]."""
 _HURT, _JERKY = 10.0, 0.01

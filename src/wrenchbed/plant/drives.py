@@ -67,15 +67,20 @@ class RealTimeDrives:
         self._still = np.zeros(self.train.rigid.model.nv)
         self._past: deque[Efforts] = deque()
         self.temperatures = temperatures(np.zeros(1), self.train.joints)[0]
-        """Of the drives (J,) [°C]."""
+        """Temperatures of the drives (J,) [°C]."""
 
     @property
     def now(self) -> Efforts:
-        """Of the reported state."""
+        """Efforts of the reported state, some cycles behind the newest."""
         return self._past[0]
 
     def step(self, plant: ServoDrivenRobot, q: np.ndarray, qd: np.ndarray) -> None:
-        """After a control cycle of the plant that set out from joint values and speeds (J,)."""
+        """Evaluate torques and currents after one control cycle of the plant.
+
+        Args:
+            plant: the simulated body after the cycle.
+            q, qd: joint values and speeds (J,) before the cycle.
+        """
         train, model, data = self.train, plant.model, plant.data
         constant, spring, damper = model.actuator_biasprm[:, :3].T
         given = model.actuator_gainprm[:, 0] * data.ctrl + constant

@@ -47,7 +47,7 @@ _SEED = 104729
 _EVERY_S = 0.032
 """Time between evaluations of what the mechanism changes of a robot's own wrench [s]."""
 _MOVED = 1e-5
-"""By how much a joint moves before it is evaluated anew [rad]."""
+"""Motion of a joint after which the sensor's load is evaluated anew [rad]."""
 
 
 class BufferedNoise:

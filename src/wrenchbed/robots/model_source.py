@@ -13,11 +13,11 @@ from xml.etree import ElementTree
 from wrenchbed.errors import NotFoundError, ParameterError
 
 _MOST_BYTES = 2**24
-"""Of a model's text with all that it includes: sixteen times that of the largest model of a robot
-in example-robot-data, 1 MB."""
+"""Largest size of a model's text with all that it includes [byte]: sixteen times that of the
+largest model of a robot in example-robot-data, 1 MB."""
 _MOST_ELEMENTS = 8_000
-"""Of the expanded model: 4,000 bodies with a geom each, which MuJoCo reads in about 2 s; the files
-of robots in `tests/data/robots` have 90 to 450."""
+"""Largest number of elements of the expanded model: 4,000 bodies with a geom each, which MuJoCo
+reads in about 2 s; the files of robots in `tests/data/robots` have 90 to 450."""
 _DEEPEST = 200
 """Levels of elements: MuJoCo descends by recursion; robots have 20 levels."""
 _SOFT = ("flexcomp", "composite")

@@ -57,11 +57,11 @@ _KINDS: dict[object, str] = {
 
 @dataclass(frozen=True)
 class Builtin:
-    """One function.
+    """One function that URScript programs may call.
 
     Attributes:
         act: called with the program's context and the arguments.
-        signature: of it, with the names and defaults that programs use.
+        signature: of the function, with the names and defaults that programs use.
         kinds: parameter → kind of `CONVERTERS`, where it has one.
         waits: it makes `Steps`.
     """

@@ -62,7 +62,7 @@ def shown(value: Value) -> str:
 
 
 def truth(value: Value) -> bool:
-    """Whether a condition holds."""
+    """Whether a condition's value is true; raises `ScriptFaultError` for a value that is none."""
     if isinstance(value, bool | int | float):
         return bool(value)
     raise ScriptFaultError(f"a condition must be true or false, not {kind(value)}")
@@ -78,14 +78,14 @@ def kind(value: Value) -> str:
 
 
 def real(value: Value, what: str = "an argument") -> float:
-    """A number."""
+    """Check that a value is a finite number."""
     if isinstance(value, int | float) and math.isfinite(value):
         return float(value)
     raise ScriptFaultError(f"{what} must be a number, not {kind(value)}")
 
 
 def reals(value: Value, count: int, what: str = "an argument") -> list[float]:
-    """A list of numbers."""
+    """Check that a value is a list of ``count`` finite numbers."""
     if isinstance(value, list) and len(value) == count:
         return [real(v, f"each element of {what}") for v in value]
     raise ScriptFaultError(f"{what} must be a list of {count} numbers")

@@ -36,7 +36,7 @@ _TRIES = 200
 MOVE_S, SETTLE_S, _INSTANT_S = 0.02, 0.02, 0.004
 """Time between instants on a move, while settling, and in a motion [s]."""
 _REST_S = 0.35
-"""Between arriving and the first row [s]."""
+"""Time between arriving at a pose and its first row [s]."""
 _SPEED = 0.9
 """Share of a joint's top speed on a move."""
 _LEAST_S = 0.8

@@ -89,7 +89,7 @@ class Observed:
 
 @dataclass(frozen=True, eq=False)
 class Load:
-    """A fitted load.
+    """One rigid load under gravity, fitted to the readings.
 
     Attributes:
         phi: its ten inertial parameters (10,).

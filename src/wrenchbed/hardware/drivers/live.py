@@ -168,7 +168,7 @@ class LiveDriver(Driver):
     lead: float = 0.0
     """How long before its time a streamed target is sent to the device [s]."""
     source: str
-    """What recordings state as their source."""
+    """Name of the source that recordings state."""
     transducer: Transducer
     onlooker: Onlooker | None = None
 

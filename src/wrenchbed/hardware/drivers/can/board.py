@@ -194,7 +194,8 @@ class GaugeBoard(Transducer):
         self._pairs = Pairs()
         self._running = False
         self._calibration: GaugeCalibration | None = None
-        """In force on the board; None while that is in doubt, and nothing is published."""
+        """Calibration in force on the board; None while it is in doubt, and no reading is
+        published."""
         self._suspect = threading.Event()
         self._newest: WrenchSample | None = None
         self._past.clear()

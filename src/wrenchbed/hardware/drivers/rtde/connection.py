@@ -36,7 +36,7 @@ T = TypeVar("T")
 PERIOD_S = 0.05
 """Period of the driver's heartbeat [s], a tenth of `control_worker.DRIVER_SILENT_S`."""
 _JOINTS = 6
-"""Of every UR robot."""
+"""Number of joints of every UR robot."""
 _FIRST_PAUSE_S = 0.1
 """Pause before the second attempt [s]; it doubles each time."""
 _FRESH_S = 1.0
@@ -44,7 +44,7 @@ _FRESH_S = 1.0
 _LEAST_S = 1.0
 """Time that must remain for another attempt [s], in which a process can start and connect."""
 _LOOK = "check --host, power, cable, and that nothing blocks TCP 30004"
-"""What to check when the robot cannot be reached."""
+"""Remedy of errors when the robot cannot be reached."""
 _IN_USE = "another client controls this robot: close it"
 _REFUSALS: tuple[tuple[str, type[DriverError], str], ...] = (
     ("already in use", DriverError, _IN_USE),

@@ -37,7 +37,7 @@ _HEAVY = 0.05
 """Relative difference between the pendant's payload and the tool's mass that is noted: with less
 every cable is noted, with more the arm stops to protect itself unannounced."""
 _SHOWN = ("product", "serial", "firmware", "calibration")
-"""What a sensor says of itself that is shown."""
+"""Fields of a sensor's identity that the report shows."""
 
 
 @dataclass(frozen=True)
