@@ -351,7 +351,7 @@ def _refuted(problem: Problem, outcome: Outcome, finding: Finding | None) -> str
             "together. Free fewer parameters, or check the robot and its joints"
         )
     residual = problem.residual(solution.x)
-    left = left_of_swing(residual, problem.data.wrench)
+    unexplained = left_of_swing(residual, problem.data.wrench)
     off = misfit.zero(problem, outcome)
     if off is not None:
         values = ", ".join(f"{v:.3g}" for v in off)
@@ -359,13 +359,13 @@ def _refuted(problem: Problem, outcome: Outcome, finding: Finding | None) -> str
             f"the sensor has a zero of ({values}) N, N·m that the model lacks, and the values hang "
             f"on it. Free sensor.bias too (--free {DEFAULT} sensor.bias), or tare the sensor"
         )
-    if left < REFUTED or (finding is None and problem.prior):
+    if unexplained < REFUTED or (finding is None and problem.prior):
         return None
     if finding is not None:
         return finding.sentence
     return (
-        f"the fit leaves {100.0 * left:.0f} % of the readings' swing: the robot, its joints or the "
-        "choice of free parameters is wrong. Look at the residual of each pose"
+        f"the fit leaves {100.0 * unexplained:.0f} % of the readings' swing: the robot, its joints "
+        "or the choice of free parameters is wrong. Look at the residual of each pose"
     )
 
 

@@ -152,10 +152,10 @@ def examine(
     return Examined(weighed, known, outliers, between, scattered)
 
 
-def findings_of(found: Examined, seed: int, progress: Progress, begun: float) -> Findings:
+def findings_of(examined: Examined, seed: int, progress: Progress, begun: float) -> Findings:
     """Findings of a diagnosis from an examined recording; ``begun`` is the clock at its start
     [s]."""
-    weighed, known, outliers, between, scattered = found
+    weighed, known, outliers, between, scattered = examined
     analysis, untempered, verdict, twin, gap, refuted = weighed
     prepared = analysis.prepared
     reading = twin.wrench(prepared.scene) if outliers else prepared.expected

@@ -79,50 +79,50 @@ class Answer:
         return f"leading cause: {ranked}; at least 90 % together: {likely}"
 
 
-def of_wrench(found: Findings) -> Answer:
+def of_wrench(findings: Findings) -> Answer:
     """The words of a diagnosis of a wrench."""
-    d = found.diagnosis
-    rows = [r.sentence for r in found.rows]
-    far, g = sentences.distance(found), d.gap
+    d = findings.diagnosis
+    rows = [r.sentence for r in findings.rows]
+    far, g = sentences.distance(findings), d.gap
     box = None
     if g.black_box is not None:
         box = g.calibrated.value - g.black_box * (g.calibrated.value - g.floor)
     return Answer(
         d,
         about=f"{', '.join((d.recording, *d.others))}  {d.robot}, {d.seconds:.1f} s",
-        headline=sentences.headline(found),
+        headline=sentences.headline(findings),
         aside=[str(o["sentence"]) for o in d.outliers],
-        place=sentences.place(found),
-        where=sentences.places(found),
+        place=sentences.place(findings),
+        where=sentences.places(findings),
         causes=[claim(w) for w in d.which],
-        no_cause=sentences.without_cause(found),
+        no_cause=sentences.without_cause(findings),
         far=(far["figure"], far["text"]),
         black_box=sentences.black_box(g),
         measure=sentences.MEASURE,
         gaps=tables.gaps(g, box),
         notes=[*rows, *(n for n in d.notes if n not in rows)],
-        steps=[str(n["sentence"]) for n in d.next] or [sentences.nothing_more(found)],
+        steps=[str(n["sentence"]) for n in d.next] or [sentences.nothing_more(findings)],
     )
 
 
-def of_efforts(found: EffortFindings) -> Answer:
+def of_efforts(findings: EffortFindings) -> Answer:
     """The words of a diagnosis of joint efforts."""
-    d, g = found.diagnosis, found.diagnosis.gap
-    channels = effort_sentences.channels(found)
+    d, g = findings.diagnosis, findings.diagnosis.gap
+    channels = effort_sentences.channels(findings)
     box = None if g.black_box is None else g.calibrated.value * (1.0 - g.black_box)
     return Answer(
         d,
         about=f"{d.recording}  {d.robot}, {channels}, {d.seconds:.1f} s",
-        headline=effort_sentences.headline(found),
+        headline=effort_sentences.headline(findings),
         aside=(),
-        place=effort_sentences.place(found),
+        place=effort_sentences.place(findings),
         where=[str(w["sentence"]) for w in d.where],
-        causes=effort_sentences.claims(found),
-        no_cause=effort_sentences.without_cause(found),
-        far=("", effort_sentences.distance(found)),
+        causes=effort_sentences.claims(findings),
+        no_cause=effort_sentences.without_cause(findings),
+        far=("", effort_sentences.distance(findings)),
         black_box="",
         measure=effort_sentences.MEASURE,
         gaps=tables.gaps(g, box),
         notes=d.notes,
-        steps=effort_sentences.steps(found),
+        steps=effort_sentences.steps(findings),
     )

@@ -15,27 +15,31 @@ from wrenchbed.reports.answer import BADGES, of_wrench
 from wrenchbed.reports.simulators import Evidence
 
 
-def diagnosis_page(found: Findings, command: str = "") -> ReportPage:
+def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
     """The page of a diagnosis.
 
     Args:
-        found: from ``diagnose``.
+        findings: from ``diagnose``.
         command: that made it; stated without options if not given.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
     registry.require("matplotlib", "report")
-    d, prepared, rows = found.diagnosis, found.analysis.prepared, sentences.row_effects(found)
-    evidence, words = Evidence(found), of_wrench(found)
+    d, prepared, rows = (
+        findings.diagnosis,
+        findings.analysis.prepared,
+        sentences.row_effects(findings),
+    )
+    evidence, words = Evidence(findings), of_wrench(findings)
     before, after = evidence.channels()
     drawn = {
         "heat": draw(figures.residual_map(evidence)),
         "gaps": draw(figures.gaps(words.gaps)),
         "channels": draw(figures.channels(before, after, evidence.first)),
     }
-    compared = [draw(chart) for chart in _of_causes(found, evidence)]
-    row_sentences = [r.sentence for r in found.rows]
+    compared = [draw(chart) for chart in _of_causes(findings, evidence)]
+    row_sentences = [r.sentence for r in findings.rows]
     recorded = shlex.join([d.recording, *d.others])
     context = {
         "d": d,
@@ -43,52 +47,52 @@ def diagnosis_page(found: Findings, command: str = "") -> ReportPage:
         "name": ", ".join(PurePath(r).name for r in (d.recording, *d.others)),
         "badge": BADGES[d.verdict],
         "words": words,
-        "subsystems": tables.subsystems(found),
-        "seen": sentences.seen(found),
+        "subsystems": tables.subsystems(findings),
+        "seen": sentences.seen(findings),
         "observed": prepared.observed,
         "between_rows": bool(rows) and all(w["effect"] in rows for w in d.which),
         **drawn,
-        "places": tables.places(found),
-        "shared": tables.shared(found),
-        "unseen": tables.invisible(found),
-        "explanations": tables.explanations(found),
+        "places": tables.places(findings),
+        "shared": tables.shared(findings),
+        "unseen": tables.invisible(findings),
+        "explanations": tables.explanations(findings),
         "comparisons": compared,
         "rows": row_sentences,
         "next": tables.steps(d.next),
         "record": f"wrenchbed record --robot {shlex.quote(d.robot)} --driver DRIVER --plan ",
         "notes": [n for n in d.notes if n not in row_sentences],
-        "data": _data(found),
+        "data": _data(findings),
         "command": command or f"wrenchbed diagnose {recorded} --out DIR",
     }
     return ReportPage(context, "diagnosis", [*drawn.values(), *compared])
 
 
-def _of_causes(found: Findings, e: Evidence) -> list[Chart]:
+def _of_causes(findings: Findings, e: Evidence) -> list[Chart]:
     """What shows each cause, or what nothing explains, in the order of the causes."""
     told: list[Chart | None] = []
     for k, own in enumerate(e.claims()):
         told.append(cause_charts.own_chart(e, own, f"cause-{k}"))
         told += figures.of_claim(e, own, f"effect-{k}")
-    for k, entry in enumerate(found.diagnosis.which):
+    for k, entry in enumerate(findings.diagnosis.which):
         told.append(cause_charts.curve_chart(entry, f"curve-{k}"))
-        if entry["effect"] in sentences.row_effects(found):
+        if entry["effect"] in sentences.row_effects(findings):
             told.append(cause_charts.scatter(e, entry, f"rows-{k}"))
     told += figures.unexplained(e)
-    if found.diagnosis.verdict in ("unknown", "partial"):
+    if findings.diagnosis.verdict in ("unknown", "partial"):
         told.append(cause_charts.everywhere(e, "everywhere"))
     return [chart for chart in told if chart is not None]
 
 
-def _data(found: Findings) -> list[tuple[str, str]]:
+def _data(findings: Findings) -> list[tuple[str, str]]:
     """What was diagnosed, by what."""
-    every = (found.analysis, *found.analysis.others)
-    names = (found.diagnosis.recording, *found.diagnosis.others)
-    robot = found.analysis.prepared.robot
+    every = (findings.analysis, *findings.analysis.others)
+    names = (findings.diagnosis.recording, *findings.diagnosis.others)
+    robot = findings.analysis.prepared.robot
     return [
-        ("robot", f"{found.diagnosis.robot}: {robot.title}"),
+        ("robot", f"{findings.diagnosis.robot}: {robot.title}"),
         *(line for n, a in zip(names, every, strict=True) for line in _recorded(n, a.prepared)),
-        *provenance(names, seed=found.seed),
-        ("duration of the diagnosis", f"{found.diagnosis.seconds:.1f} s"),
+        *provenance(names, seed=findings.seed),
+        ("duration of the diagnosis", f"{findings.diagnosis.seconds:.1f} s"),
     ]
 
 

@@ -26,53 +26,55 @@ _FRICTION: tuple[tuple[str, Kind, Role], ...] = (
 )  # fmt: skip
 
 
-def effort_page(found: EffortFindings, command: str = "") -> ReportPage:
+def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
     """The page of a diagnosis of joint efforts.
 
     Args:
-        found: from ``diagnose_efforts``.
+        findings: from ``diagnose_efforts``.
         command: that made it.
 
     Raises:
         MissingExtraError: matplotlib or jinja2 is not installed.
     """
     registry.require("matplotlib", "report")
-    d = found.diagnosis
-    words = of_efforts(found)
+    d = findings.diagnosis
+    words = of_efforts(findings)
     before = {c: v["before"] for c, v in d.gap.per_channel.items()}
     after = {c: v["after"] for c, v in d.gap.per_channel.items() if "after" in v}
     charts = [
         figures.gaps(words.gaps, _FITTED),
         figures.channels(before, after, "calibrated"),
-        _efforts(found),
+        _efforts(findings),
     ]
-    charts += [_friction(found, j) for j in _joints(found)]
+    charts += [_friction(findings, j) for j in _joints(findings)]
     drawn = [draw(c) for c in charts]
     context = {
-        "d": d, "words": words, "what": sentences.channels(found),
+        "d": d, "words": words, "what": sentences.channels(findings),
         "verdict": d.verdict, "badge": BADGES[d.verdict], "name": PurePath(d.recording).name,
         "gaps": drawn[0], "channels": drawn[1], "shown": drawn[2:],
         "data": [("recording", d.recording), ("robot", d.robot),
-                 *provenance([d.recording], seed=found.seed),
+                 *provenance([d.recording], seed=findings.seed),
                  ("duration of the diagnosis", f"{d.seconds:.1f} s")],
         "command": command or f"wrenchbed diagnose {d.recording} --out DIR",
     }  # fmt: skip
     return ReportPage(context, "efforts", drawn)
 
 
-def _joints(found: EffortFindings) -> list[int]:
+def _joints(findings: EffortFindings) -> list[int]:
     """Joints whose friction is shown, from 0: named ones, else the one with the largest gap."""
-    named = [c.key[1] - 1 for c in found.verdict.causes
+    named = [c.key[1] - 1 for c in findings.verdict.causes
            if c.key[1] is not None and c.key[0].startswith("drive.")]  # fmt: skip
     if named:
         return list(dict.fromkeys(named))[:2]
-    gaps = [v["before"] for v in found.diagnosis.gap.per_channel.values()][: found.d.scene.joints]
-    return [int(np.argmax(gaps))] if found.diagnosis.verdict != "none" else []
+    gaps = [v["before"] for v in findings.diagnosis.gap.per_channel.values()][
+        : findings.d.scene.joints
+    ]
+    return [int(np.argmax(gaps))] if findings.diagnosis.verdict != "none" else []
 
 
-def _efforts(found: EffortFindings) -> Chart:
+def _efforts(findings: EffortFindings) -> Chart:
     """Measured and predicted efforts of all joints on held-out rows, over a stretch of time."""
-    scene, std = found.d.scene, np.array([n.std for n in found.d.noise])
+    scene, std = findings.d.scene, np.array([n.std for n in findings.d.noise])
     kept = scene.kept()
     t, measured = scene.signals.t[kept], scene.thin(scene.signals.effort)
     middle = 0.5 * (t[0] + t[-1])
@@ -82,8 +84,8 @@ def _efforts(found: EffortFindings) -> Chart:
         series = [Series("measured", "line", t[rows], measured[rows, j], role="measured")]
         roles = (("calibrated", "before"), ("with_effects", "after"))
         for name, role in roles:
-            if name in found.held_out.left:
-                made = measured[:, j] - std[j] * found.held_out.left[name][:, j]
+            if name in findings.held_out.left:
+                made = measured[:, j] - std[j] * findings.held_out.left[name][:, j]
                 label = name.replace("_", " the ")
                 series.append(Series(label, "line", t[rows], made[rows], role=role))  # type: ignore[arg-type]
         some, note = thinned(series, what="rows")
@@ -93,15 +95,15 @@ def _efforts(found: EffortFindings) -> Chart:
     return Chart("efforts", "Measured and predicted efforts", tuple(panels), 2, True, caption, note)
 
 
-def _friction(found: EffortFindings, j: int) -> Chart:
+def _friction(findings: EffortFindings, j: int) -> Chart:
     """What speed makes of a joint's effort: measured, stated and with the effects."""
-    scene, std = found.d.scene, found.d.noise[j].std
+    scene, std = findings.d.scene, findings.d.noise[j].std
     speed = scene.q.d[scene.kept(), j]
     stated = scene.thin(scene.friction[:, j])
-    measured = stated + found.d.y[:, j]
+    measured = stated + findings.d.y[:, j]
     efforts = [speed, measured, stated]
-    if "with_effects" in found.held_out.left:
-        efforts.append(measured - std * found.held_out.left["with_effects"][:, j])
+    if "with_effects" in findings.held_out.left:
+        efforts.append(measured - std * findings.held_out.left["with_effects"][:, j])
     edges = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, _BINS + 1)))
     x, *means = np.asarray(binned_statistic(speed, efforts, "mean", edges).statistic)
     series = [

@@ -18,10 +18,10 @@ _LARGE = 0.05
 """Probability from which the nearest cause is named beside unknown: below, it is a guess."""
 
 
-def claims(found: EffortFindings) -> list[Claim]:
+def claims(findings: EffortFindings) -> list[Claim]:
     """The claimed causes, each titled with its rivals; its figure is the first known parameter."""
     claimed = []
-    for cause, entry in zip(found.verdict.causes, found.diagnosis.which, strict=True):
+    for cause, entry in zip(findings.verdict.causes, findings.diagnosis.which, strict=True):
         values: Mapping[str, Any] = entry["parameters"]
         sizes = {
             k: Size(k, k.replace("_", " "), numbers.quantity(k, x, signed="std" in x),
@@ -46,16 +46,16 @@ def claims(found: EffortFindings) -> list[Claim]:
     return claimed
 
 
-def headline(found: EffortFindings) -> str:
+def headline(findings: EffortFindings) -> str:
     """The verdict in sentences."""
-    d = found.diagnosis
+    d = findings.diagnosis
     if d.verdict == "none":
         return "No cause found: the residual is within normal imperfections."
     if not d.which:
         return "No known effect explains the gap."
     phrases = [
         f"{capital(c.title)}{''.join(f': {x.name} {x.value}' for x in c.figures)}."
-        for c in claims(found)
+        for c in claims(findings)
     ]
     if d.verdict == "ambiguous":
         phrases.append("This recording does not distinguish the causes joined by “or”.")
@@ -64,9 +64,9 @@ def headline(found: EffortFindings) -> str:
     return " ".join(phrases)
 
 
-def place(found: EffortFindings) -> str:
+def place(findings: EffortFindings) -> str:
     """Where, in a few words."""
-    d, v = found.diagnosis, found.verdict
+    d, v = findings.diagnosis, findings.verdict
     if v.causes:
         names = dict.fromkeys(place_of(k)[1] for c in v.causes for k in (c.key, *c.rivals)[:1])
         text = ", ".join(names)
@@ -76,9 +76,9 @@ def place(found: EffortFindings) -> str:
     return "No joint has more than noise and ordinary imperfections"
 
 
-def without_cause(found: EffortFindings) -> str:
+def without_cause(findings: EffortFindings) -> str:
     """What stands for a cause where none is claimed."""
-    d = found.diagnosis
+    d = findings.diagnosis
     p = d.probabilities
     if d.verdict == "none":
         return f"With probability {numbers.chance(p.get('none', 0.0))} nothing counts as a cause."
@@ -86,8 +86,8 @@ def without_cause(found: EffortFindings) -> str:
         "No known effect explains the gap. Probability that it is something unknown: "
         f"{numbers.chance(p.get('unknown', 0.0))}."
     )
-    if found.verdict.outside:
-        sentence += f" It looks most like: {found.verdict.outside}."
+    if findings.verdict.outside:
+        sentence += f" It looks most like: {findings.verdict.outside}."
     rest = {k: x for k, x in p.items() if k not in ("none", "unknown")}
     best = max(rest, key=lambda k: rest[k], default="")
     if best and rest[best] >= _LARGE:
@@ -95,19 +95,19 @@ def without_cause(found: EffortFindings) -> str:
     return sentence
 
 
-def channels(found: EffortFindings) -> str:
+def channels(findings: EffortFindings) -> str:
     """What was diagnosed."""
-    return "joint efforts" if found.d.scene.wrench is None else "joint efforts and wrench"
+    return "joint efforts" if findings.d.scene.wrench is None else "joint efforts and wrench"
 
 
-def distance(found: EffortFindings) -> str:
+def distance(findings: EffortFindings) -> str:
     """How far the gap shrinks."""
-    g = found.diagnosis.gap
+    g = findings.diagnosis.gap
     on = "on blocks of time that were held out of every fit"
     if g.with_effects is None:
         text = f"Gap {numbers.gap(g.calibrated.value)} of the calibrated simulator {on}"
         return f"{text}. No cause is named; there is nothing to close."
-    before = g.configured if found.verdict.of_configured else g.calibrated.value
+    before = g.configured if findings.verdict.of_configured else g.calibrated.value
     start, end = numbers.gap(before), numbers.gap(g.with_effects.value)
     if g.closed is None:
         return f"The gap goes from {start} to {end} {on}; both are within the noise."
@@ -118,9 +118,9 @@ def distance(found: EffortFindings) -> str:
     )
 
 
-def steps(found: EffortFindings) -> list[str]:
+def steps(findings: EffortFindings) -> list[str]:
     """What to do next."""
-    d = found.diagnosis
+    d = findings.diagnosis
     phrases = [str(n["sentence"]) for n in d.next]
     if phrases:
         return phrases

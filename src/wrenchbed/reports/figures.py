@@ -123,14 +123,14 @@ def residual_map(e: Evidence) -> Chart:
 
 def of_claim(e: Evidence, c: Claim, name: str) -> list[Chart]:
     """What a cause makes, against a twin without it; one channel where causes are many."""
-    many = len(e.found.diagnosis.which) > 1
+    many = len(e.findings.diagnosis.which) > 1
     chosen = largest(c.effect / e.std)[: 1 if many else 2]
     return [_comparison(e, k, c.name, c.measured, c.effect, name) for k in chosen]
 
 
 def unexplained(e: Evidence) -> list[Chart]:
     """One or two channels of the calibrated residual where nothing explains it."""
-    if e.after is not None or e.found.diagnosis.verdict != "unknown":
+    if e.after is not None or e.findings.diagnosis.verdict != "unknown":
         return []
     residual = e.prepared.y - e.before
     chosen = largest(residual / e.std)

@@ -29,11 +29,11 @@ DISTRUST = "do not trust the twin"
 GAP = "the gap"
 
 
-def headline(found: Findings) -> str:
+def headline(findings: Findings) -> str:
     """The verdict in sentences: each claim with its values, and what they leave open."""
-    d = found.diagnosis
+    d = findings.diagnosis
     if not d.which:
-        return _without_claim(found)
+        return _without_claim(findings)
     phrases = [claim(w).sentence for w in d.which]
     if len(phrases) > 1:
         phrases.insert(0, f"{_count(len(phrases))} causes.")
@@ -46,16 +46,16 @@ def headline(found: Findings) -> str:
     return " ".join(phrases)
 
 
-def _without_claim(found: Findings) -> str:
-    d = found.diagnosis
+def _without_claim(findings: Findings) -> str:
+    d = findings.diagnosis
     if d.verdict == "none":
         return f"No cause found: the residual is within normal imperfections{_not_excluded(d)}"
     if _crowd(d):
         return "Too many effects explain the gap equally well."
-    if (what := _unexplained(found)) != GAP:
+    if (what := _unexplained(findings)) != GAP:
         return f"No known effect explains {what}."
-    kernel = found.analysis.ranking.kernel
-    on = f": it varies with {depends(kernel)}" if _seen(kernel, found) else ""
+    kernel = findings.analysis.ranking.kernel
+    on = f": it varies with {depends(kernel)}" if _seen(kernel, findings) else ""
     return f"No known effect explains the gap{on}."
 
 
@@ -73,11 +73,11 @@ def depends(kernel: str) -> str:
     return _KERNELS.get(kernel, kernel)
 
 
-def place(found: Findings) -> str:
+def place(findings: Findings) -> str:
     """Where, in a few words."""
-    d = found.diagnosis
+    d = findings.diagnosis
     if not d.which:
-        return _hint(found)
+        return _hint(findings)
     phrases = []
     for w in d.which:
         others = (str(n).split(".")[0] for n in w["rivals"])
@@ -94,48 +94,50 @@ def _the(place: str) -> str:
     return place if place[-1].isdigit() or place.startswith("all ") else f"the {place}"
 
 
-def _hint(found: Findings) -> str:
-    hints = hinted(found)
+def _hint(findings: Findings) -> str:
+    hints = hinted(findings)
     if hints:
         return f"Only a hint: {listed([_the(name) for name in hints])}"
-    if found.diagnosis.where:
-        own = dict.fromkeys(_the(str(w["subsystem"])) for w in found.diagnosis.where)
+    if findings.diagnosis.where:
+        own = dict.fromkeys(_the(str(w["subsystem"])) for w in findings.diagnosis.where)
         return f"Only in single rows: {listed(list(own))}"
-    if any(f.seen for f in found.places):
+    if any(f.seen for f in findings.places):
         return "Too little for a cause"
     return "No place differs from noise"
 
 
-def hinted(found: Findings) -> list[str]:
+def hinted(findings: Findings) -> list[str]:
     """Subsystems that ``where`` hints at; none where a cause is claimed."""
-    d = found.diagnosis
+    d = findings.diagnosis
     if d.which:
         return []
     return list(dict.fromkeys(str(w["subsystem"]) for w in d.where if float(w["share"]) > 0.0))
 
 
-def places(found: Findings) -> list[str]:
+def places(findings: Findings) -> list[str]:
     """Sentences on where, most important first."""
-    d = found.diagnosis
+    d = findings.diagnosis
     if d.which:
         phrases = [str(w["sentence"]) for w in d.where]
-        if row_effects(found) >= {str(w["effect"]) for w in d.which}:
+        if row_effects(findings) >= {str(w["effect"]) for w in d.which}:
             return phrases
-        return phrases + [f.sentence for f in found.places if f.seen and f.share > LARGE_P][:2]
+        return phrases + [f.sentence for f in findings.places if f.seen and f.share > LARGE_P][:2]
     phrases = [str(w["sentence"]) for w in d.where[:2]]
     if d.verdict == "unknown":
-        kernel = found.analysis.ranking.kernel
+        kernel = findings.analysis.ranking.kernel
         text = f"Of all recorded variables, the residual follows {depends(kernel)} best"
-        phrases.insert(0, f"{text}." if _seen(kernel, found) else f"{text}, but not significantly.")
-    seen = [f.variable for f in found.places if f.seen]
+        phrases.insert(
+            0, f"{text}." if _seen(kernel, findings) else f"{text}, but not significantly."
+        )
+    seen = [f.variable for f in findings.places if f.seen]
     if seen and not phrases:
         phrases.append(f"What is left beyond noise is too small for a cause: {listed(seen)}.")
     return phrases or ["No channel, joint or variable carries more than noise."]
 
 
-def without_cause(found: Findings) -> str:
+def without_cause(findings: Findings) -> str:
     """What stands for a cause where none is claimed."""
-    d = found.diagnosis
+    d = findings.diagnosis
     p = d.probabilities
     if d.verdict == "none":
         probability = numbers.chance(p.get("none", 0.0))
@@ -149,7 +151,7 @@ def without_cause(found: Findings) -> str:
         names = ", ".join(best.split("|"))
         return f"These explain it equally well, and no choice is made: {names}."
     sentence = (
-        f"No known effect explains {_unexplained(found)}. "
+        f"No known effect explains {_unexplained(findings)}. "
         f"Probability that it is something unknown: {numbers.chance(p.get('unknown', 0.0))}."
     )
     if not best or rest[best] < LARGE_P:
@@ -159,10 +161,10 @@ def without_cause(found: Findings) -> str:
     )
 
 
-def distance(found: Findings) -> dict[str, str]:
+def distance(findings: Findings) -> dict[str, str]:
     """How far the gap shrinks: the figure, and a sentence."""
-    d, g = found.diagnosis, found.diagnosis.gap
-    on = f"on {seen(found)} that were held out of every fit"
+    d, g = findings.diagnosis, findings.diagnosis.gap
+    on = f"on {seen(findings)} that were held out of every fit"
     if g.with_effects is not None:
         wrong_only = not d.twin.active
         start = g.configured if wrong_only else g.calibrated.value
@@ -175,11 +177,11 @@ def distance(found: Findings) -> dict[str, str]:
         sentence = f"The gap shrinks {both} {on}."
         low, high = (numbers.percent(x) for x in (g.closed.low, g.closed.high))
         sentence += f" 95 % interval of the share closed: {low} … {high} %."
-        if distrusted(found):
+        if distrusted(findings):
             sentence += " Much of it is left: do not trust this twin."
         return {"figure": f"{numbers.percent(g.closed.value)} % closed", "text": sentence}
     figure = f"Gap {numbers.gap(g.calibrated.value)}"
-    if d.verdict == "unknown" and _unexplained(found) == GAP:
+    if d.verdict == "unknown" and _unexplained(findings) == GAP:
         text = f"It stays {on}: without a cause there is nothing to close it with."
         return {"figure": figure, "text": f"{text} {black_box(g)}".strip()}
     sentence = f"This is the gap of the calibrated simulator {on}"
@@ -187,7 +189,7 @@ def distance(found: Findings) -> dict[str, str]:
         names = " and ".join(str(w["effect"]) for w in d.which)
         effect = f"The detected cause ({names}) scatters single rows"
         text = f"{sentence}. {effect}; the means have no gap to close."
-        if any(w["effect"] not in row_effects(found) for w in d.which):
+        if any(w["effect"] not in row_effects(findings) for w in d.which):
             text = f"{sentence}. Rows in which something touches the tool took no part."
         return {"figure": figure, "text": text}
     if g.calibrated.value - max(g.floor, 0.0) > LARGEST_NONE:
@@ -199,22 +201,22 @@ def distance(found: Findings) -> dict[str, str]:
     }
 
 
-def distrusted(found: Findings) -> bool:
+def distrusted(findings: Findings) -> bool:
     """Whether the causes leave so much of the gap that their twin is not to be used."""
-    return any(DISTRUST in note for note in found.diagnosis.notes)
+    return any(DISTRUST in note for note in findings.diagnosis.notes)
 
 
-def nothing_more(found: Findings) -> str:
+def nothing_more(findings: Findings) -> str:
     """What to do where no experiment is proposed."""
-    d = found.diagnosis
+    d = findings.diagnosis
     closed = d.gap.closed is None or d.gap.closed.value > 0.0
-    rows = row_effects(found)
+    rows = row_effects(findings)
     if d.verdict == "none":
         return (
             "Nothing: the calibrated simulator in twin.json is as good as noise and normal "
             "imperfections allow."
         )
-    if d.verdict == "identified" and (distrusted(found) or not closed):
+    if d.verdict == "identified" and (distrusted(findings) or not closed):
         return "Do not use twin.json yet: record more poses, and diagnose both recordings together."
     if d.verdict == "identified" and rows and all(w["effect"] in rows for w in d.which):
         return (
@@ -239,36 +241,36 @@ def black_box(gap: Closure) -> str:
     return f"A black-box model closes only {many} % of it."
 
 
-def seen(found: Findings) -> str:
+def seen(findings: Findings) -> str:
     """What the gap was measured on: ``20 poses``."""
-    p = found.analysis.prepared
+    p = findings.analysis.prepared
     return f"{int(p.judged.sum()):,} {p.observed}"
 
 
-def row_effects(found: Findings) -> frozenset[str]:
+def row_effects(findings: Findings) -> frozenset[str]:
     """Claimed effects that show between rows only."""
-    return frozenset(r.effect for r in found.rows)
+    return frozenset(r.effect for r in findings.rows)
 
 
-def _only_scatters(found: Findings) -> bool:
+def _only_scatters(findings: Findings) -> bool:
     """Whether it is unknown because of how rows scatter: their means have hardly a gap."""
-    d = found.diagnosis
-    return d.verdict == "unknown" and bool(found.scattered) and small(d.gap)
+    d = findings.diagnosis
+    return d.verdict == "unknown" and bool(findings.scattered) and small(d.gap)
 
 
-def _unexplained(found: Findings) -> str:
+def _unexplained(findings: Findings) -> str:
     """What is unknown: the gap, or what is left where the means have hardly one."""
-    if _only_scatters(found):
+    if _only_scatters(findings):
         return "how rows scatter"
-    d, touch = found.diagnosis, found.analysis.prepared.touch
+    d, touch = findings.diagnosis, findings.analysis.prepared.touch
     if d.verdict == "unknown" and touch is not None and small(d.gap):
         return "what comes while something touches the tool"
     return GAP
 
 
-def _seen(kernel: str, found: Findings) -> bool:
+def _seen(kernel: str, findings: Findings) -> bool:
     """Whether the residual is seen to vary with what an unknown depends on."""
-    own = (f.variable for f in found.places if f.seen)
+    own = (f.variable for f in findings.places if f.seen)
     return any(v == kernel or (kernel == "direction" and v.startswith("direction")) for v in own)
 
 

@@ -40,23 +40,23 @@ class Claim:
 class Evidence:
     """Readings of the simulators at the observations (H, 6), by fits that did not see them."""
 
-    def __init__(self, found: Findings) -> None:
-        a = found.analysis
-        self.found, self.prepared, self.twin = found, a.prepared, found.diagnosis.twin
+    def __init__(self, findings: Findings) -> None:
+        a = findings.analysis
+        self.findings, self.prepared, self.twin = findings, a.prepared, findings.diagnosis.twin
         self.ids = _numbers(a.prepared)
         self.std = np.sqrt(np.diagonal(a.prepared.covariance))
-        claimed = found.diagnosis.gap.with_effects is not None
+        claimed = findings.diagnosis.gap.with_effects is not None
         wrong_only = claimed and not self.twin.active
         self.first = "as configured" if wrong_only else "calibrated"
         self.start = Twin(a.prepared.model, a.prepared.theta) if wrong_only else calibrated(a)
-        readings = {k: v[a.prepared.scene.held] for k, v in found.diagnosis.gap.readings.items()}
+        readings = {k: v[a.prepared.scene.held] for k, v in findings.diagnosis.gap.readings.items()}
         self.calibrated = readings["calibrated"]
         self.before = self.of(self.start) if wrong_only else self.calibrated
         self.after = readings.get("with_effects")
 
     def channels(self) -> tuple[dict[str, float], dict[str, float]]:
         """Gap of each channel on held-out rows, before and after (empty without a claim)."""
-        known = self.found.diagnosis.gap.per_channel
+        known = self.findings.diagnosis.gap.per_channel
         before = {c: float(v["before"]) for c, v in known.items()}
         if self.first == "as configured":
             told = HeldOut(self.prepared).channels(self.start.wrench(self.prepared.scene))
@@ -74,7 +74,7 @@ class Evidence:
             others = tuple(x for i, x in enumerate(twin.active) if i != k)
             rest = replace(twin, active=others)
             result.append(self._claim(active.effect.name, active, rest))
-        named = [str(w["effect"]) for w in self.found.diagnosis.which]
+        named = [str(w["effect"]) for w in self.findings.diagnosis.which]
         wrong = [n for n in named if n in STATED]
         if wrong:
             result.append(self._claim(" and ".join(wrong), None, replace(twin, theta=p.theta)))
@@ -93,7 +93,7 @@ class Evidence:
         """A joint where one is to blame or seen, else `along`: values (H,), axis, words."""
         p = self.prepared
         joints = p.model.robot.joints if p.scene.jointed else ()
-        for k in _blamed(self.found):
+        for k in _blamed(self.findings):
             if 1 <= k <= len(joints):
                 x, turns = p.poses[:, k - 1], joints[k - 1].unit == "rad"
                 label = f"joint {k} [{'°' if turns else 'mm'}]"
@@ -116,12 +116,12 @@ def _numbers(p: Prepared) -> np.ndarray:
     return np.arange(len(p.y)) if p.moving or p.averaged else pose_numbers(p)
 
 
-def _blamed(found: Findings) -> list[int]:
+def _blamed(findings: Findings) -> list[int]:
     """Joints that may tell most: of a claim, of the best unknown, of what is seen."""
-    told = [w["parameters"].get("joint", {}).get("value") for w in found.diagnosis.which]
-    names = [f.variable for f in found.places if f.seen and f.share > 0.05][:1]
-    if found.diagnosis.verdict == "unknown":
-        names.insert(0, found.analysis.ranking.kernel)
+    told = [w["parameters"].get("joint", {}).get("value") for w in findings.diagnosis.which]
+    names = [f.variable for f in findings.places if f.seen and f.share > 0.05][:1]
+    if findings.diagnosis.verdict == "unknown":
+        names.insert(0, findings.analysis.ranking.kernel)
     told += [int(n.split()[-1]) for n in names if n.startswith("joint ")]
     return [k for k in told if isinstance(k, int)]
 

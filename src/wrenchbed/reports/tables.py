@@ -24,13 +24,13 @@ LEAST_SHARE = 0.005
 _MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something else"}
 
 
-def subsystems(found: Findings) -> list[dict[str, Any]]:
+def subsystems(findings: Findings) -> list[dict[str, Any]]:
     """The map of where: what each part of the robot has to do with the gap."""
-    d, rows = found.diagnosis, sentences.row_effects(found)
+    d, rows = findings.diagnosis, sentences.row_effects(findings)
     claimed = {str(w["effect"]).split(".")[0] for w in d.which}
     rivals = {n.split(".")[0] for n in sentences.names(d.which)} - claimed
     scatter = {n.split(".")[0] for n in rows} & claimed
-    hints, shares = sentences.hinted(found), dict[str, float]()
+    hints, shares = sentences.hinted(findings), dict[str, float]()
     for w in d.where:
         subsystem = str(w["subsystem"])
         shares[subsystem] = shares.get(subsystem, 0.0) + max(float(w["share"]), 0.0)
@@ -56,7 +56,7 @@ def invisible(findings: Findings) -> str:
     return ", ".join(place.variable for place in findings.places if not place.seen)
 
 
-def places(found: Findings) -> list[dict[str, str]]:
+def places(findings: Findings) -> list[dict[str, str]]:
     """What the calibrated residual is seen to lie in, or to vary with, and how much of it."""
     return [
         {
@@ -66,14 +66,14 @@ def places(found: Findings) -> list[dict[str, str]]:
             "p": numbers.p_value(f.p_value),
             "sentence": f.sentence,
         }
-        for f in found.places
+        for f in findings.places
         if f.seen and f.share >= LEAST_SHARE
     ]
 
 
-def shared(found: Findings) -> str:
+def shared(findings: Findings) -> str:
     """Names of the places that show only what others explain."""
-    return ", ".join(f.variable for f in found.places if f.seen and f.share < LEAST_SHARE)
+    return ", ".join(f.variable for f in findings.places if f.seen and f.share < LEAST_SHARE)
 
 
 def candidates(probabilities: Mapping[str, float]) -> list[dict[str, str]]:
@@ -92,9 +92,9 @@ def candidates(probabilities: Mapping[str, float]) -> list[dict[str, str]]:
     ]
 
 
-def explanations(found: Findings) -> list[dict[str, Any]]:
+def explanations(findings: Findings) -> list[dict[str, Any]]:
     """The best structures with what each leaves, and how much less likely it is than the best."""
-    ranked = found.analysis.ranking.explanations
+    ranked = findings.analysis.ranking.explanations
     result: list[dict[str, Any]] = []
     seen = set()
     for e in ranked:
@@ -105,12 +105,12 @@ def explanations(found: Findings) -> list[dict[str, Any]]:
         if text in seen or len(result) == MOST_EXPLANATIONS:
             continue
         seen.add(text)
-        same = e.names == found.verdict.explanation.names  # a fit of it with other numbers too
+        same = e.names == findings.verdict.explanation.names  # a fit of it with other numbers too
         first = not any(row["named"] for row in result)
         result.append(
             {
                 "text": text,
-                "named": bool(found.diagnosis.which) and same and first,
+                "named": bool(findings.diagnosis.which) and same and first,
                 "rest": numbers.gap(max(e.rest, 0.0)),
                 "behind": _odds(ranked[0].log_posterior - e.log_posterior),
             }

@@ -72,9 +72,11 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name in ("speed", "tracking"):
-            share = getattr(self, name)
-            if not 0.0 < share <= 1.0:
-                raise ParameterError(f"{name} {share:g} must be above 0 and at most 1 of top speed")
+            fraction = getattr(self, name)
+            if not 0.0 < fraction <= 1.0:
+                raise ParameterError(
+                    f"{name} {fraction:g} must be above 0 and at most 1 of top speed"
+                )
         for name in ("force", "torque"):
             value = getattr(self, name)
             if value is not None and not value > 0.0:

@@ -101,28 +101,28 @@ def _share(names: Sequence[str], shares: Mapping[str, float]) -> float:
     return max((shares.get(n, 0.0) for n in names), default=0.0)
 
 
-def diagnosis_view(found: Findings, path: str | Path, command: str = "") -> None:
+def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> None:
     """Write the view of a diagnosis, with the command that made it.
 
     Raises:
         MissingExtraError: rerun is not installed.
     """
-    told = found.diagnosis.to_json()
-    robot = found.analysis.prepared.model.robot
-    jointed = isinstance(robot, SimulatedRobot) and found.analysis.prepared.scene.jointed
+    told = findings.diagnosis.to_json()
+    robot = findings.analysis.prepared.model.robot
+    jointed = isinstance(robot, SimulatedRobot) and findings.analysis.prepared.scene.jointed
     scene = layout.scene(robot.name, "robot, painted by blame") if jointed else None
     words = [layout.document("/report", "answers")]
     with to_file(path, layout.page(scene, words, timeline=None)) as canvas:
         shares = blame(told)
         if jointed:
             assert isinstance(robot, SimulatedRobot)
-            _log_robot(canvas, robot, found, shares)
-        log_words(canvas, "report", answers(found, shares if jointed else {}, command))
+            _log_robot(canvas, robot, findings, shares)
+        log_words(canvas, "report", answers(findings, shares if jointed else {}, command))
 
 
-def answers(found: Findings, shares: Mapping[str, float], command: str = "") -> str:
+def answers(findings: Findings, shares: Mapping[str, float], command: str = "") -> str:
     """The three answers and the ranked causes, in Markdown, in the words of the page."""
-    d, words = found.diagnosis, of_wrench(found)
+    d, words = findings.diagnosis, of_wrench(findings)
     rows = [f"# {d.verdict}: {words.headline}", ""]
     rows += [f"- set aside: {sentence}" for sentence in words.aside]
     rows += ["", f"**{words.place}**", "", *(f"- {sentence}" for sentence in words.where)]
@@ -143,7 +143,7 @@ def answers(found: Findings, shares: Mapping[str, float], command: str = "") -> 
     if d.notes:
         rows += ["", "**Notes**", "", *(f"- {n}" for n in d.notes)]
     names = (d.recording, *d.others)
-    return "\n".join([*rows, *markdown(provenance(names, command, found.seed))])
+    return "\n".join([*rows, *markdown(provenance(names, command, findings.seed))])
 
 
 def _causes(claims: Sequence[Claim]) -> list[str]:
@@ -160,7 +160,7 @@ def _causes(claims: Sequence[Claim]) -> list[str]:
 
 
 def _log_robot(
-    canvas: Canvas, robot: SimulatedRobot, found: Findings, shares: Mapping[str, float]
+    canvas: Canvas, robot: SimulatedRobot, findings: Findings, shares: Mapping[str, float]
 ) -> None:
     log_world(canvas)
     simulation = Simulation(robot, robot.parameters.nominal)

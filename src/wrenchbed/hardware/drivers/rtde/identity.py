@@ -186,16 +186,18 @@ def geometry(robot: Robot, host: str) -> dict[str, Any]:
     Raises:
         DriverError: it is another arm than the robot, or no arm; says what to change.
     """
-    own = read_kinematics(host, _SETTINGS_S)
-    if own is None:
+    kinematics = read_kinematics(host, _SETTINGS_S)
+    if kinematics is None:
         return {}
     if not isinstance(robot, URArm):
-        return {"kinematics": dict(own)}
-    if not np.isfinite([own[name] for name in _COLUMNS[1:]]).all():
-        raise DriverError(f"the controller's own kinematics holds what is no number: {own}")
-    values = {f"{name}{k}": v for name in ("a", "d", "alpha") for k, v in enumerate(own[name], 1)}
+        return {"kinematics": dict(kinematics)}
+    if not np.isfinite([kinematics[name] for name in _COLUMNS[1:]]).all():
+        raise DriverError(f"the controller's own kinematics holds what is no number: {kinematics}")
+    values = {
+        f"{name}{k}": v for name in ("a", "d", "alpha") for k, v in enumerate(kinematics[name], 1)
+    }
     q = np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (_POSES, 6))
-    _, there = robot.sensor_pose(q + np.array(own["theta"]), robot.parameters.vector(values))
+    _, there = robot.sensor_pose(q + np.array(kinematics["theta"]), robot.parameters.vector(values))
     _, here = robot.sensor_pose(q, robot.parameters.nominal)
     far = float(np.linalg.norm(there - here, axis=1).max())
     if far > _MOVED_M:
@@ -203,7 +205,7 @@ def geometry(robot: Robot, host: str) -> dict[str, Any]:
             f"by the controller's own kinematics the flange is up to {far:.3f} m from that of "
             f"{robot.name!r}: it moves another arm; {_REMEDY}"
         )
-    return {"kinematics": {**own, "from_nominal": far}}
+    return {"kinematics": {**kinematics, "from_nominal": far}}
 
 
 class Flange:
