@@ -28,8 +28,8 @@ def load(name: str) -> type[Emulator]:
     if name not in EMULATORS:
         raise SettingError(f"there is no emulator {name!r}. Known: {', '.join(EMULATORS)}")
     module, _, kind = EMULATORS[name].partition(":")
-    found: type[Emulator] = getattr(import_module(module), kind)
-    return found
+    emulator: type[Emulator] = getattr(import_module(module), kind)
+    return emulator
 
 
 @contextmanager

@@ -155,14 +155,14 @@ class Kinematics:
         tool_rotation, tool = matrix(tcp)
         rotation, position = matrix(pose)
         rotation = rotation @ tool_rotation.T
-        found = np.array(list(self._solutions(rotation, position - rotation @ tool)))
-        if not len(found):
+        solutions = np.array(list(self._solutions(rotation, position - rotation @ tool)))
+        if not len(solutions):
             return None
-        turns = np.round((near - found) / (2 * np.pi))
-        found = found + 2 * np.pi * turns
-        found -= 2 * np.pi * (found > self.upper)
-        found += 2 * np.pi * (found < self.lower)
-        return np.asarray(found[np.abs(found - near).sum(axis=1).argmin()])
+        turns = np.round((near - solutions) / (2 * np.pi))
+        solutions = solutions + 2 * np.pi * turns
+        solutions -= 2 * np.pi * (solutions > self.upper)
+        solutions += 2 * np.pi * (solutions < self.lower)
+        return np.asarray(solutions[np.abs(solutions - near).sum(axis=1).argmin()])
 
     def _solutions(self, rotation: np.ndarray, position: np.ndarray) -> Iterator[list[float]]:
         """All joint values that bring the flange to a pose, eight at most.

@@ -117,17 +117,17 @@ class Splitter:
             EmulatorError: a header states less than its own size.
         """
         self._held += data
-        found, at = [], 0
+        packets, at = [], 0
         while len(self._held) - at >= HEADER:
             size, kind = struct.unpack_from(">HB", self._held, at)
             if size < HEADER:
                 raise EmulatorError(f"packet of {size} bytes: its header alone has {HEADER}")
             if len(self._held) - at < size:
                 break
-            found.append((kind, bytes(self._held[at + HEADER : at + size])))
+            packets.append((kind, bytes(self._held[at + HEADER : at + size])))
             at += size
         del self._held[:at]
-        return found
+        return packets
 
 
 class Recipe:
@@ -170,9 +170,9 @@ class Recipe:
 
 def outputs(version: Version) -> dict[str, str]:
     """Name → type of what this software sends."""
-    found = _listed(_OUTPUTS) | _registers("output", version) | _registers("input", version)
+    fields = _listed(_OUTPUTS) | _registers("output", version) | _registers("input", version)
     return {
-        name: kind for name, kind in found.items()
+        name: kind for name, kind in fields.items()
         if name not in _SINCE or _after(_SINCE[name], version)
     }  # fmt: skip
 
@@ -196,9 +196,9 @@ def _listed(table: dict[str, str]) -> dict[str, str]:
 
 def _registers(way: str, version: Version) -> dict[str, str]:
     count = REGISTERS if _after(_UPPER_RANGE, version) else REGISTERS // 2
-    found = {f"{way}_int_register_{k}": "INT32" for k in range(count)}
-    found |= {f"{way}_double_register_{k}": "DOUBLE" for k in range(count)}
-    return found | {f"{way}_bit_register_{k}": "BOOL" for k in BIT_REGISTERS}
+    kinds = {f"{way}_int_register_{k}": "INT32" for k in range(count)}
+    kinds |= {f"{way}_double_register_{k}": "DOUBLE" for k in range(count)}
+    return kinds | {f"{way}_bit_register_{k}": "BOOL" for k in BIT_REGISTERS}
 
 
 def _after(since: tuple[tuple[int, int, int], tuple[int, int, int]], version: Version) -> bool:

@@ -43,8 +43,8 @@ class Collector:
         """Programs that are complete now; None where one grows beyond all measure."""
         *lines, self._line = (self._line + data).split(b"\n")
         taken = [self._take(raw.decode("latin-1")) for raw in lines]
-        found = [text for text in taken if text is not None]
-        return None if self.held > _LONGEST else found
+        programs = [text for text in taken if text is not None]
+        return None if self.held > _LONGEST else programs
 
     def _take(self, line: str) -> str | None:
         bare = line.strip()

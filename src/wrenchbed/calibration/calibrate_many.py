@@ -31,8 +31,8 @@ def calibrate_each(recordings: Sequence[Recording]) -> list[Fit | WrenchbedError
         outcomes = fit_each(problems) if len(group) > 1 else [None]
         for k, outcome in zip(group, outcomes, strict=True):
             try:
-                own = fit(tasks[k].problem) if outcome is None else outcome
-                results[k] = finished(tasks[k], own, options)
+                single = fit(tasks[k].problem) if outcome is None else outcome
+                results[k] = finished(tasks[k], single, options)
             except WrenchbedError as error:
                 results[k] = error
     return [results[k] for k in range(len(recordings))]

@@ -183,15 +183,15 @@ def fit_each(problems: Sequence[Problem]) -> list[Outcome | None]:
     """
     fits, first = _Together(problems), problems[0]
     slopes = _Slopes(fits)
-    found = _solve(fits, slopes, _Steady(fits.covariance, fits.data.count), fits.start)
-    explained = special.chdtrc(6 * first.dof, (found.residual**2).sum(axis=1)) > TRUST
+    solutions = _solve(fits, slopes, _Steady(fits.covariance, fits.data.count), fits.start)
+    explained = special.chdtrc(6 * first.dof, (solutions.residual**2).sum(axis=1)) > TRUST
     outcomes: list[Outcome | None] = [None] * len(problems)
-    for k in np.flatnonzero(found.whole & explained).tolist():
-        outcomes[k] = settled(slopes.remembered(problems[k], k), found.of(k))
-    wandering = np.flatnonzero(found.whole & ~explained)
+    for k in np.flatnonzero(solutions.whole & explained).tolist():
+        outcomes[k] = settled(slopes.remembered(problems[k], k), solutions.of(k))
+    wandering = np.flatnonzero(solutions.whole & ~explained)
     if len(fits.q) - len(fits.free) < ENOUGH or len(fits.q) > MOST_POSES or not len(wandering):
         return outcomes
-    slow, last = _wandering(fits, slopes, found, wandering)
+    slow, last = _wandering(fits, slopes, solutions, wandering)
     smooth = misfit.functions(first)
     for a in np.flatnonzero(last.whole).tolist():
         k = int(wandering[a])
@@ -199,7 +199,7 @@ def fit_each(problems: Sequence[Problem]) -> list[Outcome | None]:
         own = replace(slow, independent=slow.independent[a, 0], level=slow.level[a, 0])
         outcome = wandered(problem, last.of(a), own)
         known = smooth if fits.alike[k] else None
-        outcomes[k] = misfit.grown(problem, outcome, found.covariance[k], known)
+        outcomes[k] = misfit.grown(problem, outcome, solutions.covariance[k], known)
     return outcomes
 
 
@@ -295,14 +295,14 @@ def _wandering(
     least = (covariance / float(np.mean(fits.data.count))).ravel()
     x, last = solutions.x[who], solutions
     for _ in range(REWEIGHTINGS):
-        left = fits.residual(x, who)
+        residual = fits.residual(x, who)
         channels = slopes(x, who)
-        by_channel = (basis.T @ np.swapaxes(left, 1, 2)[..., None])[..., 0]
+        by_channel = (basis.T @ np.swapaxes(residual, 1, 2)[..., None])[..., 0]
         independent, level = levels(
             channels.reshape(-1, *channels.shape[2:]), by_channel.reshape(-1, len(order)),
             spread, least,
         )  # fmt: skip
         slow = Wander(independent.reshape(-1, 1, 6), level.reshape(-1, 1, 6), basis, spread)
-        last = _solve(fits, slopes, _Wandering(slow, left), x, who)
+        last = _solve(fits, slopes, _Wandering(slow, residual), x, who)
         x = last.x
     return slow, last

@@ -112,17 +112,17 @@ def learn_sensor(
     rows = np.asarray(recording.wrench, dtype=np.float64)
     calibration = _within_range(rows, base, recording.name)
     clock = Clock(len(rows), rate, _BAND.f_low, _BAND.f_high)
-    found = _Channels(rows, clock)
+    channels = _Channels(rows, clock)
     steps = np.array([grid_step(column) for column in rows.T])
-    white = np.sqrt(np.maximum([s.white**2 for s in found.spectra] - steps**2 / 12.0, 0.0))
-    sure = np.abs(found.drift) > _sigmas(6) * found.drift_std
+    white = np.sqrt(np.maximum([s.white**2 for s in channels.spectra] - steps**2 / 12.0, 0.0))
+    sure = np.abs(channels.drift) > _sigmas(6) * channels.drift_std
     noise = NoiseModel(
         white=white,
-        flicker=np.array([s.flicker for s in found.spectra]),
+        flicker=np.array([s.flicker for s in channels.spectra]),
         f_low=_BAND.f_low, f_high=_BAND.f_high,
-        correlation=found.correlation,
-        mains_amplitude=found.mains, mains_frequency=found.mains_hz,
-        warmup_drift=np.where(sure, found.drift * _BAND.warmup_time, 0.0),
+        correlation=channels.correlation,
+        mains_amplitude=channels.mains, mains_frequency=channels.mains_hz,
+        warmup_drift=np.where(sure, channels.drift * _BAND.warmup_time, 0.0),
         warmup_time=_BAND.warmup_time, warmup_age=0.0,
         resolution=steps, range=calibration.range,
     )  # fmt: skip
@@ -132,7 +132,7 @@ def learn_sensor(
     sensor = replace(
         base, name=name.replace("@", "-"), title=f"{name}: noise {learnt}",
         default=calibration.name, noise=noise, record=None,
-        noise_source=f"{learnt}; {_figures(found, white)}",
+        noise_source=f"{learnt}; {_figures(channels, white)}",
         calibrations=tuple(
             replace(c, source=_taken(c.source, like)) for c in base.calibrations
         ),
@@ -140,10 +140,10 @@ def learn_sensor(
         plate_offset_source=_taken(base.plate_offset_source, like),
     )  # fmt: skip
     return LearnedSensor(
-        sensor=sensor, like=like, rows=len(rows), rate=rate, spectra=found.spectra,
-        correlation_std=found.correlation_std, mains_std=found.mains_std,
-        drift=found.drift, drift_std=found.drift_std, lines=found.lines,
-        cannot_tell=tuple(_cannot_tell(found, steps, like, sure)),
+        sensor=sensor, like=like, rows=len(rows), rate=rate, spectra=channels.spectra,
+        correlation_std=channels.correlation_std, mains_std=channels.mains_std,
+        drift=channels.drift, drift_std=channels.drift_std, lines=channels.lines,
+        cannot_tell=tuple(_cannot_tell(channels, steps, like, sure)),
     )  # fmt: skip
 
 

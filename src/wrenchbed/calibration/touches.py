@@ -81,8 +81,8 @@ class Touches:
 
     def residual(self, robot: Robot, theta: np.ndarray) -> np.ndarray:
         """Stated − predicted position in standard deviations (3T,)."""
-        own = robot.robot_theta(theta)
-        return ((self.points - robot.tool_pose(self.q, own)[1]) / self.std).ravel()
+        robot_theta = robot.robot_theta(theta)
+        return ((self.points - robot.tool_pose(self.q, robot_theta)[1]) / self.std).ravel()
 
     def jacobian(self, robot: Robot, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
         """Derivative of the prediction in standard deviations (3T, K)."""

@@ -291,7 +291,7 @@ def _without_outliers(
     prepared: Prepared, first: Weighed, known: Reliability | None, seed: int
 ) -> tuple[Weighed, tuple[outliers_.Outlier, ...]]:
     """The answer without a few blocks that all others contradict, where that settles it."""
-    weighed, found = first, tuple[outliers_.Outlier, ...]()
+    weighed, outliers = first, tuple[outliers_.Outlier, ...]()
     for _ in range(MOST_ROUNDS):
         if weighed.settled and weighed.rest < LEFT:
             break
@@ -304,11 +304,11 @@ def _without_outliers(
         described = outliers_.described(prepared, rows, again.twin.wrench(prepared.scene))
         if not described or again.rest > CLEARER * weighed.rest:
             break
-        found, all_rows = described, np.any([o.rows for o in described], axis=0)
+        outliers, all_rows = described, np.any([o.rows for o in described], axis=0)
         weighed = again
         if not np.array_equal(all_rows, rows):  # fewer: only what does disagree
             weighed = weigh(prepared.aside(all_rows), known, seed)
-    return weighed, found
+    return weighed, outliers
 
 
 def _learnt(known: Reliability | None) -> tuple[str, ...]:
@@ -336,10 +336,10 @@ def _tempered(
     if known is None or (witnessed and set(witnessed) & set(lead)):
         return verdict
     if verdict.causes:
-        told = tempered(verdict, _right(a, verdict, known, gap))
-        both = zip(told.causes, verdict.causes, strict=False)
+        weighed_verdict = tempered(verdict, _right(a, verdict, known, gap))
+        both = zip(weighed_verdict.causes, verdict.causes, strict=False)
         causes = (was if set(was.names) & set(witnessed) else c for c, was in both)
-        return replace(told, causes=tuple(causes))
+        return replace(weighed_verdict, causes=tuple(causes))
     return tempered(verdict, known.none if verdict.verdict == NONE else known.unknown)
 
 

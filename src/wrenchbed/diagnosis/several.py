@@ -84,8 +84,8 @@ def diagnose_several(
     all_of_them = Examined(
         settled, first.known, first.outliers, _between(each, names), first.scattered
     )
-    found = findings_of(all_of_them, seed, progress, begun)
-    d = found.diagnosis
+    findings = findings_of(all_of_them, seed, progress, begun)
+    d = findings.diagnosis
     own = [n for n in d.notes if n in _of_data(first, d.gap.folds)]
     prefixed = [f"{names[0]}: {n}" for n in own]
     for e, name in zip(each[1:], names[1:], strict=True):
@@ -109,7 +109,7 @@ def diagnose_several(
         others=[r.name for r in recordings[1:]],
         seconds=time.perf_counter() - begun,
     )
-    return replace(found, diagnosis=diagnosis)
+    return replace(findings, diagnosis=diagnosis)
 
 
 def named(recording: Recording) -> str:
@@ -298,8 +298,8 @@ class Pooled:
                 each.d.without_stated(each.d.E[:, o.columns])
                 for each, o in zip(self.joint.each, part.of, strict=True)
             ])  # fmt: skip
-            left = target - made @ np.linalg.lstsq(made, target, rcond=None)[0]
-            if left @ left < min(SAME, EXCUSED / share) * (target @ target):
+            residual = target - made @ np.linalg.lstsq(made, target, rcond=None)[0]
+            if residual @ residual < min(SAME, EXCUSED / share) * (target @ target):
                 return True
         return False
 

@@ -314,14 +314,14 @@ def _about_cog(load: np.ndarray) -> np.ndarray:
 
 
 def _errors(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[JointError, ...]:
-    left, unseen = residual(p, solution.x), np.zeros_like(p.y)
+    residuals, unseen = residual(p, solution.x), np.zeros_like(p.y)
     for k, x in enumerate(solution.folds):
         unseen[p.fold == k] = residual(p, x)[p.fold == k]
     errors = []
     for j, unit in enumerate(units):
         rows = p.use[:, j]
         nominal = None if p.gains else float(np.sqrt(np.mean((p.y - p.nominal)[rows, j] ** 2)))
-        rms = [float(np.sqrt(np.mean(part[rows, j] ** 2))) for part in (left, unseen)]
+        rms = [float(np.sqrt(np.mean(part[rows, j] ** 2))) for part in (residuals, unseen)]
         measured = float(p.y[rows, j].std())
         errors.append(JointError(j + 1, unit, int(rows.sum()), measured, nominal, *rms))
     return tuple(errors)

@@ -333,8 +333,8 @@ def _without_least(
     task: _Task, pool: Pool, still: list[int], touch: list[int], kind: list[int]
 ) -> list[int]:
     """Measurements of one kind without the one whose loss costs least."""
-    left = task.criterion.changed(task.information(still, touch), pool.blocks[kind], -1.0)
-    return [m for k, m in enumerate(kind) if k != int(np.argmax(left))]
+    without = task.criterion.changed(task.information(still, touch), pool.blocks[kind], -1.0)
+    return [m for k, m in enumerate(kind) if k != int(np.argmax(without))]
 
 
 def _exchanged(task: _Task, still: list[int], touch: list[int]) -> tuple[list[int], list[int]]:

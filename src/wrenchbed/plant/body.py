@@ -163,10 +163,10 @@ class Body:
         The servos follow the quadratic B-spline of the targets: with one acceleration a cycle and
         no jump in speed, half a cycle late, as drives that interpolate do.
         """
-        share = np.arange(1, self._substeps + 1)[:, None] / self._substeps
+        fraction = np.arange(1, self._substeps + 1)[:, None] / self._substeps
         last, new = self._target, np.asarray(target, dtype=float)
-        way = 0.5 * (self._before + last) + share * (last - self._before)
-        way += 0.5 * share**2 * (new - 2.0 * last + self._before)
+        way = 0.5 * (self._before + last) + fraction * (last - self._before)
+        way += 0.5 * fraction**2 * (new - 2.0 * last + self._before)
         if self._surface is not None:
             self._press(self._surface)
         sampled = self._plant.follow(way, self.cycle)

@@ -69,18 +69,18 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
 
 def _of_causes(findings: Findings, e: Evidence) -> list[Chart]:
     """What shows each cause, or what nothing explains, in the order of the causes."""
-    told: list[Chart | None] = []
+    charts: list[Chart | None] = []
     for k, own in enumerate(e.claims()):
-        told.append(cause_charts.own_chart(e, own, f"cause-{k}"))
-        told += figures.of_claim(e, own, f"effect-{k}")
+        charts.append(cause_charts.own_chart(e, own, f"cause-{k}"))
+        charts += figures.of_claim(e, own, f"effect-{k}")
     for k, entry in enumerate(findings.diagnosis.which):
-        told.append(cause_charts.curve_chart(entry, f"curve-{k}"))
+        charts.append(cause_charts.curve_chart(entry, f"curve-{k}"))
         if entry["effect"] in sentences.row_effects(findings):
-            told.append(cause_charts.scatter(e, entry, f"rows-{k}"))
-    told += figures.unexplained(e)
+            charts.append(cause_charts.scatter(e, entry, f"rows-{k}"))
+    charts += figures.unexplained(e)
     if findings.diagnosis.verdict in ("unknown", "partial"):
-        told.append(cause_charts.everywhere(e, "everywhere"))
-    return [chart for chart in told if chart is not None]
+        charts.append(cause_charts.everywhere(e, "everywhere"))
+    return [chart for chart in charts if chart is not None]
 
 
 def _data(findings: Findings) -> list[tuple[str, str]]:

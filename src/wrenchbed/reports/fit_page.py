@@ -137,10 +137,10 @@ def _each(fit: Fit, white: np.ndarray, order: np.ndarray, label: str) -> Chart:
     for k, channel in enumerate(CHANNELS):
         std = np.full(len(order), expected[k])
         ids = np.arange(1, len(order) + 1)
-        own = Series("residual", "points", order, white[:, k], std, role="after", ids=ids)
+        points = Series("residual", "points", order, white[:, k], std, role="after", ids=ids)
         if moving:
-            own = replace(own, kind="line", std=None)
-        series, note = thinned([own], what="observations")
+            points = replace(points, kind="line", std=None)
+        series, note = thinned([points], what="observations")
         y = Axis(f"{channel}, residual", "noise", low=-reach, high=reach)
         panels.append(
             Panel(across, y, series, zero=True, height=0.8)

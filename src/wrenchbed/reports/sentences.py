@@ -99,8 +99,8 @@ def _hint(findings: Findings) -> str:
     if hints:
         return f"Only a hint: {listed([_the(name) for name in hints])}"
     if findings.diagnosis.where:
-        own = dict.fromkeys(_the(str(w["subsystem"])) for w in findings.diagnosis.where)
-        return f"Only in single rows: {listed(list(own))}"
+        subsystems = dict.fromkeys(_the(str(w["subsystem"])) for w in findings.diagnosis.where)
+        return f"Only in single rows: {listed(list(subsystems))}"
     if any(f.seen for f in findings.places):
         return "Too little for a cause"
     return "No place differs from noise"
@@ -270,8 +270,10 @@ def _unexplained(findings: Findings) -> str:
 
 def _seen(kernel: str, findings: Findings) -> bool:
     """Whether the residual is seen to vary with what an unknown depends on."""
-    own = (f.variable for f in findings.places if f.seen)
-    return any(v == kernel or (kernel == "direction" and v.startswith("direction")) for v in own)
+    variables = (f.variable for f in findings.places if f.seen)
+    return any(
+        v == kernel or (kernel == "direction" and v.startswith("direction")) for v in variables
+    )
 
 
 def _crowd(d: Diagnosis) -> bool:

@@ -441,8 +441,8 @@ def sample_until(
 def segment_distance(start: np.ndarray, end: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Distance (N,) of the nearest of points (M, N, 3) from the segment start–end (N, 3)."""
     along = end - start
-    share = ((points - start) * along).sum(axis=-1) / (along * along).sum(axis=-1)
-    nearest = start + np.clip(share, 0.0, 1.0)[..., None] * along
+    fraction = ((points - start) * along).sum(axis=-1) / (along * along).sum(axis=-1)
+    nearest = start + np.clip(fraction, 0.0, 1.0)[..., None] * along
     return np.linalg.norm(points - nearest, axis=-1).min(axis=0)
 
 

@@ -124,10 +124,10 @@ class CompiledForm:
         if theta.ndim == 2 and not self.robot.broadcasts:
             pairs = zip(theta, at, strict=True)
             return np.stack([self.constants(one, place, sensed) for one, place in pairs])
-        own = len(self.robot.parameters)
-        packed = self.robot.packed(at[..., :own], np.asarray(self.gravity))
-        tool = self.robot.tool(theta[..., :own])
-        sensor = theta[..., own:] if sensed else _IDEAL
+        parameter_count = len(self.robot.parameters)
+        packed = self.robot.packed(at[..., :parameter_count], np.asarray(self.gravity))
+        tool = self.robot.tool(theta[..., :parameter_count])
+        sensor = theta[..., parameter_count:] if sensed else _IDEAL
         parts = (
             packed.gravity, tool.mass[..., None], tool.cog, tool.sensor_mass[..., None],
             packed.last.reshape(*packed.last.shape[:-2], 9), sensor[..., 6:], sensor[..., :6],
@@ -206,8 +206,8 @@ class Model:
         compiled = self._compiled.gravity_seen(q, theta)
         if compiled is not None:
             return compiled
-        own = theta[: len(self.robot.parameters)]
-        return self.robot.gravity_seen(q, own, np.asarray(self.gravity))
+        robot_theta = theta[: len(self.robot.parameters)]
+        return self.robot.gravity_seen(q, robot_theta, np.asarray(self.gravity))
 
     def read(self, load: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Reading of the sensor for a load (…, N, 6), with its force gains and its bias."""
@@ -266,18 +266,18 @@ class Model:
         compiled = self._compiled.jacobian(q, theta, columns)
         if compiled is not None:
             return compiled
-        own, names = len(self.robot.parameters), self.robot.parameters.names
+        parameter_count, names = len(self.robot.parameters), self.robot.parameters.names
         moving = [k for k, c in enumerate(columns) if self.moves_pose(c)]
         gravity = np.asarray(self.gravity)
         turned = self.robot.gravity_slopes(
-            q, theta[:own], gravity, [names[columns[k]] for k in moving]
+            q, theta[:parameter_count], gravity, [names[columns[k]] for k in moving]
         )
         if turned is None:
             return None
         shifted = np.tile(theta.astype(complex), (len(columns), 1, 1))
         shifted[np.arange(len(columns)), 0, list(columns)] += 1j * STEP
         slopes, offset = (part.imag / STEP for part in self._linear(shifted))
-        result = self.robot.gravity_seen(q, theta[:own], gravity) @ slopes
+        result = self.robot.gravity_seen(q, theta[:parameter_count], gravity) @ slopes
         result += offset
         here, _ = self._linear(theta)
         for k, column in enumerate(moving):
@@ -286,30 +286,30 @@ class Model:
 
     def _in_motion(self, q: Jet, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
         """The Jacobian in motion: one regressor for all that changes the load or the sensor."""
-        own, names = len(self.robot.parameters), self.robot.parameters.names
+        parameter_count, names = len(self.robot.parameters), self.robot.parameters.names
         gravity = np.asarray(self.gravity)
-        motion = self.robot.motion_seen(q, theta[:own], gravity)
+        motion = self.robot.motion_seen(q, theta[:parameter_count], gravity)
         shifted = np.tile(theta.astype(complex), (len(columns), 1))
         shifted[np.arange(len(columns)), list(columns)] += 1j * STEP
-        slopes = self.robot.tool(shifted[:, :own]).inertial.imag / STEP
-        phi = self.robot.tool(theta[:own]).inertial
+        slopes = self.robot.tool(shifted[:, :parameter_count]).inertial.imag / STEP
+        phi = self.robot.tool(theta[:parameter_count]).inertial
         given = regressor(motion)
         result = (given.reshape(-1, INERTIAL) @ slopes.T).reshape(len(given), 6, -1)
         moving = [k for k, c in enumerate(columns) if self.moves_pose(c)]
         turned = self.robot.motion_slopes(
-            q, theta[:own], gravity, [names[columns[k]] for k in moving], motion
+            q, theta[:parameter_count], gravity, [names[columns[k]] for k in moving], motion
         )
         for k, slope in zip(moving, turned, strict=True):
             result[:, :, k] += change(motion, slope, phi)
-        gain = theta[own + 6 :].reshape(3, 3)
+        gain = theta[parameter_count + 6 :].reshape(3, 3)
         if not np.array_equal(gain, np.eye(3)):
             result[:, :3] = np.einsum("ij,njk->nik", gain, result[:, :3])
         force = given[:, :3] @ phi
         for k, c in enumerate(columns):
-            if own <= c < own + 6:
-                result[:, c - own, k] += 1.0
-            elif c >= own + 6:
-                row, column = divmod(c - own - 6, 3)
+            if parameter_count <= c < parameter_count + 6:
+                result[:, c - parameter_count, k] += 1.0
+            elif c >= parameter_count + 6:
+                row, column = divmod(c - parameter_count - 6, 3)
                 result[:, row, k] += force[:, column]
         return result
 
@@ -322,8 +322,10 @@ class Model:
 
     def moves_pose(self, column: int) -> bool:
         """Whether the sensor's pose depends on a parameter; the others cost no kinematics."""
-        own = self.robot.parameters
-        return column < len(own) and own[column].name not in self.robot.load
+        robot_parameters = self.robot.parameters
+        return (
+            column < len(robot_parameters) and robot_parameters[column].name not in self.robot.load
+        )
 
 
 def _mounted(pose: Sequence[float]) -> dict[str, float]:

@@ -62,7 +62,7 @@ def part_of(model: mujoco.MjModel, robot: Robot, shown_world: bool) -> dict[int,
     tool = model.body("tool").id
     on = {model.geom(g).name: int(model.geom_bodyid[g]) for g in range(model.ngeom)}
     sensor = on.get("sensor", tool)
-    found: dict[int, Sequence[str]] = {}
+    parts: dict[int, Sequence[str]] = {}
     name, body = "", -1
     for g in range(model.ngeom):
         own = int(model.geom_bodyid[g])
@@ -70,31 +70,31 @@ def part_of(model: mujoco.MjModel, robot: Robot, shown_world: bool) -> dict[int,
         body = own
         if own == 0:
             if shown_world:
-                found[g] = ("environment",)
+                parts[g] = ("environment",)
         elif own in (sensor, tool):
             if name.startswith("sensor_cable"):
-                found[g] = ("cable",)
+                parts[g] = ("cable",)
             else:
-                found[g] = ("sensor",) if own != tool or name.startswith("sensor") else ("tool",)
+                parts[g] = ("sensor",) if own != tool or name.startswith("sensor") else ("tool",)
             if name == "sensor_rim":
-                found[g] = ("mount", "sensor")
+                parts[g] = ("mount", "sensor")
         else:
-            found[g] = carried.get(own, ("base",))
-    return found
+            parts[g] = carried.get(own, ("base",))
+    return parts
 
 
 def _carriers(model: mujoco.MjModel, robot: Robot) -> dict[int, Sequence[str]]:
     """Of each body that an actuated joint moves: that joint and its link; passive ones: links."""
     number = {int(model.joint(j.name).bodyid[0]): k for k, j in enumerate(robot.joints, start=1)}
-    found: dict[int, Sequence[str]] = {}
+    parts: dict[int, Sequence[str]] = {}
     for b in range(1, model.nbody):
         if b in number:
-            found[b] = (f"joint {number[b]}", "joint", f"link {number[b]}", "link")
-        elif model.body_parentid[b] in found:
-            found[b] = ("link",)
+            parts[b] = (f"joint {number[b]}", "joint", f"link {number[b]}", "link")
+        elif model.body_parentid[b] in parts:
+            parts[b] = ("link",)
         else:
-            found[b] = ("base",)
-    return found
+            parts[b] = ("base",)
+    return parts
 
 
 def _share(names: Sequence[str], shares: Mapping[str, float]) -> float:
@@ -179,8 +179,8 @@ def _log_labels(
     places: list[np.ndarray] = []
     ranked = sorted(shares.items(), key=lambda item: -item[1])
     for part, _ in ranked:
-        own = [g for g, names in parts.items() if part in names]
-        bodies = [model.body(int(model.geom_bodyid[g])).name for g in own]
+        geoms = [g for g, names in parts.items() if part in names]
+        bodies = [model.body(int(model.geom_bodyid[g])).name for g in geoms]
         known = [home.names.index(b) for b in bodies if b in home.names]
         place = home.position[0, known[0]] if known else np.array([0.0, 0.0, -0.05])
         while any(np.abs(place - other).max() < _LABEL_M for other in places):

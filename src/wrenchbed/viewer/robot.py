@@ -145,15 +145,15 @@ def _painted(
     g: np.ndarray,
     paint: Mapping[int, tuple[int, ...]] | tuple[int, ...] | None,
 ) -> np.ndarray:
-    own = np.rint(255 * _colours(model)[g]).astype(np.uint8)
+    colours = np.rint(255 * _colours(model)[g]).astype(np.uint8)
     if isinstance(paint, tuple):
-        own[:, : len(paint)] = paint
+        colours[:, : len(paint)] = paint
     elif paint is not None:
         for k, number in enumerate(g):
             if int(number) in paint:
                 colour = paint[int(number)]
-                own[k, : len(colour)] = colour
-    return own
+                colours[k, : len(colour)] = colour
+    return colours
 
 
 def _colours(model: mujoco.MjModel) -> np.ndarray:

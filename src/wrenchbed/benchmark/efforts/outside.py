@@ -131,8 +131,8 @@ def _derating(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     lost, memory = log_uniform(rng, 0.15, 0.5), rng.uniform(5.0, 12.0)
 
     def reading(state: State, effort: np.ndarray) -> np.ndarray:
-        share = state.path.step / memory
-        heat = signal.lfilter([share], [1.0, share - 1.0], effort**2)
+        fraction = state.path.step / memory
+        heat = signal.lfilter([fraction], [1.0, fraction - 1.0], effort**2)
         late = heat[int(memory / state.path.step) :]
         high, low = np.quantile(late, 0.65), np.quantile(late, 0.35)
         on, folded = np.empty(len(heat)), 0.0

@@ -42,11 +42,11 @@ def lugre(
         damping: σ₁ (J,) [N·m·s/rad].
     """
     rate = stiffness * np.abs(speed) / level
-    share = -np.expm1(-rate * step)
+    fraction = -np.expm1(-rate * step)
     target = np.sign(speed) * level / stiffness
     bristle, z = np.empty_like(speed), np.zeros(speed.shape[1])
     for k in range(len(speed)):
-        z = z + share[k] * (target[k] - z)
+        z = z + fraction[k] * (target[k] - z)
         bristle[k] = z
     return np.asarray(stiffness * bristle + damping * (speed - rate * bristle))
 
@@ -357,9 +357,9 @@ def warmed(setting: EffortSetting, rise: float, rng: Rng) -> EffortSetting:
 def _temperature(path: Path, rng: Rng, rise: float) -> np.ndarray:
     """A start-up's warming (T,) [°C] with two time constants [s]."""
     fast, slow = rng.uniform(12.0, 40.0), rng.uniform(100.0, 400.0)
-    share = 0.7 * -np.expm1(-path.t / fast) + 0.3 * -np.expm1(-path.t / slow)
+    warmth = 0.7 * -np.expm1(-path.t / fast) + 0.3 * -np.expm1(-path.t / slow)
     wave = 0.1 * np.sin(2.0 * np.pi * path.t / rng.uniform(20.0, 50.0))
-    return np.asarray(rng.uniform(22.0, 32.0) + rise * share / share[-1] + wave)
+    return np.asarray(rng.uniform(22.0, 32.0) + rise * warmth / warmth[-1] + wave)
 
 
 def _stated(robot: SimulatedRobot, rng: Rng) -> np.ndarray:

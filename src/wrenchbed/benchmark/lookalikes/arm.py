@@ -84,8 +84,8 @@ def compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
         stiffness = typical / size * spread(rng)
         true_torque = torque[:, j] * rng.uniform(0.93, 1.07)  # true masses are not the CAD's
         hardening = rng.uniform(0.0, 0.25)
-        share = true_torque / largest
-        dq[:, j] -= true_torque / stiffness * (1.0 - hardening * share**2)
+        torque_fraction = true_torque / largest
+        dq[:, j] -= true_torque / stiffness * (1.0 - hardening * torque_fraction**2)
         values |= _numbered(place, joint=j + 1, stiffness=stiffness)
     return Imperfection(values, joint=dq)
 

@@ -137,12 +137,12 @@ def bias(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 def drift(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A zero that drifts steadily, swings or wanders, by about 0.4 % of full scale over the run."""
     span = 4e-3 * size * design.full_scale * channels(rng)
-    share, kind = elapsed(design.t), rng.uniform()
+    progress, kind = elapsed(design.t), rng.uniform()
     if kind < _STEADY:
-        shift = (share ** rng.uniform(0.85, 1.2))[:, None] * span
+        shift = (progress ** rng.uniform(0.85, 1.2))[:, None] * span
         return Imperfection(by_channel(span / float(np.ptp(design.t))), sensor=lambda y: y + shift)
     if kind < _STEADY + _SWINGING:
-        turns = 2.0 * np.pi * rng.uniform(0.5, 3.0) * share + rng.uniform(0.0, 2.0 * np.pi)
+        turns = 2.0 * np.pi * rng.uniform(0.5, 3.0) * progress + rng.uniform(0.0, 2.0 * np.pi)
         shift = 0.5 * np.sin(turns)[:, None] * span
     else:
         steps = np.sqrt(np.diff(design.t, prepend=design.t[0])) * rng.standard_normal(len(design))

@@ -93,15 +93,15 @@ def loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 @lookalike("tool.leak")
 def leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """About 1.5 % of the mass runs out by Torricelli's law or a power of time, or falls off."""
-    share = elapsed(design.t)
+    progress = elapsed(design.t)
     kind = rng.choice(["tank", "power", "part"], p=[0.4, 0.4, 0.2])
     if kind == "tank":  # its level falls; it is empty at about the end or later
-        level = np.maximum(1.0 - share / rng.uniform(0.9, 2.5), 0.0) ** 2
+        level = np.maximum(1.0 - progress / rng.uniform(0.9, 2.5), 0.0) ** 2
         law = (1.0 - level) / (1.0 - level[-1])
     elif kind == "power":
-        law = share ** rng.uniform(0.7, 1.8)
+        law = progress ** rng.uniform(0.7, 1.8)
     else:
-        law = (share > rng.uniform(0.2, 0.8)).astype(float)
+        law = (progress > rng.uniform(0.2, 0.8)).astype(float)
     lost = 0.015 * size * design.load.mass * spread(rng) * float(rng.choice([1.0, 1.0, 1.0, -1.0]))
     place = design.load.cog + rng.normal(0.0, 0.02, 3)
 
@@ -114,18 +114,18 @@ def leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 @lookalike("tool.slide")
 def slide(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The CoG moves by about 2 mm: a clamp creeps, slips in steps, or the tool bows as it warms."""
-    share = elapsed(design.t)
+    progress = elapsed(design.t)
     kind = rng.choice(["creeps", "slips", "bows"])
     if kind == "creeps":
         slow = rng.uniform(0.03, 0.5)
-        law = np.log1p(share / slow) / np.log1p(1.0 / slow)
+        law = np.log1p(progress / slow) / np.log1p(1.0 / slow)
     elif kind == "slips":
         steps = rng.gamma(2.0, 1.0, int(rng.integers(12, 40)))
         when = np.sort(rng.uniform(0.0, 1.0, len(steps)))
-        law = np.append(0.0, np.cumsum(steps))[np.searchsorted(when, share)] / steps.sum()
+        law = np.append(0.0, np.cumsum(steps))[np.searchsorted(when, progress)] / steps.sum()
     else:
         fast, slow = rng.uniform(0.05, 0.2), rng.uniform(0.3, 0.8)
-        law = np.exp(-share / slow) - np.exp(-share / fast)
+        law = np.exp(-progress / slow) - np.exp(-progress / fast)
         law = law / np.abs(law).max()
     axis = rng.standard_normal(3)
     amount = 2e-3 * size * spread(rng)

@@ -232,8 +232,8 @@ def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 @family
 def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The sensor's bolts work loose: it rotates further and further on its flange."""
-    share = elapsed(setting.path.t)
-    angle = np.deg2rad(0.8) * size * sign(rng) * share ** rng.uniform(0.7, 2.0)
+    progress = elapsed(setting.path.t)
+    angle = np.deg2rad(0.8) * size * sign(rng) * progress ** rng.uniform(0.7, 2.0)
     turn = Rotation.from_rotvec(angle[:, None] * (np.array([0, 0, 1.0]) + 0.1 * direction(rng)))
 
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
@@ -246,8 +246,8 @@ def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The floor settles to one side while the run goes on."""
     heading = rng.uniform(-np.pi, np.pi)
-    share = elapsed(setting.path.t)
-    angle = np.deg2rad(0.8) * size * share ** rng.uniform(0.7, 2.0)
+    progress = elapsed(setting.path.t)
+    angle = np.deg2rad(0.8) * size * progress ** rng.uniform(0.7, 2.0)
     turn = Rotation.from_rotvec(np.outer(angle, [np.cos(heading), np.sin(heading), 0.0]))
 
     tool = setting.metadata.tool

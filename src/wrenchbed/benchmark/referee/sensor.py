@@ -86,9 +86,9 @@ def drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A zero that drifts by about 0.3 % of full scale over the run, nearly evenly."""
     t = setting.path.t
     span = about(rng, 3e-3 * size) * setting.full_scale * touched(rng)
-    share = (t - t[0]) / (t[-1] - t[0])
+    progress = (t - t[0]) / (t[-1] - t[0])
     curl = rng.uniform(-0.12, 0.12)
-    shape = share + curl * share * (1.0 - share)
+    shape = progress + curl * progress * (1.0 - progress)
     rate = span / (t[-1] - t[0])
     true = by_channel(rate, "rate.")
     return shifted(true, np.outer(shape, span))

@@ -84,9 +84,9 @@ def _gauges(
     setting: RefereeSetting, ride: Ride, seen: Signature
 ) -> Iterator[tuple[str, np.ndarray]]:
     t, y, load = ride.path.t, seen.y, ride.load
-    share = ((seen.t - t[0]) / (t[-1] - t[0]))[:, None]
+    progress = ((seen.t - t[0]) / (t[-1] - t[0]))[:, None]
     zero = setting.full_scale
-    yield "sensor.drift", 3e-3 * _each(share * zero)
+    yield "sensor.drift", 3e-3 * _each(progress * zero)
     warm = setting.temperature
     lags = () if warm is None else (1.0, 15.0, 30.0, 45.0)
     for lag in lags:
@@ -110,7 +110,7 @@ def _gauges(
     for time in (8.0, 25.0, 80.0, 250.0):
         yield "sensor.creep", 8e-3 * _each(setting.thin(after(t, load, time)) - y)
     for when in np.linspace(0.05, 0.95, 60):
-        yield "sensor.jump", 4e-3 * _each((share > when) * zero)
+        yield "sensor.jump", 4e-3 * _each((progress > when) * zero)
     for part in (0.8, 0.9, 0.95, 0.98):
         limit = np.quantile(np.abs(y), part, axis=0)
         yield "sensor.saturation", _each(np.clip(y, -limit, limit) - y)
@@ -170,8 +170,8 @@ def _over_time(
 ) -> Iterator[tuple[str, np.ndarray]]:
     """Mass that leaves the tool, and a CoG that moves, in gravity as the sensor sees it (n, 3)."""
     tool = setting.robot.tool(setting.theta)
-    share = (seen.t - setting.path.t[0]) / (setting.path.t[-1] - setting.path.t[0])
-    rows = [share, *(np.sin(np.pi * k * share) / 3.0 / k**2 for k in range(1, _COURSES))]
+    progress = (seen.t - setting.path.t[0]) / (setting.path.t[-1] - setting.path.t[0])
+    rows = [progress, *(np.sin(np.pi * k * progress) / 3.0 / k**2 for k in range(1, _COURSES))]
     courses = np.stack(rows, axis=1)[:, None, :]
     weight = float(tool.mass) * gravity
     zero = np.zeros_like(weight)
@@ -181,8 +181,8 @@ def _over_time(
         gone = np.concatenate([weight, np.cross(place, weight)], axis=1)[..., None]
         yield "tool.leak", 0.015 * courses * gone
     leaving = np.stack([np.concatenate([weight, np.cross(tool.cog, weight)], 1), *levers], -1)
-    yield "tool.leak", share[:, None, None] * leaving * [0.015, 3e-4, 3e-4, 3e-4]
-    yield "tool.slide", 2e-3 * share[:, None, None] * np.stack(levers, -1)
+    yield "tool.leak", progress[:, None, None] * leaving * [0.015, 3e-4, 3e-4, 3e-4]
+    yield "tool.slide", 2e-3 * progress[:, None, None] * np.stack(levers, -1)
     yield "tool.slide", 2e-3 * np.concatenate([courses * x[..., None] for x in levers], -1)
 
 

@@ -67,10 +67,10 @@ def truth(design: ExperimentDesign, case: LookalikeCase, effect: str) -> dict[st
     if drawn is None or drawn.published is None:
         return None
     total: dict[str, float] = {}
-    for item, share in case.items:
-        if item.name == effect and (share == 1.0 or drawn.adds):
+    for item, factor in case.items:
+        if item.name == effect and (factor == 1.0 or drawn.adds):
             for name, value in drawn.published(item.values).items():
-                total[name] = total.get(name, 0.0) + share * value
+                total[name] = total.get(name, 0.0) + factor * value
     return total
 
 
@@ -206,7 +206,7 @@ def _with_findings(
     """A row with what the diagnosis says beside its claim, and what reliability is learnt from."""
     raw, diagnosis = findings.untempered, findings.diagnosis
     closed = diagnosis.gap.closed
-    share = 0.0 if closed is None else closed.value
+    closed_share = 0.0 if closed is None else closed.value
     parameters = [
         number
         for cause in diagnosis.which
@@ -219,7 +219,7 @@ def _with_findings(
         numbers=tuple(parameters),
         raw=raw.verdict,
         lead=raw.causes[0].names if raw.causes else (),
-        features=reliability.features(findings.analysis.ranking, raw, share),
+        features=reliability.features(findings.analysis.ranking, raw, closed_share),
     )
 
 
@@ -319,8 +319,8 @@ def _row_of(index: int) -> dict[str, Any]:
     else:
         right = case.outside is not None
     answer = {"raw": verdict.verdict, "named": bool(verdict.causes), "right": right}
-    share = 0.0 if closed is None else closed.value
-    known = reliability.features(weighed.analysis.ranking, verdict, share)
+    closed_share = 0.0 if closed is None else closed.value
+    known = reliability.features(weighed.analysis.ranking, verdict, closed_share)
     return row | answer | {"features": list(known)}
 
 

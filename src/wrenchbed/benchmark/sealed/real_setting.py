@@ -250,11 +250,11 @@ def _inertial(recording: Recording, pull: np.ndarray) -> np.ndarray:
     """
     read = np.stack([recording.columns[a] for a in ACCELEROMETER], axis=1)
     basis = np.concatenate([pull, np.ones((len(pull), 1))], axis=1)
-    left = read - basis @ np.linalg.lstsq(basis, read, rcond=None)[0]
+    residual = read - basis @ np.linalg.lstsq(basis, read, rcond=None)[0]
     rate = 1.0 / float(np.median(np.diff(recording.t)))
     if rate < 4.0 * _INERTIAL_HZ:
-        return left
-    return np.asarray(sosfiltfilt(butter(2, _INERTIAL_HZ, fs=rate, output="sos"), left, axis=0))
+        return residual
+    return np.asarray(sosfiltfilt(butter(2, _INERTIAL_HZ, fs=rate, output="sos"), residual, axis=0))
 
 
 def _along(recording: Recording, rotation: np.ndarray, hold: np.ndarray) -> DrivePath:
@@ -292,7 +292,7 @@ def _turn(
     lasts = pause - min(_REST_S, _REST_SHARE * pause)
     n = int(np.clip(round(lasts / MOVE_S), 2, _MOST))
     s = np.arange(1, n + 1) / n
-    share = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+    progress = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     vector = Rotation.from_matrix(start.T @ goal).as_rotvec()
-    turn = Rotation.from_rotvec(share[:, None] * vector).as_matrix()
+    turn = Rotation.from_rotvec(progress[:, None] * vector).as_matrix()
     return begin + s * lasts, start @ turn

@@ -191,7 +191,7 @@ def _parts(channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def left_of_swing(residual: np.ndarray, y: np.ndarray) -> float:
     """Part of the readings' swing (of squares, M × 6) that a residual is, of forces or torques."""
-    left, swing = (residual**2).sum(axis=0), ((y - y.mean(axis=0)) ** 2).sum(axis=0)
+    remaining, swing = (residual**2).sum(axis=0), ((y - y.mean(axis=0)) ** 2).sum(axis=0)
     force, torque = float(swing[:3].sum()), float(swing[3:].sum())
     torque = max(torque, LEAST_LEVER**2 * force, 1e-300)
-    return max(float(left[:3].sum()) / max(force, 1e-300), float(left[3:].sum()) / torque)
+    return max(float(remaining[:3].sum()) / max(force, 1e-300), float(remaining[3:].sum()) / torque)

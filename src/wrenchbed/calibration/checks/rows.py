@@ -108,20 +108,20 @@ def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
 
     A level that holds in both directions is an effect, which a diagnosis can name.
     """
-    found, count = np.unique(recording.columns[channel], return_counts=True)
+    levels, count = np.unique(recording.columns[channel], return_counts=True)
     for end, other in ((-1, 0), (0, -1)):
         rest = count[:-1] if end else count[1:]
         clipped = count[end] > max(LEAST_AT_END, LEAST_CLIPPED * len(recording))
         if (
             clipped
             and count[end] > PILE * rest.max()
-            and abs(found[other]) > 1.02 * abs(found[end])
+            and abs(levels[other]) > 1.02 * abs(levels[end])
         ):
-            row = int(np.argmax(recording.columns[channel] == found[end]))
+            row = int(np.argmax(recording.columns[channel] == levels[end]))
             yield Finding(
                 "saturated",
                 f"column {channel!r}, row {row}: {count[end]} rows stand at "
-                f"exactly {found[end]:g}, beyond which nothing is read: it is saturated. Choose a "
+                f"exactly {levels[end]:g}, beyond which nothing is read: it is saturated. Choose a "
                 "larger range, or leave these rows out",
             )
 

@@ -68,19 +68,21 @@ def touched(seen: Observed) -> Finding | None:
     some = thinned(seen)
     if len(some) < 2 * LEAST_SIDE:
         return None
-    left, spread = trimmed(some)
+    residual, spread = trimmed(some)
     noise = np.maximum(np.maximum(spread, some.noise), 1e-300)
     swing = float(some.y[:, :3].std(axis=0).max())
-    force = np.linalg.norm(left[:, :3], axis=1)
-    far = (np.abs(left / noise).max(axis=1) > FAR) & (
-        (force > PUSH * swing) | (np.abs(left[:, 3:]).max(axis=1) > PUSH * _torque_swing(some))
+    force = np.linalg.norm(residual[:, :3], axis=1)
+    far = (np.abs(residual / noise).max(axis=1) > FAR) & (
+        (force > PUSH * swing) | (np.abs(residual[:, 3:]).max(axis=1) > PUSH * _torque_swing(some))
     )
     if not far.any() or far.mean() > 1.0 - KEPT:
         return None
     rest = part(some, ~far)
     if rest.moments.fit().share > CLEAN:
         return None
-    return Finding("contact", _where(some, far, float(force[far].max()), left[far]), blocks=False)
+    return Finding(
+        "contact", _where(some, far, float(force[far].max()), residual[far]), blocks=False
+    )
 
 
 def _torque_swing(seen: Observed) -> float:
@@ -127,9 +129,9 @@ def changed(seen: Observed) -> Finding | None:
     for name, columns in (("zero", slice(INERTIAL, None)), ("load", slice(0, INERTIAL))):
         coarse = min(tried, key=lambda k: left(int(k), columns))
         fine = range(max(LEAST_SIDE, coarse - near), min(len(some) - LEAST_SIDE, coarse + near) + 1)
-        found = min((left(k, columns), k) for k in fine)
-        if found[0] < rest * SIMPLER:
-            rest, at, kind = *found, name
+        best = min((left(k, columns), k) for k in fine)
+        if best[0] < rest * SIMPLER:
+            rest, at, kind = *best, name
     if rest > MENDED * before or rest > CLEAN:
         return None
     row, moment = some.row[at], some.t[at]

@@ -52,16 +52,16 @@ def which(d: Dictionary, v: Verdict, gap: Closure) -> list[dict[str, Any]]:
     closed = 0.0 if gap.closed is None else min(1.0, max(0.0, gap.closed.value))
     result = []
     for c in v.causes:
-        own = parameters(d, folds, c.block)
+        numbers = parameters(d, folds, c.block)
         same = [k[1] for k in c.rivals if k[0] == c.key[0] and k[1] is not None]
-        if same and "joint" in own:
-            own["joint"] = {"value": c.key[1], "rivals": same}
+        if same and "joint" in numbers:
+            numbers["joint"] = {"value": c.key[1], "rivals": same}
         names = dict.fromkeys(k[0] for k in c.rivals if k[0] != c.key[0])
         elements = [place(k)[1] for k in (c.key, *c.rivals) if k[0] == c.key[0]]
         result.append({
             "effect": c.key[0], "elements": elements, "combination": None,
             "probability": c.probability, "rivals": list(names),
-            "parameters": own, "closed_share": closed * c.share,
+            "parameters": numbers, "closed_share": closed * c.share,
         })  # fmt: skip
     return result
 
@@ -77,20 +77,20 @@ def where(
     total = sum(before.values())
     if v.word == "none":
         return []
-    found = [_seen(d, s) for s in seen[:2]]
-    if total <= 0.0 or found:
-        return found
+    texts = [_seen(d, s) for s in seen[:2]]
+    if total <= 0.0 or texts:
+        return texts
     for channel, gap_of in sorted(before.items(), key=lambda kv: -kv[1])[:2]:
         share = gap_of / total
         number = "".join(filter(str.isdigit, channel))
         subsystem, detail = ("drive", f"joint {number}") if number else ("sensor", channel)
         seen_in = f"the effort of {detail}" if number else f"channel {channel}"
         text = f"{100 * share:.0f} % of the gap lies in {seen_in}"
-        found.append({
+        texts.append({
             "subsystem": subsystem, "detail": detail, "share": share, "p_value": 1.0,
             "sentence": f"{text}; this is only a hint: no cause is claimed.",
         })  # fmt: skip
-    return found
+    return texts
 
 
 def _seen(d: Dictionary, sign: Sign) -> dict[str, Any]:
@@ -119,8 +119,8 @@ def cannot_tell(v: Verdict) -> tuple[str, ...]:
     result = []
     for c in v.causes:
         if c.rivals:
-            told = " or ".join(title(*k) for k in (c.key, *c.rivals))
-            result.append(f"{told}: this recording does not distinguish them")
+            titles = " or ".join(title(*k) for k in (c.key, *c.rivals))
+            result.append(f"{titles}: this recording does not distinguish them")
     return tuple(result)
 
 
@@ -192,9 +192,9 @@ def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]
                 values[f"drive.{kind}.{j + 1}"] = float(stated + x[at[f"{kind}.{j + 1}"]])
     for entry in entries:
         if entry["effect"] == "drive.hysteresis":  # it slides at the level that friction gained
-            own = entry["parameters"]
-            name = f"drive.coulomb.{own['joint']['value']}"
+            figures = entry["parameters"]
+            name = f"drive.coulomb.{figures['joint']['value']}"
             if name in values:
-                values[name] -= own["size"]["value"]
+                values[name] -= figures["size"]["value"]
     return {"format": 1, "robot": d.scene.recording.metadata.robot, "configured": values,
             "effects": list(entries)}  # fmt: skip

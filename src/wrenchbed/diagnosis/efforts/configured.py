@@ -93,8 +93,8 @@ def _from_fit(
         kind, _, number = str(name).rpartition(".")
         if kind not in value or not number.isdigit() or not 1 <= int(number) <= len(value[kind]):
             continue
-        own = checked.Fields(entry, f"{path}: parameters.{name}.", DiagnosisError)
-        found, spread = own.number("value", ""), own.number("std", "", nonnegative=True)
+        entries = checked.Fields(entry, f"{path}: parameters.{name}.", DiagnosisError)
+        found, spread = entries.number("value", ""), entries.number("std", "", nonnegative=True)
         if found is not None and spread is not None:  # without one, that motion did not tell it
             value[kind][int(number) - 1] = found
             std[kind][int(number) - 1] = spread

@@ -94,8 +94,8 @@ def diagnose_efforts(
     progress("effects and noise")
     d = dictionary(scene)
     progress("structures and their evidence")
-    found = search(d, seed)
-    verdict = decide(d, weighed(found))
+    structures = search(d, seed)
+    verdict = decide(d, weighed(structures))
     progress("held-out rows")
     seen, final = signs(d), verdict
     while True:  # causes only become fewer
@@ -120,7 +120,7 @@ def diagnose_efforts(
         answer.cannot_tell(final), answer.next_steps(final), twin,
         time.perf_counter() - begun, answer.notes(d, final, gap, seen), set90=final.set90(),
     )  # fmt: skip
-    return EffortFindings(diagnosis, d, found, final, judged, seed)
+    return EffortFindings(diagnosis, d, structures, final, judged, seed)
 
 
 def _theta(d: Dictionary) -> np.ndarray:

@@ -124,23 +124,23 @@ def dictionary(scene: EffortScene) -> Dictionary:
         )
     arm_columns, arm_blocks = of_arm(scene)
     arm = scene.thin(np.stack([c.data for c in arm_columns], axis=-1))
-    every, blocks, own, noise = list[list[Column]](), list[Block](), list[np.ndarray](), []
+    every, blocks, of_joints, noise = list[list[Column]](), list[Block](), list[np.ndarray](), []
     for j in range(scene.joints):
         columns, more = of_joint(scene, j)
         data = scene.thin(np.column_stack([c.data for c in columns]))
         ordinary = data[:, [k for k, c in enumerate(columns) if c.free or c.std is not None]]
-        found, found_blocks = _periods(scene, j, y[:, j], ordinary, data, arm[:, j], use[:, j])
+        periodic, found_blocks = _periods(scene, j, y[:, j], ordinary, data, arm[:, j], use[:, j])
         whole = np.concatenate([data, arm[:, j]], axis=1)
         for column, block in _lags(scene, j, y[:, j], [*columns, *arm_columns], whole, use[:, j]):
-            found.append(column)
+            periodic.append(column)
             found_blocks.append(block)
-        columns, more = [*columns, *found], [*more, *found_blocks]
-        data = np.column_stack([data, scene.thin(np.column_stack([c.data for c in found]))])
+        columns, more = [*columns, *periodic], [*more, *found_blocks]
+        data = np.column_stack([data, scene.thin(np.column_stack([c.data for c in periodic]))])
         noise.append(
             joint_noise(y[:, j], np.concatenate([data, arm[:, j]], axis=1), speed[:, j], use[:, j])
         )
         every.append(columns)
-        own.append(data)
+        of_joints.append(data)
         blocks += more
     for j in range(scene.joints, y.shape[1]):
         columns, more = _of_wrench(scene, j)
@@ -148,7 +148,7 @@ def dictionary(scene: EffortScene) -> Dictionary:
         whole = np.concatenate([data, arm[:, j]], axis=1)
         noise.append(joint_noise(y[:, j], whole, speed[:, j], use[:, j]))
         every.append(columns)
-        own.append(data)
+        of_joints.append(data)
         blocks += more
     counts = [len(c) for c in every]
     flat = [c for some in every for c in some] + arm_columns
@@ -158,7 +158,7 @@ def dictionary(scene: EffortScene) -> Dictionary:
     blocks += arm_blocks
     std_rows = np.array([n.std for n in noise])
     size = np.concatenate([
-        *(np.sqrt((d**2).mean(axis=0)) / s for d, s in zip(own, std_rows, strict=True)),
+        *(np.sqrt((d**2).mean(axis=0)) / s for d, s in zip(of_joints, std_rows, strict=True)),
         np.sqrt(((arm / std_rows[:, None]) ** 2).mean(axis=0).sum(axis=0)),
     ])  # fmt: skip
     unnamed = {n for b in blocks if b.outside for n in b.columns}
@@ -167,7 +167,7 @@ def dictionary(scene: EffortScene) -> Dictionary:
     ])  # fmt: skip
     fold = np.arange(rows) * BLOCKS // rows
     bare = Dictionary(
-        scene, y, use, tuple(own), arm, names, joint, tuple(noise), std,
+        scene, y, use, tuple(of_joints), arm, names, joint, tuple(noise), std,
         np.array([c.free for c in flat]),
         np.array([c.std is not None and not c.free for c in flat]),
         size, tuple(blocks),

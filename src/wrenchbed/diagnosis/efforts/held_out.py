@@ -118,9 +118,9 @@ def closure(h: HeldOut, blocks: Sequence[int], prefix: str, seed: int = 0) -> Cl
     """Gaps with intervals from blocks of time drawn anew."""
 
     def mean(gaps: np.ndarray) -> Interval:
-        found = _ratio(h, seed, gaps, np.ones(len(gaps)))
-        assert found is not None
-        return found
+        ratio = _ratio(h, seed, gaps, np.ones(len(gaps)))
+        assert ratio is not None
+        return ratio
 
     before = h.gaps("calibrated")
     after = h.gaps("with_effects") if blocks else None

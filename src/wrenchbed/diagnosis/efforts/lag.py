@@ -39,5 +39,5 @@ def closest(
 
     best = int(np.argmin([left(float(t)) for t in TIMES]))
     low, high = TIMES[max(best - 1, 0)], TIMES[min(best + 1, len(TIMES) - 1)]
-    found = minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": _CLOSE})
-    return float(found.x)
+    minimum = minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": _CLOSE})
+    return float(minimum.x)

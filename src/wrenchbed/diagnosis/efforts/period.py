@@ -34,12 +34,14 @@ def strongest(left: np.ndarray, angle: np.ndarray) -> float:
 def fitting(y: np.ndarray, beside: np.ndarray, angle: np.ndarray) -> float:
     """Periods a turn up to `GEAR_MOST` that fit a torque (M,) best beside other columns (M, K)."""
     basis = np.linalg.qr(beside / np.maximum(np.sqrt((beside**2).mean(axis=0)), 1e-12))[0]
-    left, best, found = y - basis @ (basis.T @ y), -1.0, SLOWEST
+    residual, best, period = y - basis @ (basis.T @ y), -1.0, SLOWEST
     for turn in np.arange(SLOWEST, GEAR_MOST, _STEP):
         phase = turn * angle
         waves = np.column_stack([np.sin(phase), np.cos(phase)])
         waves = waves - basis @ (basis.T @ waves)
-        taken = left @ waves @ np.linalg.lstsq(waves.T @ waves, waves.T @ left, rcond=None)[0]
+        taken = (
+            residual @ waves @ np.linalg.lstsq(waves.T @ waves, waves.T @ residual, rcond=None)[0]
+        )
         if taken > best:
-            best, found = float(taken), float(turn)
-    return found
+            best, period = float(taken), float(turn)
+    return period

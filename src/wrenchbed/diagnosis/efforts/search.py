@@ -66,9 +66,9 @@ def search(d: Dictionary, seed: int = 0) -> Search:
     for _ in range(_DRAWS):
         weight = np.bincount(rng.integers(count, size=count), minlength=count).astype(float)
         drawn = Evidence(d, weight, misfit)
-        own = np.array([drawn.log(s) for s in structures])
-        own = own + np.array([_prior(d, s) for s in structures])
-        chance += np.exp(own - logsumexp(own))
+        logs = np.array([drawn.log(s) for s in structures])
+        logs = logs + np.array([_prior(d, s) for s in structures])
+        chance += np.exp(logs - logsumexp(logs))
     order = np.argsort(-chance, kind="stable")
     return Search(
         d, evidence, tuple(structures[k] for k in order), log[order], chance[order] / _DRAWS
@@ -119,8 +119,8 @@ def _scored(evidence: Evidence, score: dict[Structure, float], s: Structure, blo
         return -np.inf
     grown = tuple(sorted((*s, block)))
     if grown not in score:
-        own = evidence.log(grown) + _prior(d, grown)
-        score[grown] = own if _resisting(evidence, grown) else -np.inf
+        log = evidence.log(grown) + _prior(d, grown)
+        score[grown] = log if _resisting(evidence, grown) else -np.inf
     return score[grown]
 
 

@@ -62,12 +62,12 @@ def signs(d: Dictionary) -> tuple[Sign, ...]:
     time = d.scene.signals.t[d.scene.kept()]
     for j in range(d.y.shape[1]):
         use = d.use[:, j]
-        left = np.where(use, remains(d.y[:, j], d.columns(j)[1], use), 0.0)
+        residual = np.where(use, remains(d.y[:, j], d.columns(j)[1], use), 0.0)
         every = (
             _held(d, j),
-            episode(time, left, use),
-            peak(left, d.scene.rate),
-            outliers(time, left, use),
+            episode(time, residual, use),
+            peak(residual, d.scene.rate),
+            outliers(time, residual, use),
         )
         kinds = (HELD, "episode", "peak", "outliers")
         found += [

@@ -55,8 +55,8 @@ def _size(block: Block, x: np.ndarray, d: Dictionary, at: np.ndarray) -> float:
     if block.resists:
         return float(x[np.isin(names, block.resists)].sum())
     if effect in _WAVES:
-        own = x[-2:] if effect == "link.spring" else x[:2]
-        return float(np.hypot(*own))
+        amplitudes = x[-2:] if effect == "link.spring" else x[:2]
+        return float(np.hypot(*amplitudes))
     if effect in ("drive.delay", "drive.bandwidth"):
         return float(x[0] * block.value)
     if effect in ("link.cog", "link.inertia", "tool.cog", "base.tilt"):

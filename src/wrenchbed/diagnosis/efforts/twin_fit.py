@@ -80,9 +80,9 @@ def added(d: Dictionary, fit: TwinFit, block: int) -> float:
     Columns shared by all joints are known from the other joints, so they take up no part of a
     cause in one drive.
     """
-    own = d.blocks[block].joint
-    if own is not None and bool((d.joint[d.at[block]] >= 0).all()):
-        return _added(d, fit, block, own - 1, d.free & (d.joint >= 0))
+    joint = d.blocks[block].joint
+    if joint is not None and bool((d.joint[d.at[block]] >= 0).all()):
+        return _added(d, fit, block, joint - 1, d.free & (d.joint >= 0))
     return max(_added(d, fit, block, j, d.free) for j in range(d.y.shape[1]))
 
 
@@ -90,8 +90,8 @@ def _added(d: Dictionary, fit: TwinFit, block: int, j: int, free: np.ndarray) ->
     at, gram = d.by_joint(j)
     here = np.isin(at, d.at[block])
     beside = free[at] & ~here
-    own = fit.x[at[here]]
-    square = float(own @ gram[np.ix_(here, here)] @ own)
-    across = gram[np.ix_(beside, here)] @ own
+    amplitudes = fit.x[at[here]]
+    square = float(amplitudes @ gram[np.ix_(here, here)] @ amplitudes)
+    across = gram[np.ix_(beside, here)] @ amplitudes
     inside = float(across @ _inverse(gram[np.ix_(beside, beside)]) @ across)
     return max(square - inside, 0.0)

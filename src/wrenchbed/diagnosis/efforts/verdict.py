@@ -114,14 +114,14 @@ class Weighed:
 
 def weighed(s: Search) -> Weighed:
     """Probable structures with the gap that each of their causes adds."""
-    found = list[tuple[Structure, float, dict[int, float]]]()
+    candidates = list[tuple[Structure, float, dict[int, float]]]()
     for structure, p in zip(s.structures, s.probability, strict=True):
-        if p >= _SMALL or not found:
+        if p >= _SMALL or not candidates:
             fit = fitted(s.d, structure)
             gaps = {k: added(s.d, fit, k) if _plausible(s.d, fit, k) else 0.0 for k in structure}
-            found.append((structure, float(p), gaps))
-    total = sum(p for _, p, _ in found)
-    return Weighed(tuple((x, p / total, g) for x, p, g in found))
+            candidates.append((structure, float(p), gaps))
+    total = sum(p for _, p, _ in candidates)
+    return Weighed(tuple((x, p / total, g) for x, p, g in candidates))
 
 
 def _plausible(d: Dictionary, fit: TwinFit, block: int) -> bool:
@@ -257,9 +257,13 @@ def _by_evidence(v: Verdict, gap: Closure, stated: Interval | None) -> Verdict |
     if of_configured and (gap.closed.high < 0.0 or stated is None or stated.low <= 0.0):
         return None
     causes = tuple(replace(c, probability=min(c.probability, _DOUBTFUL)) for c in v.causes)
-    share = {n: p if n in (NONE, UNKNOWN) else _DOUBTFUL * p for n, p in v.probabilities.items()}
-    share[NONE] = share.get(NONE, 0.0) + sum(v.probabilities.values()) - sum(share.values())
-    return Verdict(v.word, causes, share, v.outside, True, of_configured)
+    probability = {
+        n: p if n in (NONE, UNKNOWN) else _DOUBTFUL * p for n, p in v.probabilities.items()
+    }
+    probability[NONE] = (
+        probability.get(NONE, 0.0) + sum(v.probabilities.values()) - sum(probability.values())
+    )
+    return Verdict(v.word, causes, probability, v.outside, True, of_configured)
 
 
 def _shown(gap: Closure, causes: Sequence[Cause], apart: bool) -> tuple[Cause, ...]:
@@ -312,31 +316,33 @@ def _closes(gap: Closure, cause: Cause, *, further: bool) -> bool:
 def _doubted_cause(gap: Closure, cause: Cause) -> Cause:
     """A cause less probable where much of the gap, or a gap of its joint that counts, is left."""
     joint = cause.key[1]
-    own = [c for n, c in gap.per_channel.items() if n.lstrip("taui") == str(joint)]
+    of_joint = [c for n, c in gap.per_channel.items() if n.lstrip("taui") == str(joint)]
     little = gap.closed is not None and gap.closed.value < _MOSTLY
-    if little or (own and own[0].get("after", 0.0) > LARGEST_NONE):
+    if little or (of_joint and of_joint[0].get("after", 0.0) > LARGEST_NONE):
         return replace(cause, probability=min(cause.probability, _DOUBTFUL))
     return cause
 
 
 def _doubted(v: Verdict) -> Verdict:
     """`none` less probable: ordinary errors may imitate a cause."""
-    share = dict(v.probabilities)
-    more = max(share.get(NONE, 0.0) - _DOUBTFUL, 0.0)
-    share[NONE] = share.get(NONE, 0.0) - more
-    share[UNKNOWN] = share.get(UNKNOWN, 0.0) + more
-    return replace(v, probabilities=share)
+    probability = dict(v.probabilities)
+    more = max(probability.get(NONE, 0.0) - _DOUBTFUL, 0.0)
+    probability[NONE] = probability.get(NONE, 0.0) - more
+    probability[UNKNOWN] = probability.get(UNKNOWN, 0.0) + more
+    return replace(v, probabilities=probability)
 
 
 def withdrawn(v: Verdict, instead: str) -> Verdict:
     """The answer given up; a little of its probability remains."""
-    share = dict(v.probabilities)
-    fallen = {n for n in share if n != instead and (instead == UNKNOWN or n != UNKNOWN)}
+    probability = dict(v.probabilities)
+    fallen = {n for n in probability if n != instead and (instead == UNKNOWN or n != UNKNOWN)}
     if instead == UNKNOWN and v.word != NONE:
         fallen -= {NONE}
-    share[instead] = share.get(instead, 0.0) + (1.0 - _WITHDRAWN) * sum(share[n] for n in fallen)
-    share |= {n: _WITHDRAWN * share[n] for n in fallen}
-    return Verdict(instead, (), share, v.outside)
+    probability[instead] = probability.get(instead, 0.0) + (1.0 - _WITHDRAWN) * sum(
+        probability[n] for n in fallen
+    )
+    probability |= {n: _WITHDRAWN * probability[n] for n in fallen}
+    return Verdict(instead, (), probability, v.outside)
 
 
 def kept(causes: Sequence[Cause]) -> tuple[int, ...]:

@@ -148,12 +148,12 @@ class Similarity:
         """Write into ``result`` which of some signatures (boolean) others (boolean) can make."""
         if not of.any():
             return
-        left, of_key = self.remaining(key), np.flatnonzero(of)
+        remaining, of_key = self.remaining(key), np.flatnonzero(of)
         wanted = np.unique(np.concatenate([self.signatures[a].columns for a in of_key]))
         member = np.zeros((len(of_key), self.named))
         for i, a in enumerate(of_key):
             member[i, self.signatures[a].columns] = 1.0
-        member, energy = member[:, wanted], left.energy[wanted]
+        member, energy = member[:, wanted], remaining.energy[wanted]
         total = np.maximum(member @ energy, 1e-300)
         rows = len(self.d.E)
         ridge = _RIDGE * rows / PLAUSIBLE**2
@@ -161,8 +161,8 @@ class Similarity:
         for k in {len(self.signatures[b].columns) for b in makers}:
             made = [b for b in makers if len(self.signatures[b].columns) == k]
             some = np.stack([self.signatures[b].columns for b in made])  # (B, k)
-            cross = left.cross(some, wanted)
-            x = np.linalg.solve(left.blocks(some) + ridge * np.eye(k), cross)  # (B, k, wanted)
+            cross = remaining.cross(some, wanted)
+            x = np.linalg.solve(remaining.blocks(some) + ridge * np.eye(k), cross)  # (B, k, wanted)
             rest = energy - (x * cross).sum(axis=1) - ridge * (x**2).sum(axis=1)
             size = np.sqrt((x**2 @ member.T).max(axis=1).T * rows / total[:, None])
             alike = member @ rest.T <= (1.0 - ALIKE**2) * total[:, None]

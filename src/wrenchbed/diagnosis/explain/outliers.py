@@ -126,13 +126,13 @@ def _contradicted(
     none, most = np.zeros(len(numbers), dtype=bool), max(1.0, MOST * len(numbers))
     far, energy, contrast = none.copy(), np.zeros(len(numbers)), 0.0
     while True:
-        left = np.isin(blocks, numbers[~far])
-        every = np.repeat(left, 6)
+        kept = np.isin(blocks, numbers[~far])
+        every = np.repeat(kept, 6)
         less = level.of_rows(every)
         of_rest = replace(f, y=f.y[every], design=f.design[every])
-        error = prediction_errors(less, of_rest, blocks[left]).reshape(-1, 6)
+        error = prediction_errors(less, of_rest, blocks[kept]).reshape(-1, 6)
         each = np.zeros(len(numbers))
-        each[~far] = _of_blocks((error**2).mean(axis=1), blocks[left])
+        each[~far] = _of_blocks((error**2).mean(axis=1), blocks[kept])
         typical = max(float(np.median(each[~far])), float(p.variance.mean()))
         least = max(FAR * typical, LARGE**2 * float(p.variance.max()), float(each.max()) / ALIKE)
         more = each > np.maximum(least, made)
@@ -178,9 +178,9 @@ def described(p: Prepared, rows: np.ndarray, reading: np.ndarray) -> tuple[Outli
         pose, begin, end = None, float(t[group[0]]), float(t[group[-1]])
         if not motion:
             k = int(group[0])
-            own = used[ends[k] - p.count[k] : ends[k]]
+            rows_of_hold = used[ends[k] - p.count[k] : ends[k]]
             pose = int(pose_numbers(p)[k])
-            begin, end = (float(p.recording.t[i]) for i in own[[0, -1]])
+            begin, end = (float(p.recording.t[i]) for i in rows_of_hold[[0, -1]])
         result.append(Outlier(of, pose, begin, end, error[of & large].mean(axis=0)))
     return tuple(result)
 

@@ -466,11 +466,11 @@ class Refitter:
             groups.setdefault((v.part[i], stem if together else v.name[i]), []).append(place)
         result = np.zeros((len(self.y), len(which)))
         for places in groups.values():
-            own = [which[k] for k in places]
+            of_part = [which[k] for k in places]
             moved = np.zeros(len(x))
-            moved[own] = step[own]
+            moved[of_part] = step[of_part]
             change = self.response(parts, x + moved) - f
-            for k, i in zip(places, own, strict=True):
+            for k, i in zip(places, of_part, strict=True):
                 only = slice(None)
                 if len(places) > 1:
                     only = slice(CHANNELS.index(v.name[i].rpartition(".")[2]), None, 6)

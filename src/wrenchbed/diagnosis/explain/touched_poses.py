@@ -79,13 +79,13 @@ def _point(
     of_force = long * np.hypot(np.linalg.norm(usual[:3]), FORM * size)
     scale = 1.0 / np.hypot(usual[3:], of_force)
     reach = REACH_M + REACH * long
-    left = ((torque - cross(np.broadcast_to(tip, force.shape), force)) * scale).ravel()
+    residual = ((torque - cross(np.broadcast_to(tip, force.shape), force)) * scale).ravel()
     levers = np.stack([cross(np.broadcast_to(e, force.shape), force) for e in np.eye(3)], axis=2)
     design = (levers * scale[:, :, None]).reshape(-1, 3)
     covariance = np.linalg.inv(design.T @ design + np.eye(3) / reach**2)
-    aside = covariance @ (design.T @ left)
-    misfit = float(((left - design @ aside) ** 2).sum() + (aside**2).sum() / reach**2)
-    return tip + aside, np.sqrt(np.diagonal(covariance)), float(chdtrc(len(left), misfit))
+    aside = covariance @ (design.T @ residual)
+    misfit = float(((residual - design @ aside) ** 2).sum() + (aside**2).sum() / reach**2)
+    return tip + aside, np.sqrt(np.diagonal(covariance)), float(chdtrc(len(residual), misfit))
 
 
 def _deepest(at: np.ndarray, touched: np.ndarray, aside: np.ndarray, way: np.ndarray) -> bool:

@@ -71,13 +71,13 @@ def withdrawn(verdict: Verdict, instead: str) -> Verdict:
     Where causes give way to `unknown` there is a gap, so that `none` falls with them; where an
     unknown gap gives way to `none`, so do all causes of one.
     """
-    share = {NONE: 0.0, UNKNOWN: 0.0} | dict(verdict.probabilities)
-    fallen = {NONE} if verdict.verdict == NONE else set(share) - {instead}
+    probability = {NONE: 0.0, UNKNOWN: 0.0} | dict(verdict.probabilities)
+    fallen = {NONE} if verdict.verdict == NONE else set(probability) - {instead}
     if verdict.causes and instead == NONE:
         fallen -= {UNKNOWN}
-    share[instead] += (1.0 - REFUTED) * sum(share[n] for n in fallen)
-    share |= {n: REFUTED * share[n] for n in fallen}
-    return replace(verdict, verdict=instead, causes=(), probabilities=share)
+    probability[instead] += (1.0 - REFUTED) * sum(probability[n] for n in fallen)
+    probability |= {n: REFUTED * probability[n] for n in fallen}
+    return replace(verdict, verdict=instead, causes=(), probabilities=probability)
 
 
 def _claims(verdict: Verdict, gap: Closure, witnessed: Collection[str]) -> Verdict:
@@ -118,10 +118,10 @@ def only(verdict: Verdict, kept: tuple[Cause, ...]) -> Verdict:
 
     That one leads with no more than the probability that it is there; the rest is unknown.
     """
-    share = dict(verdict.probabilities)
+    probability = dict(verdict.probabilities)
     old, new = ("|".join(c[0].names) for c in (verdict.causes, kept))
     if old != new:
-        together = share.get(new, 0.0) + share.pop(old, 0.0)
-        share[new] = min(together, kept[0].probability)
-        share[UNKNOWN] = share.get(UNKNOWN, 0.0) + together - share[new]
-    return replace(verdict, verdict=named(kept), causes=kept, probabilities=share)
+        together = probability.get(new, 0.0) + probability.pop(old, 0.0)
+        probability[new] = min(together, kept[0].probability)
+        probability[UNKNOWN] = probability.get(UNKNOWN, 0.0) + together - probability[new]
+    return replace(verdict, verdict=named(kept), causes=kept, probabilities=probability)

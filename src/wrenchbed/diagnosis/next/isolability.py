@@ -179,7 +179,7 @@ def _taken(similarity: Similarity) -> _Sentences:
 def _sums(similarity: Similarity) -> _Sentences:
     """Sentences on joints that one effect changes alike, so that only sums of their values show."""
     result: _Sentences = []
-    left = similarity.remaining()
+    remaining = similarity.remaining()
     for name in dict.fromkeys(w.name for w in similarity.signatures):
         of_joints = [
             w
@@ -193,7 +193,7 @@ def _sums(similarity: Similarity) -> _Sentences:
         while rest:
             first = rest.pop(0)
             at = np.array([columns[j] for j in (first, *rest)])
-            gram = left.blocks(at[None])[0]
+            gram = remaining.blocks(at[None])[0]
             alike = [j for i, j in enumerate(rest, start=1) if abs(_cosine(gram, 0, i)) > ALIKE]
             along = {j: gram[0, i] / gram[0, 0] for i, j in enumerate(rest, start=1)}
             rest = [j for j in rest if j not in alike]

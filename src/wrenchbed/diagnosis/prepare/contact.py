@@ -32,16 +32,16 @@ MARGIN = 3
 def find_contact(prepared: Prepared) -> Touch | None:
     """The touch of an averaged motion; None if weight and inertia leave nothing like it."""
     scene = prepared.scene
-    left = prepared.y - prepared.expected - scene.inertial
+    residual = prepared.y - prepared.expected - scene.inertial
     limit = BEYOND * float(scene.tool.mass * np.linalg.norm(scene.gravity))
-    away = np.linalg.norm(left[:, :3] - _usual(left[:, :3], limit), axis=1)
+    away = np.linalg.norm(residual[:, :3] - _usual(residual[:, :3], limit), axis=1)
     touched = _long(away > limit, max(2, round(LEAST_S / scene.period)))
     free = _widened(touched)
     if not touched.any() or (~free).sum() < LEAST_ROWS or free[0] or free[-1]:
         return None
-    if np.linalg.norm(_beyond_gains(prepared, left[:, :3]), axis=1)[touched].max() < limit:
+    if np.linalg.norm(_beyond_gains(prepared, residual[:, :3]), axis=1)[touched].max() < limit:
         return None
-    point, std, explained = _point(left[touched])
+    point, std, explained = _point(residual[touched])
     share = float((away[free] ** 2).sum() / (away**2).sum())
     first, last = scene.t[touched][[0, -1]]
     peak = float(away[touched].max())

@@ -55,8 +55,8 @@ def noise_in_motion(
     passed[1:] = (np.sin(stride * wave[1:]) / (stride * np.sin(wave[1:]))) ** 2
     edge = EDGE / (stride * period)
     fast, near = f >= edge, (f >= edge) & (f < ABOVE * edge)
-    share = np.array(QUIET)
-    each = np.quantile(power[near], share, axis=2) / chdtri(2, 1.0 - share)[:, None, None] * 2.0
+    quiet = np.array(QUIET)
+    each = np.quantile(power[near], quiet, axis=2) / chdtri(2, 1.0 - quiet)[:, None, None] * 2.0
     level = np.median(each, axis=1).min(axis=0)
     one_sided = np.where(f > 0.0, 1.0, 0.5)  # of the first interval, half belongs to f < 0
     variances = [
@@ -68,14 +68,14 @@ def noise_in_motion(
 
 def _sum(power: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """Weighted sum (6,) over frequencies of steady noise in the power (F, 6, stretches)."""
-    share = np.array(QUIET)
+    quiet = np.array(QUIET)
     spread = weight @ weight
     for k, c in enumerate(HANN, start=1):
         spread += 2.0 * c * float(weight[k:] @ weight[:-k])
     freedom = 2.0 * weight.sum() ** 2 / spread
     parts = np.einsum("f,fct->ct", weight, power)
-    white = chdtri(freedom, 1.0 - share) / freedom
-    return np.asarray((np.quantile(parts, share, axis=1) / white[:, None]).min(axis=0))
+    white = chdtri(freedom, 1.0 - quiet) / freedom
+    return np.asarray((np.quantile(parts, quiet, axis=1) / white[:, None]).min(axis=0))
 
 
 def correlation_time(recording: Recording, data: Observations) -> np.ndarray:

@@ -34,8 +34,8 @@ def prepare(recording: Recording, seed: int = 0) -> Prepared:
     """
     recording = restored(recording)
     used = scenes.stretch(recording)
-    found = replace(gathered(used, seed), given=recording)
-    return contact.without_touch(found) if found.averaged else found
+    prepared = replace(gathered(used, seed), given=recording)
+    return contact.without_touch(prepared) if prepared.averaged else prepared
 
 
 def gathered(recording: Recording, seed: int = 0) -> Prepared:

@@ -117,11 +117,13 @@ def repeats(wrench: np.ndarray) -> Repeats:
 
 def _repeats(again: np.ndarray, expected: float, channels: tuple[int, ...]) -> Repeats:
     stale = np.concatenate([[False], again])
-    share = float(stale.mean())
+    stale_share = float(stale.mean())
     runs = int(np.count_nonzero(np.diff(stale.astype(int)) == 1))
     length = float(stale.sum() / runs) if runs else 0.0
-    std = float(np.sqrt(share * (1.0 - share) * max(1.0, 2.0 * length - 1.0) / len(stale)))
-    return Repeats(stale, share, std, expected, length, channels)
+    std = float(
+        np.sqrt(stale_share * (1.0 - stale_share) * max(1.0, 2.0 * length - 1.0) / len(stale))
+    )
+    return Repeats(stale, stale_share, std, expected, length, channels)
 
 
 def _chance(same: np.ndarray) -> float:

@@ -33,11 +33,11 @@ def of_poses(
     gravity = np.asarray(model.gravity)
     if not model.robot.joints or len(q) < 2:
         return Scene(model.robot, robot_theta, gravity, q, t, np.ones(len(q), dtype=bool), warmth)
-    share = np.arange(WAY + 1) / (WAY + 1)
+    progress = np.arange(WAY + 1) / (WAY + 1)
 
     def fill(x: np.ndarray) -> np.ndarray:
         steps = np.diff(x, axis=0)
-        part = share.reshape((1, -1) + (1,) * (x.ndim - 1))
+        part = progress.reshape((1, -1) + (1,) * (x.ndim - 1))
         ways = x[:-1, None] + part * steps[:, None]
         return np.concatenate([ways.reshape(-1, *x.shape[1:]), x[-1:]])
 
