@@ -25,8 +25,8 @@ SPARE = 20
 SURE, CLEAR = 1e-6, 5.0
 """P-value of the F test of all suspects, and standard deviations of one of them, from which they
 explain a part of the residual."""
-LARGE = 3.0
-"""Sizes of an ordinary imperfection from which it is a fault: 3 % of a gain, 0.6° of a tilt."""
+LARGE = 8.0
+"""Sizes of an ordinary imperfection from which it is a fault: 8 % of a gain, 1.6° of a tilt."""
 MOVED = 5.0
 """Standard uncertainties by which a fault moves a parameter, if it matters."""
 MATTERS = 0.1
