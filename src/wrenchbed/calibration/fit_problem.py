@@ -15,6 +15,8 @@ LOSSES = ("linear", "huber", "student")
 _HUBER_K = 1.345
 """95 % efficient under normal noise: Holland & Welsch 1977, doi 10.1080/03610927708827533."""
 _STUDENT_NU = 4.0
+"""Degrees of freedom of the Student loss: heavier tails waste good rows, lighter ones trust
+outliers."""
 _ROBUST_STEPS = 10
 _MAD = 1.4826
 """Standard deviation of a normal variable over its median absolute deviation."""

@@ -35,6 +35,8 @@ _SLOWEST = 3e-3
 """Joints that move slower than this are at rest for all that gravity shows [rad/s or m/s]: 0.4 mrad
 in a window, which turns 20 N by 8 mN."""
 _SIGMAS = 6.0
+"""Standard deviations beyond which a difference of means is a move, not noise: at 3 a long
+recording shows moves by chance."""
 _NORMAL = 0.6745
 """Median of |x| of a normal distribution with standard deviation 1."""
 LEAST_HOLD_S = 0.4

@@ -24,6 +24,7 @@ POLL_S = 2e-4
 _KEPT = 1 << 20
 """Number of latencies that are kept for the summary."""
 _MOST_CLIENTS = 8
+"""Largest number of clients served at once, so that none can slow the stream down for ever."""
 Sink = Callable[[External], None]
 
 

@@ -16,7 +16,9 @@ SUBSYSTEMS = (
 )  # fmt: skip
 """In the order in which a load travels through them."""
 MOST_CANDIDATES, LEAST_CANDIDATE = 8, 0.005
+"""Largest number of listed candidates, and least probability of one: below it prints as 0 %."""
 MOST_EXPLANATIONS = 6
+"""Largest number of listed explanations; later ones are far less likely."""
 LEAST_GAIN = 0.01
 """Information per minute [nat] below which no figure is printed."""
 LEAST_SHARE = 0.005

@@ -37,6 +37,7 @@ half, and what small imperfections add to it (at most 0.15 in 13 healthy look-al
 BURST = 3.0
 """Scatter of a group over that of the median one, from which it is a burst; estimate."""
 STALE = 0.03
+"""Excess fraction of repeated rows that is reported: fewer repeat by chance in coarse counts."""
 BESIDE = 1.3
 """Factor on the row variance that other causes explain: only what exceeds it counts as noise."""
 REPORTED, REPORTED_CHANNEL = 0.75, 0.5

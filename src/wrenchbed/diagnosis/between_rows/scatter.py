@@ -19,6 +19,8 @@ WINDOW_S, ORDER = 0.6, 5
 GROUP_S, LEAST_GROUP = 1.0, 32
 """Length of a group in motion [s, rows at least]."""
 LEAST_HOLD, LEAST_GROUPS = 6, 12
+"""Fewest rows of a hold whose scatter counts, and fewest groups of rows: from fewer a variance is
+too rough to compare; more leave out short recordings."""
 TAIL = 5.0
 """Rows further out than this many median distances are drawn in to it."""
 FLAT, STRETCH = 1.45, 32

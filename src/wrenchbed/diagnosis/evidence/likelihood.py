@@ -27,6 +27,8 @@ LADDER = (0.02, 0.08, 0.3, 1.2, 5.0, 20.0)
 """Gap that the background adds in all. Up to `NORMAL` every robot has it; more is a gap of its
 own, or the price of an effect's form that the library has only nearly."""
 NORMAL = 0.5
+"""Largest gap [noise variances] of a background that every robot may have, half the noise
+itself."""
 SHARES = {"effects": 0.45, "kernels": 0.3, "rows": 0.25}
 """Shares of that gap: of effects of the library, of smooth functions, of single rows."""
 MOST = 0.2

@@ -27,7 +27,9 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
 _STEPS = 12
+"""Largest number of Gauss–Newton steps of a fit."""
 _LEAST_SHARE = 0.02
+"""Smallest fraction of a step that is tried, by thirds, before the fit ends where it is."""
 _STEP, _SHAPE_STEP = 0.1, 0.02
 """Steps of finite differences for amplitudes and shapes, in typical sizes."""
 _DONE = 1e-3

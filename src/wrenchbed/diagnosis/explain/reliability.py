@@ -28,6 +28,8 @@ NAMES = (
 PRIOR_STD = 3.0
 """Prior standard deviation of a weight, so that few cases do not make a certain model."""
 LEAST_ERRORS, LARGEST_SPREAD = 40, 2.5
+"""Fewest errors from which a spread is learnt, four of them beyond the 90 % quantile, and the
+largest factor by which it widens uncertainties: a larger one would hide that a model is wrong."""
 RIGHT_ELSEWHERE = 0.85
 """Largest share of right claims that is believed of robots that nothing was learnt on: 23 of 27 new
 names were right in faults added to a real recording (docs/explanation/benchmark.md)."""

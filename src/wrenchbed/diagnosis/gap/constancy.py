@@ -21,6 +21,7 @@ from wrenchbed.diagnosis.gap.dependence import orders
 CHANGES = 0.01
 """Family-wise p-value below which a cause is not constant."""
 PERMUTATIONS = 499
+"""Random orders of blocks: the least p-value that they can give is 1/500."""
 _RANK = 1e-9
 """Singular value over the largest one, below which a column depends on the others."""
 

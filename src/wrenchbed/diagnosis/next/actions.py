@@ -19,6 +19,7 @@ from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.robots.motion_limits import duration, reachable
 
 POSES = 20
+"""Largest number of poses of a proposed recording; estimate of what is recorded in one go."""
 PAYLOAD_KG, MOUNTING_S = 0.5, 120.0
 """Mass of a second payload [kg], and the time to mount it [s]."""
 TURNS_S = 3.0
@@ -33,6 +34,7 @@ _FAST_S, _SLOWER, _RATE, _LOOK = 10.0, 3, 125.0, 5
 """A motion [s], how much slower it is done again, its rate [Hz]; one row in five is looked at."""
 _HOLDS, _HOLD_S = 20, 30.0
 _MORE = 4
+"""Factor on the rows of each pose when they are recorded again: it halves the noise of means."""
 _HOLD_ROWS = 60
 Choose = Callable[[np.ndarray], np.ndarray]
 """Function that selects among feasible poses (P, J) and returns their indices in order."""

@@ -12,7 +12,10 @@ from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.errors import DiagnosisError
 
 LEAST_POSES = 12
+"""Fewest poses of a diagnosis: their 72 readings must hold bias, mass and CoG, and leave blocks
+that are held out."""
 LEAST_SECONDS = 5.0
+"""Shortest motion of a diagnosis [s]: a shorter one leaves held-out blocks without motion."""
 
 
 def enough(recording: Recording, data: Observations, configuration: Configuration) -> None:

@@ -23,6 +23,7 @@ from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.wrench import Tool
 
 RATE_HZ = 25.0
+"""Rate of the averages [Hz]: slower ones smooth the hand's motion, faster ones only cost time."""
 EVEN = 0.2
 """Largest departure of a step from the mean one, relative."""
 STILL = 0.02

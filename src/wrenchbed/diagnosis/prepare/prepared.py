@@ -20,6 +20,8 @@ from wrenchbed.simulation.closed_form import Model
 FOLDS = 4
 """Parts of the blocks: each is held out once, from fits on all the others."""
 BLOCKS_IN_MOTION = 24
+"""Blocks of time that a motion is split into: each must outlast the noise's memory, and be one of
+many that are held out."""
 SAME_POSE = 4
 """Decimals [rad, m] to which joint values of two visits of one pose agree."""
 RATES_HZ = (10.0, 25.0)

@@ -9,6 +9,7 @@ ON = 0.1
 ALL = 0.97
 """Least share of steps between rows that must be on the lattice."""
 LEAST_STEPS = 20
+"""Fewest steps between rows from which a fraction of repeated rows is estimated."""
 EXACT = 1e-9
 """Values closer than this part of the range are the same number."""
 FAR, FAR_TO_NEAR = 11, 1.5
