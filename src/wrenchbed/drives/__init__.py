@@ -1,5 +1,4 @@
 """Joint torques and motor currents: predicted and fitted.
 
-Imports robots, data and what lies below. Open `inverse_dynamics` first.
-Used by: cli and diagnosis.
+Imports robots, data and what lies below. Open `inverse_dynamics` first. Used by: cli, diagnosis.
 """

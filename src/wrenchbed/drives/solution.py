@@ -60,10 +60,8 @@ def solve(problem: Problem) -> Solution:
         normal, right = _normal(problem, x, weight)
         step = _shortest(normal.sum(axis=0), right.sum(axis=0))
         x, before = x + step, weight
-        mean_square = np.average(
-            residual(problem, x) ** 2, axis=0, weights=problem.use.astype(float)
-        )
-        weight = 1.0 / np.sqrt(np.maximum(mean_square, 1e-300))
+        square = np.average(residual(problem, x) ** 2, axis=0, weights=problem.use.astype(float))
+        weight = 1.0 / np.sqrt(np.maximum(square, 1e-300))
         small = np.abs(step).max() <= _SETTLED * max(1.0, float(np.abs(x).max()))
         if small and np.abs(weight / before - 1.0).max() < _LEVEL:
             break

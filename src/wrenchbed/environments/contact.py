@@ -18,8 +18,8 @@ from wrenchbed.plant.contact_surface import Limb, tip_of
 from wrenchbed.robots.base import SimulatedRobot
 
 _STEP, _DAMPING = 1e-6, 1e-6
-"""Finite difference of the Jacobian [rad or m], far above the rounding of doubles, and damping added
-to J Jᵀ, which bounds joint moves near singular poses."""
+"""Finite difference of the Jacobian [rad or m], far above the rounding of doubles, and damping
+added to J Jᵀ, which bounds joint moves near singular poses."""
 _FAR = 0.006
 """Travel of the tip after which the Jacobian is evaluated again [m]."""
 _CORRECTED, _OFTEN = 10, 50

@@ -1,7 +1,6 @@
 """The one way to write: a file is complete under its name, or what was there before is.
 
-Its room also holds the one way to read JSON and TOML of others, `nested_text`.
-Used by: every room that writes files.
+Its room also reads JSON and TOML of others, `nested_text`. Used by: every room that writes files.
 """
 
 import errno
