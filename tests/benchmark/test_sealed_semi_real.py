@@ -196,6 +196,7 @@ def test_the_same_seed_makes_the_same_bytes(semi_real, tmp_path):
             assert ((folder / file).read_bytes() == (other / file).read_bytes()) == same
 
 
+@pytest.mark.slow
 def test_folders_lie_apart_and_belong_to_one_recording(semi_real, tmp_path):
     cases, answers, host = semi_real
     family = SemiRealFamily.on(host, COUNT, SEED)

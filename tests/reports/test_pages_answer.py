@@ -3,6 +3,7 @@
 import itertools
 import json
 import re
+from functools import cached_property
 
 import numpy as np
 import pytest
@@ -66,26 +67,59 @@ CONTRAST = """(() => {
 KINDS = ("diagnosis", "unknown", "recording", "fit", "campaign", "study")
 
 
+class Pages:
+    """Paths of pages by kind, each made when it is first asked for."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    @cached_property
+    def diagnosis(self):
+        findings = found(self.folder, "joint.compliance:joint=2,stiffness=9000")
+        return self._written("diagnosis", diagnosis_page(findings))
+
+    @cached_property
+    def unknown(self):
+        case = make("ur5", "static", "outside", (41, 3))  # a fault that is no effect of the library
+        findings = diagnose(case.recording)
+        assert findings.diagnosis.verdict == "unknown"
+        return self._written("unknown", diagnosis_page(findings))
+
+    @cached_property
+    def fit(self):
+        recording = wb.Recording.read(self.diagnosis.with_name("rec.parquet"))
+        fit = wb.calibrate(recording)
+        fit.write(self.folder / "fit.json")
+        return self._written("fit", fit_page(fit, recording, "wrenchbed calibrate rec.parquet"))
+
+    @cached_property
+    def recording(self):
+        recording = wb.Recording.read(self.fit.with_name("rec.parquet"))
+        page = recording_page(recording, [self.folder / "fit.json"], "wrenchbed report rec.parquet")
+        return self._written("recording", page)
+
+    @cached_property
+    def campaign(self):
+        _campaign(self.folder / "rows").write(self.folder / "campaign", "campaign")
+        return self.folder / "campaign" / "campaign.html"
+
+    @cached_property
+    def study(self):
+        _study().write(self.folder / "study", "study")
+        return self.folder / "study" / "study.html"
+
+    def _written(self, kind, page):
+        path = self.folder / f"{kind}.html"
+        page.write(path)
+        return path
+
+    def __getitem__(self, kind):
+        return getattr(self, kind)
+
+
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory):
-    """One page of every kind."""
-    folder = tmp_path_factory.mktemp("pages")
-    told = found(folder, "joint.compliance:joint=2,stiffness=9000")
-    diagnosis_page(told).write(folder / "diagnosis.html")
-    case = make("ur5", "static", "outside", (41, 3))  # a fault that is no effect of the library
-    unknown = diagnose(case.recording)
-    assert unknown.diagnosis.verdict == "unknown"
-    diagnosis_page(unknown).write(folder / "unknown.html")
-    recording = wb.Recording.read(folder / "rec.parquet")
-    fit = wb.calibrate(recording)
-    fit.write(folder / "fit.json")
-    fit_page(fit, recording, "wrenchbed calibrate rec.parquet").write(folder / "fit.html")
-    page = recording_page(recording, [folder / "fit.json"], "wrenchbed report rec.parquet")
-    page.write(folder / "recording.html")
-    _campaign(folder / "rows").write(folder / "campaign", "campaign")
-    _study().write(folder / "study", "study")
-    at = {k: folder / f"{k}.html" for k in KINDS}
-    return at | {k: folder / k / f"{k}.html" for k in ("campaign", "study")}
+    return Pages(tmp_path_factory.mktemp("pages"))
 
 
 def _campaign(folder) -> Document:

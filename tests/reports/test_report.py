@@ -105,6 +105,7 @@ def test_the_page_holds_the_numbers_of_the_json(tilted):
         assert sentence in whole
 
 
+@pytest.mark.slow
 def test_each_channel_is_drawn_before_and_after(tilted):
     page = shown(tilted).sections["page"]
     for v in tilted.diagnosis.gap.per_channel.values():
@@ -174,6 +175,7 @@ def test_unknown_says_what_the_residual_follows(tilted):
     assert "closed" not in page.sections["far"]
 
 
+@pytest.mark.slow
 def test_a_class_that_is_too_large_names_its_members(tilted):
     crowd = "base.tilt|cable.pull|link.length|joint.offset|mount.rotation|sensor.gain"
     large = changed(
@@ -194,6 +196,7 @@ def test_none_is_none(healthy):
     assert "there is nothing to close" in page.sections["far"]
 
 
+@pytest.mark.slow
 def test_none_beside_a_gap_above_1_tells_its_interval(healthy):
     wide = replace(healthy.diagnosis.gap, calibrated=Interval(1.64, 0.71, 2.6))
     told = shown(changed(healthy, gap=wide)).sections["far"]
@@ -212,6 +215,7 @@ def test_what_scatters_rows_is_no_share_of_the_gap(tmp_path):
     assert "scatters single rows; the means have no gap to close" in page.sections["far"]
 
 
+@pytest.mark.slow
 def test_effects_that_do_not_close_the_gap_say_so(tilted):
     larger, less = Interval(90.0, 80.0, 99.0), Interval(-2.5, -3.0, -2.0)
     worse = replace(tilted.diagnosis.gap, closed=less, with_effects=larger)

@@ -57,6 +57,7 @@ def test_a_fit_that_agrees_says_so_with_its_figures(folder):
     assert "Use this simulator" in told
 
 
+@pytest.mark.slow
 def test_one_channel_that_differs_is_no_agreement(folder):
     """tz at 1.87 times its noise: over all channels that is 1.2 and looked like noise."""
     recording = wb.Recording.read(folder / "rec.parquet")
@@ -83,6 +84,7 @@ def test_a_simulator_that_is_off_is_named_with_the_next_step(folder):
     assert "Nothing was fitted" in told
 
 
+@pytest.mark.slow
 def test_residuals_in_the_table_are_those_of_the_arrays(folder):
     recording = wb.Recording.read(folder / "rec.parquet")
     model = wb.Model.of(wb.load("robots", "ur5"), recording.metadata)

@@ -137,6 +137,7 @@ def test_a_pose_has_the_same_bits_alone_and_in_any_batch(robot):
     assert model.predict(q[:0], vectors[0]).shape == (0, 6)
 
 
+@pytest.mark.slow
 def test_bits_do_not_depend_on_the_processor(tmp_path, monkeypatch):
     narrow = built(tmp_path, "-U__gnu_linux__")  # the default processor only
     for name in ("ur5", "medrue"):
