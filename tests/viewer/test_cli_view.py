@@ -76,4 +76,5 @@ def test_refusals_say_what_to_do(folder, capsys, monkeypatch):
     assert "picture already" in refused(capsys, "view", folder / "r.rrd", "--rrd", "x.rrd")
     rec = folder / "rec.parquet"
     assert "is an input too" in refused(capsys, "view", rec, "--rrd", rec)
-    assert "is a plan" in refused(capsys, "view", folder / "plan.parquet")
+    plan = folder / "plan.parquet"
+    assert "is a plan" in refused(capsys, "view", plan, folder / "fit.json", "--rrd", "p.rrd")
