@@ -36,7 +36,10 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
     rows, y = np.flatnonzero(keep), recording.wrench[keep]
     pose = np.repeat(np.arange(len(count)), count)
     start = np.cumsum(count) - count
-    middle = np.stack([np.median(part, axis=0) for part in np.split(y, start[1:])])
+    if (count == count[0]).all():
+        middle = np.median(y.reshape(len(count), -1, y.shape[1]), axis=1)
+    else:
+        middle = np.stack([np.median(part, axis=0) for part in np.split(y, start[1:])])
     away = np.abs(y - middle[pose])
     std = np.maximum(_MAD * np.median(away, axis=0), 1e-9 * np.ptp(y, axis=0) + 1e-300)
     far = (away > FAR * std).any(axis=1)
