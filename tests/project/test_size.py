@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 658,
     "benchmark": 10147,
-    "calibration": 5106,
+    "calibration": 5118,
     "campaigns": 1667,
     "cli": 2903,
     "data": 4818,
@@ -35,10 +35,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 84416,
-    "src/wrenchbed": 74204,
+    "src": 84428,
+    "src/wrenchbed": 74216,
     "src/robot_emulators": 10212,
-    "tests": 43071,
+    "tests": 43072,
     "scripts": 3470,
 }
 """Lines of Python below a folder at most; of scripts every line."""

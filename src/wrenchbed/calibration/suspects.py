@@ -34,6 +34,8 @@ MATTERS = 0.1
 """Part of a parameter's tolerance by which it moves, if it matters: less is not worth a refusal."""
 STEP = 1e-6
 """Step of finite differences of angles [rad] and joint values [rad; m]."""
+FINEST = 1e-6
+"""Least noise over the largest reading, of a simulation without any: no sensor resolves less."""
 _SIZES = 2.0 ** np.arange(-6.0, 10.0)
 """Sizes of a family that are tried, in ordinary ones."""
 _SWEEPS = 2
@@ -153,7 +155,7 @@ def _explained(
     x = outcome.solution.x
     residual, slopes = problem.residual(x)[some], problem.jacobian(x)[some] * problem.scale
     changes = np.stack([s.change for s in suspects], axis=2)
-    least = np.maximum(outcome.noise.expected, 1e-9 * np.abs(problem.data.wrench).max(axis=0))
+    least = np.maximum(outcome.noise.expected, FINEST * np.abs(problem.data.wrench).max(axis=0))
     least = np.where(least > 0.0, least, np.inf)  # a channel that reads nothing
     noise = np.maximum(outcome.noise.scatter, least)
     for _ in range(2):  # the second time by the noise that suspects leave
@@ -201,7 +203,10 @@ def _sizes(S: np.ndarray, left: np.ndarray, family: list[str]) -> np.ndarray:
     size = np.full(len(family), _SIZES[0])
 
     def cost(trial: np.ndarray) -> float:
-        lower = np.linalg.cholesky(np.eye(len(R)) + (R * trial**2) @ R.T)
+        try:
+            lower = np.linalg.cholesky(np.eye(len(R)) + (R * trial**2) @ R.T)
+        except np.linalg.LinAlgError:  # beside such sizes, noise is less than rounding
+            return np.inf
         white = solve_triangular(lower, y, lower=True, check_finite=False)
         return float(2.0 * np.log(np.diagonal(lower)).sum() + white @ white)
 
