@@ -18,7 +18,7 @@ WRENCHBED = {
     "environments": 755,
     "exports": 1049,
     "files": 549,
-    "hardware": 7584,
+    "hardware": 7587,
     "jobs": 465,
     "monitoring": 1656,
     "pages": 1195,
@@ -35,8 +35,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 84428,
-    "src/wrenchbed": 74216,
+    "src": 84431,
+    "src/wrenchbed": 74219,
     "src/robot_emulators": 10212,
     "tests": 43072,
     "scripts": 3470,

@@ -200,6 +200,7 @@ class GaugeBoard(Transducer):
         self._newest: WrenchSample | None = None
         self._past.clear()
         self._count = self._restarts = 0
+        self._restored_at = 0.0  # readings of before may be of another calibration [s]
         self._heard_at = np.inf
         """When the last reading came [s]; infinite until the first with a new calibration."""
         self._unusable = ""
@@ -315,6 +316,7 @@ class GaugeBoard(Transducer):
         self._restarts += 1
         self._heard_at = np.inf
         if not self._suspect.is_set():
+            self._restored_at = time.monotonic()
             self._calibration = calibration
 
     def _read(self) -> WrenchSample:
@@ -342,7 +344,8 @@ class GaugeBoard(Transducer):
         if newest and newest.status & frames.CRITICAL and age < GONE_S:
             words = ", ".join(frames.faults(newest.status & frames.CRITICAL))
             return Health("fault", f"the sensor's board reports: {words}", counters)
-        if self._calibration is None and age < GONE_S:
+        doubtful = self._calibration is None or (newest and newest.t < self._restored_at)
+        if doubtful and age < GONE_S:
             why = "the sensor's board fell silent: its calibration is being selected anew"
             return Health("stale", why, counters)
         return by_age(float(age), "sensor", counters)
