@@ -8,11 +8,11 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 658,
     "benchmark": 10147,
-    "calibration": 5118,
+    "calibration": 5120,
     "campaigns": 1667,
     "cli": 2903,
     "data": 4818,
-    "diagnosis": 13703,
+    "diagnosis": 13710,
     "drives": 972,
     "effects": 4304,
     "environments": 755,
@@ -35,10 +35,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 84431,
-    "src/wrenchbed": 74219,
+    "src": 84440,
+    "src/wrenchbed": 74228,
     "src/robot_emulators": 10212,
-    "tests": 43072,
+    "tests": 43083,
     "scripts": 3470,
 }
 """Lines of Python below a folder at most; of scripts every line."""

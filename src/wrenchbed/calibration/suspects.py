@@ -99,16 +99,17 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, str | None
     parameter = problem.model.parameters[problem.free[k]]
     by = abs(explained.shift[k]) * problem.scale[k]
     return grown, (
-        f"the readings are not those of one load: {every[fault].name} would "
-        f"explain most of what is left, and move {parameter.name} by {by:.2g} {parameter.unit}. "
+        "the readings are not those of one load: of the faults that were tried, "
+        f"{every[fault].name} explains most, and moves {parameter.name} by {by:.2g} "
+        f"{parameter.unit}. "
         "Run `wrenchbed diagnose`, repair what it names, and calibrate again"
     )
 
 
-def _largest(suspects: list[Suspect], found: _Explained) -> int | None:
+def _largest(suspects: list[Suspect], explained: _Explained) -> int | None:
     """The suspect that explains most of those that are surely faults; None if none is."""
-    power = [float((s.change**2).sum()) for s in suspects] * found.times**2
-    fault = (np.abs(found.times) > LARGE) & (found.sure > CLEAR)
+    power = [float((s.change**2).sum()) for s in suspects] * explained.times**2
+    fault = (np.abs(explained.times) > LARGE) & (explained.sure > CLEAR)
     return int(np.argmax(np.where(fault, power, -1.0))) if fault.any() else None
 
 
@@ -151,7 +152,7 @@ def _arm(i: int, j: int) -> float:
 def _explained(
     problem: Problem, outcome: Outcome, suspects: list[Suspect], some: np.ndarray
 ) -> _Explained | None:
-    """The residual explained by suspects; None where they do not explain most of it."""
+    """The residual explained by suspects; None where they explain no more than noise would."""
     x = outcome.solution.x
     residual, slopes = problem.residual(x)[some], problem.jacobian(x)[some] * problem.scale
     changes = np.stack([s.change for s in suspects], axis=2)

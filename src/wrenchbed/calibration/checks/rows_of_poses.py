@@ -41,7 +41,8 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
     else:
         middle = np.stack([np.median(part, axis=0) for part in np.split(y, start[1:])])
     away = np.abs(y - middle[pose])
-    std = np.maximum(_MAD * np.median(away, axis=0), 1e-9 * np.ptp(y, axis=0) + 1e-300)
+    step = np.where(away > 1e-9 * np.ptp(y, axis=0), away, np.inf).min(axis=0)  # of coarse sensors
+    std = np.maximum(_MAD * np.median(away, axis=0), step)
     far = (away > FAR * std).any(axis=1)
     if far.sum() < max(LEAST, SHARE * len(y)):
         return None

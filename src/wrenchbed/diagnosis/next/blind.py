@@ -20,6 +20,8 @@ from wrenchbed.effects.chain import effects
 LEAST_GAP = 1.0
 """Gap from which a cause counts: the contract's."""
 NOTHING = "no effect on these readings"
+HIDDEN = "hidden by the fit of bias, mass and CoG"
+NOT_HERE = "cannot show in such a recording"
 
 
 @dataclass(frozen=True)
@@ -31,19 +33,21 @@ class BlindSpot:
         element: the joint, link, axis or channel; empty where the whole effect does not show.
         smallest: size from which it counts; None where no size changes the readings.
         unit: of that size.
+        why: no size shows, in words.
     """
 
     effect: str
     element: str
     smallest: float | None
     unit: str
+    why: str = NOTHING
 
     @property
     def sentence(self) -> str:
         """``joint.offset of joint 1: no effect on these readings``."""
         of = f" of {self.element}" if self.element else ""
         if self.smallest is None:
-            return f"{self.effect}{of}: {NOTHING}"
+            return f"{self.effect}{of}: {self.why}"
         return f"{self.effect}{of}: shows from {_quantity(self.smallest, self.unit)}"
 
     def to_json(self) -> dict[str, Any]:
@@ -101,7 +105,8 @@ def _of_effect(similarity: Similarity, effect: Effect) -> list[BlindSpot]:
         spots += _without_variant(similarity.d, effect, ways)
     invisible = {s.element for s in spots if s.smallest is None}
     if invisible >= set(groups) and len(invisible) == len(spots):
-        return [BlindSpot(effect.name, "", None, "")]
+        why = spots[0].why if ways else NOT_HERE
+        return [BlindSpot(effect.name, "", None, "", why)]
     return spots
 
 
@@ -110,12 +115,13 @@ def _spot(similarity: Similarity, name: str, ways: Sequence[Signature]) -> Blind
     gaps = [similarity.gap(w) / len(w.columns) for w in ways]
     best = ways[int(np.argmax(gaps))]
     gap = max(gaps)
+    d = similarity.d
     if not similarity.seen(best) or gap <= 0.0:
-        return BlindSpot(best.name, name, None, "")
+        before = max(float(d.configured_gap[w.columns].sum()) for w in ways)
+        return BlindSpot(best.name, name, None, "", HIDDEN if before > 1e-12 else NOTHING)
     times = float(np.sqrt(LEAST_GAP / gap))
     if times <= PLAUSIBLE:
         return None
-    d = similarity.d
     known = best.effect.parameters(d.prepared.scene.robot)
     unit = known[known.index(best.variant.free[0])].unit
     return BlindSpot(best.name, name, times * float(d.size[best.columns[0]]), unit)
@@ -151,11 +157,12 @@ def sentences(spots: Sequence[BlindSpot]) -> tuple[str, ...]:
     result = []
     for name in dict.fromkeys(s.effect for s in spots):
         of = [s for s in spots if s.effect == name]
-        none = [s.element for s in of if s.smallest is None]
+        none = [s for s in of if s.smallest is None]
         some = [s for s in of if s.smallest is not None]
-        if none:
-            elements = f" of {listed(none, 'and')}" if all(none) else ""
-            result.append(f"{name}{elements}: {NOTHING}")
+        for why in dict.fromkeys(s.why for s in none):
+            names = [s.element for s in none if s.why == why]
+            elements = f" of {listed(names, 'and')}" if all(names) else ""
+            result.append(f"{name}{elements}: {why}")
         for unit in dict.fromkeys(s.unit for s in some):
             result.append(_together([s for s in some if s.unit == unit]))
     return tuple(result)
