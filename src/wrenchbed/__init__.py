@@ -1,10 +1,12 @@
 """wrenchbed: a testbed for robots that carry a six-axis force/torque sensor.
 
-Every verb of the command line is a function here. A name is imported on first use.
+Every verb of the command line is a function here. A name is imported on first use; the imports for
+type checkers say from where.
 Used by: the command line, and everybody who writes ``import wrenchbed``.
 """
 
 import sys
+from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -62,62 +64,6 @@ if TYPE_CHECKING:
     from wrenchbed.viewer.show import view
 
     __version__: str
-
-_PUBLIC = {
-    "benchmark.sealed.make": ("Family", "make as blind_make"),
-    "benchmark.sealed.real": ("seal_real as blind_seal",),
-    "benchmark.sealed.run": ("Entrant", "run as blind_run"),
-    "benchmark.sealed.score": ("score as blind_score",),
-    "calibration.calibrate": ("CalibrationOptions as Options", "calibrate"),
-    "calibration.fit": ("Fit",),
-    "calibration.learn_sensor": ("LearnedSensor", "learn_sensor"),
-    "calibration.touches": ("Touches",),
-    "campaigns.simulated_robots": ("campaign",),
-    "campaigns.recording.run": ("record",),
-    "campaigns.settings": ("Fleet",),
-    "data.column_map": ("read as read_map",),
-    "data.guess.guess": ("guess as guess_map",),
-    "data.guess.stated": ("Stated",),
-    "data.import_files": ("import_files",),
-    "data.logs": ("write_mcap",),
-    "data.plan": ("Plan", "read as read_points"),
-    "data.recording": ("Recording",),
-    "diagnosis.diagnose": ("Findings", "diagnose"),
-    "diagnosis.next.dry_run": ("dry_run",),
-    "diagnosis.next.excitation": ("excite",),
-    "diagnosis.several": ("diagnose_several",),
-    "drives.fit": ("DriveFit",),
-    "drives.identify": ("calibrate_efforts",),
-    "errors": ("WrenchbedError",),
-    "exports.base": ("ExportOptions", "export_to"),
-    "exports.load_numbers": ("LoadNumbers", "load_numbers"),
-    "hardware.drivers.sim": ("SimDriver", "SimOptions"),
-    "monitoring.compare": ("Comparison", "compare"),
-    "monitoring.compensation": ("Compensator", "compensator"),
-    "monitoring.live": ("live",),
-    "monitoring.check": ("Judgement", "check", "plan_of as check_plan"),
-    "planning.accuracy_plan": ("Mix", "MixOptions", "reach"),
-    "planning.choose": ("informative", "multisine", "poses"),
-    "plant.serving": ("EmulatorOptions", "serve"),
-    "registry": ("descriptions", "load", "names"),
-    "reports.recording_page": ("report",),
-    "robots.base": ("Robot",),
-    "robots.described": ("describe as describe_robot",),
-    "simulation.closed_form": ("Model",),
-    "simulation.simulation": ("Simulation",),
-    "studies": ("run as study",),
-    "twin.export": ("export",),
-    "twin.replay": ("simulate",),
-    "twin.twin": ("Twin",),
-    "viewer.show": ("view",),
-}
-"""Public names by their module."""
-_HOME = {
-    public: (module, name)
-    for module, entries in _PUBLIC.items()
-    for name, _, alias in (entry.partition(" as ") for entry in entries)
-    for public in (alias or name,)
-}
 
 __all__ = [
     "Comparison",
@@ -190,16 +136,27 @@ __all__ = [
 ]
 
 
+@cache
+def _homes() -> dict[str, tuple[str, str]]:
+    """Module of each public name, and its name there, from the imports at the top of this file."""
+    import ast  # slow to load
+    from pathlib import Path
+
+    tree = ast.parse(Path(__file__).read_text(encoding="utf-8"))
+    block = next(node for node in tree.body if isinstance(node, ast.If))
+    imports = (node for node in block.body if isinstance(node, ast.ImportFrom))
+    return {a.asname or a.name: (str(i.module), a.name) for i in imports for a in i.names}
+
+
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         from importlib.metadata import version  # slow to load
 
         return version("wrenchbed")
-    if name not in _HOME:
+    if name.startswith("_") or name not in __all__:
         raise AttributeError(f"module 'wrenchbed' has no attribute {name!r}")
-    module, attribute = _HOME[name]
-    package = "robot_emulators" if module.startswith("base.") else "wrenchbed"
-    return getattr(import_module(f"{package}.{module}"), attribute)
+    module, attribute = _homes()[name]
+    return getattr(import_module(module), attribute)
 
 
 def __dir__() -> list[str]:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from wrenchbed.data.checked import Fields, load
 from wrenchbed.errors import MapError, TwinError
+from wrenchbed.files.checked import Fields, load
 
 
 def fields(**raw):
@@ -19,16 +19,16 @@ def fields(**raw):
         (lambda: fields(x=10**400).number("x", "s"), "must be a number [s]"),
         (lambda: fields(x=0).number("x", "s", positive=True), "x = 0 must be above 0 s"),
         (lambda: fields(x=-1).number("x", "s", nonnegative=True), "must be at least 0 s"),
-        (lambda: fields(x=[1, 2]).numbers("x", 3), "x = [1, 2] must be 3 numbers"),
+        (lambda: fields(x=[1, 2]).numbers("x", 3), "x = [1, 2] must be 3 finite numbers"),
         (lambda: fields(x=[1, "2"]).numbers("x", 2), "must be 2 finite numbers"),
-        (lambda: fields().text("x", required=True), "x = None must be a name"),
+        (lambda: fields().stated_text("x"), "x is missing: it must be a text"),
         (lambda: fields(x=3).text("x"), "x = 3 must be a name"),
         (lambda: fields(x="c").choice("x", ("a", "b"), "must be a or b"), "x = 'c' must be a or b"),
-        (lambda: fields(x=3).part("x"), "a.json: x is not a JSON object"),
+        (lambda: fields(x=3).part("x"), "a.json: x is not an object with fields"),
         (lambda: fields(x={"y": 0}).part("x").text("y"), "x.y = 0 must be a name"),
-        (lambda: fields(x=[{}, 1]).parts("x"), "x[1] is not a JSON object"),
+        (lambda: fields(x=[{}, 1]).parts("x"), "x[1] is not an object with fields"),
         (lambda: fields(x=1).only(("b", "a"), "a map"), "there is no field x; a map has a, b"),
-        (lambda: Fields([], "a.json: ", MapError), "a.json: the file is not a JSON object"),
+        (lambda: Fields([], "a.json: ", MapError), "a.json: the file is not an object with fields"),
     ],
 )
 def test_a_wrong_field_is_named_with_its_rule(read, message):

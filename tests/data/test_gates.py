@@ -20,7 +20,7 @@ from rosbags.typesys import Stores, get_typestore
 from test_logs import COUNT, bag1, bag2, messages
 
 import wrenchbed as wb
-from wrenchbed.data import checked, logs, parquet, unpacking
+from wrenchbed.data import logs, parquet, unpacking
 from wrenchbed.data.logs import table
 from wrenchbed.data.plan import Plan, is_plan
 from wrenchbed.data.plan import read as read_points
@@ -34,6 +34,7 @@ from wrenchbed.errors import (
     ShortageError,
     WrenchbedError,
 )
+from wrenchbed.files import checked
 from wrenchbed.robots.model_file import read_arm
 
 WANTED = ["stamp", "wrench.force.x"]

@@ -262,10 +262,10 @@ def test_a_fixed_joints_name_is_its_childs_frame_and_speeds_are_the_files(tmp_pa
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [
-        ("mass = 0.5 ", "mass = -1 ", r"\[tool\] mass = -1 must be above 0"),
-        ("lower = -1.0", "lower = 2.0", "joint 1: lower = 2.0 must be below"),
-        ("speed", "sped", "joint 1: there is no field 'sped'; did you mean 'speed'"),
-        ('name = "j"', 'name = "k"', "joint 1: name = 'k' must be 'j'"),
+        ("mass = 0.5 ", "mass = -1 ", r"tool\.mass = -1 must be above 0"),
+        ("lower = -1.0", "lower = 2.0", r"joint 1\.lower = 2.0 must be below"),
+        ("speed", "sped", r"there is no field joint 1\.sped; did you mean 'speed'"),
+        ('name = "j"', 'name = "k"', r"joint 1\.name = 'k' must be 'j'"),
         ("gravity = [0.0, 0.0, -9.80665]", "gravity = [0, 0, -1000]", "gravity .* m/s²"),
         ("format = 1", "format = 1 =", "not valid TOML"),
         ('file = "a.urdf"', 'file = "b.urdf"', "b.urdf.*there is no such file"),

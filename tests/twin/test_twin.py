@@ -162,12 +162,15 @@ BAD = {
     "robot": (lambda r: r.update(robot="hal"), "robot: there is no robot 'hal'"),
     "theta name": (lambda r: r["theta"].update(mass=1.0), "theta: there is no parameter 'mass'"),
     "theta value": (lambda r: r["theta"].update({"tool.mass": -1.0}), "lies outside"),
-    "theta list": (lambda r: r.update(theta=[]), "theta is not a JSON object"),
+    "theta list": (lambda r: r.update(theta=[]), "theta is not an object with fields"),
     "effect": (lambda r: r["effects"][1].update(effect="cable.pul"), "effects[1].effect: there is"),
     "parameter": (lambda r: r["effects"][0]["parameters"].update(k=1.0), "effects[0].effect"),
     "text": (lambda r: r["effects"][0]["parameters"].update({"compliance.q1": "a"}), "effects[0]"),
     "effects": (lambda r: r.update(effects={}), "effects = {} must be a list"),
-    "gravity": (lambda r: r.update(gravity=[0.0, 1.0]), "gravity = [0.0, 1.0] must be 3 numbers"),
+    "gravity": (
+        lambda r: r.update(gravity=[0.0, 1.0]),
+        "gravity = [0.0, 1.0] must be 3 finite",
+    ),
     "tool": (lambda r: r["tool"].update(mass=2.0), "tool.mass = 2.0 contradicts theta"),
     "unknown": (lambda r: r.update(efects=[]), "there is no field efects"),
     "recording": (lambda r: r.update(recording=3), "recording = 3 must be a name"),
@@ -196,7 +199,7 @@ def test_what_is_no_json_is_refused(tmp_path):
     with pytest.raises(TwinError, match="not valid JSON"):
         Twin.read(path)
     path.write_text("[]")
-    with pytest.raises(TwinError, match="the file is not a JSON object"):
+    with pytest.raises(TwinError, match="the file is not an object with fields"):
         Twin.read(path)
 
 

@@ -30,10 +30,10 @@ from rich.table import Table
 from rich.text import Text
 
 from wrenchbed.cli.start import lacks
-from wrenchbed.data.checked import load
 from wrenchbed.data.outputs import Kind, check
 from wrenchbed.errors import OBEYED, ParameterError, one_line, printable
 from wrenchbed.files import locked
+from wrenchbed.files.checked import load
 
 _AT_ONCE_S = 1.0
 """Steps that are done within so many seconds were done by an earlier run."""

@@ -22,9 +22,9 @@ import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
 from wrenchbed.cli.record import DeviceArguments, LimitArguments
-from wrenchbed.data.checked import load
 from wrenchbed.data.metadata import stated_robot
 from wrenchbed.errors import ParameterError, TwinError, WrenchbedWarning
+from wrenchbed.files.checked import load
 from wrenchbed.hardware.drivers.live import LiveDriver
 from wrenchbed.monitoring.compensation import BAND, Compensator, External, compensator
 from wrenchbed.monitoring.live import Datagrams, LineServer, LiveSummary, Sink, live

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.data.checked import Fields, load
 from wrenchbed.data.metadata import MODES, Metadata, SensorInfo, ToolInfo, parse
 from wrenchbed.data.recording import QUATERNION, effort_prefix
 from wrenchbed.errors import MapError, RecordingError, did_you_mean
+from wrenchbed.files.checked import Fields, load
 from wrenchbed.physics.wrench import CHANNELS
 
 UNITS: dict[str, tuple[str, float]] = {

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from wrenchbed import registry
-from wrenchbed.data.checked import Fields
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.errors import RecordingError
+from wrenchbed.files.checked import Fields
 from wrenchbed.physics.wrench import physical_inertia
 
 MODES = ("static", "dynamic")
@@ -115,7 +115,7 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
     """
     fields = Fields(raw, f"{where}: metadata ", RecordingError)
     known = {"format", ROBOT_MODEL, SENSOR_MODEL, *Metadata.__dataclass_fields__} - {"extra"}
-    robot = fields.text("robot", required=True)
+    robot = fields.stated_text("robot", "must be a name")
     mode = fields.choice("mode", MODES, "must be 'static' or 'dynamic'")
     tool, sensor = fields.part("tool"), fields.part("sensor")
     inertia = tool.numbers("inertia", 6)
@@ -128,7 +128,7 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
     if gravity is not None and not _LEAST_GRAVITY < math.hypot(*gravity) < _MOST_GRAVITY:
         raise fields.error("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
     return Metadata(
-        robot=stated_robot(raw, str(robot)),
+        robot=stated_robot(raw, robot),
         mode=mode,
         source=fields.text("source"),
         rate_hz=fields.number("rate_hz", "Hz", positive=True),

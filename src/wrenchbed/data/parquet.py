@@ -11,9 +11,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from wrenchbed.data.checked import parsed
 from wrenchbed.errors import WrenchbedError, raise_shortage
 from wrenchbed.files import atomic_write
+from wrenchbed.files.checked import parsed
 
 KEY = b"wrenchbed"
 """File-level metadata key that holds wrenchbed's JSON."""

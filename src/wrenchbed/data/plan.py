@@ -10,11 +10,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from wrenchbed.data import parquet
-from wrenchbed.data.checked import Fields
 from wrenchbed.data.metadata import MODES, carried_robot, stated_robot
 from wrenchbed.data.recording import POINT, effort_prefix, holds_readings, joint_columns
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError, PlanError, raise_shortage
+from wrenchbed.files.checked import Fields
 
 _FAR = 10.0
 """Points farther away than this are in another unit [m]: no arm here reaches so far."""
@@ -92,7 +92,7 @@ class Plan:
         fields = Fields(raw, f"{path}: metadata ", PlanError)
         mode = fields.choice("mode", MODES, "must be 'static' or 'dynamic'", default="static")
         rate = fields.number("rate_hz", "Hz", positive=True)
-        robot = stated_robot(raw, str(fields.text("robot", required=True)))
+        robot = stated_robot(raw, fields.stated_text("robot", "must be a name"))
         return cls(robot, q, segment, dwell, mode, rate, _points(path, data, mode), str(path))
 
     def write(self, path: str | Path) -> None:

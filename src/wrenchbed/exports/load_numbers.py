@@ -16,9 +16,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.data import checked
 from wrenchbed.data.metadata import stated_robot
 from wrenchbed.errors import ExportError
+from wrenchbed.files import checked
 from wrenchbed.physics.rotations import exp
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import STEP, Robot

@@ -1,6 +1,6 @@
 """The one way to write: a file is complete under its name, or what was there before is.
 
-Its room also reads JSON and TOML of others, `nested_text`. Used by: every room that writes files.
+Its room also reads JSON and TOML of others, `checked`. Used by: every room that writes files.
 """
 
 import errno

@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 
 from wrenchbed.errors import WrenchbedError, raise_shortage
 from wrenchbed.files import TEMPORARY, atomic_write, no_link, remove
-from wrenchbed.files.nested_text import parsed
+from wrenchbed.files.checked import parsed
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 
 Row = dict[str, Any]

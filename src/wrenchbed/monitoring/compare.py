@@ -14,9 +14,9 @@ import numpy as np
 from scipy import stats
 
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
-from wrenchbed.data import checked
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
+from wrenchbed.files import checked
 from wrenchbed.pages.numbers import p_value, quantity
 
 LEVEL = 0.01

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.data import checked
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
+from wrenchbed.files import checked
 from wrenchbed.pages import ReportPage, numbers
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
 from wrenchbed.pages.draw import draw

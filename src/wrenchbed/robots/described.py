@@ -18,8 +18,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.files import write_text
-from wrenchbed.files.nested_text import text_of
-from wrenchbed.files.toml_table import TomlTable, listed, quoted
+from wrenchbed.files.checked import Fields, listed, quoted, text_of, toml_fields
 from wrenchbed.physics.wrench import physical_inertia
 from wrenchbed.robots.arm_model import ArmLink, ArmModel, Load
 from wrenchbed.robots.file_arm import ArmDescription, FileArm
@@ -155,21 +154,22 @@ def read(path: Path) -> FileArm | LoopArm:
     from wrenchbed.robots.model_file import read_arm
 
     text = text_of(path, NotFoundError)
-    table = TomlTable.of(text, str(path))
+    table = toml_fields(text, str(path), ParameterError)
     model = table.part("model")
-    file = path.parent / model.text("file")
+    stated, frame = model.stated_text("file"), model.stated_text("frame")
+    file = path.parent / stated
     if not file.is_file():
         raise NotFoundError(
-            f"{path}: [model] file = {model.text('file')!r}: there is no such file; put it back "
+            f"{path}: [model] file = {stated!r}: there is no such file; put it back "
             "or make the TOML again with  wrenchbed robot FILE --frame NAME --out MY.toml"
         )
-    if _sha(file) != model.text("sha256"):
+    if _sha(file) != model.stated_text("sha256"):
         raise ParameterError(
             f"{path}: {file.name} has changed since this file was made from it (its SHA-256 is "
             f"another): make it again with  wrenchbed robot {file.name} --frame "
-            f"{model.text('frame')} --out {path.name}"
+            f"{frame} --out {path.name}"
         )
-    arm, _, _ = read_arm(file, model.text("frame"), bool(model.raw.get("hold_others", False)))
+    arm, _, _ = read_arm(file, frame, bool(model.raw.get("hold_others", False)))
     return _robot(text, arm, str(path), partial(_sensor, path.parent))
 
 
@@ -258,7 +258,7 @@ def _robot(
     text: str, arm: ArmModel, where: str, known_as: Callable[[str], str]
 ) -> FileArm | LoopArm:
     """Robot from the TOML's text, the arm of its model file, and its sensor's name."""
-    table = TomlTable.of(text, where)
+    table = toml_fields(text, where, ParameterError)
     table.only(_TOP)
     if table.raw.get("format") != FORMAT:
         table.refuse("format", f"must be {FORMAT}")
@@ -270,21 +270,21 @@ def _robot(
             "from base to sensor"
         )
     links = tuple(
-        _edited(link, TomlTable(row, where, f"joint {k}: "))
+        _edited(link, Fields(row, f"{where}: ", ParameterError, f"joint {k}"))
         for k, (link, row) in enumerate(zip(arm.links, rows, strict=True), start=1)
     )
-    gravity = table.numbers("gravity", 3)
+    gravity = table.stated_numbers("gravity", 3)
     if not 1.0 < float(np.linalg.norm(gravity)) < 30.0:
         table.refuse("gravity", "must be an acceleration in m/s² (Earth: 9.8)")
-    floor = table.number("floor") if "floor" in table.raw else None
-    sensor = known_as(table.text("sensor"))
+    floor = table.stated_number("floor") if "floor" in table.raw else None
+    sensor = known_as(table.stated_text("sensor"))
     sensor_record = registry.record_of("sensors", sensor)
     load = _stated_load(table.part("tool"), arm.load)
-    edited = replace(arm, links=links, gravity=tuple(gravity), floor=floor)
+    edited = replace(arm, links=links, gravity=gravity, floor=floor)
     whole = text if sensor_record is None else text + sensor
     digest = hashlib.sha256(whole.encode()).hexdigest()[:_DIGITS]
-    name = f"{table.text('name')}@{digest}"
-    description = ArmDescription(name, table.text("title"), sensor, edited, load)
+    name = f"{table.stated_text('name')}@{digest}"
+    description = ArmDescription(name, table.stated_text("title"), sensor, edited, load)
     record = {"toml": text, "arm": arm.to_json()}
     if sensor_record is not None:
         record["sensor"] = {"name": sensor, "record": dict(sensor_record)}
@@ -296,31 +296,35 @@ def _robot(
         raise ParameterError(f"{where}: {cause}") from None
 
 
-def _edited(link: ArmLink, row: TomlTable) -> ArmLink:
+def _edited(link: ArmLink, row: Fields) -> ArmLink:
     row.only(_JOINT)
-    if row.text("name") != link.joint:
+    if row.stated_text("name") != link.joint:
         row.refuse("name", f"must be {link.joint!r}: the order is that of the chain")
-    lower, upper = row.number("lower"), row.number("upper")
+    lower, upper = row.stated_number("lower"), row.stated_number("upper")
     if not lower < upper:
         row.refuse("lower", f"must be below upper = {upper:g}")
-    speed, mass = row.number("speed"), row.number("mass")
+    speed, mass = row.stated_number("speed"), row.stated_number("mass")
     if not speed > 0.0:
         row.refuse("speed", "must be above 0")
     if mass < 0.0:
         row.refuse("mass", "must not be below 0 kg")
-    home = row.number("home")
+    home = row.stated_number("home")
     if not lower <= home <= upper:
         row.refuse("home", f"must lie within {lower:g} … {upper:g}")
-    cog = np.array(row.numbers("cog", 3))
+    cog = np.array(row.stated_numbers("cog", 3))
     return replace(
         link, lower=lower, upper=upper, speed=speed, home=home, mass=mass, cog=cog,
         inertia=link.inertia * (mass / link.mass if link.mass > 0.0 else 1.0),
     )  # fmt: skip
 
 
-def _stated_load(tool: TomlTable, before: Load | None) -> Load:
+def _stated_load(tool: Fields, before: Load | None) -> Load:
     tool.only({"mass", "cog", "inertia"})
-    mass, cog, inertia = tool.number("mass"), tool.numbers("cog", 3), tool.numbers("inertia", 6)
+    mass, cog, inertia = (
+        tool.stated_number("mass"),
+        tool.stated_numbers("cog", 3),
+        tool.stated_numbers("inertia", 6),
+    )
     if not mass > 0.0:
         tool.refuse("mass", "must be above 0 kg")
     if not physical_inertia(inertia):
@@ -328,7 +332,7 @@ def _stated_load(tool: TomlTable, before: Load | None) -> Load:
     same = before is not None and np.allclose([mass, *cog], [before.mass, *before.cog], rtol=1e-9)
     shapes = before.shapes if before is not None and same else ()
     bodies = before.bodies if before is not None and same else ()
-    return Load(mass, tuple(cog), tuple(inertia), bodies, shapes)
+    return Load(mass, cog, inertia, bodies, shapes)
 
 
 def _toml(

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
-from wrenchbed.files.nested_text import text_of
-from wrenchbed.files.toml_table import TomlTable, listed, quoted
+from wrenchbed.files.checked import Fields, listed, quoted, text_of, toml_fields
 from wrenchbed.physics.noise import Array, NoiseModel
 from wrenchbed.sensors.base import Sensor, SensorCalibration
 
@@ -74,21 +73,21 @@ def _own(text: str, where: str) -> Sensor:
 
 
 def _sensor(text: str, where: str) -> Sensor:
-    top = TomlTable.of(text, where).only(_TOP)
+    top = toml_fields(text, where, ParameterError).only(_TOP)
     if top.raw.get("format") != FORMAT:
         top.refuse("format", f"must be {FORMAT}")
-    name = top.text("name")
+    name = top.stated_text("name")
     if "@" in name or name.lower().endswith(".toml"):
         top.refuse("name", "must hold no '@' and not end in .toml")
     rows = top.raw.get("calibration")
     if not isinstance(rows, list) or not rows:
         top.refuse("calibration", "must be one or more [[calibration]] tables")
     calibrations = tuple(
-        _calibration(TomlTable(row, where, f"[[calibration]] {k} "))
+        _calibration(Fields(row, f"{where}: ", ParameterError, f"calibration {k}"))
         for k, row in enumerate(rows, 1)
     )
     known = [c.name for c in calibrations]
-    default = top.text("default")
+    default = top.stated_text("default")
     if default not in known:
         hint = did_you_mean(default, known)
         top.refuse("default", f"is none of its calibrations{hint}: {', '.join(known)}")
@@ -96,39 +95,36 @@ def _sensor(text: str, where: str) -> Sensor:
     mass, offset = top.part("mass").only(_VALUE), top.part("plate_offset").only(_VALUE)
     noise = top.part("noise").only(_NOISE)
     more: dict[str, Any] = {}
-    if "counts" in top.raw:
-        counts = top.part("counts").only(_VALUE)
-        more |= {"counts": _positive(counts, "value"), "counts_source": counts.text("source")}
-    if "accuracy" in top.raw:
-        sure = top.part("accuracy").only(_VALUE)
-        more |= {"accuracy": _positive(sure, "value"), "accuracy_source": sure.text("source")}
+    for key in {"counts", "accuracy"} & top.raw.keys():
+        stated = top.part(key).only(_VALUE)
+        more |= {key: _positive(stated, "value"), f"{key}_source": stated.stated_text("source")}
     if "gauges" in top.raw:
         gauges = top.part("gauges").only(("matrix", "source"))
-        more |= {"gauges": _matrix(gauges, "matrix"), "gauges_source": gauges.text("source")}
-    x, y, z = offset.numbers("value", 3, "must be three lengths in m", _FARTHEST, "mm")
+        more |= {"gauges": _matrix(gauges, "matrix"), "gauges_source": gauges.stated_text("source")}
+    x, y, z = offset.stated_numbers("value", 3, "must be three lengths in m", _FARTHEST, "mm")
     return Sensor(
-        name=name, title=top.text("title"), calibrations=calibrations, default=default,
-        mass=mass.amount("value", "kg", _HEAVIEST, "g"), mass_source=mass.text("source"),
-        plate_offset=(x, y, z), plate_offset_source=offset.text("source"),
-        noise=_noise(noise, full), noise_source=noise.text("source"), **more,
+        name=name, title=top.stated_text("title"), calibrations=calibrations, default=default,
+        mass=mass.amount("value", "kg", _HEAVIEST, "g"), mass_source=mass.stated_text("source"),
+        plate_offset=(x, y, z), plate_offset_source=offset.stated_text("source"),
+        noise=_noise(noise, full), noise_source=noise.stated_text("source"), **more,
     )  # fmt: skip
 
 
-def _calibration(row: TomlTable) -> SensorCalibration:
+def _calibration(row: Fields) -> SensorCalibration:
     row.only(_CALIBRATION)
     full, step = _positive(row, "range"), _positive(row, "resolution")
     if not (step < full).all():
         row.refuse("resolution", f"must be below range = {row.raw['range']}")
-    return SensorCalibration(row.text("name"), full, step, row.text("source"))
+    return SensorCalibration(row.stated_text("name"), full, step, row.stated_text("source"))
 
 
-def _noise(table: TomlTable, calibration: SensorCalibration) -> NoiseModel:
+def _noise(table: Fields, calibration: SensorCalibration) -> NoiseModel:
     """Noise of the default calibration."""
     full = calibration.range
     parts: dict[str, Any] = {}
     for key in _VECTORS:
         signed = key == "warmup_drift"
-        value = np.array(table.numbers(key, 6, _WRENCH))
+        value = np.array(table.stated_numbers(key, 6, _WRENCH))
         if not signed and (value < 0.0).any():
             table.refuse(key, "must not be below 0")
         if not (np.abs(value) < full).all():
@@ -141,25 +137,25 @@ def _noise(table: TomlTable, calibration: SensorCalibration) -> NoiseModel:
     try:
         return NoiseModel(**parts, range=full)
     except ParameterError as cause:
-        raise ParameterError(f"{table.where}: {cause}") from None
+        raise ParameterError(f"{table.where}{cause}") from None
 
 
-def _positive(table: TomlTable, key: str) -> Array:
+def _positive(table: Fields, key: str) -> Array:
     """Six numbers above 0."""
-    value = np.array(table.numbers(key, 6, _WRENCH))
+    value = np.array(table.stated_numbers(key, 6, _WRENCH))
     if not (value > 0.0).all():
         table.refuse(key, "must be above 0 in every channel")
     return value
 
 
-def _matrix(table: TomlTable, key: str) -> Array:
+def _matrix(table: Fields, key: str) -> Array:
     """Six rows of six numbers."""
     rows = table.raw.get(key)
     rule = "must be six rows of six numbers"
     if not isinstance(rows, list) or len(rows) != 6:
         table.refuse(key, rule)
-    each = (TomlTable({key: row}, table.where, table.name) for row in rows)
-    return np.array([row.numbers(key, 6, rule) for row in each])
+    each = (Fields({key: row}, table.where, ParameterError, table.name) for row in rows)
+    return np.array([row.stated_numbers(key, 6, rule) for row in each])
 
 
 def text(sensor: Sensor, notes: tuple[str, ...] = ()) -> str:

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.data.checked import load
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError, printable
+from wrenchbed.files.checked import load
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.replay import simulate

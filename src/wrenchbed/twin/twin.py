@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.data import checked
 from wrenchbed.data.metadata import ROBOT_MODEL, carried_robot, stated_robot
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import ActiveEffect, EffectChain
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import TwinError
-from wrenchbed.files import write_json
+from wrenchbed.files import checked, write_json
 from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.robots.base import Robot
 from wrenchbed.simulation.closed_form import Model

@@ -20,11 +20,11 @@ from wrenchbed.benchmark.referee.case import RefereeCase, TrueCause, World
 from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.referee.fault import total
 from wrenchbed.data import parquet
-from wrenchbed.data.checked import load, parsed
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError
 from wrenchbed.files import atomic_write, write_bytes
+from wrenchbed.files.checked import load, parsed
 
 EPOCH = 946684800
 """Time stamp of every file of a family: 2000-01-01 [s]."""

@@ -17,10 +17,10 @@ from wrenchbed.benchmark.frame import KINDS, attempts
 from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import Answer, of_case
-from wrenchbed.data.checked import load
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError, ParameterError
 from wrenchbed.files import write_bytes
+from wrenchbed.files.checked import load
 from wrenchbed.jobs.parts import check_folders
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 from wrenchbed.robots.base import SimulatedRobot

@@ -26,11 +26,11 @@ from wrenchbed.benchmark.referee.signatures import Bench, bench, blocks_of_orien
 from wrenchbed.benchmark.sealed import commitments, make
 from wrenchbed.benchmark.sealed.commitments import Answer, Fact
 from wrenchbed.benchmark.sealed.real_setting import ACCELEROMETER, RealSetting, setting_of
-from wrenchbed.data.checked import Fields, is_number, load
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import BenchmarkError
 from wrenchbed.files import write_bytes
+from wrenchbed.files.checked import Fields, is_number, load
 from wrenchbed.physics.wrench import CHANNELS
 
 CAUSES = {"none": 0, "single": 1, "pair": 2, "outside": 1}
@@ -103,12 +103,12 @@ def _cases(truth: Path) -> Iterator[tuple[str, tuple[Fact, ...], Recording]]:
             raise BenchmarkError(
                 f"{where}kind {kind!r} has {CAUSES[kind]} [[case.cause]], found {len(causes)}"
             )
-        name = str(case.text("recording", required=True, rule="is no file name"))
+        name = case.stated_text("recording", "is no file name")
         yield kind, causes, plain(Recording.read(truth.parent / name))
 
 
 def _fact(cause: Fields, kind: str) -> Fact:
-    effect = str(cause.text("effect", required=True))
+    effect = cause.stated_text("effect", "must be a name")
     if kind != "outside" and effect not in EFFECTS:
         raise cause.error("effect", f"is unknown; known are {', '.join(EFFECTS)}")
     tables = cause.part("true").raw  # cog.x = 1 is a table in a table

@@ -23,13 +23,13 @@ from typing import Any
 from wrenchbed.benchmark.scoring.baselines import BASELINES
 from wrenchbed.benchmark.scoring.case_rows import Claim
 from wrenchbed.benchmark.sealed import commitments
-from wrenchbed.data.checked import load
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import BenchmarkError, ParameterError, WorkerError
 from wrenchbed.files import TEMPORARY, atomic_folder, remove, write_json
+from wrenchbed.files.checked import load
 from wrenchbed.jobs.ending import with_group
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 

@@ -29,8 +29,8 @@ from wrenchbed.benchmark.scoring.metrics import (
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import MOST, Answer, Fact, Oracle
 from wrenchbed.benchmark.sealed.run import CLAIM, RESERVED, RUN
-from wrenchbed.data.checked import is_number, load
 from wrenchbed.errors import BenchmarkError
+from wrenchbed.files.checked import is_number, load
 
 VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
 COUNTED = 4

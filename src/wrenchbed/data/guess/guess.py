@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.data.checked import Fields
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.column_map import ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.guess.candidates import candidates, rows_at
@@ -25,6 +24,7 @@ from wrenchbed.data.guess.sheets import Sheet, orientations, sheet_of, wrenches
 from wrenchbed.data.guess.stated import Stated
 from wrenchbed.data.logs import is_log
 from wrenchbed.errors import MapError
+from wrenchbed.files.checked import Fields
 from wrenchbed.physics.wrench import CHANNELS
 
 _SAME = 12.0

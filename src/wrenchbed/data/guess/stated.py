@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.data.checked import Fields, load
 from wrenchbed.data.column_map import UNITS
 from wrenchbed.data.guess.convention import GravityFit, in_body
 from wrenchbed.data.guess.sheets import Sheet, sheet_of, wrenches
 from wrenchbed.errors import MapError
+from wrenchbed.files.checked import Fields, load
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import CHANNELS
 

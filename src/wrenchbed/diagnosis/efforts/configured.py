@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.data import checked
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DiagnosisError
+from wrenchbed.files import checked
 
 KINDS = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia", "drive.constant")
 FIELD = "configured"
