@@ -163,26 +163,24 @@ class ArmModel:
     def from_json(cls, raw: Mapping[str, Any]) -> "ArmModel":
         """Arm from the JSON object of `to_json`."""
         load, loops = raw["load"], raw.get("loops")
-        if load is not None:
-            load = _made(Load, load, shapes=_shapes(load))
         if loops is not None:
             closures = tuple(_made(Closure, closure) for closure in loops["closures"])
             loops = _made(Loops, loops, closures=closures)
-        links = tuple(_made(ArmLink, link, shapes=_shapes(link)) for link in raw["links"])
-        shapes = _shapes({"shapes": raw["base_shapes"]})
-        return _made(cls, raw, base_shapes=shapes, links=links, load=load, loops=loops)
+        return _made(
+            cls, raw, load=None if load is None else _made(Load, load), loops=loops,
+            base_shapes=tuple(_made(Shape, shape) for shape in raw["base_shapes"]),
+            links=tuple(_made(ArmLink, link) for link in raw["links"]),
+        )  # fmt: skip
 
     @property
     def reach(self) -> float:
         """Length of the stretched arm [m], with loops of its longest branch at home."""
-        if self.loops is not None:
-            far = [0.0]
-            for link, before in zip(self.links, self.loops.parents, strict=True):
-                length = float(np.linalg.norm(link.shift)) if before >= 0 else 0.0
-                far.append(far[before + 1] + length + abs(link.home) * (link.kind == SLIDE))
-            return max(far) + float(np.linalg.norm(self.end_shift))
-        steps = [*(link.shift for link in self.links[1:]), self.end_shift]
-        return float(sum(np.linalg.norm(step) for step in steps))
+        far = [0.0]
+        for link, before in zip(self.links, self.parents, strict=True):
+            length = float(np.linalg.norm(link.shift)) if before >= 0 else 0.0
+            slid = abs(link.home) if self.loops is not None and link.kind == SLIDE else 0.0
+            far.append(far[before + 1] + length + slid)
+        return max(far) + float(np.linalg.norm(self.end_shift))
 
     @property
     def parents(self) -> tuple[int, ...]:
@@ -200,6 +198,16 @@ class ArmModel:
         return tuple(range(len(self.links))) if self.loops is None else self.loops.driven
 
     @property
+    def moved(self) -> tuple[ArmLink, ...]:
+        """The link that each joint q1 … moves."""
+        return tuple(self.links[k] for k in self.driven)
+
+    @property
+    def closures(self) -> tuple[Closure, ...]:
+        """What closes loops; empty of a serial chain."""
+        return () if self.loops is None else self.loops.closures
+
+    @property
     def columns(self) -> tuple[str, ...]:
         """Name of each link's joint in the robot's own MJCF: q1 …, of passive joints the file's."""
         driven = {k: f"q{n}" for n, k in enumerate(self.driven, start=1)}
@@ -212,15 +220,13 @@ def _made(kind: type[_Made], raw: Mapping[str, Any], **parts: Any) -> _Made:
     values: dict[str, Any] = {
         k: np.array(v, dtype=float) if k in arrays else _tuples(v) for k, v in raw.items()
     }
+    if "shapes" in raw:
+        parts["shapes"] = tuple(_made(Shape, shape) for shape in raw["shapes"])
     return kind(**(values | parts))
 
 
 def _tuples(value: Any) -> Any:
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
-
-
-def _shapes(raw: Mapping[str, Any]) -> tuple[Shape, ...]:
-    return tuple(_made(Shape, shape) for shape in raw["shapes"])
 
 
 def about(axis: np.ndarray, angle: float) -> np.ndarray:

@@ -40,6 +40,8 @@ ANGLE = np.deg2rad(0.5)
 """Typical error of a joint's zero, of the base's tilt and of the mount [rad]: it scales
 a fit's columns, and is the spread of priors and of simulated robots."""
 TILT = "rotation vector that turns gravity as the base sees it, g → Exp(α) g"
+_ROWS_AT_ONCE = 200_000
+"""Poses times parameters of which derivatives are taken at once: complex numbers of every link."""
 INERTIA_AXES = ("xx", "yy", "zz", "xy", "xz", "yz")
 LOAD = frozenset([*(f"tool.inertia.{a}" for a in INERTIA_AXES), "sensor.mass"])
 """Names of `load_parameters`."""
@@ -131,12 +133,16 @@ class Robot(ArmBodies):
 
     def gravity_slopes(
         self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]
-    ) -> np.ndarray | None:
-        """Derivative (N, 3, K) of gravity in sensor axes [m/s²] by parameters, if written out.
-
-        `Model.jacobian` then takes complex steps.
-        """
-        return None
+    ) -> np.ndarray:
+        """Derivative (N, 3, K) of gravity in sensor axes [m/s²] by parameters; by complex steps."""
+        slopes = np.empty((len(q), 3, len(names)))
+        at_once = max(1, _ROWS_AT_ONCE // max(len(q), 1))
+        for start in range(0, len(names), at_once):
+            some = names[start : start + at_once]
+            shifted = complex_steps(theta, [self.parameters.index(name) for name in some])
+            slope = self.gravity_seen(q, shifted, gravity).imag / STEP
+            slopes[:, :, start : start + at_once] = np.moveaxis(slope, 0, -1)
+        return slopes
 
     def motion_seen(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
         """Motion of the sensor under gravity in world axes (3,), with vectors (3, …, N)."""
@@ -146,10 +152,8 @@ class Robot(ArmBodies):
         self, q: Jet, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str], here: Motion
     ) -> Iterator[Motion]:
         """Derivative of `motion_seen`, ``here``, by each parameter; by complex steps."""
-        for name in names:
-            shifted = theta.astype(complex)
-            shifted[self.parameters.index(name)] += 1j * STEP
-            slope = self.motion_seen(q, shifted, gravity)
+        for shifted in complex_steps(theta, [self.parameters.index(name) for name in names]):
+            slope = self.motion_seen(q, shifted[0], gravity)
             yield Motion(*(x.imag / STEP for x in slope))
 
     @abstractmethod
@@ -307,6 +311,13 @@ class SimulatedRobot(Robot):
     def mjcf(self) -> Path:
         """Path of the robot's MJCF file."""
         return models() / self.name / f"{self.name}.xml"
+
+
+def complex_steps(theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
+    """Parameters (K, 1, P) from (P,), with an imaginary `STEP` in another of K columns each."""
+    shifted = np.tile(theta.astype(complex), (len(columns), 1, 1))
+    shifted[np.arange(len(columns)), 0, list(columns)] += 1j * STEP
+    return shifted
 
 
 def load_parameters(inertia: Sequence[float]) -> ParameterSet:

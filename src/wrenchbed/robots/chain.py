@@ -22,7 +22,7 @@ from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.newton_euler import Motion, Vector
 from wrenchbed.physics.rotations import apply, cross
 from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets
-from wrenchbed.robots.base import STEP, MountedArm, mount_turn
+from wrenchbed.robots.base import STEP, MountedArm, complex_steps, mount_turn
 from wrenchbed.robots.compiled.statics import Packed
 
 _WRIST = 3
@@ -143,9 +143,7 @@ class SerialChain(MountedArm):
 
         Complex steps give what each parameter (K) turns: R_k → R_k (1 + [ω]×), and joints' zeros.
         """
-        columns = [self.parameters.index(name) for name in names]
-        shifted = np.tile(theta.astype(complex), (len(names), 1, 1))
-        shifted[np.arange(len(names)), 0, columns] += 1j * STEP
+        shifted = complex_steps(theta, [self.parameters.index(name) for name in names])
         turns, _ = self._mounted(theta)
         zeros = self.zeros(shifted)[:, 0].imag / STEP
         turned = np.zeros((len(names), 3, len(q)))  # Σ ω in sensor axes

@@ -44,6 +44,8 @@ _EQUATIONS = {CONNECT: 3, COUPLED: 1, WELD: 6}
 """Numbers that must be zero, of each kind of closure."""
 _STEPS = 12
 """Newton steps to a solution at most; it needs three to five."""
+_KEPT = 8
+"""Sets of poses whose solutions are kept: a fit asks for the same poses again and again."""
 Frame = tuple[Value, Value]
 """Rotation (…, N, 3, 3) and origin (…, N, 3) [m] in the base's axes."""
 
@@ -79,32 +81,30 @@ class ClosedLoops:
     """
 
     def __init__(self, arm: ArmModel, nominal: Geometry) -> None:
-        assert arm.loops is not None
-        self.arm, self.loops, self.nominal = arm, arm.loops, nominal
-        count = len(arm.links)
+        self.arm, self.closures, self.nominal = arm, arm.closures, nominal
         self.driven = list(arm.driven)
-        self.passive = [k for k in range(count) if k not in arm.driven]
+        self.passive = [k for k in range(len(arm.links)) if k not in arm.driven]
         self._scale = arm.reach
         self._unit = np.array([1.0 if x.kind == HINGE else self._scale for x in arm.links])
-        self._spins = [_skew(link.axis) for link in arm.links]
-        self._ways = [self._way(k) for k in range(-1, count)]
+        self._spins = [np.cross(np.eye(3), link.axis) for link in arm.links]
+        self._ways: list[list[int]] = [[]]  # links from the base to each link, the base first
+        for k, before in enumerate(arm.parents):
+            self._ways.append([*self._ways[before + 1], k])
+        self._shared = [self._last_shared(closure) for closure in self.closures]
         self._kept = np.eye(0)
-        self._solutions: dict[bytes, np.ndarray] = {}
+        self._solutions: dict[tuple[bytes, tuple[int, ...]], np.ndarray] = {}
         self.home = self._at_home(np.array([link.home for link in arm.links]))
 
-    def _way(self, link: int) -> list[int]:
-        """Numbers of the links from the base to one."""
-        links: list[int] = []
-        while link >= 0:
-            links.append(link)
-            link = self.loops.parents[link]
-        return links[::-1]
+    def _last_shared(self, closure: Closure) -> int:
+        """The last link before a loop's two sides part; −1 is the base."""
+        one, two = self._ways[closure.first + 1], self._ways[closure.second + 1]
+        return max((a for a, b in zip(one, two, strict=False) if a == b), default=-1)
 
     def frames(self, at: Sequence[Value], geometry: Geometry) -> list[Frame]:
         """Frames of the base and each link, in base axes, at all joints' values (…, N) each."""
         frames: list[Frame] = [(np.eye(3), np.zeros(3))]
         for k, link in enumerate(self.arm.links):
-            turn, origin = frames[self.loops.parents[k] + 1]
+            turn, origin = frames[self.arm.parents[k] + 1]
             origin = origin + apply(turn, geometry.shifts[k])
             turn = turn @ geometry.turns[k]
             if link.kind == HINGE:
@@ -120,59 +120,46 @@ class ClosedLoops:
         """Residual of the loop closures (…, N, E) [rad, m over the arm's reach]."""
         frames = self.frames(at, geometry)
         parts: list[Value] = []
-        for n, closure in enumerate(self.loops.closures):
+        for n, closure in enumerate(self.closures):
             if closure.kind == COUPLED:
                 parts.append(_coupled(closure, at, geometry.offsets[n]))
                 continue
             (one, first), (two, second) = frames[closure.first + 1], frames[closure.second + 1]
             here, there = geometry.places[n]
-            back = _transposed(frames[self._parting(closure) + 1][0])
+            back = _transposed(frames[self._shared[n] + 1][0])
             gap = first + apply(one, here) - second - apply(two, there)
             gap = apply(back, gap) * (1.0 / self._scale)
             parts += [gap[..., i] for i in range(3)]
-            if closure.kind != CONNECT:
+            if closure.kind == WELD:
                 turned = back @ (one @ geometry.welds[n] @ _transposed(two)) @ _transposed(back)
-                parts += [
-                    0.5 * (turned[..., i, j] - turned[..., j, i])
-                    for i, j in ((2, 1), (0, 2), (1, 0))
-                ]
+                pairs = ((2, 1), (0, 2), (1, 0))
+                parts += [0.5 * (turned[..., i, j] - turned[..., j, i]) for i, j in pairs]
         return stack_jets(parts)
-
-    def _parting(self, closure: Closure) -> int:
-        """The last link before a loop's two sides part; −1 is the base."""
-        one, two = self._ways[closure.first + 1], self._ways[closure.second + 1]
-        shared = [a for a, b in zip(one, two, strict=False) if a == b]
-        return shared[-1] if shared else -1
 
     def _slopes(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
         """∂r/∂ all joints (…, N, E, L) of real values, exact where the loops are closed."""
         frames = self.frames(_split(at), geometry)
         rows = []
-        for n, closure in enumerate(self.loops.closures):
-            size = _EQUATIONS[closure.kind]
-            block = np.zeros((*at.shape[:-1], size, at.shape[-1]))
+        for n, closure in enumerate(self.closures):
+            block = np.zeros((*at.shape[:-1], _EQUATIONS[closure.kind], at.shape[-1]))
             rows.append(block)
             if closure.kind == COUPLED:
                 block[..., 0, closure.first] = 1.0
                 if closure.second >= 0:
-                    shifted = at[..., closure.second] - closure.law[1]
                     law = np.polynomial.Polynomial(closure.law[2:]).deriv()
-                    block[..., 0, closure.second] = -law(shifted)
+                    block[..., 0, closure.second] = -law(at[..., closure.second] - closure.law[1])
                 continue
-            shared = self._parting(closure)
-            back = np.swapaxes(frames[shared + 1][0], -1, -2)
+            shared = self._shared[n] + 1
+            back, common = _transposed(frames[shared][0]), len(self._ways[shared])
             sides = zip((closure.first, closure.second), geometry.places[n], (1, -1), strict=True)
             for link, place, sign in sides:
-                turn, origin = frames[link + 1]
-                point = origin + apply(turn, place)
-                for k in self._ways[link + 1]:
-                    if k in self._ways[shared + 1]:
-                        continue
+                point = frames[link + 1][1] + apply(frames[link + 1][0], place)
+                for k in self._ways[link + 1][common:]:
                     axis = sign * apply(frames[k + 1][0], self.arm.links[k].axis)
                     hinge = self.arm.links[k].kind == HINGE
                     moved = np.cross(axis, point - frames[k + 1][1]) if hinge else axis
                     block[..., :3, k] = apply(back, moved) / self._scale
-                    if size == 6 and hinge:
+                    if closure.kind == WELD and hinge:
                         block[..., 3:, k] = apply(back, axis)
         return np.concatenate(rows, axis=-2)
 
@@ -184,47 +171,41 @@ class ClosedLoops:
         except np.linalg.LinAlgError:
             return np.linalg.inv(slopes + 1e-13 * np.eye(slopes.shape[-1]))
 
-    def _regular(self, inverse: np.ndarray) -> np.ndarray:
-        """Distance from singular poses (…, N): reciprocal norm of the inverse Jacobian."""
-        return np.asarray(1.0 / np.linalg.norm(inverse, axis=(-2, -1)))
-
     def _at_home(self, at: np.ndarray) -> np.ndarray:
         """Values of all joints (L,) with the loops closed; finds which equations are needed."""
-        at = at.copy()
         at[self.driven] += self.nominal.zeros
         for _ in range(3 * _STEPS):
             r = self.residual(_split(at), self.nominal)
             step = np.linalg.pinv(self._slopes(at, self.nominal)[:, self.passive], _RANK) @ r
             at[self.passive] -= step * min(1.0, _LEAP / max(np.abs(step).max(), 1e-12))
-        slopes = self._slopes(at, self.nominal)
-        left, size, right = np.linalg.svd(slopes[:, self.passive])
-        rank = int((size > _RANK * size[0]).sum())
         r = np.abs(self.residual(_split(at), self.nominal))
         if r.max() > _DIGITS:
             raise ParameterError(
-                f"the loops do not close at home (keyframe, else as the file stands): "
+                "the loops do not close at home (keyframe, else as the file stands): "
                 f"{self._open(r)}"
             )
+        slopes = self._slopes(at, self.nominal)
+        left, size, right = np.linalg.svd(slopes[:, self.passive])
+        rank = int((size > _RANK * size[0]).sum())
         if rank < len(self.passive):
-            free = np.abs(right[rank:]).max(axis=0) > 0.1
-            names = [self.arm.links[k].joint for k, f in zip(self.passive, free, strict=True) if f]
+            free = self._named(self.passive, np.abs(right[rank:]).max(axis=0) > 0.1)
             raise ParameterError(
-                f"the driven joints and the loops leave {', '.join(names)} free at home: "
+                f"the driven joints and the loops leave {free} free at home: "
                 "drive one by an <actuator>, or state a keyframe that is not singular"
             )
-        self._kept, self._left_out = left[:, :rank].T, left[:, rank:].T
-        if self._left_out.size and np.abs(self._left_out @ slopes[:, self.driven]).max() > _DIGITS:
-            fighting = np.abs(self._left_out @ slopes[:, self.driven]).max(axis=0) > _DIGITS
-            names = [
-                self.arm.links[k].joint for k, f in zip(self.driven, fighting, strict=True) if f
-            ]
+        self._kept = left[:, :rank].T
+        fighting = np.abs(left[:, rank:].T @ slopes[:, self.driven]).max(axis=0, initial=0.0)
+        if fighting.max() > _DIGITS:
             raise ParameterError(
-                f"the driven joints {', '.join(names)} cannot move by themselves: the loops couple "
-                "them; leave out an <actuator>"
+                f"the driven joints {self._named(self.driven, fighting > _DIGITS)} cannot move by "
+                "themselves: the loops couple them; leave out an <actuator>"
             )
-        self._floor = _NEAR_SINGULAR * float(self._regular(self._inverse(at, self.nominal)))
+        self._floor = _NEAR_SINGULAR * float(_regular(self._inverse(at, self.nominal)))
         self._check_left_out(at)
         return at
+
+    def _named(self, links: Sequence[int], which: np.ndarray) -> str:
+        return ", ".join(self.arm.links[links[n]].joint for n in np.flatnonzero(which))
 
     def _check_left_out(self, home: np.ndarray) -> None:
         """Refuse equations that hold by themselves at home and not elsewhere."""
@@ -232,7 +213,7 @@ class ClosedLoops:
         goal = home[self.driven] + _STRIDE * way * self._unit[self.driven]
         at = self._follow(np.tile(home, (len(goal), 1)), goal, _CAREFUL)
         r = np.abs(self.residual(_split(at[np.isfinite(at[:, 0])]), self.nominal))
-        if r.size and r.max() > 10.0 * _DIGITS:
+        if r.max(initial=0.0) > 10.0 * _DIGITS:
             raise ParameterError(
                 "the loops have more equations than they need, and which ones turns with the pose: "
                 f"beside home {self._open(r.max(axis=0))}; only loops whose spare equations stay "
@@ -241,29 +222,26 @@ class ClosedLoops:
 
     def _open(self, r: np.ndarray) -> str:
         """Description of the loop that is open farthest, from residuals (E,)."""
-        at = 0
-        gaps = []
-        for closure in self.loops.closures:
-            size = _EQUATIONS[closure.kind]
-            gap = float(np.abs(r[at : at + size]).max())
-            at += size
-            words = (
-                f"{gap:.2g} off"
-                if closure.kind == COUPLED
-                else f"{self._scale * gap * 1e3:.3g} mm open"
-            )
-            gaps.append((gap, f"{closure.name!r} stays {words}"))
-        return max(gaps)[1]
+        ends = np.cumsum([_EQUATIONS[closure.kind] for closure in self.closures])
+        gaps = [float(np.abs(part).max()) for part in np.split(r, ends[:-1])]
+        widest = self.closures[int(np.argmax(gaps))]
+        gap = max(gaps)
+        open_mm = f"{self._scale * gap * 1e3:.3g} mm open"
+        return f"{widest.name!r} stays {f'{gap:.2g} off' if widest.kind == COUPLED else open_mm}"
 
     def solved(self, q: np.ndarray, geometry: Geometry | None = None) -> np.ndarray:
         """Values of all joints (…, N, L) at driven ones (N, J); NaN rows where none exist."""
-        at = self._solved_nominal(q)
+        key = q.tobytes(), q.shape
+        if key not in self._solutions:
+            if len(self._solutions) >= _KEPT:
+                self._solutions.pop(next(iter(self._solutions)))
+            self._solutions[key] = self._reached(q)
+        at = self._solutions[key]
         if geometry is None or not np.isfinite(at).any():
             return at
-        zeros = geometry.zeros
-        shape = np.broadcast_shapes((*zeros.shape[:-1], 1), at.shape)
+        shape = np.broadcast_shapes((*geometry.zeros.shape[:-1], 1), at.shape)
         at = np.broadcast_to(at, (*shape[:-1], at.shape[-1])).copy()
-        at[..., self.driven] = q + zeros
+        at[..., self.driven] = q + geometry.zeros
         return self._closed(at, geometry)
 
     def _closed(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
@@ -276,8 +254,7 @@ class ClosedLoops:
                 if worst < 1e-13 and worst >= 0.5 * last:
                     break
                 last = worst
-                step = apply(self._inverse(at, geometry), r)
-                at[..., self.passive] -= step
+                at[..., self.passive] -= apply(self._inverse(at, geometry), r)
             off = np.abs(self._kept_residual(at, geometry)).max(axis=-1)
             at[~(off < _CLOSED)] = np.nan
         return at
@@ -285,41 +262,34 @@ class ClosedLoops:
     def _kept_residual(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
         return np.asarray(self.residual(_split(at), geometry) @ self._kept.T)
 
-    def _solved_nominal(self, q: np.ndarray) -> np.ndarray:
-        key = q.tobytes() + bytes(str(q.shape), "ascii")
-        if key not in self._solutions:  # a fit asks for the same poses again and again
-            if len(self._solutions) >= 8:
-                self._solutions.pop(next(iter(self._solutions)))
-            self._solutions[key] = self._reached(q)
-        return self._solutions[key]
-
     def _reached(self, q: np.ndarray) -> np.ndarray:
-        goal = q + self.nominal.zeros
+        """Nominal solutions (N, L), each along a way from a near seed, else from home."""
+        goal, seeds = q + self.nominal.zeros, self._seeds
         at = np.full((len(q), len(self.arm.links)), np.nan)
-        seeds = self._seeds
         finite = np.flatnonzero(np.isfinite(goal).all(axis=1))
         away = self._distances(goal[finite], seeds)
-        near = np.argsort(away, axis=1, kind="stable")[:, :_NEAREST]
+        near = np.argsort(away, axis=1, kind="stable")[:, :_NEAREST].T
         home = np.zeros(len(finite), dtype=int)
-        fast, careful = ([(column, s) for column in (*near.T, home)] for s in (_STRIDE, _CAREFUL))
-        for column, stride in (*fast[:-1], careful[-1], *careful[:-1]):
-            left = np.isnan(at[finite, 0])
-            if not left.any():
+        fast = [(start, _STRIDE) for start in near]
+        careful = [(start, _CAREFUL) for start in (home, *near)]
+        for start, stride in (*fast, *careful):
+            rest = np.isnan(at[finite, 0])
+            if not rest.any():
                 break
-            at[finite[left]] = self._follow(seeds[column[left]], goal[finite[left]], stride)
+            at[finite[rest]] = self._follow(seeds[start[rest]], goal[finite[rest]], stride)
         return self._closed(at, self.nominal)
 
-    def _distances(self, goal: np.ndarray, seeds: np.ndarray) -> np.ndarray:
-        unit = self._unit[self.driven]
-        return np.linalg.norm((goal[:, None] - seeds[None][..., self.driven]) / unit, axis=-1)
+    def _distances(self, goal: np.ndarray, solutions: np.ndarray) -> np.ndarray:
+        """Distance of driven values (N, J) from those of solutions (S, L)."""
+        way = (goal[:, None] - solutions[None][..., self.driven]) / self._unit[self.driven]
+        return np.linalg.norm(way, axis=-1)
 
     @cached_property
     def _seeds(self) -> np.ndarray:
         """Values of all joints (S, L) at poses within the driven joints' limits, home first."""
-        links = [self.arm.links[k] for k in self.driven]
-        low, high = np.array([[link.lower, link.upper] for link in links]).T
+        low, high = np.array([(x.lower, x.upper) for x in self.arm.moved]).T
         rng = np.random.default_rng(0)
-        goal = rng.uniform(low, high, (_SEEDS, len(links))) + self.nominal.zeros
+        goal = rng.uniform(low, high, (_SEEDS, len(low))) + self.nominal.zeros
         solutions = self.home[None]
         for _ in range(_ROUNDS):
             near = np.argmin(self._distances(goal, solutions), axis=1)
@@ -333,20 +303,19 @@ class ClosedLoops:
     def _follow(self, start: np.ndarray, goal: np.ndarray, stride: float) -> np.ndarray:
         """Values of all joints along straight lines from solutions (N, L) to driven values (N, J);
         NaN where the way is barred."""
-        at = start.copy()
-        from_ = start[:, self.driven]
-        longest = (np.abs(goal - from_) / self._unit[self.driven]).max(axis=1)
+        at, begin = start.copy(), start[:, self.driven]
+        longest = (np.abs(goal - begin) / self._unit[self.driven]).max(axis=1)
         strides = np.maximum(1, np.ceil(longest / stride)).astype(int)
         for n in range(1, int(strides.max(initial=0)) + 1):
             rows = np.flatnonzero((strides >= n) & np.isfinite(at[:, 0]))
             if not len(rows):
                 break
-            share = (n / strides[rows])[:, None]
-            at[rows] = self._stride(at[rows], from_[rows] + share * (goal[rows] - from_[rows]))
+            fraction = (n / strides[rows])[:, None]
+            driven = begin[rows] + fraction * (goal[rows] - begin[rows])
+            at[rows] = self._stride(at[rows], driven)
         return at
 
     def _stride(self, at: np.ndarray, driven: np.ndarray) -> np.ndarray:
-        at = at.copy()
         at[:, self.driven] = driven
         with np.errstate(all="ignore"):
             for _ in range(3):
@@ -355,7 +324,7 @@ class ClosedLoops:
                 at[:, self.passive] -= step
                 at[~(np.abs(step).max(axis=1) < _LEAP)] = np.nan
             settled = np.abs(step).max(axis=1) < 1e-3
-            at[~(settled & (self._regular(inverse) > self._floor))] = np.nan
+            at[~(settled & (_regular(inverse) > self._floor))] = np.nan
         return at
 
     def lifted(self, q: Value, geometry: Geometry, real: Geometry, steps: bool) -> list[Value]:
@@ -369,9 +338,10 @@ class ClosedLoops:
         """
         at = self.solved(value(q).real, real)
         orders = 2 * isinstance(q, Jet) + (steps or np.iscomplexobj(value(q)))
+        values = list[Value](_split(at))
         if not orders:
-            return _split(at)
-        driven, values = q + geometry.zeros, list[Value](_split(at))
+            return values
+        driven = q + geometry.zeros
         for j, k in enumerate(self.driven):
             values[k] = driven[..., j]
         inverse = self._inverse(at, real) @ self._kept
@@ -409,7 +379,7 @@ class ClosedLoops:
 
         nearest = least_squares(miss, self.home[self.passive], xtol=1e-12, ftol=1e-12, gtol=1e-12)
         r = np.abs(miss(nearest.x))
-        if r.max() > 1e-6:
+        if r.max() > _DIGITS:
             return f"out of reach: the loops cannot close: {self._open(r)}"
         return (
             "singular, or not reached without passing a singular pose: near it the loops do not "
@@ -419,6 +389,11 @@ class ClosedLoops:
 
 def _split(at: np.ndarray) -> list[Value]:
     return list(np.moveaxis(at, -1, 0))
+
+
+def _regular(inverse: np.ndarray) -> np.ndarray:
+    """Distance from singular poses (…, N): reciprocal norm of the inverse Jacobian."""
+    return np.asarray(1.0 / np.linalg.norm(inverse, axis=(-2, -1)))
 
 
 def _coupled(closure: Closure, at: Sequence[Value], offset: np.ndarray) -> Value:
@@ -435,8 +410,3 @@ def _transposed(turn: Value) -> Value:
     if isinstance(turn, Jet):
         return Jet(*(np.swapaxes(x, -1, -2) for x in (turn.v, turn.d, turn.dd)))
     return np.swapaxes(turn, -1, -2)
-
-
-def _skew(v: np.ndarray) -> np.ndarray:
-    x, y, z = v
-    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

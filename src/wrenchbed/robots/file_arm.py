@@ -76,29 +76,20 @@ class DescribedArm(MountedArm):
     """
 
     free = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation")
-    candidates: tuple[str, ...] = (
-        "joint",
-        "link",
-        "base.tilt",
-        "mount",
-        "tool.mass",
-        "tool.cog",
-    )
+    candidates: tuple[str, ...] = ("joint", "link", "base.tilt", "mount", "tool.mass", "tool.cog")
 
     def __init__(self, description: ArmDescription, record: dict[str, Any] | None = None) -> None:
         arm = description.arm
         self.description, self.arm_model, self.record = description, arm, record
         self.name, self.title, self.sensor = description.name, description.title, description.sensor
         self.gravity = (arm.gravity[0], arm.gravity[1], arm.gravity[2])
-        driven = [arm.links[k] for k in arm.driven]
         self.joints = tuple(
             Joint(f"q{k}", "rad" if x.kind == HINGE else "m", x.lower, x.upper, x.speed)
-            for k, x in enumerate(driven, start=1)
+            for k, x in enumerate(arm.moved, start=1)
         )
-        self._zero_names = tuple(f"joint.{link.joint}.zero" for link in driven)
         self.parameters = arm_parameters(description)
         index = self.parameters.index
-        self._zeros = [index(n) for n in self._zero_names]
+        self._zeros = [index(n) for n in self.zero_names]
         self._places, self._turns = (
             np.array([[index(f"link.{x.body}.{what}.{a}") for a in "xyz"] for x in arm.links])
             for what in ("position", "rotation")
@@ -107,15 +98,15 @@ class DescribedArm(MountedArm):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        return tuple(self.arm_model.links[k].joint for k in self.arm_model.driven)
+        return tuple(link.joint for link in self.arm_model.moved)
 
     @property
     def zero_names(self) -> tuple[str, ...]:
-        return self._zero_names
+        return tuple(f"joint.{name}.zero" for name in self.joint_names)
 
     @property
     def home(self) -> np.ndarray:
-        return np.array([self.arm_model.links[k].home for k in self.arm_model.driven])
+        return np.array([link.home for link in self.arm_model.moved])
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Reduction for pickling: another process also has one object for each name."""
@@ -243,51 +234,62 @@ class FileArm(DescribedArm, SerialChain):
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
         """A turn of a joint against its own link, and against the next link or the mount."""
-        directions = {}
-        links = self.arm_model.links
-        mount = theta[self._turn]
-        for k, link in enumerate(links):
+        directions, arm = {}, self.arm_model
+        for k, link in enumerate(arm.links):
             if link.kind != HINGE:
                 continue
-            zero, joint = self.zero_names[k], link.joint
-            back_turn = np.linalg.solve(
-                exp_rates(theta[self._turns[k]]), exp(*theta[self._turns[k]]) @ link.axis
-            )
-            directions[f"the zero of {joint} against the rotation of {link.body} on it"] = _against(
-                zero, f"link.{link.body}.rotation", back_turn
-            )
-            if k + 1 < len(links):
-                other, axis = links[k + 1], links[k + 1].turn.T @ link.axis
-                vector = theta[self._turns[k + 1]]
-                group, what = f"link.{other.body}.rotation", f"rotation of {other.body}"
-            else:
-                axis, vector = self.arm_model.end_turn.T @ link.axis, mount
-                group, what = "mount.rotation", "sensor's mount"
-            back = np.linalg.solve(exp_rates(vector), axis)
-            directions[f"a turn of {joint} against the {what}"] = _against(zero, group, back)
+            own = theta[self._turns[k]]
+            axis = exp(*own) @ link.axis
+            text = f"the zero of {link.joint} against the rotation of {link.body} on it"
+            directions[text] = self._against(k, f"link.{link.body}.rotation", own, axis)
+            vector, group, what = theta[self._turn], "mount.rotation", "sensor's mount"
+            turn = arm.end_turn
+            if k + 1 < len(arm.links):
+                turn, vector = arm.links[k + 1].turn, theta[self._turns[k + 1]]
+                group, what = (f"link.{arm.links[k + 1].body}.rotation",
+                               f"rotation of {arm.links[k + 1].body}")  # fmt: skip
+            text = f"a turn of {link.joint} against the {what}"
+            directions[text] = self._against(k, group, vector, turn.T @ link.axis)
         return directions
 
-
-def _against(zero: str, group: str, vector: np.ndarray) -> dict[str, float]:
-    """A joint's zero against a rotation vector; components that are rounding are left out."""
-    parts = {
-        f"{group}.{a}": float(-v) for a, v in zip("xyz", vector, strict=True) if abs(v) > 1e-12
-    }
-    return {zero: 1.0, **parts}
+    def _against(
+        self, k: int, group: str, vector: np.ndarray, axis: np.ndarray
+    ) -> dict[str, float]:
+        """A joint's zero against a turn of a rotation vector about an axis; components that are
+        rounding are left out."""
+        back = np.linalg.solve(exp_rates(vector), axis)
+        parts = zip("xyz", back, strict=True)
+        return {self.zero_names[k]: 1.0} | {
+            f"{group}.{a}": float(-v) for a, v in parts if abs(v) > 1e-12
+        }
 
 
 def arm_parameters(description: ArmDescription) -> ParameterSet:
-    """Parameters of a serial arm or one with closed loops; passive joints have no zero."""
-    items: list[Parameter] = []
-    for k, link in enumerate(description.arm.links):
-        if k in description.arm.driven:
+    """Parameters of a serial arm or one with closed loops: joint zeros of driven joints, places and
+    rotations of links; of loop closures the places on their links, a weld's rotation, the offset
+    of coupled joints."""
+    arm, items = description.arm, list[Parameter]()
+    for k, link in enumerate(arm.links):
+        if k in arm.driven:
             bound = 6.3 if link.kind == HINGE else 2.0
             items.append(_zero(f"joint.{link.joint}.zero", link, bound, "joint zero offset"))
         text = "its joint's origin in the axes of the link before"
         items += _places(f"link.{link.body}.position", link.shift, text)
         text = "rotation vector against the file, in the link's axes"
         items += vector_parameters(f"link.{link.body}.rotation", "xyz", "rad", _TWIST, text)
-    items += _closure_parameters(description.arm)
+    for closure in arm.closures:
+        group = f"loop.{closure.name}"
+        if closure.kind == COUPLED:
+            items.append(
+                _zero(f"{group}.offset", arm.links[closure.first], 6.3, "added to its law")
+            )
+            continue
+        for k, place in zip((closure.first, closure.second), closure.places, strict=True):
+            where = arm.links[k].body if k >= 0 else "base"
+            text = "where the loop holds this link, in its axes"
+            items += _places(f"{group}.{where}", place, text)
+        if closure.kind == WELD:
+            items += vector_parameters(f"{group}.rotation", "xyz", "rad", _TWIST, "of the weld")
     load = description.load
     return ParameterSet(tuple(items)) + mounted_parameters(load.mass, load.cog, load.inertia)
 
@@ -304,26 +306,6 @@ def _places(group: str, place: np.ndarray, text: str) -> list[Parameter]:
         Parameter(f"{group}.{a}", float(v), "m", _LENGTH, -_FARTHEST, _FARTHEST, text)
         for a, v in zip("xyz", place, strict=True)
     ]
-
-
-def _closure_parameters(arm: ArmModel) -> list[Parameter]:
-    """Parameters of the loop closures: position on the links, a weld's rotation, the offset of
-    coupled joints."""
-    items: list[Parameter] = []
-    for closure in () if arm.loops is None else arm.loops.closures:
-        group = f"loop.{closure.name}"
-        if closure.kind == COUPLED:
-            link = arm.links[closure.first]
-            items.append(_zero(f"{group}.offset", link, 6.3, "added to its law"))
-            continue
-        for k, place in zip((closure.first, closure.second), closure.places, strict=True):
-            where = arm.links[k].body if k >= 0 else "base"
-            items += _places(
-                f"{group}.{where}", place, "where the loop holds this link, in its axes"
-            )
-        if closure.kind == WELD:
-            items += vector_parameters(f"{group}.rotation", "xyz", "rad", _TWIST, "of the weld")
-    return items
 
 
 def _to_z(axis: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.rotations import apply, exp
 from wrenchbed.physics.time_derivatives import Value, stack_jets
 from wrenchbed.robots.arm_model import COUPLED, WELD, ArmModel
-from wrenchbed.robots.base import STEP, sample_until
+from wrenchbed.robots.base import STEP, complex_steps, sample_until
 from wrenchbed.robots.closed_loop import ClosedLoops, Geometry
 from wrenchbed.robots.file_arm import ArmDescription, DescribedArm
 
@@ -50,30 +50,24 @@ class LoopArm(DescribedArm):
     @property
     def lengths(self) -> tuple[str, ...]:
         """Positions of all links on others that move something."""
-        names = [
-            f"link.{link.body}.position.{a}"
-            for link, before in zip(self.arm_model.links, self.arm_model.parents, strict=True)
-            for a in "xyz"
-            if before >= 0
-        ]
+        arm = self.arm_model
+        places = zip(arm.links, arm.parents, strict=True)
+        bodies = [link.body for link, before in places if before >= 0]
+        names = [f"link.{body}.position.{a}" for body in bodies for a in "xyz"]
         return tuple(n for n in names if n not in self.unobservable)
 
     @cached_property
     def unobservable(self) -> tuple[str, ...]:  # type: ignore[override]
         """Names of parameters that no reading shows: passive joints or planar loops absorb them."""
-        rng = np.random.default_rng(1)
+        rng, size = np.random.default_rng(1), self.parameters.tolerance
         q = self.sample(_PROBES, rng)
-        theta, size = self.parameters.nominal, self.parameters.tolerance
-        theta = theta + 0.1 * size * rng.uniform(-1.0, 1.0, len(theta))
-        names = [n for n in self.parameters.names if n not in self.load]
+        theta = self.parameters.nominal + 0.1 * size * rng.uniform(-1.0, 1.0, len(size))
+        columns = [k for k, n in enumerate(self.parameters.names) if n not in self.load]
         unseen = []
-        for name in names:
-            k = self.parameters.index(name)
-            shifted = theta.astype(complex)
-            shifted[k] += 1j * STEP
-            moved = [x.imag / STEP * size[k] for x in self.sensor_pose(q, shifted)]
+        for k, shifted in zip(columns, complex_steps(theta, columns), strict=True):
+            moved = [x.imag / STEP * size[k] for x in self.sensor_pose(q, shifted[0])]
             if max(float(np.nanmax(np.abs(x))) for x in moved) < 1e-13:
-                unseen.append(name)
+                unseen.append(self.parameters.names[k])
         return tuple(unseen)
 
     @property
@@ -85,28 +79,24 @@ class LoopArm(DescribedArm):
         return tuple(place.tolist()), tuple(middle.tolist())
 
     def _geometry(self, theta: np.ndarray) -> Geometry:
-        arm = self.arm_model
-        assert arm.loops is not None
+        arm, p = self.arm_model, self.values(theta)
 
         def turned(fixed: np.ndarray, columns: np.ndarray | list[int]) -> np.ndarray:
             vector = theta[..., columns]
             return fixed @ exp(*np.moveaxis(vector, -1, 0)) if vector.any() else fixed
 
-        p = self.values(theta)
         places, welds, offsets = [], [], []
-        for closure in arm.loops.closures:
-            group, pair = f"loop.{closure.name}", (closure.first, closure.second)
-            if closure.kind == COUPLED:
-                places.append((np.zeros(3), np.zeros(3)))
-                offsets.append(p[f"{group}.offset"])
-            else:
-                bodies = (arm.links[k].body if k >= 0 else "base" for k in pair)
+        for closure in arm.closures:
+            group, one, two = f"loop.{closure.name}", np.zeros(3), np.zeros(3)
+            if closure.kind != COUPLED:
+                bodies = (arm.links[k].body if k >= 0 else "base"
+                          for k in (closure.first, closure.second))  # fmt: skip
                 one, two = (stack_jets([p[f"{group}.{b}.{a}"] for a in "xyz"]) for b in bodies)
-                places.append((one, two))
-                offsets.append(np.zeros(()))
-            index = self.parameters.index
-            turn = [index(f"{group}.rotation.{a}") for a in "xyz"] if closure.kind == WELD else []
-            welds.append(turned(closure.turn, turn) if turn else closure.turn)
+            places.append((one, two))
+            offsets.append(p[f"{group}.offset"] if closure.kind == COUPLED else np.zeros(()))
+            turn = [self.parameters.index(f"{group}.rotation.{a}") for a in "xyz"
+                    if closure.kind == WELD]  # fmt: skip
+            welds.append(turned(closure.turn, turn))
         links = zip(arm.links, self._turns, strict=True)
         return Geometry(
             [turned(link.turn, columns) for link, columns in links],
@@ -122,24 +112,22 @@ class LoopArm(DescribedArm):
         steps = np.iscomplexobj(theta)
         return self._loops.lifted(q, geometry, self._geometry(real), steps), geometry
 
-    def _placed(self, frame: tuple[Value, Value], theta: np.ndarray) -> tuple[Value, Value]:
-        """Frame in world axes from one in base axes."""
-        arm = self.arm_model
-        base = self._leaning(arm.base_turn, theta)
-        return base @ frame[0], apply(base, frame[1]) + arm.base_shift
-
     def link_frames(self, q: Value, theta: np.ndarray) -> list[tuple[Value, Value]]:
-        at, geometry = self._solved(q, theta)
-        return [self._placed(f, theta) for f in self._loops.frames(at, geometry)[1:]]
+        frames = self._loops.frames(*self._solved(q, theta))[1:]
+        return [self._placed(*frame, theta) for frame in frames]
+
+    def _placed(self, turn: Value, origin: Value, theta: np.ndarray) -> tuple[Value, Value]:
+        """Frame in world axes from one in base axes."""
+        base = self._leaning(self.arm_model.base_turn, theta)
+        return base @ turn, apply(base, origin) + self.arm_model.base_shift
 
     @property
     def carrier(self) -> int:
         return self.arm_model.end
 
     def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
-        arm = self.arm_model
-        at, geometry = self._solved(q, theta)
-        turn, origin = self._placed(self._loops.frames(at, geometry)[arm.end + 1], theta)
+        arm, frames = self.arm_model, self._loops.frames(*self._solved(q, theta))
+        turn, origin = self._placed(*frames[arm.end + 1], theta)
         return turn @ arm.end_turn, origin + apply(turn, arm.end_shift)
 
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
@@ -156,10 +144,9 @@ class LoopArm(DescribedArm):
         return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), self._feasible)
 
     def _feasible(self, q: np.ndarray) -> np.ndarray:
-        at = self._loops.solved(q)
-        limits = np.array([[x.lower, x.upper] for x in self.arm_model.links])
-        passive = [k for k in range(len(limits)) if k not in self.arm_model.driven]
-        x, (low, high) = at[:, passive], limits[passive].T
+        links, passive = self.arm_model.links, self._loops.passive
+        low, high = np.array([(links[k].lower, links[k].upper) for k in passive]).T
+        x = self._loops.solved(q)[:, passive]
         return np.asarray(((x >= low) & (x <= high)).all(axis=1))
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
@@ -173,39 +160,32 @@ class LoopArm(DescribedArm):
     def at(self, theta: np.ndarray) -> ArmModel:
         arm, geometry = super().at(theta), self._geometry(theta)
         assert arm.loops is not None
+        each = zip(arm.closures, geometry.places, geometry.welds, strict=True)
         closures = tuple(
-            closure
-            if closure.kind == COUPLED
-            else replace(closure, places=np.array(places), turn=weld)
-            for closure, places, weld in zip(
-                arm.loops.closures, geometry.places, geometry.welds, strict=True
-            )
+            replace(closure, places=np.array(places), turn=weld) for closure, places, weld in each
         )
         return replace(arm, loops=replace(arm.loops, closures=closures))
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        spec, arm, geometry = super().spec(theta), self.arm_model, self._geometry(theta)
-        assert arm.loops is not None
-        zeros = dict(zip(arm.driven, geometry.zeros.tolist(), strict=True))
-        for n, closure in enumerate(arm.loops.closures):
+        spec, geometry = super().spec(theta), self._geometry(theta)
+        for n, closure in enumerate(self.arm_model.closures):
             if closure.kind == COUPLED:
-                spec.equality(closure.name).data[:5] = self._law(n, geometry, zeros)
+                spec.equality(closure.name).data[:5] = self._law(n, geometry)
         spec.key("home").qpos = self.qpos(self.home[None], theta)[0]
         return spec
 
-    def _law(self, n: int, geometry: Geometry, zeros: dict[int, float]) -> np.ndarray:
+    def _law(self, n: int, geometry: Geometry) -> np.ndarray:
         """MuJoCo's five coefficients: both joints from home, without their zeros."""
-        arm = self.arm_model
-        assert arm.loops is not None
-        c = arm.loops.closures[n]
+        arm, c = self.arm_model, self.arm_model.closures[n]
+        home = np.array([link.home for link in arm.links])
+        home[list(arm.driven)] += geometry.zeros
         y0, x0, *law = c.law
         if c.second < 0:
             law, start = law[:1], 0.0
         else:
-            start = arm.links[c.second].home + zeros.get(c.second, 0.0) - x0
+            start = float(home[c.second]) - x0
         shifted = np.polynomial.Polynomial(law)(np.polynomial.Polynomial([start, 1.0]))
         result = np.zeros(5)
         result[: len(shifted.coef)] = shifted.coef
-        home = arm.links[c.first].home + zeros.get(c.first, 0.0)
-        result[0] += y0 + float(geometry.offsets[n]) - home
+        result[0] += y0 + float(geometry.offsets[n]) - float(home[c.first])
         return result

@@ -23,6 +23,7 @@ _DEEPEST = 200
 _SOFT = ("flexcomp", "composite")
 """Elements of many nodes: MuJoCo takes 43 s for 10,000 of them."""
 _XACRO = "{http://www.ros.org/wiki/xacro}"
+Element = ElementTree.Element
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class ModelSource:
 
     path: Path
     text: str
-    root: ElementTree.Element
+    root: Element
 
     @classmethod
     def of(cls, path: Path) -> "ModelSource":
@@ -48,13 +49,13 @@ class ModelSource:
             ParameterError: it is no MJCF or URDF, or larger than any robot.
         """
         files = _Files(path)
-        root = files.root(path)
+        text, root = files.read(path)
         if root.tag not in ("mujoco", "robot"):
             raise ParameterError(
                 f"{path}: is neither MJCF (<mujoco>) nor URDF (<robot>): begins with <{root.tag}>"
             )
-        files.check_size()
-        return cls(path, files.texts[path.resolve()], root)
+        files.expanded(root, path, (), 0)
+        return cls(path, text, root)
 
     @property
     def urdf(self) -> bool:
@@ -78,18 +79,20 @@ class ModelSource:
 
     def speeds(self) -> dict[str, float]:
         """Top speed of each joint for which a URDF states one above 0, by name [rad/s, m/s]."""
-        limits = {joint.get("name", ""): joint.find("limit") for joint in self.root.iter("joint")}
-        stated = {n: float(x.get("velocity", 0.0)) for n, x in limits.items() if x is not None}
+        stated = {
+            joint.get("name", ""): float(limit.get("velocity", 0.0))
+            for joint in self.root.iter("joint")
+            for limit in joint.findall("limit")[:1]
+        }
         return {name: speed for name, speed in stated.items() if speed > 0.0}
 
     def fixed_joints(self) -> dict[str, str]:
         """Child link of each fixed joint of a URDF."""
-        children = {
-            joint.get("name", ""): joint.find("child")
-            for joint in self.root.findall("joint")
-            if joint.get("type") == "fixed"
+        return {
+            joint.get("name", ""): child.get("link", "")
+            for joint in self.root.findall("joint[@type='fixed']")
+            for child in joint.findall("child")[:1]
         }
-        return {n: child.get("link", "") for n, child in children.items() if child is not None}
 
     def mimics(self) -> list[tuple[str, str]]:
         """Names of each joint of a URDF that mimics another one, and of that one."""
@@ -125,43 +128,38 @@ class _Files:
     """Text files that belong to one model, each read once."""
 
     def __init__(self, main: Path) -> None:
-        self._main, self._remaining = main, _MOST_BYTES
-        self.texts: dict[Path, str] = {}
-        self._roots: dict[Path, ElementTree.Element] = {}
+        self._folder, self._remaining = main.parent, _MOST_BYTES
+        self._read: dict[Path, tuple[str, Element]] = {}
 
-    def root(self, path: Path) -> ElementTree.Element:
-        """Root element of a file."""
+    def read(self, path: Path) -> tuple[str, Element]:
+        """Text and root element of a file."""
         place = path.resolve()
-        if place in self._roots:
-            return self._roots[place]
-        raw = content(path, self._remaining)
-        self._remaining -= len(raw)
-        try:
-            text = raw.decode()
-        except UnicodeDecodeError:
-            raise ParameterError(f"{path}: is no text: state an MJCF or URDF file") from None
-        if "<!DOCTYPE" in text or "<!ENTITY" in text:
-            raise ParameterError(f"{path}: defines entities: leave them out, no robot needs them")
-        try:
-            self._roots[place] = ElementTree.fromstring(text)
-        except ElementTree.ParseError as cause:
-            raise ParameterError(f"{path}: is no MJCF or URDF: not XML ({cause})") from None
-        self.texts[place] = text
-        return self._roots[place]
+        if place not in self._read:
+            raw = content(path, self._remaining)
+            self._remaining -= len(raw)
+            try:
+                text = raw.decode()
+                if "<!DOCTYPE" in text or "<!ENTITY" in text:
+                    raise ParameterError(
+                        f"{path}: defines entities: leave them out, no robot needs them"
+                    )
+                self._read[place] = text, ElementTree.fromstring(text)
+            except UnicodeDecodeError:
+                raise ParameterError(f"{path}: is no text: state an MJCF or URDF file") from None
+            except ElementTree.ParseError as cause:
+                raise ParameterError(f"{path}: is no MJCF or URDF: not XML ({cause})") from None
+        return self._read[place]
 
-    def check_size(self) -> None:
-        """Refuse a model that expands to more elements than any robot's, or to endless ones."""
-        self._elements(self.root(self._main), self._main, (), 0)
-
-    def _elements(
-        self, element: ElementTree.Element, path: Path, parents: tuple[Path, ...], level: int
-    ) -> int:
+    def expanded(self, element: Element, path: Path, parents: tuple[Path, ...], level: int) -> int:
         """Number of elements that an element of a file expands to, itself included.
 
         Args:
             element, path: of the file that holds it.
             parents: files that include or attach that one.
             level: depth so far.
+
+        Raises:
+            ParameterError: more than any robot has, or endless.
         """
         if level > _DEEPEST:
             raise ParameterError(
@@ -174,9 +172,9 @@ class _Files:
             inside = (*parents, path.resolve())
             if file.resolve() in inside:
                 raise ParameterError(f"{file}: includes or attaches itself: leave that out")
-            total += self._elements(self.root(file), file, inside, level + 1)
+            total += self.expanded(self.read(file)[1], file, inside, level + 1)
         for inner in element:
-            total += self._elements(inner, path, parents, level + 1)
+            total += self.expanded(inner, path, parents, level + 1)
             if total > _MOST_ELEMENTS:
                 break
         if element.tag == "replicate" and (count := element.get("count", "")).isdecimal():
@@ -188,14 +186,14 @@ class _Files:
             )
         return total
 
-    def _named(self, element: ElementTree.Element, path: Path) -> Path | None:
+    def _named(self, element: Element, path: Path) -> Path | None:
         """The file that an element includes or attaches, beside the one that names it or the main
         one, or in its folder of assets; None if there is none."""
-        name = element.get("file", "")
+        name, root = element.get("file", ""), self.read(path)[1]
         if element.tag == "attach":
-            models = {x.get("name"): x.get("file", "") for x in self.root(path).iter("model")}
+            models = {x.get("name"): x.get("file", "") for x in root.iter("model")}
             name = models.get(element.get("model"), "")
-        compilers = self.root(path).findall("compiler")
-        inner = ["", *(c.get(d, "") for c in compilers for d in ("assetdir", "meshdir"))]
-        places = [folder / d / name for folder in (path.parent, self._main.parent) for d in inner]
+        settings = root.findall("compiler")
+        inner = ["", *(c.get(d, "") for c in settings for d in ("assetdir", "meshdir"))]
+        places = [folder / d / name for folder in (path.parent, self._folder) for d in inner]
         return next((p for p in places if p.exists()), None) if name else None

@@ -15,13 +15,12 @@ from wrenchbed.errors import NotFoundError, PlanError, RecordingError
 from wrenchbed.physics.newton_euler import INERTIAL, change, load, regressor
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import matrix
-from wrenchbed.physics.time_derivatives import Jet, Value, value
+from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS, UNITS, weight
-from wrenchbed.robots.base import INERTIA_AXES, STEP, Robot
+from wrenchbed.robots.base import INERTIA_AXES, STEP, Robot, complex_steps
 from wrenchbed.robots.compiled import statics
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
 
-_ROWS_AT_ONCE = 200_000
 _DOUBLE = np.dtype(float)
 _KEPT = 32
 """Parameter vectors whose constants are kept: a fit compares a few."""
@@ -158,6 +157,10 @@ class Model:
         object.__setattr__(self, "parameters", self.robot.parameters + SENSOR)
         object.__setattr__(self, "_compiled", CompiledForm(self.robot, self.gravity))
 
+    @property
+    def _gravity(self) -> np.ndarray:
+        return np.asarray(self.gravity)
+
     @classmethod
     def of(cls, robot: Robot, metadata: Metadata | None = None) -> "Model":
         """The model under the gravity that a recording states, else the robot's default."""
@@ -195,7 +198,7 @@ class Model:
 
     def plain_wrench(self, q: Value, theta: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
         """`true_wrench` in numpy: of all robots and parameters, and what is compiled is held to."""
-        n, gravity = len(self.robot.parameters), np.asarray(self.gravity)
+        n, gravity = len(self.robot.parameters), self._gravity
         place, tool = (theta if at is None else at)[..., :n], self.robot.tool(theta[..., :n])
         if not isinstance(q, Jet):
             return weight(self.robot.gravity_seen(q, place, gravity), tool)
@@ -206,8 +209,7 @@ class Model:
         compiled = self._compiled.gravity_seen(q, theta)
         if compiled is not None:
             return compiled
-        robot_theta = theta[: len(self.robot.parameters)]
-        return self.robot.gravity_seen(q, robot_theta, np.asarray(self.gravity))
+        return self.robot.gravity_seen(q, self.robot.robot_theta(theta), self._gravity)
 
     def read(self, load: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Reading of the sensor for a load (…, N, 6), with its force gains and its bias."""
@@ -238,47 +240,18 @@ class Model:
             return np.stack(list(every)) if compiled is None else compiled
         if isinstance(q, Jet):
             return self._in_motion(q, theta, columns)
-        written = self._at_rest(q, theta, columns)
-        if written is not None:
-            return written
-        n = len(value(q))
-        result = np.empty((n, 6, len(columns)))
-        still = [k for k, c in enumerate(columns) if not self.moves_pose(c)]
-        moving = [k for k, c in enumerate(columns) if self.moves_pose(c)]
-        at_once = max(1, _ROWS_AT_ONCE // max(n, 1))
-        for group, at in ((still, theta), (moving, None)):
-            for start in range(0, len(group), at_once):
-                some = group[start : start + at_once]
-                shifted = np.tile(theta.astype(complex), (len(some), 1, 1))
-                shifted[np.arange(len(some)), 0, [columns[k] for k in some]] += 1j * STEP
-                part = self.read(self.true_wrench(q, shifted, at), shifted).imag / STEP
-                result[:, :, some] = np.moveaxis(np.broadcast_to(part, (len(some), n, 6)), 0, -1)
-        return result
-
-    def _at_rest(
-        self, q: np.ndarray, theta: np.ndarray, columns: Sequence[int]
-    ) -> np.ndarray | None:
-        """The Jacobian at rest of a robot that has written out how gravity turns.
-
-        There the reading is linear in gravity as the sensor sees it, γ: dw = dγ·M + γ·dM + db, with
-        M (3, 6) and b of the load and the sensor alone.
-        """
         compiled = self._compiled.jacobian(q, theta, columns)
         if compiled is not None:
             return compiled
-        parameter_count, names = len(self.robot.parameters), self.robot.parameters.names
-        moving = [k for k, c in enumerate(columns) if self.moves_pose(c)]
-        gravity = np.asarray(self.gravity)
-        turned = self.robot.gravity_slopes(
-            q, theta[:parameter_count], gravity, [names[columns[k]] for k in moving]
-        )
-        if turned is None:
-            return None
-        shifted = np.tile(theta.astype(complex), (len(columns), 1, 1))
-        shifted[np.arange(len(columns)), 0, list(columns)] += 1j * STEP
-        slopes, offset = (part.imag / STEP for part in self._linear(shifted))
-        result = self.robot.gravity_seen(q, theta[:parameter_count], gravity) @ slopes
-        result += offset
+        # the reading is linear in gravity as the sensor sees it, γ: dw = dγ·M + γ·dM + db, with
+        # M (3, 6) and b of the load and the sensor alone
+        moving, gravity = [k for k, c in enumerate(columns) if self.moves_pose(c)], self._gravity
+        names = [self.parameters.names[columns[k]] for k in moving]
+        robot_theta = self.robot.robot_theta(theta)
+        shifted = self._linear(complex_steps(theta, columns))
+        slopes, offset = (part.imag / STEP for part in shifted)
+        result = self.robot.gravity_seen(q, robot_theta, gravity) @ slopes + offset
+        turned = self.robot.gravity_slopes(q, robot_theta, gravity, names)
         here, _ = self._linear(theta)
         for k, column in enumerate(moving):
             result[column] += turned[..., k] @ here
@@ -287,11 +260,10 @@ class Model:
     def _in_motion(self, q: Jet, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
         """The Jacobian in motion: one regressor for all that changes the load or the sensor."""
         parameter_count, names = len(self.robot.parameters), self.robot.parameters.names
-        gravity = np.asarray(self.gravity)
+        gravity = self._gravity
         motion = self.robot.motion_seen(q, theta[:parameter_count], gravity)
-        shifted = np.tile(theta.astype(complex), (len(columns), 1))
-        shifted[np.arange(len(columns)), list(columns)] += 1j * STEP
-        slopes = self.robot.tool(shifted[:, :parameter_count]).inertial.imag / STEP
+        shifted = complex_steps(theta, columns)[:, 0, :parameter_count]
+        slopes = self.robot.tool(shifted).inertial.imag / STEP
         phi = self.robot.tool(theta[:parameter_count]).inertial
         given = regressor(motion)
         result = (given.reshape(-1, INERTIAL) @ slopes.T).reshape(len(given), 6, -1)
