@@ -79,11 +79,8 @@ class ModelSource:
 
     def speeds(self) -> dict[str, float]:
         """Top speed of each joint for which a URDF states one above 0, by name [rad/s, m/s]."""
-        stated = {
-            joint.get("name", ""): float(limit.get("velocity", 0.0))
-            for joint in self.root.iter("joint")
-            for limit in joint.findall("limit")[:1]
-        }
+        limits = {joint.get("name", ""): joint.find("limit") for joint in self.root.iter("joint")}
+        stated = {n: float(x.get("velocity", 0.0)) for n, x in limits.items() if x is not None}
         return {name: speed for name, speed in stated.items() if speed > 0.0}
 
     def fixed_joints(self) -> dict[str, str]:
