@@ -9,7 +9,7 @@ import mutated
 from simulated import UR5_TRUTH, WHITE, static
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.pages import numbers
-from wrenchbed.reports import sentences
+from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 SAMPLE = (4, 21, 23, 38, 50, 505, 512, 561)
 """Cases for every run: `scripts/invariants` does thousands."""
@@ -49,7 +49,7 @@ def judged_once():
 @pytest.mark.parametrize("what", ["verdict", "value", "gap", "place", "unit", "number"])
 def test_a_face_that_says_something_else_is_caught(judged_once, face, what):
     found, texts = judged_once
-    d, place = found.diagnosis, sentences.place(found)
+    d, place = found.diagnosis, WrenchAnswer(found).place
     (name, size), *_ = d.which[0]["parameters"].items()
     was, now = {
         "verdict": (d.verdict, "none"),

@@ -21,7 +21,7 @@ from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import respond
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import multisine, poses
-from wrenchbed.reports import sentences
+from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 
 def design_of(mode):
@@ -235,6 +235,6 @@ def test_what_is_seen_beside_none_is_said_to_be_small_not_absent():
     found = diagnose(with_added(rec, drift))
     assert found.diagnosis.verdict == "none"
     assert "channel tz" in {f.variable for f in found.places if f.seen}
-    (sentence,) = sentences.places(found)
+    (sentence,) = WrenchAnswer(found).where
     assert "too small for a cause" in sentence and "channel tz" in sentence
     assert consistent.violations(found) == []

@@ -21,9 +21,9 @@ from wrenchbed.diagnosis.gap.closure import Interval
 from wrenchbed.errors import MissingExtraError
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.pages import numbers
-from wrenchbed.reports import sentences
 from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.simulators import along
+from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 MOST_BYTES = 2_000_000
 
@@ -156,18 +156,18 @@ def test_two_causes_are_counted(tilted):
     (cause,) = tilted.diagnosis.which
     other = dict(cause) | {"effect": "sensor.gain", "rivals": ["tool.mass"]}
     both = changed(tilted, which=[cause, other], verdict="ambiguous")
-    told = sentences.headline(both)
+    told = WrenchAnswer(both).headline
     assert told.startswith("Two causes. The base is tilted against gravity: x ")
     assert ". Axes of the sensor have a gain error: " in told
     assert "; or the tool is heavier" in told and "does not distinguish" in told
-    assert sentences.place(both) == "In the base and in the sensor or in the tool"
-    assert "the same effect" in sentences.headline(changed(both, verdict="identified"))
+    assert WrenchAnswer(both).place == "In the base and in the sensor or in the tool"
+    assert "the same effect" in WrenchAnswer(changed(both, verdict="identified")).headline
 
 
 @pytest.mark.slow
 def test_unknown_says_what_the_residual_follows(tilted):
     page = shown(without_cause(tilted, "unknown"))
-    kernel = sentences.depends(tilted.analysis.ranking.kernel)
+    kernel = WrenchAnswer(tilted).variable
     assert "No known effect explains the gap" in page.sections["page"]
     assert f"the residual follows {kernel} best" in page.sections["where"]
     assert "Probability that it is something unknown: > 0.99" in page.sections["which"]

@@ -22,10 +22,10 @@ from wrenchbed.diagnosis.gap.closure import Interval
 from wrenchbed.errors import CalibrationError, DiagnosisError, RecordingError
 from wrenchbed.pages import numbers
 from wrenchbed.pages.draw import Drawn
-from wrenchbed.reports import sentences, tables
-from wrenchbed.reports.answer import of_wrench
+from wrenchbed.reports import tables
 from wrenchbed.reports.claim import title
 from wrenchbed.reports.diagnosis_page import diagnosis_page
+from wrenchbed.reports.wrench_answer import WrenchAnswer
 from wrenchbed.viewer.diagnoses import answers, blame
 
 REFUSALS = (CalibrationError, DiagnosisError, RecordingError)
@@ -61,14 +61,15 @@ class Answer:
         self.probabilities: dict[str, float] = self.told["probabilities"]
         self.where: list[Told] = self.told["where"]
         self.notes = " ".join(found.diagnosis.notes)
-        self.headline, self.place = sentences.headline(found), sentences.place(found)
-        self.places = sentences.places(found)
+        self.words = WrenchAnswer(found)
+        self.headline, self.place = self.words.headline, self.words.place
+        self.places = self.words.where
         self.between_rows = frozenset(r.effect for r in found.rows)
         self.painted = blame(self.told)
 
     @cached_property
     def distance(self) -> dict[str, str]:
-        return sentences.distance(self.found)
+        return dict(zip(("figure", "text"), self.words.far, strict=True))
 
     @property
     def quiet(self) -> bool:
@@ -117,7 +118,7 @@ def outcome(recording: Any) -> tuple[str, list[tuple[str, str]]]:
 def faces(found: Findings) -> Faces:
     """Every text in which people read a diagnosis, by its name."""
     console = Console(width=80, file=io.StringIO(), color_system=None)
-    console.print(answer_display(of_wrench(found)))
+    console.print(answer_display(WrenchAnswer(found)))
     with patch("wrenchbed.reports.diagnosis_page.draw", lambda c: Drawn(c, "<svg></svg>")):
         page = diagnosis_page(found).html()
     page = re.sub(r"<(style|script|svg)\b.*?</\1>", " ", page, flags=re.DOTALL)
@@ -263,7 +264,7 @@ def gaps_in_words(a: Answer) -> Rules:
     nothing = g.with_effects is None and "there is nothing to close." in text
     yield not (nothing or "no gap to close" in text) or g.calibrated.low <= 1.0, g, text
     if a.verdict == "unknown" and a.quiet:
-        for said in (a.headline, text, sentences.without_cause(a.found)):
+        for said in (a.headline, text, a.words.no_cause):
             yield not re.search(r"explains? the gap|close it with", said), g, said
 
 
@@ -350,7 +351,7 @@ def places(a: Answer, face: str, text: str) -> Rules:
         yield not number or number in re.findall(r"\d+", a.place), part, "is painted, but", a.place
         some = word in ("joint", "link") and any(f"{word} {k}" in a.place for k in range(1, 8))
         yield number or not some, "every", part, "is painted, but", a.place
-    if sentences.distrusted(a.found):
+    if a.words.distrusted:
         yield "twin.json contains it" not in text and "do not trust" in text, "no warning", a.notes
     if a.verdict == "unknown" and a.quiet and face == "terminal":
         yield re.search("scatter|touches the tool", text.split(" where ")[0]), text[:200]

@@ -146,8 +146,8 @@ def _diagnose_efforts(
     Returns the names of the files written to the folder ``out``, and the answer to print.
     """
     from wrenchbed.diagnosis.efforts.diagnose_efforts import STEPS, diagnose_efforts
-    from wrenchbed.reports.answer import of_efforts
-    from wrenchbed.reports.effort_page import effort_page
+    from wrenchbed.reports.diagnosis_page import effort_page
+    from wrenchbed.reports.effort_answer import EffortAnswer
 
     if len(data) != 1:
         raise ParameterError("diagnose of joint efforts takes one recording")
@@ -160,7 +160,7 @@ def _diagnose_efforts(
     with atomic_folder(out) as folder:
         findings.write(folder)
         _tried(_PAGE, lambda: effort_page(findings, console.command()).write(folder / _PAGE))
-        return _names(folder), of_efforts(findings)
+        return _names(folder), EffortAnswer(findings)
 
 
 def _diagnose_wrench(
@@ -169,8 +169,8 @@ def _diagnose_wrench(
     """Diagnose the wrench of recordings; names of files, without plans, and the words."""
     from wrenchbed.diagnosis.diagnose import diagnose as one
     from wrenchbed.diagnosis.several import diagnose_several as several
-    from wrenchbed.reports.answer import of_wrench
     from wrenchbed.reports.diagnosis_page import diagnosis_page
+    from wrenchbed.reports.wrench_answer import WrenchAnswer
 
     learnt = None
     if not learning.fast and len(data) == 1:
@@ -191,7 +191,7 @@ def _diagnose_wrench(
         findings.write(folder)
         _tried(_PAGE, lambda: diagnosis_page(findings, console.command()).write(folder / _PAGE))
         _tried(_PICTURE, lambda: _draw(findings, folder / _PICTURE))
-        return _names(folder), of_wrench(findings)
+        return _names(folder), WrenchAnswer(findings)
 
 
 def _names(folder: Path) -> list[str]:

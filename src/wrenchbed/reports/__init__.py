@@ -1,5 +1,5 @@
 """HTML pages about a recording, a fit or a diagnosis, and the page of the effects.
 May import: diagnosis, twin, calibration, pages and the rooms below them.
-Read first: `answer` (the words of a diagnosis), `diagnosis_page`, then `sentences` and `figures`.
+Read first: `answer` (the words of a diagnosis) and `wrench_answer`, `diagnosis_page`, `figures`.
 Used by: cli and viewer.
 """

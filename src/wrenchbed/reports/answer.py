@@ -1,58 +1,158 @@
-"""The words of a diagnosis, of a wrench or of joint efforts, for page, terminal and rerun."""
+"""The words of a diagnosis, for page, terminal and rerun: what wrenches and joint efforts share."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import cached_property
 
-from wrenchbed.diagnosis.diagnose import Findings
-from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.gap.result import Diagnosis
-from wrenchbed.diagnosis.next.blind import sentences as sentences_of
+from wrenchbed.diagnosis.next.blind import sentences
 from wrenchbed.pages import numbers
-from wrenchbed.reports import effort_sentences, sentences, tables
-from wrenchbed.reports.claim import Claim, claim
+from wrenchbed.reports.claim import Claim
 
 BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
 """Shapes beside the colour of a verdict."""
+MOST_CANDIDATES, LEAST_CANDIDATE = 8, 0.005
+"""Largest number of listed candidates, and least probability of one: below it prints as 0 %."""
+LEAST_NEAREST = 0.05
+"""Probability from which the nearest cause is named beside unknown: below, it is a guess."""
+_DISTRUST = "do not trust the twin"
+"""In the note on causes that leave much of the gap."""
+_COUNT = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
+_MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something else"}
 
 
-@dataclass(frozen=True)
-class Answer:
+class Answer(ABC):
     """A diagnosis in words.
 
     Attributes:
         d: the diagnosis.
-        about: recordings, robot and duration.
-        headline: the verdict in sentences.
-        aside: sentences on outliers.
-        place: where, in a few words; ``where``: sentences on it.
-        causes: what is claimed; ``no_cause``: what stands for it where nothing is.
-        far: how far the gap shrinks, a figure (which may be empty) and sentences.
-        black_box: what a flexible model says of the gap; empty where it says nothing.
-        measure: what a gap is.
-        gaps: label, gap and kind of each simulator.
+        fitted: what the calibrated simulator has.
         notes: what else a reader should know.
-        steps: what to do next.
     """
 
-    d: Diagnosis
-    about: str
-    headline: str
-    aside: Sequence[str]
-    place: str
-    where: Sequence[str]
-    causes: Sequence[Claim]
-    no_cause: str
-    far: tuple[str, str]
-    black_box: str
-    measure: str
-    gaps: Sequence[tuple[str, float, str]]
-    notes: Sequence[str]
-    steps: Sequence[str]
+    fitted: str
+
+    def __init__(self, d: Diagnosis) -> None:
+        self.d = d
+        self.notes: Sequence[str] = d.notes
+
+    @property
+    @abstractmethod
+    def about(self) -> str:
+        """Recordings, robot and duration."""
+
+    @property
+    @abstractmethod
+    def causes(self) -> Sequence[Claim]:
+        """What is claimed."""
+
+    @property
+    @abstractmethod
+    def no_claim(self) -> str:
+        """The verdict in a sentence where nothing is claimed."""
+
+    @property
+    @abstractmethod
+    def no_cause(self) -> str:
+        """What stands for a cause where none is claimed."""
+
+    @property
+    @abstractmethod
+    def place(self) -> str:
+        """Where, in a few words."""
+
+    @property
+    @abstractmethod
+    def where(self) -> Sequence[str]:
+        """Sentences on where, the most important first."""
+
+    @property
+    @abstractmethod
+    def far(self) -> tuple[str, str]:
+        """How far the gap shrinks: a figure, which may be empty, and sentences."""
+
+    @property
+    @abstractmethod
+    def nothing_more(self) -> str:
+        """What to do where no experiment is proposed."""
+
+    @property
+    @abstractmethod
+    def observations(self) -> str:
+        """What the gap was measured on: ``20 poses``."""
+
+    @property
+    def on(self) -> str:
+        """The same, as the end of a sentence."""
+        return f"on {self.observations} that were held out of every fit"
+
+    @property
+    def measure(self) -> str:
+        """What a gap is, and what the calibrated simulator has."""
+        return (
+            "gap: mean square of measured minus simulated in units of the noise of one row, minus "
+            f"that noise; calibrated: {self.fitted}"
+        )
+
+    @property
+    def headline(self) -> str:
+        """The verdict in sentences: each claim with its values, and what they leave open."""
+        phrases = [c.sentence for c in self.causes]
+        if not phrases:
+            return self.no_claim
+        if len(phrases) > 1:
+            phrases.insert(0, f"{_COUNT[len(phrases)]} causes.")
+        if self.d.verdict == "ambiguous":
+            phrases.append("This recording does not distinguish the causes joined by “or”.")
+        elif any(c.rivals for c in self.causes):
+            phrases.append("Without contact, the causes joined by “or” have the same effect.")
+        if self.d.verdict == "partial":
+            phrases.append("Most of the gap has another cause, which is unknown.")
+        return " ".join(phrases)
+
+    @property
+    def aside(self) -> list[str]:
+        """Sentences on outliers."""
+        return [str(o["sentence"]) for o in self.d.outliers]
+
+    @property
+    def steps(self) -> list[str]:
+        """What to do next."""
+        return [str(n["sentence"]) for n in self.d.next] or [self.nothing_more]
 
     @property
     def blind(self) -> tuple[str, ...]:
         """Sentences on what the recording could not have shown."""
-        return sentences_of(self.d.blind)
+        return sentences(self.d.blind)
+
+    @property
+    def black_box(self) -> str:
+        """What a flexible model says about the gap; empty if there is hardly one."""
+        return ""
+
+    @property
+    def distrusted(self) -> bool:
+        """Whether the causes leave so much of the gap that their twin is not to be used."""
+        return any(_DISTRUST in note for note in self.d.notes)
+
+    def shrinks(self, start: float) -> tuple[str, str]:
+        """How far the claimed causes close the gap, from its start: a figure, and sentences."""
+        g = self.d.gap
+        assert g.with_effects is not None
+        both = f"from {numbers.gap(start)} to {numbers.gap(g.with_effects.value)}"
+        if g.closed is None:
+            return "", f"The gap goes {both} {self.on}; both are within the noise."
+        if g.closed.value <= 0:
+            text = (
+                f"The named effects make the gap larger, {both}, {self.on}: do not use this twin."
+            )
+            return "Not closed", text
+        low, high = (numbers.percent(x) for x in (g.closed.low, g.closed.high))
+        text = f"The gap shrinks {both} {self.on}."
+        text += f" 95 % interval of the share closed: {low} … {high} %."
+        text += " Much of it is left: do not trust this twin." if self.distrusted else ""
+        return f"{numbers.percent(g.closed.value)} % closed", text
 
     @property
     def distance(self) -> str:
@@ -61,6 +161,17 @@ class Answer:
         text = text if self.black_box in text else f"{text} {self.black_box}"
         return f"{figure}. {text}" if figure else text
 
+    @cached_property
+    def gaps(self) -> list[tuple[str, float, str]]:
+        """Label, gap and kind (``sim``, ``effects``, ``box``, ``real``) of each simulator."""
+        g, start = self.d.gap, self.d.gap.calibrated.value
+        rows = [("as configured", g.configured, "sim"), ("calibrated", start, "sim")]
+        if g.with_effects is not None:
+            rows.append(("with the effects", g.with_effects.value, "effects"))
+        if g.black_box is not None:
+            rows.append(("with a black box", start - g.black_box * (start - g.floor), "box"))
+        return [*rows, ("noise alone", max(g.floor, 0.0), "real")]
+
     @property
     def bars(self) -> list[tuple[str, str]]:
         """Label and gap of each simulator but the black box."""
@@ -68,8 +179,19 @@ class Answer:
 
     @property
     def candidates(self) -> list[dict[str, str]]:
-        """Leading causes by probability."""
-        return tables.candidates(self.d.probabilities)
+        """Leading causes by probability; none and unknown always stand among them."""
+        ranked = sorted(self.d.probabilities.items(), key=lambda kv: -kv[1])
+        kept = [(k, p) for k, p in ranked if p >= LEAST_CANDIDATE][:MOST_CANDIDATES]
+        kept += [(k, p) for k, p in ranked if k in _MEANING and (k, p) not in kept]
+        return [
+            {
+                "key": k.replace("|", " or "),
+                "name": _MEANING.get(k, k.replace("|", " or ")),
+                "p": numbers.chance(p),
+                "width": width(p),
+            }
+            for k, p in kept
+        ]
 
     @property
     def leading(self) -> str:
@@ -78,51 +200,26 @@ class Answer:
         likely = ", ".join(self.d.set90)
         return f"leading cause: {ranked}; at least 90 % together: {likely}"
 
+    @property
+    def nearest(self) -> tuple[str, float]:
+        """The likeliest class of known effects and its probability; empty if there is none."""
+        known = {k: p for k, p in self.d.probabilities.items() if k not in _MEANING}
+        return max(known.items(), key=lambda kv: kv[1], default=("", 0.0))
 
-def of_wrench(findings: Findings) -> Answer:
-    """The words of a diagnosis of a wrench."""
-    d = findings.diagnosis
-    rows = [r.sentence for r in findings.rows]
-    far, g = sentences.distance(findings), d.gap
-    box = None
-    if g.black_box is not None:
-        box = g.calibrated.value - g.black_box * (g.calibrated.value - g.floor)
-    return Answer(
-        d,
-        about=f"{', '.join((d.recording, *d.others))}  {d.robot}, {d.seconds:.1f} s",
-        headline=sentences.headline(findings),
-        aside=[str(o["sentence"]) for o in d.outliers],
-        place=sentences.place(findings),
-        where=sentences.places(findings),
-        causes=[claim(w) for w in d.which],
-        no_cause=sentences.without_cause(findings),
-        far=(far["figure"], far["text"]),
-        black_box=sentences.black_box(g),
-        measure=sentences.MEASURE,
-        gaps=tables.gaps(g, box),
-        notes=[*rows, *(n for n in d.notes if n not in rows)],
-        steps=[str(n["sentence"]) for n in d.next] or [sentences.nothing_more(findings)],
-    )
+    def chance_of(self, name: str) -> str:
+        """Probability of ``none`` or ``unknown``."""
+        return numbers.chance(self.d.probabilities.get(name, 0.0))
+
+    def unknown(self, gap: str, hint: str = "") -> str:
+        """That no known effect explains the gap, and which is nearest."""
+        nearest, p = self.nearest
+        text = f"No known effect explains {gap}. Probability that it is something unknown: "
+        text += f"{self.chance_of(UNKNOWN)}.{hint}"
+        if p >= LEAST_NEAREST:
+            text += f" The nearest is {nearest.replace('|', ' or ')} with {numbers.chance(p)}."
+        return text
 
 
-def of_efforts(findings: EffortFindings) -> Answer:
-    """The words of a diagnosis of joint efforts."""
-    d, g = findings.diagnosis, findings.diagnosis.gap
-    channels = effort_sentences.channels(findings)
-    box = None if g.black_box is None else g.calibrated.value * (1.0 - g.black_box)
-    return Answer(
-        d,
-        about=f"{d.recording}  {d.robot}, {channels}, {d.seconds:.1f} s",
-        headline=effort_sentences.headline(findings),
-        aside=(),
-        place=effort_sentences.place(findings),
-        where=[str(w["sentence"]) for w in d.where],
-        causes=effort_sentences.claims(findings),
-        no_cause=effort_sentences.without_cause(findings),
-        far=("", effort_sentences.distance(findings)),
-        black_box="",
-        measure=effort_sentences.MEASURE,
-        gaps=tables.gaps(g, box),
-        notes=d.notes,
-        steps=effort_sentences.steps(findings),
-    )
+def width(share: float) -> str:
+    """Width of a bar [%]."""
+    return f"{100 * min(max(share, 0.0), 1.0):.1f}"

@@ -43,7 +43,7 @@ class Claim:
         name: of the effect.
         title: what it is, with the joint's number where one joint has it; begins small.
         choices: which of its forms, in words: name in diagnosis.json and text of each.
-        numbered: whether the title holds the joint's number.
+        choice: the same in one text, without what the title says; may be empty.
         sizes: all quantities, in the order of diagnosis.json.
         figures: the best known of them.
         against: whether the figures are differences from what the metadata state.
@@ -55,18 +55,13 @@ class Claim:
     name: str
     title: str
     choices: tuple[tuple[str, str], ...]
-    numbered: bool
+    choice: str
     sizes: tuple[Size, ...]
     figures: tuple[Size, ...]
     against: bool
     probability: str
     closed: str
     rivals: tuple[tuple[str, str], ...]
-
-    @property
-    def choice(self) -> str:
-        """Which of its forms, beyond what the title says; empty where it has one."""
-        return ", ".join(t for n, t in self.choices if not (self.numbered and n == "joint"))
 
     @property
     def more(self) -> int:
@@ -79,6 +74,11 @@ class Claim:
         return self.sizes or (Size("–", "–", "–", "–"),)
 
     @property
+    def names(self) -> str:
+        """Name of the effect and of its rivals: ``base.tilt or cable.pull``."""
+        return " or ".join((self.name, *(name for name, _ in self.rivals)))
+
+    @property
     def sentence(self) -> str:
         """``Joint 2 is compliant and deflects under gravity: stiffness 9080 ± 950 N·m/rad.``"""
         words = [self.choice] if self.choice else []
@@ -89,38 +89,46 @@ class Claim:
         return f"{capital(self.title)}{values}{others}."
 
 
-def claim(entry: Mapping[str, Any]) -> Claim:
-    """The claim of an entry of ``which`` of diagnosis.json."""
-    name, any_joint = str(entry["effect"]), _or_joints(entry)
+def claim(
+    entry: Mapping[str, Any], wording: str = "", rivals: Sequence[tuple[str, str]] | None = None
+) -> Claim:
+    """The claim of an entry of ``which`` of diagnosis.json.
+
+    Args:
+        wording: what it is, with its joint, where it is no effect of the registry.
+        rivals: names and titles of its rivals, likewise.
+    """
+    name, joint = str(entry["effect"]), _one_of_joints(entry)
     values: Mapping[str, Any] = entry["parameters"]
+    quantities = {n: v for n, v in values.items() if "unit" in v}
+    if entry.get("combination") is not None:
+        quantities = {"sum": entry["combination"]}
     sizes = {
-        n: Size(n, parameter(n), numbers.quantity(n, v, signed=name in STATED),
+        n: Size(n, "together" if n == "sum" else parameter(n),
+                numbers.quantity(n, v, signed=name in STATED or bool(wording and v.get("std"))),
                 numbers.interval(n, v))
-        for n, v in values.items() if "unit" in v
+        for n, v in quantities.items()
     }  # fmt: skip
-    total = entry.get("combination")
-    if total is not None:
-        sizes = {"sum": Size("sum", "together", numbers.quantity("sum", total),
-                             numbers.interval("sum", total))}  # fmt: skip
     ranked = list(sizes)
     if len(ranked) > MOST_SIZES:
-        ranked.sort(key=lambda n: _weight(values[n]))
-    of_joint = str(effect(name).title_of_joint) if any_joint else ""
+        ranked.sort(key=lambda n: _relative_std(quantities[n]))
+    of_joint = str(effect(name).title_of_joint) if joint and not wording else ""
+    choices = {n: f"{parameter(n)} {numbers.quantity(n, v)}"
+               for n, v in values.items() if "unit" not in v}  # fmt: skip
+    in_title = "joint" if wording or of_joint else ""
     closed = entry.get("closed_share")
     return Claim(
         name=name,
-        title=of_joint.format(joint=any_joint) if of_joint else title(name),
-        choices=tuple(
-            (n, f"{parameter(n)} {numbers.quantity(n, v)}")
-            for n, v in values.items() if "unit" not in v
-        ),
-        numbered=bool(of_joint),
+        title=wording or of_joint.format(joint=joint) or title(name),
+        choices=tuple(choices.items()),
+        choice=", ".join(text for n, text in choices.items() if n != in_title),
         sizes=tuple(sizes.values()),
         figures=tuple(sizes[n] for n in ranked[:MOST_SIZES]),
         against=name in STATED,
         probability=numbers.chance(float(entry["probability"])),
         closed="–" if closed is None else f"{numbers.percent(float(closed))} %",
-        rivals=tuple((str(r), title(str(r))) for r in entry["rivals"]),
+        rivals=tuple([(str(r), title(str(r))) for r in entry["rivals"]] if rivals is None
+                     else rivals),
     )  # fmt: skip
 
 
@@ -128,8 +136,8 @@ def place(entry: Mapping[str, Any]) -> str:
     """Where a claimed effect sits: ``joint 2``, ``joint 2, 3 or 4``, ``joints 3 and 5``, ``all
     joints``, ``sensor``."""
     part = str(entry["effect"]).split(".")[0]
-    if any_joint := _or_joints(entry):
-        return f"{part} {any_joint}"
+    if joint := _one_of_joints(entry):
+        return f"{part} {joint}"
     numbered = joints(entry) if part in ("joint", "link") else []
     if numbered:
         return f"{part}{'s' if len(numbered) > 1 else ''} {listed([str(k) for k in numbered])}"
@@ -141,13 +149,14 @@ def joints(entry: Mapping[str, Any]) -> list[int]:
     exceed three standard uncertainties."""
     if any_of := joints_or(entry):
         return any_of
-    found = set()
-    for name, told in entry["parameters"].items():
-        match = _NUMBERED.search(name)
-        size, std = told.get("value"), told.get("std")
-        if match and std and abs(float(size)) > _STANDS_OUT * float(std):
-            found.add(int(match[1]))
-    return sorted(found)
+    numbers_of = ((_NUMBERED.search(name), p) for name, p in entry["parameters"].items())
+    return sorted(
+        {
+            int(match[1])
+            for match, p in numbers_of
+            if match and p.get("std") and abs(float(p["value"])) > _STANDS_OUT * float(p["std"])
+        }
+    )
 
 
 def joints_or(entry: Mapping[str, Any]) -> list[int]:
@@ -157,7 +166,7 @@ def joints_or(entry: Mapping[str, Any]) -> list[int]:
     return sorted([value, *joint.get("rivals", [])]) if isinstance(value, int) else []
 
 
-def _or_joints(entry: Mapping[str, Any]) -> str:
+def _one_of_joints(entry: Mapping[str, Any]) -> str:
     """``2, 3 or 4``; empty where a cause is of no single joint."""
     numbered = [str(k) for k in joints_or(entry)]
     return listed(numbered, " or ") if numbered else ""
@@ -185,12 +194,12 @@ def capital(text: str) -> str:
     return text[:1].upper() + text[1:]
 
 
-def listed(told: Sequence[str], last: str = " and ") -> str:
+def listed(names: Sequence[str], last: str = " and ") -> str:
     """``a, b and c``."""
-    return last.join([x for x in (", ".join(told[:-1]), told[-1]) if x])
+    return last.join([x for x in (", ".join(names[:-1]), names[-1]) if x])
 
 
-def _weight(parameter: Mapping[str, Any]) -> float:
-    """By which the best known parameters come first."""
-    value, std = float(parameter["value"]), parameter.get("std")
-    return -abs(value) / float(std) if std else 0.0
+def _relative_std(parameter: Mapping[str, Any]) -> float:
+    """Standard uncertainty relative to the value; infinite where it is not known."""
+    value, std = abs(float(parameter["value"])), parameter.get("std")
+    return float(std) / value if std and value else float("inf")

@@ -1,22 +1,27 @@
-"""The report of a diagnosis as one HTML page that needs nothing else."""
+"""The report of a diagnosis, of a wrench or of joint efforts, as one HTML page."""
 
 import shlex
+from collections.abc import Mapping
 from pathlib import PurePath
+from typing import Any
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
+from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.pages import ReportPage, numbers
 from wrenchbed.pages.chart import Chart
-from wrenchbed.pages.draw import draw
-from wrenchbed.pages.provenance import provenance
-from wrenchbed.reports import cause_charts, figures, sentences, tables
-from wrenchbed.reports.answer import BADGES, of_wrench
+from wrenchbed.pages.draw import Drawn, draw
+from wrenchbed.pages.provenance import Facts, provenance
+from wrenchbed.reports import cause_charts, effort_charts, figures, tables
+from wrenchbed.reports.answer import BADGES, Answer
+from wrenchbed.reports.effort_answer import EffortAnswer
 from wrenchbed.reports.simulators import Evidence
+from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 
 def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
-    """The page of a diagnosis.
+    """The page of a diagnosis of a wrench.
 
     Args:
         findings: from ``diagnose``.
@@ -26,59 +31,91 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
         MissingExtraError: matplotlib is not installed.
     """
     registry.require("matplotlib", "report")
-    d, prepared, rows = (
-        findings.diagnosis,
-        findings.analysis.prepared,
-        sentences.row_effects(findings),
-    )
-    evidence, words = Evidence(findings), of_wrench(findings)
-    before, after = evidence.channels()
-    drawn = {
-        "heat": draw(figures.residual_map(evidence)),
-        "gaps": draw(figures.gaps(words.gaps)),
-        "channels": draw(figures.channels(before, after, evidence.first)),
-    }
-    compared = [draw(chart) for chart in _of_causes(findings, evidence)]
-    row_sentences = [r.sentence for r in findings.rows]
-    recorded = shlex.join([d.recording, *d.others])
-    context = {
-        "d": d,
-        "verdict": d.verdict,
-        "name": ", ".join(PurePath(r).name for r in (d.recording, *d.others)),
-        "badge": BADGES[d.verdict],
-        "words": words,
-        "subsystems": tables.subsystems(findings),
-        "seen": sentences.seen(findings),
-        "observed": prepared.observed,
-        "between_rows": bool(rows) and all(w["effect"] in rows for w in d.which),
-        **drawn,
+    words, evidence = WrenchAnswer(findings), Evidence(findings)
+    gaps = [figures.gaps(words.gaps, words.fitted), figures.channels(*evidence.channels())]
+    heat = draw(figures.residual_map(evidence))
+    more = {
+        "subsystems": tables.subsystems(words),
+        "heat": heat,
+        "observed": findings.analysis.prepared.observed,
         "places": tables.places(findings),
         "shared": tables.shared(findings),
         "unseen": tables.invisible(findings),
         "explanations": tables.explanations(findings),
-        "comparisons": compared,
-        "rows": row_sentences,
-        "next": tables.steps(d.next),
-        "record": f"wrenchbed record --robot {shlex.quote(d.robot)} --driver DRIVER --plan ",
-        "notes": [n for n in d.notes if n not in row_sentences],
-        "data": _data(findings),
-        "command": command or f"wrenchbed diagnose {recorded} --out DIR",
+        "rows": words.row_sentences,
+        "next": tables.steps(words.d.next),
+        "record": f"wrenchbed record --robot {shlex.quote(words.d.robot)} --driver DRIVER --plan ",
+        "notes": words.notes_besides_rows,
     }
-    return ReportPage(context, "diagnosis", [*drawn.values(), *compared])
+    causes = _of_causes(words, evidence)
+    return _page(words, command, _data(findings), [*gaps, *causes], more, [heat])
 
 
-def _of_causes(findings: Findings, e: Evidence) -> list[Chart]:
+def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
+    """The page of a diagnosis of joint efforts.
+
+    Args:
+        findings: from ``diagnose_efforts``.
+        command: that made it; stated without options if not given.
+
+    Raises:
+        MissingExtraError: matplotlib is not installed.
+    """
+    registry.require("matplotlib", "report")
+    words, channels = EffortAnswer(findings), findings.diagnosis.gap.per_channel
+    before = {c: v["before"] for c, v in channels.items()}
+    after = {c: v["after"] for c, v in channels.items() if "after" in v}
+    gaps = [figures.gaps(words.gaps, words.fitted), figures.channels(before, after, "calibrated")]
+    charts = [*gaps, *effort_charts.charts(findings)]
+    names = [words.d.recording]
+    data = [("recording", names[0]), ("robot", words.d.robot)]
+    data += provenance(names, seed=findings.seed)
+    return _page(words, command, data, charts, {"what": f"the {words.channels} of "})
+
+
+def _page(
+    words: Answer, command: str, data: Facts, charts: list[Chart], more: Mapping[str, Any],
+    drawn: list[Drawn] | None = None,
+) -> ReportPage:  # fmt: skip
+    """The page of an answer.
+
+    Args:
+        data: where it comes from.
+        charts: gaps of the simulators, gaps of the channels, then what shows the causes.
+        more: what one kind of page shows besides.
+        drawn: figures in that.
+    """
+    d, (gaps, channels, *comparisons) = words.d, [draw(chart) for chart in charts]
+    recordings = (d.recording, *d.others)
+    context = {
+        "d": d,
+        "verdict": d.verdict,
+        "name": ", ".join(PurePath(r).name for r in recordings),
+        "badge": BADGES[d.verdict],
+        "words": words,
+        "gaps": gaps,
+        "channels": channels,
+        "comparisons": comparisons,
+        "notes": words.notes,
+        "data": [*data, ("duration of the diagnosis", f"{d.seconds:.1f} s")],
+        "command": command or f"wrenchbed diagnose {shlex.join(recordings)} --out DIR",
+    }
+    figures_of = [*(drawn or []), gaps, channels, *comparisons]
+    return ReportPage(context | dict(more), "diagnosis", figures_of)
+
+
+def _of_causes(words: WrenchAnswer, e: Evidence) -> list[Chart]:
     """What shows each cause, or what nothing explains, in the order of the causes."""
     charts: list[Chart | None] = []
     for k, own in enumerate(e.claims()):
         charts.append(cause_charts.own_chart(e, own, f"cause-{k}"))
         charts += figures.of_claim(e, own, f"effect-{k}")
-    for k, entry in enumerate(findings.diagnosis.which):
+    for k, entry in enumerate(words.d.which):
         charts.append(cause_charts.curve_chart(entry, f"curve-{k}"))
-        if entry["effect"] in sentences.row_effects(findings):
+        if entry["effect"] in words.row_effects:
             charts.append(cause_charts.scatter(e, entry, f"rows-{k}"))
     charts += figures.unexplained(e)
-    if findings.diagnosis.verdict in ("unknown", "partial"):
+    if words.d.verdict in ("unknown", "partial"):
         charts.append(cause_charts.everywhere(e, "everywhere"))
     return [chart for chart in charts if chart is not None]
 
@@ -92,7 +129,6 @@ def _data(findings: Findings) -> list[tuple[str, str]]:
         ("robot", f"{findings.diagnosis.robot}: {robot.title}"),
         *(line for n, a in zip(names, every, strict=True) for line in _recorded(n, a.prepared)),
         *provenance(names, seed=findings.seed),
-        ("duration of the diagnosis", f"{findings.diagnosis.seconds:.1f} s"),
     ]
 
 
@@ -106,14 +142,11 @@ def _recorded(name: str, p: Prepared) -> list[tuple[str, str]]:
         cog = ", ".join(f"{1e3 * x:.4g}" for x in stated.tool.cog)
         tool.append(numbers.minus(f"centre of gravity ({cog}) mm"))
     rate = "" if stated.rate_hz is None else f" at {stated.rate_hz:g} Hz"
+    rows = f"{len(p.y):,} {p.observed}, {len(p.recording):,} rows{rate}"
     return [
         ("recording", name),
         ("sensor", stated.sensor.model or "not stated"),
         ("stated tool", ", ".join(tool) or "not stated"),
-        (
-            "data",
-            f"{len(p.y):,} {p.observed}, {len(p.recording):,} rows{rate}, "
-            f"source: {stated.source or 'not stated'}",
-        ),
+        ("data", f"{rows}, source: {stated.source or 'not stated'}"),
         ("noise of a row", p.noise_source),
     ]

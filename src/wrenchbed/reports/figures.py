@@ -30,11 +30,8 @@ _LINEAR = 5.0
 noise, is still a sixth of the width; far beyond it small bars could not be read."""
 _ROLES: Mapping[str, Role] = {"sim": "before", "effects": "after", "box": "box", "real": "measured"}
 
-FITTED = "bias, tool mass and centre of gravity fitted, as every user does"
-"""What the calibrated simulator of wrenches has."""
 
-
-def gaps(rows: Sequence[tuple[str, float, str]], fitted: str = FITTED) -> Chart:
+def gaps(rows: Sequence[tuple[str, float, str]], fitted: str) -> Chart:
     """The gap of each simulator.
 
     Args:

@@ -54,15 +54,16 @@ class Evidence:
         self.before = self.of(self.start) if wrong_only else self.calibrated
         self.after = readings.get("with_effects")
 
-    def channels(self) -> tuple[dict[str, float], dict[str, float]]:
-        """Gap of each channel on held-out rows, before and after (empty without a claim)."""
+    def channels(self) -> tuple[dict[str, float], dict[str, float], str]:
+        """Gap of each channel on held-out rows, before and after (empty without a claim), and what
+        the simulator is before."""
         known = self.findings.diagnosis.gap.per_channel
         before = {c: float(v["before"]) for c, v in known.items()}
         if self.first == "as configured":
-            told = HeldOut(self.prepared).channels(self.start.wrench(self.prepared.scene))
-            before = dict(zip(CHANNELS, map(float, told), strict=True))
+            gaps = HeldOut(self.prepared).channels(self.start.wrench(self.prepared.scene))
+            before = dict(zip(CHANNELS, map(float, gaps), strict=True))
         after = {c: float(v["after"]) for c, v in known.items() if v.get("after") is not None}
-        return before, after
+        return before, after, self.first
 
     def claims(self) -> list[Claim]:
         """What is claimed and shows in the means: active effects, then wrong stated numbers."""

@@ -6,49 +6,39 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.diagnose import Findings
-from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
-from wrenchbed.diagnosis.gap.closure import Closure
 from wrenchbed.pages import numbers
-from wrenchbed.reports import sentences
+from wrenchbed.reports.answer import width
+from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 SUBSYSTEMS = (
     "base", "joint", "link", "mount", "sensor", "tool", "cable", "environment", "timing",
 )  # fmt: skip
 """In the order in which a load travels through them."""
-MOST_CANDIDATES, LEAST_CANDIDATE = 8, 0.005
-"""Largest number of listed candidates, and least probability of one: below it prints as 0 %."""
 MOST_EXPLANATIONS = 6
 """Largest number of listed explanations; later ones are far less likely."""
 LEAST_GAIN = 0.01
 """Information per minute [nat] below which no figure is printed."""
 LEAST_SHARE = 0.005
 """Share of the residual below which a place that is seen has no row of its own."""
-_MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something else"}
 
 
-def subsystems(findings: Findings) -> list[dict[str, Any]]:
+def subsystems(words: WrenchAnswer) -> list[dict[str, Any]]:
     """The map of where: what each part of the robot has to do with the gap."""
-    d, rows = findings.diagnosis, sentences.row_effects(findings)
-    claimed = {str(w["effect"]).split(".")[0] for w in d.which}
-    rivals = {n.split(".")[0] for n in sentences.names(d.which)} - claimed
-    scatter = {n.split(".")[0] for n in rows} & claimed
-    hints, shares = sentences.hinted(findings), dict[str, float]()
-    for w in d.where:
-        subsystem = str(w["subsystem"])
-        shares[subsystem] = shares.get(subsystem, 0.0) + max(float(w["share"]), 0.0)
-    means = {str(w["effect"]).split(".")[0] for w in d.which if w["effect"] not in rows}
+    claimed = {c.name.split(".")[0] for c in words.causes}
+    means = {c.name.split(".")[0] for c in words.causes if c.name not in words.row_effects}
+    rivals = {name.split(".")[0] for c in words.causes for name, _ in c.rivals}
     result = []
     for name in SUBSYSTEMS:
-        value, kind, text = shares.get(name, 0.0), "quiet", "–"
-        if name in means:
-            kind, text = "claimed", numbers.share(value)
-        elif name in scatter:
-            kind, text = "claimed", "rows"
+        shares = (float(w["share"]) for w in words.d.where if w["subsystem"] == name)
+        value = sum(max(share, 0.0) for share in shares)
+        kind, text = "quiet", "–"
+        if name in claimed:
+            kind, text = "claimed", numbers.share(value) if name in means else "rows"
         elif name in rivals:
             kind, text = "hint", "or here"
-        elif name in hints:
+        elif name in words.hinted:
             kind, text = "hint", f"hint: {numbers.share(value)}"
-        result.append({"name": name, "kind": kind, "text": text, "weight": _width(value)})
+        result.append({"name": name, "kind": kind, "text": text, "weight": width(value)})
     return result
 
 
@@ -64,7 +54,7 @@ def places(findings: Findings) -> list[dict[str, str]]:
         {
             "variable": f.variable,
             "share": numbers.share(max(f.share, 0.0)),
-            "width": _width(f.share),
+            "width": width(f.share),
             "p": numbers.p_value(f.p_value),
             "sentence": f.sentence,
         }
@@ -76,22 +66,6 @@ def places(findings: Findings) -> list[dict[str, str]]:
 def shared(findings: Findings) -> str:
     """Names of the places that show only what others explain."""
     return ", ".join(f.variable for f in findings.places if f.seen and f.share < LEAST_SHARE)
-
-
-def candidates(probabilities: Mapping[str, float]) -> list[dict[str, str]]:
-    """Leading causes by probability; none and unknown always stand among them."""
-    ranked = sorted(probabilities.items(), key=lambda kv: -kv[1])
-    kept = [(k, p) for k, p in ranked if p >= LEAST_CANDIDATE][:MOST_CANDIDATES]
-    kept += [(k, p) for k, p in ranked if k in _MEANING and (k, p) not in kept]
-    return [
-        {
-            "key": k.replace("|", " or "),
-            "name": _MEANING.get(k, k.replace("|", " or ")),
-            "p": numbers.chance(p),
-            "width": _width(p),
-        }
-        for k, p in kept
-    ]
 
 
 def explanations(findings: Findings) -> list[dict[str, Any]]:
@@ -120,21 +94,6 @@ def explanations(findings: Findings) -> list[dict[str, Any]]:
     return result
 
 
-def gaps(gap: Closure, box: float | None) -> list[tuple[str, float, str]]:
-    """Label, gap and kind (``sim``, ``effects``, ``box``, ``real``) of each simulator.
-
-    Args:
-        gap: of the diagnosis.
-        box: gap that a black box leaves, None if there is none.
-    """
-    rows = [("as configured", gap.configured, "sim"), ("calibrated", gap.calibrated.value, "sim")]
-    if gap.with_effects is not None:
-        rows.append(("with the effects", gap.with_effects.value, "effects"))
-    if box is not None:
-        rows.append(("with a black box", box, "box"))
-    return [*rows, ("noise alone", max(gap.floor, 0.0), "real")]
-
-
 def steps(proposals: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """What to do next, most informative per minute first."""
     return [
@@ -155,7 +114,3 @@ def _odds(behind: float) -> str:
     if decades < 2:
         return f"1 : {np.exp(behind):.2g}"
     return f"1 : 10{str(round(decades)).translate(str.maketrans('0123456789', '⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
-
-
-def _width(share: float) -> str:
-    return f"{100 * min(max(share, 0.0), 1.0):.1f}"

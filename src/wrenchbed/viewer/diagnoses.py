@@ -11,8 +11,8 @@ import rerun as rr
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
 from wrenchbed.pages.provenance import markdown, provenance
-from wrenchbed.reports.answer import of_wrench
 from wrenchbed.reports.claim import Claim, joints, joints_or
+from wrenchbed.reports.wrench_answer import WrenchAnswer
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import layout
@@ -122,7 +122,7 @@ def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> N
 
 def answers(findings: Findings, shares: Mapping[str, float], command: str = "") -> str:
     """The three answers and the ranked causes, in Markdown, in the words of the page."""
-    d, words = findings.diagnosis, of_wrench(findings)
+    d, words = findings.diagnosis, WrenchAnswer(findings)
     rows = [f"# {d.verdict}: {words.headline}", ""]
     rows += [f"- set aside: {sentence}" for sentence in words.aside]
     rows += ["", f"**{words.place}**", "", *(f"- {sentence}" for sentence in words.where)]

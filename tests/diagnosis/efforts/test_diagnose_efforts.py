@@ -9,7 +9,7 @@ from arm_torques import COULOMB, NOISE
 
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
-from wrenchbed.reports import effort_sentences
+from wrenchbed.reports.effort_answer import EffortAnswer
 
 
 def consistent(found):
@@ -25,7 +25,7 @@ def consistent(found):
         if w["probability"] > 0.5:
             assert g.closed.low > 0.0 or d.verdict == "partial"
     assert json.loads(json.dumps(raw))["verdict"] == d.verdict
-    assert d.verdict == "partial" or effort_sentences.headline(found)
+    assert d.verdict == "partial" or EffortAnswer(found).headline
 
 
 @pytest.mark.sampled

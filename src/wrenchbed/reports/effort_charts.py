@@ -1,23 +1,13 @@
-"""The report of a diagnosis of joint efforts as one HTML page that needs nothing else."""
-
-from pathlib import PurePath
+"""Figures of a diagnosis of joint efforts: measured and predicted, and each joint's friction."""
 
 import numpy as np
 from scipy.stats import binned_statistic
 
-from wrenchbed import registry
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
-from wrenchbed.pages import ReportPage
 from wrenchbed.pages.chart import Axis, Chart, Kind, Panel, Role, Series, thinned
-from wrenchbed.pages.draw import draw
-from wrenchbed.pages.provenance import provenance
-from wrenchbed.reports import effort_sentences as sentences
-from wrenchbed.reports import figures
-from wrenchbed.reports.answer import BADGES, of_efforts
 
 _SHOWN_S = 15.0
 """Time of a motion that is shown [s]: several reversals of each joint are in view."""
-_FITTED = "what is not stated fitted; what is stated stays within its ordinary spread"
 _BINS = 24
 """Of speed, in which friction is averaged."""
 _FRICTION: tuple[tuple[str, Kind, Role], ...] = (
@@ -26,38 +16,9 @@ _FRICTION: tuple[tuple[str, Kind, Role], ...] = (
 )  # fmt: skip
 
 
-def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
-    """The page of a diagnosis of joint efforts.
-
-    Args:
-        findings: from ``diagnose_efforts``.
-        command: that made it.
-
-    Raises:
-        MissingExtraError: matplotlib or jinja2 is not installed.
-    """
-    registry.require("matplotlib", "report")
-    d = findings.diagnosis
-    words = of_efforts(findings)
-    before = {c: v["before"] for c, v in d.gap.per_channel.items()}
-    after = {c: v["after"] for c, v in d.gap.per_channel.items() if "after" in v}
-    charts = [
-        figures.gaps(words.gaps, _FITTED),
-        figures.channels(before, after, "calibrated"),
-        _efforts(findings),
-    ]
-    charts += [_friction(findings, j) for j in _joints(findings)]
-    drawn = [draw(c) for c in charts]
-    context = {
-        "d": d, "words": words, "what": sentences.channels(findings),
-        "verdict": d.verdict, "badge": BADGES[d.verdict], "name": PurePath(d.recording).name,
-        "gaps": drawn[0], "channels": drawn[1], "shown": drawn[2:],
-        "data": [("recording", d.recording), ("robot", d.robot),
-                 *provenance([d.recording], seed=findings.seed),
-                 ("duration of the diagnosis", f"{d.seconds:.1f} s")],
-        "command": command or f"wrenchbed diagnose {d.recording} --out DIR",
-    }  # fmt: skip
-    return ReportPage(context, "efforts", drawn)
+def charts(findings: EffortFindings) -> list[Chart]:
+    """Efforts over time, then the friction of the joints that matter most."""
+    return [_efforts(findings), *(_friction(findings, j) for j in _joints(findings))]
 
 
 def _joints(findings: EffortFindings) -> list[int]:

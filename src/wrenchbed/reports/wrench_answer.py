@@ -1,0 +1,232 @@
+"""The words of a diagnosis of a wrench."""
+
+from collections.abc import Sequence
+from functools import cached_property
+
+from wrenchbed.diagnosis.diagnose import Findings
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, small
+from wrenchbed.pages import numbers
+from wrenchbed.reports.answer import Answer
+from wrenchbed.reports.claim import Claim, capital, claim, listed
+from wrenchbed.reports.claim import place as place_of
+
+LEAST_SHARE = 0.006
+"""Share of the residual below which a variable is not worth a word."""
+_KERNELS = {
+    "orientation": "the sensor's orientation",
+    "position": "the sensor's position",
+    "direction": "the direction from which the joints came",
+    "speed": "speed and acceleration",
+}
+_GAP = "the gap"
+
+
+class WrenchAnswer(Answer):
+    """A diagnosis of a wrench in words.
+
+    Args:
+        findings: from ``diagnose``.
+
+    Attributes:
+        row_effects: claimed effects that show between rows only.
+        row_sentences: on all effects that show between rows only.
+        variable: on which an unknown residual depends most, within a sentence.
+    """
+
+    fitted = "bias, tool mass and centre of gravity fitted, as every user does"
+
+    def __init__(self, findings: Findings) -> None:
+        super().__init__(findings.diagnosis)
+        self.findings = findings
+        self.row_effects = frozenset(r.effect for r in findings.rows)
+        self.row_sentences = [r.sentence for r in findings.rows]
+        self.notes = [*self.row_sentences, *self.notes_besides_rows]
+        self._kernel = findings.analysis.ranking.kernel
+        self.variable = _KERNELS.get(self._kernel, self._kernel)
+
+    @property
+    def notes_besides_rows(self) -> list[str]:
+        """Notes of the diagnosis without the sentences on effects between rows."""
+        return [n for n in self.d.notes if n not in self.row_sentences]
+
+    @property
+    def about(self) -> str:
+        d = self.d
+        return f"{', '.join((d.recording, *d.others))}  {d.robot}, {d.seconds:.1f} s"
+
+    @cached_property
+    def causes(self) -> Sequence[Claim]:
+        return [claim(w) for w in self.d.which]
+
+    @property
+    def only_rows(self) -> bool:
+        """Whether all claimed causes show between rows only."""
+        return bool(self.row_effects) and all(c.name in self.row_effects for c in self.causes)
+
+    @property
+    def no_claim(self) -> str:
+        if self.d.verdict == NONE:
+            count = len({spot.effect for spot in self.d.blind})
+            text = "No cause found: the residual is within normal imperfections"
+            effects = "1 effect" if count == 1 else f"{count} effects"
+            blind = f"; {effects} could not be seen, or not in every joint or channel"
+            return f"{text}{blind if count else ''}."
+        if self._crowd:
+            return "Too many effects explain the gap equally well."
+        varies = f": it varies with {self.variable}" if self._varies else ""
+        return f"No known effect explains {self._unexplained}{varies}."
+
+    @property
+    def no_cause(self) -> str:
+        if self.d.verdict == NONE:
+            return (
+                f"With probability {self.chance_of(NONE)} nothing counts as a cause: many small "
+                "imperfections together are normal, and a cause adds a gap of at least 1."
+            )
+        if self._crowd:
+            names = ", ".join(self.nearest[0].split("|"))
+            return f"These explain it equally well, and no choice is made: {names}."
+        return self.unknown(self._unexplained)
+
+    @property
+    def place(self) -> str:
+        if not self.d.which:
+            return self._hint
+        phrases = []
+        for w in self.d.which:
+            others = (str(n).split(".")[0] for n in w["rivals"])
+            phrases.append(
+                " or ".join(f"in {_the(n)}" for n in dict.fromkeys((place_of(w), *others)))
+            )
+        known = listed(list(dict.fromkeys(phrases)))
+        return f"Mostly not {known}" if self.d.verdict == "partial" else capital(known)
+
+    @property
+    def _hint(self) -> str:
+        if self.hinted:
+            return f"Only a hint: {listed([_the(name) for name in self.hinted])}"
+        if self.d.where:
+            subsystems = dict.fromkeys(_the(str(w["subsystem"])) for w in self.d.where)
+            return f"Only in single rows: {listed(list(subsystems))}"
+        return "Too little for a cause" if self._seen else "No place differs from noise"
+
+    @property
+    def hinted(self) -> list[str]:
+        """Subsystems that ``where`` hints at; none where a cause is claimed."""
+        hints = (str(w["subsystem"]) for w in self.d.where if float(w["share"]) > 0.0)
+        return [] if self.d.which else list(dict.fromkeys(hints))
+
+    @property
+    def where(self) -> Sequence[str]:
+        phrases = [str(w["sentence"]) for w in self.d.where]
+        if self.d.which:
+            seen = [f.sentence for f in self.findings.places if f.seen and f.share > LEAST_SHARE]
+            return phrases if self.only_rows else phrases + seen[:2]
+        phrases = phrases[:2]
+        if self.d.verdict == UNKNOWN:
+            text = f"Of all recorded variables, the residual follows {self.variable} best"
+            phrases.insert(0, f"{text}{'' if self._follows else ', but not significantly'}.")
+        if self._seen and not phrases:
+            seen = listed(self._seen)
+            phrases.append(f"What is left beyond noise is too small for a cause: {seen}.")
+        return phrases or ["No channel, joint or variable carries more than noise."]
+
+    @cached_property
+    def far(self) -> tuple[str, str]:
+        g = self.d.gap
+        if g.with_effects is not None:
+            start = g.calibrated.value if self.d.twin.active else g.configured
+            return self.shrinks(start)
+        figure = f"Gap {numbers.gap(g.calibrated.value)}"
+        if self.d.verdict == UNKNOWN and self._unexplained == _GAP:
+            text = f"It stays {self.on}: without a cause there is nothing to close it with."
+            return figure, f"{text} {self.black_box}".strip()
+        text = f"This is the gap of the calibrated simulator {self.on}"
+        if self.only_rows and self.causes:
+            names = " and ".join(c.name for c in self.causes)
+            text += (
+                f". The detected cause ({names}) scatters single rows; the means have no gap to "
+            )
+            return figure, f"{text}close."
+        if self.causes:
+            return figure, f"{text}. Rows in which something touches the tool took no part."
+        if g.calibrated.value - max(g.floor, 0.0) > LARGEST_NONE:
+            ends = f"{numbers.gap(g.calibrated.low)} … {numbers.gap(g.calibrated.high)}"
+            text += f". It is not significantly above 1: its 95 % interval is {ends}"
+        return figure, f"{text}. No cause is named; there is nothing to close."
+
+    @property
+    def nothing_more(self) -> str:
+        closed = self.d.gap.closed is None or self.d.gap.closed.value > 0.0
+        if self.d.verdict == NONE:
+            return (
+                "Nothing: the calibrated simulator in twin.json is as good as noise and normal "
+                "imperfections allow."
+            )
+        if self.d.verdict != "identified":
+            return "No experiment of the kinds considered would show more within minutes."
+        if self.distrusted or not closed:
+            text = "Do not use twin.json yet: record more poses, "
+            return f"{text}and diagnose both recordings together."
+        text = "Nothing more has to be recorded to name the cause. "
+        if self.only_rows:
+            text += "It acts on single rows. twin.json contains it; the mean readings of that "
+            return f"{text}simulator are the calibrated ones."
+        return f"{text}twin.json contains it."
+
+    @property
+    def black_box(self) -> str:
+        share = self.d.gap.black_box
+        if share is None or self.d.gap.calibrated.value < 1.0:
+            return ""
+        if share <= 0.0:
+            return "A black-box model closes nothing of it."
+        many = numbers.percent(share)
+        if share >= 0.5:
+            return f"A black-box model closes {many} % of it, so it repeats with what was recorded."
+        return f"A black-box model closes only {many} % of it."
+
+    @property
+    def observations(self) -> str:
+        p = self.findings.analysis.prepared
+        return f"{int(p.judged.sum()):,} {p.observed}"
+
+    @property
+    def _seen(self) -> list[str]:
+        """Channels and variables on which the residual is seen to depend."""
+        return [f.variable for f in self.findings.places if f.seen]
+
+    @property
+    def _follows(self) -> bool:
+        """Whether the residual is seen to vary with what an unknown depends on."""
+        kernel = self._kernel
+        return kernel in self._seen or (
+            kernel == "direction" and any(v.startswith("direction") for v in self._seen)
+        )
+
+    @property
+    def _varies(self) -> bool:
+        """Whether an unknown gap is seen to vary with a variable."""
+        return self._unexplained == _GAP and self._follows
+
+    @property
+    def _unexplained(self) -> str:
+        """What is unknown: the gap, or what is left where the means have hardly one."""
+        if self.d.verdict == UNKNOWN and small(self.d.gap):
+            if self.findings.scattered:
+                return "how rows scatter"
+            if self.findings.analysis.prepared.touch is not None:
+                return "what comes while something touches the tool"
+        return _GAP
+
+    @property
+    def _crowd(self) -> bool:
+        """Whether it is unknown because too many effects look the same."""
+        best, p = self.nearest
+        return self.d.verdict == UNKNOWN and "|" in best and p > self.d.probabilities[UNKNOWN]
+
+
+def _the(place: str) -> str:
+    """With its article, which a numbered part has none of."""
+    return place if place[-1].isdigit() or place.startswith("all ") else f"the {place}"
