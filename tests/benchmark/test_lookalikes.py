@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
+from wrenchbed.benchmark.frame import between
 from wrenchbed.benchmark.lookalikes import (
     ExperimentDesign,
     draw,
@@ -12,7 +13,7 @@ from wrenchbed.benchmark.lookalikes import (
     families,
     recording,
 )
-from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS
+from wrenchbed.benchmark.lookalikes.catalogue import DRAWS
 from wrenchbed.benchmark.lookalikes.loads import in_motion
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.time_derivatives import Jet
@@ -51,7 +52,7 @@ each_design = pytest.mark.parametrize("kind", DESIGNS)
 
 
 def shows(case, effect, needed=1.0, rows=0.5):
-    if EFFECTS[effect].rows:
+    if between(effect):
         return case.rows[effect] >= rows
     return case.gaps[effect] >= needed
 
@@ -143,9 +144,9 @@ def test_in_motion_the_nominal_case_is_newton_and_euler():
 
 def test_base_tilt_and_mount_rotation_have_the_robots_own_sign():
     design = design_of("ur5 static")
-    for effect, group in (("base.tilt", "base.tilt"), ("mount.rotation", "mount.rotation")):
-        item = EFFECTS[effect].draw(design, np.random.default_rng(0), 2.0)
-        names = {f"{group}.{a}": v for a, v in item.values.items()}
+    for effect, group in (("base.tilt", "base.tilt"), ("mount.rotation", "mount")):
+        item = DRAWS[effect](design, np.random.default_rng(0), 2.0)
+        names = {f"{group}.{a}": v for a, v in item.true.items()}
         theta = design.robot.parameters.vector(names, start=design.theta)
         rotation, _ = design.robot.sensor_pose(design.q, theta)
         motion = design.motion

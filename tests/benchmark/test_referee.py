@@ -11,12 +11,13 @@ from scipy.integrate import solve_ivp
 
 import wrenchbed
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import KINDS, NEEDED, ROWS_NEEDED, STATED
+from wrenchbed.benchmark import frame
+from wrenchbed.benchmark.frame import EFFECTS, KINDS, NEEDED, ROWS_NEEDED, STATED
 from wrenchbed.benchmark.referee import body, case, sensor
 from wrenchbed.benchmark.referee import scenario as settings
 from wrenchbed.benchmark.referee import signatures as columns
 from wrenchbed.benchmark.referee.case import FaultyRobot
-from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES, background, possible
+from wrenchbed.benchmark.referee.catalogue import DRAWS, FAMILIES, background, possible
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.signatures import SAME, bench
 from wrenchbed.effects.chain import ActiveEffect, respond
@@ -120,8 +121,8 @@ SAME_NUMBERS = {
     "mount.rotation": body.mount,
     "joint.offset": body.offset,
     "joint.compliance": lambda setting, rng, size: body.compliance(setting, rng, size, j=2),
-    "body.mass": body.mass,
-    "body.cog": body.cog,
+    "tool.mass": body.mass,
+    "tool.cog": body.cog,
     "sensor.bias": sensor.bias,
     "sensor.gain": sensor.gain,
     "sensor.crosstalk": sensor.crosstalk,
@@ -170,9 +171,9 @@ def world(small):
 
 
 @pytest.mark.sampled
-@pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if not e.motion and not e.loops])
+@pytest.mark.parametrize("name", frame.possible(["joints", "warmth", "repeats"]))
 def test_every_effect_changes_what_is_read(world, name):
-    fault = EFFECTS[name].draw(world.setting, np.random.default_rng(6), 4.0)
+    fault = DRAWS[name](world.setting, np.random.default_rng(6), 4.0)
     assert fault.name == name
     found = world.measured(fault)
     assert max(found.gap, found.rows) > 1e-3
@@ -228,7 +229,7 @@ def test_a_turned_last_joint_is_a_turned_sensor(world):
 def test_a_wrong_mass_is_a_gain_of_everything(world):
     found = world.measured(body.mass(world.setting, np.random.default_rng(1), 1.0))
     signatures = bench(world.setting, world.way, world.usual)
-    assert "sensor.gain" in signatures.alike("body.mass", found.signature)
+    assert "sensor.gain" in signatures.alike("tool.mass", found.signature)
     assert signatures.shows(found.signature, found.signature, configured=True)
     assert not signatures.shows(-found.signature, found.signature, configured=True)
 

@@ -193,7 +193,7 @@ def test_true_parameters_have_the_published_names_and_signs(effect):
     q = robot.sample(30, np.random.default_rng(3))
     design = ExperimentDesign.of_plan(Plan.of("ur5", q), robot, samples=20)
     case = draw(design, 5, "single", effect, 2.0)
-    true = truth(design, case, effect)
+    true = truth(case, effect)
     own = effects()[effect]
     scene = prepare(recording(design, case)).scene
     active = [ActiveEffect(own, own.values(robot, true))]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sealed_family import COUNT, SEED, truthful
-from wrenchbed.benchmark.referee.catalogue import EFFECTS
+from wrenchbed.benchmark.frame import EFFECTS
 from wrenchbed.benchmark.scoring.case_rows import Claim
 from wrenchbed.benchmark.scoring.metrics import Metric, ScoredMetric
 from wrenchbed.benchmark.sealed import commitments, report, score

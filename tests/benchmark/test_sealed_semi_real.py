@@ -10,8 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from ntnu import GRAVITY, STD, motion, static
 from sealed_family import truthful
-from wrenchbed.benchmark.referee.catalogue import EFFECTS
-from wrenchbed.benchmark.referee.fault import total
+from wrenchbed.benchmark.frame import EFFECTS, true_numbers
 from wrenchbed.benchmark.scoring.case_rows import Claim
 from wrenchbed.benchmark.sealed import commitments, make, report
 from wrenchbed.benchmark.sealed import score as scoring
@@ -220,7 +219,7 @@ def test_a_robot_with_joints_holds_faults_too(family):
     rate = named(fault.true, "rate")
     span = change(host, fault)[-1] - change(host, fault)[0]
     assert span == pytest.approx(rate * host.setting.recording.t[-1], rel=0.02, abs=1e-9)
-    assert total([fault], "sensor.drift") == fault.true
+    assert true_numbers(fault, [(fault, 1.0)]) == fault.true
 
 
 def test_what_is_claimed_of_the_recording_itself_is_no_misnaming(semi_real, tmp_path, capsys):

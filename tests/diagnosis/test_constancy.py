@@ -7,7 +7,7 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.benchmark.referee.case import as_case, robot_with_minor
-from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES
+from wrenchbed.benchmark.referee.catalogue import DRAWS, FAMILIES
 from wrenchbed.diagnosis.diagnose import settle
 from wrenchbed.diagnosis.explain.own_rest import weighed_again
 from wrenchbed.diagnosis.explain.reliability import shipped
@@ -82,7 +82,7 @@ def sinking():
 
 @pytest.fixture(scope="module")
 def tilted():
-    return of_referee(EFFECTS["base.tilt"].draw)
+    return of_referee(DRAWS["base.tilt"])
 
 
 def tilt_of(a):

@@ -5,8 +5,9 @@ What `docs/reference/effects.md` prints of each effect is held against the regis
 
 import pytest
 
-from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS as LOOKALIKES
-from wrenchbed.benchmark.referee.catalogue import EFFECTS as REFEREE
+from wrenchbed.benchmark.frame import EFFECTS
+from wrenchbed.benchmark.lookalikes import catalogue as lookalikes
+from wrenchbed.benchmark.referee import catalogue as referee
 from wrenchbed.effects.base import SHOWN, STAGES, STATED_NUMBERS
 from wrenchbed.effects.chain import effects, stated_effects
 
@@ -37,9 +38,9 @@ FLAGS = {
 
 
 def test_every_effect_has_a_draw_in_both_catalogues():
-    assert set(LOOKALIKES) == set(effects())
-    # exactly a mass and a CoG: it is in the background of every case of the referee
-    assert set(effects()) - set(REFEREE) == {"tool.self_weight"} and set(REFEREE) < set(effects())
+    assert set(lookalikes.DRAWS) == set(referee.DRAWS) == set(EFFECTS) < set(effects())
+    # exactly a mass and a CoG: it is in the background of every case
+    assert set(effects()) - set(EFFECTS) == {"tool.self_weight"}
 
 
 def test_each_stated_number_is_the_error_of_one_effect():

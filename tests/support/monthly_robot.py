@@ -13,7 +13,8 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import log_uniform
-from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS, LARGEST, background
+from wrenchbed.benchmark.lookalikes.catalogue import DRAWS as FAULTS
+from wrenchbed.benchmark.lookalikes.catalogue import LARGEST, background
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot, gap
 from wrenchbed.data.metadata import Metadata, SensorInfo
@@ -104,7 +105,7 @@ class MonthlyRobot:
         base = self._readings.reading(self._around)
         for _ in range(DRAWS):
             size = log_uniform(rng, 0.5, 4.0)
-            item, amount = EFFECTS[self.fault].draw(self._design, rng, size), 1.0
+            item, amount = FAULTS[self.fault](self._design, rng, size), 1.0
             for _ in range(SCALINGS):
                 changed = self._readings.reading([*self._around, (item, amount)]) - base
                 added = gap(self._design, changed, configured=True)

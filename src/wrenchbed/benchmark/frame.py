@@ -3,9 +3,9 @@
 Look-alikes, the referee and the efforts fill it, each with physics of its own; this file has none.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, Generic, TypeVar
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Generic, ParamSpec, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from wrenchbed.physics.wrench import CHANNELS
 Rng = np.random.Generator
 Drawn = TypeVar("Drawn")
 Shake = TypeVar("Shake")
+P = ParamSpec("P")
 
 KINDS = ("none", "single", "pair", "outside")
 """Nothing wrong, one effect of the library, two of different subsystems, a fault of no library."""
@@ -28,7 +29,74 @@ STATED = ("sensor.bias", "tool.mass", "tool.cog")
 SUBSYSTEMS = (
     "sensor", "mount", "tool", "cable", "joint", "link", "base", "timing", "environment",
 )  # fmt: skip
-"""Order in which effects are drawn: cases follow from it and the seed."""
+"""Subsystems of the effects."""
+
+
+@dataclass(frozen=True)
+class CaseEffect:
+    """Effect of the library that a case may have as a cause; both physics draw it in their own way.
+
+    Attributes:
+        needs: what shows it: ``motion``, ``joints``, ``loops`` of them, recorded ``warmth``, or
+            ``repeats``, of which only the scatter of rows shows it.
+        adds: its numbers add up with those of minor imperfections of the same name.
+        compared: pattern of the names of its numbers that mean the same in both physics and in the
+            library. The moment of a jump is not compared: any moment between two poses is as true
+            as another.
+    """
+
+    needs: tuple[str, ...] = ()
+    adds: bool = True
+    compared: str = ""
+
+    @property
+    def between(self) -> bool:
+        """Whether it shows between rows only."""
+        return "repeats" in self.needs
+
+
+_CHANNEL = "[ft][xyz]"
+EFFECTS: Mapping[str, CaseEffect] = {
+    "sensor.bias": CaseEffect(compared=rf"bias\.{_CHANNEL}"),
+    "sensor.drift": CaseEffect(compared=rf"rate\.{_CHANNEL}"),
+    "sensor.gain": CaseEffect(compared=rf"gain\.{_CHANNEL}"),
+    "sensor.crosstalk": CaseEffect(compared=rf"x\.{_CHANNEL}\.{_CHANNEL}"),
+    "sensor.hysteresis": CaseEffect(),
+    "sensor.saturation": CaseEffect(),
+    "sensor.quantization": CaseEffect(("repeats",)),
+    "sensor.noise": CaseEffect(("repeats",)),
+    "sensor.temperature": CaseEffect(("warmth",)),
+    "sensor.nonlinearity": CaseEffect(),
+    "sensor.creep": CaseEffect(),
+    "sensor.jump": CaseEffect(adds=False, compared=rf"step\.{_CHANNEL}"),
+    "mount.rotation": CaseEffect(compared=r"rotation\.[xyz]"),
+    "tool.mass": CaseEffect(compared="mass"),
+    "tool.cog": CaseEffect(compared=r"cog\.[xyz]"),
+    "tool.inertia": CaseEffect(("motion",), compared=r"inertia\.[xyz]{2}"),
+    "tool.loose": CaseEffect(),
+    "tool.leak": CaseEffect(),
+    "tool.slide": CaseEffect(),
+    "tool.flexure": CaseEffect(),
+    "cable.pull": CaseEffect(("joints",)),
+    "cable.torsion": CaseEffect(("joints",)),
+    "joint.offset": CaseEffect(("joints",), compared=r"offset\.q\d+"),
+    "joint.compliance": CaseEffect(("joints",), compared=r"compliance\.q\d+"),
+    "joint.backlash": CaseEffect(("joints",), adds=False),
+    "joint.gear_error": CaseEffect(("joints",), adds=False),
+    "joint.clearance": CaseEffect(("joints", "loops")),
+    "link.length": CaseEffect(("joints", "loops"), compared=r"length\.[A-Z]\d\d?[yz]?"),
+    "base.tilt": CaseEffect(compared="[xy]"),
+    "base.compliance": CaseEffect(("joints",)),
+    "base.vibration": CaseEffect(("repeats",)),
+    "timing.delay": CaseEffect(("motion",), compared="delay"),
+    "timing.lowpass": CaseEffect(("motion",), adds=False),
+    "timing.stale": CaseEffect(("motion", "repeats")),
+    "timing.skew": CaseEffect(("motion",), compared="skew"),
+    "environment.contact": CaseEffect(("joints",)),
+}
+"""By name, in the order in which causes are drawn: cases follow from it and the seed.
+
+The weight of the sensor's own tool side is exactly a mass and a CoG: it is in every background."""
 
 
 def log_uniform(rng: Rng, low: float, high: float) -> float:
@@ -41,9 +109,15 @@ def subsystem(name: str) -> str:
     return name.partition(".")[0]
 
 
-def by_subsystem(drawn: Mapping[str, Drawn]) -> dict[str, Drawn]:
-    """Registered effects in the order in which they are drawn."""
-    return dict(sorted(drawn.items(), key=lambda item: SUBSYSTEMS.index(subsystem(item[0]))))
+def between(name: str) -> bool:
+    """Whether a fault of this name shows between rows only."""
+    return name in EFFECTS and EFFECTS[name].between
+
+
+def possible(shown: Iterable[str]) -> list[str]:
+    """Names of the effects that can be causes where these needs (`CaseEffect.needs`) are met."""
+    met = set(shown)
+    return [name for name, effect in EFFECTS.items() if met.issuperset(effect.needs)]
 
 
 def attempts(tries: int, draw: Callable[[int], Drawn], failure: type[Exception]) -> Drawn:
@@ -60,6 +134,50 @@ def attempts(tries: int, draw: Callable[[int], Drawn], failure: type[Exception])
         except failure:
             continue
     return draw(tries - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Fault:
+    """Something wrong with a robot, and its name: of an effect, of a family outside the library, or
+    ``background``."""
+
+    true: Mapping[str, float] = field(default_factory=dict)
+    name: str = field(default="", kw_only=True)
+
+
+AnyFault = TypeVar("AnyFault", bound=Fault)
+
+
+def register(
+    draws: dict[str, Callable[..., AnyFault]], name: str
+) -> Callable[[Callable[P, AnyFault]], Callable[P, AnyFault]]:
+    """Decorator that keeps a draw under a name, which its faults get."""
+
+    def named(draw: Callable[P, AnyFault]) -> Callable[P, AnyFault]:
+        def drawn(*args: P.args, **options: P.kwargs) -> AnyFault:
+            return replace(draw(*args, **options), name=name)
+
+        draws[name] = drawn
+        return drawn
+
+    return named
+
+
+def true_numbers(cause: Fault, faults: Iterable[tuple[Fault, float]]) -> dict[str, float]:
+    """True numbers of a cause by name, SI, with what minor imperfections of its name add.
+
+    Args:
+        cause: whose numbers.
+        faults: all faults of the robot, and how much of each is there: 1 of a cause.
+    """
+    if cause.name not in EFFECTS or not EFFECTS[cause.name].adds:
+        return dict(cause.true)
+    sums: dict[str, float] = {}
+    for fault, amount in faults:
+        if fault.name == cause.name:
+            for key, value in fault.true.items():
+                sums[key] = sums.get(key, 0.0) + amount * value
+    return sums
 
 
 def by_channel(values: np.ndarray, stem: str = "") -> dict[str, float]:

@@ -4,25 +4,21 @@ Typical sizes and ranges are estimates.
 """
 
 import re
-from collections.abc import Mapping
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.frame import Rng, register
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
+    DRAWS,
     Imperfection,
     ImperfectRobot,
     RowImperfection,
     Shaking,
     gap,
-    lookalike,
-    named,
     relay,
-    repeated,
     spread,
-    with_joints,
 )
 from wrenchbed.benchmark.lookalikes.loads import link_forces, rotate_back, wrench_at
 from wrenchbed.robots.base import SimulatedRobot
@@ -31,7 +27,7 @@ _CROSSING_S = 0.04
 """Time in which a motion crosses backlash or clearance [s]: an estimate."""
 
 
-@lookalike("mount.rotation", published=named("rotation."))
+@register(DRAWS, "mount.rotation")
 def mount_rotation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The sensor is mounted on the flange with a rotation of about 0.5°."""
     axis = rng.standard_normal(3)
@@ -39,46 +35,33 @@ def mount_rotation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
         axis = np.array([0.15, 0.15, 1.0]) * rng.standard_normal(3)
     angle = np.deg2rad(0.5) * size * spread(rng)
     vector = angle * axis / np.linalg.norm(axis)
-    values = dict(zip("xyz", vector.tolist(), strict=True))
-    return Imperfection(values, mount=vector)
+    true = {f"rotation.{a}": v for a, v in zip("xyz", vector.tolist(), strict=True)}
+    return Imperfection(true, mount=vector)
 
 
-def _joints_of(values: Mapping[str, float]) -> list[tuple[str, int]]:
-    """Suffixes of the names that belong to a joint, and the joint's number."""
-    return [(k.removeprefix("joint"), int(x)) for k, x in values.items() if k.startswith("joint")]
-
-
-def _offsets(v: Mapping[str, float]) -> dict[str, float]:
-    return {f"offset.q{j}": v["offset" + suffix] for suffix, j in _joints_of(v)}
-
-
-def _compliances(v: Mapping[str, float]) -> dict[str, float]:
-    return {f"compliance.q{j}": 1.0 / v["stiffness" + suffix] for suffix, j in _joints_of(v)}
-
-
-@lookalike("joint.offset", with_joints, published=_offsets)
+@register(DRAWS, "joint.offset")
 def offset(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Zeros of joints are wrong by about 0.2°, the rail's by 1 mm."""
-    values: dict[str, float] = {}
+    true: dict[str, float] = {}
     dq = np.zeros_like(design.q)
-    for place, j in enumerate(_joints(design, rng)):
+    for j in _joints(design, rng):
         typical = np.deg2rad(0.2) if design.robot.joints[j].unit == "rad" else 1e-3
         value = _sign(rng) * size * typical * spread(rng)
         dq[:, j] += value
-        values |= _numbered(place, joint=j + 1, offset=value)
-    return Imperfection(values, joint=dq)
+        true[f"offset.q{j + 1}"] = value
+    return Imperfection(true, joint=dq)
 
 
-@lookalike("joint.compliance", with_joints, hard=True, published=_compliances, adds=False)
+@register(DRAWS, "joint.compliance")
 def compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Joints deflect under their torque, a little stiffer at higher torque.
 
-    The stiffness stated is the one at small torque under the nominal masses.
+    The true compliance is the one at small torque under the nominal masses.
     """
     torque = design.weights.torque
-    values: dict[str, float] = {}
+    true: dict[str, float] = {}
     dq = np.zeros_like(design.q)
-    for place, j in enumerate(_joints(design, rng, rotating=True)):
+    for j in _joints(design, rng, rotating=True):
         largest = max(float(np.abs(torque[:, j]).max()), 1e-9)
         typical = 1.5e4 if j < design.robot.large_gears else 5e3  # N·m/rad
         stiffness = typical / size * spread(rng)
@@ -86,11 +69,11 @@ def compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
         hardening = rng.uniform(0.0, 0.25)
         torque_fraction = true_torque / largest
         dq[:, j] -= true_torque / stiffness * (1.0 - hardening * torque_fraction**2)
-        values |= _numbered(place, joint=j + 1, stiffness=stiffness)
-    return Imperfection(values, joint=dq)
+        true[f"compliance.q{j + 1}"] = 1.0 / stiffness
+    return Imperfection(true, joint=dq)
 
 
-@lookalike("joint.backlash", with_joints, hard=True)
+@register(DRAWS, "joint.backlash")
 def backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Backlash of a joint: the load holds one side until it clearly pulls to the other."""
     (j,) = _joints(design, rng, rotating=True, several=0.0)
@@ -106,7 +89,7 @@ def backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection({"joint": j + 1, "width": width}, joint=dq)
 
 
-@lookalike("joint.gear_error", with_joints, hard=True)
+@register(DRAWS, "joint.gear_error")
 def gear_error(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A periodic error of a gear: a few times per turn of the joint, seldom of the motor."""
     (j,) = _joints(design, rng, rotating=True, several=0.0)
@@ -129,11 +112,7 @@ def distal_links(design: ExperimentDesign) -> list[str]:
     return [n for n in design.robot.parameters.names if re.fullmatch(r"L\d[24]", n)]
 
 
-def _with_five_bars(design: ExperimentDesign) -> bool:
-    return design.has_joints and bool(distal_links(design))
-
-
-@lookalike("joint.clearance", _with_five_bars, hard=True)
+@register(DRAWS, "joint.clearance")
 def clearance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Passive joints of the five-bars have clearance: the weight pushes each link to one end."""
     names = distal_links(design)
@@ -161,22 +140,22 @@ def _distal_forces(design: ExperimentDesign) -> np.ndarray:
     return np.stack([np.interp(rows, pick, force[:, k]) for k in range(len(names))], axis=1)
 
 
-@lookalike("link.length", _with_five_bars, published=named("length."))
+@register(DRAWS, "link.length")
 def link_length(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Links of a closed chain that are about 1 mm too long or short."""
     names = [n for n in design.robot.parameters.names if re.fullmatch(r"L\d\d", n)]
     names += [n for n in design.robot.parameters.names if re.fullmatch(r"[AC]\d[yz]", n)]
     count = int(rng.choice([1, 2, 4], p=[0.7, 0.15, 0.15]))
     delta = np.zeros(len(design.theta))
-    values: dict[str, float] = {}
+    true: dict[str, float] = {}
     for name in rng.choice(names[:8] if count == 1 else names, count, replace=False):
         value = _sign(rng) * 1e-3 * size * spread(rng)
         delta[design.robot.parameters.index(str(name))] = value
-        values[str(name)] = value
-    return Imperfection(values, link=delta)
+        true[f"length.{name}"] = value
+    return Imperfection(true, link=delta)
 
 
-@lookalike("base.tilt", published=named(""))
+@register(DRAWS, "base.tilt")
 def tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The base is about 0.5° out of level."""
     angle = np.deg2rad(0.5) * size * spread(rng)
@@ -188,7 +167,7 @@ def tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(values, base=vector + about_vertical)
 
 
-@lookalike("base.compliance", with_joints, hard=True)
+@register(DRAWS, "base.compliance")
 def base_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The base leans under the moment of the arm's weight, unequally about two axes."""
     c = 2e-5 * size * spread(rng) * np.array([1.0, rng.uniform(0.5, 1.0)])
@@ -202,7 +181,7 @@ def base_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfec
     return Imperfection(values, base=vector)
 
 
-@lookalike("base.vibration", repeated, rows=True)
+@register(DRAWS, "base.vibration")
 def vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The floor shakes the base along one axis, at 5 to 45 Hz or with a broad spectrum."""
     axis = rng.standard_normal(3) * [1.0, 1.0, 0.6]
@@ -252,12 +231,6 @@ def _joints(
     count = int(rng.choice([2, 3])) if rng.uniform() < several else 1
     chosen = rng.choice(len(weight), count, replace=False, p=weight / weight.sum())
     return [int(j) for j in chosen]
-
-
-def _numbered(place: int, **values: float) -> dict[str, float]:
-    """Values of one of several joints: names after the first get a number."""
-    suffix = "" if place == 0 else f"_{place + 1}"
-    return {f"{k}{suffix}": float(v) for k, v in values.items()}
 
 
 def _sign(rng: Rng) -> float:

@@ -18,12 +18,12 @@ from wrenchbed.benchmark.frame import (
     STATED,
     Rng,
     Shown,
+    between,
     converted,
     log_uniform,
     subsystem,
 )
 from wrenchbed.benchmark.lookalikes.catalogue import (
-    EFFECTS,
     FAMILIES,
     LARGEST,
     background,
@@ -32,6 +32,7 @@ from wrenchbed.benchmark.lookalikes.catalogue import (
 )
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
+    DRAWS,
     Imperfection,
     ImperfectRobot,
     Scaled,
@@ -200,7 +201,7 @@ class _Drawing:
             kind=self.kind,
             causes=tuple(c.item.name for c in causes),
             outside=None,
-            sizes={c.item.name: {k: float(v) for k, v in c.item.values.items()} for c in causes},
+            sizes={c.item.name: {k: float(v) for k, v in c.item.true.items()} for c in causes},
             gaps={c.item.name: c.gap for c in causes},
             clean=clean,
             rows={c.item.name: c.rows for c in causes if c.between},
@@ -216,7 +217,7 @@ class _Drawing:
         """An effect that shows enough, None if it does not within the tries."""
         now = self.size if self.size is not None else log_uniform(self.rng, *SIZES)
         for _ in range(_TRIES):
-            cause = self._measure(EFFECTS[name].draw(self.design, self.rng, now))
+            cause = self._measure(DRAWS[name](self.design, self.rng, now))
             needed = cause.needed(self.kind)
             if (self.size is not None and np.isfinite(cause.gap)) or cause.amount >= needed:
                 return cause
@@ -231,7 +232,7 @@ class _Drawing:
 
     def _measure(self, item: Imperfection) -> _Measured:
         """Change of the reading that an imperfection adds to everything around it."""
-        if EFFECTS[item.name].rows:
+        if between(item.name):
             rise = raised_variance(self.design, item, self.base)
             return _Measured(float(rise.mean()), float(rise.max()), True, item, self.base)
         with np.errstate(invalid="ignore"):

@@ -8,14 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import STATED, Rng, by_subsystem, log_uniform
+from wrenchbed.benchmark.frame import STATED, Rng, between, log_uniform, possible, register
 from wrenchbed.benchmark.lookalikes import arm, sensor, tool
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
-    DRAWN,
+    DRAWS,
     Imperfection,
     ImperfectRobot,
-    LookalikeEffect,
     RowImperfection,
     Scaled,
     Shaking,
@@ -24,10 +23,6 @@ from wrenchbed.benchmark.lookalikes.imperfection import (
 )
 from wrenchbed.benchmark.lookalikes.loads import rotate_back, wrench_at
 
-FILES = (arm, sensor, tool)
-"""Modules whose draws are registered by importing them."""
-EFFECTS = by_subsystem(DRAWN)
-"""Every drawn effect by name, grouped by subsystem."""
 Family = Callable[[ExperimentDesign, Rng], Imperfection]
 FAMILIES: dict[str, Family] = {}
 """Families outside every library, by name."""
@@ -45,6 +40,15 @@ SMALLEST_BACKGROUND, LARGEST_BACKGROUND = 0.02, 0.45
 """Range of the gap that all small imperfections make together."""
 MOST_RISE = 0.25
 """Rise of a channel's row variance by the background's vibration, at most."""
+_HARD = (
+    "tool.inertia", "tool.loose", "tool.flexure", "joint.compliance", "joint.backlash",
+    "joint.gear_error", "joint.clearance", "base.compliance", "sensor.creep",
+)  # fmt: skip
+"""Effects that often show too little: whether they can is tried out once for each design."""
+LEAST_REPEATS = 4
+"""Rows of a hold from which the scatter of rows shows: an estimate."""
+_LEAST_RISE = 0.5
+"""Range of a recorded temperature [K] below which it shows nothing: an estimate."""
 _NOT_IN_BACKGROUND = (*STATED, "sensor.saturation", "environment.contact", "timing.stale")
 _PRESENT = 0.7
 """Probability of each effect to be in the background."""
@@ -56,17 +60,29 @@ def effects(design: ExperimentDesign) -> tuple[str, ...]:
     """Names of the effects that can be drawn for a design: those that can show in it."""
 
     def shown() -> tuple[str, ...]:
-        fitting = [e for e in EFFECTS.values() if e.fits(design)]
-        return tuple(e.name for e in fitting if not e.hard or _shows(design, e))
+        return tuple(n for n in _fitting(design) if n not in _HARD or _shows(design, n))
 
     return design.once("effects", shown)
 
 
-def _shows(design: ExperimentDesign, effect: LookalikeEffect) -> bool:
+def _fitting(design: ExperimentDesign) -> list[str]:
+    """Names of the effects whose needs a design meets."""
+    warm = design.temperature
+    met = {
+        "motion": design.moving,
+        "joints": design.has_joints,
+        "loops": bool(arm.distal_links(design)),
+        "warmth": warm is not None and np.ptp(warm) > _LEAST_RISE,
+        "repeats": design.moving or design.samples >= LEAST_REPEATS,
+    }
+    return possible(need for need, is_met in met.items() if is_met)
+
+
+def _shows(design: ExperimentDesign, effect: str) -> bool:
     """Whether one of a few large draws reaches a gap that counts."""
     robot = ImperfectRobot(design)
     for probe in range(_PROBES):
-        item = effect.draw(design, np.random.default_rng([probe, 7]), 0.8 * LARGEST)
+        item = DRAWS[effect](design, np.random.default_rng([probe, 7]), 0.8 * LARGEST)
         with np.errstate(invalid="ignore"):
             difference = robot.reading([(item, 1.0)]) - design.nominal
         if np.isfinite(difference).all() and gap(design, difference) > _PROBED_GAP:
@@ -81,14 +97,12 @@ def background(robot: ImperfectRobot, rng: Rng) -> list[Scaled]:
     target = log_uniform(rng, SMALLEST_BACKGROUND, 0.9 * LARGEST_BACKGROUND)
     around = _within_tolerance(design, rng)
     drawn = []
-    for effect in EFFECTS.values():
-        if effect.rows or effect.name in _NOT_IN_BACKGROUND or not effect.fits(design):
-            continue
-        if rng.uniform() > _PRESENT:
+    for effect in _fitting(design):
+        if between(effect) or effect in _NOT_IN_BACKGROUND or rng.uniform() > _PRESENT:
             continue
         size = 0.1 * float(np.exp(0.7 * rng.standard_normal()))
         seed = int(rng.integers(2**62))
-        drawn.append(effect.draw(design, np.random.default_rng(seed), size))
+        drawn.append(DRAWS[effect](design, np.random.default_rng(seed), size))
     scale = 0.5
     for _ in range(_TRIES):
         reading = robot.reading([(item, scale) for item in drawn])
@@ -106,13 +120,13 @@ def _within_tolerance(design: ExperimentDesign, rng: Rng) -> list[Scaled]:
     heavier = float(rng.uniform(-0.9, 0.9) * mass)
     direction = rng.standard_normal(3)
     off = rng.uniform(0.0, 0.9) * cog * direction / np.linalg.norm(direction)
-    load = Imperfection(
-        name="background",
-        tool=lambda load, _: replace(load, mass=load.mass + heavier, cog=load.cog + off),
-    )
-    zero = Imperfection(name="background", sensor=lambda y: y + shift)
     weight = tool.self_weight(design, rng, min(0.1, 0.4 * mass / 0.04))
-    return [(load, 1.0), (zero, 1.0), (weight, 1.0)]
+    return [
+        (replace(tool.heavier(heavier), name="tool.mass"), 1.0),
+        (replace(tool.off(off), name="tool.cog"), 1.0),
+        (replace(sensor.biased(shift), name="sensor.bias"), 1.0),
+        (weight, 1.0),
+    ]
 
 
 def _between_rows(design: ExperimentDesign, rng: Rng) -> Imperfection:
@@ -132,16 +146,6 @@ def families(design: ExperimentDesign) -> tuple[str, ...]:
     return tuple(n for n in FAMILIES if design.has_joints or n not in _BY_JOINTS)
 
 
-def family(draw: Family) -> Family:
-    """Register a function as the draw of a family of its name."""
-
-    def named_draw(design: ExperimentDesign, rng: Rng) -> Imperfection:
-        return replace(draw(design, rng), name=draw.__name__)
-
-    FAMILIES[draw.__name__] = named_draw
-    return named_draw
-
-
 def _zero(shift: np.ndarray) -> Imperfection:
     """Imperfection that shifts the sensor's zero by (N, 6) [N, N·m]."""
     return Imperfection(sensor=lambda y: y + shift)
@@ -156,7 +160,7 @@ def _some_channels(design: ExperimentDesign, rng: Rng) -> np.ndarray:
     return 5.0 * design.noise_std * sensor.channels(rng, one=0.4)
 
 
-@family
+@register(FAMILIES, "seating")
 def seating(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """Something settles anew at each pose: offsets with heavy tails."""
     count = len(design)
@@ -168,7 +172,7 @@ def seating(design: ExperimentDesign, rng: Rng) -> Imperfection:
     return _zero(offsets[which] * _some_channels(design, rng))
 
 
-@family
+@register(FAMILIES, "gas_spring")
 def gas_spring(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A hinge or a dress pack pushes in proportion to the angle of joint 2."""
     j = min(1, design.q.shape[1] - 1)
@@ -179,7 +183,7 @@ def gas_spring(design: ExperimentDesign, rng: Rng) -> Imperfection:
     return Imperfection(load=lambda motion, load: wrench)
 
 
-@family
+@register(FAMILIES, "magnet")
 def magnet(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A magnet near one spot of the workspace, or near one angle of joint 4, pulls."""
     if design.has_joints and rng.uniform() < 0.4 and design.q.shape[1] > 3:
@@ -197,7 +201,7 @@ def magnet(design: ExperimentDesign, rng: Rng) -> Imperfection:
     )
 
 
-@family
+@register(FAMILIES, "product")
 def product(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """Two channels multiply into a force; into a torque it would be a flexing tool."""
     into = int(rng.integers(3))
@@ -207,7 +211,7 @@ def product(design: ExperimentDesign, rng: Rng) -> Imperfection:
     return Imperfection(sensor=lambda y: y + np.outer(factor * y[:, a] * y[:, b], channel))
 
 
-@family
+@register(FAMILIES, "compressor")
 def compressor(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """The zero shifts whenever a compressor runs: a square wave in time."""
     period = float(np.ptp(design.t)) / rng.uniform(3.0, 9.0)
@@ -216,7 +220,7 @@ def compressor(design: ExperimentDesign, rng: Rng) -> Imperfection:
     return _zero(on[:, None] * _some_channels(design, rng))
 
 
-@family
+@register(FAMILIES, "bursts")
 def bursts(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """Again and again, for a moment, the reading is far off."""
     count, n = int(rng.integers(5, 10)), len(design)
@@ -228,7 +232,7 @@ def bursts(design: ExperimentDesign, rng: Rng) -> Imperfection:
     return _zero(3.0 * shift * _some_channels(design, rng))
 
 
-@family
+@register(FAMILIES, "third_harmonic")
 def third_harmonic(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A zero that varies three times per turn of the wrist."""
     if design.has_joints:
@@ -241,7 +245,7 @@ def third_harmonic(design: ExperimentDesign, rng: Rng) -> Imperfection:
     return _zero(wave * _some_channels(design, rng))
 
 
-@family
+@register(FAMILIES, "rectified")
 def rectified(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A channel reads the size of another, whatever its sign: a plate that lifts off both ways."""
     to, of = rng.permutation(6)[:2]
@@ -255,7 +259,7 @@ def rectified(design: ExperimentDesign, rng: Rng) -> Imperfection:
     return Imperfection(sensor=read)
 
 
-@family
+@register(FAMILIES, "sunbeam")
 def sunbeam(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """The zero shifts while the sensor faces a window."""
     down = design.motion.specific_force
@@ -264,7 +268,7 @@ def sunbeam(design: ExperimentDesign, rng: Rng) -> Imperfection:
     return _zero(np.exp(6.0 * (facing - 1.0))[:, None] * 2.0 * _some_channels(design, rng))
 
 
-@family
+@register(FAMILIES, "slow_liquid")
 def slow_liquid(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A thick liquid follows gravity with a lag of several poses."""
     path = design.path

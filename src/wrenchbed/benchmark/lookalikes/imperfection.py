@@ -1,27 +1,22 @@
 """One imperfection of a robot: where it acts and how; and a robot that has several of them.
 
-Draws of imperfections register themselves with `lookalike`, each in the file of its family. The
-laws with a memory that several families use are here too: relays, Preisach's hysteresis, relaxation
-in time, 1/f noise. Numbers without a source are estimates.
+The laws with a memory that several families use are here too: relays, Preisach's hysteresis,
+relaxation in time, 1/f noise. Numbers without a source are estimates.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_banded
 
-from wrenchbed.benchmark.frame import Rng, RowChange
+from wrenchbed.benchmark.frame import Fault, Rng, RowChange
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, load_wrench
 
-LEAST_REPEATS = 4
-"""Rows of a hold from which the scatter of rows shows: an estimate."""
 Act = Callable[[np.ndarray], np.ndarray]
 """Function that changes a wrench (N, 6) [N, N·m]."""
-Names = Callable[[Mapping[str, float]], dict[str, float]]
-"""True values under the names that a diagnosis publishes."""
 
 
 def relay(signal: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -102,11 +97,10 @@ RowImperfection = RowChange[Shaking]
 
 
 @dataclass(frozen=True, eq=False)
-class Imperfection:
+class Imperfection(Fault):
     """One departure from the robot as stated; unused stages are None.
 
     Attributes:
-        values: its true parameters, SI.
         joint: change of the joint values (N, J) [rad or m].
         link: change of the robot's parameters (P,) or (N, P).
         base: rotation vector of the whole robot in the world (3,) or (N, 3) [rad].
@@ -116,10 +110,8 @@ class Imperfection:
         sensor: changes the wrench as the gauges do.
         clock: changes the wrench as timing does.
         rows: what happens between rows.
-        name: of the effect or of the family.
     """
 
-    values: Mapping[str, float] = field(default_factory=dict)
     joint: np.ndarray | None = None
     link: np.ndarray | None = None
     base: np.ndarray | None = None
@@ -129,7 +121,6 @@ class Imperfection:
     sensor: Act | None = None
     clock: Act | None = None
     rows: RowImperfection | None = None
-    name: str = ""
 
     @property
     def moves(self) -> bool:
@@ -137,80 +128,15 @@ class Imperfection:
         return self.joint is not None or self.link is not None
 
 
-Draw = Callable[[ExperimentDesign, Rng, float], Imperfection]
-"""Draws one imperfection of a size in multiples of typical."""
+DRAWS: dict[str, Callable[[ExperimentDesign, Rng, float], Imperfection]] = {}
+"""Draws of the library's effects by name, of a size in multiples of typical.
 
-
-@dataclass(frozen=True)
-class LookalikeEffect:
-    """Effect of the contract as look-alikes draw it.
-
-    Attributes:
-        name: the contract's.
-        draw: its generator.
-        fits: whether a design can show it at all.
-        rows: it shows between rows: what counts is the variance of a row, not the gap.
-        hard: it often shows too little: whether it can is tried out once for each design.
-        published: its true values under the names that a diagnosis publishes, where both physics
-            mean the same numbers.
-        adds: its numbers add up with those of the background's share of the same effect.
-    """
-
-    name: str
-    draw: Draw
-    fits: Callable[[ExperimentDesign], bool]
-    rows: bool = False
-    hard: bool = False
-    published: Names | None = None
-    adds: bool = True
-
-
-DRAWN: dict[str, LookalikeEffect] = {}
-"""Every effect by name, in the order of the files' import."""
-
-
-def in_motion(design: ExperimentDesign) -> bool:
-    """Whether a design is a motion, for effects that only a motion can show."""
-    return design.moving
-
-
-def with_joints(design: ExperimentDesign) -> bool:
-    """Whether a design's robot has modelled joints, for effects on these."""
-    return design.has_joints
-
-
-def repeated(design: ExperimentDesign) -> bool:
-    """Whether a design has repeated rows, for effects that only these can show."""
-    return design.moving or design.samples >= LEAST_REPEATS
-
-
-def lookalike(
-    name: str, fits: Callable[[ExperimentDesign], bool] = lambda design: True, **options: Any
-) -> Callable[[Draw], Draw]:
-    """Register a function as the draw of an effect, and name what it draws.
-
-    Args:
-        fits, options: fields of `LookalikeEffect`.
-    """
-
-    def register(draw: Draw) -> Draw:
-        def named_draw(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-            return replace(draw(design, rng, size), name=name)
-
-        DRAWN[name] = LookalikeEffect(name, named_draw, fits, **options)
-        return named_draw
-
-    return register
+Importing `arm`, `sensor` and `tool` fills it."""
 
 
 def spread(rng: Rng) -> float:
     """Factor by which a size differs from what was asked for: an estimate."""
     return rng.uniform(0.8, 1.25)
-
-
-def named(stem: str) -> Names:
-    """Function that publishes an imperfection's values with a stem before each name."""
-    return lambda values: {f"{stem}{k}": x for k, x in values.items()}
 
 
 Scaled = tuple[Imperfection, float]

@@ -4,24 +4,18 @@ Typical sizes and ranges are estimates. Gain, crosstalk, drift, jump, bias, satu
 quantization have the same formula as the library of effects; only sizes and shapes differ.
 """
 
-from collections.abc import Mapping
-
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform
+from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform, register
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
+    DRAWS,
     Imperfection,
-    Names,
     RowImperfection,
-    in_motion,
-    lookalike,
-    named,
     preisach,
     relax,
-    repeated,
     spread,
 )
 from wrenchbed.benchmark.lookalikes.loads import FINER
@@ -31,18 +25,16 @@ _BLOCKS = {"ff": (0, 0), "ft": (0, 3), "tf": (3, 0), "tt": (3, 3)}
 """Quarters of the crosstalk matrix: first row and column; ``tf`` is torque from force."""
 _STEADY, _SWINGING = 0.65, 0.2
 """Share of drifts that are steady, and that swing; the others wander. Estimates."""
-_LEAST_RISE = 0.5
-"""Range of a recorded temperature [K] below which it shows nothing: an estimate."""
 
 
-@lookalike("timing.delay", in_motion, published=named(""))
+@register(DRAWS, "timing.delay")
 def delay(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The wrench is about 8 ms older than the joints."""
     lag = 8e-3 * size * spread(rng)
     return Imperfection({"delay": lag}, clock=lambda y: _at(design, y, design.t - lag))
 
 
-@lookalike("timing.lowpass", in_motion)
+@register(DRAWS, "timing.lowpass")
 def lowpass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The electronics smooth the reading, one or two stages of together about 6 ms."""
     time = 6e-3 * size * spread(rng)
@@ -61,7 +53,7 @@ def lowpass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection({"time": time, "order": float(order)}, clock=act)
 
 
-@lookalike("timing.stale", in_motion, rows=True)
+@register(DRAWS, "timing.stale")
 def stale(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Now and then the last reading is repeated for some 30 ms."""
     length = max(1.0, 0.03 * size * design.rate * spread(rng))
@@ -71,20 +63,14 @@ def stale(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(values, rows=RowImperfection(stale=(chance, length)))
 
 
-def _skewed(values: Mapping[str, float]) -> dict[str, float]:
-    # there the sensor's clock is ahead, in the library its readings are late
-    return {"skew": -values["rate"]} if "rate" in values else {"channel": values["channel"]}
-
-
-@lookalike("timing.skew", in_motion, published=_skewed)
+@register(DRAWS, "timing.skew")
 def skew(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The sensor's clock runs fast or slow, or its channels are read one after the other."""
     t = design.t
     if rng.uniform() < 0.65:
         rate = 0.012 * size / float(np.ptp(t)) * spread(rng) * rng.choice([-1.0, 1.0])
-        return Imperfection(
-            {"rate": float(rate)}, clock=lambda y: _at(design, y, t + rate * (t - t[0]))
-        )
+        true = {"skew": -float(rate)}  # here the sensor's clock is ahead
+        return Imperfection(true, clock=lambda y: _at(design, y, t + rate * (t - t[0])))
     gap = 2e-3 * size * spread(rng)
 
     def act(y: np.ndarray) -> np.ndarray:
@@ -112,35 +98,28 @@ def channels(rng: Rng, one: float = 0.6) -> np.ndarray:
     return np.asarray(weight / np.abs(weight).max())
 
 
-def _of_channels(stem: str) -> Names:
-    return lambda values: {f"{stem}.{k}": x for k, x in values.items() if k in CHANNELS}
-
-
-def _of_pairs(values: Mapping[str, float]) -> dict[str, float]:
-    return {"x." + k.replace("_", "."): x for k, x in values.items()}
-
-
-def _of_jump(values: Mapping[str, float]) -> dict[str, float]:
-    return {"time": values["time"]} | _of_channels("step")(values)
-
-
-@lookalike("sensor.bias")
+@register(DRAWS, "sensor.bias")
 def bias(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A zero that is off by about 0.4 % of full scale, more than the stated tolerance."""
     weight = channels(rng)
     amount = np.maximum(0.004 * size * design.full_scale, 1.5 * design.tolerance[2])
-    value = weight * amount
-    return Imperfection(by_channel(value), sensor=lambda y: y + value)
+    return biased(weight * amount)
 
 
-@lookalike("sensor.drift", published=_of_channels("rate"))
+def biased(value: np.ndarray) -> Imperfection:
+    """A zero that is off by (6,) [N, N·m]."""
+    return Imperfection(by_channel(value, "bias."), sensor=lambda y: y + value)
+
+
+@register(DRAWS, "sensor.drift")
 def drift(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A zero that drifts steadily, swings or wanders, by about 0.4 % of full scale over the run."""
     span = 4e-3 * size * design.full_scale * channels(rng)
     progress, kind = elapsed(design.t), rng.uniform()
     if kind < _STEADY:
         shift = (progress ** rng.uniform(0.85, 1.2))[:, None] * span
-        return Imperfection(by_channel(span / float(np.ptp(design.t))), sensor=lambda y: y + shift)
+        true = by_channel(span / float(np.ptp(design.t)), "rate.")
+        return Imperfection(true, sensor=lambda y: y + shift)
     if kind < _STEADY + _SWINGING:
         turns = 2.0 * np.pi * rng.uniform(0.5, 3.0) * progress + rng.uniform(0.0, 2.0 * np.pi)
         shift = 0.5 * np.sin(turns)[:, None] * span
@@ -150,15 +129,15 @@ def drift(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection({}, sensor=lambda y: y + shift)
 
 
-@lookalike("sensor.gain", published=_of_channels("gain"))
+@register(DRAWS, "sensor.gain")
 def gain(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Sensitivities that are off by about 1.5 %."""
     weight = channels(rng)
     error = 0.015 * size * weight
-    return Imperfection(by_channel(error), sensor=lambda y: y * (1.0 + error))
+    return Imperfection(by_channel(error, "gain."), sensor=lambda y: y * (1.0 + error))
 
 
-@lookalike("sensor.crosstalk", published=_of_pairs)
+@register(DRAWS, "sensor.crosstalk")
 def crosstalk(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Channels that read a share of others: one quarter of the matrix, one entry or all."""
     lever = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
@@ -177,11 +156,11 @@ def crosstalk(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
         matrix = 0.7 * scale * rng.standard_normal((6, 6))
     np.fill_diagonal(matrix, 0.0)
     entries = np.argwhere(matrix != 0.0)
-    values = {f"{CHANNELS[i]}_{CHANNELS[j]}": float(matrix[i, j]) for i, j in entries}
+    values = {f"x.{CHANNELS[i]}.{CHANNELS[j]}": float(matrix[i, j]) for i, j in entries}
     return Imperfection(values, sensor=lambda y: y + y @ matrix.T)
 
 
-@lookalike("sensor.hysteresis")
+@register(DRAWS, "sensor.hysteresis")
 def hysteresis(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A reading that lags behind its own history, about 0.15 % of full scale wide."""
     width = 1.5e-3 * size * design.full_scale * np.abs(channels(rng))
@@ -194,7 +173,7 @@ def hysteresis(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(values, sensor=lambda y: y + shift)
 
 
-@lookalike("sensor.saturation")
+@register(DRAWS, "sensor.saturation")
 def saturation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A channel whose range ends a few per cent below its largest load.
 
@@ -209,14 +188,14 @@ def saturation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(values, rows=RowImperfection(limit=limit))
 
 
-@lookalike("sensor.quantization", repeated, rows=True)
+@register(DRAWS, "sensor.quantization")
 def quantization(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Coarse steps, typically 2.5 times the noise of a row."""
     step = 2.5 * size * design.noise_std * np.abs(channels(rng, one=0.4))
     return Imperfection(by_channel(step), rows=RowImperfection(step=step))
 
 
-@lookalike("sensor.noise", repeated, rows=True)
+@register(DRAWS, "sensor.noise")
 def noise(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """More noise than stated: half as much again, typically."""
     factor = 1.0 + 0.5 * size * np.abs(channels(rng, one=0.4))
@@ -224,12 +203,7 @@ def noise(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(by_channel(factor - 1.0), rows=rows)
 
 
-def _warms(design: ExperimentDesign) -> bool:
-    """Whether a design has a recorded temperature, for effects that only this can show."""
-    return design.temperature is not None and bool(np.ptp(design.temperature) > _LEAST_RISE)
-
-
-@lookalike("sensor.temperature", _warms)
+@register(DRAWS, "sensor.temperature")
 def temperature(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Zeros and gains that follow the recorded temperature."""
     zero = 2.5e-3 * size * design.full_scale * channels(rng, one=0.4)
@@ -245,7 +219,7 @@ def temperature(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
     )
 
 
-@lookalike("sensor.nonlinearity")
+@register(DRAWS, "sensor.nonlinearity")
 def nonlinearity(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """An even or odd curvature, about 0.2 % of full scale at the largest load.
 
@@ -266,7 +240,7 @@ def nonlinearity(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
     return Imperfection({"power": power} | unit, sensor=act)
 
 
-@lookalike("sensor.creep", hard=True)
+@register(DRAWS, "sensor.creep")
 def creep(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """About 1 % of a change of load appears late, within 20 s to 10 min: two rates."""
     share = 0.01 * size * np.abs(channels(rng, one=0.3))
@@ -280,10 +254,10 @@ def creep(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(values, sensor=lambda y: y + shift)
 
 
-@lookalike("sensor.jump", published=_of_jump, adds=False)
+@register(DRAWS, "sensor.jump")
 def jump(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The zero jumps once, by about 0.25 % of full scale."""
     step = 2.5e-3 * size * design.full_scale * channels(rng)
     when = float(np.quantile(design.t, rng.uniform(0.15, 0.85)))
     shift = (design.t > when)[:, None] * step
-    return Imperfection({"time": when} | by_channel(step), sensor=lambda y: y + shift)
+    return Imperfection({"time": when} | by_channel(step, "step."), sensor=lambda y: y + shift)

@@ -8,17 +8,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from wrenchbed.benchmark.frame import Rng, elapsed
+from wrenchbed.benchmark.frame import Rng, elapsed, register
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import (
-    Imperfection,
-    in_motion,
-    lookalike,
-    named,
-    relay,
-    spread,
-    with_joints,
-)
+from wrenchbed.benchmark.lookalikes.imperfection import DRAWS, Imperfection, relay, spread
 from wrenchbed.benchmark.lookalikes.loads import (
     RigidLoad,
     SensorMotion,
@@ -35,25 +27,33 @@ _G = 9.81
 """Gravity for typical forces [m/s²]: an estimate."""
 
 
-@lookalike("tool.mass")
+@register(DRAWS, "tool.mass")
 def mass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The tool weighs about 2 % more or less than stated."""
     amount = max(0.02 * size * design.load.mass, 2.5 * design.tolerance[0])
-    error = float(amount * rng.choice([-1.0, 1.0]))
+    return heavier(float(amount * rng.choice([-1.0, 1.0])))
+
+
+def heavier(error: float) -> Imperfection:
+    """A tool that is heavier by ``error`` [kg]."""
     return Imperfection({"mass": error}, tool=lambda load, _: replace(load, mass=load.mass + error))
 
 
-@lookalike("tool.cog")
+@register(DRAWS, "tool.cog")
 def cog(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The centre of gravity is about 1.5 mm from where it is stated."""
     axis = rng.standard_normal(3)
     amount = max(1.5e-3 * size, 2.5 * design.tolerance[1])
-    error = amount * axis / np.linalg.norm(axis)
-    values = dict(zip("xyz", error.tolist(), strict=True))
-    return Imperfection(values, tool=lambda load, _: replace(load, cog=load.cog + error))
+    return off(amount * axis / np.linalg.norm(axis))
 
 
-@lookalike("tool.inertia", in_motion, hard=True, published=named("inertia."))
+def off(error: np.ndarray) -> Imperfection:
+    """A tool whose centre of gravity is off by (3,) [m]."""
+    true = {f"cog.{a}": e for a, e in zip("xyz", error.tolist(), strict=True)}
+    return Imperfection(true, tool=lambda load, _: replace(load, cog=load.cog + error))
+
+
+@register(DRAWS, "tool.inertia")
 def inertia(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The tool's moments of inertia are about 30 % off, with small products."""
     stated = design.load.inertia
@@ -64,12 +64,12 @@ def inertia(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     error = (error + error.T) / 2.0 + (products + products.T) / 2.0
     pairs = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
     return Imperfection(
-        {k: float(error[i]) for k, i in pairs.items()},
+        {f"inertia.{k}": float(error[i]) for k, i in pairs.items()},
         tool=lambda load, _: replace(load, inertia=load.inertia + error),
     )
 
 
-@lookalike("tool.loose", hard=True)
+@register(DRAWS, "tool.loose")
 def loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A loose part shifts the CoG by about 1 mm when gravity clearly pulls it to the other stop."""
     travel = 1e-3 * size * spread(rng)
@@ -90,7 +90,7 @@ def loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(values, tool=lambda load, _: replace(load, cog=load.cog + shift))
 
 
-@lookalike("tool.leak")
+@register(DRAWS, "tool.leak")
 def leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """About 1.5 % of the mass runs out by Torricelli's law or a power of time, or falls off."""
     progress = elapsed(design.t)
@@ -111,7 +111,7 @@ def leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection({"lost": lost}, load=act)
 
 
-@lookalike("tool.slide")
+@register(DRAWS, "tool.slide")
 def slide(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The CoG moves by about 2 mm: a clamp creeps, slips in steps, or the tool bows as it warms."""
     progress = elapsed(design.t)
@@ -133,7 +133,7 @@ def slide(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection({"moved": amount}, tool=lambda load, _: replace(load, cog=load.cog + shift))
 
 
-@lookalike("tool.flexure", hard=True)
+@register(DRAWS, "tool.flexure")
 def flexure(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The tool bends under its own weight, softer across than along: about 5e-5 m/N."""
     base = 5e-5 * size * spread(rng)
@@ -159,7 +159,6 @@ def flexure(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection({"compliance": base}, tool=act)
 
 
-@lookalike("tool.self_weight", lambda design: False)
 def self_weight(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The sensor's tool side, about 40 g, loads its gauges.
 
@@ -167,11 +166,13 @@ def self_weight(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
     """
     weight = 0.04 * size * spread(rng)
     return Imperfection(
-        {"mass": weight}, tool=lambda load, _: replace(load, sensor_mass=load.sensor_mass + weight)
+        {"mass": weight},
+        tool=lambda load, _: replace(load, sensor_mass=load.sensor_mass + weight),
+        name="tool.self_weight",
     )
 
 
-@lookalike("cable.pull", with_joints)
+@register(DRAWS, "cable.pull")
 def cable_pull(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A hose between a hook in the world and the tool pulls once it is taut: about 0.2 N."""
     point = np.array([rng.normal(0.0, 0.02), rng.normal(0.0, 0.02), rng.uniform(0.02, 0.1)])
@@ -200,7 +201,7 @@ def cable_pull(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(values, load=act)
 
 
-@lookalike("cable.torsion", with_joints)
+@register(DRAWS, "cable.torsion")
 def cable_torsion(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A cable wound with the last joint twists the tool, with some friction: 1 % of its torque."""
     path, last = design.path, design.q.shape[1] - 1
@@ -221,7 +222,7 @@ def cable_torsion(design: ExperimentDesign, rng: Rng, size: float) -> Imperfecti
     return Imperfection(values, load=lambda motion, load: wrench)
 
 
-@lookalike("environment.contact", with_joints)
+@register(DRAWS, "environment.contact")
 def contact(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The tool's end presses on an obstacle in one corner of the workspace: about 0.3 N."""
     tip = np.array([0.0, 0.0, 2.0 * max(float(design.load.cog[2]), 0.03)])

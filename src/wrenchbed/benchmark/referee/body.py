@@ -8,15 +8,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.frame import Rng, elapsed
-from wrenchbed.benchmark.referee.fault import (
-    RefereeFault,
-    RowFault,
-    about,
-    direction,
-    drawn,
-    sign,
-)
+from wrenchbed.benchmark.frame import Rng, elapsed, register
+from wrenchbed.benchmark.referee.fault import DRAWS, RefereeFault, RowFault, about, direction, sign
 from wrenchbed.benchmark.referee.laws import dahl
 from wrenchbed.benchmark.referee.machine import Backlash, Hose, LoosePart, Mechanics, Pad, Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
@@ -28,7 +21,7 @@ _G = 9.81
 """Gravity for typical forces [m/s²]: an estimate."""
 
 
-@drawn("mount.rotation", compared=r"rotation\.[xyz]")
+@register(DRAWS, "mount.rotation")
 def mount(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A sensor mounted with a rotation of about 0.4°, often about the axis of its bolts."""
     axis = direction(rng)
@@ -44,7 +37,7 @@ def mount(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(true, body=body)
 
 
-@drawn("joint.offset", compared=r"offset\.q\d+")
+@register(DRAWS, "joint.offset")
 def offset(setting: RefereeSetting, rng: Rng, size: float, j: int | None = None) -> RefereeFault:
     """The zero of a joint, about 0.2° or 1 mm off."""
     k = _joint(setting, rng) if j is None else j
@@ -58,7 +51,7 @@ def offset(setting: RefereeSetting, rng: Rng, size: float, j: int | None = None)
     return RefereeFault({f"offset.q{k + 1}": value}, body=body)
 
 
-@drawn("joint.compliance", compared=r"compliance\.q\d+")
+@register(DRAWS, "joint.compliance")
 def compliance(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
@@ -73,7 +66,7 @@ def compliance(
     )
 
 
-@drawn("joint.backlash", adds=False)
+@register(DRAWS, "joint.backlash")
 def backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Backlash between drive and link, about 0.08° wide: the weight decides the side."""
     k = _rotating(setting, rng)
@@ -84,7 +77,7 @@ def backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(true, body=lambda m: replace(m, backlash={**m.backlash, k: gap}))
 
 
-@drawn("joint.gear_error", adds=False)
+@register(DRAWS, "joint.gear_error")
 def gear_error(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
@@ -103,7 +96,7 @@ def gear_error(
     return RefereeFault(true, body=lambda m: replace(m, drive=(*m.drive, drive)))
 
 
-@drawn("joint.clearance", loops=True)
+@register(DRAWS, "joint.clearance")
 def clearance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Pins that close loops, with a clearance of about 40 µm."""
     pins = loops(setting)
@@ -113,7 +106,7 @@ def clearance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(radius, body=lambda m: replace(m, clearance={**m.clearance, **radius}))
 
 
-@drawn("link.length", loops=True, compared=r"length\.[A-Z]\d\d?[yz]?")
+@register(DRAWS, "link.length")
 def link_length(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A link of a closed chain, about 0.7 mm too long or too short."""
     names = [n for n in setting.robot.parameters.names if n[0] == "L" and n[1:].isdigit()]
@@ -122,14 +115,20 @@ def link_length(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
 def geometry(setting: RefereeSetting, errors: dict[str, float]) -> RefereeFault:
     """Links that are not as drawn."""
+    return shifted(setting, {f"length.{k}": v for k, v in errors.items()}, errors)
+
+
+def shifted(
+    setting: RefereeSetting, true: dict[str, float], errors: dict[str, float]
+) -> RefereeFault:
+    """Errors of the machine's parameters by name."""
     shift = np.zeros(len(setting.theta))
     for name, value in errors.items():
         shift[setting.robot.parameters.index(name)] = value
-    true = {f"length.{k}": v for k, v in errors.items()}
-    return RefereeFault(true, lambda m: replace(m, theta=m.theta + shift), name="link.length")
+    return RefereeFault(true, lambda m: replace(m, theta=m.theta + shift))
 
 
-@drawn("base.tilt", compared="[xy]")
+@register(DRAWS, "base.tilt")
 def tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A base about 0.4° out of level: gravity rotates in its axes."""
     heading = rng.uniform(-np.pi, np.pi)
@@ -141,7 +140,7 @@ def tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     )
 
 
-@drawn("base.compliance")
+@register(DRAWS, "base.compliance")
 def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A floor with a compliance of about 2e-5 rad/(N·m) about one axis, less about the other."""
     most = about(rng, 2e-5 * size)
@@ -152,21 +151,16 @@ def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
     )
 
 
-@drawn("base.vibration", between=True)
+@register(DRAWS, "base.vibration")
 def vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A machine nearby: a varying tone of 7 to 40 Hz with an overtone, or a rumble."""
-    mass = setting.metadata.tool.mass
-    assert mass is not None
-    level = about(rng, 1.3 * float(setting.noise[:3].min()) / mass * size)
+    level = about(rng, 1.3 * float(setting.noise[:3].min()) / setting.mass * size)
     axis = direction(rng) * [1.0, 1.0, 0.7]
     axis /= np.linalg.norm(axis)
     top = 0.4 * float(setting.metadata.rate_hz or 100.0)
     rumble = rng.uniform() < 0.2
-    f, phase, seed = (
-        rng.uniform(7.0, min(40.0, top)),
-        rng.uniform(0, 6.28, 3),
-        int(rng.integers(2**32)),
-    )
+    f, phase = rng.uniform(7.0, min(40.0, top)), rng.uniform(0, 6.28, 3)
+    seed = int(rng.integers(2**32))
 
     def shake(t: np.ndarray) -> np.ndarray:
         if rumble:
@@ -178,8 +172,7 @@ def vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
             wave = swell * tone * np.sqrt(2.0 / (1.061 * (_TONE**2 + (1 - _TONE) ** 2)))
         return np.outer(level * wave, axis)
 
-    true = {"acceleration": level}
-    return RefereeFault(true, rows=RowFault(shake=shake))
+    return RefereeFault({"acceleration": level}, rows=RowFault(shake=shake))
 
 
 def loops(setting: RefereeSetting) -> list[str]:
@@ -198,48 +191,48 @@ def _rotating(setting: RefereeSetting, rng: Rng) -> int:
     return int(rng.choice(rotating))
 
 
-@drawn("tool.mass", compared="mass")
+@register(DRAWS, "tool.mass")
 def mass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool is about 2 % heavier or lighter than stated."""
-    stated, least = _stated(setting)[0], 2.0 * setting.tolerance[0]
-    error = sign(rng) * max(least, about(rng, 0.02 * size * stated))
-    return RefereeFault({"mass": error}, body=lambda m: loaded(setting, m, dm=error))
+    least = 2.0 * setting.tolerance[0]
+    error = sign(rng) * max(least, about(rng, 0.02 * size * setting.mass))
+    return heavier(setting, error)
 
 
-@drawn("tool.cog", compared=r"cog\.[xyz]")
+def heavier(setting: RefereeSetting, error: float) -> RefereeFault:
+    """A tool that is heavier by ``error`` [kg]."""
+    return RefereeFault({"mass": error}, body=lambda m: _loaded(setting, m, dm=error))
+
+
+@register(DRAWS, "tool.cog")
 def cog(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool's centre of gravity is about 1.5 mm away from where it is stated."""
     error = max(2.0 * setting.tolerance[1], about(rng, 1.5e-3 * size)) * direction(rng)
+    return off(setting, error)
+
+
+def off(setting: RefereeSetting, error: np.ndarray) -> RefereeFault:
+    """A tool whose centre of gravity is off by (3,) [m]."""
     true = {f"cog.{a}": float(e) for a, e in zip("xyz", error, strict=True)}
-    return RefereeFault(true, body=lambda m: loaded(setting, m, dc=error))
+    return RefereeFault(true, body=lambda m: _loaded(setting, m, dc=error))
 
 
-@drawn("tool.inertia", motion=True, compared=r"inertia\.[xyz]{2}")
+@register(DRAWS, "tool.inertia")
 def inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool's moments of inertia are up to 25 % off at size 1, their axes turned by 0.15 rad."""
     stated = setting.metadata.tool.inertia
     assert stated is not None
-    xx, yy, zz, xy, xz, yz = stated
-    old = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    old = np.array(stated)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
     grown = np.diag(np.exp(0.25 * size * rng.uniform(0.4, 1.0, 3) * rng.choice([-1, 1], 3)))
     askew = Rotation.from_rotvec(0.15 * size * direction(rng)).as_matrix()
     new = askew @ np.sqrt(grown) @ old @ np.sqrt(grown) @ askew.T
     pick = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    names = [f"tool.inertia.{a}" for a in INERTIA_AXES]
+    names = [f"inertia.{a}" for a in INERTIA_AXES]
     change = {n: float((new - old)[i]) for n, i in zip(names, pick, strict=True)}
-    p = setting.robot.parameters
-
-    def body(m: Mechanics) -> Mechanics:
-        theta = m.theta.copy()
-        for name, value in change.items():
-            theta[p.index(name)] += value
-        return replace(m, theta=theta)
-
-    true = {k.removeprefix("tool."): v for k, v in change.items()}
-    return RefereeFault(true, body=body)
+    return shifted(setting, change, {f"tool.{n}": v for n, v in change.items()})
 
 
-@drawn("tool.loose")
+@register(DRAWS, "tool.loose")
 def loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A part that slides to and fro in the tool and shifts its CoG by about 1.5 mm."""
     travel = about(rng, 1.5e-3 * size)
@@ -250,7 +243,7 @@ def loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault({"travel": travel}, body=lambda m: replace(m, loose=part))
 
 
-@drawn("tool.leak")
+@register(DRAWS, "tool.leak")
 def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool loses mass in the recording, in one case of four gains it: 1.5 % at size 1, by an
     exponential law, at a rate that grows at some moment, or drop by drop."""
@@ -264,9 +257,9 @@ def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     else:  # drops
         gaps = rng.uniform(0.5, 1.5, int(rng.integers(15, 60)))
         gone = np.searchsorted(np.cumsum(gaps) / gaps.sum(), progress, "right").astype(float)
-    lost = about(rng, 0.015 * size * _stated(setting)[0]) * gone / gone[-1]
+    lost = about(rng, 0.015 * size * setting.mass) * gone / gone[-1]
     lost = lost * float(rng.choice([1.0, 1.0, 1.0, -1.0]))  # or it fills up
-    place = _stated(setting)[1] + 0.02 * rng.standard_normal(3)
+    place = setting.cog + 0.02 * rng.standard_normal(3)
 
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
         pull = -lost[:, None] * _pull(ride, place)
@@ -275,7 +268,7 @@ def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault({"lost": float(lost[-1])}, load=load)
 
 
-@drawn("tool.slide")
+@register(DRAWS, "tool.slide")
 def slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The CoG moves by about 2 mm: a clamp creeps (Kohlrausch), or it sticks and slips."""
     progress = elapsed(setting.path.t)
@@ -286,21 +279,20 @@ def slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         law = np.searchsorted(np.cumsum(waits) / waits.sum(), progress, "right").astype(float)
     way = about(rng, 2e-3 * size) * direction(rng)
     moved = np.outer(law / law[-1], way)
-    mass, cog = _stated(setting)
 
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
-        torque = np.cross(moved, mass * _pull(ride, cog))
+        torque = np.cross(moved, setting.mass * _pull(ride, setting.cog))
         return y + np.concatenate([np.zeros_like(torque), torque], axis=1)
 
     true = {f"moved.{a}": float(m) for a, m in zip("xyz", moved[-1], strict=True)}
     return RefereeFault(true, load=load)
 
 
-@drawn("tool.flexure")
+@register(DRAWS, "tool.flexure")
 def flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A tool whose root bends, so that its CoG moves by about 5e-5 m/N, unequally across."""
-    root = float(rng.uniform(0.0, 0.3)) * float(_stated(setting)[1][2])
-    lever = max(float(np.linalg.norm(_stated(setting)[1] - [0.0, 0.0, root])), 0.02)
+    root = float(rng.uniform(0.0, 0.3)) * float(setting.cog[2])
+    lever = max(float(np.linalg.norm(setting.cog - [0.0, 0.0, root])), 0.02)
     bend = about(rng, 5e-5 * size) / lever**2 * np.array([1.0, rng.uniform(0.5, 1.0)])
     bend = bend if rng.uniform() < 0.5 else bend[::-1]
     return RefereeFault(
@@ -309,7 +301,7 @@ def flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     )
 
 
-@drawn("cable.pull")
+@register(DRAWS, "cable.pull")
 def hose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A hose from a hook above the robot: taut in part of the workspace, pulling about 0.3 N."""
     place = _places(setting)
@@ -320,16 +312,16 @@ def hose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     far = np.linalg.norm(place - hook, axis=1)
     slack = float(np.quantile(far, rng.uniform(0.0, 0.6)))
     pull = float(np.mean(np.maximum(far - slack, 0.0))) + 1e-3
-    stiffness = about(rng, 0.02 * _stated(setting)[0] * _G * size) / pull
+    stiffness = about(rng, 0.02 * setting.mass * _G * size) / pull
     rope = Hose(hook, point, slack, stiffness)
     true = {"stiffness": stiffness, "slack": slack}
     return RefereeFault(true, body=lambda m: replace(m, hose=rope))
 
 
-@drawn("environment.contact")
+@register(DRAWS, "environment.contact")
 def pad(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Something soft in a corner of the workspace that the tool's end presses on: about 0.4 N."""
-    tip = np.array([0.0, 0.0, 1.9 * max(float(_stated(setting)[1][2]), 0.03)])
+    tip = np.array([0.0, 0.0, 1.9 * max(float(setting.cog[2]), 0.03)])
     rotation, position = setting.robot.sensor_pose(setting.mean(setting.path.q), setting.theta)
     ends = position + rotation @ tip
     normal = np.array([0.0, 0.0, 1.0]) + rng.uniform(0.0, 0.6) * direction(rng)
@@ -338,14 +330,14 @@ def pad(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     radius = 0.01
     level = float(np.quantile(height, rng.uniform(0.06, 0.2)))
     deep = level - height[height < level]
-    force = about(rng, 0.03 * _stated(setting)[0] * _G * size)
+    force = about(rng, 0.03 * setting.mass * _G * size)
     k = force / max(float(deep.mean()), 1e-4)
     point = ends.mean(axis=0) + (level - radius - float(ends.mean(axis=0) @ normal)) * normal
     block = Pad(point, normal, k, float(rng.uniform(0.1, 0.5)), tip, radius)
     return RefereeFault({"stiffness": k}, body=lambda m: replace(m, pad=block))
 
 
-@drawn("cable.torsion")
+@register(DRAWS, "cable.torsion")
 def torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A cable wound about the last joint, with dry friction (Dahl) in its jacket."""
     last = setting.path.q.shape[1] - 1
@@ -365,7 +357,7 @@ def torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault({"stiffness": k}, load=load)
 
 
-def loaded(
+def _loaded(
     setting: RefereeSetting, m: Mechanics, dm: float = 0.0, dc: np.ndarray | float = 0.0
 ) -> Mechanics:
     """The machine with another mass and CoG of its tool."""
@@ -373,12 +365,6 @@ def loaded(
     centre = np.asarray(tool.cog) + dc
     theta = setting.robot.theta_of_tool(m.theta, float(tool.mass) + dm, centre.tolist())
     return replace(m, theta=theta)
-
-
-def _stated(setting: RefereeSetting) -> tuple[float, np.ndarray]:
-    tool = setting.metadata.tool
-    assert tool.mass is not None and tool.cog is not None
-    return tool.mass, np.array(tool.cog)
 
 
 def _pull(ride: Ride, place: np.ndarray) -> np.ndarray:

@@ -11,10 +11,20 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import KINDS, NEEDED, SIZES, STATED, Rng, Shown, Usual, log_uniform
-from wrenchbed.benchmark.frame import subsystem as subsystem_of
-from wrenchbed.benchmark.referee.catalogue import EFFECTS, FAMILIES, background, possible
-from wrenchbed.benchmark.referee.fault import RefereeFault, mechanics, signal
+from wrenchbed.benchmark.frame import (
+    KINDS,
+    NEEDED,
+    SIZES,
+    STATED,
+    Rng,
+    Shown,
+    Usual,
+    between,
+    log_uniform,
+    subsystem,
+)
+from wrenchbed.benchmark.referee.catalogue import FAMILIES, background, possible
+from wrenchbed.benchmark.referee.fault import DRAWS, RefereeFault, mechanics, signal
 from wrenchbed.benchmark.referee.laws import held, rows, shaken
 from wrenchbed.benchmark.referee.machine import Mechanics, Ride, ride
 from wrenchbed.benchmark.referee.scenario import SAMPLES, RefereeSetting, draw
@@ -45,11 +55,6 @@ class TrueCause(Shown):
     fault: RefereeFault
     signature: np.ndarray
     world: "World"
-
-
-def between(name: str) -> bool:
-    """Whether an effect of this name shows in the scatter of rows only."""
-    return name in EFFECTS and EFFECTS[name].between
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,7 +104,7 @@ class World(ABC):
 
     def drawn(self, name: str, rng: Rng, size: float) -> RefereeFault:
         """An effect of a size in multiples of typical."""
-        return EFFECTS[name].draw(self.setting, rng, size)
+        return replace(DRAWS[name](self.setting, rng, size), size=size)
 
     def causes(self, kind: str, rng: Rng) -> list[TrueCause]:
         """Causes that show, as many as the kind has.
@@ -135,8 +140,7 @@ class World(ABC):
 
     def _two(self, first: TrueCause, rng: Rng) -> list[TrueCause]:
         """The first cause and one of another subsystem that leaves it visible."""
-        subsystem = subsystem_of(first.fault.name)
-        others = [n for n in self.possible() if subsystem_of(n) != subsystem]
+        others = [n for n in self.possible() if subsystem(n) != subsystem(first.fault.name)]
         for _ in range(self.pairs):
             second = first.world._one("pair", others, rng)
             again = self.again(first, second)
@@ -148,7 +152,8 @@ class World(ABC):
         """A fault that shows, and that no effect of the library could make."""
         for _ in range(self.draws_outside):
             family = self.families[str(rng.choice(list(self.families)))]
-            cause = self.measured(family(self.setting, rng, log_uniform(rng, 0.5, 2.0)))
+            size = log_uniform(rng, 0.5, 2.0)
+            cause = self.measured(replace(family(self.setting, rng, size), size=size))
             if cause.gap < NEEDED["outside"]:
                 continue
             remaining = self.signatures.imitated(cause.signature, configured=False, bounded=False)
@@ -323,15 +328,15 @@ def as_case(
     setting, path = world.setting, world.setting.path
     last = causes[-1].world if causes else world
     assert isinstance(last, FaultyRobot)
-    data = rows(setting, last.way, last.clean, last.around, rng)
+    wrench, q = rows(setting, last.way, last.clean, last.around, rng)
     t = path.t[path.rows] - path.t[path.rows][0]
     t[1:] += np.clip(2e-5 * rng.standard_normal(len(t) - 1), -6e-5, 6e-5)
     columns = {"t": t, "segment": path.hold.astype(np.int64)}
-    columns |= {f"q{j + 1}": data.q[:, j] for j in range(data.q.shape[1])}
-    columns |= {c: data.wrench[:, k] for k, c in enumerate(CHANNELS)}
+    columns |= {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
+    columns |= {c: wrench[:, k] for k, c in enumerate(CHANNELS)}
     if setting.temperature is not None:
         warm = setting.temperature[path.rows]
         columns["temperature"] = np.round(warm + 0.03 * rng.standard_normal(len(t)), 2)
     recording = Recording(setting.metadata, columns, "case")
-    measured = world.compared(data.wrench)
+    measured = world.compared(wrench)
     return RefereeCase(kind, recording, tuple(causes), last.around, minor, measured, world)

@@ -3,33 +3,28 @@
 A diagnosis must call a fault outside the library unknown. Typical sizes and ranges are estimates.
 """
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.frame import Rng, by_channel, by_subsystem, elapsed
+from wrenchbed.benchmark import frame
+from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, register
 from wrenchbed.benchmark.referee import body, sensor
 from wrenchbed.benchmark.referee.fault import (
-    DRAWN,
+    DRAWS,
+    Draw,
     RefereeFault,
     RowFault,
     direction,
-    named,
     sign,
     touched,
 )
 from wrenchbed.benchmark.referee.laws import dahl, ornstein
-from wrenchbed.benchmark.referee.machine import Mechanics, Ride
+from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 
-FILES = (body, sensor)
-"""Modules whose draws are registered by importing them."""
-EFFECTS = by_subsystem(DRAWN)
-"""By name; `tool.self_weight` is exactly a mass and a CoG, so it is only in the background."""
-Family = Callable[[RefereeSetting, Rng, float], RefereeFault]
-FAMILIES: dict[str, Family] = {}
+FAMILIES: dict[str, Draw] = {}
 """Faults outside every library, by name; probabilities were learnt on none of them."""
 _ALWAYS = (
     "sensor.drift", "sensor.gain", "sensor.crosstalk", "sensor.hysteresis", "sensor.temperature",
@@ -45,13 +40,10 @@ _MASS = 0.06
 
 def possible(setting: RefereeSetting) -> list[str]:
     """Names of the effects that make sense for a robot and its mode."""
-    closed, moving = bool(body.loops(setting)), setting.mode == "dynamic"
-    warm = setting.temperature is not None
-    return [
-        k
-        for k, e in EFFECTS.items()
-        if (closed or not e.loops) and (moving or not e.motion) and (warm or not e.warm)
-    ]
+    shown = ["joints", "repeats"]
+    shown += ["loops"] if body.loops(setting) else []
+    shown += ["motion"] if setting.mode == "dynamic" else []
+    return frame.possible(shown + (["warmth"] if setting.temperature is not None else []))
 
 
 def background(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFault]:
@@ -60,7 +52,7 @@ def background(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeF
     def small() -> float:
         return scale * 0.1 * float(np.exp(0.5 * rng.standard_normal()))
 
-    faults = [EFFECTS[n].draw(setting, _stream(rng), small()) for n in _ALWAYS]
+    faults = [DRAWS[n](setting, _stream(rng), small()) for n in _ALWAYS]
     for j, joint in enumerate(setting.robot.joints):
         faults.append(body.offset(setting, _stream(rng), small(), j))
         if joint.unit == "rad":
@@ -83,13 +75,12 @@ def _stream(rng: Rng) -> Rng:
 
 def _geometry(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFault]:
     """Lengths, twists and masses of links that differ from the drawing."""
-    p = setting.robot.parameters
     robot = setting.robot
     skip = {*robot.load, *robot.unobservable, *robot.zero_names}
     taken = ("base.", "mount.", "tool.", "sensor.")
     errors = {
         item.name: float(scale * _CAD[item.unit] * rng.standard_normal())
-        for item in p.items
+        for item in robot.parameters.items
         if item.unit in _CAD and item.name not in skip and not item.name.startswith(taken)
     }
     spec = setting.robot.spec(setting.theta)
@@ -97,35 +88,24 @@ def _geometry(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFa
     mass = {b.name: float(np.exp(_MASS * rng.standard_normal())) for b in spec.bodies}
     mass = {k: v for k, v in mass.items() if k not in others}
     heavier = RefereeFault(name="background", body=lambda m: replace(m, mass=mass))
-    return [body.geometry(setting, errors), heavier]
+    return [replace(body.geometry(setting, errors), name="link.length"), heavier]
 
 
 def _within_tolerance(setting: RefereeSetting, rng: Rng) -> list[RefereeFault]:
     """Mass, CoG, bias and the sensor's own weight, all within the tolerance of what is stated."""
     dm, dc, db = setting.tolerance
-    stated = setting.metadata.tool
-    assert stated.mass is not None and stated.cog is not None
-    reach = max(float(np.linalg.norm(stated.cog)), 1e-3)
-    weight = float(rng.uniform(0.0, 0.3) * min(dm, dc * stated.mass / reach))
+    reach = max(float(np.linalg.norm(setting.cog)), 1e-3)
+    weight = float(rng.uniform(0.0, 0.3) * min(dm, dc * setting.mass / reach))
     heavier = float(rng.uniform(-0.6, 0.6) * dm)
     off = float(rng.uniform(0.0, 0.6) * dc) * direction(rng)
     zero = rng.uniform(-0.8, 0.8, 6) * db
-    column = setting.robot.parameters.index("sensor.mass")
-
-    def gauge_weight(m: Mechanics) -> Mechanics:
-        theta = m.theta.copy()
-        theta[column] += weight
-        return replace(m, theta=theta)
-
-    shift = {f"cog.{a}": float(o) for a, o in zip("xyz", off, strict=True)}
-    return [
-        RefereeFault(
-            {"mass": heavier}, lambda m: body.loaded(setting, m, dm=heavier), name="tool.mass"
-        ),
-        RefereeFault(shift, lambda m: body.loaded(setting, m, dc=off), name="tool.cog"),
-        RefereeFault({"mass": weight}, gauge_weight, name="tool.self_weight"),
-        replace(sensor.shifted(by_channel(zero, "bias."), zero), name="sensor.bias"),
-    ]
+    faults = {
+        "tool.mass": body.heavier(setting, heavier),
+        "tool.cog": body.off(setting, off),
+        "tool.self_weight": body.shifted(setting, {"mass": weight}, {"sensor.mass": weight}),
+        "sensor.bias": sensor.shifted(by_channel(zero, "bias."), zero),
+    }
+    return [replace(fault, name=name) for name, fault in faults.items()]
 
 
 def _between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
@@ -136,12 +116,6 @@ def _between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
     return RefereeFault(name="background", rows=RowFault(step=step, shake=shake.shake))
 
 
-def family(draw: Family) -> Family:
-    """Register a function as the draw of a family of its name."""
-    FAMILIES[draw.__name__] = named(draw.__name__, draw)
-    return FAMILIES[draw.__name__]
-
-
 def _telegraph(setting: RefereeSetting, rng: Rng, flips: float) -> np.ndarray:
     """Random on and off (T,), about so many changes in a run."""
     t = setting.path.t
@@ -149,7 +123,7 @@ def _telegraph(setting: RefereeSetting, rng: Rng, flips: float) -> np.ndarray:
     return np.asarray(np.searchsorted(np.cumsum(gaps), t - t[0]) % 2, dtype=float)
 
 
-@family
+@register(FAMILIES, "boot")
 def boot(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A rubber boot over one wrist joint drags at the tool in the direction of its last motion."""
     j = int(rng.integers(3, setting.path.q.shape[1]))
@@ -158,7 +132,7 @@ def boot(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(load=lambda ride, y: y + np.outer(drag, push))
 
 
-@family
+@register(FAMILIES, "popcorn")
 def popcorn(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A gauge whose zero hops between two levels at random moments."""
     on = _telegraph(setting, rng, rng.uniform(6.0, 25.0))
@@ -166,7 +140,7 @@ def popcorn(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(gauge=lambda ride, y: y + np.outer(on, hop), stage=5)
 
 
-@family
+@register(FAMILIES, "triple")
 def triple(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """One channel reads the square of a second times a third."""
     a, b, into = (int(k) for k in rng.choice(6, 3, replace=False))
@@ -181,7 +155,7 @@ def triple(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(gauge=gauge, stage=2)
 
 
-@family
+@register(FAMILIES, "snag")
 def snag(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A dress pack catches behind a screw as one joint passes it and springs off further on."""
     j = int(rng.integers(1, setting.path.q.shape[1]))
@@ -199,7 +173,7 @@ def snag(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(load=lambda ride, y: y + np.outer(caught, pull))
 
 
-@family
+@register(FAMILIES, "gusts")
 def gusts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A fan blows at the tool from one side of the room, in gusts of some seconds."""
     wind = ornstein(setting.path.t, rng.uniform(3.0, 12.0), 1, rng)[:, 0] + 0.7
@@ -214,7 +188,7 @@ def gusts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(load=load)
 
 
-@family
+@register(FAMILIES, "dropout")
 def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A bad plug: at times one channel reads only part of its load."""
     off = _telegraph(setting, rng, rng.uniform(6.0, 25.0))
@@ -229,7 +203,7 @@ def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(gauge=gauge, stage=5)
 
 
-@family
+@register(FAMILIES, "unscrewing")
 def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The sensor's bolts work loose: it rotates further and further on its flange."""
     progress = elapsed(setting.path.t)
@@ -242,7 +216,7 @@ def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(load=load)
 
 
-@family
+@register(FAMILIES, "sinking")
 def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The floor settles to one side while the run goes on."""
     heading = rng.uniform(-np.pi, np.pi)
@@ -250,12 +224,8 @@ def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     angle = np.deg2rad(0.8) * size * progress ** rng.uniform(0.7, 2.0)
     turn = Rotation.from_rotvec(np.outer(angle, [np.cos(heading), np.sin(heading), 0.0]))
 
-    tool = setting.metadata.tool
-    assert tool.mass is not None and tool.cog is not None
-    mass, cog = tool.mass, np.array(tool.cog)
-
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
-        force = mass * ride.in_sensor(turn.apply(ride.gravity) - ride.gravity)
-        return y + np.concatenate([force, np.cross(cog, force)], axis=1)
+        force = setting.mass * ride.in_sensor(turn.apply(ride.gravity) - ride.gravity)
+        return y + np.concatenate([force, np.cross(setting.cog, force)], axis=1)
 
     return RefereeFault(load=load)

@@ -1,22 +1,17 @@
 """One fault of a robot: where it acts, its true numbers, and how a list of faults makes a robot.
 
-Draws of faults register themselves with `drawn`, each in the file of its family. Ranges of the
-random draws that many faults share are estimates.
+Ranges of the random draws that many faults share are estimates.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Concatenate, ParamSpec
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import Rng, RowChange
+from wrenchbed.benchmark.frame import Fault, Rng, RowChange
 from wrenchbed.benchmark.referee.machine import Mechanics, Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 
-P = ParamSpec("P")
-CHANNEL = "[ft][xyz]"
-"""Pattern of a channel's name."""
 Change = Callable[[Ride, np.ndarray], np.ndarray]
 """Makes another signal (T, 6) [N, N·m] of one, over the instants of a ride."""
 RowFault = RowChange[Callable[[np.ndarray], np.ndarray]]
@@ -54,85 +49,31 @@ def touched(rng: Rng) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False)
-class RefereeFault:
-    """Fault of the referee's robot.
+class RefereeFault(Fault):
+    """Fault of the referee's robot; ``true`` has its numbers as a diagnosis publishes them, SI.
 
     Attributes:
-        true: its numbers as a diagnosis would publish them, SI.
         body: changes the machine; it has to ride anew.
         load: changes the load on the sensor.
         gauge: changes what the gauges make of it, in the order of ``stage``.
         clock: changes when it is read.
         rows: what happens between rows.
-        name: the contract's name of the effect, or of the family outside.
         size: in multiples of typical.
     """
 
-    true: Mapping[str, float] = field(default_factory=dict)
     body: Callable[[Mechanics], Mechanics] | None = None
     load: Change | None = None
     gauge: Change | None = None
     stage: int = 0
     clock: Change | None = None
     rows: RowFault | None = None
-    name: str = ""
     size: float = 0.0
 
 
-@dataclass(frozen=True)
-class RefereeEffect:
-    """Effect of the library with the rules by which it is drawn and compared.
-
-    Attributes:
-        draw: of a size in multiples of typical.
-        motion: it shows only in motion.
-        loops: only robots with closed loops have it.
-        warm: only a recorded temperature shows it; without one it is a minor imperfection.
-        between: only the scatter of rows shows it.
-        adds: its numbers add up with those of minor imperfections of the same name.
-        compared: names (a regular expression) of the numbers that mean the same to the referee and
-            to the library. The moment of a jump is not compared: any moment between two poses is as
-            true as another.
-    """
-
-    draw: Callable[[RefereeSetting, Rng, float], RefereeFault]
-    motion: bool = False
-    loops: bool = False
-    warm: bool = False
-    between: bool = False
-    adds: bool = True
-    compared: str = ""
-
-
-DRAWN: dict[str, RefereeEffect] = {}
-"""Every effect by name, in the order of the files' import."""
-Draw = Callable[Concatenate[RefereeSetting, Rng, float, P], RefereeFault]
-
-
-def drawn(name: str, **options: Any) -> Callable[[Draw[P]], Draw[P]]:
-    """Register a function as the draw of an effect; what it draws gets the name and size.
-
-    Args:
-        options: fields of `RefereeEffect`.
-    """
-
-    def register(draw: Draw[P]) -> Draw[P]:
-        named_draw = named(name, draw)
-        DRAWN[name] = RefereeEffect(named_draw, **options)
-        return named_draw
-
-    return register
-
-
-def named(name: str, draw: Draw[P]) -> Draw[P]:
-    """Draw whose faults carry a name and their size."""
-
-    def named_draw(
-        setting: RefereeSetting, rng: Rng, size: float, /, *args: P.args, **options: P.kwargs
-    ) -> RefereeFault:
-        return replace(draw(setting, rng, size, *args, **options), name=name, size=size)
-
-    return named_draw
+Draw = Callable[[RefereeSetting, Rng, float], RefereeFault]
+"""Draws a fault of a size in multiples of typical."""
+DRAWS: dict[str, Callable[..., RefereeFault]] = {}
+"""Draws of the library's effects by name; importing `body` and `sensor` fills it."""
 
 
 def mechanics(start: Mechanics, faults: Sequence[RefereeFault]) -> Mechanics:
@@ -156,13 +97,3 @@ def signal(ride: Ride, faults: Sequence[RefereeFault]) -> np.ndarray:
         if fault.clock is not None:
             y = fault.clock(ride, y)
     return y
-
-
-def total(faults: Sequence[RefereeFault], name: str) -> dict[str, float]:
-    """True numbers of an effect: the cause's and those of the minor imperfections beside it."""
-    sums: dict[str, float] = {}
-    for fault in faults:
-        if fault.name == name:
-            for key, value in fault.true.items():
-                sums[key] = sums.get(key, 0.0) + value
-    return sums

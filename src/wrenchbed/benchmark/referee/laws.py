@@ -5,7 +5,6 @@ wanders slowly. Its ranges are estimates.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import accumulate
 from math import log1p
 
@@ -115,22 +114,15 @@ def dahl(x: np.ndarray, reach: float) -> np.ndarray:
     return np.array(list(accumulate(pieces, _follow, initial=0.0)))
 
 
-@dataclass(frozen=True, eq=False)
-class RowNoise:
-    """Recorded rows: wrench (N, 6) [N, N·m] and reported joints (N, J)."""
-
-    wrench: np.ndarray
-    q: np.ndarray
-
-
 def rows(
     setting: RefereeSetting,
     ride: Ride,
     clean: np.ndarray,
     faults: Sequence[RefereeFault],
     rng: np.random.Generator,
-) -> RowNoise:
-    """Recorded rows of a clean signal at all instants (T, 6)."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """Recorded wrenches (N, 6) [N, N·m] of a clean signal at all instants (T, 6), and reported
+    joints (N, J)."""
     path = setting.path
     t = path.t[path.rows]
     late = np.clip(_JITTER_S * rng.standard_normal(len(t)), -3 * _JITTER_S, 3 * _JITTER_S)
@@ -148,16 +140,14 @@ def rows(
     unit = np.array([_ENCODER[j.unit] for j in setting.robot.joints])
     unit = unit * (0.01 if setting.mode == "dynamic" else 1.0)
     q = path.q[path.rows]
-    return RowNoise(y, q + unit * rng.standard_normal(q.shape))
+    return y, q + unit * rng.standard_normal(q.shape)
 
 
 def shaken(setting: RefereeSetting, ride: Ride, a: np.ndarray) -> np.ndarray:
     """Wrench (N, 6) of accelerations of the base (N, 3) [m/s²] at the recorded rows."""
-    tool = setting.metadata.tool
-    assert tool.mass is not None and tool.cog is not None
     rotation = ride.rotation[setting.path.rows]
-    force = -tool.mass * np.einsum("nij,ni->nj", rotation, a)
-    return np.concatenate([force, np.cross(np.array(tool.cog), force)], axis=1)
+    force = -setting.mass * np.einsum("nij,ni->nj", rotation, a)
+    return np.concatenate([force, np.cross(setting.cog, force)], axis=1)
 
 
 def held(n: int, fault: RowFault, rng: np.random.Generator) -> np.ndarray:

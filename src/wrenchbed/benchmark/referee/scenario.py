@@ -172,6 +172,17 @@ class RefereeSetting:
         """Means or rows are compared at each so many-th, 1 at rest."""
         return EVERY if self.mode == "dynamic" else 1
 
+    @property
+    def mass(self) -> float:
+        """Stated mass of the tool [kg]."""
+        assert self.metadata.tool.mass is not None
+        return self.metadata.tool.mass
+
+    @cached_property
+    def cog(self) -> np.ndarray:
+        """Stated centre of gravity of the tool (3,) [m]."""
+        return np.array(self.metadata.tool.cog)
+
     @cached_property
     def noise(self) -> np.ndarray:
         """Stated standard deviation of one row (6,) [N, N·m]."""
@@ -186,9 +197,7 @@ class RefereeSetting:
     @cached_property
     def tolerance(self) -> tuple[float, float, np.ndarray]:
         """Tolerances of the contract: mass [kg], CoG [m] and bias (6,)."""
-        mass = self.metadata.tool.mass
-        assert mass is not None
-        return 0.005 * mass, 5e-4, 3.0 * self.noise
+        return 0.005 * self.mass, 5e-4, 3.0 * self.noise
 
     def mean(self, signal: np.ndarray) -> np.ndarray:
         """Mean at each pose (H, …) of a signal at all instants (T, …); in motion of each row (N,

@@ -8,16 +8,8 @@ saturation and quantization have the same formula there; here only their sizes a
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wrenchbed.benchmark.frame import Rng, by_channel, log_uniform
-from wrenchbed.benchmark.referee.fault import (
-    CHANNEL,
-    RefereeFault,
-    RowFault,
-    about,
-    drawn,
-    sign,
-    touched,
-)
+from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform, register
+from wrenchbed.benchmark.referee.fault import DRAWS, RefereeFault, RowFault, about, sign, touched
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
@@ -29,14 +21,14 @@ _ARM = 0.05
 """Typical lever of crosstalk between forces and torques [m]."""
 
 
-@drawn("timing.delay", motion=True, compared="delay")
+@register(DRAWS, "timing.delay")
 def delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Wrenches about 7 ms older than the joints."""
     lag = about(rng, 7e-3 * size)
     return RefereeFault({"delay": lag}, clock=lambda ride, y: _at(ride, y, -lag))
 
 
-@drawn("timing.lowpass", motion=True, adds=False)
+@register(DRAWS, "timing.lowpass")
 def smooth(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A filter of one to three stages, about 7 ms slow in all."""
     time, stages = about(rng, 7e-3 * size), int(rng.integers(1, 4))
@@ -47,7 +39,7 @@ def smooth(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault({"time": time}, clock=clock)
 
 
-@drawn("timing.stale", motion=True, between=True)
+@register(DRAWS, "timing.stale")
 def stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Readings that are repeated now and then, for about 30 ms."""
     rate = setting.metadata.rate_hz or 1.0
@@ -56,15 +48,14 @@ def stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(rows=RowFault(stale=(share / (length * (1 - share)), length)))
 
 
-@drawn("timing.skew", motion=True, compared="skew")
+@register(DRAWS, "timing.skew")
 def skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A sensor's clock that gains or loses about 12 ms over the run."""
     t = setting.path.t
     ahead = sign(rng) * about(rng, 0.012 * size)
     rate = ahead / float(t[-1])
     shift = rate * np.maximum(t, 0.0)
-    true = {"skew": -rate}
-    return RefereeFault(true, clock=lambda ride, y: _at(ride, y, shift))
+    return RefereeFault({"skew": -rate}, clock=lambda ride, y: _at(ride, y, shift))
 
 
 def _at(ride: Ride, y: np.ndarray, shift: np.ndarray | float) -> np.ndarray:
@@ -72,7 +63,7 @@ def _at(ride: Ride, y: np.ndarray, shift: np.ndarray | float) -> np.ndarray:
     return np.asarray(CubicSpline(t, y)(np.clip(t + shift, t[0], t[-1])))
 
 
-@drawn("sensor.bias", compared=rf"bias\.{CHANNEL}")
+@register(DRAWS, "sensor.bias")
 def bias(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A zero that is off by about 0.4 % of full scale."""
     weight = touched(rng)
@@ -81,28 +72,26 @@ def bias(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return shifted(by_channel(value, "bias."), value)
 
 
-@drawn("sensor.drift", compared=rf"rate\.{CHANNEL}")
+@register(DRAWS, "sensor.drift")
 def drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A zero that drifts by about 0.3 % of full scale over the run, nearly evenly."""
     t = setting.path.t
     span = about(rng, 3e-3 * size) * setting.full_scale * touched(rng)
-    progress = (t - t[0]) / (t[-1] - t[0])
-    curl = rng.uniform(-0.12, 0.12)
+    progress, curl = elapsed(t), rng.uniform(-0.12, 0.12)
     shape = progress + curl * progress * (1.0 - progress)
-    rate = span / (t[-1] - t[0])
-    true = by_channel(rate, "rate.")
-    return shifted(true, np.outer(shape, span))
+    return shifted(by_channel(span / (t[-1] - t[0]), "rate."), np.outer(shape, span))
 
 
-@drawn("sensor.gain", compared=rf"gain\.{CHANNEL}")
+@register(DRAWS, "sensor.gain")
 def gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Sensitivities about 1 % off."""
     error = about(rng, 0.01 * size) * touched(rng)
-    true = by_channel(error, "gain.")
-    return RefereeFault(true, gauge=lambda ride, y: y * (1.0 + error), stage=GAIN)
+    return RefereeFault(
+        by_channel(error, "gain."), gauge=lambda ride, y: y * (1.0 + error), stage=GAIN
+    )
 
 
-@drawn("sensor.crosstalk", compared=rf"x\.{CHANNEL}\.{CHANNEL}")
+@register(DRAWS, "sensor.crosstalk")
 def crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Channels that read about 0.8 % of another: one pair, one row, one quarter or all."""
     lever = np.array([1.0, 1.0, 1.0, _ARM, _ARM, _ARM])
@@ -127,7 +116,7 @@ def crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(true, gauge=lambda ride, y: y + y @ matrix.T, stage=MIX)
 
 
-@drawn("sensor.hysteresis")
+@register(DRAWS, "sensor.hysteresis")
 def hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A reading that lags by Bouc and Wen's law, about 0.15 % of full scale wide."""
     width = about(rng, 1.5e-3 * size) * setting.full_scale * np.abs(touched(rng))
@@ -143,7 +132,7 @@ def hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(by_channel(width, "width."), gauge=gauge, stage=LOOP)
 
 
-@drawn("sensor.saturation")
+@register(DRAWS, "sensor.saturation")
 def saturation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A range that is too small for a few poses, of one or two channels."""
     limit = np.full(6, np.inf)
@@ -155,21 +144,21 @@ def saturation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(true, rows=RowFault(limit=limit))
 
 
-@drawn("sensor.quantization", between=True)
+@register(DRAWS, "sensor.quantization")
 def quantization(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Counts as coarse as about twice the noise."""
     step = about(rng, 2.0 * size) * setting.noise * np.abs(touched(rng))
     return RefereeFault(rows=RowFault(step=step))
 
 
-@drawn("sensor.noise", between=True)
+@register(DRAWS, "sensor.noise")
 def noise(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Noise about one and a half times what is stated."""
     factor = 1.0 + about(rng, 0.5 * size) * np.abs(touched(rng))
     return RefereeFault(rows=RowFault(gain=factor))
 
 
-@drawn("sensor.temperature", warm=True)
+@register(DRAWS, "sensor.temperature")
 def temperature(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Zeros and spans that follow the room, or a warm-up of two time constants."""
     t = setting.path.t
@@ -192,7 +181,7 @@ def temperature(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(gauge=gauge, stage=ZERO)
 
 
-@drawn("sensor.nonlinearity")
+@register(DRAWS, "sensor.nonlinearity")
 def nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """An even or odd curvature of about 0.2 % of full scale at most."""
     bend = about(rng, 2e-3 * size) * setting.full_scale * touched(rng)
@@ -209,7 +198,7 @@ def nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
     return RefereeFault(gauge=gauge, stage=BEND)
 
 
-@drawn("sensor.creep")
+@register(DRAWS, "sensor.creep")
 def creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """After a change of load about 0.8 % of it comes late: a chain of three time constants."""
     share = about(rng, 8e-3 * size) * np.abs(touched(rng))
@@ -224,7 +213,7 @@ def creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(gauge=gauge, stage=CREEP)
 
 
-@drawn("sensor.jump", adds=False, compared=rf"step\.{CHANNEL}")
+@register(DRAWS, "sensor.jump")
 def jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A zero that jumps once, by about 0.4 % of full scale, within half a second."""
     t = setting.path.t

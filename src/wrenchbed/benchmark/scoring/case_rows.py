@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 import pyarrow as pa
 
+from wrenchbed.benchmark.frame import EFFECTS
 from wrenchbed.effects.chain import effects
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.parts import Journal, read_table, write_table
@@ -67,16 +69,19 @@ def numbers(
 ) -> list[Number]:
     """Published parameters of an effect with an uncertainty, beside the true ones, 0 if unlisted.
 
+    Only those that mean the same in the library and in the physics of the cases.
+
     Args:
         effect: its name.
         published: ``value`` and ``std`` by the parameter's name.
         true: SI.
     """
-    given = effects()[effect].amplitudes(published) or {}
+    pattern = EFFECTS[effect].compared if effect in EFFECTS else ""
+    given = effects()[effect].amplitudes(published) if pattern else None
     return [
         Number(f"{effect}:{name}", float(p["value"]), float(p["std"]), true.get(name, 0.0))
-        for name, p in given.items()
-        if p.get("std") is not None and math.isfinite(p["value"])
+        for name, p in (given or {}).items()
+        if re.fullmatch(pattern, name) and p.get("std") is not None and math.isfinite(p["value"])
     ]
 
 

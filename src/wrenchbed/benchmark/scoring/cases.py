@@ -1,8 +1,6 @@
 """Look-alike cases from one seed, diagnosed by every method; reliability learnt at one design.
 
-True parameters get the names that a diagnosis publishes, for effects whose numbers mean the same in
-both physics. What the background of small imperfections adds to the same number belongs to the
-truth: the robot has it.
+What the background of small imperfections adds to a number belongs to the truth: the robot has it.
 """
 
 import hashlib
@@ -20,12 +18,10 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import STATED, attempts
+from wrenchbed.benchmark.frame import attempts, true_numbers
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, LookalikeCase, draw, recording
-from wrenchbed.benchmark.lookalikes.catalogue import EFFECTS
-from wrenchbed.benchmark.lookalikes.loads import RigidLoad
 from wrenchbed.benchmark.scoring.baselines import BASELINES
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number, numbers
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, numbers
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
@@ -36,7 +32,6 @@ from wrenchbed.diagnosis.prepare.prepare_recording import gathered
 from wrenchbed.errors import DiagnosisError, ParameterError
 from wrenchbed.jobs.parts import Journal, Row
 from wrenchbed.jobs.workers import Progress, in_workers, silent
-from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning import choose
 
 KINDS = ("single", "none", "outside", "pair")
@@ -58,49 +53,10 @@ _VERDICTS = ("none", "unknown")
 _SHARED: list[tuple[ExperimentDesign, int]] = []
 
 
-def truth(design: ExperimentDesign, case: LookalikeCase, effect: str) -> dict[str, float] | None:
-    """True parameters of an effect in SI units, 0 if left out; None if the case's effect has
-    another form than the library's."""
-    if effect in STATED:
-        return _stated(design, case, effect)
-    drawn = EFFECTS.get(effect)
-    if drawn is None or drawn.published is None:
-        return None
-    total: dict[str, float] = {}
-    for item, factor in case.items:
-        if item.name == effect and (factor == 1.0 or drawn.adds):
-            for name, value in drawn.published(item.values).items():
-                total[name] = total.get(name, 0.0) + factor * value
-    return total
-
-
-def compared(
-    design: ExperimentDesign,
-    case: LookalikeCase,
-    effect: str,
-    published: Mapping[str, Mapping[str, Any]],
-) -> list[Number]:
-    """Published parameters beside the true ones."""
-    true = truth(design, case, effect)
-    return [] if true is None else numbers(effect, published, true)
-
-
-def _stated(design: ExperimentDesign, case: LookalikeCase, effect: str) -> dict[str, float]:
-    """Errors of a stated number, with what lies within its tolerance."""
-    items = [(i, k) for i, k in case.items if i.name in (*STATED, "background")]
-    if effect == STATED[0]:
-        zero = np.zeros((1, 6))
-        shifts = [k * i.sensor(zero)[0] for i, k in items if i.sensor is not None]
-        total = np.sum(shifts, axis=0) if shifts else np.zeros(6)
-        return {f"bias.{c}": float(v) for c, v in zip(CHANNELS, total, strict=True)}
-    load: RigidLoad = design.load
-    for item, _ in items:
-        if item.tool is not None:
-            load = item.tool(load, design.motion)
-    if effect == STATED[1]:
-        return {"mass": load.mass - design.load.mass}
-    shift = load.cog - design.load.cog
-    return {f"cog.{a}": float(v) for a, v in zip("xyz", shift, strict=True)}
+def truth(case: LookalikeCase, effect: str) -> dict[str, float]:
+    """True parameters of one of a case's effects by name, SI."""
+    cause = next(item for item, _ in reversed(case.items) if item.name == effect)
+    return true_numbers(cause, case.items)
 
 
 @dataclass(frozen=True)
@@ -197,12 +153,10 @@ def run(job: Job) -> CaseRow:
         seconds=seconds,
         error="\n".join(errors),
     )
-    return _with_findings(row, place, case, results[0]) if results else row
+    return _with_findings(row, case, results[0]) if results else row
 
 
-def _with_findings(
-    row: CaseRow, place: ExperimentDesign, case: LookalikeCase, findings: Findings
-) -> CaseRow:
+def _with_findings(row: CaseRow, case: LookalikeCase, findings: Findings) -> CaseRow:
     """A row with what the diagnosis says beside its claim, and what reliability is learnt from."""
     raw, diagnosis = findings.untempered, findings.diagnosis
     closed = diagnosis.gap.closed
@@ -211,7 +165,7 @@ def _with_findings(
         number
         for cause in diagnosis.which
         if cause["effect"] in case.causes
-        for number in compared(place, case, cause["effect"], cause["parameters"])
+        for number in numbers(cause["effect"], cause["parameters"], truth(case, cause["effect"]))
     ]
     return replace(
         row,

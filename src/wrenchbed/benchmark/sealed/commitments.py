@@ -15,10 +15,8 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 
-from wrenchbed.benchmark.frame import STATED
+from wrenchbed.benchmark.frame import STATED, true_numbers
 from wrenchbed.benchmark.referee.case import RefereeCase, TrueCause, World
-from wrenchbed.benchmark.referee.catalogue import EFFECTS
-from wrenchbed.benchmark.referee.fault import total
 from wrenchbed.data import parquet
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
@@ -315,24 +313,19 @@ def of_case(case: RefereeCase, name: str, salt: str) -> Answer:
 
 
 def _numbers(case: RefereeCase, cause: TrueCause) -> Mapping[str, float]:
-    """True numbers of a cause with what minor imperfections of the same name add."""
-    fault = cause.fault
-    sums = total(case.faults, fault.name)
-    effect = EFFECTS.get(fault.name)
-    if fault.name in STATED[1:]:
-        return _with_own_weight(case, sums)
-    return sums if effect is None or effect.adds else fault.true
+    """True numbers of a cause with what minor imperfections of the same name add.
 
-
-def _with_own_weight(case: RefereeCase, sums: Mapping[str, float]) -> dict[str, float]:
-    """Gauge errors that act like a mass at the sensor's origin, through the sensor's own weight."""
-    weight = total(case.faults, "tool.self_weight").get("mass", 0.0)
-    tool = case.world.setting.metadata.tool
-    assert tool.mass is not None and tool.cog is not None
+    The weight of the sensor's own tool side acts like a mass at the sensor's origin.
+    """
+    sums = true_numbers(cause.fault, [(fault, 1.0) for fault in case.faults])
+    if cause.fault.name not in STATED[1:]:
+        return sums
+    weights = (f.true["mass"] for f in case.faults if f.name == "tool.self_weight")
+    weight, setting = sum(weights, 0.0), case.world.setting
     if "mass" in sums:
         return {"mass": sums["mass"] + weight}
-    shift = dict(zip("xyz", tool.cog, strict=True))
-    return {k: v - weight / tool.mass * shift[k[-1]] for k, v in sums.items()}
+    shift = dict(zip("xyz", setting.cog, strict=True))
+    return {k: v - weight / setting.mass * shift[k[-1]] for k, v in sums.items()}
 
 
 def _oracle(case: RefereeCase) -> Oracle:

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import KINDS, STATED, Rng, Usual
+from wrenchbed.benchmark import frame
+from wrenchbed.benchmark.frame import EFFECTS, KINDS, STATED, Rng, Usual, between, register
 from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.benchmark.referee import sensor
-from wrenchbed.benchmark.referee.case import TrueCause, World, between
-from wrenchbed.benchmark.referee.catalogue import EFFECTS
+from wrenchbed.benchmark.referee.case import TrueCause, World
 from wrenchbed.benchmark.referee.catalogue import FAMILIES as OF_REFEREE
-from wrenchbed.benchmark.referee.fault import RefereeFault, named, touched
+from wrenchbed.benchmark.referee.fault import DRAWS, Draw, RefereeFault, touched
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.benchmark.referee.signatures import Bench, bench, blocks_of_orientations
 from wrenchbed.benchmark.sealed import commitments, make
@@ -41,11 +41,11 @@ _KEPT = re.compile(
 """Columns of the contract; others may tell more than they should."""
 _UNSAID = ("source",)
 """Fields of the metadata that tell where a recording is from."""
-_BY_JOINTS = ("joint.", "link.", "cable.", "environment.", "base.compliance", "tool.inertia",
-              "tool.loose", "tool.flexure", "tool.self_weight")  # fmt: skip
-"""Beginnings of names of effects that a rigid tool in known orientations cannot show."""
-_OUTSIDE = ("popcorn", "triple", "gusts", "dropout")
-"""The referee's families that need no joints and that an accelerometer does not show."""
+_BY_MACHINE = ("tool.inertia", "tool.loose", "tool.flexure")
+"""Effects that a rigid tool in known orientations cannot show, besides those of joints."""
+FAMILIES: dict[str, Draw] = {n: OF_REFEREE[n] for n in ("popcorn", "triple", "gusts", "dropout")}
+"""Faults outside the library by name: the referee's that need no joints and that an accelerometer
+does not show, and two of their own."""
 _ZEROED = 0.02
 """A bias counts as stated where its tolerance is below this share of full scale."""
 
@@ -128,6 +128,7 @@ def plain(recording: Recording) -> Recording:
     return Recording(parse(known, recording.name), columns, recording.name)
 
 
+@register(FAMILIES, "bursts")
 def bursts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A welder nearby: in short spells the readings are torn apart."""
     t = setting.path.t
@@ -139,6 +140,7 @@ def bursts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(gauge=lambda ride, y: y + on[:, None] * kicks * level, stage=sensor.ZERO)
 
 
+@register(FAMILIES, "knock")
 def knock(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Somebody knocks at the tool, and its fixture creaks back: zeros spring and return slowly."""
     t = setting.path.t
@@ -149,14 +151,6 @@ def knock(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     push = 8.0 * size * setting.noise * touched(rng)
     sides = rng.choice([-1.0, 1.0], len(blows))
     return RefereeFault(gauge=lambda ride, y: y + np.outer(course @ sides, push), stage=sensor.ZERO)
-
-
-FAMILIES = {
-    **{name: OF_REFEREE[name] for name in _OUTSIDE},
-    "bursts": named("bursts", bursts),
-    "knock": named("knock", knock),
-}
-"""Faults outside the library, by name."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,17 +212,12 @@ class HostRecording(World):
     def possible(self) -> list[str]:
         """Names of the effects that this recording can show."""
         s = self.setting
-        moving, repeats = s.mode == "dynamic", bool(np.isfinite(s.scatter).all())
+        shown = ["motion"] if s.mode == "dynamic" else []
+        shown += ["repeats"] if np.isfinite(s.scatter).all() else []
+        shown += ["warmth"] if s.temperature is not None else []
         zeroed = bool((1.5 * s.tolerance[2] < _ZEROED * s.full_scale).all())
-        return [
-            name
-            for name, e in EFFECTS.items()
-            if not name.startswith(_BY_JOINTS)
-            and (moving or not e.motion)
-            and (s.temperature is not None or not e.warm)
-            and (repeats or not e.between)
-            and (zeroed or name != "sensor.bias")
-        ]
+        hidden = _BY_MACHINE if zeroed else (*_BY_MACHINE, "sensor.bias")
+        return [name for name in frame.possible(shown) if name not in hidden]
 
     def drawn(self, name: str, rng: Rng, size: float) -> RefereeFault:
         """A fault; sizes between rows follow the scatter of rows, a range the reading itself."""
@@ -237,7 +226,7 @@ class HostRecording(World):
             setting = replace(setting, own=setting.scatter)
         elif name == "sensor.saturation":
             setting = replace(setting, offset=setting.bias)
-        return EFFECTS[name].draw(setting, rng, size)
+        return replace(DRAWS[name](setting, rng, size), size=size)
 
     def recorded(self, faults: Sequence[RefereeFault]) -> Recording:
         """The recording with some faults; what shakes or turns the tool shows in accelerations."""

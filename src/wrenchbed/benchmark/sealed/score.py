@@ -4,7 +4,6 @@ Claims are read from the contract's ``diagnosis.json``. The figures are those of
 and what the data itself allows.
 """
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.benchmark.frame import STATED, subsystem
-from wrenchbed.benchmark.referee.catalogue import EFFECTS
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number, numbers
 from wrenchbed.benchmark.scoring.metrics import (
     METRICS,
@@ -303,17 +301,12 @@ def _compared(truth: Answer, said: EntrantClaim) -> tuple[Number, ...]:
 
     Of a simulated robot every number is known, 0 where none is listed; of a real one those listed.
     """
-    compared: list[Number] = []
-    for cause in truth.causes if truth.effects else ():
-        pattern = EFFECTS[cause.effect].compared if cause.effect in EFFECTS else ""
-        if pattern:
-            compared += [
-                n
-                for n in numbers(cause.effect, said.parameters.get(cause.effect, {}), cause.true)
-                if re.fullmatch(pattern, name := n.name.partition(":")[2])
-                and (truth.oracle is not None or name in cause.true)
-            ]
-    return tuple(compared)
+    return tuple(
+        number
+        for cause in (truth.causes if truth.effects else ())
+        for number in numbers(cause.effect, said.parameters.get(cause.effect, {}), cause.true)
+        if truth.oracle is not None or number.name.partition(":")[2] in cause.true
+    )
 
 
 # ---- figures that need what the referee knows ----------------------------------------------------
