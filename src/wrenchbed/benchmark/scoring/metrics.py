@@ -367,32 +367,25 @@ def effect_cells(rows: Sequence[CaseRow]) -> Cells:
 
 
 def by_size(rows: Sequence[CaseRow], methods: Sequence[str] = (OURS,)) -> str:
-    """Markdown table of the shares of single effects that are noticed and isolated, by gap."""
+    """Markdown table of `size_cells`."""
+    return markdown(size_cells(rows, methods))
+
+
+def size_cells(rows: Sequence[CaseRow], methods: Sequence[str]) -> Cells:
+    """Table cells of the shares of single effects that show in means, by the gap that they add:
+    noticed (any answer but none) and isolated."""
     heads = [f"{m}: {what}" for m in methods for what in ("noticed", "isolated")]
-    lines = []
-    for span, cases in sized(rows):
-        hits = [hit for m in methods for hit in shares(cases, m)]
-        cells = [f"{100 * hit / len(cases):.0f} %" if cases else "–" for hit in hits]
-        lines.append([span, str(len(cases)), *cells])
-    return markdown((["gap", "n", *heads], lines))
-
-
-def sized(rows: Sequence[CaseRow]) -> list[tuple[str, list[CaseRow]]]:
-    """Single effects that show in means, by the gap that they add, each with its span as text."""
     singles = [r for r in rows if r.kind == "single" and not r.between]
-    return [
-        (
-            f"{low:g}–{high:g}" if np.isfinite(high) else f"> {low:g}",
-            [r for r in singles if low <= r.size[r.truth[0]] < high],
-        )
-        for low, high in pairwise(EDGES)
-    ]
-
-
-def shares(rows: Sequence[CaseRow], method: str) -> tuple[int, int]:
-    """Number of cases that a method calls anything but none, and in which a class is right."""
-    claims = [(r, r.answers[method]) for r in rows]
-    return sum(c.verdict != NONE for _, c in claims), sum(isolated(r, c) for r, c in claims)
+    lines = []
+    for low, high in pairwise(EDGES):
+        cases = [r for r in singles if low <= r.size[r.truth[0]] < high]
+        claims = [[(r, r.answers[m]) for r in cases] for m in methods]
+        hits = [[(c.verdict != NONE, isolated(r, c)) for r, c in of_method] for of_method in claims]
+        parts = [100 * np.mean(part) for each in hits for part in zip(*each, strict=True)]
+        cells = [f"{part:.0f} %" for part in parts] or ["–"] * len(heads)
+        span = f"{low:g}–{high:g}" if np.isfinite(high) else f"> {low:g}"
+        lines.append([span, str(len(cases)), *cells])
+    return ["gap", "n", *heads], lines
 
 
 def placed(document: str, name: str, text: str) -> str:

@@ -1,6 +1,6 @@
 """The score as a page: Markdown and one HTML file.
 
-Figures of a score: how far its probabilities hold, and how small an effect it finds.
+It says how good an entrant is, how far its probabilities hold, and how small an effect it finds.
 """
 
 import re
@@ -20,17 +20,14 @@ from wrenchbed.benchmark.scoring.metrics import (
     figure,
     figure_cells,
     right,
-    shares,
-    sized,
+    size_cells,
 )
-from wrenchbed.benchmark.sealed.score import ORACLE, Score
-from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series
-from wrenchbed.pages.document import Card, Document, Figure, Section, Table
+from wrenchbed.benchmark.sealed.score import Score
+from wrenchbed.pages.document import Card, Document, Section, Table
 from wrenchbed.pages.provenance import provenance
 
 _BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9])
 """Edges of stated probabilities that are shown together."""
-_SHARE = Axis("share of cases", "%", low=0.0, high=104.0, ticks=(0.0, 25.0, 50.0, 75.0, 100.0))
 _ORDER = ("none", *SUBSYSTEMS, "unknown", "error")
 _ORACLE = (
     "The oracle is told the exact form and size of all that may be there; it names what the same "
@@ -42,69 +39,25 @@ _SEMI_REAL = (
 )
 
 
-def reliability(rows: Sequence[CaseRow]) -> Chart:
-    """Stated probability of first answers beside the share that was right, with 95 % intervals."""
+def _reliability(rows: Sequence[CaseRow]) -> Table:
+    """Stated probability of first answers beside the share that was right."""
     stated = np.array([r.answers[OURS].sure for r in rows])
     held = np.array([right(r, r.answers[OURS]) for r in rows])
     which = np.digitize(stated, _BINS) - 1
-    used = np.unique(which)
-    groups = [held[which == k] for k in used]
-    means = np.array([100 * stated[which == k].mean() for k in used])
-    shares = np.array([100 * group.mean() for group in groups])
-    ends = _ends([(int(group.sum()), len(group)) for group in groups])
-    x = np.arange(len(used))
-    series = (
-        Series("stated", "points", x, means, role="before", mark="ring"),
-        Series("right, with 95 % interval", "points", x, shares, ends=ends),
-    )
-    names = tuple(
-        f"{100 * _BINS[k]:.0f}–{100 * _BINS[k + 1]:.0f}\nn = {len(group)}"
-        for k, group in zip(used, groups, strict=True)
-    )
-    axis = Axis("stated probability of the first answer [%]", names=names)
-    panel = Panel(axis, _SHARE, series, height=1.7)
-    caption = "A ring within the upright line: what was stated agrees with how often it was right."
-    return Chart("", "", (panel,), caption=caption)
-
-
-def detection(rows: Sequence[CaseRow], score: Score) -> Chart:
-    """Shares isolated against the gap, of the entrant, the oracle and BIC; and those noticed."""
-    groups = [(span, members) for span, members in sized(rows) if members]
-    labels = tuple(f"{span}\nn = {len(members)}" for span, members in groups)
-    named: tuple[tuple[str, str, Role], ...] = (
-        (ORACLE, "oracle", "box"), ("bic", "BIC", "before"), (OURS, score.main, "measured"),
-    )  # fmt: skip
-    x, panels = np.arange(len(groups)), []
-    axis = Axis("gap that the effect adds", names=labels)
-    for k, what in ((1, "isolated"), (0, "noticed")):
-        series = []
-        for method, name, role in named:
-            if method != OURS and method not in score.beside:
-                continue
-            hits = [(shares(members, method)[k], len(members)) for _, members in groups]
-            y = np.array([100.0 * hit / count for hit, count in hits])
-            series.append(Series(name, "line", x, y, role=role, dashed=method != OURS))
-            if method == OURS:
-                series.append(Series(name, "points", x, y, role=role, ends=_ends(hits)))
-        panels.append(Panel(axis, _SHARE, tuple(series), title=what, height=1.4))
-    caption = "Isolated: a claimed class holds the effect. Noticed: any answer but none. "
-    caption += f"Upright lines: 95 % intervals of {score.main}."
-    return Chart("", "", tuple(panels), columns=2, caption=caption)
-
-
-def _ends(counts: Sequence[tuple[int, int]]) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of exact intervals of shares (N,) [%]."""
-    low, high = 100.0 * np.array([exact_interval(k, n) for k, n in counts]).reshape(-1, 2).T
-    return low, high
+    lines = []
+    for k in np.unique(which):
+        hits, count = int(held[which == k].sum()), int((which == k).sum())
+        low, high = exact_interval(hits, count)
+        span = f"{100 * _BINS[k]:.0f}–{100 * _BINS[k + 1]:.0f} %"
+        share = f"{100 * hits / count:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
+        lines.append([span, count, f"{100 * stated[which == k].mean():.0f} %", share])
+    return Table.of("Reliability", ["stated", "n", "mean", "right, with 95 % interval"], lines)
 
 
 def page(score: Score, command: str = "") -> Document:
     """Every figure of a score, with the command that made it.
 
     The page does not state the seed of the cases: all answers follow from it.
-
-    Raises:
-        MissingExtraError: matplotlib is not installed.
     """
     rows, some = score.rows, next(iter(score.answers.values()))
     kinds = Counter(r.kind for r in rows)
@@ -135,8 +88,8 @@ def page(score: Score, command: str = "") -> Document:
             "Stated probability of the first answer against how often it was right; how often "
             "single effects are noticed and isolated, against the gap that they add.",
             (
-                Figure("reliability", "Reliability", reliability(rows)),
-                Figure("detection", "Detection against size", detection(rows, score)),
+                _reliability(rows),
+                Table.of("Detection against size", *size_cells(rows, [OURS, *score.beside])),
             ),
         ),
         Section(
@@ -172,7 +125,8 @@ def marked(metric: Metric, scored: ScoredMetric) -> str:
     if goal is None:
         return ""
     low, high = goal
-    value, least, most = (_shown(metric, x) for x in (scored.value, scored.low, scored.high))
+    scale = 100.0 if metric.percent else 1.0
+    value, least, most = (scale * x for x in (scored.value, scored.low, scored.high))
     met = low <= value <= high
     exact = re.match(r"\d+ %$", metric.target)  # of the cases themselves
     sure = low <= least and most <= high if met else most < low or least > high
@@ -191,10 +145,6 @@ def _goal(metric: Metric) -> tuple[float, float] | None:
         "<": (-np.inf, np.nextafter(x, -np.inf)), "": (x, float(parts[3] or x)),
     }  # fmt: skip
     return ends[parts[1]]
-
-
-def _shown(metric: Metric, value: float) -> float:
-    return 100.0 * value if metric.percent else value
 
 
 def summary(score: Score) -> dict[str, object]:
