@@ -30,6 +30,8 @@ SUBSYSTEMS = (
     "sensor", "mount", "tool", "cable", "joint", "link", "base", "timing", "environment",
 )  # fmt: skip
 """Subsystems of the effects."""
+_CHANNEL = "[ft][xyz]"
+"""Pattern of a channel's name."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,6 @@ class CaseEffect:
         return "repeats" in self.needs
 
 
-_CHANNEL = "[ft][xyz]"
 EFFECTS: Mapping[str, CaseEffect] = {
     "sensor.bias": CaseEffect(compared=rf"bias\.{_CHANNEL}"),
     "sensor.drift": CaseEffect(compared=rf"rate\.{_CHANNEL}"),
