@@ -72,7 +72,7 @@ def test_conventions_that_no_data_tell_apart_are_named():
     lines = "\n".join(guess(files).lines)
     assert "fits equally well: matrix" in lines and "sign = -1" in lines
     assert "kgf and kgf·m (9.14 kg)" in lines and "--tool-mass KG decides" in lines
-    told = guess(files, Stated(mass=9.1))
+    told = guess(files, Stated(tool_mass=9.1))
     assert {c.units[0] for c in told.conventions} == {"kgf"}
     assert told.conventions[0].mass == pytest.approx(9.1, rel=0.05)
 

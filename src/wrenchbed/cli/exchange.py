@@ -21,35 +21,12 @@ from wrenchbed.exports.urdf import read_urdf
 from wrenchbed.files import write_text
 
 
-@dataclass(frozen=True)
-class GuessArguments:
-    """Find the map by itself.
-
-    Attributes:
-        guess: Find the map: every convention is tried against one rigid load under gravity. Writes
-            OUT.map.toml.
-        robot: With --guess: name of the robot.
-        gravity: With --guess: size of gravity [m/s²].
-        tool_mass: With --guess: known mass of the tool [kg], which tells units apart.
-        sensor: With --guess: model, see `wrenchbed list sensors`, or a sensor's TOML file.
-        fit: With --guess: fit.json of the same sensor and tool; states tool, zeros and tolerances.
-        rest: With --guess: text file of the wrench at rest; states the noise of one row.
-    """
-
-    guess: Flag = False
-    robot: str | None = None
-    gravity: float | None = None
-    tool_mass: float | None = None
-    sensor: str | None = None
-    fit: Path | None = None
-    rest: Path | None = None
-
-
 def import_(
     files: tyro.conf.Positional[tuple[Path, ...]],
     /,
     out: Path,
-    guessing: GuessArguments,
+    stated: wb.Stated,
+    guess: Flag = False,
     map: Path | None = None,
     mode: Literal["static", "dynamic", "auto"] | None = None,
     force: Flag = False,
@@ -60,23 +37,29 @@ def import_(
     Args:
         files: CSV files, rosbags (1 or 2), MCAP files; several are merged on time.
         out: Recording to write; of a log of holds and moves, OUT.motion.parquet gets all of it.
+        guess: Find the map: every convention is tried against one rigid load under gravity. Writes
+            OUT.map.toml.
         map: TOML or JSON column map (docs/how-to/import.md), or the name of a ready one.
         mode: static, dynamic, or auto: a log of holds and moves is split into poses by itself. As
             the map says if none.
         force: Replace recordings at OUT; they are kept as OUT~, or OUT~2 and so on.
-        as_json: Print the result as JSON.
     """
-    if guessing.guess == (map is not None):
+    if guess == (map is not None):
         raise ParameterError("give either --map MAP or --guess")
     guessed: dict[str, list[str]] = {}
-    inputs = (*files, map, guessing.fit, guessing.rest)
-    whole = out.with_suffix(".motion.parquet")
+    inputs = (*files, map, stated.fit, stated.rest)
+    whole, found = out.with_suffix(".motion.parquet"), out.with_suffix(".map.toml")
     console.check_out(out, Kind.RECORDING, *inputs, force=force)
-    if map is not None:
-        _no_guess(guessing)
-        column_map = wb.read_map(map)
+    if map is None:
+        console.check_out(found, Kind.MAP, *files)
+        guesses = wb.guess_map(files, stated, mode)
+        write_text(found, guesses.text(found.parent))
+        column_map, guessed = guesses.column_map(), {"guess": [*guesses.lines, f"map → {found}"]}
     else:
-        column_map, guessed = _guessed(files, guessing, out, wb.Stated(mode=mode))
+        if flags := [name for name, value in vars(stated).items() if value is not None]:
+            flag = flags[0].replace("_", "-")
+            raise ParameterError(f"--{flag} belongs to --guess; a map states it itself")
+        column_map = wb.read_map(map)
     imported = wb.import_files(files, _changed(column_map, mode))
     if imported.motion is not None:
         console.check_out(whole, Kind.RECORDING, *inputs, out, force=force)
@@ -108,29 +91,6 @@ def _doubt(recording: Recording) -> str | None:
     except WrenchbedError:
         return None
     return None if finding is None else finding.sentence
-
-
-def _no_guess(given: GuessArguments) -> None:
-    """Refuse what a map would not use."""
-    for name, value in vars(given).items():
-        if value:
-            flag = name.replace("_", "-")
-            raise ParameterError(f"--{flag} belongs to --guess; a map states it itself")
-
-
-def _guessed(
-    files: tuple[Path, ...], given: GuessArguments, out: Path, stated: wb.Stated
-) -> tuple[ColumnMap, dict[str, list[str]]]:
-    """The map that is found, and what to say of it."""
-    stated = replace(
-        stated, robot=given.robot, gravity=given.gravity, mass=given.tool_mass,
-        fit=given.fit, rest=given.rest, sensor=given.sensor,
-    )  # fmt: skip
-    path = out.with_suffix(".map.toml")
-    console.check_out(path, Kind.MAP, *files)
-    guess = wb.guess_map(files, stated)
-    write_text(path, guess.text(path.parent))
-    return guess.column_map(), {"guess": [*guess.lines, f"map → {path}"]}
 
 
 def _changed(column_map: ColumnMap, mode: str | None) -> ColumnMap:

@@ -63,13 +63,9 @@ class Pairing:
         """The poses that columns of an orientation or of joints mean."""
         key = tuple(sorted(names))
         if key not in self._poses:
-            ours, its = self.load.clock, self.sheet.clock
-            if self.sheet is self.load or ours is None or its is None:
-                turn = self.sheet.block(key)[self.at].astype(float)
-            else:
-                columns = [self.sheet.values[n].astype(float) for n in key]
-                turn = np.stack([np.interp(ours.t, its.t, c) for c in columns], axis=1)
-            self._poses[key] = gather(None if ours is None else ours.t, turn, self.readings)
+            turn = at_rows(self.load, self.sheet, self.sheet.block(key).astype(float), self.at)
+            clock = self.load.clock
+            self._poses[key] = gather(None if clock is None else clock.t, turn, self.readings)
         return self._poses[key]
 
 
@@ -132,6 +128,24 @@ def rows_at(load: Sheet, sheet: Sheet) -> np.ndarray | None:
     return np.arange(rows) if rows == len(sheet) and sheet.clock is None else None
 
 
+def at_rows(
+    load: Sheet, sheet: Sheet, values: np.ndarray, at: np.ndarray, late: float = 0.0
+) -> np.ndarray:
+    """Values (M, K) of a table at each row of the wrench's (N, K), by the clocks if both have one.
+
+    Args:
+        load: table with the wrench.
+        sheet: table with the values.
+        values: some of its columns.
+        at: as `rows_at` gives it.
+        late: by how much its clock is behind [s].
+    """
+    if sheet is load or load.clock is None or sheet.clock is None:
+        return np.asarray(values[at])
+    t = load.clock.t + late
+    return np.stack([np.interp(t, sheet.clock.t, column) for column in values.T], axis=1)
+
+
 def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | None:
     """The orientation (G, 3, 3) at some rows of the wrench; None if the columns are none."""
     sheet, at = pairing.sheet, pairing.at
@@ -143,8 +157,7 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
         q, theta = np.stack([*columns.values()], axis=1) * sizes, robot.parameters.nominal
         return None if robot.infeasible(q, theta) else np.asarray(robot.sensor_pose(q, theta)[0])
     try:
-        scaled = {t: values * size for t, values in columns.items()}
-        orientation = turned(scaled, str(sheet.path))
+        orientation = turned({t: v * size for t, v in columns.items()}, str(sheet.path))
     except WrenchbedError:
         return None
     return None if orientation is None else orientation.as_matrix()

@@ -95,81 +95,64 @@ def fits(
     """
     if in_base:
         wrench = in_body(turn, wrench)
-    force = wrench[:, :3] - wrench[:, :3].mean(axis=0)
+    force, torque = np.split(wrench - wrench.mean(axis=0), 2, axis=1)
     total = float((force * force).sum())
+    sizes = [max(float(np.sqrt((x**2).mean())), 1e-12) for x in (force, torque)]
     for axis in range(3):
-        seen = turn[:, axis, :]
-        u = seen - seen.mean(axis=0)
-        power = float((u * u).sum())
-        if power < 1e-4 * len(u):
+        down = turn[:, axis, :] - turn[:, axis, :].mean(axis=0)
+        power = float((down * down).sum())
+        if power < 1e-4 * len(down):
             continue
-        mixed = force.T @ u  # (3, 3)
-        mounts: list[tuple[Rotation | None, bool]] = [(None, True)]
-        if not in_base:
-            mounts += [(m, True) for m in QUARTERS if m.magnitude() > 0.1]
-            mounts += _free(mixed)
-        for mount, quarter in mounts:
+        mixed = force.T @ down  # (3, 3)
+        for mount, quarter in [(None, True)] if in_base else _mounts(mixed):
             m = np.eye(3) if mount is None else mount.as_matrix()
             weight = float((m * mixed).sum()) / power
             if not every and total - weight**2 * power > HOPELESS**2 * total:
                 continue
-            yield _finished(axis, (mount, quarter), weight, u @ m.T, wrench)
+            load = weight * down @ m.T
+            # torque = c × load = Σ_j c_j (e_j × load)
+            design = np.stack([cross(np.broadcast_to(e, load.shape), load) for e in np.eye(3)])
+            lever, *_ = np.linalg.lstsq(design.reshape(3, -1).T, torque.ravel(), rcond=1e-6)
+            errors = force - load, torque - np.tensordot(lever, design, axes=1)
+            left = [float(np.sqrt((error**2).mean())) for error in errors]
+            rms = [max(e, _FLOOR * size, 1e-12) for e, size in zip(left, sizes, strict=True)]
+            yield GravityFit(
+                weight, axis, mount, quarter, lever, *rms, left[0] / sizes[0], rms[1] / sizes[1],
+                len(wrench),
+            )  # fmt: skip
 
 
 def in_body(turn: np.ndarray, wrench: np.ndarray) -> np.ndarray:
     """A wrench in the base's axes (N, 6) in those of a body that is turned by (N, 3, 3)."""
-    parts = [np.einsum("nji,nj->ni", turn, part) for part in np.split(wrench, 2, axis=1)]
-    return np.concatenate(parts, axis=1)
+    return np.einsum("nji,nkj->nki", turn, wrench.reshape(-1, 2, 3)).reshape(-1, 6)
 
 
-def _free(mixed: np.ndarray) -> list[tuple[Rotation | None, bool]]:
-    """The mounts for which forces and gravity agree best, for a weight of either sign.
+def _mounts(mixed: np.ndarray) -> Iterator[tuple[Rotation | None, bool]]:
+    """None, those at right angles, and those for which forces and gravity agree best, for a weight
+    of either sign; and whether they are at right angles.
 
     Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
+
+    Args:
+        mixed: sum over rows of force times direction of gravity (3, 3).
     """
-    mounts: list[tuple[Rotation | None, bool]] = []
-    rank = np.linalg.svd(mixed)[1]
+    yield None, True
+    yield from ((m, True) for m in QUARTERS if m.magnitude() > 0.1)
+    u, rank, vt = np.linalg.svd(mixed)
     if rank[1] < 0.05 * rank[0]:
-        return mounts  # gravity moved along a line: a mount is not determined
+        return  # gravity moved along a line: a mount is not determined
     for sign in (1.0, -1.0):
-        u, _, vt = np.linalg.svd(sign * mixed)
-        turn = Rotation.from_matrix(u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt)
+        last = sign * np.linalg.det(u @ vt)
+        turn = Rotation.from_matrix(sign * u @ np.diag([1.0, 1.0, last]) @ vt)
         if min((turn * q).magnitude() for q in QUARTERS) > _SNAP:
-            mounts.append((turn, False))
-    return mounts
-
-
-def _finished(
-    axis: int,
-    mount: tuple[Rotation | None, bool],
-    weight: float,
-    seen: np.ndarray,
-    wrench: np.ndarray,
-) -> GravityFit:
-    """The fit with one mount; ``seen``: gravity's direction in sensor axes less its mean (N, 3)."""
-    force, torque = np.split(wrench - wrench.mean(axis=0), 2, axis=1)
-    # torque = c × (w γ) = Σ_j c_j (e_j × w γ)
-    design = np.stack([cross(np.broadcast_to(e, seen.shape), weight * seen) for e in np.eye(3)])
-    lever, *_ = np.linalg.lstsq(design.reshape(3, -1).T, torque.ravel(), rcond=1e-6)
-    residuals = (force - weight * seen, torque - np.tensordot(lever, design, axes=1))
-    force_left, torque_left = (float(np.sqrt((r**2).mean())) for r in residuals)
-    force_size, torque_size = (float(np.sqrt((x**2).mean())) for x in (force, torque))
-    torque_rms = max(torque_left, _FLOOR * torque_size, 1e-12)
-    return GravityFit(
-        weight, axis, mount[0], mount[1], lever,
-        max(force_left, _FLOOR * force_size, 1e-12), torque_rms,
-        force_left / max(force_size, 1e-12), torque_rms / max(torque_size, 1e-12), len(wrench),
-    )  # fmt: skip
+            yield turn, False
 
 
 def right_angles(mount: Rotation) -> str:
     """A mount at right angles in words: which axis of the body each of the sensor's is."""
     m = np.rint(mount.as_matrix()).astype(int)
-    names = []
-    for row, axis in product(range(3), range(3)):
-        if m[row, axis]:
-            names.append(("-" if m[row, axis] < 0 else "") + "xyz"[axis])
-    return " ".join(names)
+    named = ((m[row, axis], "xyz"[axis]) for row, axis in product(range(3), range(3)))
+    return " ".join(f"-{name}" if sign < 0 else name for sign, name in named if sign)
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,13 +190,11 @@ def gather(t: np.ndarray | None, turn: np.ndarray, wrench: np.ndarray) -> Poses:
     n = len(turn)
     reach = np.maximum(np.ptp(turn, axis=0), 1e-9)
     change = (np.abs(np.diff(turn, axis=0)) / reach).max(axis=1) if n > 1 else np.zeros(0)
-    moved = change > _STILL
-    edges = np.concatenate([[0], np.flatnonzero(moved) + 1, [n]])
+    edges = np.concatenate([[0], np.flatnonzero(change > _STILL) + 1, [n]])
     groups = np.stack([edges[:-1], edges[1:]], axis=1)
     if t is None or (n <= _MOST_POSES and len(change) and np.median(change) > _JUMP):
         return Poses("static", groups[:: 1 + len(groups) // _MOST_POSES])
-    long = groups[:, 1] - groups[:, 0] > 1
-    if long.all() and len(groups) >= _LEAST_HOLDS:
+    if (np.diff(edges) > 1).all() and len(groups) >= _LEAST_HOLDS:
         highest, lowest = (f.reduceat(turn, edges[:-1]) for f in (np.maximum, np.minimum))
         if ((highest - lowest) / reach).max() < _JUMP:  # else they creep on from row to row
             return Poses("static", groups)
@@ -223,9 +204,9 @@ def gather(t: np.ndarray | None, turn: np.ndarray, wrench: np.ndarray) -> Poses:
         hold = split(Recording(Metadata("unknown", "dynamic"), columns)).hold
     except RecordingError:
         hold = np.full(n, -1)
-    if hold.max() + 1 >= _LEAST_HOLDS:
-        numbers, first, length = np.unique(hold, return_index=True, return_counts=True)
-        rest = numbers >= 0
+    numbers, first, length = np.unique(hold, return_index=True, return_counts=True)
+    rest = numbers >= 0
+    if rest.sum() >= _LEAST_HOLDS:
         return Poses(AUTO, np.stack([first[rest], (first + length)[rest]], axis=1))
     ends = np.unique(np.linspace(0, n, min(n, _BINS) + 1).astype(int))
     return Poses("dynamic", np.stack([ends[:-1], ends[1:]], axis=1))
@@ -292,12 +273,11 @@ class Convention:
             f"{torque:.2g} {self.units[1]} rms of {len(self.poses.groups)} poses"
         )
 
-    @property
-    def words(self) -> str:
-        """Sentence on the columns' meanings and axes."""
+    def words(self, down: str = "") -> str:
+        """The columns' meanings and axes; ``down`` is the sign of gravity's axis, if known."""
         what = self.reading.kind + (" of the base in the sensor" if self.inverse else "")
         parts = [what, f"wrench in {'base' if self.in_base else 'sensor'} axes"]
-        parts.append(f"gravity along {'xyz'[self.fit.axis]}")
+        parts.append(f"gravity along {down}{'xyz'[self.fit.axis]}")
         if self.fit.mount is not None:
             turn = np.rad2deg(self.fit.mount.magnitude())
             axes = f"its axes are the flange's {right_angles(self.fit.mount)}"
@@ -307,8 +287,6 @@ class Convention:
     @property
     def sentence(self) -> str:
         """Sentence on the convention."""
-        down = "-" if self.gravity[self.fit.axis] < 0 else "+"
-        parts = [self.words.replace("gravity along ", f"gravity along {down}")]
-        if self.sign < 0:
-            parts.append("the wrench turned about (sign = -1)")
-        return ", ".join([*parts, f"{self.units[0]} and {self.units[1]}"])
+        turned = ", the wrench turned about (sign = -1)" if self.sign < 0 else ""
+        down = self.words("-" if self.gravity[self.fit.axis] < 0 else "+")
+        return f"{down}{turned}, {self.units[0]} and {self.units[1]}"

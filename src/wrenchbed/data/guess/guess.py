@@ -5,9 +5,9 @@ orientation or joints, each axis of gravity, each frame of the wrench and each m
 angles this is one linear least squares. What fits best is taken, what fits as well is named.
 """
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from glob import escape
 from itertools import permutations, takewhile
 from os.path import relpath
 from pathlib import Path
@@ -18,13 +18,13 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.column_map import ColumnMap, from_fields, ready, seen_from
-from wrenchbed.data.guess.candidates import candidates, rows_at
+from wrenchbed.data.guess.candidates import at_rows, candidates, rows_at
 from wrenchbed.data.guess.convention import Convention
 from wrenchbed.data.guess.sheets import Sheet, orientations, sheet_of, wrenches
-from wrenchbed.data.guess.stated import Stated
+from wrenchbed.data.guess.stated import NOTHING, KnownLoad, Stated
 from wrenchbed.data.logs import is_log
 from wrenchbed.errors import MapError
-from wrenchbed.files.checked import Fields
+from wrenchbed.files.checked import Fields, quoted
 from wrenchbed.physics.wrench import CHANNELS
 
 _SAME = 12.0
@@ -101,24 +101,24 @@ class Guess:
             alternatives = ", ".join(f"{f} and {t} ({masses[f, t]:.3g} kg)" for f, t in units)
             lines.append(f"units fit equally well: {alternatives}; --tool-mass KG decides")
         lines += [
-            f"fits worse: {c.words}; leaves {c.fit.share:.0%} of the force" for c in self.others
+            f"fits worse: {c.words()}; leaves {c.fit.share:.0%} of the force" for c in self.others
         ]
         lines += [self.untried] if self.untried else []
         return tuple(lines)
 
 
-def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
+def guess(files: Sequence[str | Path], stated: Stated = NOTHING, mode: str | None = None) -> Guess:
     """Find the map of text files.
 
     Args:
         files: of one recording.
         stated: what is known besides.
+        mode: static, dynamic or auto; found out if none.
 
     Raises:
         MapError: no wrench, no orientation and no known robot's joints, or nothing that looks like
             the weight of a rigid load.
     """
-    stated = stated or Stated()
     paths = [Path(f) for f in files]
     if logs := [path for path in paths if is_log(path)]:
         raise MapError(
@@ -139,7 +139,7 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
             f"conventions; {_LEAST_POSES} are needed"
         )
     if stated.known is not None:
-        fitting = [_as_known(c, stated) for c in fitting]
+        fitting = [_as_known(c, stated.known, stated.gravity_size()) for c in fitting]
     fitting.sort(key=lambda c: c.fit.force_rms)
     best = min(fitting, key=lambda c: c.fit.against(fitting[0].fit))
     if best.fit.share > _MOST_LEFT:
@@ -157,31 +157,25 @@ def guess(files: Sequence[str | Path], stated: Stated | None = None) -> Guess:
             f"{tables[0].path}: {best.sentence} fits, but in no unit is the load a tool of "
             f"{_MASSES[0]} … {_MASSES[1]} kg at {_LEVERS[0]} … {_LEVERS[1]} m"
         )
-    whole.sort(key=lambda pair: pair[0])
-    chosen = [c for _, c in whole]
-    maps = tuple(raw_map(c, tables, stated) for c in chosen)
-    return Guess(tuple(chosen), maps, tuple(others), untried)
+    chosen = tuple(c for _, c in sorted(whole, key=lambda pair: pair[0]))
+    maps = tuple(raw_map(c, tables, stated, mode) for c in chosen)
+    return Guess(chosen, maps, tuple(others), untried)
 
 
-def _as_known(c: Convention, stated: Stated) -> Convention:
+def _as_known(c: Convention, known: KnownLoad, gravity: float) -> Convention:
     """A convention with the tool and bias of an earlier calibration instead of fitted ones."""
-    assert stated.known is not None
     y = c.poses.mean(c.load.block(list(c.wrench.values())).astype(float))
-    gravity = stated.gravity_size()
-    return replace(c, fit=stated.known.fitted(c.fit, c.turn, y, c.in_base, gravity))
+    return replace(c, fit=known.fitted(c.fit, c.turn, y, c.in_base, gravity))
 
 
 def _without_doubles(alike: Sequence[Convention]) -> list[Convention]:
     """Conventions with only the most usual of the mounts that fit alike in one reading."""
-    seen: set[tuple[Any, ...]] = set()
-    kept = []
+    first: dict[tuple[Any, ...], Convention] = {}
     for c in alike:
         joints = c.reading.names if c.reading.robot else ()
         key = (c.reading.kind, joints, c.inverse, c.in_base, tuple(c.wrench.values()))
-        if key not in seen:
-            seen.add(key)
-            kept.append(c)
-    return kept
+        first.setdefault(key, c)
+    return [*first.values()]
 
 
 def _nothing(tables: Sequence[Sheet]) -> str:
@@ -225,7 +219,7 @@ def _units(c: Convention, stated: Stated) -> list[tuple[str, str]]:
     """Units of force and torque in which the load is a tool, the most usual first."""
     force, torque = (c.load.units.get(c.wrench[channel]) for channel in ("fx", "tx"))
     forces = (force,) if force is not None and SIZES[force][0] == "force" else _FORCES
-    pairs, mass = [], stated.tool_mass
+    pairs, mass = [], stated.mass
     for f in forces:
         torques: Sequence[str] = _TORQUES if len(forces) == 1 and f not in _WITH else _WITH[f]
         if torque is not None and SIZES[torque][0] == "torque":
@@ -241,24 +235,25 @@ def _units(c: Convention, stated: Stated) -> list[tuple[str, str]]:
     return pairs
 
 
-def raw_map(c: Convention, tables: Sequence[Sheet], stated: Stated) -> dict[str, Any]:
+def raw_map(
+    c: Convention, tables: Sequence[Sheet], stated: Stated, mode: str | None = None
+) -> dict[str, Any]:
     """The column map of a convention, as TOML would hold it."""
     load = c.load
     recording: dict[str, Any] = {
-        "robot": stated.robot or c.reading.robot or "my-robot", "mode": stated.mode or c.poses.mode,
+        "robot": stated.robot or c.reading.robot or "my-robot", "mode": mode or c.poses.mode,
         "gravity": [float(x) for x in c.gravity],
     }  # fmt: skip
-    wrench: dict[str, dict[str, Any]] = {}
-    for channel, name in c.wrench.items():
-        unit = c.units[channel[0] == "t"]
-        wrench[channel] = {"column": name, "unit": unit}
-        if c.sign < 0:
-            wrench[channel]["sign"] = -1
+    turned = {"sign": -1} if c.sign < 0 else {}
+    wrench: dict[str, dict[str, Any]] = {
+        channel: {"column": name, "unit": c.units[channel[0] == "t"]} | turned
+        for channel, name in c.wrench.items()
+    }
     if c.fit.mount is not None:
         turn = c.fit.mount.inv().as_quat(canonical=True, scalar_first=True)
         recording["sensor"] = {"pose_flange": [0.0, 0.0, 0.0, *map(float, np.round(turn, 9))]}
     stated.put(recording, wrench, load)
-    files = []
+    names, entries = [sheet.path.name for sheet in tables], []
     for sheet in sorted(tables, key=lambda sheet: sheet is not load):
         columns = dict(wrench) if sheet is load else {}
         if sheet is c.sheet:
@@ -266,31 +261,27 @@ def raw_map(c: Convention, tables: Sequence[Sheet], stated: Stated) -> dict[str,
         time = sheet.clock
         if time is not None and time.column not in {x["column"] for x in columns.values()}:
             columns = {"t": {"column": time.column, "unit": time.unit}} | columns
-        columns |= _besides(c, sheet)
+        if "temperature" in sheet.roles:
+            columns["temperature"] = {"column": sheet.roles["temperature"], "unit": "°C"}
+        if "segment" in sheet.roles and sheet is load:
+            columns["segment"] = {"column": sheet.roles["segment"]}
+        if "ax" in sheet.roles and not c.in_base:
+            columns |= _accelerometer(c, sheet)
         if set(columns) - {"t"}:
-            match = _pattern(sheet.path.name, [s.path.name for s in tables])
-            files.append({"match": match, "columns": columns})
-    raw: dict[str, Any] = {"recording": recording}
-    if c.in_base:
-        raw["wrench"] = {"axes": "base"}
-    if c.inverse:
-        raw["orientation"] = {"inverse": True}
-    return raw | {"file": files}
+            entries.append({"match": _pattern(sheet.path.name, names), "columns": columns})
+    axes = {"wrench": {"axes": "base"}} if c.in_base else {}
+    inverse = {"orientation": {"inverse": True}} if c.inverse else {}
+    return {"recording": recording} | axes | inverse | {"file": entries}
 
 
 def _pattern(name: str, names: Sequence[str]) -> str:
     """A pattern for one of some file names: what they have in common at the begin may change."""
     if len(names) == 1:
         return "*"
-    same = takewhile(lambda letters: len(set(letters)) == 1, zip(*names, strict=False))
-    common = "".join(letters[0] for letters in same)
-    ends = [n[len(common) :] for n in names]
+    same = len([*takewhile(lambda letters: len({*letters}) == 1, zip(*names, strict=False))])
+    ends = [n[same:] for n in names]
     apart = all(ends) and not any(a != b and a.endswith(b) for a in ends for b in ends)
-    return f"*{_escaped(name[len(common) :])}" if common and apart else _escaped(name)
-
-
-def _escaped(name: str) -> str:
-    return "".join(f"[{ch}]" if ch in "[*?" else ch for ch in name)
+    return f"*{escape(name[same:])}" if same and apart else escape(name)
 
 
 def _turn_columns(c: Convention) -> dict[str, dict[str, Any]]:
@@ -302,47 +293,31 @@ def _turn_columns(c: Convention) -> dict[str, dict[str, Any]]:
     return {t: {"column": n} | ({"unit": units[t]} if unit else {}) for t, n in targets.items()}
 
 
-def _besides(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
-    """Other columns that a recording may hold: temperature, segment, accelerometer."""
-    columns: dict[str, dict[str, Any]] = {}
-    if "temperature" in sheet.roles:
-        columns["temperature"] = {"column": sheet.roles["temperature"], "unit": "°C"}
-    if "segment" in sheet.roles and sheet is c.load:
-        columns["segment"] = {"column": sheet.roles["segment"]}
-    if "ax" in sheet.roles:
-        columns |= _accelerometer(c, sheet, c.load)
-    return columns
-
-
-def _accelerometer(c: Convention, sheet: Sheet, load: Sheet) -> dict[str, dict[str, Any]]:
+def _accelerometer(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
     """Columns of an accelerometer in sensor axes, and its clock if that is late; none where it does
     not follow the forces."""
-    names = [sheet.roles[a] for a in ("ax", "ay", "az")]
+    names, load, at = [sheet.roles[a] for a in ("ax", "ay", "az")], c.load, rows_at(c.load, sheet)
     force = c.sign * load.block([c.wrench[f] for f in CHANNELS[:3]]) * SIZES[c.units[0]][1]
-    wanted, reading = -force / c.mass, sheet.block(names)
-    ours, its = load.clock, sheet.clock
-    if c.in_base:
+    if at is None:
         return {}
-    if sheet is load or ours is None or its is None:
-        at = rows_at(load, sheet)
-        return {} if at is None else _axes(wanted, reading[at], names)[1]
-    inside = (ours.t > its.t[0] + _LATEST_S) & (ours.t < its.t[-1] - _LATEST_S)
+    inside, delays = np.ones(len(load), dtype=bool), np.zeros(1)
+    if sheet is not load and load.clock is not None and sheet.clock is not None:
+        t, its = load.clock.t, sheet.clock.t
+        inside = (t > its[0] + _LATEST_S) & (t < its[-1] - _LATEST_S)
+        delays = np.append(0.0, np.arange(-_LATEST_S, _LATEST_S + _STEP_S / 2, _STEP_S))
     if inside.sum() < _LEAST_POSES:
         return {}
-
-    def read(late: float) -> np.ndarray:
-        t = ours.t[inside] + late
-        return np.stack([np.interp(t, its.t, values) for values in reading.T], axis=1)
-
-    score, columns = _axes(wanted[inside], read(0.0), names)
-    delays = np.arange(-_LATEST_S, _LATEST_S + _STEP_S / 2, _STEP_S)
-    scores = [_axes(wanted[inside], read(float(late)), names)[0] for late in delays]
-    if max(scores) < score + _WORTH:
-        return columns
-    late = float(delays[int(np.argmax(scores))])
-    zero = round(late / SIZES[its.unit][1], 6)
-    clock = {"t": {"column": its.column, "unit": its.unit, "zero": zero}}
-    return _axes(wanted[inside], read(late), names)[1] | clock
+    values, wanted = sheet.block(names), -force[inside] / c.mass
+    axes = [
+        _axes(wanted, at_rows(load, sheet, values, at, float(late))[inside], names)
+        for late in delays
+    ]
+    best = int(np.argmax([score for score, _ in axes]))
+    if sheet.clock is None or axes[best][0] < axes[0][0] + _WORTH:
+        return axes[0][1]
+    zero = round(float(delays[best]) / SIZES[sheet.clock.unit][1], 6)
+    clock = {"t": {"column": sheet.clock.column, "unit": sheet.clock.unit, "zero": zero}}
+    return axes[best][1] | clock
 
 
 def _axes(
@@ -374,27 +349,23 @@ def _axes(
 
 def toml(raw: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:
     """TOML text of a raw map, with lines of comment before it."""
-    lines = [f"# {line}" for line in comments]
-    recording = dict(raw["recording"])
-    inner = {k: recording.pop(k) for k in ("tool", "sensor", "tolerance") if k in recording}
-    lines += ["", "[recording]", *_entries(recording)]
-    for name, fields in inner.items():
-        lines += ["", f"[recording.{name}]", *_entries(fields)]
-    for name in ("wrench", "orientation"):
-        if name in raw:
-            lines += ["", f"[{name}]", *_entries(raw[name])]
+    recording = raw["recording"]
+    inner = {k: recording[k] for k in ("tool", "sensor", "tolerance") if k in recording}
+    tables = [("[recording]", {k: v for k, v in recording.items() if k not in inner})]
+    tables += [(f"[recording.{name}]", fields) for name, fields in inner.items()]
+    tables += [(f"[{name}]", raw[name]) for name in ("wrench", "orientation") if name in raw]
     for entry in raw["file"]:
-        plain = {k: v for k, v in entry.items() if k != "columns"}
-        lines += ["", "[[file]]", *_entries(plain), "[file.columns]", *_entries(entry["columns"])]
-    return "\n".join(lines).lstrip("\n") + "\n"
+        tables.append(("[[file]]", {k: v for k, v in entry.items() if k != "columns"}))
+        tables.append(("[file.columns]", entry["columns"]))
+    lines = [f"# {line}" for line in comments]
+    for head, fields in tables:
+        lines += [*([""] if lines and head != "[file.columns]" else []), head, *_entries(fields)]
+    return "\n".join(lines) + "\n"
 
 
 def _entries(fields: Mapping[str, Any]) -> list[str]:
-    return [f"{_key(k)} = {_value(v)}" for k, v in fields.items()]
-
-
-def _key(key: str) -> str:
-    return key if key.replace("_", "").isalnum() and key.isascii() else _value(key)
+    plain = {k: k if k.replace("_", "").isalnum() and k.isascii() else quoted(k) for k in fields}
+    return [f"{plain[k]} = {_value(v)}" for k, v in fields.items()]
 
 
 def _value(value: Any) -> str:
@@ -403,5 +374,5 @@ def _value(value: Any) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(map(_value, value)) + "]"
     if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
+        return quoted(value)
     return str(value).lower() if isinstance(value, bool) else repr(value)

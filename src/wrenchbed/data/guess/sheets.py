@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.data.column_map import ROLL_PITCH_YAW, ROTATION, ROTATION_VECTOR, UNITS
+from wrenchbed.data.recording import QUATERNION
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS
@@ -24,9 +25,13 @@ _NAMED = (
     (re.compile(r"(?:^|_)temp(?:erature)?$"), "temperature"),
     (re.compile(r"^(?:segment|pose|hold)(?:_?(?:id|index|nr|number))?$"), "segment"),
     (re.compile(r"^(?:t|zeit|clock|secs?|seconds|.*time.*|.*stamp.*|elapsed.*)$"), "t"),
-)
-"""Names that say what a column is, the first match counts, and its role with the found letters."""
-_KUKA = {"a": "yaw", "b": "pitch", "c": "roll"}
+    (re.compile(r"^a$"), "yaw"), (re.compile(r"^b$"), "pitch"), (re.compile(r"^c$"), "roll"),
+)  # fmt: skip
+"""Names that say what a column is, the first match counts, and its role with the found letters;
+A, B and C are KUKA's angles."""
+_TOGETHER = (CHANNELS, QUATERNION, ROTATION, ROTATION_VECTOR, ROLL_PITCH_YAW, ("ax", "ay", "az"),
+             ("gx", "gy", "gz"))  # fmt: skip
+"""Roles that count only where all of them are there."""
 _INDEXED = re.compile(r"^(.*?)_?(\d+)$")
 _WRENCH_STEM = re.compile(r"wrench|force|(?:^|_)ft|f_ext|loadcell|gauge")
 _JOINT_STEM = re.compile(
@@ -114,7 +119,7 @@ class Sheet:
         """Columns (N, K), one row in ``every``."""
         return np.stack([self.values[n][::every] for n in names], axis=1)
 
-    def holds(self, names: Sequence[str], rule: Callable[[np.ndarray], bool]) -> bool:
+    def obeys(self, names: Sequence[str], rule: Callable[[np.ndarray], bool]) -> bool:
         """Whether columns (N, K) obey a rule, checked in a few rows first."""
         every = max(1, len(self) // _FEW)
         return rule(self.block(names, every)) and rule(self.block(names))
@@ -157,16 +162,6 @@ def sheet_of(path: Path) -> Sheet:
     Raises:
         MapError: a file without a table of numbers.
     """
-    values, unread = _numbers(path)
-    units = {name: unit for name in values if (unit := unit_of(name)) is not None}
-    roles = _roles(values)
-    loads = [{c: roles[c] for c in CHANNELS}] if "fx" in roles else []
-    loads += _numbered_wrenches(values)
-    return Sheet(path, values, roles, units, tuple(loads), unread)
-
-
-def _numbers(path: Path) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """Columns of numbers, and reasons why the other columns are none."""
     text = read_text(path)
     values: dict[str, np.ndarray] = {}
     unread = []
@@ -181,7 +176,14 @@ def _numbers(path: Path) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
             values[name] = raw.astype(np.int64)
     if not values:
         raise MapError(unread[0])
-    return values, tuple(unread)
+    units = {name: unit for name in values if (unit := unit_of(name)) is not None}
+    roles = _roles(values)
+    loads = [{c: roles[c] for c in CHANNELS}] if "fx" in roles else []
+    loads += _numbered_wrenches(values)
+    return Sheet(path, values, roles, units, tuple(loads), tuple(unread))
+
+
+# names
 
 
 def plain(name: str) -> str:
@@ -204,22 +206,23 @@ def unit_of(name: str) -> str | None:
 
 
 def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
-    """Roles of columns by their names alone: column by role, without incomplete groups."""
+    """Columns by role, by their names alone, without incomplete groups."""
     roles: dict[str, str] = {}
     for name in values:
-        role = _named(plain(name))
-        if role is not None:
-            roles.setdefault(role, name)
+        short = plain(name)
+        hits = ((pattern.search(short), role) for pattern, role in _NAMED)
+        match, role = next(((m, role) for m, role in hits if m), (None, ""))
+        if match:
+            roles.setdefault(role.format(*match.groups()), name)
     for stem, names in _numbered(values, roles.values()).items():
         joints = _JOINT_STEM.match(stem) and not _NO_JOINT.search(stem) and len(names) > 4
         if joints and "q1" not in roles:
             roles |= {f"q{k}": name for k, name in enumerate(names, start=1)}
-    from_zero = {f"r{i}{j}" for i in range(3) for j in range(3)}
-    if from_zero <= roles.keys():
-        cells = {f"r{int(r[1]) + 1}{int(r[2]) + 1}": roles.pop(r) for r in sorted(from_zero)}
-        roles |= cells
-    for group in (CHANNELS, ("qw", "qx", "qy", "qz"), ROTATION, ROTATION_VECTOR, ROLL_PITCH_YAW,
-                  ("ax", "ay", "az"), ("gx", "gy", "gz")):  # fmt: skip
+    from_zero = {f"r{i}{j}": f"r{i + 1}{j + 1}" for i in range(3) for j in range(3)}
+    if from_zero.keys() <= roles.keys():
+        counted = [roles.pop(role) for role in from_zero]
+        roles |= dict(zip(from_zero.values(), counted, strict=True))
+    for group in _TOGETHER:
         if not roles.keys() >= set(group):
             roles = {role: name for role, name in roles.items() if role not in group}
     return {r: c for r, c in roles.items() if not re.fullmatch(r"r0\d|r[1-3]0", r)}
@@ -238,22 +241,10 @@ def _numbered(values: Iterable[str], taken: Collection[str] = ()) -> dict[str, l
 def _numbered_wrenches(values: Iterable[str]) -> Iterator[dict[str, str]]:
     """Wrenches of numbered columns, a robot may log several: six, or three forces and torques."""
     stems = _numbered(values)
-    for stem, names in stems.items():
-        if _WRENCH_STEM.search(stem) and len(names) == 6:
+    sixes = [names for stem, names in stems.items() if _WRENCH_STEM.search(stem)]
+    for names in [*sixes, [*stems.get("force", ()), *stems.get("torque", ())]]:
+        if len(names) == 6:
             yield dict(zip(CHANNELS, names, strict=True))
-    halves = [*stems.get("force", ()), *stems.get("torque", ())]
-    if len(halves) == 6:
-        yield dict(zip(CHANNELS, halves, strict=True))
-
-
-def _named(short: str) -> str | None:
-    """Role of a column by its plain name."""
-    if short in _KUKA:
-        return _KUKA[short]
-    for pattern, role in _NAMED:
-        if match := pattern.search(short):
-            return role.format(*match.groups())
-    return None
 
 
 def clock_unit(values: np.ndarray, stated: str | None) -> str | None:
@@ -279,111 +270,108 @@ def _steady(values: np.ndarray) -> bool:
     return bool(not counter and (np.abs(step - usual) < 0.5 * usual).mean() > _STEADY)
 
 
+# readings
+
+
 def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
     """Channel → column: by name, else every six columns in a row that nothing else claims."""
-    if sheet.loads:
-        yield from sheet.loads
-        return
-    for names in sheet.windows(6):
+    yield from sheet.loads
+    for names in () if sheet.loads else sheet.windows(6):
         if all(np.ptp(sheet.values[name]) > 0 for name in names):
             yield dict(zip(CHANNELS, names, strict=True))
             yield dict(zip(CHANNELS, [*names[3:], *names[:3]], strict=True))  # torques first
 
 
 def orientations(sheet: Sheet) -> Iterator[Reading]:
-    """Readings of columns as an orientation, by name, else by value."""
-    roles = sheet.roles
-    if "qw" in roles:
-        yield Reading("quaternion", {r: roles[r] for r in ("qw", "qx", "qy", "qz")})
-    if "r11" in roles:
-        yield Reading("matrix", {r: roles[r] for r in ROTATION})
-    if "rx" in roles:
-        yield from _angles(sheet, [roles[r] for r in ROTATION_VECTOR])
-    if "roll" in roles:
-        names = [roles[r] for r in ROLL_PITCH_YAW]
-        for unit, cost in _angle_units(sheet, names):
-            targets = dict(zip(ROLL_PITCH_YAW, names, strict=True))
-            yield Reading(f"roll pitch yaw in {unit}", targets, unit, cost)
-    if not {"qw", "r11", "rx", "roll"} & set(roles):
-        yield from _by_value(sheet)
+    """Readings of columns as an orientation: by name, else by value, those of most columns."""
+    roles, named = sheet.roles, False
+    for kind, group in (("quaternion", QUATERNION), ("matrix", ROTATION), ("", ROTATION_VECTOR),
+                        ("roll pitch yaw", ROLL_PITCH_YAW)):  # fmt: skip
+        if group[0] in roles:
+            columns = {r: roles[r] for r in group}
+            angles = group in (ROTATION_VECTOR, ROLL_PITCH_YAW)
+            yield from (
+                _angles(sheet, columns.values(), kind) if angles else [Reading(kind, columns)]
+            )
+            named = True
+    by_value = ((16, _poses), (9, _matrices), (4, _quaternions), (3, _angles))
+    for width, read in () if named else by_value:
+        readings = [r for names in sheet.windows(width) for r in read(sheet, names)]
+        yield from readings
+        if readings:
+            return
 
 
-def _by_value(sheet: Sheet) -> Iterator[Reading]:
-    """Poses (4, 4), else matrices (3, 3), else unit quaternions, else any three angles."""
-    readings = [*_poses(sheet)]
-    if not readings:
-        for names in sheet.windows(9):
-            if sheet.holds(names, lambda m: _turns(m.reshape(-1, 3, 3))):
-                readings.append(Reading("matrix", dict(zip(ROTATION, names, strict=True))))
-    for names in () if readings else sheet.windows(4):
-        if sheet.holds(names, _unit):
-            for order, cost in (("wxyz", 0.0), ("xyzw", 0.1)):
-                targets = {f"q{c}": n for c, n in zip(order, names, strict=True)}
-                readings.append(Reading(f"quaternion {order}", targets, None, cost))
-    for names in () if readings else sheet.windows(3):
-        readings += _angles(sheet, names)
-    yield from readings
+def _poses(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
+    """Readings of a pose's matrix (4, 4), by rows or by columns."""
+    for what, order in (("by rows", (0, 1, 2)), ("by columns", (0, 2, 1))):
+
+        def is_pose(m: np.ndarray, order: tuple[int, ...] = order) -> bool:
+            pose = m.reshape(-1, 4, 4).transpose(order)
+            last = np.abs(pose[:, 3] - [0, 0, 0, 1]).max() < _NORM
+            return bool(last and _turns(pose[:, :3, :3]))
+
+        if sheet.obeys(names, is_pose):
+            place = np.arange(16).reshape(1, 4, 4).transpose(order)[0, :3, :3].ravel()
+            columns = {r: names[p] for r, p in zip(ROTATION, place, strict=True)}
+            yield Reading(f"pose {what}", columns)
 
 
-def _poses(sheet: Sheet) -> Iterator[Reading]:
-    """Readings of matrices (4, 4) of a pose, by rows or by columns."""
-    for names in sheet.windows(16):
-        for what, order in (("by rows", (0, 1, 2)), ("by columns", (0, 2, 1))):
-
-            def is_pose(m: np.ndarray, order: tuple[int, ...] = order) -> bool:
-                pose = m.reshape(-1, 4, 4).transpose(order)
-                last = np.abs(pose[:, 3] - [0, 0, 0, 1]).max() < _NORM
-                return bool(last and _turns(pose[:, :3, :3]))
-
-            if sheet.holds(names, is_pose):
-                place = np.arange(16).reshape(1, 4, 4).transpose(order)[0, :3, :3].ravel()
-                columns = {r: names[p] for r, p in zip(ROTATION, place, strict=True)}
-                yield Reading(f"pose {what}", columns)
+def _matrices(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
+    """Nine columns as a rotation matrix, if they are one."""
+    if sheet.obeys(names, _turns):
+        yield Reading("matrix", dict(zip(ROTATION, names, strict=True)))
 
 
-def _unit(q: np.ndarray) -> bool:
-    """Whether all quaternions (N, 4) have length 1."""
-    return bool(np.abs(np.linalg.norm(q, axis=1) - 1.0).max() < _NORM)
-
-
-def _turns(m: np.ndarray) -> bool:
-    """Whether all matrices (N, 3, 3) are rotations."""
+def _turns(columns: np.ndarray) -> bool:
+    """Whether all matrices, (N, 9) or (N, 3, 3), are rotations."""
+    m = columns.reshape(-1, 3, 3)
     near = np.abs(np.swapaxes(m, 1, 2) @ m - np.eye(3)).max() < _NORM
     return bool(near and (np.linalg.det(m) > 0).all())
 
 
-def _angles(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
-    """Readings of three numbers as rotation vector, roll pitch yaw, or KUKA's A B C."""
-    for unit, cost in _angle_units(sheet, names):
-        for what, targets, more in (
+def _quaternions(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
+    """Four columns of length 1 as a quaternion in both orders."""
+    if sheet.obeys(names, lambda q: bool(np.abs(np.linalg.norm(q, axis=1) - 1).max() < _NORM)):
+        for order, cost in (("wxyz", 0.0), ("xyzw", 0.1)):
+            targets = {f"q{c}": n for c, n in zip(order, names, strict=True)}
+            yield Reading(f"quaternion {order}", targets, None, cost)
+
+
+def _angles(sheet: Sheet, names: Collection[str], only: str = "") -> Iterator[Reading]:
+    """Readings of three numbers as rotation vector, roll pitch yaw, or KUKA's A B C.
+
+    Args:
+        sheet: the table.
+        names: of the three columns.
+        only: kind that their names state; empty for all.
+    """
+    stated, largest = sheet.units.get(next(iter(names))), max(sheet.largest[n] for n in names)
+    units = [("deg", 0.0)] if largest > 7.0 else [("rad", 0.0), ("deg", 0.5)]
+    if stated in ("rad", "deg"):
+        units = [(stated, 0.0)]
+    elif largest > _MOST_ANGLE:
+        return
+    for unit, cost in units:
+        for kind, targets, more in (
             ("rotation vector", ROTATION_VECTOR, 0.0),
-            ("roll pitch yaw", ROLL_PITCH_YAW, 0.1),
+            ("roll pitch yaw", ROLL_PITCH_YAW, 0.0 if only else 0.1),
             ("yaw pitch roll", ROLL_PITCH_YAW[::-1], 0.2),
         ):
-            columns = dict(zip(targets, names, strict=True))
-            yield Reading(f"{what} in {unit}", columns, unit, cost + more)
+            if only in ("", kind):
+                columns = dict(zip(targets, names, strict=True))
+                yield Reading(f"{kind} in {unit}", columns, unit, cost + more)
 
 
-def _angle_units(sheet: Sheet, names: Sequence[str]) -> list[tuple[str, float]]:
-    """Units in which columns may be angles, and how unusual they are."""
-    stated = sheet.units.get(names[0])
-    if stated in ("rad", "deg"):
-        return [(stated, 0.0)]
-    largest = max(sheet.largest[name] for name in names)
-    if largest > _MOST_ANGLE:
-        return []
-    return [("deg", 0.0)] if largest > 7.0 else [("rad", 0.0), ("deg", 0.5)]
-
-
-def joints(sheet: Sheet, robot: str, called: Sequence[str]) -> Iterator[Reading]:
+def joints(sheet: Sheet, robot: str, joint_names: Sequence[str]) -> Iterator[Reading]:
     """Columns that might be a robot's joint values: by their names, as q1 …, else by value.
 
     Args:
         sheet: the table.
         robot: name of the robot.
-        called: names of its joints.
+        joint_names: names of its joints.
     """
-    for names in _joint_columns(sheet, called):
+    for names in _joint_columns(sheet, joint_names):
         stated = sheet.units.get(names[-1])
         units: tuple[str, ...] = ("rad", "deg")
         if stated in units:
@@ -395,21 +383,20 @@ def joints(sheet: Sheet, robot: str, called: Sequence[str]) -> Iterator[Reading]
             yield Reading(f"joints of {robot} in {unit}", targets, unit, robot=robot)
 
 
-def _joint_columns(sheet: Sheet, called: Sequence[str]) -> Iterator[Sequence[str]]:
+def _joint_columns(sheet: Sheet, joint_names: Sequence[str]) -> Iterator[Sequence[str]]:
     """Groups of columns, one for each joint of a robot."""
-    count = len(called)
-    of_joints = [_of_joint(sheet, name) for name in called]
+    count = len(joint_names)
+    of_joints = [_of_joint(sheet, name) for name in joint_names]
     if all(len(hits) == 1 for hits in of_joints):
         yield [hits[0] for hits in of_joints]
-        return
-    named = [sheet.roles[f"q{j}"] for j in range(1, count + 1) if f"q{j}" in sheet.roles]
-    if "q1" in sheet.roles:
+    elif "q1" in sheet.roles:
+        named = [sheet.roles[f"q{j}"] for j in range(1, count + 1) if f"q{j}" in sheet.roles]
         if len(named) == count and f"q{count + 1}" not in sheet.roles:
             yield named
-        return
-    for names in sheet.windows(count):
-        if max(sheet.largest[name] for name in names) < _MOST_ANGLE:
-            yield names
+    else:
+        for names in sheet.windows(count):
+            if max(sheet.largest[name] for name in names) < _MOST_ANGLE:
+                yield names
 
 
 def _of_joint(sheet: Sheet, name: str) -> list[str]:

@@ -25,6 +25,76 @@ _ZERO_FREE = 2.0
 """Nobody set the sensor's zero: any within so many times the largest reading is as stated."""
 
 
+@dataclass(frozen=True)
+class Stated:
+    """Facts about robot, tool and sensor that are known besides the files.
+
+    Attributes:
+        robot: With --guess: name of the robot.
+        gravity: With --guess: size of gravity [m/s²].
+        tool_mass: With --guess: known mass of the tool [kg], which tells units apart.
+        sensor: With --guess: model, see `wrenchbed list sensors`, or a sensor's TOML file.
+        fit: With --guess: fit.json of the same sensor and tool; states tool, zeros and tolerances.
+        rest: With --guess: text file of the wrench at rest; states the noise of one row.
+    """
+
+    robot: str | None = None
+    gravity: float | None = None
+    tool_mass: float | None = None
+    sensor: str | None = None
+    fit: Path | None = None
+    rest: Path | None = None
+
+    def gravity_size(self, tables: Sequence[Sheet] = ()) -> float:
+        """Size of gravity [m/s²]: as stated, as columns gx gy gz say, else standard."""
+        if self.gravity is not None:
+            return self.gravity
+        for sheet in tables:
+            if "gx" in sheet.roles:
+                g = np.linalg.norm(sheet.block([sheet.roles[f"g{a}"] for a in "xyz"]), axis=1)
+                if np.ptp(g) < 0.01 * g.mean() and 9.7 < g.mean() < 9.9:
+                    return round(float(g.mean()), 6)
+        return _STANDARD
+
+    @cached_property
+    def known(self) -> "KnownLoad | None":
+        """The load of the earlier calibration, if there is one."""
+        return None if self.fit is None else KnownLoad.read(self.fit)
+
+    @property
+    def mass(self) -> float | None:
+        """Known mass of the tool [kg], stated or calibrated before."""
+        calibrated = None if self.known is None else self.known.mass
+        return calibrated if self.tool_mass is None else self.tool_mass
+
+    def put(
+        self, recording: dict[str, Any], wrench: dict[str, dict[str, Any]], sheet: Sheet
+    ) -> None:
+        """Write it into ``[recording]`` and the columns of the wrench.
+
+        Raises:
+            MapError: the fit or the rows at rest cannot be read.
+        """
+        sensor = {} if self.sensor is None else {"model": self.sensor}
+        if self.rest is not None:
+            sensor["noise_std"] = _noise(self.rest, wrench)
+        if sensor:
+            recording["sensor"] = recording.get("sensor", {}) | sensor
+        if self.known is not None:
+            self.known.put(recording, wrench, self.gravity_size())
+            return
+        if self.tool_mass is not None:
+            recording["tool"] = {"mass": self.tool_mass}
+        entries = [wrench[channel] for channel in CHANNELS]
+        largest = [sheet.largest[e["column"]] * UNITS[e["unit"]][1] for e in entries]
+        zeros = [float(f"{_ZERO_FREE * size:.2g}") or 1.0 for size in largest]
+        recording["tolerance"] = {"sensor.bias": zeros}
+
+
+NOTHING = Stated()
+"""Nothing is known besides the files."""
+
+
 @dataclass(frozen=True, eq=False)
 class KnownLoad:
     """A load that was calibrated before.
@@ -105,83 +175,15 @@ class KnownLoad:
             size = UNITS[entry["unit"]][1] * entry.get("sign", 1)
             entry["zero"] = float(f"{bias / size:.6g}")
 
-        def sigmas(*names: str) -> list[float]:
-            return [float(f"{_SIGMAS * self.std.get(name, 0.0):.3g}") for name in names]
+        def sigmas(stem: str, ends: Sequence[str]) -> list[float]:
+            return [float(f"{_SIGMAS * self.std.get(stem + end, 0.0):.3g}") for end in ends]
 
-        mass = max(*sigmas("tool.mass"), float(f"{self.force_rms / gravity:.3g}"))
-        cog = max(sigmas(*(f"tool.cog.{a}" for a in "xyz")))
-        bias = sigmas(*(f"sensor.bias.{c}" for c in CHANNELS))
-        tolerance: dict[str, Any] = {"tool.mass": mass, "tool.cog": cog, "sensor.bias": bias}
+        tolerance: dict[str, Any] = {
+            "tool.mass": max(*sigmas("tool.mass", [""]), float(f"{self.force_rms / gravity:.3g}")),
+            "tool.cog": max(sigmas("tool.cog.", "xyz")),
+            "sensor.bias": sigmas("sensor.bias.", CHANNELS),
+        }
         recording["tolerance"] = {k: v for k, v in tolerance.items() if np.min(v) > 0}
-
-
-@dataclass(frozen=True)
-class Stated:
-    """Facts about robot, tool and sensor that the user states on the command line.
-
-    Attributes:
-        robot: registry name.
-        mode: static, dynamic or auto; found out if not given.
-        gravity: size of gravity [m/s²]; if not given the file's, else the standard one.
-        mass: of the tool [kg].
-        fit: ``fit.json`` of an earlier calibration of the same sensor and tool.
-        rest: text file of the wrench at rest, in the same units: the noise of one row.
-        sensor: registry name of the sensor.
-    """
-
-    robot: str | None = None
-    mode: str | None = None
-    gravity: float | None = None
-    mass: float | None = None
-    fit: Path | None = None
-    rest: Path | None = None
-    sensor: str | None = None
-
-    def gravity_size(self, tables: Sequence[Sheet] = ()) -> float:
-        """Size of gravity [m/s²]: as stated, as columns gx gy gz say, else standard."""
-        if self.gravity is not None:
-            return self.gravity
-        for sheet in tables:
-            if "gx" in sheet.roles:
-                g = np.linalg.norm(sheet.block([sheet.roles[f"g{a}"] for a in "xyz"]), axis=1)
-                if np.ptp(g) < 0.01 * g.mean() and 9.7 < g.mean() < 9.9:
-                    return round(float(g.mean()), 6)
-        return _STANDARD
-
-    @cached_property
-    def known(self) -> KnownLoad | None:
-        """The load of the earlier calibration, if there is one."""
-        return None if self.fit is None else KnownLoad.read(self.fit)
-
-    @property
-    def tool_mass(self) -> float | None:
-        """Known mass of the tool [kg], stated or calibrated before."""
-        return self.mass if self.mass is not None or self.known is None else self.known.mass
-
-    def put(
-        self, recording: dict[str, Any], wrench: dict[str, dict[str, Any]], sheet: Sheet
-    ) -> None:
-        """Write it into ``[recording]`` and the columns of the wrench.
-
-        Raises:
-            MapError: the fit or the rows at rest cannot be read.
-        """
-        if self.sensor is not None:
-            recording["sensor"] = recording.get("sensor", {}) | {"model": self.sensor}
-        if self.rest is not None:
-            std = _noise(self.rest, wrench)
-            recording["sensor"] = recording.get("sensor", {}) | {"noise_std": std}
-        if self.known is not None:
-            self.known.put(recording, wrench, self.gravity_size())
-            return
-        if self.mass is not None:
-            recording["tool"] = {"mass": self.mass}
-        most = []
-        for channel in CHANNELS:
-            entry = wrench[channel]
-            size = sheet.largest[entry["column"]] * UNITS[entry["unit"]][1]
-            most.append(float(f"{_ZERO_FREE * size:.2g}") or 1.0)
-        recording["tolerance"] = {"sensor.bias": most}
 
 
 def _noise(rest: Path, wrench: Mapping[str, Mapping[str, Any]]) -> list[float]:
@@ -190,8 +192,7 @@ def _noise(rest: Path, wrench: Mapping[str, Mapping[str, Any]]) -> list[float]:
     columns = next(wrenches(sheet), None)
     if columns is None:
         raise MapError(f"{rest}: no six columns that might be a wrench")
-    std = []
-    for channel, name in columns.items():
-        values = sheet.values[name].astype(float) * UNITS[wrench[channel]["unit"]][1]
-        std.append(float(f"{values.std(ddof=1):.3g}"))
-    return std
+    stds = {
+        c: sheet.values[n].std(ddof=1) * UNITS[wrench[c]["unit"]][1] for c, n in columns.items()
+    }
+    return [float(f"{std:.3g}") for std in stds.values()]
