@@ -141,14 +141,20 @@ def _stays_away(
 
     Rows of the same segment are compared; ``begin`` (S + 1,) is where each begins, and N.
     """
-    total = np.concatenate([[0.0], np.cumsum(values - values[0], dtype=float)])
     here = jumps + 1  # the first row behind the jump
     segment = np.searchsorted(begin, jumps, side="right") - 1
     low = np.maximum(here - NEAR_ROWS, begin[segment])
     high = np.minimum(here + NEAR_ROWS, np.maximum(begin[segment + 1], here + 1))
-    before = (total[here] - total[low]) / (here - low)
-    behind = (total[high] - total[here]) / (high - here)
+    behind, before = means_of(values, here, high), means_of(values, low, here)
     return np.asarray(np.abs(behind - before) > limit)
+
+
+def means_of(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Means (M,) or (M, K) of the rows from ``low`` (M,) up to before ``high`` (M,) of values."""
+    change = np.cumsum(values - values[0], axis=0, dtype=float)
+    total = np.concatenate([np.zeros_like(change[:1]), change])
+    count = (high - low).reshape(-1, *[1] * (values.ndim - 1))
+    return np.asarray(values[0] + (total[high] - total[low]) / count)
 
 
 def about_means(
@@ -210,8 +216,7 @@ class Split:
         keep = self.hold >= 0
         columns = {k: v[keep] for k, v in recording.columns.items()} | {"segment": self.hold[keep]}
         if not recording.joints:
-            q = _continuous(recording.q[keep])
-            columns |= dict(zip(QUATERNION, q.T, strict=True))
+            columns |= dict(zip(QUATERNION, _smooth(recording)[keep].T, strict=True))
         columns["t"] = columns["t"] - columns["t"][0]
         return Recording(metadata, columns, recording.name)
 
@@ -236,12 +241,12 @@ def check_at_rest(recording: Recording) -> None:
     Raises:
         RecordingError: most rows are in motion.
     """
-    q = recording.q.astype(float)
+    q = _smooth(recording)
     if len(q) < _ENOUGH_TO_MOVE:
         return
     poses = len(first_rows(recording.columns))
-    way = np.abs(np.diff(q if recording.joints else _continuous(q), axis=0))
-    close = np.median(way.max(axis=1)) < _NEXT * max(float(np.ptp(q, axis=0).max()), 1e-9)
+    way = np.abs(np.diff(q, axis=0)).max(axis=1)
+    close = np.median(way) < _NEXT * max(float(np.ptp(q, axis=0).max()), 1e-9)
     if poses > _MOST_SINGLE * len(q) and close:
         raise RecordingError(
             f"{recording.name}: {poses:,} poses in {len(q):,} rows: this is a log in motion, not "
@@ -266,128 +271,123 @@ def with_noise(recording: Recording) -> Recording:
     """The recording of a motion with ``noise_std`` from its own rests, where none is stated."""
     stated = recording.metadata
     known = stated.sensor.noise_std is not None or not recording.has_wrench
-    if stated.mode != "dynamic" or known:
-        return recording
-    std = noise_at_rest(recording)
-    if std is None:
+    if stated.mode != "dynamic" or known or (std := noise_at_rest(recording)) is None:
         return recording
     metadata = replace(stated, sensor=replace(stated.sensor, noise_std=std))
     return Recording(metadata, recording.columns, recording.name)
 
 
-def _split(recording: Recording) -> Split | None:
+@dataclass(frozen=True, eq=False)
+class _Path:
+    """Joint values or a quaternion's components (N, J), which move or rest.
+
+    Attributes:
+        q: [rad or m].
+        t: time (N,) [s].
+        noise: standard deviation of one reading of each joint (J,).
+    """
+
+    q: np.ndarray
+    t: np.ndarray
+    noise: np.ndarray
+
+    def part(self, run: tuple[int, int]) -> "_Path":
+        """Some rows, with the same noise."""
+        return _Path(self.q[slice(*run)], self.t[slice(*run)], self.noise)
+
+    def still(self, window: int, least: float) -> list[tuple[int, int]]:
+        """Runs in which the means of neighbouring windows agree within their noise or ``least``."""
+        n = len(self.q)
+        row = np.clip(np.arange(n), 1, n - 2)
+        low, high = np.maximum(row - window, 0), np.minimum(row + window, n - 1)
+        change = means_of(self.q, row + 1, high + 1) - means_of(self.q, low, row)
+        allowed = np.maximum(_SIGMAS * self.noise * np.sqrt(2.0 / window), least)
+        flags = np.concatenate([[False], (np.abs(change) <= allowed).all(axis=1), [False]])
+        begins, ends = np.flatnonzero(np.diff(flags.astype(int))).reshape(-1, 2).T.tolist() or (
+            [],
+            [],
+        )
+        shortest = max(LEAST_HOLD_S - 2.0 * _WINDOW_S, 0.0)
+        return [
+            (a, b) for a, b in zip(begins, ends, strict=True)
+            if self.t[b - 1] - self.t[a] >= shortest
+        ]  # fmt: skip
+
+    @property
+    def creeps(self) -> bool:
+        """Whether the ends are further apart than an encoder's flicker."""
+        third = max(1, len(self.q) // 3)
+        way = np.abs(self.q[-third:].mean(axis=0) - self.q[:third].mean(axis=0))
+        return bool((way > _DRIFT + _SIGMAS * self.noise * np.sqrt(2.0 / third)).any())
+
+    def without_creep(self, run: tuple[int, int], window: int) -> list[tuple[int, int]]:
+        """A run, or, where it creeps, those of its parts that rest for longer windows too."""
+        path = self.part(run)
+        if not path.creeps:
+            return [run]
+        if len(path.q) < 2 * _LONGER * window:
+            return []
+        parts = path.still(_LONGER * window, _CREEP)
+        return [(run[0] + a, run[0] + b) for a, b in parts if not path.part((a, b)).creeps]
+
+    def joined(self, runs: Sequence[tuple[int, int]], pause: int) -> list[tuple[int, int]]:
+        """Runs with the same pose and hardly a pause between are one."""
+        done: list[tuple[int, int]] = []
+        for a, b in runs:
+            if done and a - done[-1][1] <= pause:
+                before = np.median(self.q[slice(*done[-1])], axis=0)
+                far = np.abs(np.median(self.q[a:b], axis=0) - before) - self.noise
+                between = np.abs(self.q[done[-1][1] : a] - before) - _SIGMAS * self.noise
+                if (far < _SAME).all() and (between < 2.0 * _SAME).all():
+                    done[-1] = (done[-1][0], b)
+                    continue
+            done.append((a, b))
+        return done
+
+    def without_ends(self, run: tuple[int, int]) -> tuple[int, int]:
+        """A run without its ends, in which a move begins or ends with little way but full force."""
+        begin, end = self.t[run[0]], self.t[run[1] - 1]
+        edge = min(_EDGE_S, _EDGE_SHARE * (end - begin))
+        first = int(np.searchsorted(self.t, begin + edge))
+        last = int(np.searchsorted(self.t, end - edge, side="right"))
+        return (first, last) if last - first >= _LEAST_WINDOW else run
+
+
+def _smooth(recording: Recording) -> np.ndarray:
+    """Joint values (N, J), or quaternions (N, 4) without changes of sign from row to row."""
     q = recording.q.astype(float)
-    if not recording.joints:
-        q = _continuous(q)
-    t, n = recording.t, len(recording)
+    if recording.joints:
+        return q
+    flips = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
+    return np.concatenate([q[:1], q[1:] * flips[:, None]])
+
+
+def _split(recording: Recording) -> Split | None:
+    """Holds and moves of a log; None if nothing rests."""
+    q, t, n = _smooth(recording), recording.t, len(recording)
     step = float(np.median(np.diff(t))) if n > 1 else 0.0
     window = max(_LEAST_WINDOW, round(_WINDOW_S / step)) if step > 0 else _LEAST_WINDOW
     if n < 2 * window:
         return None
-    noise = _noise(q)
-    runs = _joined(_still(q, t, noise, window, _SLOWEST * window * step), q, noise, 4 * window)
-    runs = [r for run in runs for r in _without_creep(q, t, noise, run, window)]
-    block = max(1, round(_BLOCK_S / step)) if step > 0 else 1
+    second = np.abs(q[2:] - 2.0 * q[1:-1] + q[:-2])
+    path = _Path(q, t, np.median(second, axis=0) / (_NORMAL * np.sqrt(6.0)))
+    runs = path.joined(path.still(window, _SLOWEST * window * step), 4 * window)
+    runs = [r for run in runs for r in path.without_creep(run, window)]
     runs = [(a, b) for a, b in runs if b - a >= _LEAST_WINDOW]
     if not runs:
         return None
+    block = max(1, round(_BLOCK_S / step)) if step > 0 else 1
     hold = np.full(n, -1)
     for k, run in enumerate(runs):
-        a, b = _within(run, t)
+        rest = path.without_ends(run)
         if recording.has_wrench:
-            a, b = _settled(recording.wrench, (a, b), block)
-        hold[a:b] = k
+            rest = _settled(recording.wrench, rest, block)
+        hold[slice(*rest)] = k
     between = sum(before[1] < after[0] for before, after in pairwise(runs))
     edge = 2 * window + block
     moves = between + (runs[0][0] > edge) + (runs[-1][1] < n - edge)
     seconds = np.array([t[b - 1] - t[a] for a, b in runs])
     return Split(hold, seconds, int(moves))
-
-
-def _still(
-    q: np.ndarray, t: np.ndarray, noise: np.ndarray, window: int, least: float
-) -> list[tuple[int, int]]:
-    """Runs in which the means of neighbouring windows agree within their noise or ``least``."""
-    allowed = np.maximum(_SIGMAS * noise * np.sqrt(2.0 / window), least)
-    still = (np.abs(_change(q, window)) <= allowed).all(axis=1)
-    shortest = max(LEAST_HOLD_S - 2.0 * _WINDOW_S, 0.0)
-    return [(a, b) for a, b in _runs(still) if t[b - 1] - t[a] >= shortest]
-
-
-def _without_creep(
-    q: np.ndarray, t: np.ndarray, noise: np.ndarray, run: tuple[int, int], window: int
-) -> list[tuple[int, int]]:
-    """A run, or, where it creeps, those of its parts that rest for longer windows too."""
-    a, b = run
-    if not _creeps(q[a:b], noise):
-        return [run]
-    window *= _LONGER
-    if b - a < 2 * window:
-        return []
-    parts = _still(q[a:b], t[a:b], noise, window, _CREEP)
-    return [(a + c, a + d) for c, d in parts if not _creeps(q[a + c : a + d], noise)]
-
-
-def _within(run: tuple[int, int], t: np.ndarray) -> tuple[int, int]:
-    """A run without its ends, in which a move begins or ends with little way but full force."""
-    a, b = run
-    edge = min(_EDGE_S, _EDGE_SHARE * (t[b - 1] - t[a]))
-    first = int(np.searchsorted(t, t[a] + edge))
-    last = int(np.searchsorted(t, t[b - 1] - edge, side="right"))
-    return (first, last) if last - first >= _LEAST_WINDOW else run
-
-
-def _continuous(q: np.ndarray) -> np.ndarray:
-    """Quaternions (N, 4) without changes of sign from row to row."""
-    flips = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
-    return np.concatenate([q[:1], q[1:] * flips[:, None]])
-
-
-def _noise(q: np.ndarray) -> np.ndarray:
-    """Standard deviation (J,) of one reading of each joint."""
-    second = np.abs(q[2:] - 2.0 * q[1:-1] + q[:-2])
-    return np.asarray(np.median(second, axis=0) / (_NORMAL * np.sqrt(6.0)))
-
-
-def _change(q: np.ndarray, window: int) -> np.ndarray:
-    """Mean of the window behind each row less that of the window before it (N, J)."""
-    n = len(q)
-    total = np.concatenate([np.zeros((1, q.shape[1])), np.cumsum(q - q[0], axis=0)])
-    row = np.arange(n)
-    low, high = np.maximum(row - window, 0), np.minimum(row + window, n - 1)
-    row = np.clip(row, 1, n - 2)
-    before = (total[row] - total[np.minimum(low, row - 1)]) / np.maximum(row - low, 1)[:, None]
-    behind = (total[high + 1] - total[row + 1]) / np.maximum(high - row, 1)[:, None]
-    return np.asarray(behind - before)
-
-
-def _runs(flags: np.ndarray) -> list[tuple[int, int]]:
-    """Runs of true flags as (first, last + 1)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-
-
-def _joined(
-    runs: Sequence[tuple[int, int]], q: np.ndarray, noise: np.ndarray, pause: int
-) -> list[tuple[int, int]]:
-    """Runs with the same pose and hardly a pause between are one."""
-    done: list[tuple[int, int]] = []
-    for a, b in runs:
-        if done and a - done[-1][1] <= pause:
-            last = slice(*done[-1])
-            far = np.abs(np.median(q[a:b], axis=0) - np.median(q[last], axis=0))
-            between = np.abs(q[done[-1][1] : a] - np.median(q[last], axis=0))
-            if (far < _SAME + noise).all() and (between < 2.0 * _SAME + 6.0 * noise).all():
-                done[-1] = (done[-1][0], b)
-                continue
-        done.append((a, b))
-    return done
-
-
-def _creeps(q: np.ndarray, noise: np.ndarray) -> bool:
-    third = max(1, len(q) // 3)
-    way = np.abs(q[-third:].mean(axis=0) - q[:third].mean(axis=0))
-    return bool((way > _DRIFT + _SIGMAS * noise * np.sqrt(2.0 / third)).any())
 
 
 def _settled(y: np.ndarray, run: tuple[int, int], block: int) -> tuple[int, int]:
@@ -397,13 +397,9 @@ def _settled(y: np.ndarray, run: tuple[int, int], block: int) -> tuple[int, int]
     if count < 4:
         return run
     means = y[a : a + count * block].reshape(count, block, len(CHANNELS)).mean(axis=1)
-    middle = np.median(means[count // 4 : count - count // 8], axis=0)
-    away = np.abs(means - middle)
+    away = np.abs(means - np.median(means[count // 4 : count - count // 8], axis=0))
     usual = np.median(away[count // 4 :], axis=0) / _NORMAL
-    calm = (away <= _SIGMAS * usual + 1e-9).all(axis=1)
-    first, last = 0, count
-    while first < count // 3 and not calm[first]:
-        first += 1
-    while last > count - count // 3 and not calm[last - 1]:
-        last -= 1
+    calm = [*(away <= _SIGMAS * usual + 1e-9).all(axis=1), True]
+    first = min(calm.index(True), count // 3)
+    last = count - min(calm[-2::-1].index(True) if any(calm[:-1]) else count, count // 3)
     return a + first * block, (b if last == count else a + last * block)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from wrenchbed.data.column_map import AUTO
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.guess.sheets import Reading, Sheet
-from wrenchbed.data.holds import split
+from wrenchbed.data.holds import means_of, split
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import RecordingError
@@ -174,9 +174,7 @@ class Poses:
 
     def mean(self, values: np.ndarray) -> np.ndarray:
         """Means (G, K) over the poses of columns (N, K)."""
-        total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-        low, high = self.groups.T
-        return np.asarray((total[high] - total[low]) / (high - low)[:, None])
+        return means_of(values, *self.groups.T)
 
 
 def gather(t: np.ndarray | None, turn: np.ndarray, wrench: np.ndarray) -> Poses:
