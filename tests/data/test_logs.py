@@ -211,5 +211,20 @@ def test_lists_and_names_are_reached_by_their_path():
     rows.add({"a": [1, 2.5], "name": ["x", "my.joint"], "position": [7.0, 8.0]}, 42)
     assert rows.table().to_pylist() == [{"a.1": 2.5, "position.my.joint": 8.0, "logged": 42}]
     assert not rows.missing
-    rows.add({"a": [1], "name": ["x"], "position": [7.0]}, 43)
+    assert not rows.add({"name": ["gripper"], "position": [7.0]}, 43) and rows.skipped == 1
+    rows.add({"a": [1], "name": ["my.joint"], "position": []}, 44)
     assert rows.missing == {"a.1", "position.my.joint"}
+
+
+def test_messages_of_another_publisher_on_the_same_topic_are_left_out_and_counted(tmp_path):
+    with (tmp_path / "a.mcap").open("wb") as stream:
+        writer = McapWriter(stream)
+        writer.start()
+        channel = writer.register_channel("/joint_states", "json", 0)
+        for k in range(6):
+            state = {"name": ["gripper" if k % 3 else "elbow"], "position": [float(k)]}
+            writer.add_message(channel, k, json.dumps(state).encode(), k)
+        writer.finish()
+    with pytest.warns(wb.errors.WrenchbedWarning, match="4 of 6 messages .* another publisher's"):
+        found = table(tmp_path / "a.mcap", "/joint_states", ["position.elbow"])
+    assert found["position.elbow"].to_pylist() == [0.0, 3.0]

@@ -6,6 +6,7 @@ the sizes to which chunks, messages and files unpack, and the checksum of a mess
 """
 
 import json
+import warnings
 from array import array
 from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,8 +22,8 @@ import pyarrow as pa
 from wrenchbed import registry
 from wrenchbed.data import unpacking
 from wrenchbed.data.recording import Recording
-from wrenchbed.data.unpacking import check_file, stated_size, unpack
-from wrenchbed.errors import MapError, WrenchbedError, raise_shortage
+from wrenchbed.data.unpacking import check_file, unpack
+from wrenchbed.errors import MapError, WrenchbedError, WrenchbedWarning, raise_shortage
 from wrenchbed.files import atomic_write
 
 STAMP, LOGGED = "stamp", "logged"
@@ -85,14 +86,14 @@ class MessageRows:
     Args:
         wanted: names of columns: `STAMP`, `LOGGED`, a path such as ``wrench.force.x``, or, of
             messages with names (JointState), ``position.<joint>``; of transforms (TFMessage),
-            ``transforms.<child frame>.transform.rotation.w``, where messages without that frame
-            are left out.
+            ``transforms.<child frame>.transform.rotation.w``. Messages that lack that frame, or
+            all of the joints, are another publisher's and left out.
     """
 
     def __init__(self, wanted: Sequence[str]) -> None:
         self.wanted = tuple(dict.fromkeys(wanted))
         self.missing: set[str] = set()
-        self.seen = 0
+        self.seen = self.skipped = 0
         self._columns: dict[str, array[Any]] = {
             n: array("q" if n in (STAMP, LOGGED) else "d") for n in self.wanted
         }
@@ -106,20 +107,21 @@ class MessageRows:
         headed = message
         if self._frame is not None:
             headed = _transform(message, self._frame)
-            if headed is None:
-                return False
             message = {TRANSFORMS: {self._frame: headed}}
-        if LOGGED in self._columns:
-            self._columns[LOGGED].append(logged)
-        if STAMP in self._columns:
-            self._columns[STAMP].append(_nanoseconds(_get(_get(headed, "header"), "stamp")))
-        names = _get(message, "name")
-        for column, path in self._paths.items():
-            value = _at(message, path, names)
-            if not (isinstance(value, bool | int | float) or hasattr(value, "__float__")):
-                self.missing.add(column)
-                value = float("nan")
-            self._columns[column].append(float(value))
+        names = [str(name) for name in _get(message, "name") or ()]
+        others = names and not any(".".join(path[1:]) in names for path in self._paths.values())
+        values = {column: _at(message, path, names) for column, path in self._paths.items()}
+        if headed is None or (others and set(values.values()) == {None}):
+            self.skipped += 1
+            return False
+        stamp = _get(_get(headed, "header"), "stamp")
+        for column, times in ((LOGGED, logged), (STAMP, _nanoseconds(stamp))):
+            if column in self._columns:
+                self._columns[column].append(times)
+        for column, value in values.items():
+            number = isinstance(value, bool | int | float) or hasattr(value, "__float__")
+            self.missing |= set() if number else {column}
+            self._columns[column].append(float(value) if number else float("nan"))
         return True
 
     def table(self) -> pa.Table:
@@ -129,15 +131,15 @@ class MessageRows:
         return pa.table({n: pa.array(memoryview(c), kinds[c.typecode]) for n, c in columns})
 
 
-def _at(message: Any, path: Sequence[str], names: Any) -> Any:
+def _at(message: Any, path: Sequence[str], names: Sequence[str]) -> Any:
     """The value at a path; None if there is none. In a list, a joint's name stands for its place
     among ``names``."""
     value = message
     for depth, part in enumerate(path):
         inner = _get(value, part)
-        if inner is None and names is not None and _is_list(value):
-            joint = ".".join(path[depth:])  # a joint's name may hold dots
-            return value[list(names).index(joint)] if joint in list(names) else None
+        joint = ".".join(path[depth:])  # a joint's name may hold dots
+        if inner is None and joint in names and _is_list(value):
+            return value[names.index(joint)] if names.index(joint) < len(value) else None
         if inner is None:
             return None
         value = inner
@@ -161,10 +163,8 @@ def _is_list(thing: Any) -> bool:
 
 def _transform(message: Any, frame: str) -> Any:
     """The transform to a child frame in a TFMessage, with or without a slash before its name."""
-    for each in _get(message, TRANSFORMS) or ():
-        if str(_get(each, "child_frame_id")).lstrip("/") == frame.lstrip("/"):
-            return each
-    return None
+    named = {str(_get(t, "child_frame_id")).lstrip("/"): t for t in _get(message, TRANSFORMS) or ()}
+    return named.get(frame.lstrip("/"))
 
 
 def _nanoseconds(stamp: Any) -> int:
@@ -214,7 +214,12 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
     _chosen(path, topic, topics)
     columns = rows.table()
     if rows.seen and columns.num_rows == 0:
-        raise MapError(f"{path}: no message of {topic!r} has the frame of {', '.join(wanted)}")
+        raise MapError(f"{path}: no message of {topic!r} has any of {', '.join(wanted)}")
+    if rows.skipped and not topic.endswith(("tf", "tf_static")):
+        warnings.warn(
+            f"{path}: {rows.skipped:,} of {rows.seen:,} messages of {topic!r} have none of "
+            f"{', '.join(wanted)}: another publisher's, left out", WrenchbedWarning, stacklevel=2,
+        )  # fmt: skip
     if STAMP in columns.column_names and rows.seen and columns[STAMP].to_numpy().max() <= 0:
         raise MapError(f"{path}: messages of {topic!r} have no stamp: map t to column 'logged'")
     times = np.asarray(logged, dtype=np.int64)
@@ -252,9 +257,7 @@ def _messages(path: Path, topic: str | None, topics: dict[str, str]) -> Messages
         topic: whose messages are yielded.
         topics: receives all topics and the kinds of their messages.
     """
-    if path.suffix == ".mcap":
-        return _of_mcap(path, topic, topics)
-    return _of_bag(path, topic, topics)
+    return (_of_mcap if path.suffix == ".mcap" else _of_bag)(path, topic, topics)
 
 
 def _of_mcap(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
@@ -306,7 +309,7 @@ def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
     whole = path.parent if path.suffix == ".db3" and (path.parent / METADATA).is_file() else path
     bag = library.Reader(whole)
     if whole.is_dir():
-        for file in whole.iterdir():
+        for file in filter(Path.is_file, whole.iterdir()):
             check_file(file)
         bag.storage.STORAGE_PLUGINS = {**bag.storage.STORAGE_PLUGINS, "mcap": _left_to_mcap}
     with bag:
@@ -324,7 +327,7 @@ def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
         count = 0
         for channel, logged, data in _stored(bag, connections):
             count += 1
-            yield channel, logged, unpack(data, "zstd", stated_size(data)) if packed else data
+            yield channel, logged, unpack(data, "zstd") if packed else data
         _check_count(path, sum(c.msgcount for c in connections), count)
 
 

@@ -172,7 +172,7 @@ class Fields:
     def stated_text(self, key: str, rule: str = "must be a text that is not empty") -> str:
         """Text of a field that must be there and not be empty."""
         value = self.raw.get(key)
-        if not isinstance(value, str) or not value.strip():
+        if not isinstance(value, str) or not value:
             raise self.error(key, rule)
         if len(value) > _LONGEST_NAME:
             raise self.error(key, f"has {len(value):,} characters, more than {_LONGEST_NAME:,}")
