@@ -68,7 +68,7 @@ def test_units_are_converted_to_si(tmp_path):
     [
         ({"recording": {"robot": "ur5", "mode": "static"}}, r"at least one \[\[file\]\]"),
         ({"recordings": {}}, "there is no field recordings"),
-        (basic() | {"recording": {"mode": "static"}}, "robot = None"),
+        (basic() | {"recording": {"mode": "static"}}, "robot is missing: it must be a name"),
         (basic() | {"recording": {"robot": "ur5", "mode": "static", "tool": {"mass": -1}}},
          "tool.mass = -1 must be above 0"),
         (basic(fx={"column": "FX"}), "fx states no unit; one of N, kN, lbf"),
@@ -235,3 +235,9 @@ def test_a_robots_file_is_seen_from_the_map(tmp_path, monkeypatch):
     raw["recording"]["robot"] = "none.toml"
     with pytest.raises(WrenchbedError, match=r"maps/none\.toml"):
         column_map.read(write_map(tmp_path / "maps", raw))
+
+
+def test_a_clock_in_another_unit_than_stated_is_refused(tmp_path):
+    raw = basic(t={"column": "time", "unit": "s"})
+    with pytest.raises(MapError, match="column 'time': .* s is no time: give the unit"):
+        load(tmp_path, raw, time=["1.7e12", "1.8e12", "1.9e12", "2.0e12"])

@@ -57,7 +57,7 @@ def test_dwell_and_segment_are_kept(tmp_path):
         (columns() | {"q2": np.array(list("abcde"))}, None, "column 'q2' holds"),
         (columns() | {"dwell": np.array([1, 1, -1, 1, 1.0])}, None, "'dwell', row 2: -1.0 s"),
         (columns() | {"segment": np.full(5, 0.5)}, None, "'segment' must hold whole"),
-        (columns(), {"format": 1}, "robot = None"),
+        (columns(), {"format": 1}, "robot is missing: it must be"),
         (columns(), {"format": 1, "robot": "ur5", "mode": "x"}, "mode = 'x'"),
         (columns(), {"format": 1, "robot": "ur5", "rate_hz": -5}, "rate_hz = -5"),
         (columns(), {"format": 9, "robot": "ur5"}, "format is 9"),

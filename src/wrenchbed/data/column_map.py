@@ -1,6 +1,6 @@
 """A column map: which columns of which files make a recording, in which units. TOML or JSON."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -53,6 +53,7 @@ ROTATION_VECTOR = ("rx", "ry", "rz")
 ROLL_PITCH_YAW = ("roll", "pitch", "yaw")
 """R = Rz(yaw) Ry(pitch) Rx(roll): ROS's angles, and KUKA's C, B, A."""
 ANGLES = (ROTATION_VECTOR, ROLL_PITCH_YAW)
+_ORIENTATIONS = (QUATERNION, ROTATION, *ANGLES)
 _FIXED = {
     "t": "time", "temperature": "temperature", "ax": "acceleration", "ay": "acceleration",
     "az": "acceleration", **dict.fromkeys(CHANNELS[:3], "force"),
@@ -82,7 +83,7 @@ class Source:
 
 @dataclass(frozen=True)
 class FileMap:
-    """Columns from the files whose name matches ``match``; ``clock`` is the one of time.
+    """Columns from the files whose name matches ``match``.
 
     Attributes:
         topic: of a log, whose messages' fields are its columns.
@@ -93,10 +94,6 @@ class FileMap:
     columns: tuple[Source, ...]
     topic: str | None = None
     delimiter: str | None = None
-
-    @property
-    def clock(self) -> Source | None:
-        return next((c for c in self.columns if c.target == "t"), None)
 
 
 @dataclass(frozen=True)
@@ -144,7 +141,13 @@ def read(path: str | Path) -> ColumnMap:
         MapError: names the file, the entry and what it should say.
     """
     path = ready().get(str(path), Path(path))
-    return from_fields(_load(path), str(path), path.parent)
+    try:
+        raw = load(path, MapError, "TOML")
+    except MapError as error:
+        if path.exists():
+            raise
+        raise MapError(f"{error}; ready maps: {', '.join(ready())}") from error
+    return from_fields(Fields(raw, f"{path}: ", MapError), str(path), path.parent)
 
 
 def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
@@ -159,34 +162,33 @@ def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
         MapError: names the entry and what it should say.
         NotFoundError, ParameterError: a robot's or sensor's file cannot be read.
     """
+    raw.only({"recording", "file", "wrench", "orientation"}, "a map")
     mode, metadata = _recording(raw.part("recording"), name, folder)
     entries = raw.raw.get("file")
     if not isinstance(entries, list) or not entries:
         raise MapError(f'{name}: needs at least one [[file]] with match = "*.csv" and columns')
     files = tuple(_file(f"{name}: [[file]] {k}: ", x) for k, x in enumerate(entries, start=1))
     conventions = _conventions(raw, metadata)
-    _consistent(name, files)
-    _one_orientation(name, files, conventions)
-    if conventions.wrench_axes != "sensor" and not any(
-        c.target == CHANNELS[0] for f in files for c in f.columns
-    ):
-        raise MapError(f"{name}: [wrench] axes are stated and no column is mapped to fx … tz")
+    try:
+        _check_targets([c for f in files for c in f.columns], conventions)
+    except MapError as error:
+        raise MapError(f"{name}: {error}") from None
     return ColumnMap(files, metadata, metadata.rate_hz, name, conventions, mode)
 
 
 def _recording(stated: Fields, name: str, folder: Path) -> tuple[str, Metadata]:
     """Mode and metadata; keys that do not exist are refused."""
     stated.only(set(Metadata.__dataclass_fields__) - {"extra"} | {"format"}, "[recording]")
-    stated.part("tool").only(ToolInfo.__dataclass_fields__, "[recording.tool]")
-    stated.part("sensor").only(SensorInfo.__dataclass_fields__, "[recording.sensor]")
-    stated.part("tolerance").only(TOLERANCES, "[recording.tolerance]")
+    parts = {"tool": ToolInfo.__dataclass_fields__, "sensor": SensorInfo.__dataclass_fields__}
+    for part, known in {**parts, "tolerance": TOLERANCES}.items():
+        stated.part(part).only(known, f"[recording.{part}]")
     mode = stated.choice(
         "mode", (*MODES, AUTO), "must be 'static', 'dynamic' or 'auto' (holds and moves)"
     )
-    known = seen_from(stated.raw, lambda file: str(folder / file))
-    known["mode"] = "dynamic" if mode == AUTO else mode
+    raw = seen_from(stated.raw, lambda file: str(folder / file))
+    raw["mode"] = "dynamic" if mode == AUTO else mode
     try:
-        return mode, parse({"format": 1, "source": "import", **known}, name)
+        return mode, parse({"format": 1, "source": "import", **raw}, name)
     except RecordingError as error:
         raise MapError(str(error)) from error
 
@@ -196,18 +198,16 @@ def seen_from(recording: Mapping[str, Any], moved: Callable[[str], str]) -> dict
 
     def placed(part: Mapping[str, Any], key: str) -> dict[str, Any]:
         file = part.get(key)
-        if isinstance(file, str) and file.lower().endswith(".toml"):
-            return dict(part) | {key: moved(file)}
-        return dict(part)
+        is_file = isinstance(file, str) and file.lower().endswith(".toml")
+        return dict(part) | ({key: moved(str(file))} if is_file else {})
 
     changed, sensor = placed(recording, "robot"), recording.get("sensor")
     return changed | ({"sensor": placed(sensor, "model")} if isinstance(sensor, Mapping) else {})
 
 
 def _conventions(raw: Fields, metadata: Metadata) -> Conventions:
-    wrench, turn = raw.part("wrench"), raw.part("orientation")
-    wrench.only({"axes"}, "[wrench]")
-    turn.only({"of", "inverse", "constant"}, "[orientation]")
+    wrench = raw.part("wrench").only({"axes"}, "[wrench]")
+    turn = raw.part("orientation").only({"of", "inverse", "constant"}, "[orientation]")
     mounted = metadata.sensor.pose_flange is not None
     bodies = ("sensor", "flange")
     inverse = turn.raw.get("inverse", False)
@@ -222,44 +222,10 @@ def _conventions(raw: Fields, metadata: Metadata) -> Conventions:
     body = turn.choice(
         "of", bodies, "must be 'sensor' or 'flange'", default="flange" if mounted else "sensor"
     )
-    if not mounted and (axes == "flange" or body == "flange"):
-        asks = turn if body == "flange" else wrench
-        raise asks.error(
-            "of" if body == "flange" else "axes",
-            "needs recording.sensor.pose_flange = [x, y, z, qw, qx, qy, qz]",
-        )
+    for asks, key, of in ((turn, "of", body), (wrench, "axes", axes)):
+        if of == "flange" and not mounted:
+            raise asks.error(key, "needs recording.sensor.pose_flange = [x, y, z, qw, qx, qy, qz]")
     return Conventions(axes, body, inverse, constant)
-
-
-def _one_orientation(name: str, files: tuple[FileMap, ...], conventions: Conventions) -> None:
-    """Refuse an incomplete orientation, or two of them."""
-    seen = {c.target for f in files for c in f.columns}
-    kinds = (QUATERNION, ROTATION, *ANGLES)
-    given = [kind for kind in kinds if seen & set(kind)]
-    for kind in given:
-        missing = [c for c in kind if c not in seen]
-        if missing:
-            what = "a rotation matrix" if kind == ROTATION else "an orientation"
-            whole = f"{kind[0]}…{kind[-1]}" if kind == ROTATION else " ".join(kind)
-            count = len(kind) - len(missing)
-            raise MapError(f"{name}: {what} needs all of {whole}, found {count}")
-    if len(given) + (conventions.constant is not None) > 1:
-        raise MapError(
-            f"{name}: one orientation is needed, found "
-            + " and ".join([" ".join(k) for k in given] + ["orientation.constant"])
-        )
-
-
-def _load(path: Path) -> Fields:
-    try:
-        raw = load(path, MapError, "TOML")
-    except MapError as error:
-        if path.exists():
-            raise
-        raise MapError(f"{error}; ready maps: {', '.join(ready())}") from error
-    return Fields(raw, f"{path}: ", MapError).only(
-        {"recording", "file", "wrench", "orientation"}, "a map"
-    )
 
 
 def _file(where: str, entry: Any) -> FileMap:
@@ -267,19 +233,22 @@ def _file(where: str, entry: Any) -> FileMap:
     columns = fields.part("columns")
     if not columns.raw:
         raise MapError(f'{where}needs columns = {{ fx = {{ column = "Fx", unit = "N" }}, … }}')
-    delimiter = fields.text("delimiter", rule="must be one character")
+    delimiter = fields.text("delimiter", "must be one character")
     if delimiter is not None and len(delimiter) != 1:
         raise fields.error("delimiter", "must be one character")
     return FileMap(
-        fields.text("match", rule="must be a file name or pattern") or "*",
+        fields.text("match", "must be a file name or pattern") or "*",
         tuple(_source(where, target, entry) for target, entry in columns.raw.items()),
-        fields.text("topic", rule="must be the name of one"),
+        fields.text("topic", "must be the name of one"),
         delimiter,
     )
 
 
 def _source(where: str, target: str, entry: Any) -> Source:
-    quantities = _quantities(target)
+    stem = target.rstrip("0123456789")
+    quantities = _JOINT.get(stem, ()) if stem != target else ()
+    if target in _FIXED:
+        quantities = (_FIXED[target],)
     if not quantities:
         known = (
             "t, fx…tz, q1…, tau1…, i1…, qd1…, q_target1…, qw qx qy qz, r11…r33, rx ry rz, "
@@ -296,11 +265,11 @@ def _source(where: str, target: str, entry: Any) -> Source:
         raise MapError(f'{where}{target} needs a table with column = "…" and unit = "…"')
     fields = Fields(entry, where, MapError, target).only(_COLUMN, "a column")
     unit = entry.get("unit", "1" if quantities == ("number",) else None)
-    units = ", ".join(u for u, (quantity, _) in UNITS.items() if quantity in quantities)
+    units = [u for u, (quantity, _) in UNITS.items() if quantity in quantities]
     if unit is None:
-        raise MapError(f"{where}{target} states no unit; one of {units}")
-    if not isinstance(unit, str) or unit not in UNITS or UNITS[unit][0] not in quantities:
-        known = f"{' or '.join(quantities)}; one of {units}"
+        raise MapError(f"{where}{target} states no unit; one of {', '.join(units)}")
+    if unit not in units:
+        known = f"{' or '.join(quantities)}; one of {', '.join(units)}"
         raise MapError(f"{where}{target} in {unit!r} is no unit of {known}")
     sign = entry.get("sign", 1)
     if sign not in (1, -1):
@@ -310,31 +279,34 @@ def _source(where: str, target: str, entry: Any) -> Source:
     return Source(target, column, unit, float(sign), zero, per)
 
 
-def _quantities(target: str) -> tuple[str, ...]:
-    if target in _FIXED:
-        return (_FIXED[target],)
-    stem = target.rstrip("0123456789")
-    return _JOINT.get(stem, ()) if stem != target else ()
-
-
-def _consistent(name: str, files: tuple[FileMap, ...]) -> None:
-    seen: dict[str, Source] = {}
-    for column in (c for f in files for c in f.columns):
-        if column.target in seen and column.target != "t":
-            raise MapError(f"{name}: {column.target} is mapped twice")
-        seen[column.target] = column
+def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
+    """Refuse columns that contradict each other, or are no complete recording."""
+    units: dict[str, str] = {}
+    for source in sources:
+        if source.target in units and source.target != "t":
+            raise MapError(f"{source.target} is mapped twice")
+        units[source.target] = source.unit
     for group in (CHANNELS[:3], CHANNELS[3:], ("ax", "ay", "az")):
-        units = {t: seen[t].unit for t in group if t in seen}
-        if len(set(units.values())) > 1:
-            stated = ", ".join(f"{t} in {u}" for t, u in units.items())
-            raise MapError(f"{name}: mixed units: {stated}; one sensor reports in one unit")
-    missing = [c for c in CHANNELS if c not in seen]
-    effort = len(missing) == len(CHANNELS) and effort_prefix(seen) is not None
+        if len({units[t] for t in group if t in units}) > 1:
+            stated = ", ".join(f"{t} in {units[t]}" for t in group if t in units)
+            raise MapError(f"mixed units: {stated}; one sensor reports in one unit")
+    missing = [c for c in CHANNELS if c not in units]
+    effort = len(missing) == len(CHANNELS) and effort_prefix(units) is not None
     if missing and not effort:
-        raise MapError(f"{name}: no column is mapped to {', '.join(missing)}")
-
-
-# conventions applied: orientations become unit quaternions of the sensor in the base
+        raise MapError(f"no column is mapped to {', '.join(missing)}")
+    if effort and conventions.wrench_axes != "sensor":
+        raise MapError("[wrench] axes are stated and no column is mapped to fx … tz")
+    given = [kind for kind in _ORIENTATIONS if not units.keys().isdisjoint(kind)]
+    for kind in given:
+        count = len(units.keys() & set(kind))
+        if count < len(kind):
+            what = "a rotation matrix" if kind == ROTATION else "an orientation"
+            whole = f"{kind[0]}…{kind[-1]}" if kind == ROTATION else " ".join(kind)
+            raise MapError(f"{what} needs all of {whole}, found {count}")
+    constant = [] if conventions.constant is None else ["orientation.constant"]
+    if len(given) + len(constant) > 1:
+        kinds = " and ".join([*map(" ".join, given), *constant])
+        raise MapError(f"one orientation is needed, found {kinds}")
 
 
 def turned(data: Mapping[str, np.ndarray], where: str) -> Rotation | None:
@@ -347,74 +319,28 @@ def turned(data: Mapping[str, np.ndarray], where: str) -> Rotation | None:
     Raises:
         MapError: a matrix or quaternion that is no rotation; names the row.
     """
-    if QUATERNION[0] in data:
-        q = np.stack([data[c] for c in QUATERNION], axis=-1)
-        length = np.linalg.norm(q, axis=1)
+    kind = next((kind for kind in _ORIENTATIONS if kind[0] in data), None)
+    if kind is None:
+        return None
+    values = np.stack([data[c] for c in kind], axis=-1)
+    if kind == ROTATION_VECTOR:
+        return Rotation.from_rotvec(values)
+    if kind == ROLL_PITCH_YAW:
+        return Rotation.from_euler("xyz", values)
+    if kind == QUATERNION:
+        length = np.linalg.norm(values, axis=1)
         bad = np.flatnonzero(~(np.abs(length - 1.0) < UNIT))
         if len(bad):
             raise MapError(
                 f"{where}: row {bad[0]}: qw qx qy qz has length {length[bad[0]]:.4g}, "
                 "a unit quaternion has 1"
             )
-        return Rotation.from_quat(q, scalar_first=True)
-    if ROTATION[0] in data:
-        return Rotation.from_matrix(_matrices(data, where))
-    if ROTATION_VECTOR[0] in data:
-        return Rotation.from_rotvec(np.stack([data[c] for c in ROTATION_VECTOR], axis=-1))
-    if ROLL_PITCH_YAW[0] in data:
-        return Rotation.from_euler("xyz", np.stack([data[c] for c in ROLL_PITCH_YAW], axis=-1))
-    return None
-
-
-def _matrices(data: Mapping[str, np.ndarray], where: str) -> np.ndarray:
-    matrix = np.stack([data[r] for r in ROTATION], axis=-1).reshape(-1, 3, 3)
+        return Rotation.from_quat(values, scalar_first=True)
+    matrix = values.reshape(-1, 3, 3)
     error = np.abs(np.swapaxes(matrix, -1, -2) @ matrix - np.eye(3)).max(axis=(1, 2))
-    left_handed = np.linalg.det(matrix) < 0
-    bad = np.flatnonzero((error > ORTHONORMAL) | left_handed)
+    bad = np.flatnonzero((error > ORTHONORMAL) | (np.linalg.det(matrix) < 0))
     if len(bad):
         row = bad[0]
         why = "it is left-handed" if error[row] <= ORTHONORMAL else f"RᵀR off by {error[row]:.2g}"
         raise MapError(f"{where}: row {row}: r11…r33 is not a rotation ({why})")
-    return matrix
-
-
-def of_sensor(
-    given: Rotation, conventions: Conventions, pose_flange: tuple[float, ...] | None
-) -> Rotation:
-    """The sensor in the base, from the orientation (N,) as a file means it."""
-    rotation = given.inv() if conventions.inverse else given
-    if conventions.of == "flange" and pose_flange is not None:
-        rotation = rotation * Rotation.from_quat(pose_flange[3:], scalar_first=True)
-    return rotation
-
-
-def columns_of(rotation: Rotation) -> dict[str, np.ndarray]:
-    """Quaternion columns qw qx qy qz (N,), qw ≥ 0."""
-    q = rotation.as_quat(canonical=True, scalar_first=True)
-    return dict(zip(QUATERNION, q.T, strict=True))
-
-
-def wrench_in_sensor(
-    wrench: np.ndarray,
-    conventions: Conventions,
-    rotation: Rotation | None,
-    pose_flange: tuple[float, ...] | None,
-) -> np.ndarray:
-    """A wrench (N, 6) [N, N·m] in the sensor's axes about its origin.
-
-    Args:
-        wrench: in the axes that the conventions name: of the base about the sensor's origin, of
-            the flange about the flange's origin.
-        conventions: of the file.
-        rotation: sensor in base (N,), for a wrench in the base's axes.
-        pose_flange: of the sensor, x y z qw qx qy qz, for a wrench in the flange's axes.
-    """
-    force, torque = wrench[:, :3], wrench[:, 3:]
-    if conventions.wrench_axes == "base" and rotation is not None:
-        back = rotation.inv()
-        return np.concatenate([back.apply(force), back.apply(torque)], axis=1)
-    if conventions.wrench_axes == "flange" and pose_flange is not None:
-        back = Rotation.from_quat(pose_flange[3:], scalar_first=True).inv()
-        about = torque - np.cross(np.asarray(pose_flange[:3]), force)
-        return np.concatenate([back.apply(force), back.apply(about)], axis=1)
-    return wrench
+    return Rotation.from_matrix(matrix)

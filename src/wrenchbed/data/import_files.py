@@ -12,20 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.data.column_map import (
-    ANGLES,
-    AUTO,
-    ROTATION,
-    ColumnMap,
-    FileMap,
-    columns_of,
-    of_sensor,
-    turned,
-    wrench_in_sensor,
-)
+from wrenchbed.data.clock import PER_S, at_times, even_clock, nanoseconds, quaternion_columns
+from wrenchbed.data.column_map import ANGLES, AUTO, ROTATION, ColumnMap, FileMap, turned
 from wrenchbed.data.holds import Split, check_at_rest, split, with_noise
 from wrenchbed.data.logs import is_log
 from wrenchbed.data.logs import table as log_table
@@ -37,12 +28,8 @@ from wrenchbed.physics.wrench import CHANNELS
 
 HOLD = "hold"
 """Column of a whole log of mode auto: the number of the row's hold from 0, −1 in a move."""
-JITTER = 0.02
-"""Steps that differ by less than this fraction are even; as `calibrate` demands of a motion."""
-_GAP = 3.5
-"""A step of more than so many usual ones is a gap and is not filled: over two lost frames in a row
-the joints' path is known, over more of them an acceleration would be invented."""
 _POSES_PER_SECOND = 1.0
+_FORCE_TORQUE = (CHANNELS[:3], CHANNELS[3:])
 _GIVEN = {*ROTATION, *(name for three in ANGLES for name in three)}
 """Names of the columns that become a quaternion."""
 
@@ -122,21 +109,30 @@ def merged(
     names = [_matching(m, paths, column_map.name) for m in column_map.files]
     if unused := [path for path in paths if path not in names]:
         raise MapError(f"{unused[0]}: no [[file]] of {column_map.name} matches this file")
-    parts = [_columns(path, m) for path, m in zip(names, column_map.files, strict=True)]
-    first = parts[0] | {"t": _clock(parts[0], names[0], column_map)}
-    t = since(first["t"], first["t"][0])
-    data = {k: v for k, v in first.items() if k != "t"}
-    inside = np.ones(len(t), dtype=bool)
-    for part, path in zip(parts[1:], names[1:], strict=True):
-        if "t" not in part:
-            data |= _beside(part, path, len(t), names[0])
+    first, *others = (_columns(p, m) for p, m in zip(names, column_map.files, strict=True))
+    rows, start = len(next(iter(first.values()))), 0
+    if "t" in first:
+        start = first["t"][0]
+        t = (first.pop("t") - start) / PER_S
+    elif column_map.rate_hz is None and column_map.mode != "static":
+        raise MapError(f"{names[0]}: a motion without a clock needs rate_hz in [recording]")
+    else:
+        t = np.arange(rows) / (column_map.rate_hz or _POSES_PER_SECOND)
+    data, inside = {"t": t} | first, np.ones(rows, dtype=bool)
+    for part, path in zip(others, names[1:], strict=True):
+        if "t" in part:
+            own = (part["t"] - start) / PER_S
+            inside &= (t >= own[0]) & (t <= own[-1])
+            data |= at_times(part | {"t": own}, t)
             continue
-        part["t"] = since(part["t"], first["t"][0])
-        inside &= (t >= part["t"][0]) & (t <= part["t"][-1])
-        data |= at_times(part, t)
+        if (count := len(next(iter(part.values())))) != rows:
+            raise MapError(
+                f"{path}: without a clock (t) it is laid beside {names[0].name} row by row, but it "
+                f"has {count} rows and not {rows}"
+            )
+        data |= part
     if not inside.any():
         raise MapError(f"{column_map.name}: the files' times do not overlap")
-    data = {"t": t} | data
     data = _in_sensor_axes({k: v[inside] for k, v in data.items()}, column_map, names[0])
     return data, int((~inside).sum()), str(names[0])
 
@@ -152,68 +148,30 @@ def _matching(file_map: FileMap, paths: list[Path], name: str) -> Path:
 
 
 def _columns(path: Path, file_map: FileMap) -> dict[str, np.ndarray]:
-    table = _table(path, file_map)
+    """Columns in SI, times in whole ns, any orientation as a quaternion."""
+    if is_log(path):
+        wanted = [c.column for c in file_map.columns]
+        table = Columns(log_table(path, file_map.topic, wanted), str(path))
+    else:
+        blanks = file_map.delimiter in (" ", "\t ")
+        table = read_text(path, BLANKS if blanks else file_map.delimiter)
     if table.table.num_rows == 0:
         raise MapError(f"{path}: the file has 0 rows")
     data: dict[str, np.ndarray] = {}
     for source in file_map.columns:
         values = table.numbers(source.column)
-        data[source.target] = (values / source.per - source.zero) * source.factor
-    if "t" in data:
-        data["t"] = _times(path, table.table, file_map, data["t"])
+        if source.target == "t":
+            raw = table.table.column(source.column)
+            if pa.types.is_integer(raw.type) and source.per == 1.0:
+                values = raw.to_numpy()
+            where = f"{path}: column {source.column!r}"
+            values = values / source.per if source.per != 1.0 else values
+            data["t"] = nanoseconds(values, source.zero, source.factor, where)
+        else:
+            data[source.target] = (values / source.per - source.zero) * source.factor
     given = turned(data, str(path))
     kept = {k: v for k, v in data.items() if k not in _GIVEN}
-    return kept if given is None else kept | columns_of(given)
-
-
-def _table(path: Path, file_map: FileMap) -> Columns:
-    """The file's table."""
-    if is_log(path):
-        names = [c.column for c in file_map.columns]
-        return Columns(log_table(path, file_map.topic, names), str(path))
-    return read_text(path, BLANKS if file_map.delimiter in (" ", "\t ") else file_map.delimiter)
-
-
-def _times(path: Path, table: pa.Table, file_map: FileMap, scaled: np.ndarray) -> np.ndarray:
-    """Times as the clock has them: whole nanoseconds if it counts, else seconds.
-
-    An epoch time in µs has 16 digits; a float of seconds would lose the last of them.
-    """
-    clock = file_map.clock
-    assert clock is not None
-    raw = table.column(clock.column)
-    t = scaled
-    if pa.types.is_integer(raw.type) and clock.per == 1.0:
-        t = (raw.to_numpy().astype(np.int64) - round(clock.zero)) * round(clock.factor / 1e-9)
-    bad = np.flatnonzero(np.diff(t) <= 0)
-    if len(bad):
-        row = bad[0] + 1
-        raise MapError(f"{path}: column {clock.column!r}, row {row}: the clock does not advance")
-    return t
-
-
-def _clock(part: dict[str, np.ndarray], path: Path, column_map: ColumnMap) -> np.ndarray:
-    if "t" in part:
-        return part["t"]
-    n = len(next(iter(part.values())))
-    if column_map.rate_hz is not None:
-        return np.arange(n) / column_map.rate_hz
-    if column_map.mode == "static":
-        return np.arange(n) / _POSES_PER_SECOND
-    raise MapError(f"{path}: a motion without a clock needs rate_hz in [recording]")
-
-
-def _beside(
-    part: dict[str, np.ndarray], path: Path, rows: int, first: Path
-) -> dict[str, np.ndarray]:
-    """Columns of a file without clock, row by row beside the first file's."""
-    count = len(next(iter(part.values())))
-    if count != rows:
-        raise MapError(
-            f"{path}: without a clock (t) it is laid beside {first.name} row by row, but it has "
-            f"{count} rows and not {rows}"
-        )
-    return part
+    return kept if given is None else kept | quaternion_columns(given)
 
 
 def _in_sensor_axes(
@@ -226,16 +184,24 @@ def _in_sensor_axes(
     if conventions.constant is not None:
         still = np.tile(np.asarray(conventions.constant), (rows, 1))
         data |= dict(zip(QUATERNION, still.T, strict=True))
-    given = turned(data, str(path))
-    rotation = None if given is None else of_sensor(given, conventions, pose)
+    flange = None if pose is None else Rotation.from_quat(pose[3:], scalar_first=True)
+    rotation = turned(data, str(path))
     if rotation is not None:
-        data |= columns_of(rotation)
+        rotation = rotation.inv() if conventions.inverse else rotation
+        if conventions.of == "flange" and flange is not None:
+            rotation = rotation * flange
+        data |= quaternion_columns(rotation)
     if conventions.wrench_axes == "sensor":
         return data
-    if conventions.wrench_axes == "base" and rotation is None:
-        rotation = sensor_by_joints(data, stated, str(path))
-    wrench = np.stack([data[c] for c in CHANNELS], axis=1)
-    wrench = wrench_in_sensor(wrench, conventions, rotation, pose)
+    force, torque = (np.stack([data[c] for c in three], axis=1) for three in _FORCE_TORQUE)
+    if conventions.wrench_axes == "flange":
+        assert pose is not None and flange is not None  # the map was refused without
+        back, torque = flange.inv(), torque - np.cross(np.asarray(pose[:3]), force)
+    else:
+        if rotation is None:
+            rotation = sensor_by_joints(data, stated, str(path))
+        back = rotation.inv()
+    wrench = np.concatenate([back.apply(force), back.apply(torque)], axis=1)
     return data | dict(zip(CHANNELS, wrench.T, strict=True))
 
 
@@ -266,63 +232,3 @@ def sensor_by_joints(data: Mapping[str, np.ndarray], metadata: Metadata, where: 
     q = np.stack([data[c] for c in joints], axis=1)
     rotation, _ = robot.sensor_pose(q, robot.parameters.vector(mount))
     return Rotation.from_matrix(rotation)
-
-
-def since(t: np.ndarray, origin: np.int64 | np.float64) -> np.ndarray:
-    """Seconds (N,) since an origin; times and origin are whole nanoseconds or seconds each.
-
-    An epoch time in µs has 16 digits; a float of seconds would lose the last of them.
-    """
-    if t.dtype.kind == "i" and isinstance(origin, np.int64):
-        return np.asarray((t - origin) / 1e9)
-    seconds = t / 1e9 if t.dtype.kind == "i" else t
-    start = float(origin) / 1e9 if isinstance(origin, np.int64) else float(origin)
-    return np.asarray(seconds - start)
-
-
-def even_clock(t: np.ndarray) -> tuple[np.ndarray, str] | None:
-    """The even clock (M,) [s] nearest to a clock (N,) [s], without times in gaps, and what was done
-    in words; None if the clock is even already, or too short."""
-    step = np.diff(t)
-    if len(step) < 2:
-        return None
-    usual = float(np.median(step))
-    # mean step of rows that follow each other: less than a frame is lost between them
-    h = float(step[(step > 0.5 * usual) & (step < 1.5 * usual)].mean())
-    if np.abs(step - h).max() <= JITTER * h:
-        return None
-    breaks = np.flatnonzero(step > _GAP * usual)
-    parts = []
-    for begin, end in zip([0, *(breaks + 1)], [*breaks, len(t) - 1], strict=True):
-        first = np.ceil((t[begin] - t[0]) / h - 1e-6)
-        last = np.floor((t[end] - t[0]) / h + 1e-6)
-        parts.append(t[0] + h * np.arange(first, last + 1))
-    inside = step[step <= _GAP * usual]
-    sentence = (
-        f"steps of {1e3 * inside.min():.3g} … {1e3 * inside.max():.3g} ms resampled to "
-        f"{1.0 / h:.6g} Hz"
-    )
-    if dropped := int(np.maximum(np.rint(inside / usual) - 1, 0).sum()):
-        sentence += f", {dropped} dropped frames interpolated"
-    if len(breaks):
-        sentence += f", {len(breaks)} gaps of {step[breaks].sum():.3g} s in all kept"
-    return np.concatenate(parts), sentence
-
-
-def at_times(data: Mapping[str, np.ndarray], t: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns, ``t`` among them, interpolated to times (M,): linearly, orientations along the
-    shortest rotation, whole numbers from the nearest row."""
-    old = data["t"]
-    columns: dict[str, np.ndarray] = {}
-    if QUATERNION[0] in data:
-        q = Rotation.from_quat(np.stack([data[c] for c in QUATERNION], axis=-1), scalar_first=True)
-        turned = Slerp(old, q)(np.clip(t, old[0], old[-1]))
-        quaternion = turned.as_quat(canonical=True, scalar_first=True)
-        columns |= dict(zip(QUATERNION, quaternion.T, strict=True))
-    nearest = np.searchsorted((old[1:] + old[:-1]) / 2.0, t, side="right")
-    for name, values in data.items():
-        if name in ("t", *QUATERNION):
-            continue
-        whole = name in ("segment", "status") or values.dtype.kind in "iu"
-        columns[name] = values[nearest] if whole else np.interp(t, old, values)
-    return columns
