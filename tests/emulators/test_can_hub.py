@@ -109,7 +109,7 @@ def test_the_handshake_what_is_refused_and_what_is_held_back():
             assert client.recv(200) == answer.encode()
         client.sendall(b"< rawmode >")
         for _ in range(20):
-            one.attach().send(Frame(0x123, b""))
+            one.attach()(Frame(0x123, b""))
             time.sleep(0.001)
         assert client.recv(6) == b"< ok >"
         assert client.recv(12) == b"< frame 123 "  # held back, not lost
@@ -121,7 +121,7 @@ def test_the_handshake_what_is_refused_and_what_is_held_back():
 
 def test_a_client_that_does_not_read_is_disconnected_and_the_others_are_not():
     with hub() as one:
-        send = one.attach().send
+        send = one.attach()
         slow = socket.socket()
         slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         slow.connect((HOST, one.port))

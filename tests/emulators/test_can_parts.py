@@ -8,7 +8,7 @@ import pytest
 
 from robot_emulators.medrue import axis as served
 from robot_emulators.medrue.drive import DriveEmulator
-from robot_emulators.medrue.profile import Ratings
+from robot_emulators.medrue.profile import rated
 from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.drivers.can import CanOptions, options
 from wrenchbed.hardware.drivers.can.cia402 import (
@@ -38,7 +38,7 @@ def test_statuswords_of_the_profile(word, state):
 
 def made(position):
     """An axis of a drive, without a bus."""
-    ratings = Ratings(-1000, 100_000, 500, 1e6, 1e5, 1e5, 10.0)
+    ratings = rated(-1000, 100_000, 500, 1e6, 1e5, 1e5, 10.0)
     drive = DriveEmulator(1, lambda frame: None, ratings, position, 0.1, threading.RLock())
     return drive.axis
 

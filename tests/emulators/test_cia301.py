@@ -6,7 +6,7 @@ import pytest
 
 from can_drives import NODE, SimulatedBus
 
-TEXT = b"a text of more than seven bytes"
+TEXT = b"wrenchbed CiA 402 drive"
 ON = 0x280 + NODE
 """Id of the second TPDO."""
 
@@ -44,14 +44,8 @@ def refuses_by_code(bus):
 
 
 def transfers_segments(bus):
-    begin = struct.pack("<BHBI", 0x21, 0x2000, 0, len(TEXT))
-    assert bus.ask(begin)[0] == 0x60
-    for k in range(0, len(TEXT), 7):
-        part, toggle = TEXT[k : k + 7], k // 7 % 2
-        last = k + 7 >= len(TEXT)
-        head = toggle << 4 | 7 - len(part) << 1 | last
-        assert bus.ask(bytes([head]) + part.ljust(7, b"\0"))[0] == 0x20 | toggle << 4
-    size = struct.unpack_from("<I", bus.ask(struct.pack("<BHB4x", 0x40, 0x2000, 0)), 4)[0]
+    begin = struct.pack("<BHB4x", 0x40, 0x1008, 0)
+    size = struct.unpack_from("<I", bus.ask(begin), 4)[0]
     got, k = b"", 0
     while len(got) < size:
         answer = bus.ask(bytes([0x60 | k % 2 << 4]).ljust(8, b"\0"))
@@ -59,9 +53,9 @@ def transfers_segments(bus):
         got, k = got + answer[1 : 8 - (answer[0] >> 1 & 7)], k + 1
     assert got == TEXT and answer[0] & 1
     bus.ask(begin)
-    refused = bus.ask(bytes([0x10]).ljust(8, b"x"))
-    assert struct.unpack_from("<BHBI", refused) == (0x80, 0x2000, 0, 0x05030000)
-    assert bus.ask(struct.pack("<BHB4x", 0xA0, 0x2000, 0))[4:] == b"\x01\0\x04\x05"  # no blocks
+    refused = bus.ask(bytes([0x70]).ljust(8, b"\0"))
+    assert struct.unpack_from("<BHBI", refused) == (0x80, 0x1008, 0, 0x05030000)
+    assert bus.ask(struct.pack("<BHB4x", 0xA0, 0x1008, 0))[4:] == b"\x01\0\x04\x05"  # no blocks
 
 
 def reports_errors(bus):

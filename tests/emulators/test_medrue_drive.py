@@ -12,7 +12,7 @@ from can_drives import NODE, SimulatedBus
 from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.canopen.dictionary import Abort
 from robot_emulators.medrue.axis import RPDO_TIMEOUT, SYNC_ERROR
-from robot_emulators.medrue.profile import Ratings
+from robot_emulators.medrue.profile import rated
 from robot_emulators.medrue.server import RealTimePlant
 from wrenchbed.hardware.drivers.can.cia402 import DriveStatus, Want, controlword, state_of
 
@@ -32,7 +32,7 @@ class Bench(SimulatedBus):
     """A drive whose master sends what it is told to, and whose plant runs beside it."""
 
     def __init__(self, period=T):
-        super().__init__(ratings=Ratings(-100_000, 100_000, 500, 1e6, 1e5, 1e5, 20.0))
+        super().__init__(ratings=rated(-100_000, 100_000, 500, 1e6, 1e5, 1e5, 20.0))
         self.period, self.effort, self.word = period, (0.0, 0.0), 0
 
     def tick(self, target=0, rpdo=True, sync=True, want=None):

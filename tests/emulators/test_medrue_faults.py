@@ -58,7 +58,7 @@ def test_a_device_that_fails_is_reported_and_the_bus_goes_on():
     hub = Hub(HOST, 0, failed=told.append)
     hub.attach(raises)
     hub.attach(lambda t, frame: heard.append(frame.can_id))
-    send = hub.attach().send
+    send = hub.attach()
     hub.start()
     try:
         for can_id in (0x123, 0x124):
@@ -93,6 +93,6 @@ def test_a_hub_whose_thread_ends_says_so_and_hangs_up(monkeypatch):
 def test_an_emulator_whose_board_fails_reports_it():
     with emulated("medrue", EmulatorOptions(HOST, noise="off", setting={"port": "0"})) as emulator:
         emulator.board.status = 1 << 31
-        send = emulator.hub.attach().send
+        send = emulator.hub.attach()
         send(Frame(0x680, b""))
         assert emulator.failed.wait(2.0) and isinstance(emulator.failure, struct.error)

@@ -21,9 +21,7 @@ PROGRAM = b"def f():\n  while True:\n    sync()\n  end\nend\n"
 
 @pytest.fixture(scope="module")
 def emulator():
-    with emulator_process.running(
-        "ur5", HOST, "--set", "box=off", "--set", "slow_reader=1"
-    ) as emulator:
+    with emulator_process.running("ur5", HOST, "--set", "box=off") as emulator:
         yield emulator
 
 
@@ -172,17 +170,6 @@ def test_timestamp_jump(emulator, client):
     assert min(times) == pytest.approx(before - 0.5, abs=0.1)
     assert any(step == pytest.approx(CYCLE - 0.5) for step in steps(times))
     emulator.fault("rtde", "timestamp_jump", by=0.5)
-
-
-@pytest.mark.slow
-def test_a_slow_reader_is_closed(emulator):
-    with Client(HOST) as slow, Client(HOST) as quick:
-        quick.stream("timestamp")
-        slow.outputs(",".join(["target_moment"] * 140))
-        slow.sock.sendall(b"\x00\x03S")
-        time.sleep(4.0)
-        quick.newest()
-        assert gone(slow) in ("end of file", "reset")
 
 
 def test_faults_of_dashboard_and_script(emulator):

@@ -74,14 +74,10 @@ def test_moves_end_where_they_should_and_take_their_time(bench):
     assert not bench.plays and np.abs(bench.arm.q - home).max() < 1e-9
 
 
-def test_a_time_that_is_too_short_slows_the_move_down(bench):
+def test_a_time_that_is_too_short_stops_the_arm(bench):
     goal = bench.arm.q + np.array([2.4, 0, 0, 0, 0, 0])
-    way = np.array(
-        [bench.arm.q, *bench.play(f"movej({q_text(goal)}, t=0.1)", seconds=0.0).run(2.0)]
-    )
-    assert np.abs(bench.arm.q - goal).max() < 1e-9 and not bench.faults
-    top = bench.arm.kinematics.speed[0]
-    assert 0.8 * top < np.abs(np.diff(way[:, 0])).max() / CYCLE <= top
+    bench.play(f"movej({q_text(goal)}, t=0.1)", seconds=0.1)
+    assert bench.controller.modes.protective and not bench.arm.moving
 
 
 def test_straight_moves_and_circles_keep_their_way(bench):
@@ -141,12 +137,8 @@ def test_goals_out_of_reach(bench):
     assert bench.controller.modes.protective
 
 
-def test_torques_move_what_is_free(bench):
-    bench = Played("e", software="5.23.0")
-    q = bench.arm.q[5]
-    bench.play("k = 0", "while k < 30:", "  direct_torque([0, 0, 0, 0, 0, 0.1])", "  k = k + 1",
-               "end", "stopj(2)", seconds=1.0)  # fmt: skip
-    assert not bench.faults and bench.arm.q[5] > q + 0.01
+def test_a_function_is_known_from_its_software_on():
+    assert not Played("e", software="5.23.0").play("direct_torque([0, 0, 0, 0, 0, 0])").faults
     other = Played("e").play("direct_torque([0, 0, 0, 0, 0, 0])")
     assert other.faults[0].text == "compile_error_name_not_found:direct_torque:"
 
@@ -403,22 +395,3 @@ def test_only_files_of_the_folder_can_be_loaded(tmp_path):
     (tmp_path / "secret.script").write_text("x = 1\n")
     for name in ("../secret.script", ".."):
         assert programs.load(tmp_path / "inside", name) is None
-
-
-def test_a_wrench_can_be_sent_instead_of_the_arms_own():
-    """Weights and arms by hand: 2 kg before the measuring point, 0.1 m out on the flange's z."""
-    bench = Played("e")
-    bench.play("set_payload(0, [0, 0, 0.001])",
-               "ft_rtde_input_enable(True, 2.0, [0, 0, 0.1], [0, 0, 0.05])")  # fmt: skip
-    sent = (10.0, 0.0, 0.0, 0.0, 0.0, 0.5)
-    bench.controller.inputs.write({"external_force_torque": sent}, bench.now)
-    bench.run(CYCLE)
-    rotation, _ = bench.arm.kinematics.flange(bench.arm.plant.q)
-    down = rotation.T @ np.array([0.0, 0.0, -9.80665]) * 2.0
-    force = np.array([10.0, 0.0, 0.0]) + down
-    torque = np.array([0.0, 1.0, 0.5]) + np.cross([0.0, 0.0, 0.05], down)
-    assert np.allclose(bench.controller.estimate.wrench[:3], rotation @ force, atol=1e-9)
-    assert np.allclose(bench.controller.estimate.wrench[3:], rotation @ torque, atol=1e-9)
-    bench.play("ft_rtde_input_enable(False)")
-    assert np.linalg.norm(bench.controller.estimate.wrench[:3] - rotation @ force) > 1.0
-    assert not bench.faults

@@ -5,10 +5,10 @@ import threading
 
 from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.medrue.drive import DriveEmulator
-from robot_emulators.medrue.profile import Ratings
+from robot_emulators.medrue.profile import rated
 
 NODE = 3
-RATINGS = Ratings(-1_000_000, 1_000_000, 20_000, 4e6, 4e5, 8e5, 2.0)
+RATINGS = rated(-1_000_000, 1_000_000, 20_000, 4e6, 4e5, 8e5, 2.0)
 STEP, CYCLE = 0.001, 4
 OFF = 1 << 31
 

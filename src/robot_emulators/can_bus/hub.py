@@ -11,7 +11,6 @@ import time
 import warnings
 from collections import Counter, deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from robot_emulators.base.event_loop import Connection, Listener, LoopThread, taken
 from robot_emulators.can_bus.socketcand import (
@@ -42,19 +41,6 @@ Heard = Callable[[float, Frame], None]
 """Called with the time at which a frame came (`time.monotonic`) and the frame."""
 
 
-@dataclass
-class Device:
-    """A device of this process at a hub.
-
-    Attributes:
-        send: takes a frame that it sends, from any thread.
-        heard: called with every frame of others; None hears nothing.
-    """
-
-    send: Callable[[Frame], None]
-    heard: Heard | None
-
-
 class Hub:
     """A CAN bus at ``host:port``.
 
@@ -77,15 +63,16 @@ class Hub:
         """Whether frames are lost now."""
         self.counters: Counter[str] = Counter()
         self._failed = failed
-        self._devices: dict[int, Device] = {}
+        self._devices: dict[int, Heard] = {}
         self._clients: dict[int, Client] = {}
         self._posted: deque[tuple[int, Frame]] = deque(maxlen=_POSTED)
         self._numbers = 0
         self._thread = LoopThread("can hub", self._break_down)
         self._listener = Listener(self._thread, lambda: Client(self._number(), self))
 
-    def attach(self, heard: Heard | None = None) -> Device:
-        """Add a device of this process; see `Device`."""
+    def attach(self, heard: Heard | None = None) -> Callable[[Frame], None]:
+        """Add a device of this process, which hears the frames of others; what it sends with, from
+        any thread."""
         number = self._number()
 
         def post(frame: Frame) -> None:
@@ -93,9 +80,9 @@ class Hub:
             if not self._thread.inside:
                 self._thread.soon(self._pass_on)
 
-        device = Device(post, heard)
-        self._devices = {**self._devices, number: device}  # the hub's thread may be reading them
-        return device
+        if heard is not None:
+            self._devices = {**self._devices, number: heard}  # the hub's thread may be reading them
+        return post
 
     def start(self) -> None:
         """Listen.
@@ -209,11 +196,11 @@ class Hub:
     def _deliver(self, sender: int, frame: Frame) -> None:
         self.counters["frames"] += 1
         t = time.monotonic()
-        for number, device in self._devices.items():
-            if device.heard is None or number == sender:
+        for number, heard in self._devices.items():
+            if number == sender:
                 continue
             try:
-                device.heard(t, frame)
+                heard(t, frame)
             except Exception as error:
                 self._fail(error)
         text = frame_text(frame, time.time())

@@ -84,14 +84,12 @@ class Entry:
         """Whether a client may write it."""
         return self.access in ("rw", "wo")
 
-    def parsed(self, raw: bytes) -> int | bytes:
-        """The value that bytes on the bus stand for.
+    def parsed(self, raw: bytes) -> int:
+        """The number that bytes on the bus stand for.
 
         Raises:
             AbortError: wrong length, or a value that is not allowed.
         """
-        if self.size == 0:
-            return raw
         if len(raw) != self.size:
             raise AbortError(Abort.LENGTH_HIGH if len(raw) > self.size else Abort.LENGTH_LOW)
         value = int.from_bytes(raw, "little", signed=self.signed)

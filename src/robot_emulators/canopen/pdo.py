@@ -104,16 +104,13 @@ class Pdo:
         ends = list(itertools.accumulate((entry.size for _, entry in entries), initial=0))
         if len(data) < ends[-1]:
             return None
+        parts = [data[begin:end] for begin, end in itertools.pairwise(ends)]
         try:
-            values = [
-                (key, entry.parsed(data[begin:end]))
-                for (key, entry), (begin, end) in zip(
-                    entries, itertools.pairwise(ends), strict=True
-                )
+            return [
+                (key, entry.parsed(raw)) for (key, entry), raw in zip(entries, parts, strict=True)
             ]
         except AbortError:
             return []
-        return [(key, value) for key, value in values if isinstance(value, int)]
 
     def at_sync(self) -> bytes | None:
         """Data that a TPDO transmits at a SYNC; None if it transmits none."""

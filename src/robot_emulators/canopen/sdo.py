@@ -1,4 +1,4 @@
-"""The SDO server: expedited and segmented transfers; block transfers are refused.
+"""The SDO server: expedited writing, expedited and segmented reading; all else is refused.
 
 One transfer at a time; a new request ends the one before. A client that stays away for `PATIENCE_S`
 gets an abort. Source: CiA 301, 7.2.4.3 (protocols of SDO).
@@ -8,7 +8,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from robot_emulators.canopen.dictionary import Abort, AbortError, Entry, Key, Objects
+from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects
 
 PATIENCE_S = 2.0
 """Longest pause of a client within a transfer [s]. CiA 301 states none; shorter than that, the
@@ -20,21 +20,17 @@ _EXPEDITED = 4
 
 
 @dataclass
-class _Transfer:
-    """A segmented transfer between its first and its last frame.
+class _Upload:
+    """A segmented transfer to the client, between its first and its last frame.
 
     Attributes:
         key: of the object.
-        download: whether the client writes it.
-        data: of a download what came so far; of an upload what is still to send.
-        size: that the client announced for a download.
+        data: what is still to send.
         toggle: bit of the next segment.
     """
 
     key: Key
-    download: bool
-    data: bytes = b""
-    size: int | None = None
+    data: bytes
     toggle: int = 0
 
 
@@ -45,7 +41,7 @@ class SdoServer:
         self, objects: Objects, locked: Callable[[Key], None], written: Callable[[Key], None]
     ) -> None:
         self._objects, self._locked, self._written = objects, locked, written
-        self._transfer: _Transfer | None = None
+        self._transfer: _Upload | None = None
         self._due = 0.0
 
     def answer(self, t: float, request: bytes) -> list[bytes]:
@@ -55,10 +51,8 @@ class SdoServer:
         self._due = t + PATIENCE_S
         try:
             match request[0] >> 5:
-                case 0:
-                    return [self._take_segment(request)]
                 case 1:
-                    return [self._begin_download(request)]
+                    return [self._download(request)]
                 case 2:
                     return [self._begin_upload(request)]
                 case 3:
@@ -82,32 +76,20 @@ class SdoServer:
             key, self._transfer = self._transfer.key, None
         return struct.pack("<BHBI", 0x80, *key, code)
 
-    def _begin_download(self, request: bytes) -> bytes:
+    def _download(self, request: bytes) -> bytes:
         self._transfer = None
         key = struct.unpack_from("<HB", request, 1)
-        entry = self._writable(key)
+        entry = self._objects.entry(key)
+        if not entry.writable:
+            raise AbortError(Abort.READ_ONLY)
         self._locked(key)
         expedited, sized = request[0] & 0x02, request[0] & 0x01
-        if expedited:
-            unused = request[0] >> 2 & 3 if sized else _EXPEDITED - (entry.size or _EXPEDITED)
-            self._store(key, request[4 : 8 - unused])
-        else:
-            size = int.from_bytes(request[4:8], "little") if sized else None
-            if size is not None:
-                _check_length(size, entry.size or size)
-            self._transfer = _Transfer(key, download=True, size=size)
+        if not expedited:  # no object is longer
+            raise AbortError(Abort.LENGTH_HIGH)
+        unused = request[0] >> 2 & 3 if sized else _EXPEDITED - entry.size
+        entry.value = entry.parsed(request[4 : 8 - unused])
+        self._written(key)
         return struct.pack("<BHB4x", 0x60, *key)
-
-    def _take_segment(self, request: bytes) -> bytes:
-        transfer = self._ongoing(request, download=True)
-        transfer.data += request[1 : 8 - (request[0] >> 1 & 7)]
-        if request[0] & 1:
-            _check_length(len(transfer.data), transfer.size)
-            self._store(transfer.key, transfer.data)
-            self._transfer = None
-        answer = 0x20 | transfer.toggle << 4
-        transfer.toggle ^= 1
-        return bytes([answer]).ljust(8, b"\0")
 
     def _begin_upload(self, request: bytes) -> bytes:
         self._transfer = None
@@ -119,11 +101,15 @@ class SdoServer:
         if 0 < len(raw) <= _EXPEDITED:
             first = 0x43 | (_EXPEDITED - len(raw)) << 2
             return struct.pack("<BHB", first, *key) + raw.ljust(4, b"\0")
-        self._transfer = _Transfer(key, download=False, data=raw)
+        self._transfer = _Upload(key, raw)
         return struct.pack("<BHBI", 0x41, *key, len(raw))
 
     def _give_segment(self, request: bytes) -> bytes:
-        transfer = self._ongoing(request, download=False)
+        transfer = self._transfer
+        if transfer is None:
+            raise AbortError(Abort.COMMAND)
+        if request[0] >> 4 & 1 != transfer.toggle:
+            raise AbortError(Abort.TOGGLE)
         part, transfer.data = transfer.data[:_PART], transfer.data[_PART:]
         last = not transfer.data
         if last:
@@ -131,29 +117,3 @@ class SdoServer:
         first = transfer.toggle << 4 | (_PART - len(part)) << 1 | last
         transfer.toggle ^= 1
         return bytes([first]) + part.ljust(_PART, b"\0")
-
-    def _ongoing(self, request: bytes, download: bool) -> _Transfer:
-        """The transfer that a segment belongs to."""
-        transfer = self._transfer
-        if transfer is None or transfer.download != download:
-            raise AbortError(Abort.COMMAND)
-        if request[0] >> 4 & 1 != transfer.toggle:
-            raise AbortError(Abort.TOGGLE)
-        return transfer
-
-    def _writable(self, key: Key) -> Entry:
-        entry = self._objects.entry(key)
-        if not entry.writable:
-            raise AbortError(Abort.READ_ONLY)
-        return entry
-
-    def _store(self, key: Key, raw: bytes) -> None:
-        entry = self._writable(key)
-        entry.value = entry.parsed(raw)
-        self._written(key)
-
-
-def _check_length(size: int, needed: int | None) -> None:
-    """Refuse another length than the object has, or than was announced [byte]."""
-    if needed is not None and size != needed:
-        raise AbortError(Abort.LENGTH_HIGH if size > needed else Abort.LENGTH_LOW)

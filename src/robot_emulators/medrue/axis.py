@@ -7,7 +7,8 @@ automaton of the power drive system.
 
 import enum
 
-from robot_emulators.medrue.motion import METHODS, Interpolation, MotionSettings, SetPoint
+from robot_emulators.canopen.dictionary import Key, Objects
+from robot_emulators.medrue.motion import Interpolation, SetPoint
 
 FOLLOWING_ERROR = 0x8611
 RPDO_TIMEOUT = 0x8250
@@ -15,6 +16,14 @@ SYNC_ERROR = 0x8700
 """Error codes; source: CiA 402."""
 PROFILE, HOMING, CYCLIC = 1, 6, 8
 """Modes of operation (0x6060); source: CiA 402."""
+METHODS = (35, 37)
+"""Methods of homing (0x6098), both: the home is where the axis is; source: CiA 402."""
+MODE, _METHOD, _QUICK_OPTION = (0x6060, 0), (0x6098, 0), (0x605A, 0)
+_FOLLOWING_WINDOW, _POSITION_WINDOW = (0x6065, 0), (0x6067, 0)
+_HOME, _LOWER, _UPPER = (0x607C, 0), (0x607D, 1), (0x607D, 2)
+_TOP_SPEED, _PROFILE_SPEED = (0x607F, 0), (0x6081, 0)
+_ACCELERATION, _DECELERATION, _QUICK_STOP = (0x6083, 0), (0x6084, 0), (0x6085, 0)
+"""Objects that the master sets, in counts, count/s and count/s²; source: CiA 402."""
 _VOLTAGE, _WARNING, _REMOTE = 1 << 4, 1 << 7, 1 << 9
 _REACHED, _LIMITED, _BIT12, _BIT13 = 1 << 10, 1 << 11, 1 << 12, 1 << 13
 """Bits of the statusword."""
@@ -87,8 +96,9 @@ TRANSITIONS = {
 class Axis:
     """One drive without its bus."""
 
-    def __init__(self, settings: MotionSettings, position: float) -> None:
-        self.set = settings
+    def __init__(self, objects: Objects, position: float) -> None:
+        self._set = objects
+        self.mode = objects[MODE]
         self.actual = position
         self.state = AxisState.DISABLED
         self.code = 0
@@ -128,13 +138,13 @@ class Axis:
     def _mode_bits(self) -> int:
         """Bits 10, 12 and 13, whose meaning depends on the mode."""
         still = not self._point.speed
-        if self.set.mode == HOMING:
+        if self.mode == HOMING:
             bits = _BIT12 * self._homed | _BIT13 * self._homing_failed
             return bits | _REACHED * still
         if not self.driven:
             return 0
-        if self.set.mode == PROFILE:
-            near = abs(self.command - self.actual) <= self.set.position_window
+        if self.mode == PROFILE:
+            near = abs(self.command - self.actual) <= self._set[_POSITION_WINDOW]
             reached = still if self._word & _HALT else self._goal is None and near
             return _REACHED * reached | _BIT12 * bool(self._word & _START)
         return _BIT12
@@ -144,11 +154,11 @@ class Axis:
         """Whether the drive is enabled, so that the axis follows targets."""
         return self.state is AxisState.ENABLED
 
-    def use(self, settings: MotionSettings) -> None:
-        """The master set something; another mode begins at rest."""
-        if settings.mode != self.set.mode:
+    def take_mode(self) -> None:
+        """The master wrote a mode; another one begins at rest."""
+        if self.mode != self._set[MODE]:
             self._forget()
-        self.set = settings
+        self.mode = self._set[MODE]
 
     def control(self, word: int) -> None:
         """Take a controlword (0x6040)."""
@@ -161,11 +171,11 @@ class Axis:
         wanted = command(word)
         after = None if wanted is None else TRANSITIONS.get((self.state, wanted))
         if self.state is AxisState.QUICK_STOP and after is AxisState.ENABLED:
-            after = after if self.set.quick_option >= _STAYS and not self.code else None
+            after = after if self._set[_QUICK_OPTION] >= _STAYS and not self.code else None
         if after is not None:
             self._change(after)
-        if self.driven and self.set.mode == HOMING and rising & _START:
-            self._homed = self.set.homing_method in METHODS
+        if self.driven and self.mode == HOMING and rising & _START:
+            self._homed = self._set[_METHOD] in METHODS
             self._homing_failed = not self._homed
             if self._homed:
                 self._count_anew()
@@ -175,7 +185,7 @@ class Axis:
 
         It takes the place of the one that is followed.
         """
-        if not self.driven or self.set.mode != PROFILE:
+        if not self.driven or self.mode != PROFILE:
             return
         if self._word & _RELATIVE:
             target += self.command if self._goal is None else self._goal
@@ -183,10 +193,10 @@ class Axis:
 
     def sync(self, t: float, target: float, period: float) -> None:
         """Take a target of cyclic synchronous position mode, to be reached in a period [s]."""
-        if not self.driven or self.set.mode != CYCLIC:
+        if not self.driven or self.mode != CYCLIC:
             return
         target = self._within(target)
-        if abs(target - self.actual) > self.set.following_window:
+        if abs(target - self.actual) > self._set[_FOLLOWING_WINDOW]:
             self.fault(FOLLOWING_ERROR)
             return
         self._path.take(t, self.command, target, period)
@@ -199,7 +209,7 @@ class Axis:
         self.actual = plant - self.shift
         if self.driven:
             self._follow(t, seconds)
-            if abs(self.command - self.actual) > self.set.following_window:
+            if abs(self.command - self.actual) > self._set[_FOLLOWING_WINDOW]:
                 self.fault(FOLLOWING_ERROR)
         else:
             self._come_to_rest(seconds)
@@ -240,41 +250,42 @@ class Axis:
         self._goal, self._limited = None, False
 
     def _within(self, target: float) -> float:
-        inside = min(max(target, self.set.lower), self.set.upper)
+        inside = min(max(target, self._set[_LOWER]), self._set[_UPPER])
         self._limited = abs(inside - target) > _LIMIT_MARGIN
         return inside
 
     def _follow(self, t: float, seconds: float) -> None:
         """The set-point of an enabled axis after some time."""
-        settings, point = self.set, self._point
-        if settings.mode == CYCLIC and self._path.known:
+        settings, point = self._set, self._point
+        if self.mode == CYCLIC and self._path.known:
             wanted = self._path.at(t)
             point.speed = (wanted - point.position) / seconds
             point.position = wanted
-        elif settings.mode == PROFILE and self._goal is not None and not self._word & _HALT:
-            rates = settings.acceleration, settings.deceleration
-            if point.to_position(self._goal, settings.speed, *rates, seconds):
+        elif self.mode == PROFILE and self._goal is not None and not self._word & _HALT:
+            top = min(settings[_PROFILE_SPEED], settings[_TOP_SPEED])
+            rates = settings[_ACCELERATION], settings[_DECELERATION]
+            if point.to_position(self._goal, top, *rates, seconds):
                 self._goal = None
         else:
-            quick = settings.mode == CYCLIC
-            self._brake(settings.quick_stop if quick else settings.deceleration, seconds)
+            self._brake(_QUICK_STOP if self.mode == CYCLIC else _DECELERATION, seconds)
 
     def _count_anew(self) -> None:
         """The present position is the home."""
-        self.shift += self.actual - self.set.home
-        self._point = SetPoint(self.set.home)
-        self.actual = self.set.home
+        self.shift += self.actual - self._set[_HOME]
+        self._point = SetPoint(self._set[_HOME])
+        self.actual = self._set[_HOME]
 
     def _come_to_rest(self, seconds: float) -> None:
-        settings = self.set
-        slow = self.state is AxisState.QUICK_STOP and settings.quick_option in _SLOW_STOPS
-        self._brake(settings.deceleration if slow else settings.quick_stop, seconds)
+        option = self._set[_QUICK_OPTION]
+        slow = self.state is AxisState.QUICK_STOP and option in _SLOW_STOPS
+        self._brake(_DECELERATION if slow else _QUICK_STOP, seconds)
         if self._point.speed:
             return
         if self.state is AxisState.REACTING:
             self.state = AxisState.FAULT
-        elif self.state is AxisState.QUICK_STOP and settings.quick_option < _STAYS:
+        elif self.state is AxisState.QUICK_STOP and option < _STAYS:
             self._change(AxisState.DISABLED)
 
-    def _brake(self, rate: float, seconds: float) -> None:
-        self._point.to_speed(0.0, rate, rate, seconds)
+    def _brake(self, key: Key, seconds: float) -> None:
+        """Towards rest at the deceleration that an object states."""
+        self._point.to_speed(0.0, self._set[key], self._set[key], seconds)

@@ -9,21 +9,20 @@ FAULT (after power-up), stops on its quick-stop ramp, or does nothing.
 
 import threading
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.canopen.dictionary import Key
 from robot_emulators.canopen.node import OPERATIONAL, Node
 from robot_emulators.medrue import profile
-from robot_emulators.medrue.axis import CYCLIC, RPDO_TIMEOUT, SYNC_ERROR, Axis
-from robot_emulators.medrue.motion import settings
+from robot_emulators.medrue.axis import CYCLIC, MODE, RPDO_TIMEOUT, SYNC_ERROR, Axis
 from robot_emulators.medrue.profile import (
     ACTUAL,
-    COMMANDS,
     CONTROL,
+    RATED_CURRENT,
+    RATED_TORQUE,
     STATUS,
     TARGET,
-    Ratings,
 )
 
 _SYNC_LOSS = 25
@@ -48,22 +47,21 @@ class DriveEmulator(Node):
     Args:
         node: CANopen id.
         send: puts a frame on the bus.
-        ratings: limits and ratings of its axis.
+        rated: values after power-up that depend on its axis, as `profile.rated` makes them.
         position: initial position [count].
         watchdog: event timer of its RPDO after power-up [s].
         lock: shared with the plant's thread.
     """
 
     def __init__(
-        self, node: int, send: Callable[[Frame], None], ratings: Ratings, position: float,
-        watchdog: float, lock: threading.RLock,
+        self, node: int, send: Callable[[Frame], None], rated: Mapping[Key, int],
+        position: float, watchdog: float, lock: threading.RLock,
     ) -> None:  # fmt: skip
         super().__init__(node, send, profile.SHEET, lock)
-        self.ratings = ratings
         profile.check(self.objects)
-        profile.rate(self.objects, ratings, round(position))
-        self.axis = Axis(settings(self.objects), position)
-        self._position = round(position)
+        self._rated, self._position = rated, round(position)
+        self._rate()
+        self.axis = Axis(self.objects, position)
         self._watchdog = watchdog
         self._synced = self._speed = self._growth = 0.0
         self._seen = self._torque = self._current = 0.0
@@ -72,8 +70,8 @@ class DriveEmulator(Node):
         self._periods: deque[float] = deque(maxlen=_PERIODS)
 
     def on_reset(self) -> None:
-        profile.rate(self.objects, self.ratings, self._position)
-        self.axis = Axis(settings(self.objects), self.axis.actual + self.axis.shift)
+        self._rate()
+        self.axis = Axis(self.objects, self.axis.actual + self.axis.shift)
 
     def on_reset_communication(self) -> None:
         self.rpdos[0].timer = self._watchdog
@@ -81,7 +79,6 @@ class DriveEmulator(Node):
         self._last_word = 0
         self._codes.clear()
         self._periods.clear()
-        self.axis.use(settings(self.objects))
         self.refresh(self.now)
 
     def on_sync(self, t: float) -> None:
@@ -92,10 +89,10 @@ class DriveEmulator(Node):
         self._report()
 
     def on_written(self, keys: Sequence[Key]) -> None:
-        if any(key not in COMMANDS for key in keys):
-            self.axis.use(settings(self.objects))
         for key in keys:
-            if key == CONTROL:
+            if key == MODE:
+                self.axis.take_mode()
+            elif key == CONTROL:
                 self._control(self.objects[CONTROL])
             elif key == TARGET:
                 self.axis.sync(self.now, self.objects[TARGET], self.period)
@@ -136,6 +133,12 @@ class DriveEmulator(Node):
         self.refresh(t)
         return command
 
+    def _rate(self) -> None:
+        """Values of the axis after power-up."""
+        position = dict.fromkeys((ACTUAL, TARGET, (0x6062, 0)), self._position)
+        for key, value in (*self._rated.items(), *position.items()):
+            self.objects[key] = value
+
     def _control(self, word: int) -> None:
         rising, self._last_word = word & ~self._last_word, word
         self.axis.control(word)
@@ -170,10 +173,10 @@ class DriveEmulator(Node):
         objects[0x60F4, 0] = round(axis.command - axis.actual)
         objects[0x606B, 0] = round(axis.speed)
         objects[0x606C, 0] = round(self._speed)
-        objects[0x6077, 0] = _thousandths(self._torque / self.ratings.torque)
-        objects[0x6078, 0] = _thousandths(self._current / profile.RATED_A)
+        objects[0x6077, 0] = _thousandths(1000.0 * self._torque / objects[RATED_TORQUE])
+        objects[0x6078, 0] = _thousandths(1000.0 * self._current / objects[RATED_CURRENT])
         objects[STATUS] = axis.statusword
-        objects[0x6061, 0] = axis.set.mode
+        objects[0x6061, 0] = axis.mode
         objects[0x603F, 0] = axis.code
 
     def _watch(self, t: float) -> None:
@@ -188,7 +191,7 @@ class DriveEmulator(Node):
     def _check_period(self) -> None:
         """Compare the master's period with the interpolation's, over a second without a gap."""
         axis = self.axis
-        if not axis.driven or axis.set.mode != CYCLIC or len(self._periods) < _PERIODS:
+        if not axis.driven or axis.mode != CYCLIC or len(self._periods) < _PERIODS:
             return
         longest, mean = max(self._periods), sum(self._periods) / _PERIODS
         self._periods.clear()

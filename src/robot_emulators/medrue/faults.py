@@ -71,8 +71,8 @@ class BusFaults:
         base = self._board.base << 4
         asked = frame.can_id == base and not frame.data
         if asked and self._faults.now("can", "id_clash") is not None:
-            self._impostor.send(Frame(base, bytes([0x37, 2, 1, 0, 0, 0, 7, 7])))
-            self._impostor.send(Frame(base | 1, bytes(6)))
+            self._impostor(Frame(base, bytes([0x37, 2, 1, 0, 0, 0, 7, 7])))
+            self._impostor(Frame(base | 1, bytes(6)))
 
     def _garbage(self, fault: TimedFault) -> None:
         """Frames of any id but NMT, SYNC and those that would reconfigure something."""
@@ -80,7 +80,7 @@ class BusFaults:
         ids = [*sensor, 0x181, 0x182, 0x081, 0x701, 0x581, 0x123, 0x7FF]
         for _ in range(int(fault.values["count"])):
             data = self._random.randbytes(self._random.randrange(9))
-            self._impostor.send(Frame(self._random.choice(ids), data))
+            self._impostor(Frame(self._random.choice(ids), data))
 
 
 def _one_of(nodes: Sequence[int]) -> Argument:

@@ -1,4 +1,4 @@
-"""What a master sets of a drive's motion, and where the axis shall be at a time.
+"""Where an axis shall be at a time: set-points with a speed, and the path through cyclic targets.
 
 The arrival of SYNC is not a drive's clock: a phase-locked loop keeps an even one. Where a SYNC of a
 running stream is late or missing, the axis goes on along its line for a while.
@@ -7,12 +7,8 @@ running stream is late or missing, the axis goes on along its line for a while.
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import Annotated, NamedTuple, get_type_hints
+from typing import NamedTuple
 
-from robot_emulators.canopen.dictionary import Objects
-
-METHODS = (35, 37)
-"""Methods of homing (0x6098), both: the home is where the axis is; source: CiA 402."""
 _NEAR = 1.0
 """Distance [count] from which a position counts as reached by the set-point."""
 _GAIN = 0.01
@@ -26,44 +22,6 @@ _LOCKED = 0.5
 one before was late all the same."""
 _LINES = 4
 """Lines that are kept: the control loop may run some cycles late."""
-
-
-@dataclass(frozen=True)
-class MotionSettings:
-    """Settings of a drive's motion that the master writes, each with its object; source: CiA 402.
-
-    Positions are in counts, speeds in count/s, accelerations in count/s².
-    """
-
-    quick_option: Annotated[int, 0x605A, 0]
-    mode: Annotated[int, 0x6060, 0]
-    following_window: Annotated[float, 0x6065, 0]
-    position_window: Annotated[float, 0x6067, 0]
-    home: Annotated[float, 0x607C, 0]
-    lower: Annotated[float, 0x607D, 1]
-    upper: Annotated[float, 0x607D, 2]
-    top_speed: Annotated[float, 0x607F, 0]
-    profile_speed: Annotated[float, 0x6081, 0]
-    acceleration: Annotated[float, 0x6083, 0]
-    deceleration: Annotated[float, 0x6084, 0]
-    quick_stop: Annotated[float, 0x6085, 0]
-    homing_method: Annotated[int, 0x6098, 0]
-
-    @property
-    def speed(self) -> float:
-        """Speed of a profile [count/s], never above the top speed."""
-        return min(self.profile_speed, self.top_speed)
-
-
-_OBJECTS = {
-    name: hint.__metadata__
-    for name, hint in get_type_hints(MotionSettings, include_extras=True).items()
-}
-
-
-def settings(objects: Objects) -> MotionSettings:
-    """The settings that a dictionary holds now."""
-    return MotionSettings(**{name: objects[key] for name, key in _OBJECTS.items()})
 
 
 @dataclass

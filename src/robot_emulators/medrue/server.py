@@ -16,6 +16,7 @@ from robot_emulators.base.arguments import (
     above,
     described,
     integer,
+    number,
     read,
     setting,
     text,
@@ -23,10 +24,11 @@ from robot_emulators.base.arguments import (
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.real_time import CycleThread
 from robot_emulators.can_bus.hub import Hub
+from robot_emulators.canopen.dictionary import Key
 from robot_emulators.medrue.board import BoardEmulator
 from robot_emulators.medrue.drive import DriveEmulator
 from robot_emulators.medrue.faults import BusFaults
-from robot_emulators.medrue.profile import Ratings
+from robot_emulators.medrue.profile import rated
 from robot_emulators.plant import Arm, Plant, PlantMaker, PlantRequest
 
 CYCLE_S = 0.004
@@ -71,8 +73,8 @@ class BusSettings(Settings):
     )
     counts_per_metre: float = setting(1e6, above(0.0), "of the linear axis (1000000)")
     counts_per_turn: float = setting(float(1 << 20), above(0.0), "of the rotary axes (1048576)")
-    rated_force: float = setting(200.0, above(0.0), "of the linear axis's motor [N] (200)")
-    rated_torque: float = setting(2.0, above(0.0), "of the rotary axes' motors [N·m] (2)")
+    rated_force: float = setting(200.0, number(1e-3, 1e6), "of the linear axis's motor [N] (200)")
+    rated_torque: float = setting(2.0, number(1e-3, 1e6), "of the rotary axes' motors [N·m] (2)")
     watchdog: float = setting(
         0.1, above(0.0),
         "silence of a drive's RPDO that stops it [s], until a client writes another (0.1)",
@@ -149,18 +151,15 @@ class MedrueEmulator(Emulator):
         self.plant = RealTimePlant(body, counts, lock, self.fail)
         self.drives: list[DriveEmulator] = []
         for j, node in enumerate(setting.nodes):
-            device = hub.attach()
-            ratings, position = self._ratings(body.arm, j, counts[j]), body.q[j] * counts[j]
-            drive = DriveEmulator(node, device.send, ratings, position, setting.watchdog, lock)
-            device.heard = drive.hear
-            self.drives.append(drive)
+            send = hub.attach(lambda t, frame, j=j: self.drives[j].hear(t, frame))
+            values, position = self._rated(body.arm, j, counts[j]), body.q[j] * counts[j]
+            self.drives.append(DriveEmulator(node, send, values, position, setting.watchdog, lock))
         self.plant.drives = self.drives
-        device = hub.attach()
+        send = hub.attach(lambda t, frame: self.board.hear(t, frame))
         self.board = BoardEmulator(
-            device.send, setting.base, setting.slot, setting.counts, self.plant.wrench,
+            send, setting.base, setting.slot, setting.counts, self.plant.wrench,
             body.gauges, fault=partial(self.faults.now, "can"),
         )  # fmt: skip
-        device.heard = self.board.hear
         faults = BusFaults(self.faults, hub, self.drives, self.board)
         for drive in self.drives:
             drive.fails = partial(faults.names, drive.node)
@@ -176,10 +175,10 @@ class MedrueEmulator(Emulator):
         self.plant.stop()
         self.hub.stop()
 
-    def _ratings(self, arm: Arm, j: int, counts: float) -> Ratings:
+    def _rated(self, arm: Arm, j: int, counts: float) -> dict[Key, int]:
         """Limits and ratings of axis ``j`` of the arm, with ``counts`` per m or rad."""
         slides, top = arm.linear[j], arm.speed[j] * counts
-        return Ratings(
+        return rated(
             lower=int(np.ceil(arm.lower[j] * counts)),
             upper=int(np.floor(arm.upper[j] * counts)),
             window=round((_WINDOW_M if slides else _WINDOW_RAD) * counts),

@@ -1,7 +1,6 @@
 """The arm under its controller: one motion at a time within the joints' limits, and force_mode."""
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,13 +48,10 @@ class ForceMode:
 class ControlledArm:
     """Steps the robot to what the active motion wants."""
 
-    def __init__(
-        self, plant: Plant, estimate: WrenchEstimate, measure: Callable[[], np.ndarray]
-    ) -> None:
+    def __init__(self, plant: Plant, estimate: WrenchEstimate) -> None:
         self.plant, self.estimate = plant, estimate
         self.due = 0.0
         """When the next cycle is due (`time.monotonic`) [s]; 0: when it is taken."""
-        self._measure = measure
         self.load = np.zeros(6)
         self.kinematics = Kinematics(plant.arm)
         self.q = np.array(plant.arm.home)
@@ -202,5 +198,5 @@ class ControlledArm:
         self._error = self._error + np.clip(gap, -_FOLLOW_SPEED * dt, _FOLLOW_SPEED * dt)
         self.plant.step(self.q + self._error, self.due)
         rotation, _ = self.kinematics.flange(self.plant.q)
-        self.load = self._measure()
+        self.load = self.plant.wrench()
         self.estimate.update(self.load, rotation, self.tcp)

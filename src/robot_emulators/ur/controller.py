@@ -27,7 +27,7 @@ from robot_emulators.ur.programs import Loaded
 from robot_emulators.ur.script import ProgramError, is_secondary
 from robot_emulators.ur.script_program import ScriptProgram
 from robot_emulators.ur.settings import ControllerSettings
-from robot_emulators.ur.tool_wrench import ExternalWrench, WrenchEstimate
+from robot_emulators.ur.tool_wrench import WrenchEstimate
 from robot_emulators.ur.urscript import machine
 from robot_emulators.ur.urscript.functions import Table
 from robot_emulators.ur.urscript.translation import Code
@@ -71,12 +71,11 @@ class Controller:
     def __init__(self, settings: ControllerSettings, plant: Plant) -> None:
         self.settings: ControllerSettings = settings
         self.terminals = Terminals()
-        self.external = ExternalWrench()
         self.modes = Modes(settings.power)
         self.estimate: WrenchEstimate = WrenchEstimate(
             plant.arm.payload, at_tcp=not settings.e_series
         )
-        self.arm: ControlledArm = ControlledArm(plant, self.estimate, self._load)
+        self.arm: ControlledArm = ControlledArm(plant, self.estimate)
         self.fields = outputs(settings.version)
         self.values: dict[str, Values] = {name: zero(kind) for name, kind in self.fields.items()}
         self.inputs = Inputs(inputs(settings.version), self._written)
@@ -210,7 +209,6 @@ class Controller:
         self.loaded = None
         self.popup = self.freedrive = False
         self.operational_mode, self.user_role = "NONE", "PROGRAMMER"
-        self.external.enabled = False
         self._secondary.clear()
         self.script_denied_until = 0.0
         self._tolerated = self.settings.protective_force
@@ -265,14 +263,6 @@ class Controller:
 
     def _report(self, error: ProgramError) -> None:
         self.announce(messages.runtime_fault(error.line, error.column, str(error)))
-
-    def _load(self) -> np.ndarray:
-        """The load that the robot measures (6,), or what a client sends instead."""
-        if not self.external.enabled:
-            return self.arm.plant.wrench()
-        rotation, _ = self.arm.kinematics.flange(self.arm.plant.q)
-        sent = np.array(self.inputs.values["external_force_torque"])
-        return self.external.load(sent, rotation.T @ self.estimate.gravity)
 
     def _hold(self) -> None:
         if self.modes.runtime is Runtime.PLAYING and self.program is not None:

@@ -19,18 +19,8 @@ ROTATION_REACH = 0.25
 _STILL = 1e-4
 _FLAT = 1e-12
 """Square of the area [m⁴] below which three points are on a line."""
-_FULL_SPEED, _HARDEST = 0.9, 15.0
-"""Share of the joints' speeds, and acceleration [rad/s²], that a move in a given time may take."""
-_LOOKS = 24
-"""Places at which such a move is looked at beforehand."""
 _GAIN = 300.0
 """servoj's default gain, at which the lookahead time is the time by which the arm lags."""
-_INERTIA = np.array([2.0, 2.0, 0.8, 0.1, 0.1, 0.05])
-"""Inertia of each joint with what it carries [kg·m²]; estimate, used for torques alone."""
-_DRAG = np.array([4.0, 4.0, 2.0, 0.5, 0.5, 0.3])
-"""Viscous friction that stays without compensation [N·m·s/rad]; estimate."""
-_COMPENSATED = 0.1
-"""Share of it that is left with compensation; estimate."""
 
 
 class Profile:
@@ -67,13 +57,11 @@ class Pace:
     Attributes:
         speed, acceleration: of its way.
         seconds: it takes, instead of these; 0: as they say.
-        top: speeds (6,) of the joints, for whose sake a move in a given time takes longer.
     """
 
     speed: float
     acceleration: float
     seconds: float = 0.0
-    top: np.ndarray | None = None
 
 
 class ArmMotion(ABC):
@@ -132,11 +120,10 @@ class _Planned(ArmMotion):
     scaled = True
 
     def __init__(self, pace: Pace) -> None:
-        self._speed, self._acceleration = max(pace.speed, 1e-4), max(pace.acceleration, 1e-3)
-        self._seconds, self._top = pace.seconds, pace.top
+        self._pace = Pace(max(pace.speed, 1e-4), max(pace.acceleration, 1e-3), pace.seconds)
 
     def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
-        self._braking = Braking(max(self._acceleration, 2.0))
+        self._braking = Braking(max(self._pace.acceleration, 2.0))
         self._braking.begin(q, qd)
         self._profile: Profile | None = None
 
@@ -144,34 +131,16 @@ class _Planned(ArmMotion):
         if not self._braking.done:
             return self._braking.step(q, dt)
         if self._profile is None:
-            self._t = 0.0
-            self._profile = self._planned(self._plan(q), q)
+            self._t, length = 0.0, self._plan(q)
+            self._profile = (
+                Profile.lasting(length, self._pace.seconds)
+                if self._pace.seconds > 0.0
+                else Profile(length, self._pace.speed, self._pace.acceleration)
+            )
         self._t += dt
         self.done = self._t >= self._profile.duration
         length = self._profile.length
         return self._at(self._profile.at(self._t) / length if length > 0.0 else 1.0, q)
-
-    def _planned(self, length: float, q: np.ndarray) -> Profile:
-        """Profile over a length at the pace asked for, or in its time [s], which becomes longer if
-        the joints cannot follow."""
-        if self._seconds <= 0.0:
-            return Profile(length, self._speed, self._acceleration)
-        steepest = self._steepest(q)
-        fastest = 0.0 if self._top is None else float((steepest / self._top).max())
-        least = max(fastest / (0.8 * _FULL_SPEED), sqrt(float(steepest.max()) / (0.16 * _HARDEST)))
-        return Profile.lasting(length, max(self._seconds, least))
-
-    def _steepest(self, q: np.ndarray) -> np.ndarray:
-        """How steep each joint is over the way (6,) [rad], where it is steepest."""
-        before, steepest = q, np.zeros(6)
-        try:
-            for k in range(1, _LOOKS + 1):
-                following = self._at(k / _LOOKS, before)
-                steepest = np.maximum(steepest, _LOOKS * np.abs(following - before))
-                before = following
-        except UnreachableError:
-            return steepest
-        return steepest
 
     @abstractmethod
     def _plan(self, q: np.ndarray) -> float:
@@ -356,22 +325,3 @@ class ToolTrack(ToolSpeed):
             speed = min(self._top, (self._rate * length) ** 0.5, length / (2.0 * dt))
             self._goal = way / length * speed
         return super().step(q, dt)
-
-
-class JointTorque(ArmMotion):
-    """direct_torque: each joint as a mass with friction, whose weight is held for it."""
-
-    def __init__(self, top: np.ndarray) -> None:
-        self._torque, self._top, self._drag = np.zeros(6), 0.9 * top, _DRAG
-
-    def aim(self, torque: np.ndarray, free: bool) -> None:
-        """Take new torques (6,) [N·m], with or without compensation of friction."""
-        self._torque, self._drag = torque, _DRAG * (_COMPENSATED if free else 1.0)
-
-    def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
-        self._speed = np.array(qd)
-
-    def step(self, q: np.ndarray, dt: float) -> np.ndarray:
-        rate = (self._torque - self._drag * self._speed) / _INERTIA
-        self._speed = np.clip(self._speed + rate * dt, -self._top, self._top)
-        return np.asarray(q + self._speed * dt)

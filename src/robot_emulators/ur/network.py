@@ -3,7 +3,6 @@
 import time
 from asyncio import BaseTransport
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol
 
 from robot_emulators.base.event_loop import Connection, Listener, LoopThread, taken
@@ -28,23 +27,6 @@ class Conversation(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Network:
-    """Settings that all ports of a controller share.
-
-    Attributes:
-        thread: of the loop that serves them.
-        host: address where they listen.
-        faults: of the emulator.
-        patience: seconds after which a client that takes nothing is closed.
-    """
-
-    thread: LoopThread
-    host: str
-    faults: Faults
-    patience: float
-
-
 class Peer(Connection):
     """Connection of one client to a port of the controller."""
 
@@ -53,14 +35,12 @@ class Peer(Connection):
         self._port, self._deaf = port, port.suffers("deaf")
         self._held = bytearray()
         self._conversation: Conversation | None = None
-        self._stuck: tuple[int, float] = (0, 0.0)
-        """Bytes that waited at the last cycle, and since when none was taken [s]."""
 
     def connection_made(self, transport: BaseTransport) -> None:
         super().connection_made(transport)
         if self._port.joined(self):
             self._conversation = self._port.answer(self)
-            self.tick(time.monotonic())
+            self.tick()
         else:
             self.close()
 
@@ -88,22 +68,15 @@ class Peer(Connection):
         if not self._held and not self.waiting:
             self.send(data)
 
-    def tick(self, now: float) -> None:
-        """Pause or resume reading, send what waits, and close a client that took nothing for too
-        long."""
+    def tick(self) -> None:
+        """Pause or resume reading, and send what waits."""
         if self.closed:
             return
         if self._quiet():
             self.transport.pause_reading()
-            return
-        self.transport.resume_reading()
-        self._flush()
-        before, since = self._stuck
-        waiting = self.waiting
-        stuck = 0 < before <= waiting
-        self._stuck = (waiting, since if stuck else now)
-        if now - self._stuck[1] > self._port.patience:
-            self.close()
+        else:
+            self.transport.resume_reading()
+            self._flush()
 
     def _quiet(self) -> bool:
         """Whether nothing is heard from or said to this client at present."""
@@ -119,22 +92,24 @@ class Port:
     """One listening port and its clients.
 
     Args:
-        network: what it is served with.
+        thread: of the loop that serves it.
+        address: host and number of the port.
+        faults: of the emulator.
         name: of the link, under which its faults are registered.
-        number: where to listen.
         answer: makes the conversation with a new client.
     """
 
     def __init__(
-        self, network: Network, name: str, number: int, answer: Callable[[Peer], Conversation]
-    ) -> None:
-        self.host, self.number, self.answer = network.host, number, answer
-        self.patience = network.patience
+        self, thread: LoopThread, address: tuple[str, int], faults: Faults, name: str,
+        answer: Callable[[Peer], Conversation],
+    ) -> None:  # fmt: skip
+        self.host, self.number = address
+        self.answer = answer
         self.peers: set[Peer] = set()
-        self._listener = Listener(network.thread, lambda: Peer(self))
-        self._name, self._faults = name, network.faults
+        self._listener = Listener(thread, lambda: Peer(self))
+        self._name, self._faults = name, faults
         for kind in ("stall", "deaf"):
-            network.faults.on(name, kind)
+            faults.on(name, kind)
 
     def suffers(self, kind: str) -> bool:
         """Whether a lasting fault of this port is under way."""
@@ -185,7 +160,7 @@ class Port:
         self._listener.close()
         self.hang_up()
 
-    def tick(self, now: float) -> None:
-        """Count a control cycle at a time of `time.monotonic` [s]."""
+    def tick(self) -> None:
+        """Count a control cycle."""
         for peer in list(self.peers):
-            peer.tick(now)
+            peer.tick()

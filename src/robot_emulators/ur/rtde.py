@@ -8,11 +8,10 @@ from typing import Any
 from robot_emulators.errors import EmulatorError
 from robot_emulators.ur import packets as wire
 from robot_emulators.ur.inputs import IN_USE, NOT_FOUND, Inputs
-from robot_emulators.ur.network import Conversation, Network, Peer, Port
+from robot_emulators.ur.network import Peer
 from robot_emulators.ur.packets import Recipe, Values
 
 _MOST_RECIPES = 255
-PORT = 30004
 _MOST_HELD = 1 << 22
 """Bytes that a burst may hold back."""
 
@@ -165,13 +164,17 @@ class RtdeSession:
 
 
 class Rtde:
-    """Server of RTDE: one port, and a session for each client."""
+    """Server of RTDE: a session for each client of its port."""
 
-    def __init__(self, network: Network, offer: Offer) -> None:
-        self.port = Port(network, "rtde", PORT, self._answer)
+    def __init__(self, offer: Offer) -> None:
         self._offer = offer
         self._frozen: dict[str, Values] | None = None
         self._sessions: dict[Peer, RtdeSession] = {}
+
+    def answer(self, peer: Peer) -> RtdeSession:
+        """The session of a new client."""
+        self._sessions[peer] = session = RtdeSession(self._offer, peer.send)
+        return session
 
     @property
     def wanted(self) -> set[str]:
@@ -192,7 +195,7 @@ class Rtde:
         elif self._frozen is None:
             self._frozen = dict(values)
         held = self._offer.fault("burst") is not None
-        silent = self._offer.fault("drop") is not None or self.port.suffers("stall")
+        silent = self._offer.fault("drop") is not None or self._offer.fault("stall") is not None
         for peer, session in self._sessions.items():
             if session.burst and not held:
                 peer.send(bytes(session.burst), _MOST_HELD)
@@ -220,7 +223,3 @@ class Rtde:
         """Send a text message to every client."""
         for peer, session in self._sessions.items():
             peer.send(wire.text(message, "twin", level, session.protocol))
-
-    def _answer(self, peer: Peer) -> Conversation:
-        self._sessions[peer] = session = RtdeSession(self._offer, peer.send)
-        return session

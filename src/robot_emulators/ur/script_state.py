@@ -232,10 +232,7 @@ def ft_rtde_input_enable(
     program: ScriptProgram, enable: bool, sensor_mass: float = 0.0,
     sensor_measuring_offset: Three | None = None, sensor_cog: Three | None = None,
 ) -> None:  # fmt: skip
-    """Take the wrench from the input external_force_torque instead of the robot's own sensor."""
-    offset = np.zeros(3) if sensor_measuring_offset is None else sensor_measuring_offset
-    place = np.zeros(3) if sensor_cog is None else sensor_cog
-    program.controller.external.enable(enable, sensor_mass, offset, place)
+    """Accept a client's sensor; the arm goes on with its own."""
 
 
 @TABLE.add("set_tool_voltage", "force_mode_set_damping")

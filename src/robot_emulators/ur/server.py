@@ -22,7 +22,7 @@ from robot_emulators.plant import PlantMaker, PlantRequest
 from robot_emulators.ur import packets
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.dashboard import Dashboard
-from robot_emulators.ur.network import Conversation, Network, Peer, Port
+from robot_emulators.ur.network import Conversation, Peer, Port
 from robot_emulators.ur.outputs import Outputs, Timestamp
 from robot_emulators.ur.primary import Primary, ScriptClient
 from robot_emulators.ur.rtde import Offer, Rtde
@@ -37,7 +37,9 @@ _BROKEN = {
 }
 _MOST_OFF = 0.5
 """Largest following error [rad]."""
-_PORTS = {"dashboard": 29999, "primary": 30001, "secondary": 30002, "script": 30003}
+_PORTS = {"rtde": 30004, "dashboard": 29999, "primary": 30001, "secondary": 30002, "script": 30003}
+"""Link → its TCP port; source: Universal Robots, "Remote control via TCP/IP".
+"""
 _LATE_S = 0.05
 """Lag beyond which the loop leaves out packets to catch up [s] …"""
 _SHARE = 4
@@ -113,17 +115,18 @@ class UREmulator(Emulator):
             settings.version, 1.0 / settings.cycle, self.controller.fields, self.controller.inputs,
             partial(self.faults.now, "rtde"),
         )  # fmt: skip
-        network = Network(self._thread, options.host, self.faults, settings.slow_reader)
-        self.rtde = Rtde(network, offer)
+        self.rtde = Rtde(offer)
         answers: dict[str, Callable[[Peer], Conversation]] = {
+            "rtde": self.rtde.answer,
             "dashboard": lambda peer: Dashboard(self.controller, peer, self._shut_down),
             "primary": self.primary.primary,
             "secondary": self.primary.secondary,
             "script": lambda peer: ScriptClient(self.controller),
         }
-        self.ports = {"rtde": self.rtde.port}
-        for name, number in _PORTS.items():
-            self.ports[name] = Port(network, name, number, answers[name])
+        self.ports = {
+            name: Port(self._thread, (options.host, _PORTS[name]), self.faults, name, answer)
+            for name, answer in answers.items()
+        }
         self._register()
         self._box: Box | None = None
         if settings.box:
@@ -216,7 +219,7 @@ class UREmulator(Emulator):
         self.rtde.stream(self.controller.values, send)
         self.primary.cycle(now)
         for port in self.ports.values():
-            port.tick(now)
+            port.tick()
 
     def _close_ports(self) -> None:
         for port in self.ports.values():

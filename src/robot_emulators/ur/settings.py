@@ -66,9 +66,6 @@ class ControllerSettings(Settings):
     protective_force: float = setting(
         150.0, above(0.0), "force at the tool from which the robot stops [N]; default 150"
     )
-    slow_reader: float = setting(
-        10.0, above(0.0), "seconds after which a client that takes nothing is closed; default 10"
-    )
     power: bool = setting(
         True, flag(), "on or off: whether the arm is on with its brakes free at first; default on"
     )
