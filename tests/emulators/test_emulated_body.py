@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.signal import savgol_filter
 
-from wrenchbed.errors import NotFoundError
 from wrenchbed.hardware.drivers import sim
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.plant.body import Body, BodyOptions
@@ -39,9 +38,8 @@ def test_at_rest_it_reads_the_exact_wrench(robot):
 @pytest.mark.sampled
 @pytest.mark.parametrize(
     "effect",
-    ["joint.compliance", "sensor.gain", "base.tilt", "cable.pull", "link.length", "mount.rotation",
-     "joint.backlash"],
-)  # fmt: skip
+    ["joint.compliance", "sensor.gain", "cable.pull", "joint.backlash"],
+)
 def test_effects_at_rest_are_those_of_the_simulated_driver(effect):
     """Two routes through the same poses: the campaign in simulated time, and cycle by cycle."""
     body = Body(BodyOptions("ur5", noise="off", effects=(effect,), seed=2), CYCLE)
@@ -58,18 +56,6 @@ def test_effects_at_rest_are_those_of_the_simulated_driver(effect):
             size = np.abs(wanted - without).max()
             assert size > 1e-3
             assert np.abs(seen - wanted).max() < 0.02 * size + 2e-5
-
-
-def test_effects_of_the_sensor_are_those_of_a_pocket_calculator():
-    plain, gain, bias = (
-        Body(BodyOptions("ur5", noise="off", effects=e), CYCLE)
-        for e in ((), ("sensor.gain:gain.fz=0.02",), ("sensor.bias:bias.tx=0.05",))
-    )
-    q = plain.robot.home + 0.3
-    a, b, c = (go(body, q, 2.0)[-1] for body in (plain, gain, bias))
-    assert a[2] != pytest.approx(0.0, abs=1.0)
-    assert b == pytest.approx(a * [1, 1, 1.02, 1, 1, 1], abs=1e-4)
-    assert c - a == pytest.approx([0, 0, 0, 0.05, 0, 0], abs=1e-4)
 
 
 @pytest.mark.sampled
@@ -140,15 +126,8 @@ def test_noise_is_the_sensors_and_seeded():
     assert not np.array_equal(first, other)
     std = bodies[0].sensor.noise.row_std
     assert np.abs(first.std(axis=0) / std - 1).max() < 0.06
-
-
-def test_times_asked_twice_are_moved_on_not_refused():
-    body = Body(BodyOptions("ur5"), CYCLE)
-    a, _ = body.readings(np.array([0.1, 0.2]))
-    b, _ = body.readings(np.array([0.1, 0.15]))
-    assert np.isfinite(a).all()
-    assert np.isfinite(b).all()
-    assert not np.array_equal(a, b)
+    a, b = (bodies[0].readings(np.array([5.1, late]))[0] for late in (5.2, 5.15))
+    assert np.isfinite([a, b]).all() and not np.array_equal(a, b)  # times are moved on
 
 
 @pytest.mark.parametrize("robot", ["medrue", ur_arm("ur10e")], ids=["medrue", "ur10e"])
@@ -166,11 +145,6 @@ def test_a_plate_pushes_back_on_the_tool_and_not_before(robot):
     assert 5.0 < pressed.push[2] < 20.0  # of 20 N at most
     push = np.linalg.norm(loads[2][:3] - loads[0][:3])
     assert push == pytest.approx(pressed.push[2], rel=0.02)
-
-
-def test_what_it_cannot_be_is_refused():
-    with pytest.raises(NotFoundError, match="no MuJoCo model"):
-        Body(BodyOptions("oriented"), CYCLE)
 
 
 def test_readings_asked_for_too_early_do_not_delay_later_ones():

@@ -1,20 +1,27 @@
-"""The emulator's drive without a bus: its dictionary, process data and watchdogs, by hand."""
+"""The emulator's drive without a bus: dictionary, process data, watchdogs, motors' torque."""
 
 import struct
 import threading
 from types import SimpleNamespace
 
+import mujoco
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from can_drives import NODE, SimulatedBus
+from medrue_bench import away, until
 from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.canopen.dictionary import Abort
 from robot_emulators.medrue.axis import RPDO_TIMEOUT, SYNC_ERROR
 from robot_emulators.medrue.profile import rated
-from robot_emulators.medrue.server import RealTimePlant
+from robot_emulators.medrue.server import CYCLE_S, RealTimePlant
+from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 from wrenchbed.hardware.drivers.can.cia402 import DriveStatus, Want, controlword, state_of
+from wrenchbed.plant.body import Body, BodyOptions
+from wrenchbed.plant.serving import EmulatorOptions, emulated
+from wrenchbed.robots.motion_limits import minimum_jerk
 
 T = 0.004
 OFF = 1 << 31
@@ -96,25 +103,6 @@ def test_what_stays_away_is_a_quick_stop_after_its_time(cycle, silent, code):
     assert bench.emergencies() == ([code] if code else [])
     assert bench.state is (DriveStatus.QUICK_STOP if code else DriveStatus.ENABLED)
     assert bench.read(0x603F) % 0x10000 == (code or 0)
-
-
-@pytest.mark.parametrize(
-    "period, wrong", [(0.004, False), (0.0047, False), (0.0055, True), (0.0025, True)]
-)
-def test_a_master_of_another_period_than_the_interpolations_is_a_fault(period, wrong):
-    bench = Bench(period).enabled()
-    for _ in range(600):
-        bench.tick()
-    assert bench.state is (DriveStatus.FAULT if wrong else DriveStatus.ENABLED)
-    assert bench.emergencies() == ([SYNC_ERROR] if wrong else [])
-
-
-def test_one_long_gap_is_no_wrong_period():
-    bench = Bench().enabled()
-    for k in range(600):
-        bench.t += 0.05 if k % 240 == 100 else 0.0
-        bench.tick()
-    assert bench.state is DriveStatus.ENABLED
 
 
 @pytest.mark.parametrize("command", [0x80, 0x02])
@@ -238,3 +226,67 @@ def test_a_moving_axis_passes_through_fault_reaction_active():
     for _ in range(30):
         bench.tick(rpdo=False, sync=False)
     assert bench.read(0x6041) & 0x4F == 0x08 and bench.read(0x606B) == 0
+
+
+PLANT = "127.0.4.8"
+
+
+@pytest.mark.parametrize("joint, within", [(0, 0.01), (5, 0.1)])
+def test_what_a_motor_gives_accelerates_what_it_moves(joint, within):
+    """From rest on, the integral of a motor's torque is the momentum of its joint."""
+    arm = Body(BodyOptions("medrue", noise="off"), CYCLE_S, drives=True)
+    model, data = arm.simulation.model, arm.simulation.data
+    mujoco.mj_forward(model, data)
+    inertias = np.zeros((model.nv, model.nv))
+    mujoco.mj_fullM(model, data, inertias)
+    dof = int(model.joint(arm.robot.joints[joint].name).dofadr[0])
+    torques, speeds = [], []
+    for k in range(150):
+        share = minimum_jerk(np.array(min(1.0, (k + 1) / 100)))
+        arm.step(arm.robot.home + share * 0.05 * np.eye(6)[joint])
+        torques.append(arm.drives.now.servo[joint])
+        speeds.append(arm.qd[joint])
+    momentum, v = np.cumsum(torques) * CYCLE_S, np.array(speeds)
+    assert float(momentum @ v / (v @ v)) == pytest.approx(inertias[dof, dof], rel=within)
+
+
+def test_a_motor_holds_what_pushes_and_gives_nothing_at_rest():
+    arm = Body(BodyOptions("medrue", noise="off"), CYCLE_S, drives=True)
+    for _ in range(50):
+        arm.step(arm.robot.home)
+    assert np.abs(arm.drives.now.servo).max() < 1e-6
+    arm._plant.data.qfrc_applied[0] = 25.0  # on the carriage
+    for _ in range(1000):
+        arm.step(arm.robot.home)
+    assert arm.drives.now.servo[0] == pytest.approx(-25.0, abs=0.1)
+
+
+@pytest.mark.wire
+def test_the_drivers_effort_is_what_the_motors_give():
+    rated = np.array([200.0] + 5 * [2.0])
+    settings = {"port": "0"}
+    with emulated("medrue", EmulatorOptions(PLANT, noise="off", setting=settings)) as emulator:
+        body = emulator.plant.body
+        step, given = body.step, [np.zeros(6)]
+
+        def recorded(target, due=0.0):
+            step(target, due)
+            given.append(np.rint(1000.0 * body.efforts.torque / rated))
+
+        body.step = recorded
+        port = emulator.hub.port
+        driver = CanDriver(CanOptions(host=PLANT, port=port, effort="torque", rate=100.0))
+        with driver:
+            assert driver.health().counters["arm bus_load"] < 0.9
+            assert until(lambda: driver.health().ok)
+            driver.move(away(driver))
+            told = []
+            until(lambda: told.append(driver.read().evidence["tau"]), 0.5)
+        rows = np.unique(1000.0 * np.array(told) / rated, axis=0)
+        assert np.abs(rows[:, 0]).max() > 5 and len(rows) > 5
+        assert np.abs(rows - np.rint(rows)).max() < 1e-6
+        known = np.array(given)
+        for joint in range(6):
+            assert np.isin(np.rint(rows[:, joint]), known[:, joint]).all()
+        whole = [(np.rint(row) == known).all(axis=1).any() for row in rows]
+        assert np.mean(whole) > 0.8  # the plant may step between two drives' answers

@@ -3,13 +3,18 @@
 import time
 import urllib.error
 import urllib.request
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from netft_scene import boxed, plain
+import wrenchbed as wb
+from emulator_process import running
+from netft_scene import boxed, plain, until
+from robot_emulators.base.faults import Faults
 from robot_emulators.errors import EmulatorError, FaultError, SettingError
-from robot_emulators.netft_box.sensing import BoxSettings, Timeline
+from robot_emulators.netft_box.sensing import BoxSettings, Sensing
+from wrenchbed.hardware.transducers.netft import NetftOptions
 
 pytestmark = pytest.mark.wire
 
@@ -100,16 +105,16 @@ def test_faults_of_the_page():
     with boxed("127.0.3.31") as scene:
         scene.fault("http", "missing_field", 0.3, name="cfgcpt")
         assert "<cfgcpt>" not in page(scene)
-        scene.fault("http", "unlisten", 0.3)
-        time.sleep(0.15)
+        scene.fault("http", "unlisten", 0.2)
+        time.sleep(0.1)
         with pytest.raises(OSError, match="refused"):
             page(scene)
-        time.sleep(0.4)
+        time.sleep(0.2)
         assert "<cfgcpt>" in page(scene)
         begun = time.monotonic()
-        scene.fault("http", "stall", 0.5)
+        scene.fault("http", "stall", 0.3)
         page(scene)
-        assert 0.4 < time.monotonic() - begun < 1.2
+        assert 0.2 < time.monotonic() - begun < 1.2
 
 
 def test_what_a_fault_asks_for_is_checked():
@@ -138,12 +143,33 @@ def test_impossible_settings_are_refused(bad):
 
 
 def test_the_reported_time_has_a_constant_delay():
-    line = Timeline(0.008)
+    body = SimpleNamespace(cycle=0.008, newest=(5.0, 0.0), sensor_range=np.ones(6))
+    line = Sensing(body, BoxSettings(), Faults())
     for k in range(400):
-        line.observe(5.0 + 0.008 * k, 0.008 * k)
+        body.newest = (5.0 + 0.008 * k, 0.008 * k)
+        line.observe()
         for since in (0.0, 0.003, 0.0079):
             assert line.simulated(5.0 + 0.008 * k + since) == pytest.approx(
                 0.008 * k + since - 0.010
             )
-    line.observe(20.0, 1.0)  # cycles were lost
+    body.newest = (20.0, 1.0)  # cycles were lost
+    line.observe()
     assert line.simulated(20.0) == pytest.approx(0.990)
+
+
+@pytest.mark.slow
+def test_the_transducer_reads_the_emulator_and_sees_its_faults():
+    with running(
+        "netft", "127.0.3.50", "--set", "rate=1000", "--set", "force_unit=lbf"
+    ) as emulator:
+        transducer = wb.load("transducers", "netft")(NetftOptions("127.0.3.50"))
+        with transducer:
+            sample = transducer.read()
+            assert np.linalg.norm(sample.wrench[:3]) > 2.0
+            assert transducer.health().ok
+            emulator.fault("rdt", "stall", seconds=0.3)
+            until(lambda: transducer.health().state == "stale")
+            until(lambda: transducer.health().ok)
+            emulator.process.terminate()
+            emulator.process.wait(5)
+            until(lambda: transducer.health().state == "lost")

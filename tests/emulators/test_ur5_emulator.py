@@ -94,12 +94,12 @@ def test_the_receive_interface_reads_every_default_field(cb3):
 def test_moves_and_questions(cb3):
     with controlling(CB3) as arm, receiving(CB3) as robot:
         goal = HOME + 0.15
-        assert arm.moveJ(goal.tolist(), 1.5, 3.0)
+        assert arm.moveJ(goal.tolist(), 3.0, 10.0)
         assert within(0.5, lambda: np.abs(np.array(robot.getActualQ()) - goal).max() < 1e-4)
         pose = np.array(arm.getForwardKinematics())
         assert pose == pytest.approx(robot.getActualTCPPose(), abs=1e-4)
         pose[2] += 0.05
-        assert arm.moveL(pose.tolist(), 0.5, 2.0)
+        assert arm.moveL(pose.tolist(), 0.5, 5.0)
         assert within(0.5, lambda: np.allclose(robot.getActualTCPPose(), pose, atol=1e-4))
         solved = arm.getInverseKinematics(pose.tolist())
         assert solved == pytest.approx(robot.getActualQ(), abs=1e-3)
@@ -125,7 +125,7 @@ def test_asynchronous_moves_and_paths(cb3):
         arm.stopJ(4.0)
         assert within(1.0, lambda: np.abs(robot.getActualQd()).max() < 1e-3)
         assert arm.getAsyncOperationProgress() < 0
-        path = [[*(HOME + a).tolist(), 1.5, 3.0, 0.0] for a in (0.1, 0.0)]
+        path = [[*(HOME + a).tolist(), 3.0, 10.0, 0.0] for a in (0.1, 0.0)]
         assert arm.moveJ(path)
         assert within(0.5, lambda: np.abs(np.array(robot.getActualQ()) - HOME).max() < 1e-3)
 
@@ -133,8 +133,8 @@ def test_asynchronous_moves_and_paths(cb3):
 @alone
 def test_streams(cb3):
     with controlling(CB3) as arm, receiving(CB3) as robot:
-        assert arm.moveJ(HOME.tolist(), 1.5, 3.0)
-        for k in range(60):
+        assert arm.moveJ(HOME.tolist(), 3.0, 10.0)
+        for k in range(40):
             goal = HOME + 0.002 * k
             assert arm.servoJ(goal.tolist(), 0, 0, 0.008, 0.05, 300)
             time.sleep(0.008)
@@ -154,7 +154,7 @@ def test_streams(cb3):
 def test_a_streamed_target_moves_the_robots_own_within_two_cycles(cb3):
     with controlling(CB3) as arm, Client(CB3) as client:
         client.stream("target_q")
-        assert arm.moveJ(HOME.tolist(), 1.5, 3.0)
+        assert arm.moveJ(HOME.tolist(), 3.0, 10.0)
         goal, took = np.array(client.newest()), []
         for k in range(40):
             goal = goal + (0.002 if k % 2 else -0.002)
@@ -177,14 +177,14 @@ def test_force_mode_presses_with_its_force(cb3):
         assert arm.forceMode([0] * 6, [0, 0, 1, 0, 0, 0], [0, 0, -20, 0, 0, 0], 2, [0.05] * 6)
         assert within(3.0, lambda: abs(robot.getActualTCPForce()[2] - 20.0) < 1.0)
         assert arm.forceModeStop()
-        assert arm.moveJ(HOME.tolist(), 1.5, 3.0)
+        assert arm.moveJ(HOME.tolist(), 3.0, 10.0)
 
 
 @alone
 def test_the_watchdog_and_a_new_upload(cb3):
     with controlling(CB3) as arm:
         assert arm.setWatchdog(10.0)
-        for _ in range(10):
+        for _ in range(6):
             time.sleep(0.05)
             assert arm.kickWatchdog()
         assert arm.isProgramRunning()
@@ -220,19 +220,19 @@ def test_the_e_series_shows_its_sensor_and_box(e_series):
 
 
 @alone
-def test_upper_registers_and_lower_ones_side_by_side(e_series):
+def test_upper_registers_and_lower_ones_side_by_side(cb3):
     flags = rtde_control.RTDEControlInterface
     upper = flags.FLAG_UPLOAD_SCRIPT | flags.FLAG_UPPER_RANGE_REGISTERS
-    with controlling(E, 500.0, upper) as arm, receiving(E) as robot, dashboard(E) as desk:
-        assert arm.moveJ((HOME + 0.1).tolist(), 1.5, 3.0)
+    with controlling(CB3, 125.0, upper) as arm, receiving(CB3) as robot, dashboard(CB3) as desk:
+        assert arm.moveJ((HOME + 0.1).tolist(), 3.0, 10.0)
         assert robot.getActualQ() == pytest.approx(HOME + 0.1, abs=1e-2)
         desk.stop()
 
 
 @alone
-def test_two_controllers_of_one_register_range_exclude_each_other(e_series):
-    with controlling(E), pytest.raises(RuntimeError, match="already in use"):
-        rtde_control.RTDEControlInterface(E)
+def test_two_controllers_of_one_register_range_exclude_each_other(cb3):
+    with controlling(CB3), pytest.raises(RuntimeError, match="already in use"):
+        rtde_control.RTDEControlInterface(CB3)
 
 
 @alone
@@ -254,8 +254,8 @@ def test_the_stream_keeps_its_rate(cb3):
     with Client(CB3) as client:
         client.stream("timestamp,actual_q")
         first, begun = client.newest()[0], time.monotonic()
-        stamps = [client.state()[0] for _ in range(250)]
-        assert stamps[-1] - first == pytest.approx(time.monotonic() - begun, rel=0.02)
+        stamps = [client.state()[0] for _ in range(100)]
+        assert stamps[-1] - first == pytest.approx(time.monotonic() - begun, abs=0.03)
         assert np.median(np.diff(stamps)) == pytest.approx(0.008)
 
 

@@ -1,10 +1,11 @@
-"""The UR5 emulator: kinematics, motions and safety, in process, without waiting for real time."""
+"""The UR5 emulator in process: kinematics, motions, force, safety, and what a reboot forgets."""
 
 import mujoco
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from robot_emulators.base.faults import TimedFault
 from robot_emulators.kinematic_plant import known_arm
 from robot_emulators.ur.kinematics import (
     NO_TOOL,
@@ -14,8 +15,11 @@ from robot_emulators.ur.kinematics import (
 )
 from robot_emulators.ur.modes import Runtime, SafetyMode
 from robot_emulators.ur.motions import Pace, Profile, ToPose
+from robot_emulators.ur.outputs import Outputs
+from robot_emulators.ur.tool_wrench import GRAVITY
 from ur5_bench import CYCLE, Bench
 from wrenchbed import registry
+from wrenchbed.plant.serving import EmulatorOptions, emulated
 from wrenchbed.simulation.simulation import Simulation
 
 ROBOT = registry.load("robots", "ur5")
@@ -75,7 +79,7 @@ def test_rotation_vectors_there_and_back(angle):
         assert matrix(np.concatenate([np.zeros(3), found]))[0] == pytest.approx(rotation, abs=1e-7)
 
 
-@pytest.mark.parametrize("length", [1.0, 0.01, 0.0])
+@pytest.mark.parametrize("length", [1.0, 0.01])
 def test_a_profile_keeps_speed_and_acceleration(length):
     speed, rate = 0.5, 1.0
     profile = Profile(length, speed, rate)
@@ -156,3 +160,129 @@ def test_a_way_through_the_column_is_unreachable():
             if np.abs(following - q).max() > np.pi * CYCLE:
                 raise RuntimeError("beyond reach of the joints' speed")
             q = following
+
+
+def pressing(bench: Bench) -> None:
+    """Bring the tool just above the plate."""
+    near = DOWN.copy()
+    near[2] = 0.25 + 0.142
+    q = bench.arm.kinematics.inverse(near, NO_TOOL, ROBOT.home)
+    bench.command(1, *q, 3.0, 10.0)
+    bench.run(2.5)
+    assert bench.said(0) == 2
+
+
+def test_force_mode_settles_at_its_force():
+    bench = Bench(table=0.25).script()
+    pressing(bench)
+    assert bench.controller.estimate.wrench == pytest.approx(np.zeros(6), abs=0.05)
+    bench.write(i0=0)
+    bench.run(2 * CYCLE)
+    wrench = dict(zip([f"d{k}" for k in range(6, 12)], [0, 0, -20, 0, 0, 0], strict=True))
+    frame = {f"d{k}": 0.0 for k in range(6)} | {f"d{k}": 0.05 for k in range(12, 18)}
+    bench.write(**frame, **wrench, i1=2, i2=0, i3=0, i4=1, i5=0, i6=0, i7=0, i0=6)
+    bench.run(3.0)
+    assert bench.controller.estimate.wrench[2] == pytest.approx(20.0, abs=0.1)
+    bench.command(7)
+    bench.run(0.2)
+    assert bench.arm.force is None and bench.said(0) == 2
+
+
+def test_too_much_force_is_a_protective_stop_that_one_can_leave():
+    bench = Bench(table=0.25).script()
+    pressing(bench)
+    bench.command(10, 0, 0, -0.05, 0, 0, 0, 0.5)
+    bench.run(1.0)
+    assert bench.controller.modes.safety is SafetyMode.PROTECTIVE_STOP
+    assert np.linalg.norm(bench.controller.estimate.wrench[:3]) > 150.0
+    bench.run(5.0)
+    assert bench.controller.modes.unlock()
+    bench.write(i0=0)
+    bench.script()
+    bench.command(10, 0, 0, 0.05, 0, 0, 0, 0.5)
+    bench.run(1.0)
+    assert bench.controller.modes.safety is SafetyMode.NORMAL
+    assert np.linalg.norm(bench.controller.estimate.wrench[:3]) < 5.0
+
+
+def test_the_payload_is_taken_off_the_force():
+    bench = Bench().script()
+    bench.command(17, 0.35, 0.0, 0.0, 0.05)
+    bench.run(0.1)
+    assert bench.controller.estimate.wrench[2] == pytest.approx(-(1.35 - 0.35) * 9.80665, abs=1e-3)
+    bench.command(8)
+    bench.run(0.1)
+    assert bench.controller.estimate.wrench == pytest.approx(np.zeros(6), abs=1e-6)
+
+
+@pytest.fixture
+def bench():
+    return Bench(series="e").script()
+
+
+def reboot(bench: Bench) -> dict:
+    """Switch off and on; all that it says afterwards."""
+    bench.controller.reboot()
+    bench.write(i0=0)
+    bench.run(0.5)
+    outputs = Outputs(bench.controller, shared=False)
+    outputs.update(1.0, set(bench.controller.fields))
+    return bench.controller.values
+
+
+def test_what_a_program_set_is_that_of_the_installation_again(bench):
+    for command in ((29, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0), (59, 0.0, 9.0, 0.0), (21, 0.1), (8,),
+                    (65, 0.35, 0.0, 0.0, 0.05, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0)):  # fmt: skip
+        bench.command(*command)
+        bench.run(2 * CYCLE)
+    estimate = bench.controller.estimate
+    assert bench.arm.tcp[2] == 0.1 and bench.arm.force_scaling == 0.1
+    assert estimate.payload.mass == 0.35 and estimate.gravity[1] == -9.0
+    assert np.abs(estimate._zero).max() > 5.0
+    values = reboot(bench)
+    assert values["tcp_offset"] == (0.0,) * 6 and bench.arm.force_scaling == 1.0
+    assert values["payload"] == (pytest.approx(1.35),)
+    assert values["payload_cog"] == pytest.approx((0.004, -0.006, 0.071))
+    assert values["target_gravity"] == pytest.approx(tuple(-GRAVITY))
+    assert values["actual_TCP_force"] == pytest.approx((0.0,) * 6, abs=1e-3)
+
+
+def test_no_program_is_loaded_and_scripts_start(bench):
+    assert bench.controller.load("external_control.urp")
+    bench.controller.script_denied_until = float("inf")
+    reboot(bench)
+    assert not bench.controller.loaded and not bench.controller.play()
+    bench.script()
+
+
+def test_a_press_that_was_tolerated_is_not_any_more(bench):
+    bench.controller.protective_stop()
+    bench.controller.estimate.wrench = np.array([0.0, 0.0, 200.0, 0.0, 0.0, 0.0])
+    assert not bench.controller._pressed_too_hard()
+    bench.controller.reboot()
+    bench.controller.estimate.wrench = np.array([0.0, 0.0, 200.0, 0.0, 0.0, 0.0])
+    assert bench.controller._pressed_too_hard()
+
+
+def test_the_arm_stays_where_it_is(bench):
+    bench.command(1, *(bench.arm.q + 0.5), 0.5, 5.0)
+    bench.run(0.5)
+    q, speed = bench.arm.q.copy(), np.abs(bench.arm.qd).max()
+    assert speed > 0.4
+    bench.controller.reboot()
+    bench.run(1.0)
+    assert not bench.arm.moving and 0.0 < np.abs(bench.arm.q - q).max() < 0.03
+
+
+def test_what_was_denied_held_back_or_counted_is_not(monkeypatch):
+    emulator = emulated("ur5", EmulatorOptions("127.0.1.34", noise="off", setting={"box": "off"}))
+    kinds = ("refuse_start", "in_use", "freeze", "drop", "burst", "stall")
+    for kind in kinds:
+        emulator.faults.inject(TimedFault("rtde", kind))
+    emulator._outputs.update(1.0, set())
+    monkeypatch.setattr(emulator, "_wait", lambda: None)  # no cycle
+    with emulator:
+        emulator.soon(lambda: emulator.restart(0.0))
+    assert all(emulator.faults.now("rtde", kind) is None for kind in kinds)
+    emulator._outputs.update(1.0, set())
+    assert emulator.controller.values["control_step"] == (1,)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from robot_emulators.errors import EmulatorError
 from robot_emulators.ur import packets as wire
 from robot_emulators.ur.inputs import Inputs
-from robot_emulators.ur.packets import inputs, outputs, zero
+from robot_emulators.ur.packets import inputs, outputs
 from robot_emulators.ur.rtde import Offer, RtdeSession
 
 CB3, E = (3, 15, 8, 106339), (5, 11, 1, 108318)
@@ -42,16 +42,12 @@ def say(one: tuple[RtdeSession, Sent], data: bytes) -> bytes:
     return one[1].take()
 
 
-def test_versions_are_negotiated():
+def test_versions_are_negotiated_and_reported():
     one = session()
     assert say(one, bytes.fromhex("0005560002")) == bytes.fromhex("00045601")
-    assert one[0].protocol == 2
     assert say(one, bytes.fromhex("0005560003")) == bytes.fromhex("00045600")
     assert one[0].protocol == 2
-
-
-def test_the_controller_reports_its_version():
-    answer = say(session(), bytes.fromhex("000376"))
+    answer = say(one, bytes.fromhex("000376"))
     assert answer == bytes.fromhex("001376000000030000000f0000000800019f63")
 
 
@@ -147,19 +143,13 @@ def test_what_both_series_have_differs_by_the_internal_sensor():
     assert "input_int_register_24" not in inputs((3, 8, 0, 0))
 
 
-def test_every_field_has_a_value_of_its_type():
-    for name, kind in outputs(E).items():
-        recipe = wire.Recipe(1, [(name, kind)])
-        assert len(recipe.pack({name: zero(kind)})) == 4 + recipe.size
-
-
 def test_a_header_that_lies_ends_the_connection():
     with pytest.raises(EmulatorError):
         wire.Splitter().feed(b"\x00\x02\x55")
     assert not session()[0].receive(b"\x00\x00\x00", 1.0)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.lists(st.binary(max_size=200), max_size=20))
 def test_arbitrary_bytes_never_crash_a_session(chunks):
     one = session()
@@ -169,7 +159,7 @@ def test_arbitrary_bytes_never_crash_a_session(chunks):
         assert one[0].held < 65536 + 200
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(
     st.lists(
         st.tuples(st.sampled_from("VvOISPUMx"), st.binary(max_size=80) | st.just(b"timestamp")),

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from robot_emulators import Options, serve
 from robot_emulators.ur.modes import RobotMode, Runtime, SafetyMode
 from robot_emulators.ur.outputs import Outputs
 from robot_emulators.ur.primary import Primary
@@ -173,30 +174,27 @@ def test_a_runtime_exception_has_line_and_column(listener):
     assert listener.bench.controller.modes.runtime is Runtime.STOPPED
 
 
-@pytest.mark.slow
 @pytest.mark.wire
 def test_a_program_sent_to_the_primary_port_calls_back():
-    from emulator_process import running
-
     host = "127.0.1.35"
-    with running("ur5", host, "--noise", "off", "--set", "box=off") as emulator:
+    with (
+        serve("ur5", options=Options(host, setting={"box": "off"})) as emulator,
+        socket.create_server(("127.0.0.1", 0)) as server,
+        socket.create_connection((host, 30001), 2.0) as client,
+    ):
         assert emulator.addresses["primary"] == f"{host}:30001"
-        with (
-            socket.create_server(("127.0.0.1", 0)) as server,
-            socket.create_connection((host, 30001), 2.0) as client,
-        ):
-            port = server.getsockname()[1]
-            client.sendall(
-                f'def f():\n  socket_open("127.0.0.1", {port})\n  socket_send_int(7)\n'
-                "  x = socket_read_binary_integer(1)\n  textmsg(x[1])\nend\n".encode()
-            )
-            server.settimeout(2.0)
-            peer, address = server.accept()
-            with peer:
-                peer.settimeout(2.0)
-                assert address[0] == host and peer.recv(4) == struct.pack(">i", 7)
-                peer.sendall(struct.pack(">i", -3))
-                heard, end = b"", time.monotonic() + 3.0
-                while b"PROGRAM_XXX_STOPPEDf" not in heard and time.monotonic() < end:
-                    heard += client.recv(65536)
+        port = server.getsockname()[1]
+        client.sendall(
+            f'def f():\n  socket_open("127.0.0.1", {port})\n  socket_send_int(7)\n'
+            "  x = socket_read_binary_integer(1)\n  textmsg(x[1])\nend\n".encode()
+        )
+        server.settimeout(2.0)
+        peer, address = server.accept()
+        with peer:
+            peer.settimeout(2.0)
+            assert address[0] == host and peer.recv(4) == struct.pack(">i", 7)
+            peer.sendall(struct.pack(">i", -3))
+            heard, end = b"", time.monotonic() + 3.0
+            while b"PROGRAM_XXX_STOPPEDf" not in heard and time.monotonic() < end:
+                heard += client.recv(65536)
     assert b"PROGRAM_XXX_STARTEDf" in heard and b"-3" in heard

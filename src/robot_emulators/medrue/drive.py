@@ -8,14 +8,13 @@ FAULT (after power-up), stops on its quick-stop ramp, or does nothing.
 """
 
 import threading
-from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 
 from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.canopen.dictionary import Key
 from robot_emulators.canopen.node import OPERATIONAL, Node
 from robot_emulators.medrue import profile
-from robot_emulators.medrue.axis import CYCLIC, MODE, RPDO_TIMEOUT, SYNC_ERROR, Axis
+from robot_emulators.medrue.axis import MODE, RPDO_TIMEOUT, SYNC_ERROR, Axis
 from robot_emulators.medrue.profile import (
     ACTUAL,
     CONTROL,
@@ -28,13 +27,6 @@ from robot_emulators.medrue.profile import (
 _SYNC_LOSS = 25
 """Periods of SYNC (0x1006) without one after which it is lost: at 250 Hz 0.1 s, which is also the
 RPDOs' event timer after power-up."""
-_PERIODS = 250
-"""SYNCs over which the master's period is compared with the interpolation's: a second at 250 Hz."""
-_GAP = 8.0
-"""Longest time between two SYNCs, in periods, that counts in that comparison; more is a pause."""
-_PERIOD_TOLERANCE = 0.25
-"""How much the two may differ, as a part of the period. The interpolation can wait for two missed
-SYNCs; a master that is wrong by a factor of two must be found."""
 _MOST_THOUSANDTHS = 0x7FFF
 _AHEAD_S = 0.02
 """Farthest that a position is extrapolated between two steps of the plant [s], some five steps:
@@ -67,7 +59,6 @@ class DriveEmulator(Node):
         self._seen = self._torque = self._current = 0.0
         self._last_word = 0
         self._codes: set[int] = set()
-        self._periods: deque[float] = deque(maxlen=_PERIODS)
 
     def on_reset(self) -> None:
         self._rate()
@@ -78,14 +69,10 @@ class DriveEmulator(Node):
         self._synced = self._speed = self._growth = self._seen = 0.0
         self._last_word = 0
         self._codes.clear()
-        self._periods.clear()
         self.refresh(self.now)
 
     def on_sync(self, t: float) -> None:
-        if self._synced:
-            self._periods.append(t - self._synced)
         self._synced = t
-        self._check_period()
         self._report()
 
     def on_written(self, keys: Sequence[Key]) -> None:
@@ -187,16 +174,6 @@ class DriveEmulator(Node):
             self.on_connection_lost(RPDO_TIMEOUT)
         elif cycle and t - self._synced > max(_SYNC_LOSS * cycle, self.rpdos[0].timer):
             self.on_connection_lost(SYNC_ERROR)
-
-    def _check_period(self) -> None:
-        """Compare the master's period with the interpolation's, over a second without a gap."""
-        axis = self.axis
-        if not axis.driven or axis.mode != CYCLIC or len(self._periods) < _PERIODS:
-            return
-        longest, mean = max(self._periods), sum(self._periods) / _PERIODS
-        self._periods.clear()
-        if longest < _GAP * self.period and abs(mean / self.period - 1.0) > _PERIOD_TOLERANCE:
-            axis.fault(SYNC_ERROR)
 
 
 def _thousandths(ratio: float) -> int:

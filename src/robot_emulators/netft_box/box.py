@@ -44,14 +44,9 @@ class Box:
     """Serves the readings of a plant's sensor, alone; someone else steps the plant in real time."""
 
     def __init__(
-        self,
-        body: Plant,
-        host: str,
-        faults: Faults,
-        settings: BoxSettings | None = None,
-        seed: int = 0,
-        failed: Callable[[Exception], None] = traceback.print_exception,
-    ) -> None:
+        self, body: Plant, host: str, faults: Faults, settings: BoxSettings | None = None,
+        seed: int = 0, failed: Callable[[Exception], None] = traceback.print_exception,
+    ) -> None:  # fmt: skip
         self.settings = settings or BoxSettings()
         self._host, self._seed, self._faults = host, seed, faults
         for link, kinds in _KINDS.items():

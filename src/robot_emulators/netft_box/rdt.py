@@ -9,8 +9,9 @@ import socket
 import time
 from asyncio import TimerHandle
 from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -82,51 +83,47 @@ class FaultySender:
         self._socket, self._faults = sock, faults
         self._random = np.random.default_rng([seed, 49152])
         self._held: memoryview | None = None
-        self._other: socket.socket | None = None
         self.counters: Counter[str] = Counter()
 
-    def close(self) -> None:
-        """Close what `send` opened."""
-        if self._other is not None:
-            self._other.close()
-            self._other = None
-
-    def send(self, data: memoryview, size: int, group: int, to: tuple[str, int]) -> None:
-        """Send records of a size [bytes] in datagrams of ``group`` bytes at most."""
-        parts = [data[k : k + group] for k in range(0, len(data), group)]
-        if not self._faults.any("rdt") and self._held is None:
-            self.counters["sent"] += len(data) // size
-            self._out(parts, to)
+    def send(self, data: memoryview, group: int, to: Address) -> None:
+        """Send records in datagrams of ``group`` records at most."""
+        size = group * _SIZE
+        parts = [data[k : k + size] for k in range(0, len(data), size)]
+        faulty = self._faults.any("rdt") or self._held is not None
+        if faulty and self._now("stall") is not None:
+            self.counters["silent"] += len(data) // _SIZE
             return
-        if self._faults.now("rdt", "stall") is not None:
-            self.counters["silent"] += len(data) // size
-            return
-        through = self._changed(parts, size)
-        self.counters["sent"] += sum(len(p) for p in through) // size
-        self._out(through, to)
-        self._spoil(bytes(data[:size]), to)
-
-    def _out(self, parts: list[memoryview], to: tuple[str, int]) -> None:
-        send = self._socket.sendto
+        if faulty:
+            parts = self._changed(parts)
+        self.counters["sent"] += sum(len(part) for part in parts) // _SIZE
         self.counters["datagrams"] += len(parts)
+        self._out(self._socket, parts, to)
+        if faulty:
+            self._spoil(bytes(data[:_SIZE]), to)
+
+    @staticmethod
+    def _out(sock: socket.socket, parts: Sequence[memoryview | bytes], to: Address) -> None:
         with contextlib.suppress(OSError):
             for part in parts:
-                send(part, to)
+                sock.sendto(part, to)
+
+    def _now(self, kind: str) -> Mapping[str, Any] | None:
+        return self._faults.now("rdt", kind)
 
     def _hit(self, kind: str) -> bool:
         """Whether this datagram is one of the fraction that a fault takes."""
-        values = self._faults.now("rdt", kind)
+        values = self._now(kind)
         return values is not None and bool(self._random.random() < values["share"])
 
-    def _changed(self, parts: list[memoryview], size: int) -> list[memoryview]:
+    def _changed(self, parts: list[memoryview]) -> list[memoryview]:
         """Drop and double some, and send some one place later than their turn."""
         out: list[memoryview] = []
         for part in parts:
             if self._hit("drop"):
-                self.counters["dropped"] += len(part) // size
+                self.counters["dropped"] += len(part) // _SIZE
                 continue
             double = self._hit("duplicate")
-            self.counters["duplicated"] += double * (len(part) // size)
+            self.counters["duplicated"] += double * (len(part) // _SIZE)
             for copy in [part] * (1 + double):
                 if self._held is not None:
                     out += [copy, self._held]
@@ -138,25 +135,20 @@ class FaultySender:
                     out.append(copy)
         return out
 
-    def _spoil(self, record: bytes, to: tuple[str, int]) -> None:
+    def _spoil(self, record: bytes, to: Address) -> None:
         """Add datagrams that are no records, or come from another port."""
-        random = self._random
-        if self._faults.now("rdt", "short") is not None:
-            cut = int(random.choice([1, 17, 35, 37, 71]))
-            self._extra(self._socket, (record * 2)[:cut], to, "spoilt")
-        if self._faults.now("rdt", "garbage") is not None:
-            self._extra(self._socket, random.bytes(int(random.choice([8, 36, 72, 500]))), to,
-                        "spoilt")  # fmt: skip
-        if self._faults.now("rdt", "foreign") is not None:
-            if self._other is None:
-                self._other = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-                self._other.bind((self._socket.getsockname()[0], 0))
-            self._extra(self._other, record, to, "foreign")
-
-    def _extra(self, sock: socket.socket, data: bytes, to: tuple[str, int], what: str) -> None:
-        with contextlib.suppress(OSError):
-            sock.sendto(data, to)
-            self.counters[what] += 1
+        random, spoilt = self._random, []
+        if self._now("short") is not None:
+            spoilt.append((record * 2)[: int(random.choice([1, 17, 35, 37, 71]))])
+        if self._now("garbage") is not None:
+            spoilt.append(random.bytes(int(random.choice([8, 36, 72, 500]))))
+        self._out(self._socket, spoilt, to)
+        self.counters["spoilt"] += len(spoilt)
+        if self._now("foreign") is not None:
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+                other.bind((self._socket.getsockname()[0], 0))
+                self._out(other, [record], to)
+            self.counters["foreign"] += 1
 
 
 @dataclass
@@ -197,14 +189,9 @@ class Rdt:
     """Streams what ``sensing`` measures to whoever asked last."""
 
     def __init__(
-        self,
-        thread: LoopThread,
-        sock: socket.socket,
-        sensing: Sensing,
-        pace: Pace,
-        faults: Faults,
+        self, thread: LoopThread, sock: socket.socket, sensing: Sensing, pace: Pace, faults: Faults,
         seed: int,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._loop = thread.loop
         self._socket, self._sensing, self._pace, self._faults = sock, sensing, pace, faults
         self._sender = FaultySender(sock, faults, seed)
@@ -224,7 +211,6 @@ class Rdt:
         self._loop.remove_reader(self._socket)
         if self._timer is not None:
             self._timer.cancel()
-        self._sender.close()
 
     def forget(self) -> None:
         """Drop the request under way, as a box does that was switched off and on."""
@@ -300,7 +286,7 @@ class Rdt:
         if n <= 0:
             return
         data = self._take(stream, n)
-        self._sender.send(data, _SIZE, group * _SIZE, stream.to)
+        self._sender.send(data, group, stream.to)
         stream.tick += n * stream.every
         if stream.left is not None:
             stream.left -= n

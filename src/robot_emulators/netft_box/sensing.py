@@ -26,6 +26,11 @@ LARGEST_BUFFER = 40
 SATURATED = {"netbox": 1 << 31 | 1 << 17, "axia": 1 << 31 | 1 << 30}
 """Status word of a sample that left the sensor's range; sources: ATI 9620-05, 9620-05-C."""
 _LARGEST = 2**31 - 1
+_SHORTEST_S, _SLACK_S = 8e-3, 2e-3
+"""Least time by which the reported time is behind the newest state, and what is added because steps
+are not punctual [s]. A reading between two states is known only when the later one exists, so it is
+a cycle behind, and a block of samples at a time costs least. The delay is constant; a later state
+is waited for."""
 _STALE_S = 0.05
 """Age of the body's newest state [s] from which its last reading is repeated, as a box goes on that
 does not know its robot; below it, a late cycle would change the readings."""
@@ -70,29 +75,6 @@ class BoxSettings(Settings):
         return INTERNAL_RATE[self.product]
 
 
-class Timeline:
-    """The simulated time that a sensor reports at a time of this machine.
-
-    A reading between two states is known only when the later one exists. The reported time is
-    therefore one cycle behind, at least 8 ms (a block of samples at a time costs least), and 2 ms
-    more because steps are not punctual. The delay is constant; a later state is waited for.
-    """
-
-    _SHORTEST_S, _SLACK_S = 8e-3, 2e-3
-
-    def __init__(self, cycle: float) -> None:
-        self._lag = max(cycle, self._SHORTEST_S) + self._SLACK_S
-        self._offset = 0.0
-
-    def observe(self, due: float, newest: float) -> None:
-        """Take in the simulated time of the newest state, and when it was due here [s]."""
-        self._offset = due - newest
-
-    def simulated(self, host: float) -> float:
-        """Simulated time reported at a time of this machine [s]."""
-        return host - self._offset - self._lag
-
-
 class Sensing:
     """A transducer and its electronics, sampled at `BoxSettings.internal_rate` since power-up."""
 
@@ -105,7 +87,7 @@ class Sensing:
         self.per_si = counts / unit
         """(6,) counts per newton and newton metre."""
         self.rate = settings.internal_rate
-        self._timeline = Timeline(body.cycle)
+        self._lag, self._offset = max(body.cycle, _SHORTEST_S) + _SLACK_S, 0.0
         self._lock = threading.Lock()
         self._power_up = time.monotonic()
         self._raw = np.zeros(6)
@@ -117,7 +99,12 @@ class Sensing:
 
     def observe(self) -> None:
         """Look at the body's clock; to be called often."""
-        self._timeline.observe(*self._body.newest)
+        due, newest = self._body.newest
+        self._offset = due - newest
+
+    def simulated(self, host: float) -> float:
+        """Simulated time that is reported at a time of this machine [s]."""
+        return host - self._offset - self._lag
 
     def warm_up(self) -> None:
         """Draw a block of noise, which loads what its filters need."""
@@ -133,7 +120,7 @@ class Sensing:
 
     def ahead(self, tick: int, every: int) -> int:
         """How many samples from ``tick`` on, ``every`` so many, the body knows already."""
-        behind = self._body.newest[1] - self._timeline.simulated(self.host(tick))
+        behind = self._body.newest[1] - self.simulated(self.host(tick))
         return int(behind * self.rate / every) + 1 if behind >= 0.0 else 0
 
     def stale(self, now: float) -> bool:
@@ -142,7 +129,7 @@ class Sensing:
 
     def sample(self, tick: int, every: int, n: int) -> tuple[np.ndarray, np.ndarray]:
         """Counts (n, 6) and status words (n,) of n samples."""
-        t = self._timeline.simulated(self.host(tick))
+        t = self.simulated(self.host(tick))
         values, flagged = self._body.readings(t + np.arange(n) * (every / self.rate))
         if not np.isfinite(values.sum()):
             values = np.nan_to_num(values)
