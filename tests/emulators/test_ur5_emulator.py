@@ -197,6 +197,23 @@ def test_the_watchdog_and_a_new_upload(cb3):
         assert arm.isProgramRunning()
 
 
+@pytest.mark.slow
+@alone
+def test_upper_registers_and_lower_ones_side_by_side(cb3):
+    flags = rtde_control.RTDEControlInterface
+    upper = flags.FLAG_UPLOAD_SCRIPT | flags.FLAG_UPPER_RANGE_REGISTERS
+    with controlling(CB3, 125.0, upper) as arm, receiving(CB3) as robot, dashboard(CB3) as desk:
+        assert arm.moveJ((HOME + 0.1).tolist(), 3.0, 10.0)
+        assert robot.getActualQ() == pytest.approx(HOME + 0.1, abs=1e-2)
+        desk.stop()
+
+
+@alone
+def test_two_controllers_of_one_register_range_exclude_each_other(cb3):
+    with controlling(CB3), pytest.raises(RuntimeError, match="already in use"):
+        rtde_control.RTDEControlInterface(CB3)
+
+
 @alone
 def test_a_protective_stop_cannot_be_unlocked_at_once(cb3):
     with controlling(CB3) as arm, receiving(CB3) as robot, dashboard(CB3) as desk:
@@ -217,22 +234,6 @@ def test_the_e_series_shows_its_sensor_and_box(e_series):
         assert robot.getFtRawWrench()[2] == pytest.approx(13.0, abs=8.0)
         assert desk.getSerialNumber().isdigit() and desk.isInRemoteControl()
         assert desk.polyscopeVersion().startswith("5.11")
-
-
-@alone
-def test_upper_registers_and_lower_ones_side_by_side(cb3):
-    flags = rtde_control.RTDEControlInterface
-    upper = flags.FLAG_UPLOAD_SCRIPT | flags.FLAG_UPPER_RANGE_REGISTERS
-    with controlling(CB3, 125.0, upper) as arm, receiving(CB3) as robot, dashboard(CB3) as desk:
-        assert arm.moveJ((HOME + 0.1).tolist(), 3.0, 10.0)
-        assert robot.getActualQ() == pytest.approx(HOME + 0.1, abs=1e-2)
-        desk.stop()
-
-
-@alone
-def test_two_controllers_of_one_register_range_exclude_each_other(cb3):
-    with controlling(CB3), pytest.raises(RuntimeError, match="already in use"):
-        rtde_control.RTDEControlInterface(CB3)
 
 
 @alone
