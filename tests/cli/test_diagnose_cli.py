@@ -17,7 +17,7 @@ from wrenchbed.errors import DiagnosisError
 def oriented(tmp_path):
     """A recording without joints, of a robot that the package does not know."""
     path = tmp_path / "rec.parquet"
-    mutated.BASES["oriented"](np.random.default_rng(3)).write(path)
+    mutated.BASES["turning"](np.random.default_rng(3)).write(path)
     return path
 
 

@@ -26,26 +26,14 @@ def recorded(tmp_path, *effects, n=40, seed=1):
 
 
 @pytest.mark.slow
-def test_a_tilted_base_is_named_measured_and_put_into_the_twin(tmp_path):
-    found = diagnose(recorded(tmp_path, "base.tilt:x=0.006,y=-0.004")).diagnosis
-    told = found.to_json()
-    assert told["verdict"] == "identified"
-    (cause,) = told["which"]
-    assert cause["effect"] == "base.tilt" and cause["probability"] > 0.9
-    for axis, true in (("x", 0.006), ("y", -0.004)):
-        p = cause["parameters"][axis]
-        assert abs(p["value"] - true) < 4 * p["std"] + 1e-5
-    assert told["where"][0]["subsystem"] == "base"
-    assert told["gap"]["closed"] > 0.95
-    assert told["gap"]["with_effects"] < 0.1 < told["gap"]["calibrated"]
-    assert [a.effect.name for a in found.twin.active] == ["base.tilt"]
-
-
-@pytest.mark.slow
 def test_the_library_writes_what_the_command_line_writes(tmp_path):
     path = tmp_path / "rec.parquet"
     recorded(tmp_path, "joint.offset:joint=6,offset=0.01")
     findings = wb.diagnose(wb.Recording.read(path))
+    told = findings.diagnosis.to_json()
+    (cause,) = told["which"]  # no data in free space tell these two apart
+    assert {cause["effect"], *cause["rivals"]} == {"joint.offset", "mount.rotation"}
+    assert told["verdict"] == "identified"
     plan = Plan.of("ur5", np.zeros((1, 6)))
     replace(findings, plans={"next.parquet": plan}).write(tmp_path / "library")
     main(["diagnose", str(path), "--out", str(tmp_path / "command")])
@@ -67,11 +55,3 @@ def test_a_jump_between_two_poses_may_have_come_at_any_time_between_them(tmp_pat
     step = np.diff(t).max()  # a pose on either side may be a sealed one
     assert abs(time["value"] - moment) < 2.0 * time["std"]
     assert (after - before) / 12.0**0.5 < time["std"] < step
-
-
-@pytest.mark.slow
-def test_what_makes_the_same_readings_is_named_as_a_rival(tmp_path):
-    told = diagnose(recorded(tmp_path, "joint.offset:joint=6,offset=0.01")).diagnosis.to_json()
-    (cause,) = told["which"]
-    assert {cause["effect"], *cause["rivals"]} == {"joint.offset", "mount.rotation"}
-    assert told["verdict"] == "identified"  # no data in free space separate these two

@@ -170,8 +170,6 @@ def test_in_a_motion_neighbouring_rows_share_what_the_model_lacks(stride, times)
 
 # ---- main directions, against numpy's singular values of everything ------------------------------
 
-COUNTS = (7, FEW, FEW + 1, 2 * FEW)
-
 
 def smooth(at):
     """Covariance of a smooth function at these places."""
@@ -183,21 +181,10 @@ def wandering(at):
     return np.exp(-np.abs(at[:, None] - at) / 0.3)
 
 
-def of_rank_30(at):
-    rng = np.random.default_rng(len(at))
-    factor = rng.standard_normal((len(at), 30)) * np.logspace(0.0, -3.0, 30)
-    return factor @ factor.T
-
-
 def alike(at):
     """Five equal eigenvalues, and nothing else."""
     turn, _ = np.linalg.qr(np.random.default_rng(len(at)).standard_normal((len(at), 5)))
     return 3.0 * turn @ turn.T
-
-
-def drawn(kind, size):
-    matrix = kind(np.sort(np.random.default_rng(size).uniform(0.0, 1.0, size)))
-    return 0.5 * (matrix + matrix.T)
 
 
 def shrunk(values, vectors):
@@ -205,13 +192,23 @@ def shrunk(values, vectors):
     return (vectors * (values / (1.0 + values))) @ vectors.T
 
 
-@pytest.mark.parametrize("kind", [smooth, wandering, of_rank_30, alike])
-@pytest.mark.parametrize("size", COUNTS[:3])
+@pytest.mark.parametrize(
+    ("kind", "size", "factored"),
+    [(smooth, 7, 0), (smooth, FEW, 0), (smooth, FEW + 1, 1), (wandering, FEW + 1, 0),
+     (wandering, 7, 0), (alike, FEW + 1, 1)],
+)  # fmt: skip
 @pytest.mark.parametrize("least", [1e-3, 0.1])
-def test_main_directions_are_numpys(kind, size, least):
-    matrix = drawn(kind, size)
+def test_main_directions_are_numpys(monkeypatch, kind, size, factored, least):
+    """Few rows are reduced as a whole, many by the factor, if few of their eigenvalues count."""
+    asked, plain = [], main_directions._of_factor
+    monkeypatch.setattr(
+        main_directions, "_of_factor", lambda *a: asked.append(len(a[0])) or plain(*a)
+    )
+    matrix = kind(np.sort(np.random.default_rng(size).uniform(0.0, 1.0, size)))
+    matrix = 0.5 * (matrix + matrix.T)
     before = matrix.copy()
     values, vectors = above(matrix, least)
+    assert len(asked) == factored or least > 1e-3
     ways, every, _ = np.linalg.svd(matrix)
     wanted, ways = every[every > least], ways[:, every > least]
     assert np.array_equal(matrix, before)
@@ -222,15 +219,7 @@ def test_main_directions_are_numpys(kind, size, least):
     assert np.abs(shrunk(values, vectors) - shrunk(wanted, ways)).max() < 2e-4 * least
 
 
-def test_few_rows_are_reduced_as_a_whole_and_many_by_the_factor(monkeypatch):
-    asked, plain = [], main_directions._of_factor
-    monkeypatch.setattr(
-        main_directions, "_of_factor", lambda *a: asked.append(len(a[0])) or plain(*a)
-    )
-    for size in COUNTS:
-        above(drawn(smooth, size), 1e-3)
-        above(drawn(wandering, size), 1e-3)  # most of its eigenvalues are large
-    assert asked == [FEW + 1, 2 * FEW]
-    for size in COUNTS:  # of small eigenvalues there are none
-        values, vectors = above(1e-4 * np.eye(size), 1e-3)
-        assert values.shape == (0,) and vectors.shape == (size, 0)
+@pytest.mark.parametrize("size", [7, FEW + 1])
+def test_of_small_eigenvalues_there_are_none(size):
+    values, vectors = above(1e-4 * np.eye(size), 1e-3)
+    assert values.shape == (0,) and vectors.shape == (size, 0)

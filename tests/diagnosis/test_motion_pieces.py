@@ -4,19 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.interpolate import make_interp_spline
-from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
+from mutated import turning
 from wrenchbed import registry
-from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.plan import Plan
-from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect, respond
-from wrenchbed.physics.wrench import CHANNELS
 
 RATE = 125.0
 
@@ -88,46 +84,18 @@ def test_a_delay_is_told_from_a_filter_in_a_motion_that_jerks(tmp_path):
 
 # ---- a sensor that reads late on a robot of which only its orientation is recorded ---------------
 
-MASS, COG = 1.2, np.array([0.004, -0.006, 0.07])
-INERTIA = np.diag([1.5e-3, 1.5e-3, 8e-4])
-NOISE = np.array([0.05, 0.05, 0.05, 2e-3, 2e-3, 2e-3])
-STEP = 1e-3
-"""Of the simulation [s]."""
 
-
-def turned(lag, seconds=60.0, rate=100.0, noise=NOISE):
-    """A rigid tool turned about the sensor's origin; the wrench is as old as the lag [s] says."""
-    rng, t = np.random.default_rng(0), np.arange(-1.0, seconds + 1.0, STEP)
-    hertz, size = rng.uniform(0.03, 0.1, (3, 4)), rng.uniform(0.3, 0.9, (3, 4))
-    phase = rng.uniform(0.0, 6.28, (3, 4))
-    waves = size * np.sin(2.0 * np.pi * hertz * t[:, None, None] + phase)
-    turn = Rotation.from_euler("xyz", waves.sum(axis=2))
-    spin = np.zeros((len(t), 3))
-    spin[1:-1] = (turn[:-2].inv() * turn[2:]).as_rotvec() / (2.0 * STEP)
-    spin[[0, -1]] = spin[[1, -2]]
-    rate_of_spin = np.gradient(spin, STEP, axis=0)
-    centre = np.cross(rate_of_spin, COG) + np.cross(spin, np.cross(spin, COG))
-    force = MASS * (turn.inv().apply([0.0, 0.0, -9.80665]) - centre)
-    couple = rate_of_spin @ INERTIA + np.cross(spin, spin @ INERTIA)
-    wrench = np.concatenate([force, np.cross(COG, force) - couple], axis=1)
-    now = np.arange(0.0, seconds, 1.0 / rate)
-    y = make_interp_spline(t, wrench, k=3)(now - lag) + noise * rng.standard_normal((len(now), 6))
-    q = turn[np.round((now - t[0]) / STEP).astype(int)].as_quat(scalar_first=True)
-    columns = {"t": now} | dict(zip(("qw", "qx", "qy", "qz"), q.T, strict=True))
-    columns |= dict(zip(CHANNELS, y.T, strict=True))
-    tool = ToolInfo(MASS, tuple(COG), (1.5e-3, 1.5e-3, 8e-4, 0.0, 0.0, 0.0))
-    sensor = SensorInfo(noise_std=tuple(NOISE))
-    return Recording(
-        Metadata("oriented", "dynamic", "recorded", rate, tool, sensor), columns, "turn"
-    )
+def turned(lag, seconds, noise=1.0):
+    """A tool that is turned about; the wrench is as old as the lag [s] says."""
+    return turning(np.random.default_rng(4), seconds, 100.0, lag, noise)
 
 
 @pytest.mark.parametrize("lag", [0.04, 0.1])
 def test_late_averages_of_a_motion_are_those_of_a_late_wrench(lag):
-    prepared = prepare(turned(0.0, 20.0, noise=0.0 * NOISE))
+    prepared = prepare(turned(0.0, 20.0, 0.0))
     late = ActiveEffect.of(registry.load("robots", "oriented"), "timing.delay", {"delay": lag})
     change = respond(prepared.scene, [late]) - respond(prepared.scene)
-    measured = prepare(turned(lag, 20.0, noise=0.0 * NOISE)).y - prepared.y
+    measured = prepare(turned(lag, 20.0, 0.0)).y - prepared.y
     inside = slice(5, -5)  # before the first row nothing is known
     off = np.sqrt(np.mean((change - measured)[inside] ** 2, axis=0))
     assert (off < 0.05 * np.sqrt(np.mean(measured[inside] ** 2, axis=0))).all()

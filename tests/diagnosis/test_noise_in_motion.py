@@ -5,18 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from test_between_rows import row_effects
 
 from altered import with_columns, with_wrench
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
-from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects
+from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.gap import where
 from wrenchbed.diagnosis.gap.held_out import HeldOut
-from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.diagnosis.prepare.noise import noise_in_motion
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
-from wrenchbed.effects.joint_gear_error import EFFECT as GEAR
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import multisine
 
@@ -24,11 +23,6 @@ ROBOT = registry.load("robots", "ur5")
 DESIGN = ExperimentDesign.of_plan(multisine(ROBOT, 60.0, 125.0, 11), ROBOT)
 PERIOD, STRIDE, ROWS = 1.0 / 125.0, 12, 7488
 T = PERIOD * np.arange(ROWS)
-
-
-def row_effects(rows):
-    """Effects between rows, on the robot that a recording names."""
-    return find_row_effects(rows, configured(rows))
 
 
 def averages(x):
@@ -143,9 +137,3 @@ def test_what_shows_between_rows_becomes_part_of_the_twin():
     share = {"share": {"value": 0.1, "std": 0.01, "unit": "1"}}
     some = RowFinding("timing.stale", 0.99, 0.0, CHANNELS[3:], share, "Torques repeat.")
     assert some.active(ROBOT) is None and replace(some, channels=CHANNELS).active(ROBOT)
-
-
-def test_one_wave_a_turn_is_one():
-    variants = GEAR.variants(prepare(recording(DESIGN, draw(DESIGN, 24, "none"))).scene)
-    labels = {v.label for v in variants}
-    assert "joint 1, 1 wave a turn" in labels and "joint 1, 2 waves a turn" in labels

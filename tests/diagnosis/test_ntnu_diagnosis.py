@@ -120,33 +120,6 @@ def test_bias_shift_inertia_and_vibration_are_found_in_motion(runs, run):
 
 
 @pytest.mark.slow
-def test_what_else_is_named_is_the_same_in_all_runs(runs):
-    """1 % of the torque about y shows about x: a property of the sensor, or of how it is mounted.
-
-    It is on the edge of what can be named; all runs agree on its size.
-    """
-    coupling, std = np.array([coupled(runs(r).analysis) for r in RUNS]).T
-    assert coupling == pytest.approx(np.full(3, 0.0105), abs=0.001)
-    assert (coupling > 5.0 * std).all()
-    usual = {"environment.contact", "sensor.bias", "tool.inertia", "base.vibration"}
-    for run in RUNS:
-        for cause in (w for w in runs(run).diagnosis.which if w["effect"] not in usual):
-            assert (
-                cause["effect"] == "sensor.crosstalk"
-                and cause["probability"] < RIGHT_ELSEWHERE - 0.01
-            )
-            assert cause["parameters"]["channel"]["value"] == "tx"  # fx and ty go together
-
-
-def coupled(a) -> tuple[float, float]:
-    """Share of the torque about y that shows about x beside the load's inertia, and its std."""
-    known = {(h.name, tuple(h.variant.free)): h for h in a.dictionary.hypotheses}
-    parts = (known["tool.inertia", ("share",)], known["sensor.crosstalk", ("x.tx.ty",)])
-    f, size = a.refitter.fit(parts, 0), float(a.dictionary.size[parts[1].columns[0]])
-    return size * float(f.x[1]), size * float(np.sqrt(f.covariance[1, 1]))
-
-
-@pytest.mark.slow
 def test_the_bias_shift_is_the_sessions(runs):
     """Runs 1 and 2 follow each other; run 3 is 3.3 days later."""
     first, second, later = (causes(runs(r))["sensor.bias"]["parameters"] for r in RUNS)

@@ -48,32 +48,26 @@ def in_pose(rec, pose):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("seed", "pose", "along"), [(0, 7, "+x"), (1, 0, "−y"), (2, 59, "+z"), (3, 30, "−y")]
-)
-def test_one_pose_of_60_that_is_pushed_is_named_and_the_rest_is_sound(seed, pose, along):
-    rec = sound(seed)
-    own = in_pose(rec, pose)
-    found = diagnose(pushed(rec, own, 20.0 * np.array(ALONG[along])))
+    ("seed", "pushes"),
+    [(0, {7: (20.0, "+x")}), (1, {0: (20.0, "−y")}), (2, {59: (20.0, "+z")}),
+     (5, {7: (20.0, "+x"), 41: (4.0, "−y")})],
+)  # fmt: skip
+def test_poses_of_60_that_are_pushed_are_named_and_the_rest_is_sound(seed, pushes):
+    """Also one whose force a larger one hides."""
+    rec = hand = sound(seed)
+    for pose, (size, along) in pushes.items():
+        hand = pushed(hand, in_pose(rec, pose), size * np.array(ALONG[along]))
+    found = diagnose(hand)
     told = found.diagnosis
     assert (told.verdict, told.which) == ("none", [])
-    assert abs(told.gap.calibrated.value) < 0.3 and told.gap.rows == (POSES - 1) * ROWS
-    (outlier,) = told.outliers
-    assert outlier["pose"] == pose
-    assert outlier["t"] == pytest.approx(rec.t[own][[0, -1]])
-    assert outlier["sentence"].startswith(f"pose {pose}: 20 N along {along} ")
-    assert told.to_json()["outliers"] == [dict(outlier)]
-    assert found.analysis.prepared.judged.tolist() == [k != pose for k in range(POSES)]
-
-
-@pytest.mark.slow
-def test_two_poses_are_named_though_the_larger_force_hides_the_other():
-    rec = sound(5)
-    one = pushed(rec, in_pose(rec, 7), np.array([20.0, 0.0, 0.0]))
-    told = diagnose(pushed(one, in_pose(rec, 41), np.array([0.0, -4.0, 0.0]))).diagnosis
-    assert told.verdict == "none" and told.gap.rows == (POSES - 2) * ROWS
-    first, second = (o["sentence"] for o in told.outliers)
-    assert first.startswith("pose 7: 20 N along +x ")
-    assert second.startswith("pose 41: 4 N along −y ")
+    assert abs(told.gap.calibrated.value) < 0.3
+    assert told.gap.rows == (POSES - len(pushes)) * ROWS
+    for outlier, (pose, (size, along)) in zip(told.outliers, pushes.items(), strict=True):
+        assert outlier["pose"] == pose
+        assert outlier["t"] == pytest.approx(rec.t[in_pose(rec, pose)][[0, -1]])
+        assert outlier["sentence"].startswith(f"pose {pose}: {size:g} N along {along} ")
+    assert told.to_json()["outliers"] == [dict(o) for o in told.outliers]
+    assert found.analysis.prepared.judged.tolist() == [k not in pushes for k in range(POSES)]
 
 
 @pytest.mark.slow
@@ -201,24 +195,11 @@ def test_a_table_that_a_few_poses_touch_is_a_contact(free, count):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "how",
-    [
-        "at the flange",
-        pytest.param("each its own way", marks=pytest.mark.study),
-        pytest.param("not the lowest", marks=pytest.mark.study),
-    ],
-)
-def test_pushes_without_point_way_or_surface_in_common_are_set_aside_only(free, how):
-    chosen = np.flatnonzero(lowest(free, 2))
-    if how == "not the lowest":
-        chosen = np.argsort(poses_of(free)[1][:, 2])[POSES // 2 : POSES // 2 + 2]
-    world = np.zeros((POSES, 3))
-    world[chosen, 2] = 2.0
-    if how == "each its own way":
-        world[chosen[1]] = (0.0, 2.0, -1.0)
-    point = -0.5 * TIP if how == "at the flange" else TIP
-    told = diagnose(with_forces(free, world, point)).diagnosis
+def test_pushes_without_point_or_way_in_common_are_set_aside_only(free):
+    """Each its own way, at the flange."""
+    chosen, world = np.flatnonzero(lowest(free, 2)), np.zeros((POSES, 3))
+    world[chosen] = (0.0, 0.0, 2.0), (0.0, 2.0, -1.0)
+    told = diagnose(with_forces(free, world, -0.5 * TIP)).diagnosis
     assert (told.verdict, told.which) == ("none", [])
     assert {o["pose"] for o in told.outliers} == set(chosen.tolist())
     assert all(o["sentence"].endswith("contact, or wrong rows") for o in told.outliers)

@@ -16,7 +16,7 @@ from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.gap import where
 from wrenchbed.diagnosis.gap.dependence import family_wise, partitions
-from wrenchbed.diagnosis.gap.where import SEEN, Finding, entries, locate
+from wrenchbed.diagnosis.gap.where import Finding, entries, locate
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import respond
 from wrenchbed.physics.wrench import CHANNELS
@@ -102,16 +102,6 @@ def varying(findings):
     return [f for f in findings if not f.variable.startswith(("channel", "frequency"))]
 
 
-@pytest.mark.slow
-def test_noise_of_any_kind_is_seldom_taken_for_a_finding():
-    alarms = 0
-    for seed in range(200):
-        found = locate(*made("poses", seed, kind=("normal", "heavy")[seed % 2]), 99, seed)
-        assert all(0.0 < f.p_value <= 1.0 and 0.0 <= f.share <= 1.0 for f in found)
-        alarms += any(f.p_value < SEEN for f in found)
-    assert alarms <= 14
-
-
 @pytest.mark.parametrize("kind", ["normal", "memory", "heavy"])
 def test_noise_with_memory_is_no_finding_in_motion(kind):
     alarms = sum(
@@ -124,8 +114,8 @@ def test_p_values_of_noise_are_even():
     prepared, _ = bench("poses")
     parts = partitions(prepared)
     alone, loud = [], []
-    for seed in range(150):
-        case, residual = made("poses", 1000 + seed)
+    for seed in range(120):
+        case, residual = made("poses", 1000 + seed, kind=("normal", "heavy")[seed % 2])
         alone.append(family_wise(parts, residual, case.block_rows, 99, seed)[1])
         covariance = where.autocovariance(case)
         loud.append(where.channels(case, residual, covariance, CHANNELS).p_value)

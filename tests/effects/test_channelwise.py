@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from effect_scenes import NAMES, SCENES, columns, scene_of
+
 from wrenchbed import registry
 from wrenchbed.effects.base import Effect
 from wrenchbed.effects.chain import ActiveEffect, Response, respond

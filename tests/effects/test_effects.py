@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-
 from effect_scenes import (
     BLIND,
     NAMES,
@@ -16,6 +15,7 @@ from effect_scenes import (
     typical,
     variants,
 )
+
 from wrenchbed import registry
 from wrenchbed.effects import base
 from wrenchbed.effects.base import RowEffect

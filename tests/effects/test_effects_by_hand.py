@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from effect_scenes import columns, scene_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from effect_scenes import columns, scene_of
 from wrenchbed import registry
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError

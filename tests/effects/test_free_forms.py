@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from effect_scenes import scene_of
+
 from wrenchbed import registry
 from wrenchbed.effects.base import Variant
 from wrenchbed.effects.chain import ActiveEffect, effects, respond

@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from effect_scenes import motion, scene_of
 from scipy.spatial.transform import Rotation
 
-from effect_scenes import motion, scene_of
 from wrenchbed import registry
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import ActiveEffect, EffectChain, respond

@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from effect_scenes import scene_of
 from scipy.spatial.transform import Rotation
 
-from effect_scenes import scene_of
 from wrenchbed import registry
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError

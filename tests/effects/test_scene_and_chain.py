@@ -4,8 +4,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-
 from effect_scenes import SCENES, motion, plain, scene_of
+
 from wrenchbed import registry
 from wrenchbed.effects.base import STAGES
 from wrenchbed.effects.chain import (

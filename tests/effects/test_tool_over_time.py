@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-
 from effect_scenes import change, scene_of
+
 from wrenchbed import registry
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-
 from effect_scenes import scene_of, variants
+
 from wrenchbed import registry
 from wrenchbed.physics.rotations import apply
 from wrenchbed.physics.wrench import CHANNELS, wrench

@@ -5,27 +5,46 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import psutil
 import pytest
 
-from ended import alive_after
 from wrenchbed.errors import ShortageError, WorkerError
 from wrenchbed.jobs.ending import bound
 from wrenchbed.jobs.workers import in_workers, workers
 
-SUPPORT = Path(__file__).parents[1] / "support"
+HERE = Path(__file__).parent
 ENDS_S = 1.0
 """The promise."""
 
 
 def start(*command: object) -> subprocess.Popen:
-    path = os.pathsep.join([str(SUPPORT), os.environ.get("PYTHONPATH", "")])
+    path = os.pathsep.join([str(HERE), os.environ.get("PYTHONPATH", "")])
     return subprocess.Popen(
         [sys.executable, *map(str, command)], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
         env=os.environ | {"PYTHONPATH": path, "PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
+
+
+def runs(process: psutil.Process) -> bool:
+    try:
+        return process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+def alive_after(processes: Sequence[psutil.Process], seconds: float) -> list[str]:
+    """Commands of those that still run after so long; they are killed then."""
+    until = time.monotonic() + seconds
+    while any(map(runs, processes)) and time.monotonic() < until:
+        time.sleep(0.01)
+    left = [p for p in processes if runs(p)]
+    told = [" ".join(p.cmdline()) for p in left]
+    for process in left:
+        process.kill()
+    return told
 
 
 def descendants(process: subprocess.Popen, least: int) -> list[psutil.Process]:

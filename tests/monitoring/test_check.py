@@ -9,10 +9,10 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from monthly_robot import MonthlyRobot
 from scipy import stats
 
 import wrenchbed as wb
-from monthly_robot import MonthlyRobot
 from wrenchbed.cli import main
 from wrenchbed.errors import HistoryError, RecordingError, WrenchbedWarning
 from wrenchbed.monitoring import check as monthly

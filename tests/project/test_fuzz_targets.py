@@ -1,13 +1,354 @@
-"""Whatever reads a wire, on valid messages, on pieces of them, and on random bytes."""
+"""Whatever reads a wire, on valid messages, on pieces of them, and on random bytes.
 
+A target is a function that raises on a broken promise or on an error that is not a named one, and
+its seeds: valid messages that a test cuts and changes.
+"""
+
+import contextlib
 import random
+import struct
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from ur5_fuzz import chunks, joined
-from wire_fuzz import TARGETS
+from robot_emulators.can_bus import socketcand as client
+from robot_emulators.kinematic_plant import kinematic_plant
+from robot_emulators.netft_box import rdt as made_records
+from robot_emulators.netft_box.pages import Pages
+from robot_emulators.netft_box.rdt import Pace
+from robot_emulators.netft_box.sensing import BoxSettings
+from robot_emulators.plant import PlantRequest
+from robot_emulators.ur import packets
+from robot_emulators.ur.controller import Controller, functions
+from robot_emulators.ur.dashboard import GREETING, Dashboard
+from robot_emulators.ur.inputs import Inputs
+from robot_emulators.ur.outputs import Outputs
+from robot_emulators.ur.packets import Recipe
+from robot_emulators.ur.rtde import Offer, RtdeSession
+from robot_emulators.ur.script import Collector
+from robot_emulators.ur.settings import ControllerSettings
+from robot_emulators.ur.urscript.machine import compiled
+from robot_emulators.ur.urscript.values import ScriptFaultError
+from wrenchbed.errors import DriverError
+from wrenchbed.hardware.drivers.can import frames
+from wrenchbed.hardware.drivers.can.frames import Pairs
+from wrenchbed.hardware.transducers.netft import configuration
+from wrenchbed.hardware.transducers.netft import rdt as records
+from wrenchbed.hardware.transducers.netft.rdt import DeviceClock, History
+
+Target = Callable[[bytes], None]
+
+
+def chunks(data: bytes) -> list[bytes]:
+    """Pieces of a stream, of sizes that the data themselves say: one byte each, then so many."""
+    pieces, at = [], 0
+    while at < len(data):
+        size = data[at] + 1
+        pieces.append(data[at + 1 : at + 1 + size])
+        at += 1 + size
+    return pieces
+
+
+def joined(*pieces: bytes) -> bytes:
+    return b"".join(bytes([len(p) - 1]) + p for p in pieces)
+
+
+def rtde() -> tuple[Target, list[bytes]]:
+    """An RTDE client's packets on their way to the UR5 emulator."""
+    version = (5, 11, 0, 1)
+    outputs = packets.outputs(version)
+    values = {name: packets.zero(kind) for name, kind in outputs.items()}
+    inputs = Inputs(packets.inputs(version), lambda written: None)
+    offer = Offer(version, 500.0, outputs, inputs)
+
+    def run(data: bytes) -> None:
+        sent: list[bytes] = []
+        session = RtdeSession(offer, sent.append)
+        for piece in chunks(data):
+            if not session.receive(piece, 1.0):
+                break
+            assert session.held < 65536
+            if session.due():
+                packet = session.data(values)
+                assert struct.unpack_from(">H", packet)[0] == len(packet)
+        session.end()
+        for packet in sent:
+            assert struct.unpack_from(">H", packet)[0] == len(packet)
+        assert not inputs._owners
+
+    names = b"timestamp,actual_q,actual_TCP_force,robot_mode"
+    opening = packets.packet(packets.VERSION, b"\0\2") + packets.packet(packets.CONTROLLER)
+    recipe = packets.packet(packets.OUTPUTS, struct.pack(">d", 125.0) + names)
+    written = packets.packet(packets.INPUTS, b"input_int_register_0,input_double_register_1")
+    value = packets.packet(packets.DATA, b"\1" + struct.pack(">id", 5, 0.5))
+    return run, [
+        joined(opening, recipe, packets.packet(packets.START), packets.packet(packets.PAUSE)),
+        joined(opening, written, value, value),
+        joined(packets.packet(packets.OUTPUTS, names), packets.packet(packets.START), b"\0\2"),
+    ]
+
+
+def script() -> tuple[Target, list[bytes]]:
+    """Programs on their way to the controller: each is translated, or says why not."""
+    table = functions((5, 11, 1, 0))
+
+    def run(data: bytes) -> None:
+        collector, size = Collector(), 1 + len(data) % 7
+        for at in range(0, len(data), size):
+            programs = collector.feed(data[at : at + size])
+            assert programs is not None and collector.held <= len(data)
+            for text in programs:
+                with contextlib.suppress(ScriptFaultError):
+                    compiled(text, table)
+
+    return run, [
+        b"movej([0,1,2,3,4,5],a=1.4,v=1.05,r=0.02)\nmovel(p[0.1,0.2,0.3,0,3,0],a=1.2,v=0.25)\n",
+        b"sec s():\n  set_digital_out(0, True)\nend\n# words\nstopj(2)\n",
+        b"def f():\n  write_output_integer_register(0 +24, -2)\n  if x:\n  end\nend\n",
+    ]
+
+
+def _controller():
+    """An e-Series controller, which knows the most, with the built-in plant."""
+    return Controller(ControllerSettings("e"), kinematic_plant(PlantRequest("ur5", 0.008)))
+
+
+def dashboard() -> tuple[Target, list[bytes]]:
+    """Lines on their way to the dashboard: each is answered by one."""
+    controller = _controller()
+
+    def run(data: bytes) -> None:
+        said: list[bytes] = []
+        controller.reboot()
+        talk = Dashboard(controller, SimpleNamespace(send=said.append), lambda: None)
+        for piece in chunks(data):
+            if not talk.receive(piece, 1.0):
+                break
+            controller.cycle(controller.now + 0.3)
+        lines = b"".join(chunks(data)).count(b"\n")
+        assert said[0] == GREETING.encode() + b"\n" and len(said) <= 1 + lines
+        assert all(answer.endswith(b"\n") and answer.count(b"\n") == 1 for answer in said)
+
+    return run, [
+        joined(b"robotmode\npower off\nsafetystatus\n", b"power on\nbrake release\n"),
+        joined(b"load a.urp\nplay\nrunning\npause\n", b"programState\nstop\nget loaded program\n"),
+        joined(
+            b"unlock protective stop\npopup hi\n", b"PolyscopeVersion\nget serial number\nquit\n"
+        ),
+    ]
+
+
+def registers() -> tuple[Target, list[bytes]]:
+    """Commands and numbers in input registers, carried out by the controller's program."""
+    controller = _controller()
+    outputs, home = Outputs(controller, shared=False), controller.arm.q.copy()
+    everything = Recipe(1, list(controller.fields.items()))
+    path = f"movej({(home + 0.1).tolist()}, a=2, v=1)\nmovel(p{home.tolist()}, a=1, v=0.2)\n"
+    text = (Path(__file__).parents[1] / "support" / "rtde_control.script").read_text(
+        encoding="utf-8"
+    )
+    text = text.replace("# inject move path\n", f"# inject move path\n{path}")
+    warnings.simplefilter("ignore", RuntimeWarning)  # a tool a thousand kilometres away overflows
+
+    def write(piece: bytes) -> None:
+        """A command, a register that one byte names, and a number in it."""
+        command, which, value = struct.unpack_from(">BBd", piece.ljust(10, b"\0"))
+        kind, name = (
+            ("double", value)
+            if which < 128
+            else ("int", struct.unpack(">i", piece[2:6].ljust(4, b"\0"))[0])
+        )
+        number = 1 + which % 24 if kind == "int" else which % 48
+        controller.inputs.write({f"input_{kind}_register_{number}": (name,)}, controller.now)
+        controller.inputs.write({"input_int_register_0": (command,)}, controller.now)
+
+    def upload() -> None:
+        controller.upload([text])
+        assert controller._uploaded is None or controller._uploaded.result()
+        controller.cycle(controller.now + 0.008)
+
+    def run(data: bytes) -> None:
+        controller.reboot()
+        upload()
+        for piece in chunks(data)[:24]:
+            write(piece)
+            for _ in range(3):
+                controller.cycle(controller.now + 0.008)
+            if controller.program is None:
+                upload()
+        outputs.update(1.0, set(controller.fields))
+        everything.pack(controller.values)
+        arm = controller.arm
+        assert np.isfinite([arm.q, arm.qd]).all() and arm.kinematics.within(arm.q)
+        assert (np.abs(arm.qd) <= 1.03 * arm.kinematics.speed).all()
+
+    def give(command: int, which: int = 127, value: float = 0.0) -> bytes:
+        return struct.pack(">BBd", command, which, value)
+
+    move = [give(0, k, v) for k, v in enumerate([*(home + 0.1), 1.0, 2.0])]
+    pose = [give(0, k, v) for k, v in enumerate([0.4, -0.1, 0.4, 3.1, 0.0, 0.0, 0.2, 1.0])]
+    return run, [
+        joined(*move, give(1), give(0), give(45), give(0), give(34)),
+        joined(*pose, give(3), give(0), give(24), give(16), give(30), give(12), give(16)),
+        joined(give(29, 2, 0.1), give(0), give(17, 0, 0.5), give(0), give(59, 1, 9.0), give(65)),
+        joined(give(9, 0, 0.1), give(15), give(0), give(10, 2, 0.05), give(42), give(41, 7, 1.0)),
+        joined(give(6, 8, 5.0), give(7), give(8), give(25, 2, -1.0), give(62), give(51, 0, 0.1)),
+        joined(give(35, 0, 10.0), give(0), give(44), give(39), give(61), give(37), give(31)),
+    ]
+
+
+def rdt() -> tuple[Target, list[bytes]]:
+    """Records of a Net F/T on the way to the transducer."""
+    tracker, clock = records.Tracker(1000.0, 7.0), DeviceClock(7000.0)
+    history, runs = History(1.5, 1e-3), [0]
+
+    def run(data: bytes) -> None:
+        for piece in chunks(data):
+            runs[0] += 1
+            now = 1e-3 * runs[0]
+            try:
+                batch = records.decode(piece)
+            except DriverError:
+                assert len(piece) % records.SIZE
+                continue
+            kept = tracker.take(batch) if len(batch) else batch
+            if not len(kept):
+                continue
+            for table in records.TABLES.values():
+                word = int(np.bitwise_or.reduce(kept["status"]))
+                assert bool(table.faults(word)) == bool(word)
+            assert np.isfinite(clock.take(now, int(kept["ft"][-1]))).all()
+            history.add(now, kept)
+            at = history.at(now)
+            assert at is None or (np.isfinite(at.counts).all() and 0.0 <= at.age < 0.1)
+
+    record = struct.pack(">3I6i", 1, 7, 0, 1, 2, 3, 4, 5, 6)
+    after = struct.pack(">3I6i", 2, 14, 0x80020000, -1, 2**31 - 1, -(2**31), 0, 0, 0)
+    return run, [joined(record, after), joined(record + after), joined(after, record, b"x")]
+
+
+def rdt_server() -> tuple[Target, list[bytes]]:
+    """Requests on their way to the box, and records that it makes of any numbers."""
+
+    def run(data: bytes) -> None:
+        request = made_records.parse(data)
+        if request is not None:
+            assert data == struct.pack(">HHI", 0x1234, *request)
+        if len(data) >= 8:
+            first, ft = struct.unpack_from(">II", data)
+            n = len(data) % 5
+            words = np.full(n, ft, dtype=np.int64)
+            packed = made_records.pack(first, words, words, np.zeros((n, 6)))
+            assert len(packed) == 36 * n
+
+    commands = (0, 2, 3, 4, 0x41, 0x42, 0x77)
+    return run, [struct.pack(">HHI", 0x1234, c, 5) for c in commands]
+
+
+def http_server() -> tuple[Target, list[bytes]]:
+    """Targets and bodies of web requests on their way to the box."""
+    bias = np.zeros(6)
+    sensing = SimpleNamespace(
+        rate=7000, status=0, newest=bias, bias=bias, range=bias + 65.0,
+        set_bias=lambda channel, counts: 0,
+    )  # fmt: skip
+    pace = Pace(7000.0, 10)
+    pages = Pages(BoxSettings(), pace, sensing)
+
+    def run(data: bytes) -> None:
+        target, _, body = data.decode("latin-1").partition("\n")
+        status, _, text = pages.answer(target, body)
+        assert status[:3] in ("200", "400", "404") and len(text) < 16384
+        assert 1.0 <= pace.rate <= 7000.0 and 1 <= pace.buffer <= 40
+
+    return run, [
+        b"/netftapi2.xml?index=3",
+        b"/comm.cgi?comrdtrate=500&comrdtbsiz=4&comrdte=1",
+        b"/setting.cgi\nsetbias0=1",
+    ]
+
+
+def xml() -> tuple[Target, list[bytes]]:
+    """A web page on its way to the transducer."""
+
+    def run(data: bytes) -> None:
+        try:
+            said = configuration.parse(data, 7000.0)
+        except DriverError as error:
+            assert len(str(error)) < 400
+        else:
+            assert np.isfinite(said.per_si).all() and (said.per_si > 0.0).all()
+
+    fields = {
+        "runstat": "0", "runrate": "7000", "scfgfu": "N", "scfgtu": "lbf-in", "cfgcpf": "1000000",
+        "cfgcpt": "1e6", "cfgmr": "65;65;200;5;5;5", "comrdte": "Enabled", "comrdtrate": "7000",
+    }  # fmt: skip
+    page = "".join(f"<{k}>{v}</{k}>" for k, v in fields.items()).encode()
+    page = b'<?xml version="1.0" encoding="UTF-8"?><netft>' + page + b"</netft>"
+    return run, [page, b"<!DOCTYPE a><a/>"]
+
+
+def netcanoem() -> tuple[Target, list[bytes]]:
+    """CAN frames on their way to the NETCANOEM transducer."""
+    pairs, base = Pairs(), 0x6A
+    polls = [0]
+
+    def run(data: bytes) -> None:
+        for piece in chunks(data):
+            polls[0] += 1
+            if len(piece) < 2 or piece[0] & 0x80:
+                pairs.poll(1e-4 * polls[0])
+                continue
+            arbitration = struct.unpack_from(">H", piece)[0] % 0x800
+            reply = frames.parse(arbitration, piece[2:10], base)
+            if reply is not None and reply.opcode in (frames.GAUGES, frames.ODD):
+                reading = pairs.take(1e-4 * polls[0], reply)
+                assert reading is None or len(reading.gauges) == 6
+                pairs.clash(1e-4 * polls[0])
+            if reply is not None and reply.opcode == frames.GAUGES:
+                status = reply.values[0]
+                named = [k for k in range(15) if frames.STATUS[k] and status >> k & 1]
+                assert len(frames.faults(status)) == max(len(named), status >> 15 & 1)
+
+    def frame(opcode: int, payload: bytes) -> bytes:
+        return struct.pack(">H", base << 4 | opcode) + payload
+
+    even = frame(0, struct.pack(">Hhhh", 0x8002, 1, -2, 32767))
+    odd = frame(1, struct.pack(">hhh", 4, 5, -32768))
+    more = [frame(2, bytes(8)), frame(5, b"FT12345\0"), frame(6, b"\1"), frame(7, bytes(8)),
+            frame(8, b"\2\3"), frame(15, b"\3\7\0\1")]  # fmt: skip
+    return run, [joined(b"\x80", even, odd), joined(even, b"\x80", odd), joined(*more)]
+
+
+def socketcand() -> tuple[Target, list[bytes]]:
+    """A socketcand client's text on its way to the CAN hub."""
+
+    def run(data: bytes) -> None:
+        held = b""
+        for piece in chunks(data):
+            commands, held, _ = client.split(held + piece)
+            assert len(held) <= client.LONGEST
+            for command in commands:
+                frame = client.frame_of(command.words)
+                assert frame is None or len(frame.data) <= 8
+
+    return run, [
+        joined(b"< open can0 >< rawmode >"),
+        joined(b"< send 123 2 a b >", b"< send 12345678 8 1 2 3 4 5 6 7 ff >"),
+    ]
+
+
+TARGETS: dict[str, Callable[[], tuple[Target, list[bytes]]]] = {
+    "rdt": rdt, "rdt-server": rdt_server, "http-server": http_server, "xml": xml,
+    "netcanoem": netcanoem, "socketcand": socketcand, "rtde": rtde,
+    "script": script, "dashboard": dashboard, "registers": registers,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="module", params=TARGETS)

@@ -5,8 +5,11 @@ code of the checks. A corruption that changes no value of a fit (a joint that tu
 vertical) may also pass: then the fit must hold the truth.
 """
 
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -32,7 +35,6 @@ from altered import (
     with_metadata,
     with_wrench,
 )
-from mutated import GRAVITY, TOOL, Dice, Mutator, adds, moved, reads
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.recording import Recording
@@ -40,6 +42,8 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.medrue.kinematics import PAPER
 
 Random = np.random.Generator
+GRAVITY = np.array([0.0, 0.0, -9.80665])
+TOOL = ("tool.mass", "tool.cog.x", "tool.cog.y", "tool.cog.z")
 KGF, LBF, LBF_IN, GF = 9.80665, 4.4482216, 0.11298483, 1e3 / 9.80665
 """A kilogram-force [N], a pound-force [N], a pound-force inch [N·m]; gram-forces of a newton."""
 BASES = ("ur5", "medrue", "oriented", "motion")
@@ -55,6 +59,79 @@ class Good:
 
     recording: Recording
     truth: Mapping[str, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Dice:
+    """Draws about a recording."""
+
+    r: Recording
+    rng: Random
+
+    @property
+    def noise(self) -> np.ndarray:
+        """Standard deviation of a row (6,), stated or usual."""
+        std = self.r.metadata.sensor.noise_std
+        return WHITE if std is None else np.maximum(std, 1e-6)
+
+    @property
+    def along(self) -> np.ndarray:
+        """0 … 1 over the recording (N, 1)."""
+        t = self.r.t
+        return ((t - t[0]) / max(float(np.ptp(t)), 1e-9))[:, None]
+
+    @property
+    def poses(self) -> int:
+        return int(holds(self.r).max()) + 1
+
+    def log(self, low: float, high: float) -> float:
+        """Uniform in the logarithm."""
+        return float(np.exp(self.rng.uniform(np.log(low), np.log(high))))
+
+    def some(self, low: float, high: float) -> np.ndarray:
+        """Rows (N,) of a run of holds that is a fraction of all, between two limits."""
+        return run_of_holds(self.r, self.rng, self.rng.uniform(low, high))
+
+    def size(self, low: float = 0.3, high: float = 300.0) -> np.ndarray:
+        """A change (6,) of so many σ of a row, random in direction."""
+        return self.log(low, high) * self.noise * self.rng.standard_normal(6)
+
+    def push(self, low: float, high: float, *size: float) -> np.ndarray:
+        """A change (N, 6) of such a size in some rows."""
+        return self.some(low, high)[:, None] * self.size(*size)
+
+    def white(self, columns: int = 6) -> np.ndarray:
+        return self.rng.standard_normal((len(self.r), columns))
+
+    def pick(self, names: Sequence[str]) -> str:
+        return str(self.rng.choice(names))
+
+    def channels(self) -> np.ndarray:
+        """1 in all channels or in one (6,)."""
+        return np.ones(6) if self.rng.random() < 0.5 else np.eye(6)[self.rng.integers(6)]
+
+    def signs(self) -> np.ndarray:
+        return self.rng.choice([-1.0, 1.0], 6)
+
+    def exchanged(self, count: int) -> np.ndarray:
+        """The order of so many, two of them exchanged."""
+        order = np.arange(count)
+        pair = self.rng.choice(count, 2, replace=False)
+        order[pair] = order[pair[::-1]]
+        return order
+
+
+Mutator = Callable[[Dice], Recording]
+
+
+def adds(change: Callable[[Dice], np.ndarray]) -> Mutator:
+    """A change (N, 6) of the readings."""
+    return lambda d: with_added(d.r, change(d))
+
+
+def reads(readings: Callable[[Dice], np.ndarray]) -> Mutator:
+    """Other readings (N, 6)."""
+    return lambda d: with_wrench(d.r, readings(d))
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,6 +179,17 @@ def good(base: str, seed: int) -> Good:
         r = static("ur5", truth, poses=poses, samples=rows, noise=WHITE, seed=seed)
         return Good(_stated(r, mass, cog), truth)
     return Good(_stated(_oriented(rng, truth, poses, rows), mass, cog), truth)
+
+
+@cache
+def moved(seed: int, seconds: float, rate: float) -> Recording:
+    """A multisine of a UR5."""
+    plan = wb.multisine(wb.load("robots", "ur5"), seconds, rate, seed=seed)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "rec.parquet"
+        with wb.SimDriver(wb.SimOptions("ur5", noise="white", seed=seed)) as driver:
+            wb.record(driver, plan, path)
+        return wb.Recording.read(path)
 
 
 def _tool(rng: Random) -> dict[str, float]:
@@ -181,7 +269,8 @@ def _units(force: float, torque: float) -> Mutator:
 
 def _unbiased(r: Recording) -> np.ndarray:
     """Readings less the bias: what they differ by from the stated load on average."""
-    load = at_point(orientation(r).inv().apply([0.0, 0.0, -_weight(r)]), r.metadata.tool.cog)
+    cog = r.metadata.tool.cog or (0.0, 0.0, 0.0)
+    load = at_point(orientation(r).inv().apply([0.0, 0.0, -_weight(r)]), cog)
     return r.wrench - (r.wrench - load).mean(axis=0)
 
 

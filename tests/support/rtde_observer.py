@@ -1,14 +1,16 @@
 """A second RTDE client, plain sockets only, that watches where a UR robot's joints are."""
 
 import contextlib
-import socket
 import struct
 import threading
 import time
 
 import numpy as np
 
-_RECIPE = "timestamp,target_q,actual_q"
+from ur5_socket import Client, ClosedError
+
+_SIZE = 13 * 8
+"""Of a time and two sets of six joint values [B]."""
 
 
 class Observer:
@@ -42,41 +44,24 @@ class Observer:
 
     def _run(self):
         while not self._stopped.is_set():
-            with contextlib.suppress(OSError, struct.error):
-                self._watch()
+            with (
+                contextlib.suppress(OSError, struct.error, ClosedError, AssertionError),
+                Client(self.host, timeout=0.3) as link,
+            ):
+                self._watch(link.stream("timestamp,target_q,actual_q", 125.0))
             self._stopped.wait(0.02)
 
-    def _watch(self):
-        with socket.create_connection((self.host, 30004), 0.3) as link:
-            link.settimeout(0.3)
-            self._ask(link, b"V", struct.pack(">H", 2))
-            self._ask(link, b"O", struct.pack(">d", 125.0) + _RECIPE.encode())
-            self._ask(link, b"S", b"")
-            while not self._stopped.is_set():
-                kind, body = self._packet(link)
-                if kind == ord("U") and len(body) == 1 + 13 * 8:
-                    q = np.array(struct.unpack_from(">6d", body, 1 + 7 * 8))
-                    self.rows.append((time.monotonic(), q))
-                else:
-                    self.odd += kind != ord("M")
-
-    def _ask(self, link, kind, body):
-        link.sendall(struct.pack(">HB", 3 + len(body), kind[0]) + body)
-        while self._packet(link)[0] != kind[0]:
-            pass
-
-    def _packet(self, link):
-        size, kind = struct.unpack(">HB", self._exactly(link, 3))
-        if not 3 <= size < 2048 or chr(kind) not in "VOSUM":
-            self.odd += 1
-            raise ConnectionResetError
-        return kind, self._exactly(link, size - 3)
-
-    def _exactly(self, link, n):
-        data = b""
-        while len(data) < n:
-            part = link.recv(n - len(data))
-            if not part:
-                raise ConnectionResetError
-            data += part
-        return data
+    def _watch(self, link):
+        while not self._stopped.is_set():
+            try:
+                kind, body = link.packet(0.3)
+            except TimeoutError:
+                self.odd += bool(link.held)  # a packet without its end
+                return
+            if kind == "U" and len(body) == 1 + _SIZE:
+                q = np.array(struct.unpack_from(">6d", body, 1 + 7 * 8))
+                self.rows.append((time.monotonic(), q))
+            elif kind != "M":
+                self.odd += 1
+                if kind not in "VOSU":
+                    return  # out of step: from the start
