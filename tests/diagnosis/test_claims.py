@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from linear_case import dictionary, readings, refitter
+from linear_case import dictionary, named, readings, refitter
 from wrenchbed.diagnosis.explain.claims import (
     explained,
     stated,
@@ -20,15 +20,11 @@ JOINTS = ("joint.offset", "joint.backlash")
 PAIR = ("cable.pull", "sensor.temperature")
 
 
-def hypotheses(d, names):
-    return tuple(next(h for h in d.hypotheses if h.name == n) for n in names)
-
-
 def finalist(gaps, parts=None, rung=0, **options):
     """What refits the readings of some gaps, and the structure of these parts."""
     d = dictionary(**options)
     r = refitter(d, readings(d, gaps))
-    return r, r.fit(hypotheses(d, parts or tuple(gaps)), rung)
+    return r, r.fit(named(d, *(parts or gaps)), rung)
 
 
 def names(explanation):
@@ -109,7 +105,7 @@ def test_what_a_small_part_holds_of_a_stated_number_is_given_back():
 
 
 @pytest.mark.parametrize(
-    ("error", "tolerance", "named"),
+    ("error", "tolerance", "wrong"),
     [
         (0.45, 0.48, False),
         (1.5, 0.3, True),
@@ -118,10 +114,10 @@ def test_what_a_small_part_holds_of_a_stated_number_is_given_back():
         (9.0, np.inf, False),  # nothing is stated
     ],
 )
-def test_a_stated_number_is_wrong_when_it_is_far_off_and_counts(error, tolerance, named):
+def test_a_stated_number_is_wrong_when_it_is_far_off_and_counts(error, tolerance, wrong):
     r, f = finalist({"tool.mass": 4.0 * error**2}, ("base.tilt",), tolerance=tolerance)
     found = wrong_numbers(r, f)
-    assert [p.name for p in found] == (["tool.mass"] if named else [])
+    assert [p.name for p in found] == (["tool.mass"] if wrong else [])
     for p in found:
         assert p.share == pytest.approx(4.0 * error**2, rel=0.01)
         assert p.probability > 0.95 and p.index is None
@@ -182,10 +178,9 @@ def test_the_sensors_own_weight_is_bounded_while_stated_numbers_are_exact(
     tolerance, mass_size, bound
 ):
     d = dictionary(effects={"tool.self_weight": 1, "base.tilt": 1}, tolerance=tolerance)
-    values = {k: getattr(d, k) for k in d.__dataclass_fields__}
     size = np.where(np.arange(len(d.size)) == 6, mass_size, 1.0)
-    r = refitter(type(d)(**values | {"size": size}), readings(d, {}))
-    stated_errors_beside(r, r.fit(hypotheses(d, ("base.tilt",)), 0))
+    r = refitter(replace(d, size=size), readings(d, {}))
+    stated_errors_beside(r, r.fit(named(d, "base.tilt"), 0))
     (level,) = r.exact.values()
     assert level.V[d.of_effect("tool.self_weight")] == pytest.approx(bound**2)
     assert level.V[d.stated] == pytest.approx(np.zeros(10))
@@ -241,7 +236,7 @@ def test_a_part_that_makes_what_another_makes_is_doubled(correlation, twice):
     every = (*PAIR, "tool.loose")
     effects = dict.fromkeys(every, 1)
     r, f = finalist({"cable.pull": 3.0}, every, effects=effects, alike={PAIR: correlation})
-    some = hypotheses(r.d, ("cable.pull", "tool.loose", "sensor.temperature"))
+    some = named(r.d, "cable.pull", "tool.loose", "sensor.temperature")
     both = replace(f, parts=some, x=np.array([0.8, 0.5, -0.3]))
     assert doubled(r, both) is twice
     assert not doubled(r, replace(f, x=np.array([0.8, 0.3, 0.5])))  # only the last is asked

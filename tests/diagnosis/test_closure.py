@@ -111,14 +111,6 @@ def test_rows_of_one_block_are_drawn_together():
     assert 0.3 < half.low < 0.42 and 0.58 < half.high < 0.7  # 0.5 ∓ 1.96 · 0.5/√40
 
 
-def test_the_interval_leaves_out_a_fortieth_on_each_side():
-    gain = np.random.default_rng(3).normal(0.5, 0.2, 400)
-    told = drawn(ones(400), np.arange(400), 1).ratio(gain, np.ones(400))
-    assert told.value == pytest.approx(gain.mean())
-    assert told.high - told.low == pytest.approx(2 * 1.96 * gain.std() / 20.0, rel=0.1)
-    assert (told.low + told.high) / 2 == pytest.approx(told.value, abs=0.003)
-
-
 def test_the_interval_holds_the_truth_in_19_of_20_cases():
     rng, held = np.random.default_rng(5), 0
     for seed in range(200):

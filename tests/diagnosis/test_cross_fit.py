@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from linear_case import ROWS, dictionary, readings, refitter
+from linear_case import ROWS, dictionary, named, readings, refitter
 from simulated import UR5_TRUTH, WHITE, static, with_tool
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.explain.claims import stated_errors_beside
@@ -27,11 +27,6 @@ D = dictionary(moving=False)
 IN_FOLD = np.repeat(np.arange(ROWS) // 5 % 4 == FOLD, 6)
 
 
-def structure(r, *names):
-    parts = tuple(next(h for h in r.d.hypotheses if h.name == n) for n in names)
-    return r.fit(parts, 0)
-
-
 def by_hand(f, y, rows):
     """The most probable variables (k,) of a finalist on some rows, all matrices dense."""
     level = Searcher(D).rungs[f.rung].level
@@ -46,7 +41,7 @@ def by_hand(f, y, rows):
 def test_a_refit_without_a_fold_is_that_of_the_other_rows(names):
     y = readings(D, dict.fromkeys(names, 9.0))
     r = refitter(D, y)
-    f = structure(r, *names)
+    f = r.fit(named(D, *names), 0)
     again = r.without(FOLD).again(f)
     assert again.x == pytest.approx(by_hand(f, y, ~IN_FOLD), abs=1e-4)
     X = np.concatenate([D.E[:, h.columns] for h in f.parts], axis=1)
@@ -62,7 +57,7 @@ def test_readings_of_a_fold_change_nothing_that_judges_it():
     told, size = [], None
     for given in (y, spoiled):
         r = refitter(D, given)
-        f = structure(r, "base.tilt")
+        f = r.fit(named(D, "base.tilt"), 0)
         size = f.spread if size is None else size  # how large effects are, all rows may say
         less, f = r.without(FOLD), replace(f, spread=size, rung=0)
         again = less.again(f)

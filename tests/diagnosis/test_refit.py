@@ -9,7 +9,7 @@ import pytest
 from linear_case import Named, dictionary, noise
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
-from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
+from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.explain.refit import Refitter, Variables
 from wrenchbed.diagnosis.explain.structures import analyse
@@ -52,7 +52,7 @@ def case(amplitude, lag, seed=0):
     d = dictionary(effects={NAME: 1})
     column = [e for e, _ in d.label].index(NAME)
     d.E[:, column] = wave(len(d.E), 2.0)
-    d = EffectDictionary(**{f: getattr(d, f) for f in d.__dataclass_fields__})
+    d = replace(d)  # what it computed of its columns, again
     variant = Variant("lag", ("span",), {"lag": 2.0}, ("lag",))
     h = Hypothesis(Shaped(NAME), variant, np.array([column]), 4.0)
     d = replace(d, hypotheses=(*d.hypotheses[:3], h))

@@ -7,14 +7,14 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from linear_case import EFFECTS, Named, dictionary, readings
+from linear_case import EFFECTS, Named, dictionary, named, readings
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.effects.base import Variant
 
 
 def hypothesis(d, name, typical=4.0, weight=1.0):
-    own = next(h for h in d.hypotheses if h.name == name)
+    (own,) = named(d, name)
     variant = Variant(name, own.variant.free, weight=weight)
     return Hypothesis(Named(name), variant, own.columns, typical)
 
@@ -26,8 +26,7 @@ def test_effects_share_their_prior_and_variants_that_of_an_effect():
     assert s.prior(hypothesis(d, "cable.pull")) == pytest.approx(np.log(0.45 / count))
     assert s.prior(hypothesis(d, "base.tilt")) == pytest.approx(np.log(0.45 / count) + 2.5)
     more = (hypothesis(d, "cable.pull", weight=3.0),)
-    values = {k: getattr(d, k) for k in d.__dataclass_fields__}
-    wide = Searcher(replace(d, **values | {"hypotheses": d.hypotheses + more}))
+    wide = Searcher(replace(d, hypotheses=d.hypotheses + more))
     assert wide.prior(more[0]) == pytest.approx(np.log(0.45 / count * 0.75))
 
 

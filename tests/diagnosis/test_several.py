@@ -11,7 +11,7 @@ from test_diagnose import recorded
 
 import wrenchbed as wb
 from altered import with_metadata
-from linear_case import LinearRefitter, dictionary, noise, refitter
+from linear_case import LinearRefitter, dictionary, named, noise, refitter
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
 from wrenchbed.diagnosis.explain.joint import JointRefitter, OneOf
@@ -33,8 +33,7 @@ def joint(*cases):
 
 
 def fit(j, name):
-    h = next(h for h in j.each[0].d.hypotheses if h.name == name)
-    parts = (j.part(h, 0),)
+    parts = (j.part(*named(j.each[0].d, name), 0),)
     return j.fit(parts, j.nothing().rungs, j.start(parts))
 
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from linear_case import Named, dictionary, readings, refitter
+from linear_case import Named, dictionary, named, readings, refitter
 from wrenchbed.diagnosis.evidence.search import SingleEvidence
 from wrenchbed.diagnosis.explain import structures
 from wrenchbed.diagnosis.explain.contributions import claimable
@@ -83,9 +83,7 @@ def test_the_unknown_alone_weighs_kernels_and_large_backgrounds_together():
 def test_what_is_claimable_is_what_counts_and_is_no_stated_number():
     d = dictionary()
     r = refitter(d, readings(d, {"base.tilt": 0.8, "cable.pull": 0.7, "tool.mass": 9.0}))
-    named = ("tool.mass", "cable.pull", "base.tilt")
-    parts = tuple(next(h for h in d.hypotheses if h.name == n) for n in named)
-    f = r.fit(parts, 0)
+    f = r.fit(named(d, "tool.mass", "cable.pull", "base.tilt"), 0)
     assert claimable(r, f) == [2]
 
 
@@ -104,7 +102,7 @@ def test_one_more_effect_has_prior_odds_of_two_ninths():
     """The linear evidence of a second effect beside a first is that of both refitted."""
     d = dictionary()
     r = refitter(d, readings(d, {"base.tilt": 2.0, "cable.pull": 1.0}))
-    tilt, pull = (next(h for h in d.hypotheses if h.name == n) for n in ("base.tilt", "cable.pull"))
+    tilt, pull = named(d, "base.tilt", "cable.pull")
     one = r.fit((tilt,), 0)
     index = d.hypotheses.index(pull)
     (told,) = (s for s in r.added(one) if s.index == index)
@@ -127,7 +125,7 @@ def test_one_more_effect_has_prior_odds_of_two_ninths():
 def test_a_blamed_number_is_set_free():
     d = dictionary(tolerance=0.05)
     r = refitter(d, readings(d, {"tool.mass": 36.0}))
-    (mass,) = (h for h in d.hypotheses if h.name == "tool.mass")
+    (mass,) = named(d, "tool.mass")
     f = r.fit((mass,), 0)
     assert len(f.x) == 0 and f.design.shape[1] == 1
     level = r.level((mass,), 1)

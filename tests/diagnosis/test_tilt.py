@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from linear_case import dictionary, readings, refitter
+from linear_case import dictionary, named, readings, refitter
 from wrenchbed.diagnosis.explain.claims import Explanation, Part, explained
 from wrenchbed.diagnosis.explain.tilt import agreement, sentences, with_accelerometer
 from wrenchbed.diagnosis.explain.verdict import Verdict
@@ -22,8 +22,7 @@ def analysed(gaps, tilt, parts=None, probability=0.95):
     """An analysis whose only explanations are of these parts, and nothing."""
     d = dictionary()
     r = refitter(d, readings(d, gaps))
-    names = parts or tuple(gaps)
-    f = r.fit(tuple(next(h for h in d.hypotheses if h.name == n) for n in names), 0)
+    f = r.fit(named(d, *(parts or gaps)), 0)
     with_parts, without = np.log([probability, 1.0 - probability])
     told = [
         explained(r, replace(f, log_posterior=float(with_parts))),
@@ -85,26 +84,25 @@ def test_a_small_tilt_that_both_see_is_claimed():
 
 
 @pytest.mark.parametrize(
-    ("gap", "probability", "tilt"),
+    ("gap", "probability", "tilt", "sentence"),
     [
-        (0.2, 0.95, np.sqrt(0.05)),  # less than a quarter of a gap
-        (0.4, 0.85, SEEN),  # not sure enough
-        (0.4, 0.95, SEEN + 0.2),  # the two contradict each other
+        (0.2, 0.95, np.sqrt(0.05), 1),  # less than a quarter of a gap
+        (0.4, 0.85, SEEN, 1),  # not sure enough
+        (0.4, 0.95, SEEN + 0.2, 1),  # the two contradict each other
+        (0.4, 0.95, None, 0),
     ],
-    ids=["small", "unsure", "apart"],
+    ids=["small", "unsure", "apart", "no testimony"],
 )
-def test_otherwise_the_verdict_stays(gap, probability, tilt):
-    a = analysed({TILT: gap}, [tilt, 0.0], probability=probability)
+def test_otherwise_the_verdict_stays(gap, probability, tilt, sentence):
+    a = analysed({TILT: gap}, [tilt or 0.0, 0.0], probability=probability)
+    if tilt is None:
+        a.prepared.testimony = None
     verdict = verdict_of(a, "none")
     assert with_accelerometer(a, verdict) is verdict
+    assert len(sentences(a, verdict)) == sentence
 
 
-def test_without_a_testimony_or_a_tilt_the_verdict_stays():
-    a = analysed({TILT: 0.4}, [SEEN, 0.0])
-    verdict = verdict_of(a, "none")
-    a.prepared.testimony = None
-    assert with_accelerometer(a, verdict) is verdict
-    assert sentences(a, verdict) == ()
+def test_without_a_tilt_the_verdict_stays():
     other = analysed({"cable.pull": 3.0}, [0.3, 0.0])
     verdict = verdict_of(other, "identified")
     assert with_accelerometer(other, verdict) is verdict

@@ -8,7 +8,7 @@ import pytest
 from linear_case import Named
 from wrenchbed.diagnosis.explain.claims import Explanation, Part
 from wrenchbed.diagnosis.explain.structures import Ranking
-from wrenchbed.diagnosis.explain.verdict import Verdict, allowed, complete, decide, tempered
+from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, allowed, complete, decide, tempered
 
 TILT, PULL, GAIN, OFFSET = "base.tilt", "cable.pull", "sensor.gain", "joint.offset"
 
@@ -155,13 +155,17 @@ def test_the_most_probable_of_none_unknown_and_claims_is_the_verdict():
         ("none", (0.1, 0.8, 0.1), 0.5, (0.1, 0.4, 0.5)),
         ("unknown", (0.1, 0.1, 0.8), 0.5, (0.3, 0.3, 0.4)),
         ("unknown", (0.0, 0.0, 1.0), 0.7, (0.0, 0.3, 0.7)),
+        ("identified", (0.9, 0.04, 0.06), 0.95, (0.855, 0.04, 0.105)),
+        ("unknown of a claim", (0.9, 0.04, 0.06), 0.3, (0.27, 0.04, 0.69)),
     ],
 )
-def test_doubt_about_no_claim_goes_to_unknown_and_about_unknown_to_all_others(
-    verdict, before, right, after
-):
+def test_doubt_goes_to_unknown_and_about_unknown_to_all_others(verdict, before, right, after):
     given = {k: p for k, p in zip((TILT, "none", "unknown"), before, strict=True) if p}
-    told = dict(tempered(Verdict(verdict, (), None, given), right).probabilities)
-    assert {TILT: 0.0} | told == pytest.approx(
+    claims = verdict not in ("none", "unknown")
+    causes = (Cause((TILT,), 1.0, part=None),) if claims else ()
+    told = tempered(Verdict("identified" if claims else verdict, causes, None, given), right)
+    assert told.verdict == verdict.partition(" ")[0]
+    assert [c.probability for c in told.causes] == pytest.approx([right] * (right > 0.5) * claims)
+    assert {TILT: 0.0} | dict(told.probabilities) == pytest.approx(
         dict(zip((TILT, "none", "unknown"), after, strict=True))
     )

@@ -126,8 +126,12 @@ def dictionary(effects=EFFECTS, alike=None, gap=4.0, tolerance=0.3, rows=ROWS, m
         free = tuple(p for name, p in label if name == e)
         typical = float(d.column_gap[columns].sum()) if e in effects else gap * n
         hypotheses.append(Hypothesis(Named(e), Variant(e, free), columns, typical))
-    values = {f: getattr(d, f) for f in d.__dataclass_fields__}
-    return EffectDictionary(**values | {"hypotheses": tuple(hypotheses)})
+    return replace(d, hypotheses=tuple(hypotheses))
+
+
+def named(d, *names):
+    """The first hypothesis of each name."""
+    return tuple(next(h for h in d.hypotheses if h.name == n) for n in names)
 
 
 def noise(d, seed=0):

@@ -1,7 +1,7 @@
 """Noise of a sensor at rest, drawn in the frequency domain: nothing of it is `NoiseStream`'s code.
 
 A long periodic Gaussian record with the stated density is cut to a part of it, so that the part is
-not periodic. It is drawn at 16 times the rate and thinned out, so that the sampling folds the 1/f
+not periodic. It is drawn at 8 times the rate and thinned out, so that the sampling folds the 1/f
 part back as it does in a sensor.
 """
 
@@ -15,7 +15,7 @@ from wrenchbed.physics.wrench import CHANNELS
 
 WHITE = np.array([0.035, 0.02, 0.075, 0.0012, 0.0019, 0.00025])
 """Deviation of one row [N, N·m], much as a Gamma's."""
-_FOLDS, _LONGER = 16, 8
+_FOLDS, _LONGER = 8, 4
 
 
 @dataclass(frozen=True)
