@@ -247,7 +247,7 @@ def test_clocks_that_drift_apart_leap_or_begin_anew_are_followed_again():
 def test_status_words_by_product():
     netbox, axia = table("netbox"), table("axia")
     assert netbox.faults(0x80020000) == ("transducer saturated or converter error",)
-    assert netbox.out_of_range(0x80020000) and not netbox.broken(0x80020000)
+    assert netbox.saturated == 0x20000 and not netbox.broken(0x80020000)
     assert not netbox.broken(0x80010000)
     assert netbox.broken(0x80000000) and netbox.broken(0x80020004) and not netbox.broken(0)
     assert axia.faults(0xC0000000) == ("force or torque out of range",)

@@ -10,7 +10,7 @@ from wrenchbed.hardware.device import ClockFit
 from wrenchbed.hardware.drivers.base import ArmSample
 from wrenchbed.hardware.drivers.live import pace, settled
 from wrenchbed.hardware.drivers.timing import Resampler, controller_time, hermite
-from wrenchbed.hardware.transducers.base import Past, WrenchSample
+from wrenchbed.hardware.transducers.base import Past
 
 OMEGA = 2 * np.pi * 0.7
 
@@ -137,37 +137,36 @@ def test_rows_begin_with_the_first_state_and_end_with_the_last():
     assert controller_time(ArmSample(5.0, 2.0, 0.0, still, still)) == 2.0
 
 
-def sample(t, force, status=0, saturated=0, faults=()):
-    wrench = np.array([force, 0.0, 0.0, 0.0, 0.0, 0.0])
-    return WrenchSample(t, None, 1, 0.0, True, wrench, status=status, saturated=saturated,
-                        faults=faults)  # fmt: skip
+def past(*readings):
+    """Readings that came one by one: (time [s], force [N], status, saturated)."""
+    kept = Past()
+    for t, force, *flags in readings:
+        kept.add(t, [force, 0.0, 0.0, 0.0, 0.0, 0.0], *flags)
+    return kept
 
 
 def test_a_reading_between_two_has_the_flags_of_both():
-    past = Past(8)
-    past.add(sample(1.00, 1.0, status=1, faults=("hot",)))
-    past.add(sample(1.04, 3.0, status=2, saturated=4, faults=("hot", "wet")))
-    between = past.at(1.01)
+    between = past((1.00, 1.0, 1), (1.04, 3.0, 2, 4)).at(1.01)
     assert between.wrench[0] == pytest.approx(1.5)
-    assert (between.status, between.saturated, between.faults) == (3, 4, ("hot", "wet"))
+    assert (between.status, between.saturated) == (3, 4)
     assert between.age == pytest.approx(0.01)
 
 
 def test_of_readings_close_together_the_nearer_one_counts():
-    past = Past(8)
-    for t, force in ((1.0, 1.0), (1.0005, 3.0), (1.0025, 5.0)):
-        past.add(sample(t, force))
-    told = [past.at(t).wrench[0] for t in (1.0, 1.0002, 1.0003, 1.0005, 1.0015)]
-    assert told == pytest.approx([1.0, 1.0, 3.0, 3.0, 4.0])
+    close = past((1.0, 1.0), (1.0005, 3.0), (1.0025, 5.0))
+    forces = [close.at(t).wrench[0] for t in (1.0, 1.0002, 1.0003, 1.0005, 1.0015)]
+    assert forces == pytest.approx([1.0, 1.0, 3.0, 3.0, 4.0])
+    batch = Past()
+    batch.add([1.0, 1.0005, 1.0025], np.outer([1.0, 3.0, 5.0], np.ones(6)))
+    assert batch.at(1.0015).wrench == pytest.approx(np.full(6, 4.0))
 
 
-def test_nothing_is_told_before_after_and_in_a_gap():
-    past = Past(8)
-    for t in (1.0, 1.04, 1.2):
-        past.add(sample(t, 0.0))
-    past.add(sample(1.1, 9.0))  # older than the last: not kept
-    assert past.at(0.99) is None and past.at(1.21) is None and past.at(1.1) is None
-    assert past.at(1.0) is not None and past.at(1.2) is None
+def test_nothing_is_known_before_after_in_a_gap_and_of_long_ago():
+    some = past((1.0, 0.0), (1.04, 0.0), (1.2, 0.0))
+    assert some.at(0.99) is None and some.at(1.21) is None and some.at(1.1) is None
+    assert some.at(1.0) is not None and some.at(1.2).age == 0.0 and Past().at(1.0) is None
+    some.add(5.0, np.ones(6))
+    assert some.at(1.02) is None
 
 
 def test_states_too_far_apart_end_a_motion():

@@ -38,9 +38,10 @@ from robot_emulators.ur.urscript.values import ScriptFaultError
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.drivers.can import frames
 from wrenchbed.hardware.drivers.can.frames import Pairs
+from wrenchbed.hardware.transducers.base import Past
 from wrenchbed.hardware.transducers.netft import configuration
 from wrenchbed.hardware.transducers.netft import rdt as records
-from wrenchbed.hardware.transducers.netft.rdt import DeviceClock, History
+from wrenchbed.hardware.transducers.netft.rdt import DeviceClock
 
 Target = Callable[[bytes], None]
 
@@ -206,7 +207,7 @@ def registers() -> tuple[Target, list[bytes]]:
 def rdt() -> tuple[Target, list[bytes]]:
     """Records of a Net F/T on the way to the transducer."""
     tracker, clock = records.Tracker(1000.0, 7.0), DeviceClock(7000.0)
-    history, runs = History(1.5, 1e-3), [0]
+    past, runs = Past(), [0]
 
     def run(data: bytes) -> None:
         for piece in chunks(data):
@@ -224,9 +225,9 @@ def rdt() -> tuple[Target, list[bytes]]:
                 word = int(np.bitwise_or.reduce(kept["status"]))
                 assert bool(table.faults(word)) == bool(word)
             assert np.isfinite(clock.take(now, int(kept["ft"][-1]))).all()
-            history.add(now, kept)
-            at = history.at(now)
-            assert at is None or (np.isfinite(at.counts).all() and 0.0 <= at.age < 0.1)
+            past.add(np.full(len(kept), now), kept["counts"], kept["status"])
+            at = past.at(now)
+            assert at is None or (np.isfinite(at.wrench).all() and 0.0 <= at.age < 0.1)
 
     record = struct.pack(">3I6i", 1, 7, 0, 1, 2, 3, 4, 5, 6)
     after = struct.pack(">3I6i", 2, 14, 0x80020000, -1, 2**31 - 1, -(2**31), 0, 0, 0)

@@ -10,7 +10,7 @@ from wrenchbed import registry
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.base import Applied, ArmSample, Driver, Move, Reached, as_designed
-from wrenchbed.hardware.transducers.base import Past, Transducer, WrenchSample
+from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Joint, LoadInSensorAxes, load_parameters, tool_parameters
@@ -134,7 +134,7 @@ class PlanarSensor(Transducer):
 
     def __init__(self) -> None:
         super().__init__()
-        self.count, self.past = 0, Past(64)
+        self.count = 0
 
     def _connect(self) -> None: ...
     def _close(self) -> None: ...
@@ -142,11 +142,8 @@ class PlanarSensor(Transducer):
     def _read(self) -> WrenchSample:
         self.count += 1
         sample = WrenchSample(time.monotonic(), None, self.count, 0.0, True, np.zeros(6))
-        self.past.add(sample)
+        self._past.add(sample.t, sample.wrench)
         return sample
-
-    def _at(self, t: float) -> WrenchSample | None:
-        return self.past.at(t)
 
     def _health(self) -> Health:
         return Health("ok", "", {"readings": float(self.count)})

@@ -4,16 +4,16 @@ A frozen reading is always visible: it carries its age, and `health` names what 
 `connect` blocks, and it has a deadline. A transducer fills in the methods with an underscore.
 """
 
-import bisect
 import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 from urllib.parse import SplitResult, urlsplit
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from wrenchbed import registry
 from wrenchbed.errors import ParameterError
@@ -21,8 +21,10 @@ from wrenchbed.hardware.device import STALE_S, Device
 
 CLOSE_S = 1e-3
 """Readings closer in time are not interpolated [s]: a robot's joints move less than their noise."""
-HISTORY = 1024
-"""Readings that are kept: four seconds at 250 Hz, twice what a row of a motion may wait."""
+KEPT_S = 1.5
+"""Time of which readings are kept [s]: longer than a row of a motion waits for its wrench."""
+_BATCHES = 8192
+"""Batches of readings that are kept: `KEPT_S` of one a millisecond, and room."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +58,62 @@ class WrenchSample:
     faults: tuple[str, ...] = ()
 
 
+class PastReading(NamedTuple):
+    """A load (6,), the flags of both readings around it, and how far the nearer one is [s]."""
+
+    wrench: np.ndarray
+    status: int
+    saturated: int
+    age: float
+
+
+class Past:
+    """The last readings, in batches; written by one thread, read by others."""
+
+    def __init__(self) -> None:
+        self._batches: deque[tuple[np.ndarray, ...]] = deque(maxlen=_BATCHES)
+
+    def add(
+        self, t: ArrayLike, wrench: ArrayLike, status: ArrayLike = 0, saturated: ArrayLike = 0
+    ) -> None:
+        """Keep readings (n, 6) of times (n,) [s]; a time before the last one counts as that one."""
+        times = np.maximum.accumulate(np.atleast_1d(np.asarray(t, dtype=float)))
+        if self._batches:
+            times = np.maximum(times, self._batches[-1][0][-1])
+        flags = (np.broadcast_to(np.asarray(f, np.int64), times.shape) for f in (status, saturated))
+        self._batches.append((times, np.asarray(wrench, dtype=float).reshape(-1, 6), *flags))
+        while self._batches[0][0][-1] < times[-1] - KEPT_S:
+            self._batches.popleft()
+
+    def clear(self) -> None:
+        """Drop all readings."""
+        self._batches.clear()
+
+    def at(self, t: float) -> PastReading | None:
+        """The reading at a time [s]; None before the first, after the last and in a gap.
+
+        Of two that are less than `CLOSE_S` apart the nearer one counts: a mean of both would have
+        less noise than the sensor. Else the reading is interpolated linearly.
+        """
+        around: list[tuple[np.ndarray, ...]] = []
+        for batch in reversed(self._batches.copy()):
+            around = [batch, *around[:1]]
+            if batch[0][0] <= t:
+                break
+        if not around:
+            return None
+        times, wrench, *flags = (np.concatenate(column) for column in zip(*around, strict=True))
+        after = min(max(int(np.searchsorted(times, t)), 1), len(times) - 1)
+        before = max(after - 1, 0)
+        span, since = times[after] - times[before], t - times[before]
+        if not times[0] <= t <= times[-1] or span > STALE_S:
+            return None
+        later = float(since >= 0.5 * span) if span < CLOSE_S else since / span
+        status, saturated = (int(word[before] | word[after]) for word in flags)
+        between = wrench[before] + later * (wrench[after] - wrench[before])
+        return PastReading(between, status, saturated, float(min(since, abs(span - since))))
+
+
 class Transducer(Device, ABC):
     """A force/torque sensor with its electronics. Use as a context manager."""
 
@@ -73,7 +131,7 @@ class Transducer(Device, ABC):
 
     def __init__(self) -> None:
         super().__init__()
-        self._past = Past(HISTORY)
+        self._past = Past()
         self._last_read: tuple[int, float] | None = None
 
     def read(self) -> WrenchSample:
@@ -108,65 +166,19 @@ class Transducer(Device, ABC):
         """The newest reading; `read` sets its age and whether it is fresh."""
 
     def _at(self, t: float) -> WrenchSample | None:
-        return self._past.at(t)
+        newest, past = self._read(), self._past.at(t)
+        return None if past is None else replace(newest, t=t, device_time=None, **past._asdict())
 
 
-def weight(since: float, span: float) -> float:
-    """Weight of the later of two readings, some time [s] after the first, a span [s] apart.
-
-    Of two that are less than `CLOSE_S` apart the nearer one counts: a mean of both would have less
-    noise than the sensor. Else the reading is interpolated linearly.
-    """
-    if span < CLOSE_S:
-        return float(since >= 0.5 * span)
-    return since / span
-
-
-class Past:
-    """The last readings; written by one thread, read by others."""
-
-    def __init__(self, most: int) -> None:
-        self._samples: deque[WrenchSample] = deque(maxlen=most)
-
-    def add(self, sample: WrenchSample) -> None:
-        """Keep one more reading, if it is newer than the last."""
-        if not self._samples or sample.t > self._samples[-1].t:
-            self._samples.append(sample)
-
-    def clear(self) -> None:
-        """Drop all readings."""
-        self._samples.clear()
-
-    def at(self, t: float) -> WrenchSample | None:
-        """The reading at a time [s], interpolated between its neighbours by `weight`.
-
-        It has the flags of both. None before the first, after the last and in a gap.
-        """
-        samples = list(self._samples)
-        k = bisect.bisect_left(samples, t, key=lambda sample: sample.t)
-        if k == len(samples) or (k == 0 and samples[0].t > t):
-            return None
-        before, after = samples[max(k - 1, 0)], samples[k]
-        span = after.t - before.t
-        if span > STALE_S:
-            return None
-        later = weight(t - before.t, span)
-        return replace(
-            after,
-            t=t,
-            device_time=None,
-            age=min(t - before.t, after.t - t),
-            wrench=before.wrench + later * (after.wrench - before.wrench),
-            status=before.status | after.status,
-            saturated=before.saturated | after.saturated,
-            faults=tuple(dict.fromkeys((*before.faults, *after.faults))),
-        )
+def _addressed() -> dict[str, type[Transducer]]:
+    """Registered transducers that an address can name."""
+    kinds = {name: registry.load("transducers", name) for name in registry.names("transducers")}
+    return {name: kind for name, kind in kinds.items() if getattr(kind, "form", "")}
 
 
 def forms() -> str:
     """The addresses that registered transducers can be given by, with commas between them."""
-    kinds = (registry.load("transducers", name) for name in registry.names("transducers"))
-    return ", ".join(kind.form for kind in kinds if getattr(kind, "form", ""))
+    return ", ".join(kind.form for kind in _addressed().values())
 
 
 def transducer_at(address: str) -> Transducer:
@@ -175,16 +187,12 @@ def transducer_at(address: str) -> Transducer:
     Raises:
         ParameterError: it names none; the message lists the forms.
     """
+    why, form = "", forms()
     try:
         parts = urlsplit(address)
-    except ValueError as error:
-        raise ParameterError(f"sensor {address!r}: {error}: give {forms()}") from error
-    if parts.scheme in registry.names("transducers"):
-        kind = registry.load("transducers", parts.scheme)
-        if getattr(kind, "form", ""):
-            try:
-                transducer: Transducer = kind.at_address(parts)
-            except (ParameterError, ValueError) as error:
-                raise ParameterError(f"sensor {address!r}: {error}: give {kind.form}") from error
-            return transducer
-    raise ParameterError(f"sensor {address!r}: give {forms()}")
+        if (kind := _addressed().get(parts.scheme)) is not None:
+            form = kind.form
+            return kind.at_address(parts)
+    except (ParameterError, ValueError) as error:
+        why = f"{error}: "
+    raise ParameterError(f"sensor {address!r}: {why}give {form}")

@@ -277,7 +277,7 @@ class GaugeBoard(Transducer):
             saturated=sum(1 << k for k in range(6) if channels[k]),
             lost=self._lost + self._pairs.lost, faults=frames.faults(reading.status),
         )  # fmt: skip
-        self._past.add(sample)
+        self._past.add(sample.t, sample.wrench, sample.status, sample.saturated)
 
     def _doubt_after_silence(self, now: float) -> None:
         if self._calibration is not None and now - self._heard_at > SILENT_S:

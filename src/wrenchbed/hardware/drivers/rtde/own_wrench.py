@@ -53,12 +53,8 @@ class OwnWrench(Transducer):
         state, newest = self._look(), self._newest
         if newest is None or newest.t != state.t:
             self._newest = newest = reading(state, self._robot)
-            self._past.add(newest)
+            self._past.add(newest.t, newest.wrench)
         return newest
-
-    def _at(self, t: float) -> WrenchSample | None:
-        self._read()
-        return super()._at(t)
 
     def _health(self) -> Health:
         sample = self._read()

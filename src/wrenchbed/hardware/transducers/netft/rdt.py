@@ -11,16 +11,13 @@ import socket
 import struct
 import threading
 import time
-from collections import deque
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware.device import STALE_S, ClockFit
-from wrenchbed.hardware.transducers.base import weight
+from wrenchbed.hardware.device import ClockFit
 
 START, STOP = 0x0002, 0x0000
 _REQUEST = struct.Struct(">HHI")
@@ -42,10 +39,6 @@ _PAUSE_S, _WAIT_S = 1e-3, 0.05
 after which `Receiver.stop` is noticed [s]."""
 _ROOM = 128 * 1024
 """Bytes of the receive buffer: half a second of records at 7 kHz."""
-_HISTORY_S = 1.5
-"""Time of which records are kept [s]: longer than a row of a motion waits for its wrench."""
-_BATCHES = 8192
-"""Batches of records that are kept: `_HISTORY_S` of one in each `_PAUSE_S`, and room."""
 _STRETCH_S = 0.1
 """Stretch of which the least late reading counts [s], a hundred `_PAUSE_S`."""
 _HELD_S = 0.1
@@ -79,10 +72,6 @@ class StatusTable:
         errors = status & ~(self.saturated | self.harmless)
         only_summary = errors == _ANY and status & (self.saturated | self.harmless)
         return errors != 0 and not only_summary
-
-    def out_of_range(self, status: int) -> bool:
-        """Whether a reading left the sensor's range."""
-        return bool(status & self.saturated)
 
 
 _NETBOX = StatusTable(
@@ -219,51 +208,6 @@ class Tracker:
         self.last, self._jump = pair, None
 
 
-class KnownRecord(NamedTuple):
-    """Counts (6,) at a time, the status bits around it, and how far the nearest record is [s]."""
-
-    counts: np.ndarray
-    status: int
-    age: float
-
-
-class History:
-    """Counts at any time of the last ``seconds``; written by one thread, read by others."""
-
-    def __init__(self, seconds: float, period: float) -> None:
-        self._seconds, self._period = seconds, period
-        self._batches: deque[tuple[np.ndarray, np.ndarray]] = deque(maxlen=_BATCHES)
-
-    def add(self, t: float, batch: np.ndarray) -> None:
-        """Keep records (n,), the last of which arrived at t [s], or would have without delay."""
-        behind = (int(batch["rdt"][-1]) - batch["rdt"].astype(np.int64)) % 2**32
-        self._batches.append((t - behind * self._period, batch))
-        while self._batches[0][0][-1] < t - self._seconds:
-            self._batches.popleft()
-
-    def at(self, t: float) -> KnownRecord | None:
-        """Counts at a time [s], interpolated by `weight`; None where unknown."""
-        around: list[tuple[np.ndarray, np.ndarray]] = []
-        for batch in reversed(self._batches.copy()):
-            around = [batch, *around[:1]]
-            if batch[0][0] <= t:
-                break
-        if not around:
-            return None
-        times = np.maximum.accumulate(np.concatenate([times for times, _ in around]))
-        rows = np.concatenate([rows for _, rows in around])
-        if not times[0] <= t <= times[-1]:
-            return None
-        k = int(np.clip(np.searchsorted(times, t), min(1, len(times) - 1), len(times) - 1))
-        span = times[k] - times[k - 1]
-        if span > STALE_S:
-            return None
-        before, after = rows["counts"][k - 1].astype(float), rows["counts"][k].astype(float)
-        between = before + weight(t - times[k - 1], span) * (after - before)
-        status = int(rows["status"][k - 1] | rows["status"][k])
-        return KnownRecord(between, status, float(min(abs(t - times[k - 1]), abs(times[k] - t))))
-
-
 class DeviceClock:
     """A device's clock: a 32-bit counter over its rate [Hz], unwrapped, against this machine's."""
 
@@ -312,15 +256,19 @@ class Receiver:
         box: address of its RDT.
         rate: of its records [Hz].
         internal_rate: of its samples [Hz].
+        keep: called in its thread with times (n,) [s] at which records would have arrived without
+            delay, and the records (n,).
 
     Raises:
         LinkError: there is no way to this address.
     """
 
-    def __init__(self, box: tuple[str, int], rate: float, internal_rate: float) -> None:
-        self.box = box
+    def __init__(
+        self, box: tuple[str, int], rate: float, internal_rate: float,
+        keep: Callable[[np.ndarray, np.ndarray], None],
+    ) -> None:  # fmt: skip
+        self.box, self._period, self._keep = box, 1.0 / rate, keep
         self.tracker = Tracker(rate, internal_rate / rate)
-        self.history = History(_HISTORY_S, 1.0 / rate)
         self.clock = DeviceClock(internal_rate)
         self.newest: Received | None = None
         self.records = self.foreign = self.misshapen = self.requests = 0
@@ -328,8 +276,7 @@ class Receiver:
         self._lock = threading.Lock()
         self._socket = _socket(box)
         self._buffer = bytearray(_ROOM)
-        self._heard = 0.0
-        self._patience = SILENT_S
+        self._heard, self._patience = 0.0, SILENT_S
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="netft receiver", daemon=True)
 
@@ -413,7 +360,8 @@ class Receiver:
         self.newest = Received(
             now, device, int(last["ft"]), int(last["status"]), last["counts"], since, same
         )
-        self.history.add(punctual, batch)
+        behind = (int(last["rdt"]) - batch["rdt"].astype(np.int64)) % 2**32
+        self._keep(punctual - behind * self._period, batch)
 
 
 def _socket(box: tuple[str, int]) -> socket.socket:

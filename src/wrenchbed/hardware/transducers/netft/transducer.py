@@ -97,7 +97,9 @@ class NetftTransducer(Transducer):
                 f"http://{host}:{port}: RDT is off: switch it on on the communications page"
             )
         self._page, self._range = page, page.rating
-        self._receiver = receiver = Receiver((host, options.port), page.rate, page.internal_rate)
+        self._past.clear()
+        box = (host, options.port)
+        self._receiver = receiver = Receiver(box, page.rate, page.internal_rate, self._keep)
         receiver.start()
         wait_until(lambda: receiver.newest is not None, _FIRST_S + 2.0 / page.rate)
         if receiver.newest is None:
@@ -133,27 +135,30 @@ class NetftTransducer(Transducer):
         port, content = configuration.get_any(host, ports, "/netftapi2.xml")
         return port, configuration.parse(content, INTERNAL_RATE[self._options.product])
 
+    def _keep(self, t: np.ndarray, records: np.ndarray) -> None:
+        wrench, status = records["counts"] / self._page.per_si, records["status"].astype(np.int64)
+        self._past.add(t, wrench, status, self._saturated(wrench, status))
+
     def _read(self) -> WrenchSample:
-        receiver = self._running
-        newest = receiver.newest
+        newest = self._running.newest
         if newest is None:
-            raise LinkError(f"{receiver.box[0]}: no record came yet")
-        sample = self._sample(newest.t, newest.counts, newest.status | receiver.flagged())
+            raise LinkError(f"{self._running.box[0]}: no record came yet")
+        status, wrench = newest.status | self._running.flagged(), newest.counts / self._page.per_si
+        saturated = int(self._saturated(wrench[None], np.array([status]))[0])
+        sample = self._sample(newest.t, wrench, status, saturated)
         return replace(sample, device_time=newest.device_time, sequence=newest.ft)
 
     def _at(self, t: float) -> WrenchSample | None:
-        known = self._running.history.at(t)
-        if known is None:
-            return None
-        return replace(self._sample(t, known.counts, known.status), age=known.age)
+        past = self._past.at(t)
+        return None if past is None else self._sample(t, *past)
 
-    def _sample(self, t: float, counts: np.ndarray, status: int) -> WrenchSample:
-        """A reading from counts (6,), arrived at a time [s]."""
-        tracker, wrench = self._running.tracker, counts / self._page.per_si
+    def _sample(
+        self, t: float, wrench: np.ndarray, status: int, saturated: int, age: float = 0.0
+    ) -> WrenchSample:
+        tracker = self._running.tracker
         return WrenchSample(
-            t, None, tracker.last[1], 0.0, True, wrench, status=status,
-            saturated=self._saturated(wrench, status), lost=self._lost + tracker.lost,
-            bias_id=self._restarts + tracker.restarts, faults=self._words(status),
+            t, None, tracker.last[1], age, True, wrench, status, saturated,
+            self._lost + tracker.lost, self._restarts + tracker.restarts, self._words(status),
         )  # fmt: skip
 
     def _health(self) -> Health:
@@ -165,10 +170,9 @@ class NetftTransducer(Transducer):
         health = by_age(time.monotonic() - newest.t, what, counters)
         if not health.ok:
             return health
-        words = ", ".join(self._words(newest.status))
         if trouble := self._trouble(newest):
             return Health("fault", f"{what}: {trouble}", counters)
-        return Health("ok", words, counters)
+        return Health("ok", ", ".join(self._words(newest.status)), counters)
 
     def _trouble(self, newest: Received) -> str:
         """Why a fresh record cannot be used; empty where it can."""
@@ -179,7 +183,16 @@ class NetftTransducer(Transducer):
             return f"status 0x{status:08x}: {', '.join(self._words(status))}"
         if self._watch is not None and self._watch.wrong:
             return self._watch.wrong
-        return self._beyond(newest.counts, status)
+        if self._range is None or status & self._table.saturated:
+            return ""
+        fraction = np.abs(newest.counts / self._page.per_si) / self._range
+        k, biased = int(np.argmax(fraction)), any(c in "123456789" for c in self._page.bias)
+        if fraction[k] < _BEYOND * (2.0 if biased else 1.0):
+            return ""
+        return (
+            f"{CHANNELS[k]} reads {fraction[k]:.2g} times its full scale, yet the box does not "
+            "call it out of range: check counts, units and calibration"
+        )
 
     def _counters(self, receiver: Receiver) -> Mapping[str, float]:
         tracker, ppm = receiver.tracker, receiver.clock.ppm
@@ -192,26 +205,12 @@ class NetftTransducer(Transducer):
         }  # fmt: skip
         return counters if ppm is None else counters | {"clock_ppm": ppm}
 
-    def _saturated(self, wrench: np.ndarray, status: int) -> int:
-        mask = 0
-        if self._range is not None:
-            over = np.abs(wrench) >= _FULL * self._range
-            mask = int(sum(1 << k for k in range(6) if over[k]))
-        return mask or (_ALL if self._table.out_of_range(status) else 0)
-
-    def _beyond(self, counts: np.ndarray, status: int) -> str:
-        """Describe counts (6,) far out of range that the status word conceals, else empty."""
-        if self._range is None or self._table.out_of_range(status):
-            return ""
-        biased = any(c in "123456789" for c in self._page.bias)
-        fraction = np.abs(counts / self._page.per_si) / self._range
-        k = int(np.argmax(fraction))
-        if fraction[k] < _BEYOND * (2.0 if biased else 1.0):
-            return ""
-        return (
-            f"{CHANNELS[k]} reads {fraction[k]:.2g} times its full scale, yet the box does not "
-            "call it out of range: check counts, units and calibration"
-        )
+    def _saturated(self, wrench: np.ndarray, status: np.ndarray) -> np.ndarray:
+        """Bits of the channels at the end of their range (n,), by loads (n, 6) and status words."""
+        full = np.inf if self._range is None else _FULL * self._range
+        bits = (np.abs(wrench) >= full) @ (1 << np.arange(6))
+        said = np.where(status & self._table.saturated, _ALL, 0)
+        return np.asarray(np.where(bits, bits, said))
 
     def _words(self, status: int) -> tuple[str, ...]:
         ppm = self._running.clock.ppm
