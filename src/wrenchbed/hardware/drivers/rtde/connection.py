@@ -13,7 +13,6 @@ import sys
 import threading
 import time
 import weakref
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from socket import AF_UNIX, SOCK_SEQPACKET, socketpair
@@ -23,12 +22,7 @@ from wrenchbed import registry
 from wrenchbed.errors import DriverError, LinkError, ParameterError, StoppedError
 from wrenchbed.hardware.device import STALE_S, wait_until
 from wrenchbed.hardware.drivers.rtde import control_worker
-from wrenchbed.hardware.drivers.rtde.control_worker import (
-    Closed,
-    Message,
-    MessageChannel,
-    SharedNumbers,
-)
+from wrenchbed.hardware.drivers.rtde.control_worker import Closed, MessageChannel, SharedNumbers
 from wrenchbed.hardware.drivers.rtde.states import NATIVE_HZ, Snapshot, StateReceiver
 from wrenchbed.robots.motion_limits import Limits
 
@@ -99,22 +93,22 @@ class RtdeOptions:
     def __post_init__(self) -> None:
         """Refuse what no controller can do."""
         units = [joint.unit for joint in registry.load("robots", self.robot).joints]
-        if units != ["rad"] * _JOINTS:
-            raise ParameterError(
-                f"driver 'rtde' moves UR robots, which have six hinges, not {self.robot!r}: "
-                "give another"
-            )
-        if self.frequency is not None and not 1.0 <= self.frequency <= 500.0:
-            raise ParameterError(f"frequency {self.frequency:g} Hz must be from 1 to 500 Hz")
-        if self.effort not in ("current", "off"):
-            raise ParameterError(
-                f"effort {self.effort!r}: a UR robot reports the currents of its motors, no "
-                "torques: give current or off"
-            )
-        if not 1.0 <= self.watchdog_hz <= 50.0:
-            raise ParameterError(f"watchdog_hz {self.watchdog_hz:g} Hz must be from 1 to 50 Hz")
-        if not self.connect_s > 0.0:
-            raise ParameterError(f"connect_s {self.connect_s:g} s must be above 0")
+        effort = (
+            f"effort {self.effort!r}: a UR robot reports the currents of its motors, no torques: "
+            "give current or off"
+        )
+        six = f"driver 'rtde' moves UR robots, which have six hinges, not {self.robot!r}"
+        rate, watchdog = self.frequency, self.watchdog_hz
+        rules = (
+            (units == ["rad"] * _JOINTS, f"{six}: give another"),
+            (rate is None or 1.0 <= rate <= 500.0, f"frequency {rate} Hz must be from 1 to 500 Hz"),
+            (self.effort in ("current", "off"), effort),
+            (1.0 <= watchdog <= 50.0, f"watchdog_hz {watchdog:g} Hz must be from 1 to 50 Hz"),
+            (self.connect_s > 0.0, f"connect_s {self.connect_s:g} s must be above 0"),
+        )
+        for holds, refusal in rules:
+            if not holds:
+                raise ParameterError(refusal)
 
 
 class ControlProcess:
@@ -123,19 +117,21 @@ class ControlProcess:
     Args:
         setting: of `control_worker`.
         shared: memory that it inherits.
+
+    Attributes:
+        pid: process id.
+        ready: whether it controls the robot.
+        refused: why the newest streamed target was refused.
+        program_ended: whether it saw its program on the robot ended.
     """
 
     def __init__(self, setting: dict[str, Any], shared: SharedNumbers) -> None:
         mine, other = socketpair(AF_UNIX, SOCK_SEQPACKET)
-        self.wire = MessageChannel(mine)
-        self._lock = threading.Lock()
-        self._ids = itertools.count(1)
-        self._replies: dict[int, Message] = {}
-        self.events: deque[Message] = deque(maxlen=16)
-        self.refused = ""
-        """Why the newest streamed target was refused."""
-        self.program_ended = False
-        self._why = ""
+        self._wire, self._lock = MessageChannel(mine), threading.Lock()
+        self._numbers = itertools.count(1)
+        self._replies: dict[int, str] = {}
+        self.ready = self.program_ended = False
+        self.refused = self._last_words = self._why = ""
         inherited = {"memory": shared.descriptor, "wire": other.fileno()}
         with other:
             self._process = subprocess.Popen(
@@ -146,36 +142,30 @@ class ControlProcess:
                 pass_fds=tuple(inherited.values()),
                 process_group=0,
             )
+        self.pid = self._process.pid
         self._kill = weakref.finalize(self, _end, self._process)
 
-    def wait_ready(self, deadline: float) -> None:
-        """Wait for the process's first event; kill it if none comes before the deadline
-        (`time.monotonic` [s]).
+    def wait_ready(self, seconds: float) -> None:
+        """Wait until it controls the robot; kill it if it does not in time [s].
 
         Raises:
-            LinkError: none came in time, or the robot cannot be reached.
+            LinkError: it does not in time, or the robot cannot be reached.
             DriverError: it does not let itself be controlled; the message says why.
         """
-        begun = time.monotonic()
-        while time.monotonic() < deadline:
-            gone = self.gone()
-            with self._lock:
-                event = self.events.popleft() if self.events else {}
-            if event.get("event") == "ready":
-                return
-            if why := str(event.get("why", gone)):
-                for sign, error, meaning in _REFUSALS:
-                    if sign in why:
-                        raise error(meaning)
-                raise LinkError(why)
-            time.sleep(_POLL_S)
-        self.kill()
-        waited = time.monotonic() - begun
-        raise LinkError(f"the control process did not connect within {waited:.1f} s: killed")
+        if not wait_until(
+            lambda: bool(self.gone()) or self.ready or bool(self._last_words), seconds, _POLL_S
+        ):
+            self.kill()
+            raise LinkError(f"the control process did not connect within {seconds:.1f} s: killed")
+        if why := self._last_words or self.gone():
+            for sign, error, meaning in _REFUSALS:
+                if sign in why:
+                    raise error(meaning)
+            raise LinkError(why)
 
     def send(self, do: str, **more: Any) -> bool:
         """Send a command that is not answered; whether it could be sent at once."""
-        return self.wire.send({"do": do} | more)
+        return self._wire.send({"do": do} | more)
 
     def ask(self, do: str, timeout: float, **more: Any) -> str:
         """Send a command; empty when it was done, else the reason.
@@ -183,22 +173,18 @@ class ControlProcess:
         Raises:
             LinkError: the worker is gone or did not answer in time [s].
         """
-        number = next(self._ids)
-        if not self.wire.send({"do": do, "id": number} | more):
+        number = next(self._numbers)
+        if not self.send(do, id=number, **more):
             raise LinkError(self.gone() or "the control process takes no orders")
-        end = time.monotonic() + timeout
-        while True:
-            gone = self.gone()
-            with self._lock:
-                reply = self._replies.pop(number, None)
-            if reply is not None:
-                return str(reply.get("why", ""))
-            if gone:
-                raise LinkError(gone)
-            remaining = end - time.monotonic()
-            if remaining <= 0.0:
-                raise LinkError(f"the control process did not answer {do!r} in {timeout:g} s")
-            time.sleep(min(remaining, _ANSWER_POLL_S))
+
+        def ended() -> bool:
+            return bool(self.gone()) or number in self._replies
+
+        if wait_until(ended, timeout, _ANSWER_POLL_S) and number in self._replies:
+            return self._replies.pop(number)
+        raise LinkError(
+            self.gone() or f"the control process did not answer {do!r} in {timeout:g} s"
+        )
 
     def gone(self) -> str:
         """Why the worker is gone; empty while it lives."""
@@ -208,9 +194,8 @@ class ControlProcess:
         self._drain()
         if code is None:
             return ""
-        for event in self.events:
-            if event.get("event") in ("lost", "failed"):
-                return f"the control process ended: {event.get('why')}"
+        if self._last_words:
+            return f"the control process ended: {self._last_words}"
         if code < 0:
             return f"the control process died by signal {-code} ({signal.Signals(-code).name})"
         return f"the control process ended with code {code}"
@@ -227,30 +212,25 @@ class ControlProcess:
         self._why = self._why or self.gone() or why
         self._kill()
         with self._lock:
-            self.wire.close()
+            self._wire.close()
 
     def _drain(self) -> None:
+        """Take in what the process sent; the last eight answers are kept."""
         with self._lock, contextlib.suppress(Closed):
-            while (message := self.wire.receive(0.0)) is not None:
-                self._sort(message)
-
-    def _sort(self, message: Message) -> None:
-        number, event = message.get("id"), message.get("event")
-        if number is not None:
-            self._replies[number] = message
-            while len(self._replies) > 8:  # answers that came after the deadline
-                self._replies.pop(min(self._replies))
-        elif event == "unsent":
-            self.refused = str(message.get("why", ""))
-        elif event == "ended":
-            self.program_ended = True
-        else:
-            self.events.append(message)
-
-    @property
-    def pid(self) -> int:
-        """Process id of the control process."""
-        return self._process.pid
+            while (message := self._wire.receive(0.0)) is not None:
+                why = str(message.get("why", ""))
+                match message.get("event"):
+                    case None:
+                        self._replies[message["id"]] = why
+                        self._replies.pop(message["id"] - 8, None)
+                    case "unsent":
+                        self.refused = why
+                    case "ended":
+                        self.program_ended = True
+                    case "ready":
+                        self.ready = True
+                    case _:
+                        self._last_words = why
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
@@ -333,7 +313,7 @@ class Links:
         def attempt(deadline: float) -> ControlProcess:
             process = ControlProcess(setting, self.shared)
             try:
-                process.wait_ready(deadline)
+                process.wait_ready(deadline - time.monotonic())
             except BaseException:
                 process.kill()
                 raise

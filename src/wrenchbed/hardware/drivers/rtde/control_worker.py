@@ -18,7 +18,6 @@ import os
 import select
 import signal
 import socket
-import struct
 import sys
 import threading
 import time
@@ -37,7 +36,6 @@ LOST = 3
 """Exit code of a process that lost the controller."""
 _LOSS = ("Could not receive data", "Lost connection", "Reconnecting", "closed the connection")
 """What ur_rtde prints before it reconnects by itself, which ends in a crash."""
-_NUMBER = struct.Struct("@d")
 _NUMBERS = ("driver", "control", "state", "speed")
 KICKS = 6.0
 """Kicks of the watchdog in its period: five of them may be late."""
@@ -125,31 +123,31 @@ class SharedNumbers:
 
     def __init__(self, descriptor: int) -> None:
         self.descriptor = descriptor
-        self._memory = mmap.mmap(descriptor, len(_NUMBERS) * _NUMBER.size)
+        self._memory = mmap.mmap(descriptor, 8 * len(_NUMBERS))
+        self._numbers = memoryview(self._memory).cast("d")  # read and written by one copy each
 
     @classmethod
     def create(cls) -> Self:
         """New memory; it is freed when the last process that has it ends."""
         descriptor = os.memfd_create("wrenchbed-rtde")
-        os.ftruncate(descriptor, len(_NUMBERS) * _NUMBER.size)
+        os.ftruncate(descriptor, 8 * len(_NUMBERS))
         return cls(descriptor)
 
     def close(self) -> None:
         """Release it; may be called twice."""
         if self.descriptor >= 0:
+            self._numbers.release()
             self._memory.close()
             os.close(self.descriptor)
             self.descriptor = -1
 
     def put(self, name: str, value: float) -> None:
-        """Write a number by one copy; `struct.pack_into` would let readers see zeros first."""
-        place = _NUMBERS.index(name) * _NUMBER.size
-        self._memory[place : place + _NUMBER.size] = _NUMBER.pack(value)
+        """Write a number."""
+        self._numbers[_NUMBERS.index(name)] = value
 
     def get(self, name: str) -> float:
         """A number, 0 before it was written."""
-        value: float = _NUMBER.unpack_from(self._memory, _NUMBERS.index(name) * _NUMBER.size)[0]
-        return value
+        return self._numbers[_NUMBERS.index(name)]
 
     def beat(self, name: str) -> None:
         """Write the present time."""
@@ -161,24 +159,23 @@ class SharedNumbers:
         return time.monotonic() - then
 
 
-class Printed:
-    """Lines that the library prints in this process; one that reports a loss calls back."""
+def printed(lost: Callable[[str], None]) -> deque[str]:
+    """The last lines that the library printed in this process; one that reports a loss calls."""
+    last: deque[str] = deque(maxlen=8)
+    out, into = os.pipe()
+    for standard in (1, 2):
+        os.dup2(into, standard)
+    os.close(into)
 
-    def __init__(self, lost: Callable[[str], None]) -> None:
-        self.lines: deque[str] = deque(maxlen=8)
-        self._lost = lost
-        out, into = os.pipe()
-        for standard in (1, 2):
-            os.dup2(into, standard)
-        os.close(into)
-        threading.Thread(target=self._read, args=(out,), daemon=True).start()
-
-    def _read(self, out: int) -> None:
+    def read() -> None:
         with os.fdopen(out, "r", errors="replace") as lines:
             for line in lines:
-                self.lines.append(line.strip())
+                last.append(line.strip())
                 if any(sign in line for sign in _LOSS):
-                    self._lost(line.strip())
+                    lost(line.strip())
+
+    threading.Thread(target=read, daemon=True).start()
+    return last
 
 
 class TargetStream:
@@ -406,29 +403,28 @@ def sound(q: object) -> bool:
     )
 
 
-def end_process(wire: MessageChannel, event: str, why: str, code: int) -> None:
-    """Report to the driver why this process ends, and end it."""
-    wire.send({"event": event, "why": why})
-    os._exit(code)
-
-
 def serve(setting: dict[str, Any], shared: SharedNumbers, wire: MessageChannel) -> None:
     """Take control, report it, and obey until ``quit`` or until the driver is gone."""
-    printed = Printed(lambda why: end_process(wire, "lost", why, LOST))
-    signal.alarm(setting["alarm"])  # a constructor that hangs holds Python's lock
+
+    def end(event: str, why: str, code: int) -> None:
+        wire.send({"event": event, "why": why})
+        os._exit(code)
+
+    lines = printed(lambda why: end("lost", why, LOST))
     try:
+        signal.alarm(setting["alarm"])  # a constructor that hangs holds Python's lock
         control = import_module("rtde_control").RTDEControlInterface
         robot = control(setting["host"], setting["frequency"] or -1.0)
         if not robot.setWatchdog(setting["watchdog_hz"]):
             raise RuntimeError("the robot's script does not take the watchdog")
-    except Exception as error:
+        signal.alarm(0)
+        serving = Control(robot, shared, wire, setting["watchdog_hz"], setting["period"])
+        threading.Thread(target=serving.mind, daemon=True).start()
+        wire.send({"event": "ready"})
+        serving.serve()
+    except BaseException as error:
         why = " ".join(str(error).split()) or type(error).__name__
-        return end_process(wire, "failed", f"{why} {' '.join(printed.lines)}".strip(), 1)
-    signal.alarm(0)
-    serving = Control(robot, shared, wire, setting["watchdog_hz"], setting["period"])
-    threading.Thread(target=serving.mind, daemon=True).start()
-    wire.send({"event": "ready"})
-    serving.serve()
+        end("failed", " ".join((why, *lines)), 1)
 
 
 def main(argument: str) -> None:
@@ -438,10 +434,7 @@ def main(argument: str) -> None:
         os.setpriority(os.PRIO_PROCESS, 0, _PRIORITY)
     setting = dict[str, Any](json.loads(argument))
     wire = MessageChannel(socket.socket(fileno=setting["wire"]))
-    try:
-        serve(setting, SharedNumbers(setting["memory"]), wire)
-    except BaseException as error:
-        end_process(wire, "failed", " ".join(str(error).split()) or type(error).__name__, 1)
+    serve(setting, SharedNumbers(setting["memory"]), wire)
 
 
 if __name__ == "__main__":
