@@ -42,6 +42,11 @@ _MOVE_S, _SOFT_S, _HARD_S, _DASHBOARD_S = 3.0, 0.8, 0.2, 0.5
 stop, which waits for nothing; stop by the dashboard [s]."""
 _REST_S, _QUIT_S, _ENDED_S = 3.0, 4.0, 1.0
 """Deadlines: robot at rest, worker ended, program ended [s]; each longer than its worker's own."""
+_EVIDENCE = {
+    "i": "current", "q_target": "target_q", "qd_target": "target_qd",
+    "tau_target": "target_moment", "joint_temperature": "temperatures",
+}  # fmt: skip
+"""Columns that a recording keeps beside the joints, and the field of a state of each."""
 _MOST_HZ = 500.0
 """States per second of an e-Series; source: Universal Robots, RTDE guide."""
 
@@ -108,6 +113,7 @@ class RtdeDriver(LiveDriver):
         self.robot = registry.load("robots", options.robot)
         sensor = own_wrench.OwnWrench(self.robot, self._look)
         self.transducer = own_wrench.transducer(options.sensor, options.host, sensor)
+        self._own = self.transducer is sensor
         self._links: Links | None = None
         self._control: ControlProcess | None = None
         self._flange, self._followed = Flange(self.robot), Followed()
@@ -125,20 +131,15 @@ class RtdeDriver(LiveDriver):
 
     def metadata(self, mode: str, rate: float) -> Metadata:
         stated = super().metadata(mode, rate)
-        if self._options.sensor not in own_wrench.OWN:
+        if not self._own:
             return stated
         facts = own_wrench.facts(self._look(), self._controller) if self._links else {}
         sensor = SensorInfo(model="ur-wrench", pose_flange=stated.sensor.pose_flange)
         return replace(stated, sensor=sensor, extra={**stated.extra, "wrench": facts})
 
-    def joints(self) -> tuple[np.ndarray, np.ndarray]:
-        state = self._look()
-        return np.array(state.q), np.array(state.qd)
-
     def full_scale(self) -> np.ndarray:
-        if self._options.sensor not in own_wrench.OWN or self._links is None:
-            return super().full_scale()
-        return own_wrench.full_scale(self._look().major)
+        known = self._own and self._links is not None
+        return own_wrench.full_scale(self._look().major) if known else super().full_scale()
 
     def stop(self, kind: str = "soft") -> None:
         """Brake and wait until the robot rests.
@@ -174,7 +175,7 @@ class RtdeDriver(LiveDriver):
     def _activate(self) -> None:
         links, options = self._live(), self._options
         self._wait_for_state()
-        if options.power_on and status.safety(self._look()) in ("normal", "reduced"):
+        if options.power_on and status.safety(self._look()) in status.HARMLESS:
             status.switch_on(options.host, self._look)
         check_ready(self._arm_health())
         if not wait_until(lambda: int(self._look().runtime) == status.STOPPED, _ENDED_S):
@@ -205,22 +206,13 @@ class RtdeDriver(LiveDriver):
             self.transducer.connect()
 
     def _read(self) -> ArmSample:
-        state = self._look()
+        state, kept = self._look(), _EVIDENCE if self._options.effort == "current" else {}
         return ArmSample(
             state.t, state.stamp, time.monotonic() - state.t, np.array(state.q),
             np.array(state.qd), np.array(state.target_q), status.mode(state),
-            status.safety(state), status.program(state), self._evidence(state),
+            status.safety(state), status.program(state),
+            {name: np.array(getattr(state, field)) for name, field in kept.items()},
         )  # fmt: skip
-
-    def _evidence(self, state: Snapshot) -> Mapping[str, np.ndarray]:
-        """Columns of currents, targets and temperatures (J,) that a recording keeps of a state."""
-        if self._options.effort == "off":
-            return {}
-        kept = {
-            "i": state.current, "q_target": state.target_q, "qd_target": state.target_qd,
-            "tau_target": state.target_moment, "joint_temperature": state.temperatures,
-        }  # fmt: skip
-        return {name: np.array(values) for name, values in kept.items()}
 
     def _begin(self, goal: np.ndarray, seconds: float) -> None:
         control, self._followed = self._armed(), Followed()
@@ -305,8 +297,7 @@ class RtdeDriver(LiveDriver):
     def _wait_for_state(self) -> None:
         """Wait at most `GONE_S` until the state is not stale."""
         wait_until(lambda: self._arm_health().state != "stale", GONE_S)
-        health = self._arm_health()
-        if health.state in ("stale", "lost"):
+        if (health := self._arm_health()).state in ("stale", "lost"):
             raise LinkError(health.detail)
 
     def _trouble(self) -> str:

@@ -6,6 +6,7 @@ Robots, "Remote Control Via TCP/IP", client interface: messages begin with their
 robot state (16) holds parts, and part 5 is the kinematics.
 """
 
+import contextlib
 import re
 import socket
 import struct
@@ -138,26 +139,19 @@ def check_model(robot: Robot, answers: Mapping[str, str], major: int, at_flange:
 def read_kinematics(host: str, seconds: float) -> Kinematics | None:
     """Read the arm's calibrated kinematics from the controller within some time [s]; None if none
     come."""
-    end, held = time.monotonic() + seconds, b""
-    try:
-        with socket.create_connection((host, KINEMATICS_PORT), seconds) as link:
-            while (remaining := end - time.monotonic()) > 0.0:
-                size, kind = _HEAD.unpack_from(held) if len(held) >= _HEAD.size else (_HEAD.size, 0)
-                if not _HEAD.size <= size <= _LONGEST:
-                    return None
-                if len(held) >= max(size, _HEAD.size):
-                    message, held = held[_HEAD.size : size], held[size:]
-                    stated = kinematics_in(message) if kind == _STATE else None
-                    if stated is not None:
-                        return stated
-                    continue
-                link.settimeout(remaining)
-                data = link.recv(4096)
-                if not data:
-                    return None
-                held += data
-    except OSError:
-        pass
+    end, address = time.monotonic() + seconds, (host, KINEMATICS_PORT)
+    with (
+        contextlib.suppress(OSError, struct.error),  # it does not answer, or ends within a message
+        socket.create_connection(address, seconds) as link,
+        link.makefile("rb") as stream,
+    ):
+        while time.monotonic() < end:
+            size, kind = _HEAD.unpack(stream.read(_HEAD.size))
+            if not _HEAD.size <= size <= _LONGEST:
+                return None
+            message = stream.read(size - _HEAD.size)
+            if kind == _STATE and (stated := kinematics_in(message)) is not None:
+                return stated
     return None
 
 

@@ -221,27 +221,19 @@ class Snapshot(NamedTuple):
     Attributes:
         t: `time.monotonic` when it arrived [s].
         stamp: the controller's own clock [s].
-        q: joint angles [rad].
-        qd: their speeds [rad/s].
-        current: of the motors [A].
-        target_q: where the controller wants its joints [rad].
-        target_qd: their speeds there [rad/s].
-        target_moment: the controller's own torques for that [N·m].
+        q, qd, current: angles, speeds and motor currents of the joints [rad, rad/s, A].
+        target_q, target_qd, target_moment: angles, speeds and torques of the joints that the
+            controller wants [rad, rad/s, N·m].
         temperatures: of the joints [°C].
         pose: of the TCP in the base, x y z [m] and rotation vector [rad].
         force: ``actual_TCP_force`` [N, N·m], as the controller gives it.
         raw: ``ft_raw_wrench`` [N, N·m], NaN where the controller has none.
         scaling: speed scaling 0 … 1.
-        mode: ``robot_mode``.
-        safety: ``safety_mode``.
-        bits: ``safety_status_bits``.
-        runtime: ``runtime_state``.
+        mode, safety, bits, runtime: the controller's words of the same names, see `_FIELDS`.
         major: version of the controller.
         protective: `time.monotonic` when a protective stop was first seen, 0 without one [s].
         halts: how often a program stopped playing.
-        received: states received.
-        skipped: states known to be lost.
-        bad: states that were refused.
+        received, skipped, bad: number of states received, known to be lost, and refused.
         wrong: why the newest was refused, an index of `WRONG`; 0: it was not.
         back: by how much the controller's clock went back [s], 0 if it never did.
     """
@@ -316,11 +308,7 @@ class StateReceiver:
             stream.close()
             raise DriverError(f"the controller has no output {', '.join(sorted(missing))}")
         self.ended = ""
-        self.newest = Snapshot(
-            major=stream.version[0], received=before.received, skipped=before.skipped,
-            bad=before.bad, protective=before.protective, halts=before.halts,
-            runtime=before.runtime,
-        )  # fmt: skip
+        self.newest = before._replace(t=0.0, wrong=0.0, back=0.0, major=float(stream.version[0]))
         self._published = published
         self._thread = threading.Thread(target=self._run, name="rtde states", daemon=True)
         self._thread.start()

@@ -9,7 +9,7 @@ TCP 29999; a line of welcome, a command line, an answer line, one command a conn
 import socket
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from wrenchbed.errors import LinkError, StoppedError
 from wrenchbed.hardware.device import GONE_S, Health, State, by_age, wait_until
@@ -27,6 +27,8 @@ SAFETY = {
     6: "emergency stop", 7: "emergency stop", 8: "safety violation", 9: "safety fault",
     10: "validate joint id", 11: "undefined", 12: "safeguard stop", 13: "three-position stop",
 }  # fmt: skip
+HARMLESS = ("normal", "reduced")
+"""Names of the safety modes in which the robot may move."""
 _PROGRAM = {0: "stopping", 1: "stopped", 2: "playing", 3: "pausing", 4: "paused", 5: "resuming"}
 _REMEDIES: dict[str, tuple[State, str]] = {
     "emergency stop": ("stopped", "release the button and power the robot on at its pendant"),
@@ -48,8 +50,8 @@ UNLOCK_AFTER_S = 5.1
 "Dashboard server"; 0.1 s more, since states arrive late."""
 IDLE = 5
 """``robot_mode`` with power and closed brakes; source: Universal Robots, RTDE guide."""
-_LONGEST, _CHUNK = 4096, 1024
-"""Bytes of the longest answer, which is a line, and bytes read at once."""
+_LONGEST = 4096
+"""Bytes of the longest answer, which is a line."""
 _CLEARED_S, _STOPPED_S = 3.0, 2.0
 _POWER_S, _BRAKES_S = 15.0, 20.0
 """Deadlines: stop cleared, program ended; power on, for which an arm boots; brakes released, one by
@@ -85,7 +87,7 @@ def problem(state: Snapshot) -> tuple[State, str] | None:
     """Name the state of health and the reason, with its remedy, that keep the robot from moving;
     None if nothing does."""
     word = safety(state)
-    if word not in ("normal", "reduced"):
+    if word not in HARMLESS:
         kind, remedy = _REMEDIES.get(word, ("stopped", "look at the pendant"))
         return kind, f"{word}: {remedy}"
     if int(state.mode) != RUNNING:
@@ -94,16 +96,10 @@ def problem(state: Snapshot) -> tuple[State, str] | None:
     return None
 
 
-@dataclass(frozen=True)
-class Control:
-    """What the driver knows of the process that commands the robot.
-
-    Attributes:
-        gone: why it is gone, empty while it lives.
-        silent: time since its heartbeat [s].
-        ended: whether it saw its program ended.
-        halts: how often a program had stopped playing when the robot was made ready.
-    """
+class Control(NamedTuple):
+    """The process that commands the robot: why it is gone, empty while it lives; time since its
+    heartbeat [s]; whether it saw its program ended; and how often a program had stopped playing
+    when the robot was made ready."""
 
     gone: str
     silent: float
@@ -173,29 +169,27 @@ def request(host: str, command: str, timeout: float = 1.0) -> str:
     Raises:
         LinkError: none came in time [s].
     """
-    deadline = time.monotonic() + timeout
     try:
-        with socket.create_connection((host, PORT), timeout) as link:
-            after_welcome = _line(link, b"", deadline)[1]
+        with (
+            socket.create_connection((host, PORT), timeout) as link,
+            link.makefile("rb") as lines,
+        ):
+            lines.readline(_LONGEST)  # its welcome
             link.sendall(command.encode() + b"\n")
-            return _line(link, after_welcome, deadline)[0].decode(errors="replace").strip()
+            answer = lines.readline(_LONGEST)
+        if not answer.endswith(b"\n"):
+            raise ConnectionResetError("the connection was closed")
     except OSError as error:
         why = error.strerror or str(error)
         raise LinkError(f"dashboard of {host}: no answer to {command!r}: {why}") from error
+    return answer.decode(errors="replace").strip()
 
 
-def _line(link: socket.socket, data: bytes, deadline: float) -> tuple[bytes, bytes]:
-    while b"\n" not in data:
-        remaining = deadline - time.monotonic()
-        if remaining <= 0.0 or len(data) > _LONGEST:
-            raise TimeoutError("timed out")
-        link.settimeout(remaining)
-        part = link.recv(_CHUNK)
-        if not part:
-            raise ConnectionResetError("the connection was closed")
-        data += part
-    line, _, following = data.partition(b"\n")
-    return line, following
+def _done(host: str, command: str, done: Callable[[], bool], seconds: float, trouble: str) -> None:
+    """Send a command and wait until it is done [s]; else raise with the trouble."""
+    answer = request(host, command)
+    if not wait_until(done, seconds):
+        raise StoppedError(f"{trouble}, the dashboard says {answer!r}")
 
 
 def clear(host: str, look: Look) -> None:
@@ -205,28 +199,21 @@ def clear(host: str, look: Look) -> None:
         StoppedError: it cannot be cleared from here; the message says what to do.
         LinkError: the dashboard does not answer.
     """
-    state = look()
-    word = safety(state)
-    if word == "protective stop":
-        _unlock(host, look)
-    elif word not in ("normal", "reduced"):
-        trouble = problem(state)
-        raise StoppedError(f"cannot be cleared from here: {trouble[1] if trouble else word}")
-    end_program(host, look)
-
-
-def end_program(host: str, look: Look) -> None:
-    """Stop the program that plays or is paused.
-
-    Raises:
-        StoppedError: it still runs.
-        LinkError: the dashboard does not answer.
-    """
-    if int(look().runtime) == STOPPED:
-        return
-    answer = request(host, "stop")
-    if not wait_until(lambda: int(look().runtime) == STOPPED, _STOPPED_S):
-        raise StoppedError(f"the robot's program does not stop, the dashboard says {answer!r}")
+    state, trouble = look(), problem(look())
+    if safety(state) == "protective stop":
+        time.sleep(max(0.0, state.protective + UNLOCK_AFTER_S - time.monotonic()))
+        request(host, "close safety popup")
+        _done(
+            host, "unlock protective stop", lambda: problem(look()) is None, _CLEARED_S,
+            "the protective stop is not cleared",
+        )  # fmt: skip
+    elif trouble is not None and safety(state) not in HARMLESS:
+        raise StoppedError(f"cannot be cleared from here: {trouble[1]}")
+    if int(look().runtime) != STOPPED:
+        _done(
+            host, "stop", lambda: int(look().runtime) == STOPPED, _STOPPED_S,
+            "the robot's program does not stop",
+        )  # fmt: skip
 
 
 def switch_on(host: str, look: Look) -> None:
@@ -237,22 +224,11 @@ def switch_on(host: str, look: Look) -> None:
         LinkError: the dashboard does not answer.
     """
     if int(look().mode) not in (IDLE, RUNNING):
-        request(host, "power on")
-        if not wait_until(lambda: int(look().mode) in (IDLE, RUNNING), _POWER_S):
-            raise StoppedError(f"the robot does not power on: it is {mode(look())}")
+        up = (lambda: int(look().mode) in (IDLE, RUNNING), _POWER_S)
+        _done(host, "power on", *up, "the robot does not power on")
     if int(look().mode) == IDLE:
-        request(host, "brake release")
-        if not wait_until(lambda: int(look().mode) == RUNNING, _BRAKES_S):
-            raise StoppedError(f"the brakes are not released: the robot is {mode(look())}")
-
-
-def _unlock(host: str, look: Look) -> None:
-    state = look()
-    time.sleep(max(0.0, state.protective + UNLOCK_AFTER_S - time.monotonic()))
-    request(host, "close safety popup")
-    answer = request(host, "unlock protective stop")
-    if not wait_until(lambda: problem(look()) is None, _CLEARED_S):
-        raise StoppedError(f"the protective stop is not cleared, the dashboard says {answer!r}")
+        released = (lambda: int(look().mode) == RUNNING, _BRAKES_S)
+        _done(host, "brake release", *released, "the brakes are not released")
 
 
 def halt(host: str, timeout: float) -> str:
