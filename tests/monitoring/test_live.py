@@ -20,6 +20,7 @@ from wrenchbed.data.metadata import Metadata
 from wrenchbed.effects.chain import active_effect
 from wrenchbed.errors import DriverError, ParameterError, TwinError
 from wrenchbed.hardware.device import Health
+from wrenchbed.hardware.drivers.base import ArmSample
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.monitoring.compensation import BAND, Compensator
 from wrenchbed.monitoring.live import Datagrams, LineServer, live
@@ -191,8 +192,8 @@ class Still:
     def metadata(self, mode, rate):
         return Metadata("ur5", mode, extra=self.extra)
 
-    def joints(self):
-        return np.array(ROBOT.home), np.zeros(6)
+    def read(self):
+        return ArmSample(time.monotonic(), None, 0.0, np.array(ROBOT.home), np.zeros(6))
 
     def health(self):
         k = self.n - self.left

@@ -89,9 +89,9 @@ def live(
                 raise LinkError(health.detail or f"no new reading for {GONE_S:g} s")
             time.sleep(POLL_S)
             continue
-        q, qd = driver.joints()
-        at_rest = bool(np.abs(qd).max() < CALM_SPEED)
-        external = compensate(reading.t - begin, q, reading.wrench, at_rest)
+        arm = driver.read()
+        at_rest = bool(np.abs(arm.qd).max() < CALM_SPEED)
+        external = compensate(reading.t - begin, arm.q, reading.wrench, at_rest)
         for sink in sinks:
             sink(external)
         latency.append(time.monotonic() - reading.t)

@@ -196,12 +196,6 @@ class Driver(Device, ABC):
         self._check_connected()
         return self._read()
 
-    def joints(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values (J,) and speeds (J,) of the newest state; a driver may have them sooner than
-        all of it."""
-        arm = self.read()
-        return arm.q, arm.qd
-
     def read_wrench(self) -> WrenchSample:
         """The sensor's newest reading; never blocks."""
         self._check_connected()

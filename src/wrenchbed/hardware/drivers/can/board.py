@@ -3,8 +3,8 @@ names what is wrong."""
 
 import threading
 import time
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.hardware.device import GONE_S, Health, by_age, wait_until
 from wrenchbed.hardware.drivers.can import frames
 from wrenchbed.hardware.drivers.can.bus import CanLink
-from wrenchbed.hardware.drivers.can.frames import GaugeReading, Pairs, Reply
+from wrenchbed.hardware.drivers.can.frames import Pairs, Reply
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 
 ANSWER_S, TRIES = 0.3, 3
@@ -34,24 +34,12 @@ _AGAIN_S = 0.01
 """Pause before a lost calibration is queried again [s]."""
 _RAIL = 32767
 """Largest gauge count, by definition of 16 bits."""
-_SINCE = (3, 7)
-"""Firmware from which counts and units are queried; an older one is taken to use `_COUNTS` per N
-and N·m. No manual of an older one is known."""
-_COUNTS = 1_000_000
-"""Counts per N and per N·m that an older firmware is taken to use, since it cannot be queried: a
-wrong number scales every wrench by the same factor."""
 _MOST_ANSWERS = 16
 """Answers that wait to be read; a query has three."""
 
 
-@dataclass(frozen=True, eq=False)
-class GaugeCalibration:
-    """Conversion of gauge counts to SI.
-
-    Attributes:
-        raw: matrix (6, 6) as the board holds it.
-        matrix: gauge counts to N and N·m (6, 6).
-    """
+class GaugeCalibration(NamedTuple):
+    """The matrix (6, 6) as the board holds it, and the one from gauge counts to N and N·m."""
 
     raw: np.ndarray
     matrix: np.ndarray
@@ -84,15 +72,12 @@ class BoardQueries:
             LinkError: the board does not answer.
             DriverError: its calibration cannot be used.
         """
-        firmware = self._collect(frames.FIRMWARE)[0].values
         (active,) = self._collect(frames.SELECT, bytes([slot]))[0].values
         if active != slot:
             raise DriverError(f"the sensor's board selected calibration {active}, not {slot}")
         raw = self._matrix()
-        counts, units = (_COUNTS, _COUNTS), (2, 3)
-        if firmware[:2] >= _SINCE:
-            counts = self._collect(frames.COUNTS)[0].values
-            units = self._collect(frames.UNITS)[0].values
+        counts = self._collect(frames.COUNTS)[0].values
+        units = self._collect(frames.UNITS)[0].values
         return GaugeCalibration(raw, in_si(raw, counts, units, slot))
 
     def _matrix(self) -> np.ndarray:
@@ -265,17 +250,15 @@ class GaugeBoard(Transducer):
         before = self._newest
         if before and reading.status & ~before.status & frames.WATCHDOG_RESET:
             self._doubt()
-        if self._calibration is not None:
-            self._publish(reading, self._calibration.matrix)
-
-    def _publish(self, reading: GaugeReading, matrix: np.ndarray) -> None:
+        if (calibration := self._calibration) is None:
+            return
         gauges = np.array(reading.gauges, dtype=float)
-        channels = (matrix[:, np.abs(gauges + 0.5) > _RAIL] != 0.0).any(axis=1)
+        channels = (calibration.matrix[:, np.abs(gauges + 0.5) > _RAIL] != 0.0).any(axis=1)
         self._count += 1
         self._newest = sample = WrenchSample(
-            reading.t, None, self._count, 0.0, True, matrix @ gauges, status=reading.status,
-            saturated=sum(1 << k for k in range(6) if channels[k]),
-            lost=self._lost + self._pairs.lost, faults=frames.faults(reading.status),
+            reading.t, None, self._count, 0.0, True, calibration.matrix @ gauges, reading.status,
+            int(channels @ (1 << np.arange(6))), self._lost + self._pairs.lost,
+            faults=frames.faults(reading.status),
         )  # fmt: skip
         self._past.add(sample.t, sample.wrench, sample.status, sample.saturated)
 
@@ -297,27 +280,22 @@ class GaugeBoard(Transducer):
                 return
             try:
                 if doubted or known is None:
-                    self._restore()
+                    self._suspect.clear()
+                    calibration = self._board.calibrate(self._slot)
+                    self._unusable = ""
+                    self._restarts += 1
+                    self._heard_at = np.inf
+                    if not self._suspect.is_set():
+                        self._restored_at = time.monotonic()
+                        self._calibration = calibration
                 elif tuple(known.raw[axis]) != self._board.row(axis):
                     self._doubt()
                 axis = (axis + 1) % 6
             except DriverError as error:
+                if self._calibration is None:
+                    self._suspect.set()
                 self._unusable = "" if isinstance(error, LinkError) else str(error)
                 time.sleep(_AGAIN_S)
-
-    def _restore(self) -> None:
-        self._suspect.clear()
-        try:
-            calibration = self._board.calibrate(self._slot)
-        except DriverError:
-            self._suspect.set()
-            raise
-        self._unusable = ""
-        self._restarts += 1
-        self._heard_at = np.inf
-        if not self._suspect.is_set():
-            self._restored_at = time.monotonic()
-            self._calibration = calibration
 
     def _read(self) -> WrenchSample:
         newest = self._newest

@@ -77,7 +77,8 @@ class CanLink:
                     self._bus.send(message, timeout=_SEND_S)
                 return
             except self._refused as error:
-                if not _queue_is_full(error) or time.monotonic() > end:
+                code = getattr(error, "error_code", None) or getattr(error, "errno", None)
+                if code != errno.ENOBUFS or time.monotonic() > end:  # else the bus is busy
                     self.dead = self.dead or f"it takes no frames: {error}"
                     raise LinkError(f"CAN bus: {self.dead}") from error
             self.full += 1
@@ -107,15 +108,12 @@ class CanLink:
             elif message.is_error_frame:
                 self.error_frames += 1
             elif not message.is_remote_frame and not message.is_extended_id:
-                self._hand_on(message.arbitration_id, bytes(message.data))
-
-    def _hand_on(self, can_id: int, data: bytes) -> None:
-        now = time.monotonic()
-        for heard in self._listeners:
-            try:
-                heard(now, can_id, data)
-            except Exception:
-                self.failures += 1
+                now, data = time.monotonic(), bytes(message.data)
+                for heard in self._listeners:
+                    try:
+                        heard(now, message.arbitration_id, data)
+                    except Exception:
+                        self.failures += 1
 
 
 def open_bus(interface: str, channel: str, host: str, port: int, bitrate: int) -> CanLink:
@@ -130,6 +128,8 @@ def open_bus(interface: str, channel: str, host: str, port: int, bitrate: int) -
     kind = interface or ("socketcand" if host else "socketcan")
     words: dict[str, Any] = {"interface": kind, "channel": channel}
     if kind == "socketcand":
+        if not host:
+            raise DriverError("interface socketcand needs a host")
         _check_server(host, port, channel)
         words |= {"host": host, "port": port, "tcp_tune": True}
     elif kind not in ("socketcan", "virtual"):
@@ -143,33 +143,20 @@ def open_bus(interface: str, channel: str, host: str, port: int, bitrate: int) -
 
 def _check_server(host: str, port: int, channel: str) -> None:
     """Shake hands once with a deadline: python-can has none, and keeps its socket on failure."""
-    if not host:
-        raise DriverError("interface socketcand needs a host")
     where = f"CAN server at {host}:{port}"
-    if not 0 < port < 1 << 16:
-        raise DriverError(f"{where}: a port is a number from 1 to 65535")
     try:
         with socket.create_connection((host, port), OPENING_S) as trial:
             greeting = trial.recv(64)
-            if greeting != b"< hi >":
-                raise LinkError(f"{where} answers {greeting[:20]!r}: it does not speak socketcand")
             trial.sendall(f"< open {channel} >".encode())
-            if trial.recv(64) != b"< ok >":
-                raise LinkError(f"{where} has no bus {channel!r}: give the channel that it serves")
+            answer = trial.recv(64) if greeting == b"< hi >" else b""
     except TimeoutError as error:
         raise LinkError(f"{where} does not answer within {OPENING_S:g} s") from error
-    except LinkError:
-        raise
-    except OSError as error:
-        raise LinkError(f"no {where}: {error}; start it first") from error
-    except ValueError as error:
-        raise LinkError(f"{where}: this is no address ({error})") from error
-
-
-def _queue_is_full(error: Exception) -> bool:
-    """Whether SocketCAN's transmit queue is full, which passes as soon as the bus is free."""
-    code = getattr(error, "error_code", None) or getattr(error, "errno", None)
-    return bool(code == errno.ENOBUFS)
+    except (OSError, ValueError) as error:
+        raise LinkError(f"no {where}: {error}; give its address, and start it first") from error
+    if greeting != b"< hi >":
+        raise LinkError(f"{where} answers {greeting[:20]!r}: it does not speak socketcand")
+    if answer != b"< ok >":
+        raise LinkError(f"{where} has no bus {channel!r}: give the channel that it serves")
 
 
 def _bounded(connection: Any) -> socket.socket | None:

@@ -32,7 +32,14 @@ from wrenchbed.hardware.drivers.can.cia402 import (
     Want,
     controlword,
 )
-from wrenchbed.hardware.drivers.can.options import EMCY, HEARTBEAT, HEARTBEAT_S, RPDO1, TPDO1
+from wrenchbed.hardware.drivers.can.options import (
+    EMCY,
+    HEARTBEAT,
+    HEARTBEAT_S,
+    MOST_NODE,
+    RPDO1,
+    TPDO1,
+)
 from wrenchbed.hardware.drivers.can.setpoints import Setpoints
 
 SYNC = 0x080
@@ -195,9 +202,7 @@ class Cycle:
         self._rounds = 0
         self._running = False
         self._thread: threading.Thread | None = None
-        self._by_id: dict[int, Callable[[bytes], None]] = {}
-        for drive in drives:
-            self._by_id |= self._handlers(drive)
+        self._by_node = {drive.node: drive for drive in drives}
 
     def start(self) -> None:
         """Begin."""
@@ -239,22 +244,18 @@ class Cycle:
         """Whether every drive is in one of some states."""
         return all(drive.state in states for drive in self.drives)
 
-    def _handlers(self, drive: DriveState) -> dict[int, Callable[[bytes], None]]:
-        return {
-            TPDO1 + drive.node: lambda data: self._answer(drive, data),
-            EMCY + drive.node: lambda data: self._emergency(drive, data),
-            HEARTBEAT + drive.node: lambda data: self._heartbeat(drive, data),
-        }
-
     def _received(self, _: float, can_id: int, data: bytes) -> None:
-        handler = self._by_id.get(can_id)
-        if handler is not None:
-            handler(data)
-
-    def _heartbeat(self, drive: DriveState, data: bytes) -> None:
-        for other in self.drives:
-            other.others += 1
-        drive.take_heartbeat(data)
+        service, node = can_id & ~MOST_NODE, can_id & MOST_NODE
+        if (drive := self._by_node.get(node)) is None:
+            return
+        if service == TPDO1:
+            self._answer(drive, data)
+        elif service == EMCY:
+            self._emergency(drive, data)
+        elif service == HEARTBEAT:
+            for other in self.drives:
+                other.others += 1
+            drive.take_heartbeat(data)
 
     def _emergency(self, drive: DriveState, data: bytes) -> None:
         bare = drive.trouble(enabled=False) if not drive.error else None
@@ -342,15 +343,12 @@ class Cycle:
             if trouble is not None and self.want is not Want.RESET:
                 self.halt(*trouble)
         if enabled and all(answered):
-            self._check_following()
+            counts = np.array([drive.position for drive in self.drives])
+            bad = self._follow.check(counts, counts / self._counts, self._setpoints.command)
+            if bad is not None:
+                self.halt("fault", f"drive {self.drives[bad[0]].node} {bad[1]}: call recover()")
         if self.answers is not None and now - self.answers.t > STALE_S and enabled:
             self._setpoints.brake()
-
-    def _check_following(self) -> None:
-        counts = np.array([drive.position for drive in self.drives])
-        bad = self._follow.check(counts, counts / self._counts, self._setpoints.command)
-        if bad is not None:
-            self.halt("fault", f"drive {self.drives[bad[0]].node} {bad[1]}: call recover()")
 
     def _send(self) -> None:
         want = self.want

@@ -8,7 +8,7 @@ until the next request are dropped.
 import struct
 from typing import Any, NamedTuple
 
-GAUGES, ODD, MATRIX, SERIAL, SELECT, COUNTS, UNITS, FIRMWARE = 0, 1, 2, 5, 6, 7, 8, 15
+GAUGES, ODD, MATRIX, SELECT, COUNTS, UNITS = 0, 1, 2, 6, 7, 8
 """Opcodes of requests and answers; a matrix row is answered by three frames, 2 to 4. Reset (0xC),
 set base (0xD) and set baud rate (0xE) are left out on purpose: the last two stay after power is
 cut."""
@@ -27,12 +27,10 @@ a stalled reader some milliseconds."""
 _SHAPES = {
     GAUGES: struct.Struct(">Hhhh"), ODD: struct.Struct(">hhh"),
     MATRIX: struct.Struct(">ff"), 3: struct.Struct(">ff"), 4: struct.Struct(">ff"),
-    SERIAL: struct.Struct("8s"), SELECT: struct.Struct("B"), COUNTS: struct.Struct(">II"),
-    UNITS: struct.Struct("BB"), FIRMWARE: struct.Struct(">BBH"),
+    SELECT: struct.Struct("B"), COUNTS: struct.Struct(">II"), UNITS: struct.Struct("BB"),
 }  # fmt: skip
 """Opcode → its answer: status word and gauges 0, 2, 4; gauges 1, 3, 5; two values of a matrix row;
-serial number; slot of the active calibration; counts per unit of force and torque; codes of their
-units; major, minor and build number of the board's program."""
+slot of the active calibration; counts per unit of force and torque; codes of their units."""
 _OUTSTANDING = 250
 """Requests that may still be answered: a second of them."""
 _EXCESS_S, _EXCESS = 1.0, 2

@@ -51,6 +51,10 @@ _EFFORTS = {"torque": (0x60770010, 0x6076), "current": (0x60780010, 0x6075)}
 _MS = 1e3  # by definition
 
 
+class _RefusedError(DriverError):
+    """A drive answered that it does not take or have a value."""
+
+
 class Drives:
     """The drives of a bus as CANopen nodes.
 
@@ -192,9 +196,7 @@ class Drives:
         try:
             self.write(node, TIMER, 5, asked, 2)
             taken = self.read(node, TIMER, 5)
-        except LinkError:
-            raise
-        except DriverError as error:
+        except _RefusedError as error:
             self.unguarded[node] = str(error)
             return
         if not 0 < taken <= _LONGER * asked + 1.0:
@@ -208,9 +210,7 @@ class Drives:
         without.discard(node)
         try:
             self.write(node, index, sub, value, size)
-        except LinkError:
-            raise
-        except DriverError:
+        except _RefusedError:
             without.add(node)
         return node not in without
 
@@ -230,12 +230,9 @@ class Drives:
         Raises:
             LinkError: it does not answer.
         """
-        try:
+        with contextlib.suppress(_RefusedError):
             return self.read(node, index, sub)
-        except LinkError:
-            raise
-        except DriverError:
-            return None
+        return None
 
     def write(self, node: int, index: int, sub: int, value: int, size: int) -> None:
         """Write a value of ``size`` bytes; raises as `read` does."""
@@ -253,7 +250,7 @@ class Drives:
                 if error.code == _WRONG_STATE and remaining:
                     self._command(PRE_OPERATIONAL, node)  # NMT frames are not confirmed: lost
                     continue
-                raise DriverError(f"{where}: refused with 0x{error.code:08X}") from error
+                raise _RefusedError(f"{where}: refused with 0x{error.code:08X}") from error
             except self._failure:
                 continue
         raise LinkError(
