@@ -29,8 +29,9 @@ _DECADES = 0.9
 """Spacing of the rates: the summed density ripples by ± 2/cosh(π²/(0.9 ln 10)) = 3.4 % at most."""
 _TICK_S = 1e-9
 """Steps in time are rounded to this, so that a regular clock is one filter despite rounding."""
-_LONG_RUN = 32
-"""From this many equal steps on, one filter call a rate is faster than a loop over rows."""
+_LONG_RUN = 100
+"""From this many equal steps on, one filter call a rate is faster than a loop over rows: measured
+with one sensor."""
 _ROWS_AT_ONCE = 50
 """Rows whose random numbers are drawn together, so that they stay in a cache."""
 
@@ -160,37 +161,50 @@ def noise_model(kind: str, model: NoiseModel) -> NoiseModel:
 class NoiseStream:
     """Draws a model's noise along one clock: calls continue where the last one ended.
 
-    The numbers depend on model, seed (≥ 0) and times alone: how the rows are split into calls
-    changes no bit.
+    The numbers depend on model, seed and times alone: how the rows are split into calls, and how
+    many sensors are drawn together, changes no bit.
+
+    Args:
+        model: of the sensor, or of each of R sensors.
+        seeds: one (≥ 0) for each sensor.
     """
 
-    def __init__(self, model: NoiseModel, seed: int) -> None:
+    def __init__(self, model: NoiseModel, *seeds: int) -> None:
         self.model = model
-        parts = np.random.SeedSequence(seed).spawn(3)
-        self._white, self._flicker, phase = (np.random.default_rng(part) for part in parts)
-        self._phase = phase.uniform(0.0, 2.0 * np.pi, 6)
+        spawned = [np.random.SeedSequence(seed).spawn(3) for seed in seeds]
+        generators = [[np.random.default_rng(part) for part in parts] for parts in spawned]
+        self._white, self._flicker, phase = zip(*generators, strict=True)
+        self._phase = np.stack([rng.uniform(0.0, 2.0 * np.pi, 6) for rng in phase])[:, None]
         self._rates, weight = _rates(model.f_low, model.f_high)
         self._levels = model.flicker * weight
         self._root = _root(model.correlation)
-        self._state = np.zeros((len(self._rates), 6))
+        self._state = np.zeros((len(seeds), len(self._rates), 6))
         self._last = -np.inf
 
     def corrupt(self, t: ArrayLike, wrench: ArrayLike) -> tuple[Array, NDArray[np.uint32]]:
-        """Measured wrench (N, 6) and status words (N,) of true loads (N, 6) [N, N·m] at t (N,) [s].
+        """Measured wrenches and status words of true loads at t (N,) [s].
 
-        Bit i of the status word is set where channel i is saturated, see ``SATURATED_BITS``.
+        Args:
+            t: (N,) [s].
+            wrench: (N, 6) of one sensor, or (R, N, 6) [N, N·m].
+
+        Returns:
+            Measured wrenches like ``wrench``, and status words (N,) or (R, N). Bit i of the status
+            word is set where channel i is saturated, see ``SATURATED_BITS``.
 
         Raises:
             ParameterError: shapes do not fit, or t does not increase, also from the last call on.
         """
-        time, measured = np.asarray(t, dtype=np.float64), np.array(wrench, dtype=np.float64)
-        self._check(time, measured)
-        model = self.model
+        time, load = np.asarray(t, dtype=np.float64), np.array(wrench, dtype=np.float64)
+        self._check(time, load)
+        model, measured = self.model, load.reshape(len(self._white), len(time), 6)
         if model.white.any():
-            normal = self._white.standard_normal((len(time), 6)).T
-            measured += _mix(normal, self._root * model.white[:, None]).T
+            for rows, rng in zip(measured, self._white, strict=True):
+                normal = rng.standard_normal((len(time), 6)).T
+                rows += _mix(normal, self._root * model.white[:, None]).T
         if model.flicker.any() and len(time):
-            measured += _mix(self._wander(time), self._root * self._levels[:, None]).T
+            for rows, wander in zip(measured, self._wander(time), strict=True):
+                rows += _mix(wander, self._root * self._levels[:, None]).T
         if model.mains_amplitude.any():
             angle = (2.0 * np.pi * model.mains_frequency) * time[:, None] + self._phase
             measured += model.mains_amplitude * np.sin(angle)
@@ -199,12 +213,15 @@ class NoiseStream:
             measured += model.warmup_drift * (start * -np.expm1(-time[:, None] / model.warmup_time))
         if len(time):
             self._last = float(time[-1])
-        return shown(model, measured)
+        return shown(model, measured.reshape(load.shape))
 
     def _check(self, time: Array, wrench: Array) -> None:
-        if time.ndim != 1 or wrench.shape != (len(time), 6):
+        many = len(self._white)
+        shapes = [(many, len(time), 6), *([(len(time), 6)] if many == 1 else [])]
+        if time.ndim != 1 or wrench.shape not in shapes:
+            wanted = "(N, 6)" if many == 1 else f"({many}, N, 6)"
             raise ParameterError(
-                f"t {time.shape} and wrench {wrench.shape} must be (N,) and (N, 6)"
+                f"t {time.shape} and wrench {wrench.shape} must be (N,) and {wanted}"
             )
         steps = np.diff(time, prepend=self._last)
         if not (steps > 0.0).all():
@@ -212,50 +229,57 @@ class NoiseStream:
             raise ParameterError(f"t = {time[row]!r} in row {row} does not increase")
 
     def _wander(self, time: Array) -> Array:
-        """Sums (6, N) of unit Ornstein–Uhlenbeck processes, one a rate, at times (N,) [s]."""
+        """Sums (R, 6, N) of unit Ornstein–Uhlenbeck processes, one a rate, at times (N,) [s]."""
         ticks = np.rint(np.diff(time, prepend=self._last) / _TICK_S)
         steps, which = np.unique(ticks, return_inverse=True)
         exponent = -self._rates * (steps * _TICK_S)[:, None]
         keep, kick = np.exp(exponent), np.sqrt(-np.expm1(2.0 * exponent))  # (S, K) each
-        total: Array = np.zeros((6, len(time)))
+        total: Array = np.zeros((len(self._white), 6, len(time)))
         done = 0
         for first, last in _long_runs(which):
             for start in range(done, first, _ROWS_AT_ONCE):
                 rows = slice(start, min(start + _ROWS_AT_ONCE, first))
-                self._step(keep, kick, which[rows], total[:, rows])
+                self._step(keep[which[rows]], kick[which[rows]], total[:, :, rows])
             if last > first:
-                self._filter(keep[which[first]], kick[which[first]], total[:, first:last])
+                self._filter(keep[which[first]], kick[which[first]], total[:, :, first:last])
             done = last
         return total
 
+    def _normals(self, rows: int) -> Array:
+        """The next random numbers (R, rows, K, 6) behind the 1/f parts, one for each rate."""
+        drawn = np.empty((len(self._flicker), rows, *self._state.shape[1:]))
+        for normal, rng in zip(drawn, self._flicker, strict=True):
+            rng.standard_normal(out=normal)
+        return drawn
+
     def _filter(self, keep: Array, kick: Array, total: Array) -> None:
-        """Equal steps, keep and kick (K,): as `_step` to the last bit."""
+        """Equal steps, keep and kick (K,): as `_step` to the last bit, in total (R, 6, n)."""
         from scipy.signal import lfilter  # slow to load: only when it is used
 
-        normal = self._flicker.standard_normal((total.shape[-1], *self._state.shape))
+        normal = self._normals(total.shape[-1])
         for j, pole in enumerate(keep):
-            kicks = np.multiply(normal[:, j].T, kick[j], order="C")
-            carried = (pole * self._state[j])[:, None]
+            kicks = np.multiply(np.swapaxes(normal[:, :, j], 1, 2), kick[j], order="C")
+            carried = (pole * self._state[:, j])[..., None]
             path = lfilter([1.0], [1.0, -pole], kicks, zi=carried)[0]
-            self._state[j] = path[:, -1]
+            self._state[:, j] = path[..., -1]
             total += path
 
-    def _step(self, keep: Array, kick: Array, which: NDArray[np.intp], total: Array) -> None:
-        """Any steps: keep and kick (S, K), which (n,), added up in total (6, n)."""
-        normal = self._flicker.standard_normal((len(which), *self._state.shape))
-        normal *= kick[which][:, :, None]
+    def _step(self, keep: Array, kick: Array, total: Array) -> None:
+        """Any steps: keep and kick (n, K), added up in total (R, 6, n)."""
+        paths = np.ascontiguousarray(np.swapaxes(self._normals(len(keep)), 0, 1))
+        paths *= kick[:, None, :, None]
+        factors = np.broadcast_to(keep[:, None, :, None], paths.shape).copy()
         state, carried = self._state, np.empty(self._state.shape)
-        wide = np.repeat(keep[:, :, None], 6, axis=2)
-        for row, s in zip(normal, which.tolist(), strict=True):
-            np.multiply(wide[s], state, out=carried)
+        for row, factor in zip(paths, factors, strict=True):
+            np.multiply(factor, state, out=carried)
             row += carried
             state = row
         self._state = state.copy()
-        total += normal.sum(axis=1).T
+        total += paths.sum(axis=2).transpose(1, 2, 0)
 
 
 def shown(model: NoiseModel, wrench: Array) -> tuple[Array, NDArray[np.uint32]]:
-    """Readings (N, 6) and status words (N,) of what the gauges see (N, 6): rounded, within range.
+    """Readings (…, 6) and status words (…) of what the gauges see (…, 6): rounded, within range.
 
     ``wrench`` is changed in place.
     """
@@ -266,7 +290,7 @@ def shown(model: NoiseModel, wrench: Array) -> tuple[Array, NDArray[np.uint32]]:
     np.multiply(wrench, step, out=wrench, where=where)
     over = np.abs(wrench) >= model.range
     if not over.any():
-        return wrench, np.zeros(len(wrench), dtype=np.uint32)
+        return wrench, np.zeros(wrench.shape[:-1], dtype=np.uint32)
     return np.clip(wrench, -model.range, model.range), over.astype(np.uint32) @ SATURATED_BITS
 
 
