@@ -198,7 +198,8 @@ def test_every_registered_robot_without_a_model_calibrates_from_orientations():
     """The same data, given once as joints and once as orientations, gives the same tool."""
     rec = static("ur5", {k: v for k, v in UR5_TRUTH.items() if "mount" not in k})
     robot = registry.load("robots", "ur5")
-    q = quaternion(robot.sensor_pose(rec.q, robot.parameters.nominal)[0])
+    rotations = robot.sensor_pose(rec.q, robot.parameters.nominal)[0]
+    q = np.stack([quaternion(rotation) for rotation in rotations])
     columns = {k: v for k, v in rec.columns.items() if not k.startswith("q")}
     columns |= by_name(("qw", "qx", "qy", "qz"), q)
     turned = SensorInfo(pose_flange=(0.0, 0.0, 0.0, 0.7071068, 0.0, 0.0, 0.7071068))

@@ -70,7 +70,9 @@ def simulated(seed: int, tilt=(0.0, 0.0), told=None) -> Recording:
     wrench += STD * rng.standard_normal(wrench.shape)
     read = readings(rotation, rng, tilt if told is None else told)
     columns = {"t": np.arange(40.0)} | by_name(CHANNELS, wrench)
-    columns |= by_name(QUATERNION, quaternion(rotation)) | by_name(("ax", "ay", "az"), read)
+    columns |= by_name(QUATERNION, np.stack([quaternion(r) for r in rotation])) | by_name(
+        ("ax", "ay", "az"), read
+    )
     return Recording(metadata, columns)
 
 

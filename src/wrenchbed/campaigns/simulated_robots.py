@@ -37,7 +37,7 @@ from wrenchbed.planning.choose import poses
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration
 from wrenchbed.simulation.closed_form import Model
-from wrenchbed.twin.replay import simulate
+from wrenchbed.twin.replay import readings, recorded_together, simulate
 from wrenchbed.twin.twin import Twin
 
 RATE_HZ = 100.0
@@ -146,16 +146,26 @@ def recorded(
     The error of a robot that cannot be recorded stands for it.
     """
     model = Model.of(fleet.model_robot())
-    results: list[tuple[Recording, Truth] | WrenchbedError] = []
+    results: dict[int, tuple[Recording, Truth] | WrenchbedError] = {}
+    paths, twins, truths, clean = {}, {}, {}, {}
     for k in numbers:
         try:
             path = _course(fleet, k)
             truth = draw(fleet, k, model, _visited(path), path.metadata.mode)
             twin = Twin(model, truth.theta, truth.active)
-            results.append((simulate(twin, path, noise="real", seed=_seed(fleet, k)), truth))
+            clean[k] = readings(twin, path)
+            paths[k], twins[k], truths[k] = path, twin, truth
         except WrenchbedError as error:
-            results.append(error)
-    return results
+            results[k] = error
+    groups = [[k] for k in clean] if "poses" in fleet.vary else [list(clean)] if clean else []
+    for group in groups:
+        recordings = recorded_together(
+            [twins[k] for k in group], paths[group[0]], [clean[k] for k in group], "real",
+            [_seed(fleet, k) for k in group],
+        )  # fmt: skip
+        for k, recording in zip(group, recordings, strict=True):
+            results[k] = recording, truths[k]
+    return [results[k] for k in numbers]
 
 
 def _course(fleet: Fleet, k: int) -> Recording:

@@ -56,6 +56,14 @@ def frictionless(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     return spec
 
 
+def compiled(spec: mujoco.MjSpec) -> mujoco.MjModel:
+    """Compile a spec whose looks do not matter: painting textures takes ten times as long as all
+    else, so that they become one pixel."""
+    for texture in spec.textures:
+        texture.width = texture.height = 1
+    return spec.compile()
+
+
 def place(
     spec: mujoco.MjSpec, name: str, pos: Sequence[float], rotation: np.ndarray | None = None
 ) -> None:
@@ -129,7 +137,7 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
     """
     q = np.asarray(robot.home, dtype=float)[None]
     frames = [at_home(*frame) for frame in robot.link_frames(q, theta)]
-    model = robot.spec(theta).compile()
+    model = compiled(robot.spec(theta))
     data = mujoco.MjData(model)
     data.qpos[:] = robot.qpos(q, theta)[0]
     mujoco.mj_kinematics(model, data)

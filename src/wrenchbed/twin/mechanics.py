@@ -15,6 +15,7 @@ from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import held_on
 from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.robots.base import Robot
+from wrenchbed.robots.mjcf import compiled
 from wrenchbed.simulation.simulation import load_on_sensor
 from wrenchbed.simulation.springs import LAGS, MARK, MASS, ROUND
 from wrenchbed.twin.assembly import edited, in_mujoco, marked, set_weights, with_some_inertia
@@ -69,7 +70,7 @@ class Mechanism:
         self.carried = {name.partition(MARK)[0] for name in marked(spec)}
         """Names of the effects that are in the model."""
         spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_LIMIT  # `balance` heeds them
-        self.model: mujoco.MjModel = spec.compile()
+        self.model = compiled(spec)
         self.model.dof_damping[:] = 0.0  # of motors, not of what they carry
         self.data = mujoco.MjData(self.model)
         set_weights(self.model, self.robot, theta)

@@ -1,5 +1,6 @@
 """What a twin's sensor reads in a recording, and in a campaign as it goes on."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +13,6 @@ from wrenchbed.errors import RecordingError
 from wrenchbed.physics.noise import NoiseStream, noise_model
 from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.base import Robot
 from wrenchbed.twin.twin import Twin
 
 _BACK = 40
@@ -33,35 +33,53 @@ def simulate(twin: Twin, recording: Recording, *, noise: str = "off", seed: int 
         RecordingError: it is of another robot, or a motion without an even clock.
         ParameterError: no such noise.
     """
-    robot = twin.model.robot
-    check_robot(robot, recording)
-    robot.check(recording.q, twin.robot_theta, recording.name) if robot.joints else None
-    moving = recording.metadata.mode == "dynamic"
-    reading = _in_motion(twin, recording) if moving else _at_rest(twin, recording)
-    kind = noise_model(noise, registry.load("sensors", robot.sensor).noise)
-    rows, status = NoiseStream(kind, seed).corrupt(recording.t, reading)
-    return read_as(recording, twin.corrupt(rows, recording.t, seed).T, status)
+    return recorded_together([twin], recording, [readings(twin, recording)], noise, [seed])[0]
 
 
-def check_robot(robot: Robot, recording: Recording) -> None:
-    """Refuse a recording with joints of another robot.
+def readings(twin: Twin, recording: Recording) -> np.ndarray:
+    """Readings (N, 6) [N, N·m] of a twin on a recording's motion, without noise.
 
     Raises:
-        RecordingError: it is one.
+        RecordingError: it is of another robot, or a motion without an even clock.
     """
+    robot = twin.model.robot
     if recording.metadata.robot != robot.name and recording.joints:
         raise RecordingError(
             f"{recording.name}: is of robot {recording.metadata.robot!r}, "
             f"the twin is a {robot.name!r}"
         )
+    robot.check(recording.q, twin.robot_theta, recording.name) if robot.joints else None
+    moving = recording.metadata.mode == "dynamic"
+    return _in_motion(twin, recording) if moving else _at_rest(twin, recording)
 
 
-def read_as(recording: Recording, wrench: np.ndarray, status: np.ndarray) -> Recording:
-    """A recording's motion with readings (6, N) [N, N·m] and status words (N,)."""
-    kept = [c for c in recording.columns if c in _TAKEN or c[0] == "q"]
-    columns = {c: recording.columns[c] for c in kept}
-    columns |= dict(zip(CHANNELS, wrench, strict=True)) | {"status": status}
-    return Recording(replace(recording.metadata, source="sim"), columns, "simulation")
+def recorded_together(
+    twins: Sequence[Twin],
+    recording: Recording,
+    readings: Sequence[np.ndarray],
+    noise: str,
+    seeds: Sequence[int],
+) -> list[Recording]:
+    """Recordings of twins of one robot on one motion, from `readings` (N, 6) of each.
+
+    Args:
+        noise: ``real``, ``white`` or ``off``, of the robot's sensor.
+        seeds: of the noise and of the effects' random parts, one for each.
+
+    Raises:
+        ParameterError: no such noise.
+    """
+    sensor = registry.load("sensors", twins[0].model.robot.sensor)
+    stream = NoiseStream(noise_model(noise, sensor.noise), *seeds)
+    kept = {c: v for c, v in recording.columns.items() if c in _TAKEN or c[0] == "q"}
+    metadata = replace(recording.metadata, source="sim")
+    results = []
+    each = zip(twins, seeds, *stream.corrupt(recording.t, np.stack(readings)), strict=True)
+    for twin, seed, rows, status in each:
+        rows = twin.corrupt(rows, recording.t, seed)
+        columns = kept | dict(zip(CHANNELS, rows.T, strict=True)) | {"status": status}
+        results.append(Recording(metadata, columns, "simulation"))
+    return results
 
 
 def holds(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
