@@ -110,6 +110,11 @@ class Robot(ArmBodies):
     """Function of `compiled.statics` for the reading at rest in this robot's poses, if any."""
     unobservable: tuple[str, ...] = ()
     """Parameters that no wrench and no pose of the sensor depends on."""
+    zero_names: tuple[str, ...] = ()
+    """Parameters that are added to the joint values, by joint; () of none."""
+    twists: tuple[str, ...] = ()
+    lengths: tuple[str, ...] = ()
+    """Parameters that are angles, and lengths, between the axes of neighbouring joints."""
 
     def robot_theta(self, theta: np.ndarray) -> np.ndarray:
         """The robot's parameters from a model's full vector (P,), which begins with them."""
@@ -189,21 +194,6 @@ class Robot(ArmBodies):
         """Names of the joints (J,) in the robot's driver or file; q1 … if it has neither."""
         return tuple(joint.name for joint in self.joints)
 
-    @property
-    def zero_names(self) -> tuple[str, ...]:
-        """Names of the parameters that are added to the joint values, by joint; () of none."""
-        return ()
-
-    @property
-    def twists(self) -> tuple[str, ...]:
-        """Names of the parameters that are angles between the axes of neighbouring joints."""
-        return ()
-
-    @property
-    def lengths(self) -> tuple[str, ...]:
-        """Names of the parameters that are lengths between the axes of neighbouring joints."""
-        return ()
-
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
         """Known changes of parameters that should leave every wrench alone, by name.
 
@@ -269,6 +259,8 @@ class SimulatedRobot(Robot):
 
     bodies: tuple[BodyMass, ...]
     """The body behind each of MuJoCo's joints, as `link_frames`."""
+    carrier: int
+    """Number of the link that carries the sensor, from 0 as in `link_frames`."""
 
     @abstractmethod
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
@@ -291,11 +283,6 @@ class SimulatedRobot(Robot):
         frames = zip(self.link_frames(q, theta), self.bodies, strict=True)
         centres = [origin + turn @ np.array(body.cog) for (turn, origin), body in frames]
         return np.array([body.mass for body in self.bodies]), np.stack(centres, axis=1)
-
-    @property
-    def carrier(self) -> int:
-        """Number of the link that carries the sensor, from 0 as in `link_frames`."""
-        return len(self.joints) - 1
 
     @property
     @abstractmethod
@@ -366,6 +353,7 @@ class MountedArm(LoadInSensorAxes, SimulatedRobot):
     """
 
     def _prepare(self) -> None:
+        self.carrier = len(self.joints) - 1
         self._tilt, self._offset, self._turn = (
             slice(columns[0], columns[-1] + 1)
             for columns in (

@@ -136,9 +136,9 @@ def describe(
     loading = load.bodies or ("the tool that --tool-mass states",)
     if held:
         notes.append(f"{', '.join(held)} stay where the file has them")
-    whole = [link for link in arm.links if not link.body.endswith(f"_{link.joint}")]
-    light = [link.body for link in whole if link.mass <= 0.0]  # not between joints of one body
-    if light:
+    between = [link.body.endswith(f"_{link.joint}") for link in arm.links]  # joints of one body
+    each = zip(arm.links, between, strict=True)
+    if light := [link.body for link, inner in each if not inner and link.mass <= 0.0]:
         notes.append(f"{', '.join(light)} have no mass in the file: state it in the TOML")
     write_text(out, text)
     return Described(robot, text, tuple(loading), tuple(notes))
@@ -193,10 +193,11 @@ def _carried_sensor(record: Mapping[str, Any], stated: str) -> str:
     carried = record.get("sensor")
     if carried is None:
         return stated
-    name = carried.get("name") if isinstance(carried, Mapping) else None
-    if not isinstance(name, str) or not isinstance(carried.get("record"), Mapping):
-        raise ParameterError("robot_model: its field sensor must have name and record")
-    registry.remember("sensors", name, carried["record"])
+    fields = Fields(carried, "robot_model: ", ParameterError, "sensor")
+    name, own = fields.stated_text("name"), fields.raw.get("record")
+    if not isinstance(own, Mapping):
+        fields.refuse("record", "must be an object")
+    registry.remember("sensors", name, own)
     return name
 
 
@@ -211,19 +212,15 @@ def _sha(file: Path) -> str:
 
 
 def _load(
-    arm: ArmModel,
-    frame: str,
-    file: Path,
-    mass: float | None,
-    cog: Sequence[float] | None,
+    arm: ArmModel, frame: str, file: Path, mass: float | None, cog: Sequence[float] | None
 ) -> Load:
     """The stated tool, else what the file hangs behind the frame."""
     if mass is None and cog is None and arm.load is not None:
         return arm.load
     if mass is None or cog is None:
+        nothing = f": nothing behind the frame {frame!r} has a mass" if arm.load is None else ""
         raise ParameterError(
-            f"{file}: state a tool by both --tool-mass KG --tool-cog X Y Z (sensor axes)"
-            + (f": nothing behind the frame {frame!r} has a mass" if arm.load is None else "")
+            f"{file}: state a tool by both --tool-mass KG --tool-cog X Y Z (sensor axes){nothing}"
         )
     if not mass > 0.0 or not np.isfinite(mass):
         raise ParameterError(f"--tool-mass {mass:g} must be above 0 kg")
@@ -245,12 +242,12 @@ def _floor(arm: ArmModel) -> float | None:
     if arm.loops is not None:
         return None
     g = np.array(arm.gravity)
-    upright = (arm.base_turn @ arm.links[0].turn @ arm.links[0].axis) @ (-g / np.linalg.norm(g))
+    first, after = arm.links[0], [*(link.shift for link in arm.links[1:]), arm.end_shift][0]
+    turn = arm.base_turn @ first.turn
+    upright = (turn @ first.axis) @ (-g / np.linalg.norm(g))
     if abs(upright) < 0.99 or g[2] > -0.99 * float(np.linalg.norm(g)):
         return None
-    after = arm.links[1].shift if len(arm.links) > 1 else arm.end_shift
-    first = arm.base_turn @ arm.links[0].turn
-    rises = float((arm.base_turn @ arm.links[0].shift + first @ after)[2]) >= -1e-9
+    rises = float((arm.base_turn @ first.shift + turn @ after)[2]) >= -1e-9
     return round(float(arm.base_shift[2]) + _FLOOR * arm.reach, 3) if rises else None
 
 
@@ -288,10 +285,8 @@ def _robot(
     record = {"toml": text, "arm": arm.to_json()}
     if sensor_record is not None:
         record["sensor"] = {"name": sensor, "record": dict(sensor_record)}
-    if edited.loops is None:
-        return FileArm(description, record)
     try:
-        return LoopArm(description, record)
+        return (FileArm if edited.loops is None else LoopArm)(description, record)
     except ParameterError as cause:
         raise ParameterError(f"{where}: {cause}") from None
 
@@ -300,17 +295,17 @@ def _edited(link: ArmLink, row: Fields) -> ArmLink:
     row.only(_JOINT)
     if row.stated_text("name") != link.joint:
         row.refuse("name", f"must be {link.joint!r}: the order is that of the chain")
-    lower, upper = row.stated_number("lower"), row.stated_number("upper")
-    if not lower < upper:
-        row.refuse("lower", f"must be below upper = {upper:g}")
-    speed, mass = row.stated_number("speed"), row.stated_number("mass")
-    if not speed > 0.0:
-        row.refuse("speed", "must be above 0")
-    if mass < 0.0:
-        row.refuse("mass", "must not be below 0 kg")
-    home = row.stated_number("home")
-    if not lower <= home <= upper:
-        row.refuse("home", f"must lie within {lower:g} … {upper:g}")
+    lower, upper, speed, mass, home = (
+        row.stated_number(key) for key in ("lower", "upper", "speed", "mass", "home")
+    )
+    for right, key, rule in (
+        (lower < upper, "lower", f"must be below upper = {upper:g}"),
+        (speed > 0.0, "speed", "must be above 0"),
+        (mass >= 0.0, "mass", "must not be below 0 kg"),
+        (lower <= home <= upper, "home", f"must lie within {lower:g} … {upper:g}"),
+    ):
+        if not right:
+            row.refuse(key, rule)
     cog = np.array(row.stated_numbers("cog", 3))
     return replace(
         link, lower=lower, upper=upper, speed=speed, home=home, mass=mass, cog=cog,
@@ -320,33 +315,25 @@ def _edited(link: ArmLink, row: Fields) -> ArmLink:
 
 def _stated_load(tool: Fields, before: Load | None) -> Load:
     tool.only({"mass", "cog", "inertia"})
-    mass, cog, inertia = (
-        tool.stated_number("mass"),
-        tool.stated_numbers("cog", 3),
-        tool.stated_numbers("inertia", 6),
-    )
+    mass, cog = tool.stated_number("mass"), tool.stated_numbers("cog", 3)
+    inertia = tool.stated_numbers("inertia", 6)
     if not mass > 0.0:
         tool.refuse("mass", "must be above 0 kg")
     if not physical_inertia(inertia):
         tool.refuse("inertia", "is not the inertia of any body")
-    same = before is not None and np.allclose([mass, *cog], [before.mass, *before.cog], rtol=1e-9)
-    shapes = before.shapes if before is not None and same else ()
-    bodies = before.bodies if before is not None and same else ()
-    return Load(mass, cog, inertia, bodies, shapes)
+    if before is None or not np.allclose([mass, *cog], [before.mass, *before.cog], rtol=1e-9):
+        return Load(mass, cog, inertia)
+    return replace(before, mass=mass, cog=cog, inertia=inertia)
 
 
 def _toml(
-    name: str,
-    sensor: str,
-    model: tuple[str, Path, str, bool],
-    arm: ArmModel,
-    load: Load,
+    name: str, sensor: str, model: tuple[str, Path, str, bool], arm: ArmModel, load: Load
 ) -> str:
     stated, file, frame, hold = model
     floor = "# floor = 0.0  # lowest height [m] of what moves; without it, anywhere"
     if arm.floor is not None:
         floor = f"floor = {arm.floor:g}  # lowest height [m] of what moves; or leave it out"
-    text = _HEAD.format(
+    head = _HEAD.format(
         file=file.name, frame=frame, format=FORMAT, name=quoted(name), sensor=quoted(sensor),
         title=quoted(f"{arm.name} with {sensor} at {frame}"), gravity=listed(arm.gravity),
         floor=floor, path=quoted(stated), sha256=quoted(_sha(file)), place=quoted(frame),
@@ -354,9 +341,11 @@ def _toml(
         mass=load.mass, cog=listed(load.cog), inertia=listed(load.inertia),
         joints=_CHAIN if arm.loops is None else _LOOPS,
     )  # fmt: skip
-    for column, link in zip(arm.columns, arm.links, strict=True):
-        text += _LINK.format(
+    tables = [
+        _LINK.format(
             column=column.partition("_")[0], link=link, joint=quoted(link.joint),
             body=quoted(link.body), cog=listed(link.cog),
-        )  # fmt: skip
-    return text.removesuffix("\n")
+        )
+        for column, link in zip(arm.columns, arm.links, strict=True)
+    ]  # fmt: skip
+    return "".join([head, *tables]).removesuffix("\n")

@@ -89,6 +89,7 @@ class DescribedArm(MountedArm):
         )
         self.parameters = arm_parameters(description)
         index = self.parameters.index
+        self.zero_names = tuple(f"joint.{name}.zero" for name in self.joint_names)
         self._zeros = [index(n) for n in self.zero_names]
         self._places, self._turns = (
             np.array([[index(f"link.{x.body}.{what}.{a}") for a in "xyz"] for x in arm.links])
@@ -99,10 +100,6 @@ class DescribedArm(MountedArm):
     @property
     def joint_names(self) -> tuple[str, ...]:
         return tuple(link.joint for link in self.arm_model.moved)
-
-    @property
-    def zero_names(self) -> tuple[str, ...]:
-        return tuple(f"joint.{name}.zero" for name in self.joint_names)
 
     @property
     def home(self) -> np.ndarray:
@@ -127,6 +124,14 @@ class DescribedArm(MountedArm):
         middle = np.clip(middle, low + np.minimum(turn, (high - low) / 2), None)
         middle = np.minimum(middle, high - np.minimum(turn, (high - low) / 2))
         return np.maximum(low, middle - turn), np.minimum(high, middle + turn)
+
+    @property
+    def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        arm = self.arm_model
+        middle = self.sensor_pose(self.home[None], self.parameters.nominal)[1][0]
+        middle = 0.5 * (middle + arm.base_shift)
+        place = middle + max(arm.reach, 0.1) * np.array([0.9, -1.2, 0.6])
+        return tuple(place.tolist()), tuple(middle.tolist())
 
     def at(self, theta: np.ndarray) -> ArmModel:
         """The arm with its parameters (P,)."""
@@ -166,31 +171,16 @@ class FileArm(DescribedArm, SerialChain):
         self._before = before
         self._pre = before @ np.stack([link.turn for link in links])
         self._end = self._to_z[-1].T @ self.arm_model.end_turn
-
-    @property
-    def twists(self) -> tuple[str, ...]:
-        """Rotations of all links but the first that are no joint's zero, its own or that before."""
+        self.lengths = tuple(f"link.{x.body}.position.{a}" for x in links[1:] for a in "xyz")
+        """Positions of all links but the first, which moves everything alike."""
         twists = []
-        for before, link in pairwise(self.arm_model.links):
-            along = np.abs([link.axis, link.turn.T @ before.axis])
-            zeros = (along * [[link.kind == HINGE], [before.kind == HINGE]]).max(axis=0) > _ALIKE
+        for last, link in pairwise(links):
+            along = np.abs([link.axis, link.turn.T @ last.axis])
+            zeros = (along * [[link.kind == HINGE], [last.kind == HINGE]]).max(axis=0) > _ALIKE
             names = [f"link.{link.body}.rotation.{a}" for a in "xyz"]
             twists += [n for n, zero in zip(names, zeros, strict=True) if not zero]
-        return tuple(twists)
-
-    @property
-    def lengths(self) -> tuple[str, ...]:
-        """Positions of all links but the first, which moves everything alike."""
-        return tuple(
-            f"link.{link.body}.position.{a}" for link in self.arm_model.links[1:] for a in "xyz"
-        )
-
-    @property
-    def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        arm = self.arm_model
-        middle = arm.base_shift + arm.reach * np.array([0.0, 0.0, 0.35])
-        place = middle + arm.reach * np.array([1.1, -1.4, 0.7])
-        return tuple(place.tolist()), tuple(middle.tolist())
+        self.twists = tuple(twists)
+        """Rotations of all links but the first that are no joint's zero, its own or that before."""
 
     def fixed(self, theta: np.ndarray) -> Fixed:
         arm, turned = self.arm_model, theta[..., self._turns]

@@ -43,12 +43,13 @@ class LoopArm(DescribedArm):
             BodyMass(x.body, x.mass, (float(x.cog[0]), float(x.cog[1]), float(x.cog[2])))
             for x in arm.links
         )
+        self.carrier = arm.end
         self._loops = ClosedLoops(arm, self._geometry(self.parameters.nominal))
         homes = zip(arm.links, self._loops.home.tolist(), strict=True)
         self.arm_model = replace(arm, links=tuple(replace(x, home=at) for x, at in homes))
 
-    @property
-    def lengths(self) -> tuple[str, ...]:
+    @cached_property
+    def lengths(self) -> tuple[str, ...]:  # type: ignore[override]
         """Positions of all links on others that move something."""
         arm = self.arm_model
         places = zip(arm.links, arm.parents, strict=True)
@@ -69,14 +70,6 @@ class LoopArm(DescribedArm):
             if max(float(np.nanmax(np.abs(x))) for x in moved) < 1e-13:
                 unseen.append(self.parameters.names[k])
         return tuple(unseen)
-
-    @property
-    def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        arm = self.arm_model
-        middle = self.sensor_pose(self.home[None], self.parameters.nominal)[1][0]
-        middle = 0.5 * (middle + arm.base_shift)
-        place = middle + max(arm.reach, 0.1) * np.array([0.9, -1.2, 0.6])
-        return tuple(place.tolist()), tuple(middle.tolist())
 
     def _geometry(self, theta: np.ndarray) -> Geometry:
         arm, p = self.arm_model, self.values(theta)
@@ -120,10 +113,6 @@ class LoopArm(DescribedArm):
         """Frame in world axes from one in base axes."""
         base = self._leaning(self.arm_model.base_turn, theta)
         return base @ turn, apply(base, origin) + self.arm_model.base_shift
-
-    @property
-    def carrier(self) -> int:
-        return self.arm_model.end
 
     def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         arm, frames = self.arm_model, self._loops.frames(*self._solved(q, theta))

@@ -1,6 +1,7 @@
 """A serial arm of any number of rotary joints, from a table of data.
 
-A new arm is one file with `ROBOT = SerialArm(ArmData(...))` and its MJCF: see `robots.ur5`.
+A new arm is one file with `ROBOT = SerialArm(ArmData(...))` and, to be drawn, its MJCF: see
+`robots.ur5`.
 
 Kinematics: Denavit–Hartenberg, T_i = Rz(q_i + dq_i) · Tz(d_i) · Tx(a_i) · Rx(α_i). The world is the
 base frame of the arm's controller. Sensor axes and origin are those of the flange (the last DH
@@ -130,19 +131,6 @@ class ArmData:
     clearance: float
     mjcf: Path | None = None
 
-    def parameters(self) -> ParameterSet:
-        """Parameters: DH table, base, mount, tool and load."""
-        table: list[Parameter] = []
-        for i, link in enumerate(self.links, start=1):
-            table += [
-                Parameter(f"a{i}", link.a, "m", 5e-4, -2.0, 2.0, "DH link length"),
-                Parameter(f"d{i}", link.d, "m", 5e-4, -2.0, 2.0, "DH link offset"),
-                Parameter(f"alpha{i}", link.alpha, "rad", 1e-3, -3.2, 3.2, "DH twist"),
-                Parameter(f"dq{i}", 0.0, "rad", ANGLE, -6.3, 6.3, "joint zero offset"),
-            ]
-        mounted = mounted_parameters(self.tool_mass, self.tool_cog, self.tool_inertia)
-        return ParameterSet(tuple(table)) + mounted
-
 
 class SerialArm(SerialChain):
     """A serial arm with a six-axis sensor between flange and tool."""
@@ -159,10 +147,21 @@ class SerialArm(SerialChain):
         )
         ratios = [link.gear_ratio for link in arm.links if link.gear_ratio is not None]
         self.gear_ratio = tuple(ratios) if len(ratios) == len(arm.links) else ()
-        self.parameters = arm.parameters()
+        table: list[Parameter] = []
+        for i, link in enumerate(arm.links, start=1):
+            table += [
+                Parameter(f"a{i}", link.a, "m", 5e-4, -2.0, 2.0, "DH link length"),
+                Parameter(f"d{i}", link.d, "m", 5e-4, -2.0, 2.0, "DH link offset"),
+                Parameter(f"alpha{i}", link.alpha, "rad", 1e-3, -3.2, 3.2, "DH twist"),
+                Parameter(f"dq{i}", 0.0, "rad", ANGLE, -6.3, 6.3, "joint zero offset"),
+            ]
+        mounted = mounted_parameters(arm.tool_mass, arm.tool_cog, arm.tool_inertia)
+        self.parameters = ParameterSet(tuple(table)) + mounted
+        names = [p.name for p in table]
+        self.lengths = (*names[0::4], *names[1::4])
+        self.twists, self.zero_names = tuple(names[2::4]), tuple(names[3::4])
         self.bodies = (*(link.body for link in arm.links), arm.flange)
-        first = [self.parameters.index(f"{p}1") for p in ("a", "d", "alpha", "dq")]
-        self._dh = [slice(k, 4 * len(arm.links), 4) for k in first]
+        self._dh = [slice(k, 4 * len(arm.links), 4) for k in range(4)]
         self._prepare()
 
     @property
@@ -172,18 +171,6 @@ class SerialArm(SerialChain):
     @property
     def mjcf(self) -> Path:
         return self.arm.mjcf or super().mjcf
-
-    @property
-    def zero_names(self) -> tuple[str, ...]:
-        return tuple(f"dq{k}" for k in range(1, len(self.joints) + 1))
-
-    @property
-    def twists(self) -> tuple[str, ...]:
-        return tuple(f"alpha{k}" for k in range(1, len(self.joints) + 1))
-
-    @property
-    def lengths(self) -> tuple[str, ...]:
-        return tuple(f"{symbol}{k}" for symbol in "ad" for k in range(1, len(self.joints) + 1))
 
     def zeros(self, theta: np.ndarray) -> np.ndarray:
         return np.asarray(theta[..., self._dh[3]])
@@ -221,38 +208,40 @@ class SerialArm(SerialChain):
         return np.asarray(above & column & (apart > arm.clearance))
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
-        p, last = self.values(theta), len(self.joints)
-        mount = np.array([p[f"mount.rotation.{a}"] for a in "xyz"])
-        flange = -rot_x(p[f"alpha{last}"]).T
-        back = np.linalg.solve(exp_rates(mount), flange)  # against the flange's axes
-        axes = [f"mount.rotation.{a}" for a in "xyz"]
+        last, axes = len(self.joints), [f"mount.rotation.{a}" for a in "xyz"]
+        flange = -rot_x(theta[self._dh[2]][-1]).T
+        back = np.linalg.solve(exp_rates(theta[self._turn]), flange)  # against the flange's axes
         return {
-            f"a turn of joint {last} against the sensor's mount": {f"dq{last}": 1.0}
-            | dict(zip(axes, back[:, 2], strict=True)),
-            f"a twist alpha{last} against the sensor's mount": {f"alpha{last}": 1.0}
-            | dict(zip(axes, back[:, 0], strict=True)),
+            f"{what} against the sensor's mount": {name: 1.0}
+            | dict(zip(axes, back[:, axis], strict=True))
+            for what, name, axis in (
+                (f"a turn of joint {last}", f"dq{last}", 2),
+                (f"a twist alpha{last}", f"alpha{last}", 0),
+            )
         }
 
     def drawn(self) -> "mujoco.MjSpec":
-        """MJCF of the arm as its file has it."""
+        """MJCF of the arm as its file has it, without shapes from its data if there is no file."""
         import mujoco
 
-        return mujoco.MjSpec.from_file(str(self.mjcf))
+        if self.mjcf.is_file():
+            return mujoco.MjSpec.from_file(str(self.mjcf))
+        return mujoco.MjSpec.from_string(mjcf_of(self.arm))
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
         from wrenchbed.robots.mjcf import frictionless, place, write_load
 
-        p = {name: float(v) for name, v in self.values(theta).items()}
         spec = frictionless(self.drawn())
         place(spec, "base", [0, 0, 0], self._leaning(np.eye(3), theta))
         frame, origin = np.eye(3), [0.0, 0.0, 0.0]
-        for i, (link, angle) in enumerate(zip(self.arm.links, self.home, strict=True), start=1):
-            place(spec, link.body.body, origin, frame @ rot_z(p[f"dq{i}"] + angle))
+        table = zip(*(theta[columns].tolist() for columns in self._dh), strict=True)
+        each = zip(self.arm.links, self.home, table, strict=True)
+        for i, (link, angle, (a, d, alpha, zero)) in enumerate(each, start=1):
+            place(spec, link.body.body, origin, frame @ rot_z(zero + angle))
             spec.joint(f"q{i}").ref = angle
-            frame, origin = rot_x(p[f"alpha{i}"]), [p[f"a{i}"], 0.0, p[f"d{i}"]]
+            frame, origin = rot_x(alpha), [a, 0.0, d]
         place(spec, self.arm.flange.body, origin, frame)
-        shift = [p[f"mount.position.{a}"] for a in "xyz"]
-        place(spec, "tool", shift, mount_turn(theta[..., self._turn]))
+        place(spec, "tool", theta[self._offset].tolist(), mount_turn(theta[self._turn]))
         write_load(spec, self.tool(theta))
         return spec
 

@@ -22,25 +22,20 @@ from wrenchbed.robots.compiled.statics import Packed
 _LENGTH_ERROR = 2e-3
 _ANGLE_ERROR = np.deg2rad(1.0)  # Section 5: ±2 mm, ±1°
 
-_MM = {
+_TABLE = {
     "A1y": -233.0, "A1z": 178.0, "C1y": -83.0, "C1z": 438.0,
     "A2y": -233.0, "A2z": 178.0, "C2y": -83.0, "C2z": 438.0,
     "L11": 400.0, "L12": 520.0, "L13": 400.0, "L14": 520.0,
     "L21": 400.0, "L22": 520.0, "L23": 400.0, "L24": 520.0,
     "d41": 41.5, "d42": 41.5, "d5": 0.0, "xT": 0.0, "yT": 0.0, "zT": 134.6,
-    "x0": 109.0, "y0": 139.0, "z0": -31.0, "xS": 41.5, "yS": 0.0, "zS": 41.7,
-    "xG": 0.0, "yG": 0.0, "zG": 152.4, "dq1": 0.0, "d31": 0.0, "d32": 0.0,
+    "alphaT": 67.512, "betaT": 0.0, "gammaT": 0.0, "x0": 109.0, "y0": 139.0, "z0": -31.0,
+    "alpha0": 0.0, "beta0": 0.0, "gamma0": 0.0,
+    "dq2": 0.0, "dq3": 0.0, "dq4": 0.0, "dq5": 0.0, "dq6": 0.0, "xS": 41.5, "yS": 0.0, "zS": 41.7,
+    "alphaS": -67.512, "betaS": 0.0, "gammaS": 0.0, "xG": 0.0, "yG": 0.0, "zG": 152.4,
+    "mTool": 0.365, "dq1": 0.0, "d31": 0.0, "d32": 0.0,
 }  # fmt: skip
-_DEG = {
-    "alphaT": 67.512, "betaT": 0.0, "gammaT": 0.0, "alpha0": 0.0, "beta0": 0.0, "gamma0": 0.0,
-    "dq2": 0.0, "dq3": 0.0, "dq4": 0.0, "dq5": 0.0, "dq6": 0.0,
-    "alphaS": -67.512, "betaS": 0.0, "gammaS": 0.0,
-}  # fmt: skip
-_ORDER = (
-    "A1y A1z C1y C1z A2y A2z C2y C2z L11 L12 L13 L14 L21 L22 L23 L24 d41 d42 d5 xT yT zT alphaT "
-    "betaT gammaT x0 y0 z0 alpha0 beta0 gamma0 dq2 dq3 dq4 dq5 dq6 xS yS zS alphaS betaS gammaS "
-    "xG yG zG mTool dq1 d31 d32"
-).split()
+"""Nominal values of Table 1 [mm, °, kg]."""
+_ANGLES = ("alpha", "beta", "gamma", "dq2", "dq3", "dq4", "dq5", "dq6")
 _TEXT = {
     "A": "anchor of a five-bar's first proximal link, base frame",
     "C": "anchor of a five-bar's second proximal link, base frame",
@@ -65,27 +60,19 @@ MIN_HEIGHT = 0.05
 """Distance of E from the line through both elbows [m], below which a five-bar is near singular."""
 
 
-def _text(name: str) -> str:
-    for key in (name[:2], name[:1], name[-1:]):
-        if key in _TEXT:
-            return _TEXT[key]
-    return ""
-
-
 def _parameter(name: str) -> Parameter:
+    value = _TABLE[name]
     if name == "mTool":
-        return Parameter(name, 0.365, "kg", 0.01, 0.001, 10.0, "mass on the sensor")
-    if name in _MM:
-        nominal = _MM[name] / 1e3
-        lower = 0.05 if name.startswith("L") else -3.0
-        return Parameter(name, nominal, "m", _LENGTH_ERROR, lower, 3.0, _text(name))
-    return Parameter(name, np.deg2rad(_DEG[name]), "rad", _ANGLE_ERROR, -6.3, 6.3, _text(name))
+        return Parameter(name, value, "kg", 0.01, 0.001, 10.0, "mass on the sensor")
+    text = next(_TEXT[key] for key in (name[:2], name[:1], name[-1:]) if key in _TEXT)
+    if name.startswith(_ANGLES):
+        return Parameter(name, np.deg2rad(value), "rad", _ANGLE_ERROR, -6.3, 6.3, text)
+    lower = 0.05 if name.startswith("L") else -3.0
+    return Parameter(name, value / 1e3, "m", _LENGTH_ERROR, lower, 3.0, text)
 
 
-PAPER = ParameterSet(tuple(_parameter(name) for name in _ORDER))
+PAPER = ParameterSet(tuple(_parameter(name) for name in _TABLE))
 """The 49 parameters of the paper."""
-
-
 PARAMETERS = PAPER + load_parameters(PROBE_INERTIA)
 
 
@@ -282,27 +269,21 @@ def failures(p: Values, q: np.ndarray) -> dict[int, str]:
     with np.errstate(invalid="ignore", divide="ignore"):
         loops = solved(p, q)
     for i, bar in enumerate(loops.bars, start=1):
+        l2, l4 = p[f"L{i}2"], p[f"L{i}4"]
         gap = np.sqrt(_dot(bar.B - bar.D, bar.B - bar.D))
-        height2 = _dot(bar.E - bar.D, bar.E - bar.D)
-        reach = p[f"L{i}2"] + p[f"L{i}4"]
-        across = np.sqrt(np.maximum(0.0, _height2(p, i, gap)))
-        for row in np.flatnonzero(~np.isfinite(height2) | (across < MIN_HEIGHT)):
+        along = (l4**2 - l2**2 + gap**2) / (2 * np.maximum(gap, 1e-12))
+        across = np.where(gap > 1e-6, np.sqrt(np.maximum(0.0, l4**2 - along**2)), 0.0)
+        for row in np.flatnonzero(~np.isfinite(bar.E).all(axis=-1) | (across < MIN_HEIGHT)):
             bad.setdefault(
                 int(row),
                 f"five-bar {i} cannot close: its elbows are {1e3 * gap[row]:.1f} mm apart, the "
-                f"distal links reach {1e3 * reach:.1f} mm and must stay "
+                f"distal links reach {1e3 * (l2 + l4):.1f} mm and must stay "
                 f"{1e3 * MIN_HEIGHT:.0f} mm from straight",
             )
     lost = ~np.isfinite([loops.gamma, loops.beta, loops.alpha]).all(axis=(0, 1))
     for row in np.flatnonzero(lost):
         bad.setdefault(int(row), "the wrist cannot turn to where its two universal joints point")
     return dict(sorted(bad.items()))
-
-
-def _height2(p: Values, i: int, gap: np.ndarray) -> np.ndarray:
-    l2, l4 = p[f"L{i}2"], p[f"L{i}4"]
-    along = (l4**2 - l2**2 + gap**2) / (2 * np.maximum(gap, 1e-12))
-    return np.where(gap > 1e-6, l4**2 - along**2, 0.0)
 
 
 def _elbow(direction: Value, angle: Value, distal: Value) -> Value:

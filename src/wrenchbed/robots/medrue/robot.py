@@ -5,6 +5,7 @@ Masses and centres of gravity are those of ``models/medrue/medrue.xml``: estimat
 """
 
 from collections.abc import Sequence
+from functools import cached_property
 from pathlib import Path
 
 import mujoco
@@ -28,29 +29,6 @@ from wrenchbed.robots.medrue import kinematics, workspace
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER, PARAMETERS
 from wrenchbed.robots.mjcf import bare, place, rotate_body, write_load
 
-_NEAR, _FAR = (0.0, 0.2, 0.0), (0.0, 0.26, 0.0)
-_CENTRE = (0.0, 0.0, 0.0)
-
-CARRIAGE = BodyMass("carriage", 14.0, (0.0, -0.16, 0.3))
-BARS = tuple(
-    (
-        BodyMass(f"proximal_a{i}", 1.2, _NEAR),
-        BodyMass(f"distal_b{i}", 0.8, _FAR),
-        BodyMass(f"proximal_c{i}", 1.2, _NEAR),
-        BodyMass(f"distal_d{i}", 0.9, _FAR),
-    )
-    for i in (1, 2)
-)
-"""Masses of five-bars 1 and 2: A–B, B–E, C–D, D–E, y along the link, x that of the base."""
-SUPPORT = (
-    BodyMass("roll", 0.15, _CENTRE),
-    BodyMass("yoke", 0.05, _CENTRE),
-    BodyMass("wrist", 0.4, _CENTRE),
-    BodyMass("slider", 0.05, _CENTRE),
-)
-"""Masses at E1, E1, the wrist's origin and E2, with their centres of gravity there."""
-LINKS = (CARRIAGE, *BARS[0], *SUPPORT, *BARS[1])
-"""Moving bodies behind `JOINTS`."""
 JOINTS = ("q1", "q2", "b1", "q3", "d1", "q6", "beta", "alpha", "slide", "q4", "b2", "q5", "d2")
 """The MJCF's joints in the order of MuJoCo's ``qpos``."""
 
@@ -115,7 +93,8 @@ class MedRUE(SimulatedRobot):
     gear_ratio = ()  # unknown
     broadcasts = True
     compiled = "medrue"
-    bodies = LINKS
+    carrier = JOINTS.index("alpha")
+    zero_names = ("dq1", "dq2", "dq3", "dq4", "dq5", "dq6")
     joints = (
         Joint("q1", "m", -0.5, 1.1, 0.25),
         Joint("q2", "rad", 1.658, 4.887, 1.0),
@@ -125,9 +104,15 @@ class MedRUE(SimulatedRobot):
         Joint("q6", "rad", -6.283, 12.566, 1.0),
     )
 
-    @property
-    def zero_names(self) -> tuple[str, ...]:
-        return tuple(f"dq{k}" for k in range(1, len(self.joints) + 1))
+    @cached_property
+    def bodies(self) -> tuple[BodyMass, ...]:  # type: ignore[override]
+        """The moving bodies behind `JOINTS`, as the MJCF has them."""
+        spec, bodies = bare(self.mjcf), list[BodyMass]()
+        for joint in JOINTS:
+            body = spec.joint(joint).parent
+            x, y, z = (float(c) for c in body.ipos)
+            bodies.append(BodyMass(body.name, float(body.mass), (x, y, z)))
+        return tuple(bodies)
 
     @property
     def eye(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
@@ -146,10 +131,6 @@ class MedRUE(SimulatedRobot):
 
     def link_frames(self, q: Value, theta: np.ndarray) -> list[tuple[Value, Value]]:
         return kinematics.link_frames(self.values(theta), q)
-
-    @property
-    def carrier(self) -> int:
-        return JOINTS.index("alpha")
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
         return kinematics.gravity_in_sensor(self.values(theta), q, gravity)
