@@ -2,5 +2,5 @@
 
 May import: hardware, diagnosis, calibration, planning, twin and the rooms below them.
 Read first: ``recording/run.py`` for one plan's run; ``simulated_robots.py`` for many.
-Used by: cli and environments.
+Used by: cli.
 """

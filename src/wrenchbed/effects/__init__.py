@@ -1,7 +1,7 @@
 """Unmodelled effects, one file each; the registry lists the folder.
 Imports physics, robots, sensors, and simulation for what an effect writes into MuJoCo.
 Read first: `base` (the contract), then `chain` (how effects act together).
-Used by: benchmark, campaigns, diagnosis, environments, hardware, monitoring, plant, reports, twin.
+Used by: benchmark, campaigns, diagnosis, hardware, monitoring, plant, reports, twin.
 """
 
 SUPPORT = ("scene", "chain", "free_form")

@@ -6,11 +6,10 @@ import gymnasium
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.environments.information import AccuracyKnowledge, CauseKnowledge, knowledge
-from wrenchbed.environments.rendering import Rendered
+from wrenchbed.environments.information import Knowledge, knowledge
+from wrenchbed.environments.rendering import Rendered, simulated
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.noise import NoiseStream, noise_model
-from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
@@ -25,19 +24,17 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
     """Choose poses from a pool; the robot moves there and its sensor is read.
 
     Each episode has another robot with parameters uniform within tolerance; moves and readings
-    use up the budget. The reward is the information of a reading [nats]: on the tool's position in
-    the target workspace (MedRUE), on further readings (UR5), or on which effect is present.
+    use up the budget. The reward is the information of a reading [nats] on the tool's position in
+    the target workspace (MedRUE) or on further readings (UR5).
 
     Observation (5 + J,) float32: remaining share of the budget; information since the start [nats];
     length of the last step [s]; joint values from −1 to 1 between their limits; the least and the
-    mean remaining share of the initial uncertainty (tolerances, or 1 / (1 + distance of causes in
-    σ)).
+    mean remaining share of the parameters' tolerances.
 
     Action: number of a pose of the pool, ``env.unwrapped.pool`` (N, J).
 
     Args:
         robot: registry name.
-        goal: ``accuracy`` or ``causes``.
         budget: of robot time [s].
         pool: number of poses to choose from; drawn anew with every seed.
         samples: rows a reading, at 100 Hz.
@@ -49,36 +46,27 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
     def __init__(
         self,
         robot: str = "ur5",
-        goal: str = "accuracy",
         budget: float = 120.0,
         pool: int = 256,
         samples: int = 20,
         render_mode: str | None = None,
     ) -> None:
-        known = registry.load("robots", robot)
-        if not isinstance(known, SimulatedRobot):
-            raise ParameterError(f"robot {robot!r} has no model to simulate")
-        if goal not in ("accuracy", "causes"):
-            raise ParameterError(f"goal {goal!r}: known are accuracy and causes")
         if not budget > 0 or pool < 2 or samples < 1:
             raise ParameterError("budget must be above 0 s, pool at least 2, samples at least 1")
-        self.robot, self.goal = known, goal
-        self.budget, self.samples, self.render_mode = float(budget), samples, render_mode
-        self.model = Model.of(known)
-        self.sensor = registry.load("sensors", known.sensor)
+        self.robot, self.budget = simulated(robot), float(budget)
+        self.samples, self.render_mode = samples, render_mode
+        self.model = Model.of(self.robot)
+        self.sensor = registry.load("sensors", self.robot.sensor)
         self._noise = noise_model("real", self.sensor.noise)
-        self._size = pool
-        low, high = np.array([(j.lower, j.upper) for j in known.joints]).T
+        self._size, joints = pool, len(self.robot.joints)
+        low, high = np.array([(j.lower, j.upper) for j in self.robot.joints]).T
         self._middle, self._reach = 0.5 * (low + high), 0.5 * (high - low)
         self._share = Limits().speed
         self._ticks = np.arange(-samples, 0) / RATE_HZ
-        joints = len(known.joints)
         self.action_space = gymnasium.spaces.Discrete(pool)
-        low = np.concatenate([[0.0, -50.0, 0.0], -np.ones(joints), [0.0, 0.0]])
-        high = np.concatenate([[1.0, 50.0, 1e3], np.ones(joints), [1.0, 1.0]])
-        self.observation_space = gymnasium.spaces.Box(
-            low.astype(np.float32), high.astype(np.float32), dtype=np.float32
-        )
+        low = np.concatenate([[0.0, -50.0, 0.0], -np.ones(joints), [0.0, 0.0]], dtype=np.float32)
+        high = np.concatenate([[1.0, 50.0, 1e3], np.ones(joints), [1.0, 1.0]], dtype=np.float32)
+        self.observation_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
         self.pool = np.empty((0, joints))
         self._drawn: int | None = None
 
@@ -90,12 +78,12 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         if seed is not None or self._drawn is None:
             self.pool = self.robot.sample(self._size, self.np_random)
             self._drawn = seed
-            self._unread = knowledge(self.model, self.pool, self._row_std(), self.goal)
+            self._unread = knowledge(self.model, self.pool, self._row_std())
         self.theta = self._random_parameters()
         theta = self.robot.robot_theta(self.theta)
         self.simulation = Simulation(self.robot, theta, self.model.gravity)
         self._stream = NoiseStream(self._noise, int(self.np_random.integers(2**31)))
-        self.knowledge: AccuracyKnowledge | CauseKnowledge = self._unread
+        self.knowledge: Knowledge = self._unread
         self._known = self.knowledge.value
         self.q, self._time, self._last = np.array(self.robot.home, dtype=float), 0.0, 0.0
         self.visited: list[int] = []
@@ -104,8 +92,7 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
 
     def step(self, action: np.int64) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
         """Go to a pose and read; the episode ends with the budget."""
-        chosen = int(action)
-        before = self.knowledge.value
+        chosen, before = int(action), self.knowledge.value
         self._last = self.seconds(chosen)
         self._time += self._last
         self.q = self.pool[chosen]
@@ -152,11 +139,9 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
     def _observation(self) -> np.ndarray:
         least, mean = self.knowledge.open
         remaining = max(0.0, 1.0 - self._time / self.budget)
-        observation = np.empty(5 + len(self.q), dtype=np.float32)
-        observation[:3] = remaining, self.knowledge.value - self._known, self._last
-        observation[3:-2] = np.minimum(np.maximum((self.q - self._middle) / self._reach, -1.0), 1.0)
-        observation[-2:] = least, mean
-        return observation
+        at = np.clip((self.q - self._middle) / self._reach, -1.0, 1.0)
+        gained = self.knowledge.value - self._known
+        return np.array([remaining, gained, self._last, *at, least, mean], dtype=np.float32)
 
     def _info(self) -> dict[str, Any]:
         return {

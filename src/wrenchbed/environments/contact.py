@@ -4,15 +4,15 @@ The tip of the tool moves along straight lines and keeps its orientation.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
 import numpy as np
 
-from wrenchbed import registry
-from wrenchbed.environments.rendering import Rendered
+from wrenchbed.environments.rendering import Rendered, simulated
 from wrenchbed.errors import ParameterError
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.plant.body import Body, BodyOptions
 from wrenchbed.plant.contact_surface import Limb, tip_of
 from wrenchbed.robots.base import SimulatedRobot
@@ -150,20 +150,15 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
         seconds: float = 8.0,
         render_mode: str | None = None,
     ) -> None:
-        known = registry.load("robots", robot)
-        if not isinstance(known, SimulatedRobot):
-            raise ParameterError(f"robot {robot!r} has no model to simulate")
         if not seconds > STEP_S:
             raise ParameterError(f"seconds = {seconds} must be above {STEP_S}")
-        self.robot, self.effects = known, tuple(effects)
+        self.robot, self.effects = simulated(robot), tuple(effects)
         self.steps, self.render_mode = round(seconds / STEP_S), render_mode
         self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32)
-        reach = np.array([200.0] * 3 + [20.0] * 3 + [2.0] * 3 + [TARGET_N[1]] + [1.0] * 3)
+        reach = np.repeat([200.0, 20.0, 2.0, TARGET_N[1], 1.0], [3, 3, 3, 1, 3]).astype(np.float32)
         low = -reach
         low[9] = 0.0
-        self.observation_space = gymnasium.spaces.Box(
-            low.astype(np.float32), reach.astype(np.float32), dtype=np.float32
-        )
+        self.observation_space = gymnasium.spaces.Box(low, reach, dtype=np.float32)
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -175,13 +170,14 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
         self.hand = Hand(self.robot)
         self.limb = self._limb()
         effect = (str(rng.choice(self.effects)),) if self.effects else ()
-        self.body = Body(
-            BodyOptions(
-                self.robot.name, self._parameters(), "real", int(rng.integers(2**31)), effect
-            ),
-            CYCLE_S,
-            self.limb,
-        )
+        sizes = [_BIAS[0]] * 3 + [_BIAS[1]] * 3
+        bias = {
+            f"sensor.bias.{c}": float(rng.uniform(-s, s))
+            for c, s in zip(CHANNELS, sizes, strict=True)
+        }
+        seed_of_noise = int(rng.integers(2**31))
+        settings = BodyOptions(self.robot.name, bias, "real", seed_of_noise, effect)
+        self.body = Body(settings, CYCLE_S, self.limb)
         zero = []
         for _ in range(_ZEROED):
             self.body.step(self.hand.q)
@@ -221,13 +217,6 @@ class ContactEnv(Rendered, gymnasium.Env[np.ndarray, np.ndarray]):
         angle = 0.6 * (draws[3] - 0.5)  # about x, along which MedRUE's patient lies
         axis = np.array([np.cos(angle), np.sin(angle), 0.0])
         return Limb(self.hand.tip - [0.0, 0.0, radius + above], axis, radius, stiffness)
-
-    def _parameters(self) -> Mapping[str, float]:
-        """Another bias of the sensor."""
-        rng = self.np_random
-        sizes = [_BIAS[0]] * 3 + [_BIAS[1]] * 3
-        names = [f"sensor.bias.{c}" for c in ("fx", "fy", "fz", "tx", "ty", "tz")]
-        return {n: float(rng.uniform(-s, s)) for n, s in zip(names, sizes, strict=True)}
 
     def _reading(self) -> np.ndarray:
         """The sensor's reading now (6,) [N, N·m]."""

@@ -3,15 +3,30 @@
 import mujoco
 import numpy as np
 
+from wrenchbed import registry
+from wrenchbed.errors import ParameterError
 from wrenchbed.plant.contact_surface import Limb
+from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 
 SIZE = (480, 640)
 """Height and width [px]."""
 _HALF_M = 0.2
 """Half of the length of a limb in pictures [m]."""
-_SKIN = np.array([0.87, 0.67, 0.56, 1.0])
+_SKIN = np.array([0.87, 0.67, 0.56, 1.0], dtype=np.float32)
 """Colour of a limb."""
+
+
+def simulated(name: str) -> SimulatedRobot:
+    """A robot by its registry name.
+
+    Raises:
+        NotFoundError, ParameterError: there is none, or it has no model to simulate.
+    """
+    robot = registry.load("robots", name)
+    if not isinstance(robot, SimulatedRobot):
+        raise ParameterError(f"robot {name!r} has no model to simulate")
+    return robot
 
 
 class Rendered:
@@ -39,7 +54,12 @@ class Rendered:
         assert self._renderer is not None
         self._renderer.update_scene(data, camera="view")
         if limb is not None:
-            _add(self._renderer.scene, limb)
+            scene, kind = self._renderer.scene, mujoco.mjtGeom.mjGEOM_CYLINDER
+            geom, zero = scene.geoms[scene.ngeom], np.zeros(3)
+            mujoco.mjv_initGeom(geom, kind, zero, zero, np.zeros(9), _SKIN)
+            ends = (limb.point + side * _HALF_M * limb.axis for side in (-1, 1))
+            mujoco.mjv_connector(geom, kind, limb.radius, *ends)
+            scene.ngeom += 1
         return np.asarray(self._renderer.render())
 
     def close(self) -> None:
@@ -47,13 +67,3 @@ class Rendered:
         if self._renderer is not None:
             self._renderer.close()
         self._renderer = self._model = None
-
-
-def _add(scene: mujoco.MjvScene, limb: Limb) -> None:
-    """One more cylinder in a scene."""
-    geom = scene.geoms[scene.ngeom]
-    kind = mujoco.mjtGeom.mjGEOM_CYLINDER
-    mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.zeros(9), _SKIN.astype(np.float32))
-    ends = (limb.point - _HALF_M * limb.axis, limb.point + _HALF_M * limb.axis)
-    mujoco.mjv_connector(geom, kind, limb.radius, *ends)
-    scene.ngeom += 1

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 from wrenchbed import registry
 from wrenchbed.errors import ExportError, one_line
 from wrenchbed.exports.load_numbers import SENSOR, LoadNumbers
@@ -148,8 +146,3 @@ def notes_of(form: Export, numbers: LoadNumbers) -> list[str]:
         *form.hints(numbers),
     ]
     return [one_line(note) for note in notes]
-
-
-def listed(values: Sequence[float] | np.ndarray) -> str:
-    """Numbers in brackets, written so that they are read back exactly."""
-    return f"[{', '.join(repr(float(v)) for v in values)}]"

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchbed.exports.base import Export, ExportOptions
-from wrenchbed.exports.load_numbers import LoadNumbers, symmetric
+from wrenchbed.exports.load_numbers import LoadNumbers
+from wrenchbed.physics.wrench import symmetric
 
 _POINT = "inertia was not identified: zeros stand for a point mass, which is too little"
 

@@ -6,7 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.exports.base import Export, ExportOptions
-from wrenchbed.exports.load_numbers import LoadNumbers, symmetric
+from wrenchbed.exports.load_numbers import LoadNumbers
+from wrenchbed.physics.wrench import symmetric
 
 _MM = 1000.0
 """mm a metre."""

@@ -6,11 +6,11 @@ combination is undetermined: it is never exported.
 """
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -20,8 +20,8 @@ from wrenchbed.data.metadata import stated_robot
 from wrenchbed.errors import ExportError
 from wrenchbed.files import checked
 from wrenchbed.physics.rotations import exp
-from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.base import STEP, Robot
+from wrenchbed.physics.wrench import CHANNELS, six_of, symmetric
+from wrenchbed.robots.base import STEP, complex_steps
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.twin import Twin
@@ -145,8 +145,7 @@ class LoadNumbers:
     twin: Twin
 
 
-@dataclass(frozen=True, eq=False)
-class _Calibrated:
+class _Calibrated(NamedTuple):
     """A simulator, and how well its parameters θ are known.
 
     Attributes:
@@ -178,27 +177,26 @@ def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> Load
     """
     fields = checked.Fields(checked.load(path, ExportError), f"{path}: ", ExportError)
     known = _of_fit(fields) if "parameters" in fields.raw else _of_twin(path)
-    flange = "mount.position.x" in known.twin.model.parameters.names
+    model, theta = known.twin.model, known.twin.theta
+    flange = "mount.position.x" in model.parameters.names
     if flange and mount is not None:
         raise ExportError(f"--mount: {path} knows the place of the sensor in the flange")
     stated = None if mount is None else _mount(mount)
-    frame = FLANGE if flange or mount is not None else SENSOR
-
-    def load(theta: np.ndarray) -> Vectors:
-        return _load_of(known.twin.model, theta, stated)
-
-    here = load(known.twin.theta)
-    slopes = {i: _slope(load, known.twin.theta, i) for i in known.free}
-    quantities = {name: _quantity(known, name, value, slopes) for name, value in here.items()}
+    slopes = [_load_of(model, shifted[0], stated) for shifted in complex_steps(theta, known.free)]
+    quantities = {
+        name: _quantity(known, name, value, np.array([s[name].imag / STEP for s in slopes]))
+        for name, value in _load_of(model, theta, stated).items()
+    }
     for name in ("cog", "inertia"):  # a turned number is identified if the number itself is
-        if not (own := quantities[f"{name}_sensor"]).known and quantities[name].known:
-            quantities[name] = replace(quantities[name], std=None, origin=own.origin, why=own.why)
+        own, turned = quantities[f"{name}_sensor"], quantities[name]
+        if turned.known and not own.known:
+            quantities[name] = replace(turned, std=None, origin=own.origin, why=own.why)
     return LoadNumbers(
         source=Path(path).name,
         digest=hashlib.sha256(Path(path).read_bytes()).hexdigest(),
         robot=str(fields.raw.get("robot")),
         recording=str(fields.raw.get("recording")),
-        frame=frame,
+        frame=SENSOR if stated is None and not flange else FLANGE,
         left=known.left,
         twin=known.twin,
         **quantities,
@@ -214,17 +212,6 @@ def calibrated_twin(path: str | Path) -> Twin:
     raw = checked.load(path, ExportError)
     fit = isinstance(raw, dict) and "parameters" in raw
     return load_numbers(path).twin if fit else Twin.read(path)
-
-
-def symmetric(six: np.ndarray) -> np.ndarray:
-    """The matrix (3, 3) of xx yy zz xy xz yz."""
-    xx, yy, zz, xy, xz, yz = six
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-
-
-def six_of(matrix: np.ndarray) -> np.ndarray:
-    """xx yy zz xy xz yz of a matrix (3, 3)."""
-    return np.array([matrix[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
 
 
 def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> Vectors:
@@ -249,17 +236,8 @@ def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> 
     }  # fmt: skip
 
 
-def _slope(load: Callable[[np.ndarray], Vectors], theta: np.ndarray, i: int) -> Vectors:
-    """Derivative of every number by parameter i."""
-    shifted = theta.astype(complex)
-    shifted[i] += 1j * STEP
-    return {name: np.asarray(x.imag / STEP) for name, x in load(shifted).items()}
-
-
-def _quantity(
-    known: _Calibrated, name: str, value: np.ndarray, slopes: Mapping[int, Vectors]
-) -> Quantity:
-    slope = np.array([slopes[i][name] for i in known.free]).reshape(len(known.free), len(value))
+def _quantity(known: _Calibrated, name: str, value: np.ndarray, slope: np.ndarray) -> Quantity:
+    """A quantity (V,) with its slopes (K, V) by the free parameters."""
     moved = [i for i, s in zip(known.free, slope, strict=True) if np.abs(s).max() > _FLAT]
     title, unit = _TITLES[name]
     if blind := [known.blind[i] for i in moved if i in known.blind]:
@@ -285,17 +263,19 @@ def _mount(mount: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _of_fit(fields: checked.Fields) -> _Calibrated:
-    where = fields.where
-    if fields.raw.get("refuted"):
-        raise ExportError(f"{where}its own data refute it: {fields.raw['refuted']}")
-    if fields.raw.get("channels") == "effort":
+    where, raw = fields.where, fields.raw
+    if raw.get("refuted"):
+        raise ExportError(f"{where}its own data refute it: {raw['refuted']}")
+    if raw.get("channels") == "effort":
         raise ExportError(
             f"{where}is a fit of joint efforts: a load is exported from a fit of the wrench"
         )
-    if fields.raw.get("converged") is not True:
+    if raw.get("converged") is not True:
         raise ExportError(f"{where}converged is not true: such a fit is not exported")
-    names = fields.part("theta").raw
-    robot = _robot(fields, names)
+    names, robot = fields.part("theta").raw, ORIENTED
+    if set(names) != set(Model.of(ORIENTED).parameters.names):
+        with fields.naming("robot"):
+            robot = registry.load("robots", stated_robot(raw, str(raw.get("robot"))))
     gravity = fields.numbers("gravity", 3, rule="must be 3 numbers [m/s²]")
     model = Model(robot, gravity or tuple(robot.gravity))
     with fields.naming("theta"):
@@ -306,13 +286,15 @@ def _of_fit(fields: checked.Fields) -> _Calibrated:
     covariance = np.array(fields.square("covariance", len(free)))
     sentences = [str(part.raw.get("sentence")) for part in fields.parts("redundancies")]
     alike = "; ".join(sentences) or "of these the data fix only combinations"
-    blind = {
-        i: f"{name}: {alike}"
-        for i, name in zip(free, parameters.raw, strict=True)
-        if parameters.part(name).number("std", "") is None
-    }
+    blind, others = dict[int, str](), list[str]()
+    for i, (name, entry) in zip(free, parameters.raw.items(), strict=True):
+        if parameters.part(name).number("std", "") is None:
+            blind[i] = f"{name}: {alike}"
+        if name not in robot.load and not name.startswith(_CARRIED):
+            value, unit = entry.get("value"), entry.get("unit")
+            others.append(f"{name} = {value:.6g} {unit}" if checked.is_number(value) else name)
     twin = Twin(model, theta, (), fields.text("recording"))
-    return _Calibrated(twin, free, covariance, blind, _others(parameters, robot))
+    return _Calibrated(twin, free, covariance, blind, tuple(others))
 
 
 def _of_twin(path: str | Path) -> _Calibrated:
@@ -329,25 +311,3 @@ def _of_twin(path: str | Path) -> _Calibrated:
     free = tuple(int(i) for i in np.flatnonzero(theta != nominal))
     plain = Twin(twin.model, theta, (), twin.recording)
     return _Calibrated(plain, free, None, {}, tuple(left))
-
-
-def _robot(fields: checked.Fields, names: Mapping[str, Any]) -> Robot:
-    """The robot of a fit; the one without a model if that is what its parameters are of."""
-    oriented = Model(ORIENTED, tuple(ORIENTED.gravity)).parameters.names
-    if set(names) == set(oriented):
-        return ORIENTED
-    with fields.naming("robot"):
-        robot: Robot = registry.load(
-            "robots", stated_robot(fields.raw, str(fields.raw.get("robot")))
-        )
-    return robot
-
-
-def _others(parameters: checked.Fields, robot: Robot) -> tuple[str, ...]:
-    """Identified parameters that are neither load nor sensor zero nor mount nor tilt."""
-    found = []
-    for name, entry in parameters.raw.items():
-        if name not in robot.load and not name.startswith(_CARRIED):
-            value, unit = entry.get("value"), entry.get("unit")
-            found.append(f"{name} = {value:.6g} {unit}" if checked.is_number(value) else name)
-    return tuple(found)

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wrenchbed.exports.base import Export, ExportOptions, listed
+from wrenchbed.exports.base import Export, ExportOptions
 from wrenchbed.exports.load_numbers import LoadNumbers
+from wrenchbed.files.checked import listed
 
 _FRAME = "ft_frame"
 _YAML = """\

@@ -2,8 +2,9 @@
 
 from collections.abc import Sequence
 
-from wrenchbed.exports.base import Export, ExportOptions, listed
+from wrenchbed.exports.base import Export, ExportOptions
 from wrenchbed.exports.load_numbers import LoadNumbers
+from wrenchbed.files.checked import listed
 
 
 class UniversalRobots(Export):

@@ -4,6 +4,7 @@ The load becomes the ``<inertial>`` of the sensor's link, in its axes. The senso
 flange becomes the ``<origin>`` of the joint that carries this link.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,8 @@ from wrenchbed.exports.load_numbers import FLANGE, LoadNumbers
 _FRAME = "ft_frame"
 _LARGEST = 1 << 26
 """Largest URDF that is read [B]; those of whole robots are below 1 MiB."""
+_TAG = re.compile(rb"""(?:[^"'>]|"[^"]*"|'[^']*')*>""")
+"""A tag; > may stand in its attributes."""
 _INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
@@ -124,6 +127,10 @@ def _parsed(text: str) -> _Element:
     root = _Element("", {}, 0)
     open_elements = [root]
 
+    def tag_end(start: int) -> int:
+        whole = _TAG.match(data, start)
+        return whole.end() if whole else len(data)
+
     def start(tag: str, attributes: dict[str, str]) -> None:
         element = _Element(tag, attributes, parser.CurrentByteIndex)
         open_elements[-1].parts.append(element)
@@ -131,11 +138,11 @@ def _parsed(text: str) -> _Element:
 
     def end(tag: str) -> None:
         element = open_elements.pop()
-        inside = _tag_end(data, element.start)
+        inside = tag_end(element.start)
         if data[inside - 2 : inside] == b"/>":
             element.end = inside
         else:
-            element.end, element.inside = _tag_end(data, parser.CurrentByteIndex), inside
+            element.end, element.inside = tag_end(parser.CurrentByteIndex), inside
 
     def refuse(*_: Any) -> None:
         raise ExportError("urdf: a document type with entities is not read: remove <!DOCTYPE …>")
@@ -150,20 +157,6 @@ def _parsed(text: str) -> _Element:
     if robot.tag != "robot":
         raise ExportError(f"urdf: the file holds <{robot.tag}>, not <robot>")
     return robot
-
-
-def _tag_end(data: bytes, start: int) -> int:
-    """Where a start tag ends; > may stand in its attributes."""
-    quote = 0
-    for k in range(start, len(data)):
-        c = data[k]
-        if quote:
-            quote = 0 if c == quote else quote
-        elif c in b"\"'":
-            quote = c
-        elif c == ord(">"):
-            return k + 1
-    return len(data)
 
 
 def _named(robot: _Element, tag: str, name: str) -> _Element:

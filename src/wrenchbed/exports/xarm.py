@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 
 from wrenchbed.errors import ExportError
-from wrenchbed.exports.base import Export, ExportOptions, listed
+from wrenchbed.exports.base import Export, ExportOptions
 from wrenchbed.exports.load_numbers import LoadNumbers
+from wrenchbed.files.checked import listed
 
 _MM = 1000.0
 """mm a metre; the SDK takes millimetres since 1.11.0."""

@@ -80,6 +80,11 @@ def symmetric(six: Sequence[float] | np.ndarray) -> np.ndarray:
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
+def six_of(inertia: np.ndarray) -> np.ndarray:
+    """xx yy zz xy xz yz (6,) of a symmetric matrix (3, 3)."""
+    return inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+
+
 def physical_inertia(inertia: Sequence[float] | np.ndarray) -> bool:
     """Whether xx yy zz xy xz yz [kg·m²] has moments ≥ 0 with A + B ≥ C, as every body has."""
     a, b, c = np.linalg.eigvalsh(symmetric(inertia))

@@ -90,8 +90,8 @@ class RealTimeDrives:
         rigid = servo + train.rigid.at(data.qpos, self._still, self._still) + self._rotor * qdd
         t = np.array([self._count * self._cycle])
         moving = Jet(q[None], 0.5 * (qd + speed)[None], qdd[None])
-        total = train.torques(t, moving, rigid[None])[0]
-        current = self._noise.row(total / train.parameters.constant, q)
+        total = train.torques(t, moving, rigid[None])
+        current = self._noise.on(total / train.parameters.constant, q[None])[0]
         self._past.append(Efforts(servo, current * train.nominal.constant, current))
         while len(self._past) > self._behind + 1:
             self._past.popleft()

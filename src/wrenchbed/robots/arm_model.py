@@ -6,7 +6,7 @@ the link before (from the base, of the first) to it at joint value 0. It goes in
 JSON, so that they can be read without the file.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any, TypeVar
 
@@ -21,15 +21,9 @@ MESH_VERTICES = 300
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A geom to look at, in the frame of its link.
-
-    Attributes:
-        kind: MuJoCo's word: box, sphere, capsule, cylinder, ellipsoid, plane or mesh.
-        size: MuJoCo's sizes (3,) [m].
-        pos, quat: place (3,) [m] and turn w x y z.
-        rgba: colour, 0 … 1.
-        vertices, faces: of a mesh (V, 3) [m], (F, 3).
-    """
+    """A geom to look at, in the frame of its link: MuJoCo's word for it (box, sphere, capsule,
+    cylinder, ellipsoid, plane or mesh), its sizes (3,) [m], place (3,) [m] and turn w x y z, its
+    colour 0 … 1, and of a mesh vertices (V, 3) [m] and faces (F, 3)."""
 
     kind: str
     size: tuple[float, ...]
@@ -106,14 +100,8 @@ class Closure:
 
 @dataclass(frozen=True, eq=False)
 class Loops:
-    """Topology of the links of an arm with closed loops.
-
-    Attributes:
-        parents: the link before each; −1 is the base.
-        end: the link that carries the sensor.
-        driven: links whose joints have actuators, q1 … in this order; all others are passive.
-        closures: what closes the loops.
-    """
+    """Closed loops: the link before each link (−1 is the base), the link that carries the sensor,
+    those whose joints have actuators, q1 … in this order, and what closes the loops."""
 
     parents: tuple[int, ...]
     end: int
@@ -151,13 +139,11 @@ class ArmModel:
 
     def to_json(self) -> dict[str, Any]:
         """Arm as a JSON object; `from_json` reads it."""
-        return asdict(
-            self,
-            dict_factory=lambda pairs: {
-                key: value.tolist() if isinstance(value, np.ndarray) else value
-                for key, value in pairs
-            },
-        )
+
+        def plain(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
+            return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in pairs}
+
+        return asdict(self, dict_factory=plain)
 
     @classmethod
     def from_json(cls, raw: Mapping[str, Any]) -> "ArmModel":

@@ -10,9 +10,9 @@ import mujoco
 import numpy as np
 
 from wrenchbed.physics.rotations import matrix, quaternion
-from wrenchbed.physics.wrench import physical_inertia
+from wrenchbed.physics.wrench import physical_inertia, six_of
 from wrenchbed.robots.arm_model import COUPLED, HINGE, ArmLink, ArmModel, Load, Shape, about
-from wrenchbed.robots.mjcf import DAMPING, STIFFNESS, six_of
+from wrenchbed.robots.mjcf import DAMPING, STIFFNESS
 
 _LIGHTEST, _SMALLEST = 1e-6, 1e-9
 """Mass and inertia that MuJoCo gets for a link that weighs nothing [kg, kg·m²]: it refuses less."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.rotations import matrix, quaternion
+from wrenchbed.physics.wrench import six_of
 from wrenchbed.robots.arm_model import (
     CONNECT,
     COUPLED,
@@ -26,7 +27,6 @@ from wrenchbed.robots.arm_model import (
     lighter,
 )
 from wrenchbed.robots.arm_spec import KINDS
-from wrenchbed.robots.mjcf import six_of
 from wrenchbed.robots.model_source import ModelSource
 
 SITE = "wrenchbed frame"

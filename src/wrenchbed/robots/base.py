@@ -40,6 +40,8 @@ ANGLE = np.deg2rad(0.5)
 """Typical error of a joint's zero, of the base's tilt and of the mount [rad]: it scales
 a fit's columns, and is the spread of priors and of simulated robots."""
 TILT = "rotation vector that turns gravity as the base sees it, g → Exp(α) g"
+_USUAL = {"rad": (7.0, " (is it in degrees?)"), "m": (5.0, " (is it in mm?)")}
+"""Largest joint value that is usual, by its unit, and the likely cause of a larger one."""
 _ROWS_AT_ONCE = 200_000
 """Poses times parameters of which derivatives are taken at once: complex numbers of every link."""
 INERTIA_AXES = ("xx", "yy", "zz", "xy", "xz", "yz")
@@ -222,11 +224,9 @@ class Robot(ArmBodies):
                     f"{where}: {self.name} has {len(self.joints)} joints "
                     f"(q1…q{len(self.joints)}), found {q.shape[-1]}"
                 )
-            new = np.append(True, np.zeros(max(len(q) - 1, 0), bool))[: len(q)]
-            for x in q.T:  # rows of one pose are checked once
-                new[1:] |= x[1:] != x[:-1]
-            wrong = self.infeasible(q[new], theta)
-            if wrong:
+            # rows of one pose are checked once
+            new = np.append(True, (q[1:] != q[:-1]).any(axis=1))[: len(q)]
+            if wrong := self.infeasible(q[new], theta):
                 which = np.cumsum(new) - 1
                 rows = np.flatnonzero(np.isin(which, list(wrong)))
                 bad |= {first + int(row): wrong[int(which[row])] for row in rows}
@@ -239,17 +239,13 @@ class Robot(ArmBodies):
     def _outside_limits(self, q: np.ndarray) -> dict[int, str]:
         bad: dict[int, str] = {}
         for j, joint in enumerate(self.joints):
-            outside = ~((q[:, j] >= joint.lower) & (q[:, j] <= joint.upper))
-            for row in np.flatnonzero(outside):
-                hint = ""
-                if joint.unit == "rad" and abs(q[row, j]) > 7.0:
-                    hint = " (is it in degrees?)"
-                if joint.unit == "m" and abs(q[row, j]) > 5.0:
-                    hint = " (is it in mm?)"
+            usual, hint = _USUAL[joint.unit]
+            for row in np.flatnonzero(~((q[:, j] >= joint.lower) & (q[:, j] <= joint.upper))):
                 bad.setdefault(
                     int(row),
                     f"{joint.name} = {q[row, j]:.6g} {joint.unit} is outside its limits "
-                    f"{joint.lower:.4g} … {joint.upper:.4g} {joint.unit}{hint}",
+                    f"{joint.lower:.4g} … {joint.upper:.4g} {joint.unit}"
+                    f"{hint if abs(q[row, j]) > usual else ''}",
                 )
         return dict(sorted(bad.items()))
 
@@ -314,14 +310,12 @@ def load_parameters(inertia: Sequence[float]) -> ParameterSet:
         inertia: of the tool about its CoG, xx yy zz xy xz yz [kg·m²].
     """
     text = "inertia about the centre of gravity"
-    items = [
+    items = (
         Parameter(f"tool.inertia.{a}", v, "kg·m²", 1e-3, -10.0 if a[0] != a[1] else 0.0, 10.0, text)
         for a, v in zip(INERTIA_AXES, inertia, strict=True)
-    ]
-    items.append(
-        Parameter("sensor.mass", 0.0, "kg", 0.02, 0.0, 5.0, "own mass that loads the gauges")
     )
-    return ParameterSet(tuple(items))
+    own = Parameter("sensor.mass", 0.0, "kg", 0.02, 0.0, 5.0, "own mass that loads the gauges")
+    return ParameterSet((*items, own))
 
 
 def inertia_matrix(p: Values) -> np.ndarray:
@@ -354,13 +348,9 @@ class MountedArm(LoadInSensorAxes, SimulatedRobot):
 
     def _prepare(self) -> None:
         self.carrier = len(self.joints) - 1
-        self._tilt, self._offset, self._turn = (
-            slice(columns[0], columns[-1] + 1)
-            for columns in (
-                self.parameters.select([group])
-                for group in ("base.tilt", "mount.position", "mount.rotation")
-            )
-        )
+        groups = ("base.tilt", "mount.position", "mount.rotation")
+        columns = [self.parameters.select([group]) for group in groups]
+        self._tilt, self._offset, self._turn = (slice(c[0], c[-1] + 1) for c in columns)
 
     @abstractmethod
     def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
@@ -386,13 +376,11 @@ class MountedArm(LoadInSensorAxes, SimulatedRobot):
 
 def tool_parameters(mass: float, cog: Sequence[float]) -> tuple[Parameter, ...]:
     """``tool.mass`` [kg] and ``tool.cog`` [m] of a `LoadInSensorAxes`."""
-    return (
-        Parameter("tool.mass", mass, "kg", 0.05, 1e-4, 50.0, "mass on the sensor"),
-        *(
-            Parameter(f"tool.cog.{a}", c, "m", 5e-3, -2.0, 2.0, "CoG in sensor axes")
-            for a, c in zip("xyz", cog, strict=True)
-        ),
+    centre = (
+        Parameter(f"tool.cog.{a}", c, "m", 5e-3, -2.0, 2.0, "CoG in sensor axes")
+        for a, c in zip("xyz", cog, strict=True)
     )
+    return (Parameter("tool.mass", mass, "kg", 0.05, 1e-4, 50.0, "mass on the sensor"), *centre)
 
 
 def mounted_parameters(mass: float, cog: Sequence[float], inertia: Sequence[float]) -> ParameterSet:
@@ -426,10 +414,10 @@ def sample_until(
     kept: list[np.ndarray] = []
     accepted = drawn = 0
     while accepted < n:
-        batch = draw(max(2 * (n - accepted), 64))
-        batch = batch[good(batch)]
-        drawn, accepted = drawn + max(2 * (n - accepted), 64), accepted + len(batch)
-        kept.append(batch)
+        count = max(2 * (n - accepted), 64)
+        batch = draw(count)
+        kept.append(batch[good(batch)])
+        drawn, accepted = drawn + count, accepted + len(kept[-1])
         if drawn > 1000 * (accepted + 10):
             raise WrenchbedError(
                 "fewer than 1 in 1,000 random poses is feasible: loosen the ranges"
@@ -466,41 +454,36 @@ def rotate_base(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarr
 
     A turn about the vertical is lost on robots whose base has a tilt only; no wrench shows it.
     """
-    names = robot.parameters.names
+    names, turned = robot.parameters.names, np.array(theta, dtype=float)
     if "base.tilt.x" in names:
         at = [names.index(f"base.tilt.{a}") for a in "xy"]
         before = exp(theta[at[0]], theta[at[1]], 0.0)
-        after = _rotation(exp(*vector) @ before).as_rotvec()
-        return _put(theta, at, after[:2])
-    at = [names.index(n) for n in ("alpha0", "beta0", "gamma0")]
-    return _put(theta, at, angles(exp(*-vector) @ euler(*theta[at])))
+        turned[at] = _rotation(exp(*vector) @ before).as_rotvec()[:2]
+    else:
+        at = [names.index(n) for n in ("alpha0", "beta0", "gamma0")]
+        turned[at] = _angles(exp(*-vector) @ euler(*theta[at]))
+    return turned
 
 
 def rotate_sensor(robot: Robot, theta: np.ndarray, vector: np.ndarray) -> np.ndarray:
     """Parameters (P,) after the sensor has turned on its flange by a vector (3,) in its axes."""
-    names = robot.parameters.names
+    names, turned = robot.parameters.names, np.array(theta, dtype=float)
     if "mount.rotation.x" in names:
         at = [names.index(f"mount.rotation.{a}") for a in "xyz"]
-        return _put(theta, at, _rotation(exp(*theta[at]) @ exp(*vector)).as_rotvec())
+        turned[at] = _rotation(exp(*theta[at]) @ exp(*vector)).as_rotvec()
+        return turned
     at = [names.index(n) for n in ("alphaS", "betaS", "gammaS")]
+    turned[at] = _angles(euler(*theta[at]) @ exp(*vector))
     tool = robot.tool(theta)
-    turned = _put(theta, at, angles(euler(*theta[at]) @ exp(*vector)))
     return robot.theta_of_tool(turned, float(tool.mass), [float(c) for c in tool.cog])
 
 
-def angles(rotation: np.ndarray) -> np.ndarray:
+def _angles(rotation: np.ndarray) -> np.ndarray:
     """Angles α, β, γ of Rx(γ) Ry(β) Rz(α) (3,) [rad]."""
-    gamma, beta, alpha = _rotation(rotation).as_euler("XYZ")
-    return np.array([alpha, beta, gamma])
+    return np.asarray(_rotation(rotation).as_euler("XYZ")[::-1])
 
 
 def _rotation(matrix: np.ndarray) -> "Rotation":
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
     return Rotation.from_matrix(matrix)
-
-
-def _put(theta: np.ndarray, at: list[int], values: np.ndarray) -> np.ndarray:
-    result = np.array(theta, dtype=float)
-    result[at] = values
-    return result

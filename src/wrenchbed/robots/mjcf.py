@@ -11,7 +11,7 @@ import numpy as np
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.physics.rotations import quaternion
-from wrenchbed.physics.wrench import Tool, physical_inertia
+from wrenchbed.physics.wrench import Tool, physical_inertia, six_of
 from wrenchbed.robots.base import SimulatedRobot
 
 POINT = 1e-9
@@ -80,11 +80,6 @@ def rotate_body(element: "mujoco.MjsBody | mujoco.MjsSite", rotation: np.ndarray
     element.quat = quaternion(rotation)
 
 
-def six_of(inertia: np.ndarray) -> np.ndarray:
-    """xx yy zz xy xz yz (6,) of a symmetric matrix (3, 3)."""
-    return inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
-
-
 def write_load(spec: mujoco.MjSpec, tool: Tool) -> None:
     """Write the load into the bodies ``tool`` (frame = the sensor's) and ``sensor_side``.
 
@@ -142,10 +137,11 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
     data.qpos[:] = robot.qpos(q, theta)[0]
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    joint_of = _joint_of(model)
-    phi = np.zeros((model.njnt, INERTIAL))
+    phi, joint_of = np.zeros((model.njnt, INERTIAL)), [-1]  # the joint before each body, −1: none
     for body in range(1, model.nbody):
-        k = joint_of[body]
+        last = int(model.body_jntadr[body] + model.body_jntnum[body] - 1)
+        k = last if model.body_jntnum[body] else joint_of[model.body_parentid[body]]
+        joint_of.append(k)
         if k >= 0:
             phi[k] += _seen(model, data, body, *frames[k])
     motors = [int(model.joint(joint.name).dofadr[0]) for joint in robot.joints]
@@ -158,16 +154,6 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
 def at_home(turn: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Axes (3, 3) and origin (3,) of a link in the world, of arrays with one row or none."""
     return np.broadcast_to(turn, (1, 3, 3))[0], np.broadcast_to(origin, (1, 3))[0]
-
-
-def _joint_of(model: mujoco.MjModel) -> list[int]:
-    """The last joint between the world and each body; −1 of a body that stands."""
-    numbers = [-1] * model.nbody
-    for body in range(1, model.nbody):
-        own = model.body_jntnum[body]
-        first = model.body_jntadr[body]
-        numbers[body] = int(first + own - 1) if own else numbers[model.body_parentid[body]]
-    return numbers
 
 
 def _seen(

@@ -220,18 +220,16 @@ class SerialArm(SerialChain):
             )
         }
 
-    def drawn(self) -> "mujoco.MjSpec":
-        """MJCF of the arm as its file has it, without shapes from its data if there is no file."""
+    def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
+        """The MJCF of the arm's file, or, without shapes, from its data if there is no file."""
         import mujoco
 
+        from wrenchbed.robots.mjcf import bare, frictionless, place, write_load
+
         if self.mjcf.is_file():
-            return mujoco.MjSpec.from_file(str(self.mjcf))
-        return mujoco.MjSpec.from_string(mjcf_of(self.arm))
-
-    def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        from wrenchbed.robots.mjcf import frictionless, place, write_load
-
-        spec = frictionless(self.drawn())
+            spec = bare(self.mjcf)
+        else:
+            spec = frictionless(mujoco.MjSpec.from_string(mjcf_of(self.arm)))
         place(spec, "base", [0, 0, 0], self._leaning(np.eye(3), theta))
         frame, origin = np.eye(3), [0.0, 0.0, 0.0]
         table = zip(*(theta[columns].tolist() for columns in self._dh), strict=True)

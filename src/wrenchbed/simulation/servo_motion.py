@@ -38,14 +38,12 @@ class ServoDrivenRobot:
         self.simulation = simulation
         self.model, self.data = simulation.model, mujoco.MjData(simulation.model)
         self.model.opt.timestep = LONGEST_STEP
-        self._columns = [
-            int(self.model.joint(joint.name).qposadr[0]) for joint in simulation.robot.joints
-        ]
-        self._speeds = [
-            int(self.model.joint(joint.name).dofadr[0]) for joint in simulation.robot.joints
-        ]
+        joints = [self.model.joint(joint.name) for joint in simulation.robot.joints]
+        self._columns = [int(joint.qposadr[0]) for joint in joints]
+        self._speeds = [int(joint.dofadr[0]) for joint in joints]
         self.data.qpos[:] = simulation.robot.qpos(q[None], simulation.theta)[0]
         gain, bias = self.model.actuator_gainprm[:, 0], self.model.actuator_biasprm
+        # controls with which the servos' force is 0 at rest: scale · joint values + offset
         self._scale, self._offset = -bias[:, 1] / gain, -bias[:, 0] / gain
         self._aim(q)
         mujoco.mj_forward(self.model, self.data)
@@ -68,11 +66,7 @@ class ServoDrivenRobot:
     def _aim(self, target: np.ndarray) -> None:
         """Let the servos rest at joint values (J,)."""
         self._target = np.asarray(target, dtype=float)
-        self.data.ctrl[:] = self._controls(self._target)
-
-    def _controls(self, targets: np.ndarray) -> np.ndarray:
-        """Controls (…, J) with which the servos' force is 0 at rest at joint values (…, J)."""
-        return np.asarray(self._scale * targets + self._offset)
+        self.data.ctrl[:] = self._scale * self._target + self._offset
 
     def advance(self, target: np.ndarray, seconds: float) -> None:
         """Follow a target for some time, in equal steps of at most `LONGEST_STEP`."""
@@ -119,7 +113,7 @@ class ServoDrivenRobot:
         start = np.empty(mujoco.mj_stateSize(model, kind))
         mujoco.mj_getState(model, data, start, kind)
         states, sensed = rollout.rollout(
-            model, data, start, self._controls(ways.reshape(1, -1, ways.shape[2])),
+            model, data, start, self._scale * ways.reshape(1, -1, ways.shape[2]) + self._offset,
             initial_warmstart=np.array(data.qacc_warmstart),
         )  # fmt: skip
         before = np.concatenate([start[None], states[0, every - 1 : -1 : every]])

@@ -82,10 +82,14 @@ class Simulation:
     def closure(self, data: mujoco.MjData | None = None) -> float:
         """Largest gap between the two sides of a loop in a state [m]; 0 without loops."""
         at = (self.data if data is None else data).site_xpos
-        model = self.model
-        pairs = zip(model.eq_type, model.eq_obj1id, model.eq_obj2id, strict=True)
-        loops = [(a, b) for kind, a, b in pairs if kind == mujoco.mjtEq.mjEQ_CONNECT]
-        return max((float(np.linalg.norm(at[a] - at[b])) for a, b in loops), default=0.0)
+        gaps = (float(np.linalg.norm(at[a] - at[b])) for a, b in loop_sites(self.model))
+        return max(gaps, default=0.0)
+
+
+def loop_sites(model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """The two sites that each loop keeps together."""
+    pairs = zip(model.eq_type, model.eq_obj1id, model.eq_obj2id, strict=True)
+    return [(int(a), int(b)) for kind, a, b in pairs if kind == mujoco.mjtEq.mjEQ_CONNECT]
 
 
 def load_on_sensor(data: mujoco.MjData) -> np.ndarray:

@@ -6,7 +6,8 @@ what ``lags`` settles against the way in which its joint last moved. A negative 
 the sides.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import NamedTuple
 
 import mujoco
@@ -139,29 +140,27 @@ def twist(
 ) -> None:
     """A spring [N·m/rad] and friction [N·m] that resist a joint's turn by a torque on the tool
     about the ``joint`` or about the sensor's ``z``; `mechanics` brings it to the sensor."""
-    try:
+    with _once(f"{effect} acts twice"):
         tendon = spec.add_tendon(name=f"{effect}{MARK}{about}")
-    except ValueError as cause:  # the name is taken
-        raise ParameterError(f"effect {effect} acts twice: give it once, with one value") from cause
     tendon.wrap_joint(joint, 1.0)
     tendon.stiffness, tendon.springlength = [stiffness, 0.0, 0.0], [neutral, neutral]
     tendon.frictionloss = friction
 
 
-def _add(
-    body: mujoco.MjsBody,
-    name: str,
-    kind: mujoco.mjtJoint,
-    axis: Sequence[float],
-    spring: Spring,
-) -> mujoco.MjsJoint:
+@contextmanager
+def _once(twice: str) -> Iterator[None]:
+    """Adding an element inside the block is refused if its name is taken."""
     try:
+        yield
+    except ValueError as cause:
+        raise ParameterError(f"effect {twice}: give it once, with one value") from cause
+
+
+def _add(
+    body: mujoco.MjsBody, name: str, kind: mujoco.mjtJoint, axis: Sequence[float], spring: Spring
+) -> mujoco.MjsJoint:
+    with _once(" acts twice on ".join(name.split(MARK, 1))):
         joint = body.add_joint(name=name, type=kind, axis=axis)
-    except ValueError as cause:  # the name is taken
-        effect, _, part = name.partition(MARK)
-        raise ParameterError(
-            f"effect {effect} acts twice on {part}: give it once, with one value"
-        ) from cause
     joint.limited = spring.half is not None
     joint.ref, joint.armature = 0.0, ROTOR
     joint.stiffness = [spring.stiffness, 0.0, 0.0]
@@ -185,6 +184,6 @@ def _tendon(
         spec.worldbody.add_site(name=f"{name}.anchor", pos=[float(x) for x in anchor])
     spec.body("tool").add_site(name=f"{name}.point", pos=[float(x) for x in point])
     tendon = spec.add_tendon(name=name)
-    tendon.wrap_site(f"{name}.anchor")
-    tendon.wrap_site(f"{name}.point")
+    for end in ("anchor", "point"):
+        tendon.wrap_site(f"{name}.{end}")
     tendon.stiffness, tendon.springlength = [stiffness, 0.0, 0.0], list(lengths)

@@ -19,6 +19,7 @@ from wrenchbed.errors import ParameterError, did_you_mean
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.drives.faults import PREFIX, REVERSAL, ActiveFault, Rows, active_fault
+from wrenchbed.simulation.simulation import loop_sites
 
 Kind = Literal["torque", "current"]
 COLUMN: Mapping[str, str] = {"torque": "tau", "current": "i"}
@@ -37,8 +38,6 @@ _STEP = 0.001
 """Resolution of reported currents [A]; estimate."""
 _COLD, _WARMER, _WARM_S = 25.0, 8.0, 1800.0
 """Temperature of a drive [°C] as it starts, its rise [K], and the time constant [s]; estimates."""
-_BLOCK = 512
-"""Rows of white noise drawn at once in real time."""
 _POSES, _SEED = 200, 5
 """Number and seed of the random poses for the torque that holds the robot."""
 _COULOMB: Mapping[str, tuple[float, ...]] = {"ur5": (6.0, 6.5, 4.5, 1.4, 1.2, 1.0)}
@@ -85,23 +84,18 @@ class JointTorques:
         self.robot, self.theta = robot, theta
         spec = robot.spec(theta)
         spec.option.gravity = gravity
-        model = spec.compile()
+        model, disabled = spec.compile(), mujoco.mjtDisableBit
         model.body_gravcomp[:] = 0.0
         model.dof_damping[:] = model.dof_frictionloss[:] = 0.0
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+        for feature in ("CONSTRAINT", "CONTACT", "SENSOR"):
+            model.opt.disableflags |= getattr(disabled, f"mjDSBL_{feature}")
         self.model, self.data = model, mujoco.MjData(model)
         joints = [model.joint(joint.name) for joint in robot.joints]
         self._dofs = np.array([int(joint.dofadr[0]) for joint in joints])
         if rotor is not None:
             model.dof_armature[self._dofs] = rotor
-        self._loops = [
-            (int(a), int(b))
-            for kind, a, b in zip(model.eq_type, model.eq_obj1id, model.eq_obj2id, strict=True)
-            if kind == mujoco.mjtEq.mjEQ_CONNECT
-        ]
+        self._loops = loop_sites(model)
 
     @property
     def rotor(self) -> np.ndarray:
@@ -281,10 +275,8 @@ class EffortNoise:
         self._kind, self._level = noise, train.level()
         self._rng = np.random.default_rng([seed, 17])
         self._phase = self._rng.uniform(0.0, 2.0 * np.pi, train.joints)
-        keep = float(np.exp(-2.0 * np.pi * _FILTER_HZ / rate))
-        self._keep, self._b, self._a = keep, [1.0 - keep], [1.0, -keep]
+        self._keep = float(np.exp(-2.0 * np.pi * _FILTER_HZ / rate))
         self._state = np.zeros((1, train.joints))
-        self._drawn: list[np.ndarray] = []
 
     def on(self, current: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Currents (N, J) [A] as they are reported at joint values (N, J)."""
@@ -293,25 +285,10 @@ class EffortNoise:
         noise = _WHITE * self._rng.normal(size=current.shape)
         if self._kind == "white":
             return np.asarray(current + self._level * noise)
-        noise = noise + self._ripple(q)
-        seen, self._state = signal.lfilter(self._b, self._a, noise, axis=0, zi=self._state)
+        noise = noise + _RIPPLE * np.sin(_GEAR * _POLES * q + self._phase)
+        b, a = [1.0 - self._keep], [1.0, -self._keep]
+        seen, self._state = signal.lfilter(b, a, noise, axis=0, zi=self._state)
         return np.asarray(np.round((current + self._level * seen) / _STEP) * _STEP)
-
-    def row(self, current: np.ndarray, q: np.ndarray) -> np.ndarray:
-        """`on` for one row (J,), in real time: the same formulas without calls per row."""
-        if self._kind == "off":
-            return current
-        if not self._drawn:
-            self._drawn = list(_WHITE * self._rng.normal(size=(_BLOCK, len(q))))
-        noise = self._drawn.pop()
-        if self._kind == "white":
-            return np.asarray(current + self._level * noise)
-        fresh = (1.0 - self._keep) * (noise + self._ripple(q)) + self._state[0]
-        self._state[0] = self._keep * fresh
-        return np.asarray(np.rint((current + self._level * fresh) / _STEP) * _STEP)
-
-    def _ripple(self, q: np.ndarray) -> np.ndarray:
-        return np.asarray(_RIPPLE * np.sin(_GEAR * _POLES * q + self._phase))
 
 
 class ReportedEfforts:
@@ -342,8 +319,7 @@ class ReportedEfforts:
         train = self._train
         if self._stream is None:
             self._stream = EffortNoise(train, self._noise, self._seed, rate)
-        constant = train.parameters.constant
-        seen = self._stream.on(train.torques(t, q) / constant, q.v)
+        seen = self._stream.on(train.torques(t, q) / train.parameters.constant, q.v)
         if self._kind == "torque":
             seen = seen * train.nominal.constant
         speed = np.gradient(targets, 1.0 / rate, axis=0) if len(targets) > 1 else 0.0 * targets

@@ -205,18 +205,14 @@ def active_fault(name: str, given: Mapping[str, Any], coulomb: np.ndarray) -> Ac
         if not isinstance(value, int | float) or not np.isfinite(value):
             raise ParameterError(f"{name}: {key} = {value!r} is no number")
         known[key] = float(value)
-    _check(name, kind, known)
+    for right, key, rule in (
+        (kind != "delay" or known["size"] >= 0.0, "size", "not be below 0 [s]"),
+        (kind != "constant" or known["size"] > -1.0, "size", "be above -1"),
+        *((known.get(key, 1.0) > 0.0, key, "be above 0") for key in ("speed", "width")),
+    ):
+        if not right:
+            raise ParameterError(f"{name}: {key} = {known[key]:g} must {rule}")
     return ActiveFault(name, int(joint), known)
-
-
-def _check(name: str, kind: str, values: Values) -> None:
-    if kind == "delay" and values["size"] < 0.0:
-        raise ParameterError(f"{name}: size = {values['size']:g} must not be below 0 [s]")
-    if kind == "constant" and values["size"] <= -1.0:
-        raise ParameterError(f"{name}: size = {values['size']:g} must be above -1")
-    for key in ("speed", "width"):
-        if values.get(key, 1.0) <= 0.0:
-            raise ParameterError(f"{name}: {key} = {values[key]:g} must be above 0")
 
 
 def apart(given: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
@@ -227,7 +223,5 @@ def apart(given: Mapping[str, Any]) -> tuple[dict[str, float], dict[str, Any]]:
 
 def faults_apart(effects: tuple[str, ...]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Texts of faults of the drives, and of all other effects."""
-    return (
-        tuple(text for text in effects if text.startswith(PREFIX)),
-        tuple(text for text in effects if not text.startswith(PREFIX)),
-    )
+    faults = tuple(text for text in effects if text.startswith(PREFIX))
+    return faults, tuple(text for text in effects if text not in faults)
