@@ -1,15 +1,12 @@
 """The one rule of what an output may replace: results of its kind; recordings with --force."""
 
 import json
-import stat
+import re
 import tomllib
 from collections.abc import Callable
 from enum import StrEnum
 from pathlib import Path
 from typing import TypeVar
-
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from wrenchbed.data import parquet
 from wrenchbed.data.recording import JOURNAL, holds_readings
@@ -61,14 +58,12 @@ _FIELDS = (
     (Kind.MAP, {"file"}),
 )
 """Fields by which a JSON or TOML file's kind is recognized."""
-_BEGINNINGS = {
-    b"RRF": Kind.PICTURE, b"\x89MCAP": Kind.LOG, b"<mujoco": Kind.MODEL,
-}  # fmt: skip
-_WITHIN = {
-    b"style-src 'unsafe-inline'": Kind.PAGE, b": twin as plain MJCF": Kind.NOTES,
-    b"exported by wrenchbed": Kind.EXPORT,
-}  # fmt: skip
-"""Text in the first lines of other text files, by kind."""
+_MARKS = (
+    (rb"\ARRF", Kind.PICTURE), (rb"\A\x89MCAP", Kind.LOG), (rb"\A<mujoco", Kind.MODEL),
+    (rb"style-src 'unsafe-inline'", Kind.PAGE), (rb": twin as plain MJCF", Kind.NOTES),
+    (rb"exported by wrenchbed", Kind.EXPORT),
+)  # fmt: skip
+"""What the first bytes of a file of each kind hold."""
 
 
 def kind_of(path: Path) -> Kind | None:
@@ -79,33 +74,16 @@ def kind_of(path: Path) -> Kind | None:
     """
     with path.open("rb") as file:
         first = file.read(_FIRST)
-    if first.startswith(b"PAR1"):
-        return _parquet(path)
-    for beginning, kind in _BEGINNINGS.items():
-        if first.startswith(beginning):
+    if first.startswith(b"PAR1"):  # a damaged one may be a recording
+        names = parquet.column_names(path)
+        if names is None or holds_readings(names):
+            return Kind.RECORDING
+        return Kind.PLAN if "q1" in names else None
+    for mark, kind in _MARKS:
+        if re.search(mark, first):
             return kind
-    for text, kind in _WITHIN.items():
-        if text in first:
-            return kind
-    return _text(path)
-
-
-def _parquet(path: Path) -> Kind | None:
-    """Kind of a Parquet file; a damaged one may be a recording."""
     try:
-        names = dict.fromkeys(pq.read_schema(parquet.source(path)).names)
-    except (pa.ArrowException, OSError):
-        return Kind.RECORDING
-    if holds_readings(names):
-        return Kind.RECORDING
-    return Kind.PLAN if "q1" in names else None
-
-
-def _text(path: Path) -> Kind | None:
-    if path.stat().st_size > _LARGEST:
-        return None
-    try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8") if path.stat().st_size <= _LARGEST else ""
         is_json = text.lstrip().startswith("{")
         fields = json.loads(text) if is_json else tomllib.loads(text)
     except (ValueError, RecursionError):
@@ -122,19 +100,17 @@ def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> N
     Raises:
         ParameterError: names the file, what it is, and the remedy.
     """
-    for source in inputs:
-        if source is not None and _same(out, source):
+    for source in filter(None, inputs):
+        both = out.exists() and source.exists()
+        if out.samefile(source) if both else out.resolve() == source.resolve():
             raise ParameterError(f"{out}: is an input too; give another name")
     if out.is_dir() or not out.name:
         raise ParameterError(f"{str(out)!r} is a folder; give the name of a file")
     if kind == Kind.RECORDING and not force and out.with_name(out.name + JOURNAL).exists():
         raise ParameterError(f"{out}: an unfinished recording is there already; {_REMEDY}")
-    if not out.exists():
-        return
-    status = out.stat()
-    if not stat.S_ISREG(status.st_mode):
+    if out.exists() and not out.is_file():
         raise ParameterError(f"{out}: is a device or a pipe; give the name of a file")
-    if status.st_size == 0:
+    if not out.exists() or out.stat().st_size == 0:
         return
     there = kind_of(out)
     if there != kind:
@@ -142,13 +118,6 @@ def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> N
         raise ParameterError(f"{out}: is {what}, not {kind}; give another name")
     if kind in MEASURED and not force:
         raise ParameterError(f"{out}: is {kind} already; {_REMEDY}")
-
-
-def _same(out: Path, source: Path) -> bool:
-    """Whether two names mean one file: by path, by a symbolic or by a hard link."""
-    if out.exists() and source.exists():
-        return out.samefile(source)
-    return out.resolve() == source.resolve()
 
 
 def keeping(path: Path, write: Callable[[Path], Made]) -> Made:

@@ -60,12 +60,17 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
     return result, metadata
 
 
-def source(path: Path) -> pa.NativeFile:
-    """A file to read, whose name need not be UTF-8.
+def column_names(path: Path) -> tuple[str, ...] | None:
+    """Names of a file's columns; None where it is no Parquet file that can be read."""
+    try:
+        return tuple(pq.read_schema(_source(path)).names)
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as cause:
+        raise_shortage(cause, path)
+        return None
 
-    Raises:
-        OSError: it cannot be opened.
-    """
+
+def _source(path: Path) -> pa.NativeFile:
+    """A file to read, whose name need not be UTF-8."""
     return pa.OSFile(os.fsencode(path), "rb")
 
 
@@ -77,7 +82,7 @@ def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
     Raises:
         error: a column of another kind, or a size that the file's own does not explain.
     """
-    with pq.ParquetFile(source(path)) as file:
+    with pq.ParquetFile(_source(path)) as file:
         schema, rows = file.schema_arrow, file.metadata.num_rows
     _check_names(schema.names, path, error)
     nested = next((f for f in schema if pa.types.is_nested(f.type)), None)
@@ -90,7 +95,7 @@ def _opened(path: Path, error: type[WrenchbedError]) -> pq.ParquetFile:
             f"{path.stat().st_size:,} bytes does not hold: damaged, or a bomb"
         )
     text = [f.name for f in schema if pa.types.is_string(f.type) or pa.types.is_binary(f.type)]
-    return pq.ParquetFile(source(path), read_dictionary=text, page_checksum_verification=True)
+    return pq.ParquetFile(_source(path), read_dictionary=text, page_checksum_verification=True)
 
 
 def metadata_of(schema: pa.Schema, path: Path, error: type[WrenchbedError]) -> dict[str, Any]:

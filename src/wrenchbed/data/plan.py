@@ -1,19 +1,17 @@
 """A plan: poses to visit, touches of known points or a motion to follow, in Parquet."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 
 from wrenchbed.data import parquet
 from wrenchbed.data.metadata import MODES, carried_robot, stated_robot
 from wrenchbed.data.recording import POINT, effort_prefix, holds_readings, joint_columns
 from wrenchbed.data.text_table import read_text
-from wrenchbed.errors import MapError, PlanError, raise_shortage
+from wrenchbed.errors import MapError, PlanError
 from wrenchbed.files.checked import Fields
 
 _FAR = 10.0
@@ -72,28 +70,41 @@ class Plan:
         """
         path = Path(path)
         data, raw = parquet.read(path, PlanError)
-        joints = joint_columns(data)
+        joints, points = joint_columns(data), [c for c in POINT if c in data]
         if holds_readings(data):
             held = "fx" if "fx" in data else f"{effort_prefix(data)}1"
             raise PlanError(f"{path}: this is a recording (it holds {held}), not a plan")
         if not joints:
             raise PlanError(f"{path}: column 'q1' is missing; found {', '.join(data) or 'none'}")
-        if len(data[joints[0]]) == 0:
+        rows = len(data[joints[0]])
+        if rows == 0:
             raise PlanError(f"{path}: the plan has 0 rows")
-        for column in (*joints, "dwell", *POINT):
-            if column in data:
-                _check_numbers(path, column, data[column])
-        q = np.stack([data[c].astype(float) for c in joints], axis=-1)
-        segment = _segments(path, data, len(q))
-        dwell = data.get("dwell", np.zeros(len(q))).astype(float)
-        if (dwell < 0).any():
-            row = int(np.flatnonzero(dwell < 0)[0])
-            raise PlanError(f"{path}: column 'dwell', row {row}: {dwell[row]} s is negative")
+        dwell, segment = data.get("dwell", np.zeros(rows)), data.get("segment", np.arange(rows))
+        for column, values in ((c, data.get(c, dwell)) for c in (*joints, *points, "dwell")):
+            if values.dtype.kind not in "fiu":
+                raise PlanError(f"{path}: column {column!r} holds {values.dtype}, not numbers")
+            rule = np.isfinite(values) if column != "dwell" else np.isfinite(values) & (values >= 0)
+            if not rule.all():
+                row = int(np.argmin(rule))
+                why = "s is negative" if np.isfinite(values[row]) else "is not finite"
+                raise PlanError(f"{path}: column {column!r}, row {row}: {values[row]} {why}")
+        if segment.dtype.kind not in "iu":
+            raise PlanError(f"{path}: column 'segment' must hold whole numbers")
         fields = Fields(raw, f"{path}: metadata ", PlanError)
         mode = fields.choice("mode", MODES, "must be 'static' or 'dynamic'", default="static")
         rate = fields.number("rate_hz", "Hz", positive=True)
         robot = stated_robot(raw, fields.stated_text("robot", "must be a name"))
-        return cls(robot, q, segment, dwell, mode, rate, _points(path, data, mode), str(path))
+        if points and (len(points) != 3 or mode != "static"):
+            raise PlanError(f"{path}: touches need all of px py pz, in a static plan")
+
+        def stacked(names: Sequence[str]) -> np.ndarray:
+            return np.stack([data[c].astype(float) for c in names], axis=-1)
+
+        touched = stacked(POINT) if points else None
+        return cls(
+            robot, stacked(joints), segment.astype(np.int64), dwell.astype(float), mode, rate,
+            touched, str(path),
+        )  # fmt: skip
 
     def write(self, path: str | Path) -> None:
         """Write the plan to a Parquet file."""
@@ -112,36 +123,8 @@ class Plan:
 
 def is_plan(path: Path) -> bool:
     """Whether a file is Parquet with joint values and no readings of a sensor or of joints."""
-    try:
-        names = dict.fromkeys(pq.read_schema(parquet.source(path)).names)
-    except (pa.ArrowException, OSError, UnicodeDecodeError) as cause:
-        raise_shortage(cause, path)
-        return False
+    names = parquet.column_names(path) or ()
     return "q1" in names and not holds_readings(names)
-
-
-def _check_numbers(path: Path, column: str, array: np.ndarray) -> None:
-    if array.dtype.kind not in "fiu":
-        raise PlanError(f"{path}: column {column!r} holds {array.dtype}, not numbers")
-    bad = np.flatnonzero(~np.isfinite(array.astype(float)))
-    if len(bad):
-        raise PlanError(f"{path}: column {column!r}, row {bad[0]}: {array[bad[0]]} is not finite")
-
-
-def _points(path: Path, data: Mapping[str, np.ndarray], mode: str) -> np.ndarray | None:
-    given = [c for c in POINT if c in data]
-    if not given:
-        return None
-    if len(given) != 3 or mode != "static":
-        raise PlanError(f"{path}: touches need all of px py pz, in a static plan")
-    return np.stack([data[c].astype(float) for c in POINT], axis=-1)
-
-
-def _segments(path: Path, data: Mapping[str, np.ndarray], n: int) -> np.ndarray:
-    segment = data.get("segment", np.arange(n))
-    if segment.dtype.kind not in "iu":
-        raise PlanError(f"{path}: column 'segment' must hold whole numbers")
-    return segment.astype(np.int64)
 
 
 def read(path: str | Path) -> np.ndarray:

@@ -5,10 +5,10 @@ conventions; see ``docs/reference/nomenclature.md``.
 """
 
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Container, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -29,6 +29,8 @@ TOUCH_STD = 5e-5
 the repeatability of a good arm (UR5e's data sheet: 0.03 mm)."""
 EFFORT_UNITS = {"tau": "N·m", "i": "A"}
 """Column prefixes of joint torques and of motor currents, with their units."""
+_UNIT_LENGTH = 1e-3
+"""Largest error of a unit quaternion's length: four digits are enough."""
 JOURNAL = ".journal"
 """Suffix of the journal beside a recording while it is written."""
 
@@ -51,7 +53,8 @@ class Recording:
     def __post_init__(self) -> None:
         frozen = {k: _frozen(v) for k, v in self.columns.items()}
         object.__setattr__(self, "columns", frozen)
-        _check(self)
+        for complaint in chain(_wrong_columns(frozen), _wrong_values(frozen)):
+            raise RecordingError(f"{self.name}: {complaint}")
 
     def __len__(self) -> int:
         return len(self.columns["t"])
@@ -159,7 +162,7 @@ def _frozen(array: np.ndarray) -> np.ndarray:
     return array
 
 
-def joint_columns(columns: Mapping[str, Any]) -> tuple[str, ...]:
+def joint_columns(columns: Container[str]) -> tuple[str, ...]:
     """Find the joint columns q1…qJ; a gap in their numbers ends them."""
     names: list[str] = []
     while f"q{len(names) + 1}" in columns:
@@ -167,7 +170,7 @@ def joint_columns(columns: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def effort_prefix(columns: Mapping[str, Any]) -> str | None:
+def effort_prefix(columns: Container[str]) -> str | None:
     """``tau`` or ``i`` of columns that have this for each joint, torques first."""
     joints = range(1, len(joint_columns(columns)) + 1)
     for prefix in EFFORT_UNITS:
@@ -176,7 +179,7 @@ def effort_prefix(columns: Mapping[str, Any]) -> str | None:
     return None
 
 
-def holds_readings(columns: Mapping[str, Any]) -> bool:
+def holds_readings(columns: Container[str]) -> bool:
     """Whether columns hold a wrench or joint efforts, as a recording's do and a plan's do not."""
     return CHANNELS[0] in columns or effort_prefix(columns) is not None
 
@@ -202,56 +205,49 @@ def _from_journal(path: Path, recording: Path) -> pa.Table:
     return pa.Table.from_batches(batches, schema)
 
 
-def _check(recording: Recording) -> None:
-    name, columns = recording.name, recording.columns
+def _wrong_columns(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
+    """Sentences on columns that are missing."""
     wrench = CHANNELS if {*CHANNELS} & set(columns) or effort_prefix(columns) is None else ()
     missing = [c for c in ("t", *wrench) if c not in columns]
+    oriented, point = ([c for c in some if c in columns] for some in (QUATERNION, POINT))
     if missing:
         bare = "q1" in columns and not {"t", "fx"} & set(columns)
         plan = "; this looks like a plan: record it first" if bare else ""
-        raise RecordingError(
-            f"{name}: column {missing[0]!r} is missing; found {', '.join(columns)}{plan}"
-        )
-    joints = joint_columns(columns)
-    oriented = [c for c in QUATERNION if c in columns]
-    if not joints and len(oriented) != 4:
-        raise RecordingError(f"{name}: neither joint columns q1… nor the orientation qw qx qy qz")
-    rows = len(columns["t"])
-    if rows == 0:
-        raise RecordingError(f"{name}: the recording has 0 rows")
-    point = [c for c in POINT if c in columns]
+        yield f"column {missing[0]!r} is missing; found {', '.join(columns)}{plan}"
+    if not joint_columns(columns) and len(oriented) != 4:
+        yield "neither joint columns q1… nor the orientation qw qx qy qz"
+    if len(columns["t"]) == 0:
+        yield "the recording has 0 rows"
     if point and len(point) != 3:
-        raise RecordingError(f"{name}: {', '.join(point)} without the rest of px py pz")
-    numeric = ("t", *wrench, *_effort(columns), *joints, *oriented, *point)
+        yield f"{', '.join(point)} without the rest of px py pz"
+
+
+def _wrong_values(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
+    """Sentences on columns of another kind, and on rows with a wrong value."""
+    rows, joints, prefix = len(columns["t"]), joint_columns(columns), effort_prefix(columns)
+    efforts = [f"{prefix}{j + 1}" for j in range(len(joints))]
+    numeric = {"t", *CHANNELS, *efforts, *joints, *QUATERNION, *POINT}
     for column, array in columns.items():
+        kind = array.dtype.kind
         if array.shape != (rows,):
-            raise RecordingError(
-                f"{name}: column {column!r} has shape {array.shape}, not ({rows},)"
-            )
-        if array.dtype.kind == "f":
-            _first_bad(name, column, ~np.isfinite(array), array, "is not a finite number")
-        elif array.dtype.kind not in "iu" and column in numeric:
-            raise RecordingError(f"{name}: column {column!r} holds {array.dtype}, not numbers")
+            yield f"column {column!r} has shape {array.shape}, not ({rows},)"
+        if kind not in "iu" and column in ("segment", "status"):
+            yield f"column {column!r} must hold whole numbers"
+        if kind == "f":
+            yield from _bad_rows(column, ~np.isfinite(array), array, "is not a finite number")
+        elif kind not in "iu" and column in numeric:
+            yield f"column {column!r} holds {array.dtype}, not numbers"
     t = columns["t"].astype(float, copy=False)
     late = np.concatenate([[False], t[1:] <= t[:-1]])
-    _first_bad(name, "t", late, columns["t"], "does not come after the row before it")
-    for column in ("segment", "status"):
-        if column in columns and columns[column].dtype.kind not in "iu":
-            raise RecordingError(f"{name}: column {column!r} must hold whole numbers")
+    yield from _bad_rows("t", late, columns["t"], "does not come after the row before it")
     if not joints:
         norm = np.sqrt(sum(columns[c].astype(float) ** 2 for c in QUATERNION))
-        bad = np.abs(norm - 1.0) > 1e-3
-        _first_bad(name, "qw qx qy qz", bad, norm, "is not the length of a unit quaternion")
+        why = "is not the length of a unit quaternion"
+        yield from _bad_rows("qw qx qy qz", np.abs(norm - 1.0) > _UNIT_LENGTH, norm, why)
 
 
-def _effort(columns: Mapping[str, np.ndarray]) -> tuple[str, ...]:
-    prefix, joints = effort_prefix(columns), joint_columns(columns)
-    return tuple(f"{prefix}{j + 1}" for j in range(len(joints))) if prefix else ()
-
-
-def _first_bad(name: str, column: str, bad: np.ndarray, array: np.ndarray, complaint: str) -> None:
+def _bad_rows(column: str, bad: np.ndarray, values: np.ndarray, why: str) -> Iterator[str]:
     if bad.any():
-        row = int(np.flatnonzero(bad)[0])
-        more = f" ({int(bad.sum())} such rows)" if bad.sum() > 1 else ""
-        value = array[row]
-        raise RecordingError(f"{name}: column {column!r}, row {row}: {value} {complaint}{more}")
+        row, count = int(np.argmax(bad)), int(bad.sum())
+        more = f" ({count} such rows)" if count > 1 else ""
+        yield f"column {column!r}, row {row}: {values[row]} {why}{more}"
