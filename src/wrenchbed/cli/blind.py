@@ -22,19 +22,13 @@ _PUBLISH = "publish with the cases: SHA-256 of commitments.json"
 
 @dataclass(frozen=True)
 class FamilyArguments:
-    """What the cases are made of.
+    """What the cases are made of."""
 
-    Attributes:
-        cases: Number of them.
-        robot: Name of a simulated robot.
-        mode: At rest at poses, or in motion.
-        on: Real recording that faults are added to; it states robot and mode. One case is the
-            recording as it is.
-    """
-
-    cases: int = 300
-    robot: str = "ur5"
-    mode: Literal["static", "dynamic"] = "static"
+    cases: int = 300  # Number of them.
+    robot: str = "ur5"  # Name of a simulated robot.
+    mode: Literal["static", "dynamic"] = "static"  # At rest at poses, or in motion.
+    # Real recording that faults are added to; it states robot and mode. One case is the recording
+    # as it is.
     on: Path | None = None
 
     def family(self, seed: int) -> "Family":
@@ -148,9 +142,8 @@ def score(
     result = scoring.score(cases, claims, answers, method, commitments)
     page = report.page(result, console.command())
     page.write(folder, "score")
-    console.answer(page.summary, as_json, _score_table(page))
-    if not as_json:
-        console.say(f"score → {folder}; SHA-256 of the commitments {result.root}")
+    written = f"score → {folder}; SHA-256 of the commitments {result.root}"
+    console.answer(page.summary, as_json, _score_table(page), written)
 
 
 def _score_table(page: "Document") -> Group:

@@ -24,20 +24,17 @@ from wrenchbed.physics.wrench import CHANNELS
 
 @dataclass(frozen=True)
 class DataArguments:
-    """What is fitted: the wrench, with touches of known points, or the joint efforts.
+    """What is fitted: the wrench, with touches of known points, or the joint efforts."""
 
-    Attributes:
-        channels: What is fitted; the wrench, or the joint efforts (tau1 … or i1 …) of a recording
-            without one. Of efforts, --free takes drive, drive.coulomb, drive.viscous, drive.offset,
-            drive.inertia, drive.constant, tool, link.
-        constants: Known drive constants of motor currents, one a joint, gear included [N·m/A].
-        touches: Recording of touches (columns px py pz) of the same robot, fitted together.
-        touch_std: With --touches: how far the tip sits from its point, per axis [m]; 5e-5.
-    """
-
+    # What is fitted; the wrench, or the joint efforts (tau1 … or i1 …) of a recording without one.
+    # Of efforts, --free takes drive, drive.coulomb, drive.viscous, drive.offset, drive.inertia,
+    # drive.constant, tool, link.
     channels: Literal["wrench", "effort"] | None = None
+    # Known drive constants of motor currents, one a joint, gear included [N·m/A].
     constants: tuple[float, ...] | None = None
+    # Recording of touches (columns px py pz) of the same robot, fitted together.
     touches: Path | None = None
+    # With --touches: how far the tip sits from its point, per axis [m]; 5e-5.
     touch_std: float | None = None
 
     def read(self) -> wb.Touches | None:
@@ -97,10 +94,9 @@ def calibrate(
         from wrenchbed.reports.fit_page import fit_page
 
         fit_page(result, data, console.command()).write(report)
-    console.answer(result.to_json(), as_json, fit_table(result, known))
-    for what, path in (("fit", out), ("page", report)):
-        if path is not None and not as_json:
-            console.say(f"{what} → {path}")
+    named = (("fit", out), ("page", report))
+    written = [f"{what} → {path}" for what, path in named if path is not None]
+    console.answer(result.to_json(), as_json, fit_table(result, known), *written)
 
 
 def _efforts(
@@ -114,9 +110,8 @@ def _efforts(
         result = wb.calibrate_efforts(data, options.free, constants=constants, force=options.force)
     if out is not None:
         result.write(out)
-    console.answer(result.to_json(), as_json, drive_fit_table(result))
-    if out is not None and not as_json:
-        console.say(f"fit → {out}")
+    written = [] if out is None else [f"fit → {out}"]
+    console.answer(result.to_json(), as_json, drive_fit_table(result), *written)
 
 
 def fit_table(result: wb.Fit, truth: Mapping[str, float] | None = None) -> Group:

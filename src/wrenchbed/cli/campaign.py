@@ -15,25 +15,16 @@ from wrenchbed.errors import MissingExtraError, ParameterError
 
 @dataclass(frozen=True)
 class RobotArguments:
-    """The simulated robots.
+    """The simulated robots."""
 
-    Attributes:
-        robots: Number of them.
-        vary: What differs from robot to robot, with commas: noise, parameters, effects, poses.
-        plan: That all robots run; random poses if none.
-        poses: Of each robot, without --plan.
-        samples: Rows a pose.
-        diagnose: Also diagnose each recording, a second or more each.
-        seed: All follows from it.
-    """
-
-    robots: int = 100
+    robots: int = 100  # Number of them.
+    # What differs from robot to robot, with commas: noise, parameters, effects, poses.
     vary: str = "noise,parameters"
-    plan: Path | None = None
-    poses: int = 100
-    samples: int = 50
-    diagnose: bool = False
-    seed: int = 0
+    plan: Path | None = None  # That all robots run; random poses if none.
+    poses: int = 100  # Of each robot, without --plan.
+    samples: int = 50  # Rows a pose.
+    diagnose: bool = False  # Also diagnose each recording, a second or more each.
+    seed: int = 0  # All follows from it.
 
     def fleet(self, robot: str) -> "wb.Fleet":
         """What the rows of the campaign follow from."""

@@ -24,40 +24,30 @@ EXIT = {monthly.HEALTHY: 0, monthly.CHANGED: 3, monthly.CANNOT_TELL: 4}
 
 @dataclass(frozen=True)
 class CheckDevice(DeviceArguments):
-    """The robot and its sensor, simulated or real.
+    """The robot and its sensor, simulated or real."""
 
-    Attributes:
-        recording: Check this recording of the plan in DIR, and move nothing. With replay: what is
-            replayed.
-    """
+    # Check this recording of the plan in DIR, and move nothing. With replay: what is replayed.
+    recording: str | None = None
 
 
 @dataclass(frozen=True)
 class CheckArguments:
-    """How the check is made.
+    """How the check is made."""
 
-    Attributes:
-        time: When it was recorded, ISO 8601 with a zone; what the recording states, else now.
-        temperature: Of the sensor, or of the room [°C], where the recording has no column of it.
-        new_baseline: Why the robot differs from here on: tool replaced, sensor calibrated. History
-            begins anew with this check.
-        samples: Rows a pose.
-        rate: Sampling rate [Hz].
-        prepare: Choose the poses, write DIR/plan.parquet, and record nothing.
-        rebuild: Make DIR/history.parquet again from DIR/recordings; the old one is kept with ~.
-        recover: Somebody has looked: first clear a protective stop or a drive's fault.
-        yes: Somebody has looked that the robot may move: ask no more.
-    """
-
+    # When it was recorded, ISO 8601 with a zone; what the recording states, else now.
     time: str | None = None
+    # Of the sensor, or of the room [°C], where the recording has no column of it.
     temperature: float | None = None
+    # Why the robot differs from here on: tool replaced, sensor calibrated. History begins anew with
+    # this check.
     new_baseline: str | None = None
-    samples: int = monthly.SAMPLES
-    rate: float = monthly.RATE_HZ
-    prepare: Flag = False
+    samples: int = monthly.SAMPLES  # Rows a pose.
+    rate: float = monthly.RATE_HZ  # Sampling rate [Hz].
+    prepare: Flag = False  # Choose the poses, write DIR/plan.parquet, and record nothing.
+    # Make DIR/history.parquet again from DIR/recordings; the old one is kept with ~.
     rebuild: Flag = False
-    recover: Flag = False
-    yes: Flag = False
+    recover: Flag = False  # Somebody has looked: first clear a protective stop or a drive's fault.
+    yes: Flag = False  # Somebody has looked that the robot may move: ask no more.
 
 
 def check(

@@ -20,10 +20,9 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
-    ProgressColumn,
-    Task,
     TextColumn,
     TimeElapsedColumn,
+    TimeRemainingColumn,
 )
 from rich.segment import Segment
 from rich.table import Table
@@ -35,10 +34,8 @@ from wrenchbed.errors import OBEYED, ParameterError, one_line, printable
 from wrenchbed.files import locked
 from wrenchbed.files.checked import load
 
-_AT_ONCE_S = 1.0
-"""Steps that are done within so many seconds were done by an earlier run."""
-_LEAST_DONE = 2
-"""Steps before the remaining time is shown: one of several processes says nothing of the others."""
+_MEAN_OVER_S = 3600.0
+"""Time over which the mean rate of steps is taken [s]: one of them may take minutes."""
 _SIMPLE: dict[type, str] = {
     int: "a whole number", float: "a number", str: "text", bool: "on or off",
 }  # fmt: skip
@@ -205,17 +202,17 @@ def _print(text: str) -> None:
     _OUT.print(text, soft_wrap=True, markup=False, highlight=False)
 
 
-def answer(result: Any, as_json: bool, display: Any) -> None:
-    """Print what people read, text or a table of rich; or the result as JSON."""
+def answer(result: Any, as_json: bool, *displays: RenderableType) -> None:
+    """Print what people read, texts or tables of rich; or the result as JSON."""
     if as_json:
         text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False)
         if lacks(text):
             text = json.dumps(result, indent=1, allow_nan=False)
         print(OBEYED.sub(_as_json, text))
-    elif isinstance(display, str):
-        _print(display)
-    else:
-        _OUT.print(display)
+        return
+    for display in displays:
+        text_only = {"soft_wrap": True, "markup": False, "highlight": False}
+        _OUT.print(display, **(text_only if isinstance(display, str) else {}))
 
 
 def _as_json(match: re.Match[str]) -> str:
@@ -250,31 +247,6 @@ def section(title: str, lines: Iterable[RenderableType]) -> list[RenderableType]
     return ["", Text(title, style="bold"), *inside] if inside else []
 
 
-class RemainingColumn(ProgressColumn):
-    """Time that remains at the mean rate so far, steps of an earlier run left out."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._begun = self._last = (0.0, 0.0)
-
-    def render(self, task: Task) -> Text:
-        """The time as h:mm:ss, dashes while nothing is known."""
-        return Text(self.text(task.elapsed or 0.0, task.completed, task.total))
-
-    def text(self, elapsed: float, completed: float, total: float | None) -> str:
-        """The time that remains [h:mm:ss] after ``elapsed`` seconds."""
-        now = (elapsed, completed)
-        if completed < self._last[1] or (not self._last[1] and elapsed < _AT_ONCE_S):
-            self._begun = now
-        if completed != self._last[1]:
-            self._last = now
-        seconds, steps = (a - b for a, b in zip(self._last, self._begun, strict=True))
-        if total is None or steps < min(_LEAST_DONE, total - self._begun[1]) or not steps:
-            return "-:--:--"
-        rest = round((total - completed) * seconds / steps)
-        return f"{rest // 3600}:{rest // 60 % 60:02}:{rest % 60:02}"
-
-
 @contextmanager
 def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Callable[..., None]]:
     """A bar on stderr, nothing where stderr is no terminal; call it with (steps done, label).
@@ -284,9 +256,11 @@ def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Ca
     """
     console = Console(stderr=True)
     columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()]
-    time = RemainingColumn() if alike and total is not None else TimeElapsedColumn()
-    bar = Progress(*columns, time, console=console, disable=not console.is_terminal, transient=True)
-    with bar:
+    time = TimeRemainingColumn() if alike and total is not None else TimeElapsedColumn()
+    with Progress(
+        *columns, time, console=console, disable=not console.is_terminal, transient=True,
+        speed_estimate_period=_MEAN_OVER_S,
+    ) as bar:  # fmt: skip
         task = bar.add_task(what, total=total)
 
         def report(n: int, label: str = "") -> None:

@@ -79,15 +79,14 @@ def robot(
         table.add_row(
             joint.name, link.joint, link.body, limits, f"{joint.speed:.3g} {joint.unit}/s"
         )
-    console.answer(result, as_json, table)
-    if not as_json:
-        if model.loops is not None:
-            loops = ", ".join(c.name for c in model.loops.closures)
-            console.say(f"Solved from the closed loops {loops}: {', '.join(passive)}")
-        cog = ", ".join(f"{1e3 * x:.1f}" for x in load.cog)
-        console.say(
-            f"The sensor carries {load.mass:.4g} kg at ({cog}) mm: {', '.join(made.loading)}"
-        )
+    lines = []
+    if model.loops is not None:
+        loops = ", ".join(c.name for c in model.loops.closures)
+        lines.append(f"Solved from the closed loops {loops}: {', '.join(passive)}")
+    cog = ", ".join(f"{1e3 * x:.1f}" for x in load.cog)
+    bodies = ", ".join(made.loading)
+    lines.append(f"The sensor carries {load.mass:.4g} kg at ({cog}) mm: {bodies}")
+    console.answer(result, as_json, table, *lines)
 
 
 def sensor(
@@ -112,11 +111,8 @@ def sensor(
     console.check_out(out, Kind.SENSOR, rest, given)
     learned = wb.learn_sensor(wb.Recording.read(rest), name=out.stem, like=like)
     learned.write(out)
-    console.answer(_result(learned, out), as_json, _table(learned, out))
-    if not as_json:
-        console.say("It cannot tell:")
-        for sentence in learned.cannot_tell:
-            console.say(f"  {sentence}")
+    unknown = ["It cannot tell:", *(f"  {sentence}" for sentence in learned.cannot_tell)]
+    console.answer(_result(learned, out), as_json, _table(learned, out), *unknown)
 
 
 def _result(learned: "wb.LearnedSensor", out: Path) -> dict[str, object]:
@@ -168,26 +164,17 @@ def _sure(value: float, std: float) -> str:
 
 @dataclass(frozen=True)
 class EmulatorArguments:
-    """The emulated device.
+    """The emulated device."""
 
-    Attributes:
-        host: Address of this machine, 127.0.0.1 … 127.255.255.254; several twins need several.
-        parameters: JSON {name: value} in SI: what the robot truly is.
-        noise: Of the sensor.
-        effect: ID[:name=value,…] of an effect on the robot, see `wrenchbed list effects`. May be
-            repeated.
-        table: Height of a plate that the tool may press on [m].
-        set: NAME=VALUE of a setting that this twin alone has; a wrong NAME lists them.
-        seed: Of the noise.
-    """
-
+    # Address of this machine, 127.0.0.1 … 127.255.255.254; several twins need several.
     host: str = "127.0.0.1"
-    parameters: Path | None = None
-    noise: Literal["real", "white", "off"] = "real"
+    parameters: Path | None = None  # JSON {name: value} in SI: what the robot truly is.
+    noise: Literal["real", "white", "off"] = "real"  # Of the sensor.
+    # ID[:name=value,…] of an effect on the robot, see `wrenchbed list effects`. May be repeated.
     effect: Repeated = ()
-    table: float | None = None
-    set: Repeated = ()
-    seed: int = 0
+    table: float | None = None  # Height of a plate that the tool may press on [m].
+    set: Repeated = ()  # NAME=VALUE of a setting that this twin alone has; a wrong NAME lists them.
+    seed: int = 0  # Of the noise.
 
     def options(self) -> "wb.EmulatorOptions":
         """The emulator's options."""

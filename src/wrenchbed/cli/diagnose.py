@@ -44,44 +44,32 @@ _COLOURS = {
 
 @dataclass(frozen=True)
 class DryRunOptions:
-    """With --dry-run: how the plan would be recorded.
+    """With --dry-run: how the plan would be recorded."""
 
-    Attributes:
-        samples: Rows a pose.
-        rate: Rows a second [Hz].
-    """
-
-    samples: int = 60
-    rate: float = 100.0
+    samples: int = 60  # Rows a pose.
+    rate: float = 100.0  # Rows a second [Hz].
 
 
 @dataclass(frozen=True)
 class LearningOptions:
-    """How the probabilities of a wrench's causes are learnt.
+    """How the probabilities of a wrench's causes are learnt."""
 
-    Attributes:
-        look_alikes: Learn how often such claims are right from so many simulated robots that do
-            what this one did (1 to 5 s each, kept for the next time); 0: use what is known, or
-            learn from 100 where nothing is known of such a robot.
-        fast: Learn nothing: probabilities are then of other robots.
-    """
-
+    # Learn how often such claims are right from so many simulated robots that do what this one
+    # did (1 to 5 s each, kept for the next time); 0: use what is known, or learn from 100 where nothing is
+    # known of such a robot.
     look_alikes: int = 0
-    fast: bool = False
+    fast: bool = False  # Learn nothing: probabilities are then of other robots.
 
 
 @dataclass(frozen=True)
 class EffortOptions:
-    """What is diagnosed: the wrench, or the joint efforts.
+    """What is diagnosed: the wrench, or the joint efforts."""
 
-    Attributes:
-        channels: What is diagnosed; the wrench, the joint efforts (tau1 … or i1 …) of a recording
-            without one, or both together.
-        drives: Of joint efforts: what calibrate wrote of a healthy recording of this robot, in
-            place of the drive values that the recording states.
-    """
-
+    # What is diagnosed; the wrench, the joint efforts (tau1 … or i1 …) of a recording without one,
+    # or both together.
     channels: Literal["wrench", "effort", "both"] | None = None
+    # Of joint efforts: what calibrate wrote of a healthy recording of this robot, in place of the
+    # drive values that the recording states.
     drives: Path | None = None
 
 
@@ -127,9 +115,10 @@ def diagnose(
         raise ParameterError("--drives goes with joint efforts: add --channels effort")
     else:
         written, answer = _diagnose_wrench(data, learning, seed, out)
-    console.answer(answer.d.to_json(), as_json, None if as_json else answer_display(answer))
-    if not as_json:
-        console.say(f"{', '.join(written)} → {out}")
+    files = f"{', '.join(written)} → {out}"
+    console.answer(
+        answer.d.to_json(), as_json, *(() if as_json else (answer_display(answer), files))
+    )
 
 
 def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:

@@ -103,17 +103,13 @@ def _changed(column_map: ColumnMap, mode: str | None) -> ColumnMap:
 
 @dataclass(frozen=True)
 class Numbers:
-    """With --to: what the format asks for.
+    """With --to: what the format asks for."""
 
-    Args:
-        urdf: Your own URDF, for --to urdf. It is read; OUT is a copy with the numbers.
-        frame: Link or frame of the sensor in your system (ft_frame).
-        mount: Place of the sensor in the flange, x y z [m] qw qx qy qz, where the robot's model
-            knows no flange.
-    """
-
+    # Your own URDF, for --to urdf. It is read; OUT is a copy with the numbers.
     urdf: Path | None = None
-    frame: str | None = None
+    frame: str | None = None  # Link or frame of the sensor in your system (ft_frame).
+    # Place of the sensor in the flange, x y z [m] qw qx qy qz, where the robot's model knows no
+    # flange.
     mount: tuple[float, float, float, float, float, float, float] | None = None
 
 

@@ -40,22 +40,17 @@ _FULL = 10.0
 
 @dataclass(frozen=True)
 class LiveArguments:
-    """What is published, and where.
+    """What is published, and where."""
 
-    Attributes:
-        frame: Axes of the wrench; torques about their origin, in the base about the sensor's.
-        rate: Readings a second at most [Hz]; of a faster sensor those between are left out.
-        follow: Whether the zero follows slow drift at rest, 2 N an hour at most.
-        seconds: How long [s]; until Ctrl-C.
-        udp: HOST:PORT that gets one datagram of JSON a reading.
-        serve: TCP port on 127.0.0.1 that serves JSON lines to all clients; 0 chooses one.
-    """
-
+    # Axes of the wrench; torques about their origin, in the base about the sensor's.
     frame: Literal["sensor", "flange", "base"] = "sensor"
+    # Readings a second at most [Hz]; of a faster sensor those between are left out.
     rate: float = 1000.0
+    # Whether the zero follows slow drift at rest, 2 N an hour at most.
     follow: Literal["on", "off"] = "on"
-    seconds: float | None = None
-    udp: str | None = None
+    seconds: float | None = None  # How long [s]; until Ctrl-C.
+    udp: str | None = None  # HOST:PORT that gets one datagram of JSON a reading.
+    # TCP port on 127.0.0.1 that serves JSON lines to all clients; 0 chooses one.
     serve: int | None = None
 
 
@@ -185,16 +180,13 @@ def gauge(external: External, frame: str, said: str = "") -> Table:
         "at rest" if external.at_rest else "moving: inertia is not compensated"
     )
     caption = f"{caption}\n{said}" if said else caption
-    table = Table(
-        box=None, padding=(0, 1, 0, 0), title=f"external wrench, {frame} axes",
-        title_justify="left", caption=caption, caption_justify="left",
-        caption_style="bold red" if external.alarm else "dim",
+    table = console.table(
+        "", ">value", ">± noise", "unit", f"−{_FULL:g} σ … {_FULL:g} σ", space=1,
+        title=f"external wrench, {frame} axes",
     )  # fmt: skip
-    table.add_column("")
-    table.add_column("value", justify="right", min_width=9)
-    table.add_column("± noise", justify="right")
-    table.add_column("unit")
-    table.add_column(f"−{_FULL:g} σ … {_FULL:g} σ")
+    table.caption, table.caption_justify = caption, "left"
+    table.caption_style = "bold red" if external.alarm else "dim"
+    table.columns[1].min_width = 9
     for name, value, std, unit in zip(CHANNELS, external.wrench, external.std, UNITS, strict=True):
         style = "red" if abs(value) > BAND * std and external.at_rest else ""
         table.add_row(name, f"{value:+.3f}", f"{std:.2g}", unit, bar(value / std), style=style)

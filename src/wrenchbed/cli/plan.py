@@ -16,56 +16,43 @@ from wrenchbed.files import set_aside
 
 @dataclass(frozen=True)
 class PoseArguments:
-    """Poses at rest.
+    """Poses at rest."""
 
-    Attributes:
-        n: Number of poses.
-        index: Observability index to make as large as possible.
-        pool: Candidate poses to choose from; 40,000 for an index, 4,000 for a goal.
-    """
-
-    n: int = 100
+    n: int = 100  # Number of poses.
+    # Observability index to make as large as possible.
     index: Literal["O1", "O2", "O3", "O4", "O5", "A"] | None = None
+    # Candidate poses to choose from; 40,000 for an index, 4,000 for a goal.
     pool: int | None = None
 
 
 @dataclass(frozen=True)
 class GoalArguments:
-    """Few measurements that make the tool accurate.
+    """Few measurements that make the tool accurate."""
 
-    Attributes:
-        goal: Few measurements that reach a position accuracy in the robot's target workspace.
-        accuracy: With --goal: wanted rms position error [m] of 99 % of robots; 0.0003.
-        touch_cost: With --goal: what a touch costs, in poses under gravity; 1.
-        touch_std: With --goal: how far a tip sits from its point, per axis [m]; 5e-5.
-        least_poses: With --goal: poses under gravity at least, which calibrate the sensor; 6.
-        points: With --goal: CSV with columns x, y, z [m], known points to touch; a grid if none.
-    """
-
+    # Few measurements that reach a position accuracy in the robot's target workspace.
     goal: Literal["target-position"] | None = None
+    # With --goal: wanted rms position error [m] of 99 % of robots; 0.0003.
     accuracy: float | None = None
-    touch_cost: float | None = None
+    touch_cost: float | None = None  # With --goal: what a touch costs, in poses under gravity; 1.
+    # With --goal: how far a tip sits from its point, per axis [m]; 5e-5.
     touch_std: float | None = None
+    # With --goal: poses under gravity at least, which calibrate the sensor; 6.
     least_poses: int | None = None
+    # With --goal: CSV with columns x, y, z [m], known points to touch; a grid if none.
     points: Path | None = None
 
 
 @dataclass(frozen=True)
 class MotionArguments:
-    """A motion to follow.
+    """A motion to follow."""
 
-    Attributes:
-        motion: Poses to rest at, a multi-sine to follow, or with --for dynamics the motion of
-            a serial arm that is best for friction and inertial parameters.
-        for_: With excite: what the motion is for.
-        seconds: Length of a motion.
-        rate: Sampling rate of a motion [Hz].
-    """
-
+    # Poses to rest at, a multi-sine to follow, or with --for dynamics the motion of a serial arm
+    # that is best for friction and inertial parameters.
     motion: Literal["poses", "multisine", "excite"] = "poses"
+    # With excite: what the motion is for.
     for_: Annotated[Literal["dynamics"] | None, tyro.conf.arg(name="for")] = None
-    seconds: float = 60.0
-    rate: float = 125.0
+    seconds: float = 60.0  # Length of a motion.
+    rate: float = 125.0  # Sampling rate of a motion [Hz].
 
 
 def plan(

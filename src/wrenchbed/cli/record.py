@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from rich.markup import escape
-from rich.table import Table
 
 import wrenchbed as wb
 from wrenchbed.campaigns.recording.itinerary import Leg, itinerary
@@ -31,36 +29,27 @@ _YES = ("y", "yes")
 
 @dataclass(frozen=True)
 class DeviceArguments:
-    """The robot and its sensor, simulated or real.
+    """The robot and its sensor, simulated or real."""
 
-    Attributes:
-        driver: Name, see `wrenchbed list drivers`.
-        host: Address of the robot's controller (rtde), or of the machine that shares its CAN bus.
-        channel: CAN channel, for instance can0.
-        sensor: With rtde: netft://HOST for an ATI Net F/T at another address than the robot's,
-            or rtde for the robot's own wrench.
-        recording: With replay: what is replayed.
-        parameters: JSON {name: value} in SI: what the simulated robot truly is.
-        noise: Of the simulated sensor; real.
-        effect: ID[:name=value,…] of an effect on the simulated robot, see `wrenchbed list effects`;
-            without values of typical size. May be repeated.
-        seed: Of the noise.
-        effort: What recordings keep of the joints: current as i1… [A] (rtde, its default; sim,
-            can), torque as tau1… [N·m] (sim, can), or off.
-        set: NAME=VALUE of a setting that this driver alone has, for instance base=0x68 with can or
-            frequency=none with rtde; a wrong NAME lists them. May be repeated.
-    """
-
-    driver: str = "sim"
+    driver: str = "sim"  # Name, see `wrenchbed list drivers`.
+    # Address of the robot's controller (rtde), or of the machine that shares its CAN bus.
     host: str | None = None
-    channel: str | None = None
+    channel: str | None = None  # CAN channel, for instance can0.
+    # With rtde: netft://HOST for an ATI Net F/T at another address than the robot's, or rtde for
+    # the robot's own wrench.
     sensor: str | None = None
-    recording: str | None = None
-    parameters: Path | None = None
-    noise: Literal["real", "white", "off"] | None = None
+    recording: str | None = None  # With replay: what is replayed.
+    parameters: Path | None = None  # JSON {name: value} in SI: what the simulated robot truly is.
+    noise: Literal["real", "white", "off"] | None = None  # Of the simulated sensor; real.
+    # ID[:name=value,…] of an effect on the simulated robot, see `wrenchbed list effects`; without
+    # values of typical size. May be repeated.
     effect: Repeated = ()
-    seed: int | None = None
+    seed: int | None = None  # Of the noise.
+    # What recordings keep of the joints: current as i1… [A] (rtde, its default; sim, can), torque
+    # as tau1… [N·m] (sim, can), or off.
     effort: Literal["torque", "current", "off"] | None = None
+    # NAME=VALUE of a setting that this driver alone has, for instance base=0x68 with can or
+    # frequency=none with rtde; a wrong NAME lists them. May be repeated.
     set: Repeated = ()
 
     def options(self, device: type[Driver], robot: str, limits: Limits) -> Any:
@@ -85,23 +74,19 @@ class DeviceArguments:
 
 @dataclass(frozen=True)
 class LimitArguments:
-    """Limits of every motion.
+    """Limits of every motion."""
 
-    Attributes:
-        speed: Share of top speed that moves between poses use; 0.25 on real robots.
-        tracking: Share of top speed that a trajectory may use; 0.7 on real robots.
-        workspace: Where the sensor may be, x y z lower then x y z upper bounds in the world [m].
-            Live robots without it: the way through the plan from where they are, and 0.05 m more.
-        max_force: Stop the robot above this measured force [N]. Live robots without it: half way
-            from what the tool and the sensor's zero may add up to, to the end of the range.
-        max_torque: Stop the robot above this measured torque [N·m]; likewise.
-    """
-
+    # Share of top speed that moves between poses use; 0.25 on real robots.
     speed: float | None = None
+    # Share of top speed that a trajectory may use; 0.7 on real robots.
     tracking: float | None = None
+    # Where the sensor may be, x y z lower then x y z upper bounds in the world [m]. Live robots
+    # without it: the way through the plan from where they are, and 0.05 m more.
     workspace: tuple[float, float, float, float, float, float] | None = None
+    # Stop the robot above this measured force [N]. Live robots without it: half way from what the
+    # tool and the sensor's zero may add up to, to the end of the range.
     max_force: float | None = None
-    max_torque: float | None = None
+    max_torque: float | None = None  # Stop the robot above this measured torque [N·m]; likewise.
 
     def limits(self, live: bool) -> Limits:
         """What is not given is as usual for live or simulated robots."""
@@ -117,30 +102,22 @@ class LimitArguments:
 
 @dataclass(frozen=True)
 class RunArguments:
-    """How the plan is run.
+    """How the plan is run."""
 
-    Attributes:
-        samples: Rows a pose.
-        rate: Sampling rate [Hz]; the plan's, else 100 at rest and 125 in motion.
-        dry_run: Check every move, show the campaign, and record it in simulation instead.
-        resume: Go on with the stopped campaign in OUT, at the pose where it stopped.
-        recover: Somebody has looked: first clear a protective stop, a drive's fault, or a program
-            that was left on the robot.
-        yes: Somebody has looked that the robot may move: ask no more. Real robots alone are asked
-            for.
-        revisit: Visit the first pose again at the end, which shows drift; auto: on real robots
-            and in dry runs.
-        force: Replace a recording at OUT; it is kept as OUT~, or OUT~2 and so on.
-    """
-
-    samples: int = 100
-    rate: float | None = None
+    samples: int = 100  # Rows a pose.
+    rate: float | None = None  # Sampling rate [Hz]; the plan's, else 100 at rest and 125 in motion.
+    # Check every move, show the campaign, and record it in simulation instead.
     dry_run: Flag = False
-    resume: Flag = False
+    resume: Flag = False  # Go on with the stopped campaign in OUT, at the pose where it stopped.
+    # Somebody has looked: first clear a protective stop, a drive's fault, or a program that was
+    # left on the robot.
     recover: Flag = False
+    # Somebody has looked that the robot may move: ask no more. Real robots alone are asked for.
     yes: Flag = False
+    # Visit the first pose again at the end, which shows drift; auto: on real robots and in dry
+    # runs.
     revisit: Literal["auto", "yes", "no"] = "auto"
-    force: Flag = False
+    force: Flag = False  # Replace a recording at OUT; it is kept as OUT~, or OUT~2 and so on.
 
 
 def record(
@@ -200,14 +177,12 @@ def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments) -> None:
     arm = wb.load("robots", plan.robot)
     rows = [0] if plan.mode == "dynamic" else list(range(len(plan)))
     legs = itinerary(arm, plan, arm.home, limits, rows, clear=True)
-    table = Table(title=f"{plan.name}: {len(plan)} rows, moves from home", title_justify="left")
-    for column in ("pose", "joints [rad, m]", "through", "move [s]"):
-        table.add_column(escape(column), justify="left" if column.startswith("joints") else "right")
+    title = f"{plan.name}: {len(plan)} rows, moves from home"
+    table = console.table(">pose", "joints [rad, m]", ">through", ">move [s]", title=title)
     for leg in legs[:_MOST_LEGS]:
         joints = " ".join(f"{v:+.2f}" for v in plan.q[leg.row])
         table.add_row(str(leg.row), joints, str(len(leg.via) - 1), f"{leg.seconds:.1f}")
-    console.answer(None, False, table)
-    console.say(_total(legs, limits))
+    console.answer(None, False, table, _total(legs, limits))
 
 
 def _total(legs: tuple[Leg, ...], limits: Limits) -> str:
