@@ -36,7 +36,7 @@ def test_help_names_every_verb(capfd):
 def test_a_verb_that_is_not_there_is_met_with_the_nearest(capfd):
     with pytest.raises(SystemExit):
         main(["callibrate"])
-    assert "did you mean calibrate?" in capfd.readouterr().err
+    assert "did you mean 'calibrate'?" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ import textwrap
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, redirect_stderr
-from difflib import get_close_matches
 from functools import partial, wraps
 from importlib import import_module
 from importlib.util import find_spec
@@ -25,6 +24,7 @@ from wrenchbed.errors import (
     ShortageError,
     WrenchbedError,
     WrenchbedWarning,
+    did_you_mean,
     one_line,
     printable,
     shortage,
@@ -89,7 +89,9 @@ def main(arguments: list[str] | None = None) -> int:
             print(_usage(), file=sys.stderr)
             raise SystemExit(2)
         case [word, *_]:
-            print(f"wrenchbed: error: {one_line(_unknown(word))}", file=sys.stderr)
+            hint = did_you_mean(word, _VERBS) or "."
+            text = f"there is no verb {word!r}{hint} Known: {', '.join(_VERBS)}"
+            print(f"wrenchbed: error: {one_line(text)}", file=sys.stderr)
             raise SystemExit(2)
     raise SystemExit(0)
 
@@ -120,12 +122,6 @@ def _summary(module: str, function: str) -> str:
     tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
     node = next(n for n in tree.body if isinstance(n, ast.FunctionDef) and n.name == function)
     return (ast.get_docstring(node) or "").partition("\n\n")[0]
-
-
-def _unknown(word: str) -> str:
-    close = get_close_matches(word, _VERBS, 1)
-    hint = f"; did you mean {close[0]}?" if close else "."
-    return f"there is no verb {word!r}{hint} Known: {', '.join(_VERBS)}"
 
 
 def _run(words: Sequence[str]) -> int:
@@ -174,7 +170,9 @@ def _call(verb: str, arguments: Sequence[str]) -> int:
     from wrenchbed.cli.console import note_words, outputs
 
     note_words([verb, *arguments])
-    home, function = _loaded(verb)
+    module, name = _VERBS[verb]
+    home = import_module(f"wrenchbed.cli.{module}")
+    function = getattr(home, name)
     config = (tyro.conf.OmitArgPrefixes, tyro.conf.FlagCreatePairsOff)
     prog, args = f"wrenchbed {verb}", list(arguments)
     with _cleaned(args):
@@ -212,10 +210,3 @@ def _cleaned(arguments: Sequence[str]) -> Iterator[None]:
             yield
     finally:
         sys.stderr.write(printable(printed.getvalue()))
-
-
-def _loaded(verb: str) -> tuple[Any, Callable[..., Any]]:
-    """Module and function of a verb."""
-    module, name = _VERBS[verb]
-    home = import_module(f"wrenchbed.cli.{module}")
-    return home, getattr(home, name)

@@ -15,6 +15,7 @@ from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 import tyro
 from rich.console import Console as RichConsole
 from rich.console import ConsoleOptions, RenderableType
+from rich.markup import escape
 from rich.padding import Padding
 from rich.progress import (
     BarColumn,
@@ -232,12 +233,12 @@ def table(*heads: str, indent: int = 0, space: int = 2, title: str | None = None
         title: above it, at the left.
     """
     grid = Table(
-        box=None, padding=(0, space, 0, indent), header_style="dim", title=title,
+        box=None, padding=(0, space, 0, indent), header_style="dim", title=title and escape(title),
         title_justify="left", show_header=any(head.strip("|>") for head in heads),
     )  # fmt: skip
     for head in heads:
         side: Literal["right", "left"] = "right" if head.startswith(">") else "left"
-        grid.add_column(head.lstrip("|>"), justify=side, no_wrap=head[:1] in ("|", ">"))
+        grid.add_column(escape(head.lstrip("|>")), justify=side, no_wrap=head[:1] in ("|", ">"))
     return grid
 
 

@@ -20,7 +20,6 @@ from wrenchbed.errors import DiagnosisError, MissingExtraError, ParameterError, 
 from wrenchbed.files import atomic_folder
 
 if TYPE_CHECKING:
-    from wrenchbed.diagnosis.diagnose import Findings
     from wrenchbed.diagnosis.explain.reliability import Reliability
     from wrenchbed.diagnosis.next.dry_run import DryRun
     from wrenchbed.reports.answer import Answer
@@ -55,8 +54,8 @@ class LearningOptions:
     """How the probabilities of a wrench's causes are learnt."""
 
     # Learn how often such claims are right from so many simulated robots that do what this one
-    # did (1 to 5 s each, kept for the next time); 0: use what is known, or learn from 100 where nothing is
-    # known of such a robot.
+    # did (1 to 5 s each, kept for the next time); 0: use what is known, or learn from 100 where
+    # nothing is known of such a robot.
     look_alikes: int = 0
     fast: bool = False  # Learn nothing: probabilities are then of other robots.
 
@@ -115,10 +114,8 @@ def diagnose(
         raise ParameterError("--drives goes with joint efforts: add --channels effort")
     else:
         written, answer = _diagnose_wrench(data, learning, seed, out)
-    files = f"{', '.join(written)} → {out}"
-    console.answer(
-        answer.d.to_json(), as_json, *(() if as_json else (answer_display(answer), files))
-    )
+    shown = [] if as_json else [answer_display(answer), f"{', '.join(written)} → {out}"]
+    console.answer(answer.d.to_json(), as_json, *shown)
 
 
 def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
