@@ -20,6 +20,7 @@ from wrenchbed.errors import DiagnosisError, MissingExtraError, ParameterError, 
 from wrenchbed.files import atomic_folder
 
 if TYPE_CHECKING:
+    from wrenchbed.diagnosis.diagnose import Findings
     from wrenchbed.diagnosis.explain.reliability import Reliability
     from wrenchbed.diagnosis.next.dry_run import DryRun
     from wrenchbed.reports.answer import Answer
