@@ -12,7 +12,7 @@ import pytest
 import wrenchbed as wb
 from wrenchbed.cli import main
 from wrenchbed.errors import ParameterError
-from wrenchbed.reports.agreement import agreement
+from wrenchbed.reports.agreement import agreements
 from wrenchbed.reports.recording_page import recording_page
 from wrenchbed.twin.comparison import noise_of, simulators
 
@@ -63,12 +63,12 @@ def test_one_channel_that_differs_is_no_agreement(folder):
     recording = wb.Recording.read(folder / "rec.parquet")
     known = simulators(recording, [folder / "fit.json"])
     noise = noise_of(recording)
-    before = agreement(recording, known[1], noise)
-    assert before.agrees
+    before = agreements(recording, known, noise)[1]
+    assert not before.differing
     columns = dict(recording.columns)
     columns["tz"] = columns["tz"] + noise[5] * np.sqrt(1.87**2 - before.ratios[5] ** 2)
     shifted = replace(recording, columns=columns)
-    after = agreement(shifted, known[1], noise)
+    after = agreements(shifted, known, noise)[1]
     assert after.ratios[5] == pytest.approx(1.87, abs=0.05) and after.overall < 1.25
     page = recording_page(shifted, [folder / "fit.json"], "")
     told = text(page)

@@ -1,5 +1,6 @@
 """Whether simulators agree with a recording, judged channel by channel."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,14 +36,9 @@ class Agreement:
 
     @property
     def differing(self) -> list[str]:
-        """Channels that differ, the worst first."""
+        """Channels that differ, the worst first; none where the simulator agrees."""
         order = np.argsort(-self.ratios, kind="stable")
         return [CHANNELS[k] for k in order if not self.ratios[k] < AGREES]
-
-    @property
-    def agrees(self) -> bool:
-        """Whether no channel differs."""
-        return not self.differing
 
     @property
     def worst(self) -> str:
@@ -53,7 +49,7 @@ class Agreement:
     @property
     def headline(self) -> str:
         """The answer in a sentence."""
-        if self.agrees:
+        if not self.differing:
             return f"Simulator {self.name} agrees with the recording in every channel."
         much = "slightly" if self.ratios.max() < NEAR else "much"
         where = ", ".join(self.differing)
@@ -62,16 +58,22 @@ class Agreement:
     @property
     def text(self) -> str:
         """The figures behind it."""
-        told = f"Largest residual of a channel: {self.worst}, rms. All channels: {self.overall:.3g}"
-        return numbers.minus(f"{told} × noise. A channel agrees below {AGREES:g} × noise.")
+        worst = f"Largest residual of a channel: {self.worst}, rms."
+        overall = f"All channels: {self.overall:.3g} × noise."
+        return numbers.minus(f"{worst} {overall} A channel agrees below {AGREES:g} × noise.")
 
 
-def agreement(recording: Recording, s: Simulator, noise: np.ndarray) -> Agreement:
-    """Of a simulator with a recording, whose noise of one row is (6,) [N, N·m]."""
-    rms = np.sqrt(np.nanmean((recording.wrench - s.reading) ** 2, axis=0))
-    return Agreement(s.name, rms / noise, rms)
+def agreements(
+    recording: Recording, simulators: Sequence[Simulator], noise: np.ndarray
+) -> list[Agreement]:
+    """Of each simulator with a recording, whose noise of one row is (6,) [N, N·m]."""
+    residuals = [np.nanmean((recording.wrench - s.reading) ** 2, axis=0) for s in simulators]
+    return [
+        Agreement(s.name, np.sqrt(r) / noise, np.sqrt(r))
+        for s, r in zip(simulators, residuals, strict=True)
+    ]
 
 
-def best(of_all: list[Agreement]) -> Agreement:
+def best(of_all: Sequence[Agreement]) -> Agreement:
     """The one with the least residual."""
     return min(of_all, key=lambda a: a.overall)

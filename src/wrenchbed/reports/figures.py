@@ -9,18 +9,9 @@ import numpy as np
 
 from wrenchbed.effects.chain import effects
 from wrenchbed.pages import numbers
-from wrenchbed.pages.chart import (
-    NOISE,
-    Axis,
-    Chart,
-    Matrix,
-    Panel,
-    Role,
-    Series,
-    thinned,
-)
+from wrenchbed.pages.chart import NOISE, Axis, Chart, Matrix, Panel, Role, Series, thinned
 from wrenchbed.physics.wrench import CHANNELS, UNITS
-from wrenchbed.reports.simulators import Claim, Evidence, largest
+from wrenchbed.reports.simulators import Cause, Evidence, largest
 from wrenchbed.twin.comparison import binned_rms, bins
 
 BINS = 8
@@ -58,67 +49,58 @@ def channels(before: Mapping[str, float], after: Mapping[str, float], first: str
 
 
 def _bars(name: str, title: str, rows: Sequence[tuple[str, float, str]], caption: str) -> Chart:
-    """Horizontal bars with their gaps, coloured by kind."""
+    """Horizontal bars with their gaps, coloured by kind; the axis is linear near zero and
+    logarithmic above, where gaps differ much, else linear."""
     series = []
     for kind in dict.fromkeys(kind for _, _, kind in rows):
         of_kind = [(k, value) for k, (_, value, other) in enumerate(rows) if other == kind]
         place, values = (np.array(x, dtype=float) for x in zip(*of_kind, strict=True))
         texts = tuple(numbers.gap(v) for v in values)
         series.append(Series("", "bars", values, place, role=_ROLES[kind], texts=texts))
+    every = [value for _, value, _ in rows]
+    top, low = max(1.0, *every), 1.2 * min(0.0, *every)
+    axis = Axis("gap", "1", low=low, high=1.18 * top)
+    if top > _LINEAR:
+        decades = tuple(10.0**k for k in range(-1, int(np.floor(np.log10(top))) + 1))
+        axis = Axis("gap", "1", "near zero", ticks=(0.0, *decades), low=low, high=3.5 * top)
     labels = Axis("", names=tuple(label for label, _, _ in rows))
-    panel = Panel(_gap_axis([value for _, value, _ in rows]), labels, tuple(series))
-    return Chart(name, title, (panel,), caption=caption)
+    return Chart(name, title, (Panel(axis, labels, tuple(series)),), caption=caption)
 
 
-def _gap_axis(values: Sequence[float]) -> Axis:
-    """Linear near zero and logarithmic above, where gaps differ much; else linear."""
-    top, low = max([*values, 1.0]), 1.2 * min(0.0, *values)
-    if top <= _LINEAR:
-        return Axis("gap", "1", low=low, high=1.18 * top)
-    decades = tuple(10.0**k for k in range(-1, int(np.floor(np.log10(top))) + 1))
-    return Axis("gap", "1", "near zero", ticks=(0.0, *decades), low=low, high=3.5 * top)
-
-
-def heat(
-    residuals: Mapping[str, np.ndarray], groups: Sequence[np.ndarray], names: Sequence[str],
-    label: str, over: str, what: str,
-) -> Chart:  # fmt: skip
+def heat(residuals: Mapping[str, np.ndarray], over: np.ndarray, axis: Axis, observed: str) -> Chart:
     """Residual rms in units of noise, one panel a simulator, on the scale of every page.
 
     Args:
         residuals: (N, 6) in units of one row's noise, by simulator.
-        groups: indices of the observations of each column.
-        names: of the columns.
-        label: what they are groups of; ``over`` the same within a sentence.
-        what: observations, for people.
+        over: values (N,) by which the observations are sorted into columns, with their axis.
+        observed: what the observations are, for people.
     """
-    panels = []
+    panels, groups = [], bins(over, BINS)
+    names = [numbers.minus(f"{over[g].min():.0f}…\n{over[g].max():.0f}") for g in groups]
     for title, residual in residuals.items():
         values = binned_rms(residual, groups)
-        matrix = Matrix(CHANNELS, tuple(names), values, NOISE, _cells(values))
-        panels.append(Panel(Axis(label), Axis(""), title=title, matrix=matrix))
+        cells = tuple(tuple(_cell(float(v)) for v in row) for row in values)
+        matrix = Matrix(CHANNELS, tuple(names), values, NOISE, cells)
+        panels.append(Panel(Axis(axis.text), Axis(""), title=title, matrix=matrix))
     caption = (
-        f"Measured minus simulated, all {what}, in units of the noise of a row: 1 is as large as "
-        "the noise of a single row."
+        f"Measured minus simulated, all {observed}, in units of the noise of a row: 1 is as large "
+        "as the noise of a single row."
     )
-    return Chart("heat", f"Residual of each channel {over}", tuple(panels), caption=caption)
+    return Chart("heat", "Residual of each channel", tuple(panels), caption=caption)
 
 
-def ranges(values: np.ndarray, groups: Sequence[np.ndarray]) -> list[str]:
-    """Least and largest value of each group, one beneath the other."""
-    return [numbers.minus(f"{values[g].min():.0f}…\n{values[g].max():.0f}") for g in groups]
+def _cell(v: float) -> str:
+    return "–" if not np.isfinite(v) else f"{v:.1f}" if v < 9.95 else f"{v:.0f}"
 
 
 def residual_map(e: Evidence) -> Chart:
     """Residual of the simulators before and after over the variable that tells most."""
-    values, label, over = e.variable()
-    groups = bins(values, BINS)
     readings = {e.first: e.before} | ({} if e.after is None else {"with the effects": e.after})
     residuals = {name: (e.prepared.y - reading) / e.std for name, reading in readings.items()}
-    return heat(residuals, groups, ranges(values, groups), label, over, e.prepared.observed)
+    return heat(residuals, *e.variable(), e.prepared.observed)
 
 
-def of_claim(e: Evidence, c: Claim, name: str) -> list[Chart]:
+def of_cause(e: Evidence, c: Cause, name: str) -> list[Chart]:
     """What a cause makes, against a twin without it; one channel where causes are many."""
     many = len(e.findings.diagnosis.which) > 1
     chosen = largest(c.effect / e.std)[: 1 if many else 2]
@@ -170,9 +152,7 @@ def _comparison(
         Panel(axis, Axis("residual", "noise"), lower, zero=True, height=0.8),
     )
     caption += f", in units of the noise of a row ({sigma:.2g} {unit})."
-    return Chart(
-        f"{name}-{channel}", f"{title}: {channel}", panels, shared=True, caption=caption, note=note
-    )
+    return Chart(f"{name}-{channel}", f"{title}: {channel}", panels, 1, True, caption, note)
 
 
 def _across(
@@ -188,14 +168,6 @@ def _across(
     if effect is not None:
         sorted_poses = Axis("poses, sorted by the predicted effect")
         return 1.0 * order, sorted_poses, np.argsort(effect[:, k], kind="stable")
-    values, label, _ = e.variable()
+    values, axis = e.variable()
     order = np.argsort(values, kind="stable")
-    return values[order], Axis(label), order
-
-
-def _cells(values: np.ndarray) -> tuple[tuple[str, ...], ...]:
-    return tuple(tuple(_cell(float(v)) for v in row) for row in values)
-
-
-def _cell(v: float) -> str:
-    return "–" if not np.isfinite(v) else f"{v:.1f}" if v < 9.95 else f"{v:.0f}"
+    return values[order], axis, order

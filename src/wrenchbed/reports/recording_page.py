@@ -15,15 +15,12 @@ from wrenchbed.pages.draw import draw
 from wrenchbed.pages.provenance import provenance
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports import figures
-from wrenchbed.reports.agreement import AGREES, Agreement, agreement, best
-from wrenchbed.twin.comparison import (
-    Simulator,
-    bins,
-    noise_of,
-    order_of,
-    robot_of,
-    simulators,
-)
+from wrenchbed.reports.agreement import AGREES, Agreement, agreements, best
+from wrenchbed.reports.simulators import joint_axis
+from wrenchbed.twin.comparison import Simulator, noise_of, order_of, robot_of, simulators
+
+_SIMULATED: tuple[Role, ...] = ("before", "after", "box")
+"""Colours of simulators, in their order."""
 
 
 def report(
@@ -48,44 +45,26 @@ def report(
 
 
 def recording_page(recording: Recording, files: Sequence[str | Path], command: str) -> ReportPage:
-    """The page of a recording and of some fit.json and twin.json files.
-
-    Raises:
-        ParameterError: a file is neither, or of another robot.
-        MissingExtraError: matplotlib or jinja2 is not installed.
-    """
-    known = simulators(recording, files)
-    noise = noise_of(recording)
-    judged = [agreement(recording, s, noise) for s in known]
+    """The page that `report` writes."""
+    known, noise = simulators(recording, files), noise_of(recording)
+    judged = agreements(recording, known, noise)
+    nearest, name = best(judged), PurePath(recording.name).name
     fits = [s for s in known if s.fit]
     drawn = [draw(chart) for chart in _charts(recording, known, noise)]
-    nearest = best(judged)
     context = {
-        "verdict": "none" if nearest.agrees else "unknown",
-        "badge": "✓ agrees" if nearest.agrees else "✗ differs",
-        "kind": "Recording",
-        "name": PurePath(recording.name).name,
+        "verdict": "unknown" if nearest.differing else "none",
+        "badge": "✗ differs" if nearest.differing else "✓ agrees",
+        "name": name,
         "robot": recording.metadata.robot,
-        "headline": nearest.headline,
+        "best": nearest,
         "what": _what(recording),
-        "best": {"figure": nearest.worst, "text": nearest.text},
-        "simulators": [
-            {
-                "name": a.name,
-                "ratio": a.worst,
-                "rms": [
-                    (f"{x:.3g}", f"{r:.3g}", c in a.differing)
-                    for c, x, r in zip(CHANNELS, a.rms, a.ratios, strict=True)
-                ],
-            }
-            for a in judged
-        ],
+        "simulators": judged,
         "channels": CHANNELS,
-        "noise": [f"{x:.3g}" for x in noise],
+        "noise": noise,
         "tool": _tool(fits[-1].name, fits[-1].fit) if fits else [],
         "heat": drawn[0],
         "series": drawn[1:],
-        "next": _next(nearest, bool(fits), PurePath(recording.name).name),
+        "next": _next(nearest, bool(fits), name),
         "data": _data(recording) + provenance([recording.name]),
         "command": command,
     }
@@ -95,64 +74,51 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
 def _charts(recording: Recording, known: Sequence[Simulator], noise: np.ndarray) -> list[Chart]:
     """Residuals as a map, then readings and their residual, and the joints, over time."""
     order, unit = order_of(recording)
-    groups = bins(order, figures.BINS)
-    residuals = {s.name: np.asarray((recording.wrench - s.reading) / noise) for s in known}
-    poses = unit == "pose"
-    charts = [
-        figures.heat(
-            residuals, groups, figures.ranges(order, groups), "pose" if poses else "time [s]",
-            "over the poses in order" if poses else "over time", "poses" if poses else "rows",
-        )
-    ]  # fmt: skip
+    poses, measured = unit == "pose", recording.wrench
+    residuals = {s.name: np.asarray((measured - s.reading) / noise) for s in known}
+    axis = Axis("pose") if poses else Axis("time", "s")
+    charts = [figures.heat(residuals, order, axis, "poses" if poses else "rows")]
     caption = "On the left measured and simulated, on the right their difference."
     for title, first in (("Forces", 0), ("Torques", 3)):
         panels = []
         for k in range(first, first + 3):
-            readings = {"measured": recording.wrench[:, k]}
-            readings |= {s.name: s.reading[:, k] for s in known}
-            differences = {name: residual[:, k] for name, residual in residuals.items()}
+            readings = {"measured": measured[:, k]} | {s.name: s.reading[:, k] for s in known}
             panels.append((Axis(CHANNELS[k], UNITS[k]), readings))
+            differences = {name: residual[:, k] for name, residual in residuals.items()}
             panels.append((Axis(f"{CHANNELS[k]}, residual", "noise"), differences))
         charts.append(_over_time(recording, f"{title} over time", panels, caption))
-    if recording.joints:
-        joints = robot_of(recording).joints
-        units = [("°", 180.0 / np.pi) if j.unit == "rad" else ("mm", 1e3) for j in joints]
-        q = [
-            (Axis(name, unit), {"": factor * recording.q[:, k]})
-            for k, (name, (unit, factor)) in enumerate(zip(recording.joints, units, strict=True))
-        ]
-        charts.append(_over_time(recording, "Joints over time", q))
-    return charts
+    joints = [joint_axis(joint, k) for k, joint in enumerate(robot_of(recording).joints, start=1)]
+    q = [(axis, {"": f * recording.q[:, k]}) for k, (axis, f) in enumerate(joints)]
+    return [*charts, _over_time(recording, "Joints over time", q)]
 
 
 def _over_time(
     recording: Recording, title: str, panels: Sequence[tuple[Axis, Mapping[str, np.ndarray]]],
     caption: str = "",
 ) -> Chart:  # fmt: skip
-    """Curves (N,) by name, two panels beside each other; simulators are dashed."""
+    """Curves (N,) by name, two panels beside each other; simulators are dashed beside measured."""
     t, rows = recording.t - recording.t[0], np.arange(1, len(recording) + 1)
-    simulated: tuple[Role, ...] = ("before", "after", "box", "rest")
     drawn, note = [], ""
     for axis, curves in panels:
-        measured = [name for name in curves if name in ("", "measured")]
-        roles = dict(zip([n for n in curves if n not in measured], simulated, strict=False))
+        simulated = [name for name in curves if name not in ("", "measured")]
+        roles = dict(zip(simulated, _SIMULATED, strict=False))
+        dashed = len(simulated) < len(curves)
         series = [
-            Series(
-                name, "line", t, y, role=roles.get(name, "measured"), ids=rows,
-                dashed=bool(measured) and name in roles,
-            )
+            Series(name, "line", t, y, role=roles.get(name, "measured"),
+                   dashed=dashed and name in roles, ids=rows)
             for name, y in curves.items()
         ]  # fmt: skip
         kept, note = thinned(series)
-        drawn.append(Panel(Axis("time", "s"), axis, kept, zero=not measured, height=0.9))
+        drawn.append(Panel(Axis("time", "s"), axis, kept, zero=not dashed, height=0.9))
     return Chart(title.split()[0].lower(), title, tuple(drawn), 2, True, caption, note)
 
 
 def _what(recording: Recording) -> dict[str, str]:
     at_rest, (order, unit) = recording.metadata.mode == "static", order_of(recording)
     span = float(recording.t[-1] - recording.t[0])
-    figure = f"{len(np.unique(order))} poses at rest" if unit == "pose" else f"{span:.0f} s"
-    figure += "" if unit == "pose" else " at rest" if at_rest else " of motion"
+    figure = f"{span:.0f} s {'at rest' if at_rest else 'of motion'}"
+    if unit == "pose":
+        figure = f"{len(np.unique(order))} poses at rest"
     source = recording.metadata.source or "an unstated source"
     return {"figure": figure, "text": f"{len(recording):,} rows in {span:,.0f} s, from {source}."}
 
@@ -164,27 +130,27 @@ def _tool(name: str, fit: Mapping[str, Any]) -> list[tuple[str, str]]:
         ParameterError: the field is not as `calibrate` writes it.
     """
     try:
-        values = [fit["tool"]["mass"], *fit["tool"]["cog"]]
+        mass, *cog = fit["tool"]["mass"], *fit["tool"]["cog"]
     except (LookupError, TypeError):
-        values = []
-    if len(values) != 4 or not all(map(checked.is_number, values)):
+        mass, cog = None, []
+    if len(cog) != 3 or not all(map(checked.is_number, (mass, *cog))):
         raise ParameterError(
             f"{name}: field 'tool' is not as `calibrate` writes it; calibrate again"
         )
-    mass, cog = values[0], [1e3 * x for x in values[1:]]
-    words = f"({', '.join(f'{x:.4g}' for x in cog)}) mm"
-    return [("mass", numbers.minus(f"{mass:.4g} kg")), ("centre of gravity", numbers.minus(words))]
+    place = numbers.minus(f"({', '.join(f'{1e3 * x:.4g}' for x in cog)}) mm")
+    return [("mass", numbers.minus(f"{mass:.4g} kg")), ("centre of gravity", place)]
 
 
 def _next(nearest: Agreement, fitted: bool, name: str) -> list[str]:
-    if nearest.agrees:
+    diagnose = f"wrenchbed diagnose {name} --out found"
+    if not nearest.differing:
         return [
             f"Use this simulator: no channel's residual reaches {AGREES:g} times its noise.",
-            f"wrenchbed diagnose {name} --out found tests for effects below the noise of a row.",
+            f"{diagnose} tests for effects below the noise of a row.",
         ]
     if not fitted:
         return [f"wrenchbed calibrate {name} --out fit.json fits mass, centre of gravity and bias."]
-    return [f"wrenchbed diagnose {name} --out found locates the residual and names its cause."]
+    return [f"{diagnose} locates the residual and names its cause."]
 
 
 def _data(recording: Recording) -> list[tuple[str, str]]:

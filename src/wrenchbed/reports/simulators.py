@@ -1,4 +1,4 @@
-"""What a report draws: each simulator against the recording, channel by channel."""
+"""What a report draws: each simulator against the recording, and each cause apart from others."""
 
 from dataclasses import dataclass, replace
 
@@ -11,7 +11,10 @@ from wrenchbed.diagnosis.gap.held_out import HeldOut
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect
+from wrenchbed.pages.chart import Axis
+from wrenchbed.pages.numbers import HUMAN
 from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.base import Joint
 from wrenchbed.twin.twin import Twin
 
 SECOND_CHANNEL = 0.1
@@ -19,8 +22,8 @@ SECOND_CHANNEL = 0.1
 
 
 @dataclass(frozen=True, eq=False)
-class Claim:
-    """A claimed cause, apart from all others.
+class Cause:
+    """A claimed cause in numbers, apart from all others.
 
     Attributes:
         name: of the effect, or of the stated numbers that are wrong.
@@ -38,20 +41,26 @@ class Claim:
 
 
 class Evidence:
-    """Readings of the simulators at the observations (H, 6), by fits that did not see them."""
+    """Readings of the simulators at the observations (H, 6), by fits that did not see them.
+
+    Attributes:
+        ids: numbers of the observations (H,): of poses as in `along`, of samples their order.
+        std: noise of a row (6,) [N, N·m].
+        first: what the simulator is before the effects, ``calibrated`` or ``as configured``.
+        before, after: its readings, and those with the effects; None without a claim.
+    """
 
     def __init__(self, findings: Findings) -> None:
-        a = findings.analysis
+        a, gap = findings.analysis, findings.diagnosis.gap
         self.findings, self.prepared, self.twin = findings, a.prepared, findings.diagnosis.twin
-        self.ids = _numbers(a.prepared)
-        self.std = np.sqrt(np.diagonal(a.prepared.covariance))
-        claimed = findings.diagnosis.gap.with_effects is not None
-        wrong_only = claimed and not self.twin.active
+        p = a.prepared
+        self.ids = np.arange(len(p.y)) if p.moving or p.averaged else pose_numbers(p)
+        self.std = np.sqrt(np.diagonal(p.covariance))
+        wrong_only = gap.with_effects is not None and not self.twin.active
         self.first = "as configured" if wrong_only else "calibrated"
-        self.start = Twin(a.prepared.model, a.prepared.theta) if wrong_only else calibrated(a)
-        readings = {k: v[a.prepared.scene.held] for k, v in findings.diagnosis.gap.readings.items()}
-        self.calibrated = readings["calibrated"]
-        self.before = self.of(self.start) if wrong_only else self.calibrated
+        self.start = Twin(p.model, p.theta) if wrong_only else calibrated(a)
+        readings = {k: v[p.scene.held] for k, v in gap.readings.items()}
+        self.before = self.of(self.start) if wrong_only else readings["calibrated"]
         self.after = readings.get("with_effects")
 
     def channels(self) -> tuple[dict[str, float], dict[str, float], str]:
@@ -65,66 +74,63 @@ class Evidence:
         after = {c: float(v["after"]) for c, v in known.items() if v.get("after") is not None}
         return before, after, self.first
 
-    def claims(self) -> list[Claim]:
+    def causes(self) -> list[Cause]:
         """What is claimed and shows in the means: active effects, then wrong stated numbers."""
         if self.after is None:
             return []
-        twin, p = self.twin, self.prepared
-        result = []
-        for k, active in enumerate(twin.active):
-            others = tuple(x for i, x in enumerate(twin.active) if i != k)
-            rest = replace(twin, active=others)
-            result.append(self._claim(active.effect.name, active, rest))
-        named = [str(w["effect"]) for w in self.findings.diagnosis.which]
-        wrong = [n for n in named if n in STATED]
-        if wrong:
-            result.append(self._claim(" and ".join(wrong), None, replace(twin, theta=p.theta)))
-        return result
+        rests: list[tuple[str, ActiveEffect | None, Twin]] = []
+        for active in self.twin.active:
+            others = tuple(x for x in self.twin.active if x is not active)
+            rests.append((active.effect.name, active, replace(self.twin, active=others)))
+        named = (str(w["effect"]) for w in self.findings.diagnosis.which)
+        if wrong := [n for n in named if n in STATED]:
+            stated = replace(self.twin, theta=self.prepared.theta)
+            rests.append((" and ".join(wrong), None, stated))
+        effects = [self.of(self.twin) - self.of(rest) for _, _, rest in rests]
+        return [
+            Cause(name, active, rest, effect, self.prepared.y - self.after + effect)
+            for (name, active, rest), effect in zip(rests, effects, strict=True)
+        ]
 
     def of(self, twin: Twin) -> np.ndarray:
         """Readings (H, 6) of a simulator at the observations."""
         return np.asarray(twin.wrench(self.prepared.scene)[self.prepared.scene.held])
 
-    def _claim(self, name: str, active: ActiveEffect | None, rest: Twin) -> Claim:
-        assert self.after is not None
-        effect = self.of(self.twin) - self.of(rest)
-        return Claim(name, active, rest, effect, self.prepared.y - self.after + effect)
-
-    def variable(self) -> tuple[np.ndarray, str, str]:
-        """A joint where one is to blame or seen, else `along`: values (H,), axis, words."""
+    def variable(self) -> tuple[np.ndarray, Axis]:
+        """Values (H,) and axis of a joint where one is to blame or seen, else as in `along`."""
         p = self.prepared
         joints = p.model.robot.joints if p.scene.jointed else ()
-        for k in _blamed(self.findings):
+        for k in self._blamed():
             if 1 <= k <= len(joints):
-                x, turns = p.poses[:, k - 1], joints[k - 1].unit == "rad"
-                label = f"joint {k} [{'°' if turns else 'mm'}]"
-                return (np.rad2deg(x) if turns else 1e3 * x), label, f"over joint {k}"
+                axis, factor = joint_axis(joints[k - 1], k)
+                return factor * p.poses[:, k - 1], axis
         return along(p)
 
+    def _blamed(self) -> list[int]:
+        """Joints that may tell most: of a claim, of the best unknown, of what is seen."""
+        findings = self.findings
+        joints = [w["parameters"].get("joint", {}).get("value") for w in findings.diagnosis.which]
+        names = [f.variable for f in findings.places if f.seen and f.share > 0.05][:1]
+        if findings.diagnosis.verdict == "unknown":
+            names.insert(0, findings.analysis.ranking.kernel)
+        joints += [int(n.split()[-1]) for n in names if n.startswith("joint ")]
+        return [k for k in joints if isinstance(k, int)]
 
-def along(p: Prepared) -> tuple[np.ndarray, str, str]:
-    """What observations are drawn over: values (H,), label of the axis, words.
+
+def joint_axis(joint: Joint, number: int) -> tuple[Axis, float]:
+    """Axis of a joint's values for people, and the factor to its unit from SI."""
+    unit, factor = HUMAN[joint.unit]
+    return Axis(f"joint {number}", unit), factor
+
+
+def along(p: Prepared) -> tuple[np.ndarray, Axis]:
+    """Values (H,) and axis over which observations are drawn: time, or the numbers of the poses.
 
     Poses have the numbers that the recording gives them, as in diagnosis.json.
     """
     if p.moving or p.averaged:
-        return p.scene.t[p.scene.held], "time [s]", "over time"
-    return pose_numbers(p), "number of the pose", "over the poses"
-
-
-def _numbers(p: Prepared) -> np.ndarray:
-    """Numbers of the observations (H,): of poses as in `along`, of samples their order from 0."""
-    return np.arange(len(p.y)) if p.moving or p.averaged else pose_numbers(p)
-
-
-def _blamed(findings: Findings) -> list[int]:
-    """Joints that may tell most: of a claim, of the best unknown, of what is seen."""
-    told = [w["parameters"].get("joint", {}).get("value") for w in findings.diagnosis.which]
-    names = [f.variable for f in findings.places if f.seen and f.share > 0.05][:1]
-    if findings.diagnosis.verdict == "unknown":
-        names.insert(0, findings.analysis.ranking.kernel)
-    told += [int(n.split()[-1]) for n in names if n.startswith("joint ")]
-    return [k for k in told if isinstance(k, int)]
+        return p.scene.t[p.scene.held], Axis("time", "s")
+    return pose_numbers(p), Axis("number of the pose")
 
 
 def largest(effect: np.ndarray) -> list[int]:

@@ -8,7 +8,7 @@ import numpy as np
 from wrenchbed.data.recording import Recording
 from wrenchbed.pages.provenance import markdown, provenance
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.reports.agreement import agreement, best
+from wrenchbed.reports.agreement import agreements, best
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.comparison import Simulator, modelled, noise_of, robot_of, simulators
 from wrenchbed.viewer import layout
@@ -110,7 +110,7 @@ def _log_words(
         rows += made
         log_words(canvas, "report", "\n".join(rows))
         return
-    judged = [agreement(recording, s, noise_of(recording)) for s in known]
+    judged = agreements(recording, known, noise_of(recording))
     nearest = best(judged)
     rows[2:2] = [f"**{nearest.headline}**", "", nearest.text, ""]
     rows += [f"| rms of the residual [N, N·m] | {' | '.join(CHANNELS)} |", "|---|" + 6 * "---|"]
