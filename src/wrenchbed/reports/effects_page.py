@@ -21,34 +21,36 @@ SEEN = "Seen in: "
 PAGE = Path(__file__).resolve().parents[3] / "docs" / "reference" / "effects.md"
 _FIRST = "## All effects"
 """Heading at which what is written by hand ends."""
+_MODES = {"static": "at rest", "dynamic": "in motion"}
+_MOST_NAMES = 3
+"""Parameters of one meaning that are listed; of more the first and the last."""
 
 
 def render() -> str:
     """The page as Markdown: its introduction as it stands in the clone, then every effect."""
     known = effects()
     introduction, _, _ = PAGE.read_text(encoding="utf-8").partition(_FIRST)
-    parts = [introduction.rstrip("\n") + "\n", *_overview(known)]
+    overview = [f"{_FIRST}\n\n| effect | what happens | stage | recordings |\n|---|---|---|---|"]
+    overview += [
+        f"| [`{name}`](#{name.replace('.', '')}) | {e.title} | {e.stage} | {_recordings(e)} |"
+        for name, e in known.items()
+    ]
+    parts = [introduction.rstrip("\n") + "\n", *overview, ""]
+    robots = {n: registry.load("robots", n) for n in registry.names("robots")}
     for subsystem in dict.fromkeys(e.subsystem for e in known.values()):
         parts.append(f"## {subsystem}\n")
-        for effect in known.values():
-            if effect.subsystem == subsystem:
-                parts.append(_section(effect))
+        parts += [_section(e, robots) for e in known.values() if e.subsystem == subsystem]
     return "\n".join(parts).rstrip() + "\n"
 
 
-def _overview(known: dict[str, Effect]) -> Iterator[str]:
-    yield f"{_FIRST}\n\n| effect | what happens | stage | recordings |\n|---|---|---|---|"
-    for name, e in known.items():
-        link = f"[`{name}`](#{name.replace('.', '')})"
-        yield f"| {link} | {e.title} | {e.stage} | {_recordings(e)} |"
-    yield ""
-
-
-def _section(e: Effect) -> str:
+def _section(e: Effect, known: dict[str, Robot]) -> str:
+    """Heading, formula, properties and parameters of an effect."""
+    robots = {n: robot for n, robot in known.items() if e.applies(robot)}
+    who = _all_or(robots, known)
     rows = [
         f"### {e.name}\n",
-        _sentence(e) + "\n",
-        f"- stage: {e.stage}; recordings: {_recordings(e)}; robots: {_robots(e)}",
+        f"{e.title[0].upper()}{e.title[1:]}. {' '.join(_paragraphs(e)[0].split())}\n",
+        f"- stage: {e.stage}; recordings: {_recordings(e)}; robots: {who}",
         f"- seen in: {seen_in(e)}",
         f"- in MuJoCo: {_in_mujoco(e)}",
         f"- size from: {e.source}",
@@ -57,19 +59,11 @@ def _section(e: Effect) -> str:
         rows.append(f"- drawn over: {e.shown}")
     if not e.between_rows:
         rows.append(f"- may miss: {100 * e.form_error:g} %")
-    pairs = [p for p in INSEPARABLE if e.name in p]
-    if pairs:
-        others = sorted(n for p in pairs for n in p - {e.name})
+    others = sorted(n for pair in INSEPARABLE if e.name in pair for n in pair - {e.name})
+    if others:
         rows.append("- companions: " + ", ".join(f"`{n}`" for n in others))
     rows += ["", "| parameter | meaning | kind | size | robots |", "|---|---|---|---|---|"]
-    rows += _parameters(e)
-    return "\n".join(rows) + "\n"
-
-
-def _sentence(e: Effect) -> str:
-    """The title as a sentence, then the first line of the docstring: its formula."""
-    formula = " ".join(_paragraphs(e)[0].split())
-    return f"{e.title[0].upper()}{e.title[1:]}. {formula}"
+    return "\n".join([*rows, *_parameters(e, robots)]) + "\n"
 
 
 def seen_in(e: Effect) -> str:
@@ -89,17 +83,11 @@ def _paragraphs(e: Effect) -> list[str]:
 
 
 def _recordings(e: Effect) -> str:
-    words = {"static": "at rest", "dynamic": "in motion"}
-    return ", ".join(words[m] for m in e.modes)
+    return ", ".join(_MODES[m] for m in e.modes)
 
 
-def _robots(e: Effect) -> str:
-    robots = [n for n, robot in _all_robots().items() if e.applies(robot)]
-    return "all" if len(robots) == len(_all_robots()) else ", ".join(robots)
-
-
-def _all_robots() -> dict[str, Robot]:
-    return {n: registry.load("robots", n) for n in registry.names("robots")}
+def _all_or(some: dict[str, Robot] | list[str], known: dict[str, Robot]) -> str:
+    return "all" if len(some) == len(known) else ", ".join(some)
 
 
 def _in_mujoco(e: Effect) -> str:
@@ -109,30 +97,25 @@ def _in_mujoco(e: Effect) -> str:
     return STAGES[e.stage].simulated
 
 
-def _parameters(e: Effect) -> Iterator[str]:
+def _parameters(e: Effect, robots: dict[str, Robot]) -> Iterator[str]:
     """One row for parameters that differ in their number or channel alone."""
-    robots = {n: r for n, r in _all_robots().items() if e.applies(r)}
-    rows: dict[tuple[str, str, str, str], list[str]] = {}
+    rows: dict[tuple[str, ...], list[str]] = {}
     free = {n for robot in robots.values() for n in _amplitudes(e, robot)}
     for robot_name, robot in robots.items():
-        groups: dict[tuple[str, str, str, str], list[str]] = {}
+        groups: dict[tuple[str, ...], list[str]] = {}
         for p in e.parameters(robot):
             kind = "amplitude" if p.name in free else "shape"
             groups.setdefault((_stem(p.name), _text(p), kind, _size(p)), []).append(p.name)
-        for (_, text, kind, size), names in groups.items():
-            rows.setdefault((_listed(names), text, kind, size), []).append(robot_name)
-    for (listed, text, kind, size), who in rows.items():
-        yield f"| {listed} | {text} | {kind} | {size} | {_who(who, robots)} |"
+        for (_, *cells), names in groups.items():
+            rows.setdefault((_listed(names), *cells), []).append(robot_name)
+    for row, who in rows.items():
+        yield f"| {' | '.join(row)} | {_all_or(who, robots)} |"
 
 
 def _amplitudes(e: Effect, robot: Robot) -> set[str]:
     if e.between_rows:
         return {p.name for p in e.parameters(robot) if p.nominal == 0.0}
     return {n for s in examples(robot) for v in e.variants(s) for n in v.free}
-
-
-def _who(who: list[str], robots: dict[str, Robot]) -> str:
-    return "all" if len(who) == len(robots) else ", ".join(who)
 
 
 def _stem(name: str) -> str:
@@ -151,7 +134,7 @@ def _text(p: Parameter) -> str:
 
 
 def _listed(names: list[str]) -> str:
-    if len(names) < 4:
+    if len(names) <= _MOST_NAMES:
         return ", ".join(f"`{n}`" for n in names)
     return f"`{names[0]}` … `{names[-1]}`"
 

@@ -1,4 +1,4 @@
-"""Figures of a diagnosis of joint efforts: measured and predicted, and each joint's friction."""
+"""Figures of joint efforts: measured and predicted, their residual, and each joint's friction."""
 
 import numpy as np
 from scipy.stats import binned_statistic
@@ -8,6 +8,9 @@ from wrenchbed.pages.chart import Axis, Chart, Kind, Panel, Role, Series, thinne
 
 _SHOWN_S = 15.0
 """Time of a motion that is shown [s]: several reversals of each joint are in view."""
+_PREDICTED: tuple[tuple[str, str, Role], ...] = (
+    ("calibrated", "calibrated", "before"), ("with_effects", "with the effects", "after"),
+)  # fmt: skip
 _BINS = 24
 """Of speed, in which friction is averaged."""
 _FRICTION: tuple[tuple[str, Kind, Role], ...] = (
@@ -23,36 +26,39 @@ def charts(findings: EffortFindings) -> list[Chart]:
 
 def _joints(findings: EffortFindings) -> list[int]:
     """Joints whose friction is shown, from 0: named ones, else the one with the largest gap."""
-    named = [c.key[1] - 1 for c in findings.verdict.causes
-           if c.key[1] is not None and c.key[0].startswith("drive.")]  # fmt: skip
-    if named:
+    keys = (cause.key for cause in findings.verdict.causes)
+    named = [j - 1 for name, j in keys if j is not None and name.startswith("drive.")]
+    if named or findings.diagnosis.verdict == "none":
         return list(dict.fromkeys(named))[:2]
-    gaps = [v["before"] for v in findings.diagnosis.gap.per_channel.values()][
-        : findings.d.scene.joints
-    ]
-    return [int(np.argmax(gaps))] if findings.diagnosis.verdict != "none" else []
+    gaps = [v["before"] for v in findings.diagnosis.gap.per_channel.values()]
+    return [int(np.argmax(gaps[: findings.d.scene.joints]))]
 
 
 def _efforts(findings: EffortFindings) -> Chart:
-    """Measured and predicted efforts of all joints on held-out rows, over a stretch of time."""
+    """Efforts of all joints on held-out rows over a stretch of time, beside what predictions
+    leave."""
     scene, std = findings.d.scene, np.array([n.std for n in findings.d.noise])
     kept = scene.kept()
     t, measured = scene.signals.t[kept], scene.thin(scene.signals.effort)
-    middle = 0.5 * (t[0] + t[-1])
-    rows = np.abs(t - middle) <= 0.5 * _SHOWN_S
+    rows = np.abs(t - 0.5 * (t[0] + t[-1])) <= 0.5 * _SHOWN_S
     panels, note = [], ""
-    for j in range(scene.joints):
-        series = [Series("measured", "line", t[rows], measured[rows, j], role="measured")]
-        roles = (("calibrated", "before"), ("with_effects", "after"))
-        for name, role in roles:
+    for j, joint in enumerate(scene.robot.joints[: scene.joints]):
+        efforts, residuals = [Series("measured", "line", t[rows], measured[rows, j])], []
+        for name, label, role in _PREDICTED:
             if name in findings.held_out.left:
-                made = measured[:, j] - std[j] * findings.held_out.left[name][:, j]
-                label = name.replace("_", " the ")
-                series.append(Series(label, "line", t[rows], made[rows], role=role))  # type: ignore[arg-type]
-        some, note = thinned(series, what="rows")
-        effort = Axis(f"joint {j + 1}", scene.robot.joints[j].own("N·m"))
-        panels.append(Panel(Axis("time", "s"), effort, some, height=0.8))
-    caption = "Predictions are by fits that did not see the rows."
+                left = findings.held_out.left[name][rows, j]
+                predicted = measured[rows, j] - std[j] * left
+                efforts.append(Series(label, "line", t[rows], predicted, role=role))
+                residuals.append(Series(label, "line", t[rows], left, role=role))
+        units = (f"joint {j + 1}", joint.own("N·m")), (f"joint {j + 1}, residual", "noise")
+        for (label, unit), series in zip(units, (efforts, residuals), strict=True):
+            some, note = thinned(series, what="rows")
+            axis = Axis(label, unit)
+            panels.append(Panel(Axis("time", "s"), axis, some, zero=unit == "noise", height=0.8))
+    caption = (
+        "On the left efforts, on the right measured minus predicted in units of the noise of a "
+        "row. Predictions are by fits that did not see the rows."
+    )
     return Chart("efforts", "Measured and predicted efforts", tuple(panels), 2, True, caption, note)
 
 
@@ -71,8 +77,8 @@ def _friction(findings: EffortFindings, j: int) -> Chart:
         Series(name, kind, x, y, role=role)
         for y, (name, kind, role) in zip(means, _FRICTION, strict=False)
     ]
-    own_unit = scene.robot.joints[j].own
-    panel = Panel(Axis("speed", own_unit("rad/s")), Axis("effort less rigid body", own_unit("N·m")),
-                  tuple(series), zero=True)  # fmt: skip
+    unit = scene.robot.joints[j].own
+    up = Axis("effort less rigid body", unit("N·m"))
+    panel = Panel(Axis("speed", unit("rad/s")), up, tuple(series), zero=True)
     caption = "Means over bins of speed; what depends on angle or load alone averages out."
     return Chart(f"friction-{j + 1}", f"Friction of joint {j + 1}", (panel,), caption=caption)

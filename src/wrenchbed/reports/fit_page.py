@@ -1,6 +1,5 @@
 """The page of a fit: parameters, what the data cannot tell, correlations and residuals."""
 
-from dataclasses import replace
 from pathlib import PurePath
 
 import numpy as np
@@ -32,30 +31,33 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
     Raises:
         MissingExtraError: matplotlib or jinja2 is not installed.
     """
-    words = fit_words(fit)
+    words, name = fit_words(fit), PurePath(fit.recording).name
     data, residual = left_by(fit, recording)
     white = residual / np.maximum(fit.noise.row, 1e-9)
-    order, label = _order(recording, data)
-    each = draw(_each(fit, white, order, label))
+    order, axis = _order(recording, data)
+    each = draw(_each(fit, white, order, axis))
     several = sum(p.std is not None for p in fit.identified) > 1
-    correlated = draw(_correlation(fit)) if several else None
-    verdict, badge = _badge(fit)
+    correlation = draw(_correlation(fit)) if several else None
+    channel, times = worst_channel(fit)
+    verdict, badge, steps = _verdict(fit, name)
+    of_poses = fit.rows != fit.poses
     context = {
         "verdict": verdict,
         "badge": badge,
-        "name": PurePath(fit.recording).name,
+        "next": steps,
+        "name": name,
         "robot": fit.robot,
         "headline": _headline(words),
         "words": words,
         "channels": CHANNELS,
         "load": _load(fit, words),
-        "fits": _fits(fit),
-        "told": _told(fit, words),
-        "of_what": "of the means of poses" if fit.rows != fit.poses else "of rows",
-        "largest": _largest(white, order, label),
+        "worst": f"{times:.1f} × noise",
+        "worst_channel": channel,
+        "blind": _blind(fit, words),
+        "of_what": "means of poses" if of_poses else "rows",
+        "largest": _largest(white, order, axis),
         "each": each,
-        "correlation": correlated,
-        "next": _next(fit, PurePath(fit.recording).name),
+        "correlation": correlation,
         "data": [
             ("recording", fit.recording),
             ("robot and data", words.data),
@@ -64,16 +66,24 @@ def fit_page(fit: Fit, recording: Recording, command: str = "") -> ReportPage:
         ],
         "command": command,
     }
-    return ReportPage(context, "fit", [each, *([correlated] if correlated else [])])
+    return ReportPage(context, "fit", [each, *([correlation] if correlation else [])])
 
 
-def _badge(fit: Fit) -> tuple[str, str]:
-    """Colour and badge."""
-    if fit.refuted is not None:
-        return "unknown", "✗ refuted"
-    if not fit.converged:
-        return "unknown", "✗ not converged"
-    return ("partial", "◔ more is left") if fit.noise.inflated else ("none", "✓ converged")
+def _verdict(fit: Fit, name: str) -> tuple[str, str, list[str]]:
+    """Colour, badge and what to do next."""
+    if fit.refuted is not None or not fit.converged:
+        badge = "✗ not converged" if fit.refuted is None else "✗ refuted"
+        where = f"`wrenchbed report {name}` shows where simulator and recording differ."
+        return "unknown", badge, [f"Do not use these values. {where}"]
+    diagnose = f"`wrenchbed diagnose {name} --out found`"
+    if fit.noise.inflated:
+        return "partial", "◔ more is left", [f"{diagnose} says what the model lacks."]
+    export = (
+        "`wrenchbed export FIT --to ur --out FILE` writes the load as a robot's controller takes "
+        "it; `wrenchbed list exports` names other forms."
+    )
+    below = f"{diagnose} tests for effects below the noise of a row."
+    return "none", "✓ converged", [export, below]
 
 
 def _headline(words: FitWords) -> str:
@@ -93,14 +103,8 @@ def _load(fit: Fit, words: FitWords) -> dict[str, str]:
     return {"figure": figure, "text": f"Centre of gravity ({cog}) mm in the sensor's axes."}
 
 
-def _fits(fit: Fit) -> dict[str, str]:
-    channel, times = worst_channel(fit)
-    means = "Means of poses" if fit.rows != fit.poses else "Rows"
-    text = f"{means} scatter about the fit by so much more than the noise explains, "
-    return {"figure": f"{times:.1f} × noise", "text": f"{text}at worst in {channel}."}
-
-
-def _told(fit: Fit, words: FitWords) -> dict[str, str]:
+def _blind(fit: Fit, words: FitWords) -> dict[str, str]:
+    """What the data cannot tell."""
     if not words.limits:
         return {"figure": "All that was asked", "text": "Every parameter shows by itself."}
     silent, alike = len(fit.observability.no_effect), len(fit.observability.redundancies)
@@ -113,52 +117,44 @@ def _sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
-def _order(recording: Recording, data: Observations) -> tuple[np.ndarray, str]:
-    """Numbers of poses as the recording has them (M,), or times [s]; and what they are."""
-    segment = recording.columns.get("segment")
+def _order(recording: Recording, data: Observations) -> tuple[np.ndarray, Axis]:
+    """Numbers of poses as the recording has them (M,), or times [s]; and their axis."""
     if recording.metadata.mode == "dynamic":
-        return data.t - data.t[0], "time [s]"
-    if segment is None:
-        return 1.0 + np.arange(len(data)), "number of the pose"
-    row = np.clip(np.searchsorted(recording.t, data.t), 0, len(segment) - 1)
-    return np.asarray(segment[row], dtype=float), "number of the pose"
+        t = data.t - data.t[0]
+        return t, Axis("time", "s", low=float(t.min()), high=float(t.max()))
+    order, segment = 1.0 + np.arange(len(data)), recording.columns.get("segment")
+    if segment is not None:
+        row = np.clip(np.searchsorted(recording.t, data.t), 0, len(segment) - 1)
+        order = np.asarray(segment[row], dtype=float)
+    low, high = float(order.min()) - 0.5, float(order.max()) + 0.5  # none at the edge
+    return order, Axis("number of the pose", low=low, high=high)
 
 
-def _each(fit: Fit, white: np.ndarray, order: np.ndarray, label: str) -> Chart:
+def _each(fit: Fit, white: np.ndarray, order: np.ndarray, axis: Axis) -> Chart:
     """Every observation's residual, one panel a channel, with what noise alone makes of it."""
-    name, _, unit = label.partition(" [")
-    moving = label.startswith("time")
-    across = Axis(name, unit.rstrip("]"), low=float(order.min()), high=float(order.max()))
-    if not moving:  # none at the edge
-        across = replace(across, low=float(order.min()) - 0.5, high=float(order.max()) + 0.5)
-    panels, note = [], ""
+    panels, note, moving = [], "", axis.label == "time"
     expected = fit.noise.expected / np.maximum(fit.noise.row, 1e-9)
     reach = 1.1 * float((np.abs(white) + expected).max())
     for k, channel in enumerate(CHANNELS):
-        std = np.full(len(order), expected[k])
-        ids = np.arange(1, len(order) + 1)
-        points = Series("residual", "points", order, white[:, k], std, role="after", ids=ids)
-        if moving:
-            points = replace(points, kind="line", std=None)
+        std = None if moving else np.full(len(order), expected[k])
+        points = Series("residual", "line" if moving else "points", order, white[:, k], std,
+                        "after", ids=np.arange(1, len(order) + 1))  # fmt: skip
         series, note = thinned([points], what="observations")
         y = Axis(f"{channel}, residual", "noise", low=-reach, high=reach)
-        panels.append(
-            Panel(across, y, series, zero=True, height=0.8)
-        )  # fmt: skip
+        panels.append(Panel(axis, y, series, zero=True, height=0.8))
     caption = "Measured minus fitted, in units of the noise of a row. All channels have one scale."
     if not moving:
         caption += (
             " Upright lines: what the noise leaves of a pose's mean, one standard deviation; what "
             "lies many of them from zero is no noise."
         )
-    return Chart(
-        "each", "Residual of each channel, one by one", tuple(panels), 2, True, caption, note
-    )
+    title = "Residual of each channel, one by one"
+    return Chart("each", title, tuple(panels), 2, True, caption, note)
 
 
-def _largest(white: np.ndarray, order: np.ndarray, label: str) -> str:
+def _largest(white: np.ndarray, order: np.ndarray, axis: Axis) -> str:
     row, k = np.unravel_index(int(np.argmax(np.abs(white))), white.shape)
-    at = f"at {order[row]:.4g} s" if "time" in label else f"of pose {order[row]:.0f}"
+    at = f"at {order[row]:.4g} s" if axis.label == "time" else f"of pose {order[row]:.0f}"
     return numbers.minus(
         f"The largest is {CHANNELS[k]} {at}: {white[row, k]:+.2g} times the noise of a row."
     )
@@ -176,18 +172,3 @@ def _correlation(fit: Fit) -> Chart:
     if blind:
         caption += f" Without {blind} parameters that are fixed in sum only."
     return Chart("correlation", "Correlation of the parameters", (panel,), caption=caption)
-
-
-def _next(fit: Fit, name: str) -> list[str]:
-    if fit.refuted is not None or not fit.converged:
-        return [
-            "Do not use these values. "
-            f"`wrenchbed report {name}` shows where simulator and recording part."
-        ]
-    if fit.noise.inflated:
-        return [f"`wrenchbed diagnose {name} --out found` says what the model lacks."]
-    return [
-        "`wrenchbed export FIT --to ur --out FILE` writes the load as a robot's controller takes "
-        "it; `wrenchbed list exports` names other forms.",
-        f"`wrenchbed diagnose {name} --out found` tests for effects below the noise of a row.",
-    ]
