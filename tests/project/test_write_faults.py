@@ -30,6 +30,7 @@ from wrenchbed.cli import blind, main
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.jobs.parts import Parts, write_table
+from wrenchbed.pages.chart import Axis, Chart, Panel
 from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.draw import Drawn
 
@@ -182,7 +183,7 @@ def small_study(folder, *_):
     parts = Parts(folder / "parts")
     parts.write(0, [{"x": 1.0}])
     write_table(folder / "trials.parquet", parts.table())
-    figure = Figure("figure", "A figure", '<svg xmlns="http://www.w3.org/2000/svg"></svg>')
+    figure = Figure("figure", "A figure", Chart("", "", (Panel(Axis("x"), Axis("y")),)))
     section = Section("Results", "A number.", (Table.of("A table", ["x"], [[1.0]]), figure))
     return Document("A study", "It has a number.", (section,), summary={"rank": 1})
 

@@ -11,6 +11,7 @@ import pytest
 from wrenchbed import studies
 from wrenchbed.cli import main
 from wrenchbed.errors import NotFoundError
+from wrenchbed.pages.chart import Axis, Chart, Panel
 from wrenchbed.pages.document import Document, Figure, Section, Table, render
 from wrenchbed.planning.certificate import certify
 from wrenchbed.planning.criteria import INDICES
@@ -126,11 +127,12 @@ def test_cells_are_shown_with_sense():
 
 def test_pages_escape_what_would_break_them():
     table = Table.of("T <1>", ("a|b", "n"), [("x < y", 1)], "note & more")
-    page = Document("P", "lead", (Section("S", "text", (table, Figure("f", "F", "<svg></svg>"))),))
+    figure = Figure("f", "F <2>", Chart("", "", (Panel(Axis("x"), Axis("y")),)))
+    page = Document("P", "lead", (Section("S", "text", (table, figure)),))
     assert r"a\|b" in page.markdown()
     html = page.html()
     assert "x &lt; y" in html
-    assert re.search(r"<svg[^>]*><title>F</title></svg>", html)
+    assert re.search(r"<svg[^>]*><title>F &lt;2&gt;</title>", html)
     assert "T &lt;1&gt;" in html
     with pytest.raises(ValueError, match="must have 2 cells"):
         Table.of("T", ("a", "b"), [("only one",)])

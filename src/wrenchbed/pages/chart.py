@@ -4,7 +4,7 @@ Both take the same numbers, so they cannot disagree.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from itertools import pairwise
 from typing import Any, Literal
 
@@ -20,11 +20,9 @@ MOST_POINTS = 400
 """Points of a series of a static figure; of more rows the extremes are kept."""
 NEAR_ZERO = 0.1
 """Values below are linear on an axis that is logarithmic above."""
-_SEQUENTIAL = ("#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74",
-               "#c3b369", "#e1cc55", "#fee838")  # fmt: skip
-"""Cividis (Nuñez, Anderton & Renslow 2018, 10.1371/journal.pone.0199239), ten steps."""
-_DIVERGING = ("#2166ac", "#67a9cf", "#d1e5f0", "#f7f7f7", "#fddbc7", "#ef8a62", "#b2182b")
-"""ColorBrewer's RdBu with its ends exchanged: blue below zero, red above."""
+_MAPS = {False: "cividis", True: "RdBu_r"}
+"""Matplotlib's colours of scales: cividis (Nuñez, Anderton & Renslow 2018,
+10.1371/journal.pone.0199239), and of diverging ones ColorBrewer's, blue below zero, red above."""
 
 
 @dataclass(frozen=True)
@@ -94,11 +92,10 @@ class Series:
         def of(v: np.ndarray | None) -> np.ndarray | None:
             return None if v is None else v[keep]
 
-        texts = tuple(self.texts[k] for k in keep) if self.texts else ()
-        return Series(
-            self.name, self.kind, self.x[keep], self.y[keep], of(self.std), self.role, self.mark,
-            self.dashed, of(self.ids), texts,
-            None if self.ends is None else (self.ends[0][keep], self.ends[1][keep]),
+        return replace(
+            self, x=self.x[keep], y=self.y[keep], std=of(self.std), ids=of(self.ids),
+            texts=tuple(self.texts[k] for k in keep) if self.texts else (),
+            ends=None if self.ends is None else (self.ends[0][keep], self.ends[1][keep]),
         )  # fmt: skip
 
 
@@ -130,12 +127,18 @@ class Scale:
 
     def colour(self, value: float) -> str:
         """Of a value, as ``#rrggbb``."""
-        stops = _DIVERGING if self.diverging else _SEQUENTIAL
-        at = self.share(value) * (len(stops) - 1)
-        k = min(int(at), len(stops) - 2)
-        pair = (_rgb(stops[k]), _rgb(stops[k + 1]))
-        mixed = [round(a + (at - k) * (b - a)) for a, b in zip(*pair, strict=True)]
-        return "#" + "".join(f"{c:02x}" for c in mixed)
+        from matplotlib import colormaps, colors  # slow to load, and missing without [report]
+
+        return str(colors.to_hex(colormaps[_MAPS[self.diverging]](self.share(value))))
+
+    def bar(self, steps: int = 40) -> dict[str, Any]:
+        """The scale's bar: colours of equal steps, and its marks as (share, text)."""
+        space = np.geomspace if self.log else np.linspace
+        return {
+            "label": self.label,
+            "colours": [self.colour(float(v)) for v in space(self.low, self.high, steps)],
+            "ticks": [[self.share(t), f"{t:g}"] for t in self.ticks],
+        }
 
 
 NOISE = Scale("residual, rms [noise of a row]", 0.1, 100.0, (0.1, 1.0, 10.0, 100.0), log=True)
@@ -161,9 +164,11 @@ class Matrix:
     texts: tuple[tuple[str, ...], ...]
     printed: bool = True
 
-    def colour(self, value: float) -> str | None:
-        """Of a cell; None of one without a value, which has the page's own."""
-        return self.scale.colour(value) if np.isfinite(value) else None
+    @property
+    def colours(self) -> list[list[str | None]]:
+        """Of the cells; None of one without a value, which has the page's own."""
+        return [[self.scale.colour(float(v)) if np.isfinite(v) else None for v in row]
+                for row in self.values]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,23 +266,9 @@ def readable(colour: str) -> str:
 
 def luminance(colour: str) -> float:
     """Relative luminance of ``#rrggbb``, WCAG 2.2."""
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4
-              for c in (v / 255 for v in _rgb(colour))]  # fmt: skip
+    parts = (int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5))
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
-
-
-def _rgb(colour: str) -> tuple[int, int, int]:
-    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
-
-
-def bar(s: Scale, steps: int = 40) -> dict[str, Any]:
-    """A scale's bar: colours of equal steps, and its marks as (share, text)."""
-    ends = np.geomspace(s.low, s.high, steps) if s.log else np.linspace(s.low, s.high, steps)
-    return {
-        "label": s.label,
-        "colours": [s.colour(float(v)) for v in ends],
-        "ticks": [[s.share(t), f"{t:g}"] for t in s.ticks],
-    }
 
 
 def _json(value: Any) -> Any:
@@ -290,13 +281,11 @@ def _json(value: Any) -> Any:
         return [_json(v) for v in value]
     if not is_dataclass(value):
         return value
-    told = {f.name: _json(getattr(value, f.name)) for f in fields(value)}
+    data = {f.name: _json(getattr(value, f.name)) for f in fields(value) if f.name != "scale"}
     if isinstance(value, Axis):
-        told["text"] = value.text
+        data |= {"text": value.text, "scale": value.scale}
     if isinstance(value, Matrix):
-        colours = [[value.colour(float(v)) for v in row] for row in value.values]
-        told["colours"] = colours
-        told["inks"] = [[c and readable(c) for c in row] for row in colours]
-        told["bar"] = bar(value.scale)
-        del told["scale"]
-    return told
+        colours = value.colours
+        inks = [[c and readable(c) for c in row] for row in colours]
+        data |= {"colours": colours, "inks": inks, "bar": value.scale.bar()}
+    return data

@@ -10,7 +10,7 @@ from typing import Any
 from wrenchbed.files import atomic_folder, write_json, write_text
 from wrenchbed.pages import ReportPage
 from wrenchbed.pages.chart import Chart
-from wrenchbed.pages.draw import Drawn, draw, svg, titled
+from wrenchbed.pages.draw import Drawn, draw, svg
 from wrenchbed.pages.numbers import measured, minus
 from wrenchbed.pages.provenance import Facts
 from wrenchbed.pages.provenance import markdown as facts
@@ -63,37 +63,23 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing, kept beside the page as ``name``.svg; a chart also answers on the page.
-
-    Attributes:
-        drawing: a chart, or SVG.
-    """
+    """A chart, which is also kept beside the page as ``name``.svg."""
 
     name: str
     title: str
-    drawing: str | Chart
+    chart: Chart
     note: str = ""
 
     @cached_property
-    def chart(self) -> Chart | None:
-        """What answers on the page, None if only drawn."""
-        if isinstance(self.drawing, str):
-            return None
-        told = replace(self.drawing, name=self.name, title=self.title)
-        caption = f"{self.note} {told.caption}".strip()
-        return replace(told, caption=caption)
+    def drawn(self) -> Drawn:
+        """For the page."""
+        caption = f"{self.note} {self.chart.caption}".strip()
+        return draw(replace(self.chart, name=self.name, title=self.title, caption=caption))
 
-    @cached_property
+    @property
     def svg(self) -> str:
         """For white paper."""
-        if self.chart is None:
-            return titled(str(self.drawing), self.title)
-        return svg(self.chart, themed=False)
-
-    @cached_property
-    def drawn(self) -> Drawn | None:
-        """For the page."""
-        return None if self.chart is None else draw(self.chart)
+        return svg(self.drawn.chart, themed=False)
 
     def markdown(self) -> str:
         """A link to the file."""
@@ -154,8 +140,14 @@ class Document:
         for section in self.sections:
             blocks += [f"## {section.title}", section.text]
             blocks += [part.markdown() for part in section.parts]
-        told = "\n".join(facts(self.data)).lstrip() if self.data else ""
-        return "\n\n".join(text for text in (*blocks, self.made, told) if text) + "\n"
+        data = "\n".join(facts(self.data)).lstrip() if self.data else ""
+        return "\n\n".join(text for text in (*blocks, self.made, data) if text) + "\n"
+
+    @property
+    def figures(self) -> list[Figure]:
+        """All figures, in their order."""
+        parts = (part for section in self.sections for part in section.parts)
+        return [part for part in parts if isinstance(part, Figure)]
 
     def html(self) -> str:
         """One self-contained page with the figures inside.
@@ -163,15 +155,12 @@ class Document:
         Raises:
             MissingExtraError: jinja2 is not installed.
         """
-        parts = [part for section in self.sections for part in section.parts]
-        drawn = [p.drawn for p in parts if isinstance(p, Figure) and p.drawn is not None]
-        told = {"page": self, "is_table": lambda p: isinstance(p, Table)}
-        return ReportPage(told, "study", drawn).html()
+        context = {"page": self, "is_table": lambda part: isinstance(part, Table)}
+        return ReportPage(context, "study", [figure.drawn for figure in self.figures]).html()
 
     def write(self, folder: Path, name: str, numbers: Any = None) -> None:
         """``name``.md, ``name``.html and the figures; ``name``.json if there are numbers."""
-        parts = [part for section in self.sections for part in section.parts]
-        texts = {f"{p.name}.svg": p.svg for p in parts if isinstance(p, Figure)}
+        texts = {f"{figure.name}.svg": figure.svg for figure in self.figures}
         texts |= {f"{name}.html": self.html(), f"{name}.md": self.markdown()}
         with atomic_folder(folder) as new:
             for file, text in texts.items():

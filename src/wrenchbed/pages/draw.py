@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import printable
-from wrenchbed.pages.chart import NEAR_ZERO, Axis, Chart, Matrix, Panel, Series, bar, readable
+from wrenchbed.pages.chart import NEAR_ZERO, Axis, Chart, Matrix, Panel, Series, readable
 
 BLUE, ORANGE, GREEN, GREY, PURPLE = "#0072b2", "#d55e00", "#009e73", "#6b7680", "#7d4aa0"
 """After Okabe & Ito 2008."""
@@ -82,10 +82,8 @@ def svg(chart: Chart, *, themed: bool = True) -> str:
     width = WIDTH * (1.0 if columns == 1 else 1.5)
     with matplotlib.rc_context(_STYLE):
         figure = Figure((width, sum(heights)), layout="constrained", dpi=150)
-        axes = figure.subplots(
-            rows, columns, squeeze=False, gridspec_kw={"height_ratios": heights}
-        )  # fmt: skip
-        flat = list(axes.ravel())
+        grid = {"height_ratios": heights}
+        flat = list(figure.subplots(rows, columns, squeeze=False, gridspec_kw=grid).ravel())
         for k, (ax, panel) in enumerate(zip(flat, chart.panels, strict=False)):
             last = k + columns >= len(chart.panels)
             _draw(figure, ax, panel, named=last or not chart.shared)
@@ -96,25 +94,17 @@ def svg(chart: Chart, *, themed: bool = True) -> str:
         paper: Any = FigureCanvasSVG(figure)
         paper.print_svg(buffer, metadata={"Date": None})  # `savefig` would draw twice
     text = buffer.getvalue()
-    return titled(_own(text[text.index("<svg") :], chart.name, themed=themed), chart.title)
-
-
-def titled(text: str, title: str) -> str:
-    """An SVG element with a title, which browsers read out; unchanged if it has one."""
-    if "<title" in text or not title:
-        return text
-    told = escape(printable(title))
-    head = re.sub(r"^<svg", f'<svg role="img" aria-label="{told}"', text, count=1)
-    return re.sub(r"^(<svg[^>]*>)", lambda m: f"{m[1]}<title>{told}</title>", head, count=1)
+    text = _own(text[text.index("<svg") :], chart.name, themed=themed)
+    title = escape(printable(chart.title))
+    begin = rf'<svg role="img" aria-label="{title}"'
+    return re.sub(r"^<svg([^>]*>)", lambda m: f"{begin}{m[1]}<title>{title}</title>", text, count=1)
 
 
 def _height(p: Panel) -> float:
-    own = HEIGHT * p.height + (0.25 if p.title else 0.0) + 0.35
+    title = 0.25 if p.title else 0.0
     if p.matrix is not None:
-        return 0.24 * len(p.matrix.rows) + 0.85 + (0.25 if p.title else 0.0)
-    if p.y.names:
-        return 0.33 * len(p.y.names) + 0.9
-    return own
+        return 0.24 * len(p.matrix.rows) + 0.85 + title
+    return 0.33 * len(p.y.names) + 0.9 if p.y.names else HEIGHT * p.height + 0.35 + title
 
 
 def _draw(figure: Any, ax: Any, p: Panel, *, named: bool) -> None:
@@ -194,8 +184,9 @@ def _matrix(figure: Any, ax: Any, m: Matrix) -> None:
     from matplotlib.colors import ListedColormap
     from matplotlib.patches import Rectangle
 
-    for (i, j), v in np.ndenumerate(m.values):
-        colour = m.colour(float(v))
+    colours = m.colours
+    for i, j in np.ndindex(m.values.shape):
+        colour = colours[i][j]
         ax.add_patch(Rectangle((j, i), 1.0, 1.0, fc=colour or "none", ec="none"))
         if not m.printed:
             continue
@@ -213,26 +204,23 @@ def _matrix(figure: Any, ax: Any, m: Matrix) -> None:
     ax.grid(visible=False)
     for spine in ax.spines.values():
         spine.set_visible(False)
-    told = bar(m.scale)
-    colours = ScalarMappable(cmap=ListedColormap(told["colours"]))
-    legend = figure.colorbar(
-        colours, ax=ax, orientation="vertical", fraction=0.05,
-        pad=0.02, aspect=14,
-    )  # fmt: skip
-    legend.set_ticks([at for at, _ in told["ticks"]], labels=[text for _, text in told["ticks"]])
+    bar = m.scale.bar()
+    scale = ScalarMappable(cmap=ListedColormap(bar["colours"]))
+    legend = figure.colorbar(scale, ax=ax, fraction=0.05, pad=0.02, aspect=14)
+    legend.set_ticks([at for at, _ in bar["ticks"]], labels=[text for _, text in bar["ticks"]])
     legend.outline.set_visible(False)
     legend.ax.tick_params(labelsize=7.5, length=2)
     legend.set_label(m.scale.label, fontsize=7.5)
 
 
 def _legend(figure: Any, axes: list[Any]) -> None:
-    told: dict[str, Any] = {}
+    shown: dict[str, Any] = {}
     for ax in axes:
         for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
-            told.setdefault(label, handle)
-    if len(told) > 1:
+            shown.setdefault(label, handle)
+    if len(shown) > 1:
         figure.legend(
-            list(told.values()), list(told), loc="outside upper left", ncols=3, columnspacing=0.9,
+            list(shown.values()), list(shown), loc="outside upper left", ncols=3, columnspacing=0.9,
             handletextpad=0.35, handlelength=1.3, fontsize=8.0, borderpad=0.1,
         )  # fmt: skip
 

@@ -7,10 +7,7 @@ from datetime import UTC, datetime
 from importlib.metadata import version
 from pathlib import Path
 
-_BLOCK = 1 << 20
 NO_FILE = "unknown: there is no such file here"
-
-
 Facts = Sequence[tuple[str, str]]
 """Label and text of each."""
 
@@ -33,14 +30,11 @@ def provenance(
 
 def sha256(path: str | Path) -> str:
     """Of a file's bytes, empty if there is no such file."""
-    digest = hashlib.sha256()
     try:
         with Path(path).open("rb") as file:
-            while block := file.read(_BLOCK):
-                digest.update(block)
+            return hashlib.file_digest(file, "sha256").hexdigest()
     except (OSError, ValueError):
         return ""
-    return digest.hexdigest()
 
 
 def markdown(lines: Facts) -> list[str]:
