@@ -12,8 +12,8 @@ recording made with it carries (`record_of`) makes it known to whoever reads the
 
 import importlib
 import pkgutil
-from collections.abc import Mapping
-from functools import cache
+from collections.abc import Callable, Mapping
+from functools import cache, partial
 from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Any
@@ -47,31 +47,46 @@ _DESCRIBED = {
     "sensors": "wrenchbed.sensors.described",
 }
 """Kind → the module that reads such an object from a file, or from what `record_of` gave."""
-_FILES = (".toml",)
 _MODELS = (".xml", ".mjcf", ".urdf", ".xacro")
 """Suffixes of models that need to be described first."""
 _records: dict[tuple[str, str], Mapping[str, Any]] = {}
 _known: dict[tuple[str, str], Any] = {}
 
 
-def plugin_modules(kind: str) -> tuple[str, ...]:
-    """Names of the modules that hold the plug-ins of a kind.
+@cache
+def _entry_points(kind: str) -> dict[str, Any]:
+    return {e.name: e for e in entry_points(group=f"wrenchbed.{kind}")}
+
+
+def _loaders(kind: str) -> dict[str, Callable[[], Any]]:
+    """What loads each plug-in of a kind, by its name; this package's own before others'.
 
     Raises:
         NotFoundError: the kind does not exist.
     """
-    _check_kind(kind)
-    return tuple(sorted(_modules(kind).values()))
+    if kind not in KINDS:
+        raise NotFoundError(f"there is no kind {kind!r} of plug-in. Known: {', '.join(KINDS)}")
+    return {name: entry.load for name, entry in _entry_points(kind).items()} | _own_loaders(kind)
 
 
 @cache
-def _modules(kind: str) -> dict[str, str]:
-    if kind not in _PACKAGES:
-        return {}
+def _own_loaders(kind: str) -> dict[str, Callable[[], Any]]:
+    if kind == "emulators":
+        emulators = importlib.import_module("robot_emulators")
+        return {name: partial(emulators.load, name) for name in emulators.EMULATORS}
+    loaders = {_public(kind, m): partial(_constant, kind, m) for m in plugin_modules(kind)}
+    folders = importlib.import_module(_PACKAGES[kind]).__path__ if kind in _DESCRIBED else ()
+    for file in (f for folder in folders for f in Path(folder).glob("*.toml")):
+        loaders[_public(kind, file.stem)] = partial(_shipped, kind, file)
+    return dict(loaders)
+
+
+@cache
+def plugin_modules(kind: str) -> tuple[str, ...]:
+    """Names of the modules that hold the plug-ins of a kind."""
     package = importlib.import_module(_PACKAGES[kind])
     support = {"base", *getattr(package, "SUPPORT", ())}
-    found = pkgutil.iter_modules(package.__path__)
-    return {_public(kind, m.name): m.name for m in found if m.name not in support}
+    return tuple(m.name for m in pkgutil.iter_modules(package.__path__) if m.name not in support)
 
 
 def _public(kind: str, module: str) -> str:
@@ -79,32 +94,13 @@ def _public(kind: str, module: str) -> str:
     return module.replace("_", ".", 1) if kind == "effects" else module.replace("_", "-")
 
 
-@cache
-def _tables(kind: str) -> dict[str, Path]:
-    """Files of this package that describe a plug-in, by its name."""
-    if kind not in _DESCRIBED:
-        return {}
-    package = importlib.import_module(_PACKAGES[kind])
-    files = (f for folder in package.__path__ for f in Path(folder).glob("*.toml"))
-    return {_public(kind, f.stem): f for f in files}
-
-
-def _listed(kind: str) -> Mapping[str, str]:
-    """Plug-ins that another package lists and loads itself."""
-    if kind != "emulators":
-        return {}
-    listed: Mapping[str, str] = importlib.import_module("robot_emulators").EMULATORS
-    return listed
+def _constant(kind: str, module: str) -> Any:
+    return getattr(importlib.import_module(f"{_PACKAGES[kind]}.{module}"), KINDS[kind])
 
 
 @cache
-def _shipped(kind: str, name: str) -> Any:
-    return importlib.import_module(_DESCRIBED[kind]).shipped(_tables(kind)[name])
-
-
-@cache
-def _entry_points(kind: str) -> dict[str, Any]:
-    return {e.name: e for e in entry_points(group=f"wrenchbed.{kind}")}
+def _shipped(kind: str, file: Path) -> Any:
+    return importlib.import_module(_DESCRIBED[kind]).shipped(file)
 
 
 def names(kind: str) -> tuple[str, ...]:
@@ -113,8 +109,7 @@ def names(kind: str) -> tuple[str, ...]:
     Raises:
         NotFoundError: the kind does not exist.
     """
-    _check_kind(kind)
-    return tuple(sorted({*_modules(kind), *_tables(kind), *_listed(kind), *_entry_points(kind)}))
+    return tuple(sorted(_loaders(kind)))
 
 
 def load(kind: str, name: str) -> Any:
@@ -125,43 +120,39 @@ def load(kind: str, name: str) -> Any:
         MissingExtraError: the plug-in needs a library of an extra that is not installed.
         ParameterError: the file that describes it is wrong.
     """
-    if kind in _DESCRIBED and name.lower().endswith(_FILES):
+    if _is_file(kind, name):
         return _from_file(kind, Path(name))
     if (kind, name) in _records:
-        return _remembered(kind, name)
+        if (kind, name) not in _known:
+            rebuilt = importlib.import_module(_DESCRIBED[kind]).rebuilt(_records[kind, name])
+            if rebuilt.name != name:
+                raise NotFoundError(
+                    f"there is no {name!r}: what the file carries is {rebuilt.name!r}"
+                )
+            _known[kind, name] = rebuilt
+        return _known[kind, name]
     known = names(kind)
-    if name not in known:
-        if kind == "robots" and name.lower().endswith(_MODELS):
-            raise NotFoundError(
-                f"{name} is a model, not yet a robot: make one with  "
-                f"wrenchbed robot {name} --frame NAME --out my.toml  and state my.toml"
-            )
-        hint = did_you_mean(name, known) or "."
-        raise NotFoundError(f"there is no {kind[:-1]} {name!r}{hint} Known: {', '.join(known)}")
-    if name in _tables(kind):
-        return _shipped(kind, name)
-    if name in _listed(kind):
-        return importlib.import_module("robot_emulators").load(name)
-    module = _modules(kind).get(name)
-    if module is None:
-        return _entry_points(kind)[name].load()
-    return getattr(importlib.import_module(f"{_PACKAGES[kind]}.{module}"), KINDS[kind])
+    if name in known:
+        return _loaders(kind)[name]()
+    if kind == "robots" and name.lower().endswith(_MODELS):
+        raise NotFoundError(
+            f"{name} is a model, not yet a robot: make one with  "
+            f"wrenchbed robot {name} --frame NAME --out my.toml  and state my.toml"
+        )
+    hint = did_you_mean(name, known) or "."
+    raise NotFoundError(f"there is no {kind[:-1]} {name!r}{hint} Known: {', '.join(known)}")
+
+
+def _is_file(kind: str, name: str) -> bool:
+    """Whether a name is the path of a user's file."""
+    return kind in _DESCRIBED and name.lower().endswith(".toml")
 
 
 def _from_file(kind: str, path: Path) -> Any:
     """What a file describes; the same object as long as the file says the same."""
-    found = importlib.import_module(_DESCRIBED[kind]).read(path)
-    _records.setdefault((kind, found.name), found.record)
-    return _known.setdefault((kind, found.name), found)
-
-
-def _remembered(kind: str, name: str) -> Any:
-    if (kind, name) not in _known:
-        found = importlib.import_module(_DESCRIBED[kind]).rebuilt(_records[kind, name])
-        if found.name != name:
-            raise NotFoundError(f"there is no {name!r}: what the file carries is {found.name!r}")
-        _known[kind, name] = found
-    return _known[kind, name]
+    described = importlib.import_module(_DESCRIBED[kind]).read(path)
+    _records.setdefault((kind, described.name), described.record)
+    return _known.setdefault((kind, described.name), described)
 
 
 def remember(kind: str, name: str, record: Mapping[str, Any]) -> None:
@@ -190,13 +181,12 @@ def known_as(kind: str, name: str) -> str:
     Raises:
         NotFoundError, ParameterError: the user's file cannot be read.
     """
-    is_file = kind in _DESCRIBED and name.lower().endswith(_FILES)
-    return str(_from_file(kind, Path(name)).name) if is_file else name
+    return str(_from_file(kind, Path(name)).name) if _is_file(kind, name) else name
 
 
 def is_known(kind: str, name: str) -> bool:
     """Whether `load` finds it: a plug-in, a user's file, or one that a file has made known."""
-    if kind in _DESCRIBED and name.lower().endswith(_FILES):
+    if _is_file(kind, name):
         return Path(name).is_file()
     return (kind, name) in _records or name in names(kind)
 
@@ -229,8 +219,3 @@ def require(library: str, extra: str) -> Any:
         raise MissingExtraError(
             f"{library} is not installed: run  pip install {command}"
         ) from error
-
-
-def _check_kind(kind: str) -> None:
-    if kind not in KINDS:
-        raise NotFoundError(f"there is no kind {kind!r} of plug-in. Known: {', '.join(KINDS)}")

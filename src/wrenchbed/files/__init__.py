@@ -6,6 +6,7 @@ Its room also reads JSON and TOML of others, `checked`. Used by: every room that
 import errno
 import fcntl
 import json
+import math
 import os
 import secrets
 import shutil
@@ -67,7 +68,7 @@ def atomic_write(path: str | Path, size: int | None = None) -> Iterator[BinaryIO
         with suppress(OSError):
             temporary.unlink()
         _unmake(made)
-        if isinstance(error, OSError) and _anonymous(error, temporary):
+        if isinstance(error, OSError) and error.errno and error.filename in (None, str(temporary)):
             raise _named(error, path, size, written) from error
         raise
 
@@ -283,41 +284,17 @@ def _sync(folder: Path, named: Path) -> None:
 
 
 def _move(source: Path, folder: Path) -> None:
-    """Move all files of a folder into another; if one fails, none has moved."""
-    files = sorted(p for p in source.rglob("*") if p.is_file())
-    before = source / "before"
-    before.mkdir()
-    moved: list[tuple[Path, Path | None]] = []
-    try:
-        for number, file in enumerate(files):
-            place = folder / file.relative_to(source)
-            _make(place.parent)
-            mode = _replaceable(place)
-            kept = None
-            if os.path.lexists(place):
-                kept = before / str(number)
-                try:
-                    os.link(place, kept, follow_symlinks=False)
-                except OSError:  # a file system without links
-                    shutil.copy2(place, kept, follow_symlinks=False)
-            if mode is not None:
-                file.chmod(mode)
-            file.replace(place)
-            moved.append((place, kept))
-        _sync(folder, folder)
-    except BaseException:
-        for place, kept in reversed(moved):
-            with suppress(OSError):
-                if kept is None:
-                    place.unlink()
-                else:
-                    kept.replace(place)
-        raise
-
-
-def _anonymous(error: OSError, temporary: Path) -> bool:
-    """Whether an error names no file, or one whose name says nothing."""
-    return error.errno is not None and error.filename in (None, str(temporary))
+    """Move all files of a folder into another, once it is known that each can take its place."""
+    files = {
+        file: folder / file.relative_to(source) for file in source.rglob("*") if file.is_file()
+    }
+    modes = {file: _replaceable(place) for file, place in files.items()}
+    for file, place in sorted(files.items()):
+        _make(place.parent)
+        if (mode := modes[file]) is not None:
+            file.chmod(mode)
+        file.replace(place)
+    _sync(folder, folder)
 
 
 def _named(error: OSError, path: Path, size: int | None, written: int) -> OSError:
@@ -333,7 +310,5 @@ def _named(error: OSError, path: Path, size: int | None, written: int) -> OSErro
 
 def _amount(size: float) -> str:
     """A size [B] in a unit that fits."""
-    unit = 0
-    while size >= 1000.0 and unit < len(_SIZES) - 1:
-        size, unit = size / 1000.0, unit + 1
-    return f"{size:.3g} {_SIZES[unit]}"
+    power = min(int(math.log10(max(size, 1.0)) / 3.0), len(_SIZES) - 1)
+    return f"{size / 1000.0**power:.3g} {_SIZES[power]}"
