@@ -47,11 +47,11 @@ _LISTED = 15
 """Names that an error lists: two per joint of an arm of six, with ``joint`` and a short name."""
 STATED_NUMBERS = ("bias", "mass", "cog")
 """Numbers of a recording's metadata that every user fits; an effect may be that one is wrong."""
+Rng = np.random.Generator
 Values = Mapping[str, float]
 """All parameters of one effect by name, SI."""
-WARM_UPS = (0.25, 1.0, 4.0)
-"""Time constants of an unrecorded warm-up where a search begins, relative to the recording's
-duration; estimates."""
+Published = dict[str, dict[str, Any]]
+"""Value, standard uncertainty and unit of parameters by name, as a diagnosis states them."""
 WAVES = 5
 """Number of half waves of a free course in time; estimate."""
 
@@ -310,12 +310,10 @@ class Effect(ABC):
         except (TypeError, ValueError) as error:
             raise ParameterError(f"{self.name}: {error}") from error
 
-    def publish(
-        self, robot: Robot, variant: Variant, values: Values, std: Values
-    ) -> dict[str, dict[str, Any]]:
+    def publish(self, robot: Robot, variant: Variant, values: Values, std: Values) -> Published:
         """Parameters as a diagnosis states them: value, standard uncertainty and unit by name."""
         known = self.parameters(robot)
-        result: dict[str, dict[str, Any]] = {
+        result: Published = {
             n: {"value": values[n], "std": std.get(n), "unit": known[known.index(n)].unit}
             for n in (*variant.free, *variant.shape)
         }
@@ -349,9 +347,7 @@ class Effect(ABC):
         """``reading`` and ``timing``: readings (M, 6) [N, N·m] with the effect."""
         return reading
 
-    def corrupt(
-        self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator
-    ) -> np.ndarray:
+    def corrupt(self, rows: np.ndarray, t: np.ndarray, p: Values, rng: Rng) -> np.ndarray:
         """``row``: the random part on readings (N, 6) at times (N,) [s]."""
         return rows
 
@@ -372,10 +368,6 @@ class ModelEffect(Effect):
 
     stage = "model"
 
-    @abstractmethod
-    def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        """Parameters (P,) of the robot, changed by the effect."""
-
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
         return self.theta(robot, theta, p)
 
@@ -387,10 +379,6 @@ class JointEffect(Effect):
     local = True
     amplitude: ClassVar[str]
     """Name of the amplitude, before the joint's number: ``offset`` of ``offset.q2``."""
-
-    @abstractmethod
-    def displace(self, scene: Scene, p: Values) -> Value:
-        """Displacement that is added to the joint values (M, J) [rad or m]."""
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         """Variants for each joint alone, and for all together."""
@@ -408,19 +396,11 @@ class LoadEffect(Effect):
 
     stage = "load"
 
-    @abstractmethod
-    def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        """Wrench that is added to the load on the sensor (M, 6) [N, N·m] in sensor axes."""
-
 
 class ReadingEffect(Effect):
     """The sensor shows something else than its load."""
 
     stage = "reading"
-
-    @abstractmethod
-    def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        """Readings (M, 6) [N, N·m], changed by the effect."""
 
 
 class ChannelEffect(ReadingEffect):
@@ -494,14 +474,6 @@ def channel_variants(
     ]
 
 
-def warm_up_variants(
-    duration: float, zeros: Sequence[str], span: str, spans: Sequence[str]
-) -> tuple[Variant, ...]:
-    """`warm_variants` of a warm-up of first order in a recording that lasts so long [s]."""
-    starts = [{"tau": share * duration} for share in WARM_UPS]
-    return tuple(v for at in starts for v in warm_variants(zeros, span, spans, at, ("tau",)))
-
-
 def warm_variants(
     zeros: Sequence[str],
     span: str,
@@ -570,6 +542,14 @@ def half_waves(scene: Scene, duration: float) -> np.ndarray:
     """sin(kπ (t − t₀)/D) of each row (M, WAVES), 0 from D on [s]."""
     share = np.clip(scene.age / duration, 0.0, 1.0)
     return np.sin(np.pi * np.outer(share, np.arange(1, WAVES + 1)))
+
+
+def added(robot: Robot, theta: np.ndarray, changes: Values) -> np.ndarray:
+    """The robot's parameters (P,) with changes added to some by name."""
+    result = np.array(theta, dtype=float)
+    for name, change in changes.items():
+        result[robot.parameters.index(name)] += change
+    return result
 
 
 def vector(p: Values, names: Sequence[str]) -> np.ndarray:

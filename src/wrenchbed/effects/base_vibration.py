@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import RowEffect, Values, channel_parameters, per_channel, vector
+from wrenchbed.effects.base import Rng, RowEffect, Values, channel_parameters, per_channel, vector
 from wrenchbed.physics.parameters import Parameter
 
 
@@ -22,9 +22,7 @@ class BaseVibration(RowEffect):
         Parameter("frequency", 12.0, "Hz", 5.0, 0.01, 1e4, "of the line"),
     )
 
-    def corrupt(
-        self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator
-    ) -> np.ndarray:
+    def corrupt(self, rows: np.ndarray, t: np.ndarray, p: Values, rng: Rng) -> np.ndarray:
         phase = rng.uniform(0.0, 2.0 * np.pi)
         line = np.sin(2.0 * np.pi * p["frequency"] * t + phase)
         return rows + line[:, None] * vector(p, per_channel("amplitude"))

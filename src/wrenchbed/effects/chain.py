@@ -202,15 +202,8 @@ class Response:
 
     def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
         """Change of all readings (M, 6) per typical size, by central differences."""
-        up, down = self._about(effect, variant.at, [parameter])
-        if effect.stages == ("joint",):
-            shift = up.displacement(self.scene) - down.displacement(self.scene)
-            return sum(
-                (self._by_joint(shift, j) for j in range(self.scene.joints.shape[1])),
-                start=np.zeros((len(self.scene), 6)),
-            )
-        nominal = self.reading
-        return up.late_response(self.scene, nominal) - down.late_response(self.scene, nominal)
+        ((_, change),) = self.changes(effect, [parameter], variant.at)
+        return change
 
     def changes(
         self, effect: Effect, parameters: Sequence[Parameter], at: Values
@@ -228,19 +221,18 @@ class Response:
             groups.setdefault(f"{stem}." if by_channel or by_joint else p.name, []).append(p)
         for group in groups.values():
             names = tuple(p.name for p in group)
-            if len(group) > 1 and effect.stages == ("joint",):
-                up, down = self._about(effect, at, group)
-                shift = up.displacement(self.scene) - down.displacement(self.scene)
-                for name in names:
-                    joint = self._joint_names.index(name.rpartition(".")[2])
-                    yield (name,), self._by_joint(shift, joint)
-            elif len(group) > 1:
-                up, down = self._about(effect, at, group)
-                nominal = self.reading
-                high = up.late_response(self.scene, nominal)
-                yield names, high - down.late_response(self.scene, nominal)
+            up, down = self._about(effect, at, group)
+            if effect.stages != ("joint",):
+                high = up.late_response(self.scene, self.reading)
+                yield names, high - down.late_response(self.scene, self.reading)
+                continue
+            shift = up.displacement(self.scene) - down.displacement(self.scene)
+            joints = range(len(self._joint_names))
+            if len(group) > 1:
+                joint_of = {n: self._joint_names.index(n.rpartition(".")[2]) for n in names}
+                yield from (((n,), self._by_joint(shift, j)) for n, j in joint_of.items())
             else:
-                yield names, self.tangent(effect, group[0], Variant(effect.name, names, at))
+                yield names, sum((self._by_joint(shift, j) for j in joints), np.zeros(6))
 
     def _about(
         self, effect: Effect, at: Values, parameters: Sequence[Parameter]

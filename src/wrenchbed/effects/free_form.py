@@ -82,6 +82,14 @@ def channel_curves(
     return tuple(result)
 
 
+def share_curve(
+    variant: Variant, x: np.ndarray, basis: Callable[[str, np.ndarray], np.ndarray], x_unit: str
+) -> tuple[Curve, ...]:
+    """The curve of a form-free variant that adds a share of the load, alike in all channels."""
+    columns = np.stack([basis(n, x) for n in variant.free], axis=1)
+    return (Curve("", variant.free, x, columns, x_unit, "1"),)
+
+
 def unit_of(channel: str) -> str:
     """Unit of a channel: N or N·m."""
     return UNITS[CHANNELS.index(channel)]

@@ -1,11 +1,10 @@
 """Passive joints have clearance."""
 
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
-from wrenchbed.effects.base import JointEffect, MjSpec, Pose, Values, Variant
+from wrenchbed.effects.base import JointEffect, MjSpec, Pose, Published, Values, Variant
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, exp
@@ -101,9 +100,7 @@ class JointClearance(JointEffect):
         tilt = exp(turn[..., 0], turn[..., 1], 0.0 * turn[..., 0])
         return Pose(pose.rotation @ tilt, pose.position)
 
-    def publish(
-        self, robot: Robot, variant: Variant, values: Values, std: Values
-    ) -> dict[str, dict[str, Any]]:
+    def publish(self, robot: Robot, variant: Variant, values: Values, std: Values) -> Published:
         """A play of tip 1 below zero is one of tip 2."""
         result = super().publish(robot, variant, values, std)
         if "play.1" in result and result["play.1"]["value"] < 0.0:

@@ -8,6 +8,7 @@ import numpy as np
 from wrenchbed.effects.base import (
     JointEffect,
     MjSpec,
+    Published,
     Values,
     Variant,
     each_joint,
@@ -58,9 +59,7 @@ class JointCompliance(JointEffect):
             remaining[name.replace("stiffness", "compliance")] = 1.0 / stiffness
         return super().values(robot, remaining)
 
-    def publish(
-        self, robot: Robot, variant: Variant, values: Values, std: Values
-    ) -> dict[str, dict[str, Any]]:
+    def publish(self, robot: Robot, variant: Variant, values: Values, std: Values) -> Published:
         """Stiffness of a single joint, compliances of several."""
         result = super().publish(robot, variant, values, std)
         if len(variant.free) != 1:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import JointEffect, Values, each_joint, joint_parameters, vector
+from wrenchbed.effects.base import JointEffect, Values, added, each_joint, joint_parameters, vector
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.robots.base import Robot
@@ -33,14 +33,9 @@ class JointOffset(JointEffect):
         return np.broadcast_to(vector(p, each_joint("offset", scene.robot)), scene.joints.shape)
 
     def as_parameters(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray | None:
-        """Parameters (P,) with the offsets added to the joints' zeros; None if the robot has
-        none."""
-        if not robot.zero_names:
-            return None
-        result = np.array(theta)
-        for k, name in enumerate(robot.zero_names, start=1):
-            result[robot.parameters.index(name)] += p[f"offset.q{k}"]
-        return result
+        """Parameters (P,) with the offsets added to the joints' zeros; None if there are none."""
+        offsets = {n: p[f"offset.q{k}"] for k, n in enumerate(robot.zero_names, start=1)}
+        return added(robot, theta, offsets) if offsets else None
 
 
 EFFECT = JointOffset()

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wrenchbed.effects.base import ModelEffect, Values, Variant
+from wrenchbed.effects.base import ModelEffect, Values, Variant, added
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
@@ -54,11 +54,8 @@ class LinkLength(ModelEffect):
         return tuple(result)
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        result = np.array(theta, dtype=float)
         twists, lengths = geometry(robot)
-        for n in (*twists, *lengths):
-            result[robot.parameters.index(n)] += p[public(n)]
-        return result
+        return added(robot, theta, {n: p[public(n)] for n in (*twists, *lengths)})
 
 
 def geometry(robot: Robot) -> tuple[list[str], list[str]]:

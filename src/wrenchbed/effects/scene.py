@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.linalg import solve_banded
 
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.time_derivatives import Jet, Value, value
@@ -183,6 +184,27 @@ def examples(robot: Robot) -> list[Scene]:
     if robot.joints:
         return [still, replace(still, q=Jet(q, 0.0 * q, 0.0 * q))]
     return [still, replace(still, averaged=True)]
+
+
+def lagging(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
+    """z of τ ż = x − z along the rows of (M, K) at times (M,) [s], z = x at the first row.
+
+    With x linear between rows, z₁ = a z₀ + (1 − g) x₁ + (g − a) x₀, a = e^(−Δt/τ),
+    g = (1 − a) τ/Δt.
+    """
+    step = np.maximum(np.diff(t), 1e-9)
+    if not len(step):
+        return x.copy()
+    a = np.exp(-step / tau)
+    g = -np.expm1(-step / tau) * tau / step
+    if np.ptp(step) < 1e-6 * step[0]:  # an even clock: one filter
+        from scipy.signal import lfilter  # slow to load: only when it is used
+
+        forward, back = [1.0 - g[0], g[0] - a[0]], [1.0, -a[0]]
+        return np.asarray(lfilter(forward, back, x, axis=0, zi=g[0] * x[:1])[0])
+    push = np.concatenate([x[:1], (1.0 - g)[:, None] * x[1:] + (g - a)[:, None] * x[:-1]])
+    bands = np.stack([np.ones(len(x)), np.append(-a, 0.0)])  # z₁ − a z₀ = push
+    return np.asarray(solve_banded((1, 0), bands, push, check_finite=False))
 
 
 def held_on(sign: np.ndarray) -> np.ndarray:

@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.linalg import solve_banded
 
 from wrenchbed.effects.base import (
     Curve,
@@ -23,8 +22,9 @@ from wrenchbed.effects.free_form import (
     falling,
     free_variants,
     orders,
+    share_curve,
 )
-from wrenchbed.effects.scene import Scene
+from wrenchbed.effects.scene import Scene, lagging
 from wrenchbed.physics.parameters import Parameter
 
 TAUS = (30.0, 150.0, 600.0)
@@ -97,8 +97,7 @@ class SensorCreep(ReadingEffect):
             return np.asarray(1.0 - late - np.exp(-t / tau))
 
         if variant.free == ALIKE:
-            columns = np.stack([basis(n, t) for n in ALIKE], axis=1)
-            return (Curve("", ALIKE, t, columns, "s", "1"),)
+            return share_curve(variant, t, basis, "s")
         return channel_curves(variant, t, basis, lambda c: "s", lambda c: "1")
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
@@ -111,30 +110,9 @@ class SensorCreep(ReadingEffect):
         for tau, part in parts:
             on = np.flatnonzero(part)
             if len(on):
-                settled = settle(reading[:, on], scene.t, tau)
+                settled = lagging(reading[:, on], scene.t, tau)
                 result[:, on] += part[on] * (settled - end[:, on])
         return result
-
-
-def settle(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
-    """z of τ ż = x − z along the rows of (M, K) at times (M,) [s], z = x at the first row.
-
-    With x linear between rows, z₁ = a z₀ + (1 − g) x₁ + (g − a) x₀, a = e^(−Δt/τ),
-    g = (1 − a) τ/Δt.
-    """
-    step = np.maximum(np.diff(t), 1e-9)
-    if not len(step):
-        return x.copy()
-    a = np.exp(-step / tau)
-    g = -np.expm1(-step / tau) * tau / step
-    if np.ptp(step) < 1e-6 * step[0]:  # an even clock: one filter
-        from scipy.signal import lfilter  # slow to load: only when it is used
-
-        forward, back = [1.0 - g[0], g[0] - a[0]], [1.0, -a[0]]
-        return np.asarray(lfilter(forward, back, x, axis=0, zi=g[0] * x[:1])[0])
-    push = np.concatenate([x[:1], (1.0 - g)[:, None] * x[1:] + (g - a)[:, None] * x[:-1]])
-    bands = np.stack([np.ones(len(x)), np.append(-a, 0.0)])  # z₁ − a z₀ = push
-    return np.asarray(solve_banded((1, 0), bands, push, check_finite=False))
 
 
 EFFECT = SensorCreep()

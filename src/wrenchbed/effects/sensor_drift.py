@@ -14,7 +14,7 @@ from wrenchbed.effects.base import (
     channel_variants,
     per_channel,
     vector,
-    warm_up_variants,
+    warm_variants,
 )
 from wrenchbed.effects.free_form import (
     FREE,
@@ -23,6 +23,7 @@ from wrenchbed.effects.free_form import (
     falling,
     free_variants,
     orders,
+    share_curve,
 )
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
@@ -39,6 +40,9 @@ RATE_FREE = 4e-4
 RATES = per_channel("rate")
 WARM, WARM_SPAN = per_channel("warm"), per_channel("warm.span")
 UNITS_PER_S = ("N/s",) * 3 + ("N·m/s",) * 3
+WARM_UPS = (0.25, 1.0, 4.0)
+"""Time constants of an unrecorded warm-up where a search begins, relative to the recording's
+duration; estimates."""
 _FALL = 1.0 / np.sqrt(np.maximum(np.arange(WAVES), 1))
 """Typical waves relative to the mean rate: smoother than a random walk; estimate."""
 
@@ -85,18 +89,15 @@ class SensorDrift(ReadingEffect):
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
-        steady = tuple(channel_variants("rate"))
-        warming = warm_up_variants(scene.span, WARM, "warm.span", WARM_SPAN)
         rivals = ("sensor.temperature",) if scene.warmth is None else ()
         return (
-            *steady,
+            *channel_variants("rate"),
             *(
-                replace(
-                    v,
-                    label=f"warm-up in {v.at['tau'] / scene.span:g} of the recording, {v.label}",
-                    rivals=rivals,
+                replace(v, label=f"warm-up in {s:g} of the recording, {v.label}", rivals=rivals)
+                for s in WARM_UPS
+                for v in warm_variants(
+                    WARM, "warm.span", WARM_SPAN, {"tau": s * scene.span}, ("tau",)
                 )
-                for v in warming
             ),
         )
 
@@ -114,8 +115,7 @@ class SensorDrift(ReadingEffect):
             return _wave(t, scene.span, int(stem.partition("wave")[2]))
 
         if variant.free[0].startswith("span"):
-            columns = np.stack([basis(n, t) for n in variant.free], axis=1)
-            return (Curve("", variant.free, t, columns, "s", "1"),)
+            return share_curve(variant, t, basis, "s")
         return channel_curves(variant, t, basis, lambda c: "s")
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:

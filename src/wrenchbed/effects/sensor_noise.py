@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import RowEffect, Values, channel_parameters, per_channel, vector
+from wrenchbed.effects.base import Rng, RowEffect, Values, channel_parameters, per_channel, vector
 
 
 class SensorNoise(RowEffect):
@@ -20,9 +20,7 @@ class SensorNoise(RowEffect):
         "std", 0.1, 5e-3, "standard deviation of a row beyond the usual", bounds=(0.0, 1e3)
     )
 
-    def corrupt(
-        self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator
-    ) -> np.ndarray:
+    def corrupt(self, rows: np.ndarray, t: np.ndarray, p: Values, rng: Rng) -> np.ndarray:
         std = vector(p, per_channel("std"))
         return rows + std * rng.standard_normal(rows.shape)
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import RowEffect, Values, channel_parameters, per_channel, vector
+from wrenchbed.effects.base import Rng, RowEffect, Values, channel_parameters, per_channel, vector
 
 
 class SensorQuantization(RowEffect):
@@ -18,9 +18,7 @@ class SensorQuantization(RowEffect):
     )
     numbers = channel_parameters("step", 0.2, 5e-3, "of the count", bounds=(0.0, 1e3))
 
-    def corrupt(
-        self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator
-    ) -> np.ndarray:
+    def corrupt(self, rows: np.ndarray, t: np.ndarray, p: Values, rng: Rng) -> np.ndarray:
         step = vector(p, per_channel("step"))
         some = np.where(step > 0.0, step, 1.0)
         return np.where(step > 0.0, some * np.round(rows / some), rows)

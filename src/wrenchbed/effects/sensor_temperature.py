@@ -20,8 +20,9 @@ from wrenchbed.effects.free_form import (
     falling,
     free_variants,
     orders,
+    share_curve,
 )
-from wrenchbed.effects.scene import Scene
+from wrenchbed.effects.scene import Scene, lagging
 from wrenchbed.physics.parameters import Parameter
 
 LAG_S = 20.0
@@ -110,52 +111,31 @@ class SensorTemperature(ReadingEffect):
             return _bent(warm, extent, BENT.index(stem)) if stem in BENT else warm
 
         if "span" in variant.free:
-            columns = np.stack([warm] * len(variant.free), axis=1)
-            return (Curve("", variant.free, warm, columns, "K", "1"),)
+            return share_curve(variant, warm, basis, "K")
         return channel_curves(variant, warm, basis, lambda c: "K")
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
+        zero, span = vector(p, ZERO), p["span"] + vector(p, SPAN)
         if scene.warmth is None:
-            warmth = -np.expm1(-scene.age / p["tau"])
-        else:
-            warmth = behind(scene.warmth, scene.age, float(p["lag"]))
-        span = p["span"] + vector(p, SPAN)
-        result = reading + warmth[:, None] * (vector(p, ZERO) + span * reading)
-        return result if scene.warmth is None else self._free(scene, result, reading, p)
-
-    @staticmethod
-    def _free(scene: Scene, result: np.ndarray, reading: np.ndarray, p: Values) -> np.ndarray:
-        """The result (M, 6) with what lags behind and bends with the recorded temperature."""
-        assert scene.warmth is not None
+            warmth = -np.expm1(-scene.age / p["tau"])[:, None]
+            return np.asarray(reading + warmth * (zero + span * reading))
+        warm, result = scene.warmth[:, None], reading.copy()
+        lags = [(float(p["lag"]), zero, span)]
         for name, lag in zip(LAGGED, LAGS_S, strict=True):
-            zero, span = vector(p, per_channel(name)), p[f"span.{name}"]
-            if zero.any() or span:
-                warm = behind(scene.warmth, scene.age, lag)
-                result = result + warm[:, None] * (zero + span * reading)
+            lags.append((lag, vector(p, per_channel(name)), np.full(6, p[f"span.{name}"])))
+        for lag, zero, span in lags:
+            if zero.any() or span.any():
+                late = warm if lag < _NO_LAG else lagging(warm, scene.age, lag)
+                result += late * (zero + span * reading)
         for k, name in enumerate(BENT):
             zero = vector(p, per_channel(name))
             if zero.any():
-                result = result + _bent(scene.warmth, p["extent"], k)[:, None] * zero
+                result += _bent(warm, p["extent"], k) * zero
         return result
 
 
-def behind(x: np.ndarray, t: np.ndarray, lag: float) -> np.ndarray:
-    """First-order lag (N,) [s] of x (N,) at times t (N,) [s], linear between rows."""
-    if lag < _NO_LAG:
-        return x
-    step = np.maximum(np.diff(t), 1e-9)
-    keep = np.exp(-step / lag)
-    ramp = -np.expm1(-step / lag) * lag / step
-    z = [float(x[0])]
-    for k, g, now, before in zip(
-        keep.tolist(), ramp.tolist(), x[1:].tolist(), x[:-1].tolist(), strict=True
-    ):
-        z.append(k * z[-1] + (1.0 - g) * now + (g - k) * before)
-    return np.array(z)
-
-
 def _bent(warm: np.ndarray, extent: float, order: int) -> np.ndarray:
-    """A square (order 0) or a cube (M,) [K] of a temperature (M,) [K]."""
+    """A square (order 0) or a cube [K] of temperatures [K]."""
     return np.asarray(warm * (warm / extent) ** (order + 1))
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from wrenchbed.effects.base import ReadingEffect, Values, Variant, alike
-from wrenchbed.effects.scene import Scene
+from wrenchbed.effects.scene import Scene, lagging
 from wrenchbed.physics.parameters import Parameter
 
 FINE, MOST = 4.0, 32
@@ -53,21 +53,9 @@ class TimingLowpass(ReadingEffect):
         fine = np.interp(np.arange(finer * (rows - 1) + 1) / finer, np.arange(rows), scene.t)
         smooth = CubicSpline(scene.t, reading)(fine) if finer > 1 else reading
         for _ in range(stages):
-            smooth = filtered(smooth, scene.period / finer, tau)
+            smooth = lagging(smooth, scene.period / finer * np.arange(len(smooth)), tau)
         smooth = smooth[::finer]
         return smooth if p["tau"] > 0 else 2.0 * reading - smooth
-
-
-def filtered(x: np.ndarray, step: float, tau: float) -> np.ndarray:
-    """z of τ ż = x − z along the rows of (M, K), x linear over each step [s].
-
-    z₁ = a z₀ + (1 − g) x₁ + (g − a) x₀ with a = e^(−Δt/τ), g = (1 − a) τ/Δt.
-    """
-    a = np.exp(-step / tau)
-    g = -np.expm1(-step / tau) * tau / step
-    from scipy.signal import lfilter  # slow to load: only when it is used
-
-    return np.asarray(lfilter([1.0 - g, g - a], [1.0, -a], x, axis=0, zi=g * x[:1])[0])
 
 
 EFFECT = TimingLowpass()

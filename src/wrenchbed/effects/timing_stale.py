@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import RowEffect, Values
+from wrenchbed.effects.base import Rng, RowEffect, Values
 from wrenchbed.physics.parameters import Parameter
 
 
@@ -19,9 +19,7 @@ class TimingStale(RowEffect):
         Parameter("share", 0.0, "1", 0.1, 0.0, 1.0, "of the rows that repeat the one before"),
     )
 
-    def corrupt(
-        self, rows: np.ndarray, t: np.ndarray, p: Values, rng: np.random.Generator
-    ) -> np.ndarray:
+    def corrupt(self, rows: np.ndarray, t: np.ndarray, p: Values, rng: Rng) -> np.ndarray:
         stale = rng.random(len(rows)) < p["share"]
         fresh = np.where(stale, 0, np.arange(len(rows)))
         return rows[np.maximum.accumulate(fresh)]

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import ModelEffect, Pose, Values, Variant
+from wrenchbed.effects.base import ModelEffect, Pose, Values, Variant, added
 from wrenchbed.effects.scene import ACCELERATION, Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import INERTIA_AXES, Robot
@@ -50,10 +50,7 @@ class ToolInertia(ModelEffect):
         )
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        result = np.array(theta, dtype=float)
-        for n in NAMES:
-            result[robot.parameters.index(f"tool.{n}")] += p[n]
-        return result
+        return added(robot, theta, {f"tool.{n}": p[n] for n in NAMES})
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         """A share of the inertial load that the scene's accelerations make; none without them."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import ModelEffect, Values, Variant, alike
+from wrenchbed.effects.base import ModelEffect, Values, Variant, added, alike
 from wrenchbed.effects.scene import Scene
 from wrenchbed.robots.base import Robot
 
@@ -23,9 +23,7 @@ class ToolSelfWeight(ModelEffect):
         return (Variant("mass", ("mass",)),)
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:
-        result = np.array(theta, dtype=float)
-        result[robot.parameters.index("sensor.mass")] += p["mass"]
-        return result
+        return added(robot, theta, {"sensor.mass": p["mass"]})
 
 
 EFFECT = ToolSelfWeight()
