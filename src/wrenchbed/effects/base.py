@@ -379,6 +379,13 @@ class JointEffect(Effect):
     local = True
     amplitude: ClassVar[str]
     """Name of the amplitude, before the joint's number: ``offset`` of ``offset.q2``."""
+    sizes: ClassVar[tuple[float, float]]
+    """Typical amplitudes of rotary and of sliding joints."""
+    units: ClassVar[tuple[str, str]] = ("rad", "m")
+    text: ClassVar[str]
+
+    def parameters(self, robot: Robot) -> ParameterSet:
+        return joint_parameters(robot, self.amplitude, *self.sizes, self.text, self.units)
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         """Variants for each joint alone, and for all together."""
@@ -557,15 +564,14 @@ def vector(p: Values, names: Sequence[str]) -> np.ndarray:
     return np.array([p[n] for n in names])
 
 
-def unknown_name(effect: str, name: str, taken: Sequence[str], joints: int) -> ParameterError:
-    """The error of a name that is not taken, or that is taken together with a joint's number only.
+def direction(p: Values, names: Sequence[str]) -> np.ndarray:
+    """Unit vector (3,) along that of the named parameters' values."""
+    along = vector(p, names)
+    return along / max(float(np.linalg.norm(along)), 1e-9)
 
-    Args:
-        effect: its name.
-        name: that was given.
-        taken: names of the effect's parameters.
-        joints: how many the robot has.
-    """
+
+def unknown_name(effect: str, name: str, taken: Sequence[str], joints: int) -> ParameterError:
+    """The error of a name that is none of an effect's, or that needs a joint's number beside it."""
     if name in taken:
         return ParameterError(f"{effect}: {name} belongs to one joint: add joint=1 … {joints}")
     near = sorted(taken, key=lambda n: -SequenceMatcher(None, name, n).ratio())

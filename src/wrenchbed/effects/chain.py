@@ -55,9 +55,6 @@ class ActiveEffect:
         effect = registry.load("effects", name)
         return cls(effect, effect.values(robot, given))
 
-    def __getitem__(self, name: str) -> float:
-        return self.values[name]
-
 
 def effects() -> dict[str, Effect]:
     """All effects by name, in the registry's order."""
@@ -314,38 +311,18 @@ def active_effect(robot: Robot, text: str) -> ActiveEffect:
         NotFoundError, ParameterError: no such effect or parameter, or an impossible value.
     """
     name, given = parse_effect(text)
-    active = ActiveEffect.of(robot, name, {})
-    variant = _variant(active, robot, given)
-    known = active.effect.parameters(robot)
-    if variant is None and given:
-        return _of_known_names(active, robot, given)
-    if variant is None:
-        size = {p.name: p.tolerance for p in known if p.nominal == 0.0}
-    else:
-        size = {n: known[known.index(n)].tolerance for n in active.effect.usual(variant)}
-        size |= {k: v for k, v in variant.at.items() if k not in size}
-    return ActiveEffect.of(robot, name, size)
-
-
-def _of_known_names(active: ActiveEffect, robot: Robot, given: dict[str, Any]) -> ActiveEffect:
-    """Effect with given values of its parameters, by names that this effect or its variants
-    have."""
-    variants = [v for scene in examples(robot) for v in active.effect.variants(scene)]
-    taken = {n: None for v in variants for n in v.detail} | dict.fromkeys(
-        active.effect.taken(robot)
-    )
-    for name in given:
-        if name not in taken:
-            raise unknown_name(active.effect.name, name, tuple(taken), len(robot.joints))
-    return ActiveEffect.of(robot, active.effect.name, given)
-
-
-def _variant(active: ActiveEffect, robot: Robot, given: dict[str, Any]) -> Variant | None:
-    """The commonest variant whose details are the values given."""
-    fit = [
-        v
-        for scene in examples(robot)
-        for v in active.effect.variants(scene)
-        if all(k in v.detail and v.detail[k] == x for k, x in given.items())
-    ]
-    return max(fit, key=lambda v: v.weight, default=None)
+    effect = registry.load("effects", name)
+    variants = [v for scene in examples(robot) for v in effect.variants(scene)]
+    meant = [v for v in variants if given.items() <= v.detail.items()]
+    known = effect.parameters(robot)
+    if meant:
+        variant = max(meant, key=lambda v: v.weight)
+        size = dict(variant.at)
+        size |= {n: known[known.index(n)].tolerance for n in effect.usual(variant)}
+        return ActiveEffect.of(robot, name, size)
+    if given:
+        taken = (*(n for v in variants for n in v.detail), *effect.taken(robot))
+        for unknown in (n for n in given if n not in taken):
+            raise unknown_name(name, unknown, tuple(dict.fromkeys(taken)), len(robot.joints))
+        return ActiveEffect.of(robot, name, given)
+    return ActiveEffect.of(robot, name, {p.name: p.tolerance for p in known if p.nominal == 0.0})

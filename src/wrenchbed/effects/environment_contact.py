@@ -13,6 +13,7 @@ from wrenchbed.effects.base import (
     Variable,
     Variant,
     alike,
+    direction,
     vector,
 )
 from wrenchbed.effects.scene import Scene
@@ -130,7 +131,7 @@ class EnvironmentContact(LoadEffect):
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         rotation, lever = value(pose.rotation), touching(scene, p)
         push = p["stiffness"] * pressed(_depth(scene, pose, p), p["power"])
-        way = _unit_normal(p) + vector(p, SLIDE)
+        way = direction(p, NORMAL) + vector(p, SLIDE)
         force = push[:, None] * (np.swapaxes(rotation, -1, -2) @ way)
         return np.concatenate([force, cross(np.broadcast_to(lever, force.shape), force)], axis=1)
 
@@ -141,21 +142,15 @@ class EnvironmentContact(LoadEffect):
         if p["stiffness"] and p["power"] == 1.0 and not any(p[n] for n in SLIDE):
             q = robot.sample(1, np.random.default_rng(0))
             still = Scene(robot, theta, np.zeros(3), q, np.zeros(1), np.ones(1, dtype=bool))
-            normal = _unit_normal(p)
+            normal = direction(p, NORMAL)
             point = [float(x) for x in touching(still, p)]
             plane(spec, self.name, point, normal, p["depth"], p["stiffness"])
-
-
-def _unit_normal(p: Values) -> np.ndarray:
-    """Unit normal out of the plane (3,), world axes."""
-    normal = vector(p, NORMAL)
-    return normal / max(float(np.linalg.norm(normal)), 1e-9)
 
 
 def _depth(scene: Scene, pose: Pose, p: Values) -> np.ndarray:
     """Depth of the contact point behind the plane (M,) [m], negative in front of it."""
     at = value(pose.position) + apply(value(pose.rotation), touching(scene, p))
-    return np.asarray(p["depth"] - at @ _unit_normal(p))
+    return np.asarray(p["depth"] - at @ direction(p, NORMAL))
 
 
 def pressed(x: np.ndarray, power: float) -> np.ndarray:

@@ -35,18 +35,18 @@ def falling(
 
 
 def free_variants(
-    columns: Callable[[str], tuple[str, ...]],
+    stems: Sequence[str],
     text: str,
     at: Values | None = None,
     channels: Sequence[str] = CHANNELS,
     weight: float = 1.0,
 ) -> tuple[Variant, ...]:
-    """Form-free variants of each channel, the forces, the torques and all: ``columns`` has a
-    channel's amplitudes."""
+    """Form-free variants of each channel, the forces, the torques and all, of amplitudes
+    ``stem.fx`` …"""
     where = dict(at or {})
 
     def of(label: str, group: Sequence[str], share: float) -> Variant:
-        free = tuple(n for c in group for n in columns(c))
+        free = tuple(f"{stem}.{c}" for c in group for stem in stems)
         detail = FREE | ({"channel": label} if len(group) == 1 else {})
         return Variant(f"{text}, {label}", free, where, (), detail, share * weight)
 
@@ -61,8 +61,8 @@ def channel_curves(
     variant: Variant,
     x: np.ndarray | Callable[[str], np.ndarray],
     basis: Callable[[str, np.ndarray], np.ndarray],
-    x_unit: Callable[[str], str],
-    y_unit: Callable[[str], str] = lambda c: unit_of(c),
+    x_unit: str = "",
+    y_unit: str = "",
 ) -> tuple[Curve, ...]:
     """A curve of every channel that a variant has amplitudes of.
 
@@ -70,15 +70,15 @@ def channel_curves(
         variant: form-free, of amplitudes ``….fx`` …
         x: grid (P,) of a channel.
         basis: of an amplitude's name and grid (P,), what the amplitude adds per SI unit (P,).
-        x_unit, y_unit: of a channel.
+        x_unit, y_unit: the channel's own if empty.
     """
     result = []
-    for c in CHANNELS:
+    for c, unit in zip(CHANNELS, UNITS, strict=True):
         names = tuple(n for n in variant.free if n.endswith(f".{c}"))
         if names:
             grid = x(c) if callable(x) else x
             columns = np.stack([basis(n, grid) for n in names], axis=1)
-            result.append(Curve(c, names, grid, columns, x_unit(c), y_unit(c)))
+            result.append(Curve(c, names, grid, columns, x_unit or unit, y_unit or unit))
     return tuple(result)
 
 
@@ -88,8 +88,3 @@ def share_curve(
     """The curve of a form-free variant that adds a share of the load, alike in all channels."""
     columns = np.stack([basis(n, x) for n in variant.free], axis=1)
     return (Curve("", variant.free, x, columns, x_unit, "1"),)
-
-
-def unit_of(channel: str) -> str:
-    """Unit of a channel: N or N·m."""
-    return UNITS[CHANNELS.index(channel)]

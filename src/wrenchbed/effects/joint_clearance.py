@@ -48,9 +48,8 @@ class JointClearance(JointEffect):
             return ParameterSet((Parameter("tilt", 0.0, "rad", 2e-4, -0.1, 0.1, text),))
         texts = {f"play.{i}": "of the universal joint at a tip" for i in (1, 2)}
         texts |= {f"slack.{link}": "half clearance of a distal link" for link in DISTAL}
-        items = texts.items()
         return ParameterSet(
-            tuple(Parameter(name, 0.0, "m", 3e-5, -0.01, 0.01, text) for name, text in items)
+            tuple(Parameter(n, 0.0, "m", 3e-5, -0.01, 0.01, text) for n, text in texts.items())
         )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
@@ -77,7 +76,8 @@ class JointClearance(JointEffect):
             first, second = scene.joints[:, 2 * i - 1], scene.joints[:, 2 * i]
             bar = five_bar(theta, i, first, second)
             near, far = bar.E - bar.B, bar.E - bar.D
-            links = _unit(np.stack([near, far], axis=-2))  # rows: directions of both
+            links = np.stack([near, far], axis=-2)
+            links = links / np.linalg.norm(links, axis=-1, keepdims=True)  # rows: directions
             slack = _moved(scene, links, {f"L{i}{k}": p[f"slack.L{i}{k}"] for k in (2, 4)})
             by = [
                 five_bar(theta, i, first + 1j * _STEP, second),
@@ -143,10 +143,6 @@ def _push(scene: Scene, link: str) -> np.ndarray:
 def _rates(points: list[np.ndarray]) -> np.ndarray:
     """Columns (M, 2, 2): velocities of a point as the first and the second joint turns."""
     return np.stack([p.imag / _STEP for p in points], axis=-1)
-
-
-def _unit(vectors: np.ndarray) -> np.ndarray:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
 
 
 EFFECT = JointClearance()

@@ -12,13 +12,11 @@ from wrenchbed.effects.base import (
     Values,
     Variant,
     each_joint,
-    joint_parameters,
     of_joint,
     vector,
 )
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
-from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.robots.base import Robot
 
 
@@ -35,11 +33,8 @@ class JointCompliance(JointEffect):
     shown = "torque"
     size_error = 0.1
     source = "UR 1–3e4 N·m/rad, wrists 3–8e3: estimate; drives 1e5–1e6 N/m"
-    amplitude = "compliance"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        text = "compliance of a joint, 1/k"
-        return joint_parameters(robot, self.amplitude, 7e-5, 3e-6, text, ("rad/(N·m)", "m/N"))
+    amplitude, sizes, text = "compliance", (7e-5, 3e-6), "compliance of a joint, 1/k"
+    units = ("rad/(N·m)", "m/N")
 
     def displace(self, scene: Scene, p: Values) -> np.ndarray:
         give = vector(p, each_joint("compliance", scene.robot))

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import JointEffect, Values, added, each_joint, joint_parameters, vector
+from wrenchbed.effects.base import JointEffect, Values, added, each_joint, vector
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.parameters import ParameterSet
 from wrenchbed.robots.base import Robot
 
 TYPICAL = np.deg2rad(0.2)
@@ -23,11 +22,7 @@ class JointOffset(JointEffect):
     title_of_joint = "the zero of joint {joint} is offset"
     shown = "angle"
     source = "zero offsets of 0.05–0.5°, drives 0.1–1 mm: estimate"
-    amplitude = "offset"
-
-    def parameters(self, robot: Robot) -> ParameterSet:
-        text = "zero offset of a joint"
-        return joint_parameters(robot, self.amplitude, TYPICAL, 5e-4, text, ("rad", "m"))
+    amplitude, sizes, text = "offset", (TYPICAL, 5e-4), "zero offset of a joint"
 
     def displace(self, scene: Scene, p: Values) -> np.ndarray:
         return np.broadcast_to(vector(p, each_joint("offset", scene.robot)), scene.joints.shape)

@@ -100,6 +100,17 @@ class Scene:
         d = np.gradient(x, self.period, axis=0)
         return Jet(x, d, np.gradient(d, self.period, axis=0))
 
+    def resampled(self, rows: np.ndarray, t: np.ndarray) -> np.ndarray:
+        """Rows (M, …) at other times (T,) [s] by a cubic spline, held beyond the ends."""
+        from scipy.interpolate import CubicSpline  # slow to load: only when it is used
+
+        return np.asarray(CubicSpline(self.t, rows)(np.clip(t, self.t[0], self.t[-1])))
+
+    def tool_force(self, load: np.ndarray) -> np.ndarray:
+        """What pulls on the tool (M, 3) [N] of a load on the sensor (M, 6), without the sensor's
+        own weight."""
+        return np.asarray(load[:, :3] * (self.tool.mass / (self.tool.mass + self.tool.sensor_mass)))
+
     @cached_property
     def joints(self) -> np.ndarray:
         """Joint values (M, J) [rad or m]."""

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from wrenchbed.effects import free_form
 from wrenchbed.effects.base import (
     Curve,
     ReadingEffect,
@@ -15,15 +16,6 @@ from wrenchbed.effects.base import (
     per_channel,
     vector,
 )
-from wrenchbed.effects.free_form import (
-    FREE,
-    POINTS,
-    channel_curves,
-    falling,
-    free_variants,
-    orders,
-    share_curve,
-)
 from wrenchbed.effects.scene import Scene, lagging
 from wrenchbed.physics.parameters import Parameter
 
@@ -32,7 +24,7 @@ TAUS = (30.0, 150.0, 600.0)
 
 RELAXATIONS_S = (2.0, 6.0, 20.0, 60.0, 200.0, 600.0)
 """Time constants of which a free form is a sum [s]: half a decade apart, estimates."""
-RELAX = orders("relax", len(RELAXATIONS_S))
+RELAX = free_form.orders("relax", len(RELAXATIONS_S))
 ALIKE = tuple(f"{n}.all" for n in RELAX)
 SHARE = 3e-3
 """Typical share of a load that comes late: that of a poor data sheet, see ``source``."""
@@ -66,7 +58,7 @@ class SensorCreep(ReadingEffect):
             "share", SHARE, SHARE, "what a load adds in the end, relative", "1" * 6
         ),
         Parameter("tau", TAUS[1], "s", 150.0, 1e-2, 1e6, "time constant"),
-        *falling("relax", (SHARE,) * len(RELAX), 1.0, "share of a relaxation", "1" * 6),
+        *free_form.falling("relax", (SHARE,) * len(RELAX), 1.0, "share of a relaxation", "1" * 6),
         *alike(ALIKE, "1", SHARE, 1e4, "share of it in all channels"),
         Parameter("late", 0.0, "1", 1.0, 0.0, 1.0, "right in the end, not at first"),
     )
@@ -83,22 +75,22 @@ class SensorCreep(ReadingEffect):
         def of(late: float) -> Iterator[Variant]:
             at = {"late": late}
             text = "any creep, right in the end" if late else "any creep, right at first"
-            yield from free_variants(lambda c: tuple(f"{n}.{c}" for n in RELAX), text, at)
-            yield Variant(f"{text}, alike", ALIKE, at, (), FREE)
+            yield from free_form.free_variants(RELAX, text, at)
+            yield Variant(f"{text}, alike", ALIKE, at, (), free_form.FREE)
 
         return (*of(0.0), *of(1.0))
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
         """Curves of the response to a unit step of load."""
-        t, late = np.linspace(0.0, scene.span, POINTS), variant.at["late"]
+        t, late = np.linspace(0.0, scene.span, free_form.POINTS), variant.at["late"]
 
         def basis(name: str, t: np.ndarray) -> np.ndarray:
             tau = RELAXATIONS_S[RELAX.index(name.partition(".")[0])]
             return np.asarray(1.0 - late - np.exp(-t / tau))
 
         if variant.free == ALIKE:
-            return share_curve(variant, t, basis, "s")
-        return channel_curves(variant, t, basis, lambda c: "s", lambda c: "1")
+            return free_form.share_curve(variant, t, basis, "s")
+        return free_form.channel_curves(variant, t, basis, "s", "1")
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         end = reading[0] + p["late"] * (reading - reading[0])

@@ -14,12 +14,6 @@ PAIRS = tuple(permutations(CHANNELS, 2))
 SIZES = {"ff": ("1", 0.01), "tf": ("m", 5e-4), "ft": ("1/m", 0.03), "tt": ("1", 0.01)}
 """Unit and typical size of force from force, torque from force, force from torque, torque from
 torque; estimates."""
-LABELS = {
-    "ff": "forces from forces",
-    "tf": "torques from forces",
-    "ft": "forces from torques",
-    "tt": "torques from torques",
-}
 ORIGIN = tuple(f"origin.{a}" for a in "xyz")
 
 
@@ -47,13 +41,7 @@ class SensorCrosstalk(ReadingEffect):
             for unit, size in (SIZES[shows[0] + of[0]],)
             for p in alike((f"x.{shows}.{of}",), unit, size, 10.0, f"what {shows} shows per {of}")
         ),
-        *alike(
-            ORIGIN,
-            "m",
-            1e-3,
-            1.0,
-            "shift of the sensor's origin: it adds r × F",
-        ),
+        *alike(ORIGIN, "m", 1e-3, 1.0, "shift of the sensor's origin: it adds r × F"),
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
@@ -62,9 +50,13 @@ class SensorCrosstalk(ReadingEffect):
             Variant(f"{shows} from {of}", (n,), detail={"channel": shows, "of": of})
             for (shows, of), n in names.items()
         ]
+        word = {"f": "forces", "t": "torques"}
         blocks = [
-            Variant(label, tuple(n for (s, o), n in names.items() if s[0] + o[0] == block))
-            for block, label in LABELS.items()
+            Variant(
+                f"{word[block[0]]} from {word[block[1]]}",
+                tuple(n for (s, o), n in names.items() if s[0] + o[0] == block),
+            )
+            for block in SIZES
         ]
         return (
             *single,

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wrenchbed.effects import free_form
 from wrenchbed.effects.base import (
     Curve,
     ReadingEffect,
@@ -15,15 +16,6 @@ from wrenchbed.effects.base import (
     per_channel,
     vector,
     warm_variants,
-)
-from wrenchbed.effects.free_form import (
-    FREE,
-    POINTS,
-    channel_curves,
-    falling,
-    free_variants,
-    orders,
-    share_curve,
 )
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
@@ -70,7 +62,7 @@ class SensorDrift(ReadingEffect):
     once = True
     numbers = (
         *channel_parameters("rate", RATE, TORQUE_RATE, "change of the zero in time", UNITS_PER_S),
-        *falling(
+        *free_form.falling(
             "wave",
             (RATE_FREE * _FALL).tolist(),
             TORQUE_RATE / RATE,
@@ -79,7 +71,7 @@ class SensorDrift(ReadingEffect):
         ),
         *(
             p
-            for name, fall in zip(orders("span.wave", WAVES), _FALL.tolist(), strict=True)
+            for name, fall in zip(free_form.orders("span.wave", WAVES), _FALL.tolist(), strict=True)
             for p in alike((name,), "1/s", SPAN_RATE * fall, 1.0, "the same of the span")
         ),
         *channel_parameters("warm", 0.03, 1e-3, "complete shift of the zero by a warm-up"),
@@ -103,20 +95,20 @@ class SensorDrift(ReadingEffect):
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
         at = {"duration": scene.span}
-        stems, span = orders("wave", WAVES), orders("span.wave", WAVES)
-        zeros = free_variants(lambda c: tuple(f"{s}.{c}" for s in stems), "zero in time", at)
-        return (*zeros, Variant("span in time", span, at, (), FREE))
+        stems, span = free_form.orders("wave", WAVES), free_form.orders("span.wave", WAVES)
+        zeros = free_form.free_variants(stems, "zero in time", at)
+        return (*zeros, Variant("span in time", span, at, (), free_form.FREE))
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
-        t = np.linspace(0.0, scene.span, POINTS)
+        t = np.linspace(0.0, scene.span, free_form.POINTS)
 
         def basis(name: str, t: np.ndarray) -> np.ndarray:
             stem = name.rpartition(".")[0] if name[-2:] in CHANNELS else name
             return _wave(t, scene.span, int(stem.partition("wave")[2]))
 
         if variant.free[0].startswith("span"):
-            return share_curve(variant, t, basis, "s")
-        return channel_curves(variant, t, basis, lambda c: "s")
+            return free_form.share_curve(variant, t, basis, "s")
+        return free_form.channel_curves(variant, t, basis, "s")
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         t = scene.age

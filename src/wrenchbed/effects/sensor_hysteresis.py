@@ -15,7 +15,7 @@ from wrenchbed.effects.base import (
     per_channel,
     vector,
 )
-from wrenchbed.effects.free_form import POINTS, channel_curves, falling, free_variants, unit_of
+from wrenchbed.effects.free_form import POINTS, channel_curves, falling, free_variants
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS, UNITS
@@ -83,12 +83,9 @@ class SensorHysteresis(ReadingEffect):
         return tuple(n for n in variant.free if n.startswith("middle.") and ".slope" not in n)
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
-        def of(text: str, pace: float) -> tuple[Variant, ...]:
-            columns = lambda c: tuple(f"{n}.{c}" for n in LAGS)  # noqa: E731
-            return free_variants(columns, text, {"pace": pace})
-
-        slow = of("any loop", 0.0)
-        return (*slow, *of("any loop, brisk moves", 1.0)) if scene.jolts.any() else slow
+        slow = free_variants(LAGS, "any loop", {"pace": 0.0})
+        brisk = free_variants(LAGS, "any loop, brisk moves", {"pace": 1.0})
+        return (*slow, *brisk) if scene.jolts.any() else slow
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
         """The loop from the least load to the largest and back."""
@@ -102,12 +99,11 @@ class SensorHysteresis(ReadingEffect):
             return np.asarray(middle + half * way[2 * POINTS :])
 
         def basis(name: str, x: np.ndarray) -> np.ndarray:
-            lag = _lag(
-                way[:, None], 2.0 * _width(name), way[:, None] * _turned(name) + 1.0 - _turned(name)
-            )
+            u = way[:, None]
+            lag = _lag(u, 2.0 * _width(name), u if _turned(name) else 1.0)
             return np.asarray(lag[2 * POINTS :, 0])
 
-        return channel_curves(variant, load, basis, unit_of)
+        return channel_curves(variant, load, basis)
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         sizes = {n: vector(p, per_channel(n)) for n in (*FORMS, *LAGS)}

@@ -15,7 +15,7 @@ from wrenchbed.effects.base import (
     per_channel,
     vector,
 )
-from wrenchbed.effects.free_form import POINTS, channel_curves, falling, free_variants, unit_of
+from wrenchbed.effects.free_form import POINTS, channel_curves, falling, free_variants
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
@@ -93,7 +93,7 @@ class SensorNonlinearity(ReadingEffect):
         shown = [c for c, r, least in zip(CHANNELS, reach, LEAST_REACH, strict=True) if r > least]
         at = dict(zip(REACHES, np.maximum(reach, LEAST_REACH).tolist(), strict=True))
         stems = (*(f"bend{k - 1}" for k in BENDS), "kink")
-        return free_variants(lambda c: tuple(f"{s}.{c}" for s in stems), "any curve", at, shown)
+        return free_variants(stems, "any curve", at, shown)
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
         u = np.linspace(-1.0, 1.0, POINTS)
@@ -103,7 +103,7 @@ class SensorNonlinearity(ReadingEffect):
             reach = variant.at[f"reach.{channel}"]
             return np.asarray(reach * _bent(load / reach, stem))
 
-        return channel_curves(variant, lambda c: variant.at[f"reach.{c}"] * u, basis, unit_of)
+        return channel_curves(variant, lambda c: variant.at[f"reach.{c}"] * u, basis)
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         even, odd = (vector(p, per_channel(law)) for law in LAWS)

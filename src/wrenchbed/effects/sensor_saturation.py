@@ -69,17 +69,17 @@ class SensorSaturation(ReadingEffect):
     def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
         """All parameters by name; also takes ``channel=fx,level=20`` for one channel, clipped
         fully."""
+        if "channel" not in given:
+            return super().values(robot, given)
         remaining = dict(given)
-        channel = remaining.pop("channel", None)
-        if channel is not None:
-            if channel not in CHANNELS:
-                known = ", ".join(CHANNELS)
-                raise ParameterError(f"{self.name}: there is no channel {channel!r}: {known}")
-            remaining = {
-                f"{k}.{channel}" if k in ("share", "level") else k: v for k, v in remaining.items()
-            }
-            remaining.setdefault(f"share.{channel}", 1.0)
-        return super().values(robot, remaining)
+        channel = remaining.pop("channel")
+        if channel not in CHANNELS:
+            known = ", ".join(CHANNELS)
+            raise ParameterError(f"{self.name}: there is no channel {channel!r}: {known}")
+        named = {
+            f"{k}.{channel}" if k in ("share", "level") else k: remaining[k] for k in remaining
+        }
+        return super().values(robot, {f"share.{channel}": 1.0} | named)
 
 
 EFFECT = SensorSaturation()

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from wrenchbed.effects import free_form
 from wrenchbed.effects.base import (
     Curve,
     ReadingEffect,
@@ -12,15 +13,6 @@ from wrenchbed.effects.base import (
     per_channel,
     vector,
     warm_variants,
-)
-from wrenchbed.effects.free_form import (
-    FREE,
-    POINTS,
-    channel_curves,
-    falling,
-    free_variants,
-    orders,
-    share_curve,
 )
 from wrenchbed.effects.scene import Scene, lagging
 from wrenchbed.physics.parameters import Parameter
@@ -33,7 +25,7 @@ LAGS_S = (10.0, 40.0, 160.0)
 """Lags of which a free form is a sum [s]; estimates."""
 _LEAST_K = 0.1
 """Least range of a usable temperature [K]; estimate."""
-LAGGED, BENT = orders("late", len(LAGS_S)), orders("bent", 2)
+LAGGED, BENT = free_form.orders("late", len(LAGS_S)), free_form.orders("bent", 2)
 PER_K = ("N/K",) * 3 + ("N·m/K",) * 3
 ZERO, SPAN = per_channel("zero"), per_channel("span")
 
@@ -77,9 +69,13 @@ class SensorTemperature(ReadingEffect):
         ),
         Parameter("tau", 900.0, "s", 100.0, 1e-3, 1e8, "time constant of the warm-up"),
         Parameter("lag", 0.0, "s", 10.0, 0.0, 1e5, "behind the recorded temperature"),
-        *falling("late", (0.03,) * len(LAGS_S), 1 / 30, "zero per K of a lagging part", PER_K),
+        *free_form.falling(
+            "late", (0.03,) * len(LAGS_S), 1 / 30, "zero per K of a lagging part", PER_K
+        ),
         *alike(tuple(f"span.{n}" for n in LAGGED), "1/K", 1e-3, 1.0, "span per K of it"),
-        *falling("bent", (0.015, 0.0075), 1 / 30, "zero per K, of a square and a cube", PER_K),
+        *free_form.falling(
+            "bent", (0.015, 0.0075), 1 / 30, "zero per K, of a square and a cube", PER_K
+        ),
         Parameter("extent", 10.0, "K", 1.0, 1e-3, 1e3, "temperature at which those are 1 K"),
     )
 
@@ -96,23 +92,23 @@ class SensorTemperature(ReadingEffect):
         at = {"extent": max(float(np.abs(scene.warmth).max()), _LEAST_K)}
         stems = ("zero", *LAGGED, *BENT)
         span = ("span", *(f"span.{s}" for s in LAGGED))
-        zeros = free_variants(lambda c: tuple(f"{s}.{c}" for s in stems), "zero, any lag", at)
-        return (*zeros, Variant("span, any lag", span, at, (), FREE))
+        zeros = free_form.free_variants(stems, "zero, any lag", at)
+        return (*zeros, Variant("span, any lag", span, at, (), free_form.FREE))
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
         """Curves over temperature once the lag has settled."""
         if scene.warmth is None:
             return ()
         ends = float(scene.warmth.min()), float(scene.warmth.max())
-        warm, extent = np.linspace(*ends, POINTS), variant.at["extent"]
+        warm, extent = np.linspace(*ends, free_form.POINTS), variant.at["extent"]
 
         def basis(name: str, warm: np.ndarray) -> np.ndarray:
             stem = name.partition(".")[0]
             return _bent(warm, extent, BENT.index(stem)) if stem in BENT else warm
 
         if "span" in variant.free:
-            return share_curve(variant, warm, basis, "K")
-        return channel_curves(variant, warm, basis, lambda c: "K")
+            return free_form.share_curve(variant, warm, basis, "K")
+        return free_form.channel_curves(variant, warm, basis, "K")
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         zero, span = vector(p, ZERO), p["span"] + vector(p, SPAN)

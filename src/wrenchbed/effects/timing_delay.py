@@ -28,10 +28,7 @@ class TimingDelay(ReadingEffect):
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         if not scene.sampled or not p["delay"]:
             return reading
-        from scipy.interpolate import CubicSpline  # slow to load: only when it is used
-
-        then = np.clip(scene.t - p["delay"], scene.t[0], scene.t[-1])
-        return np.asarray(CubicSpline(scene.t, reading)(then))
+        return scene.resampled(reading, scene.t - p["delay"])
 
 
 EFFECT = TimingDelay()

@@ -45,13 +45,11 @@ class TimingLowpass(ReadingEffect):
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         if not scene.sampled or not p["tau"]:
             return reading
-        from scipy.interpolate import CubicSpline  # slow to load: only when it is used
-
         stages = round(p["stages"])
         tau, rows = abs(p["tau"]) / stages, len(reading)
         finer = int(np.clip(np.ceil(FINE * scene.period / tau), 1, MOST))
         fine = np.interp(np.arange(finer * (rows - 1) + 1) / finer, np.arange(rows), scene.t)
-        smooth = CubicSpline(scene.t, reading)(fine) if finer > 1 else reading
+        smooth = scene.resampled(reading, fine) if finer > 1 else reading
         for _ in range(stages):
             smooth = lagging(smooth, scene.period / finer * np.arange(len(smooth)), tau)
         smooth = smooth[::finer]

@@ -34,14 +34,9 @@ class TimingSkew(ReadingEffect):
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         if not scene.sampled or not (p["skew"] or p["channel"]):
             return reading
-        from scipy.interpolate import CubicSpline  # slow to load: only when it is used
-
         common = scene.t - p["skew"] * scene.age
-        result = np.empty_like(reading)
-        for i in range(reading.shape[1]):
-            then = np.clip(common - i * p["channel"], scene.t[0], scene.t[-1])
-            result[:, i] = CubicSpline(scene.t, reading[:, i])(then)
-        return result
+        columns = [scene.resampled(y, common - i * p["channel"]) for i, y in enumerate(reading.T)]
+        return np.stack(columns, axis=1)
 
 
 EFFECT = TimingSkew()

@@ -38,9 +38,8 @@ class ToolFlexure(LoadEffect):
         )
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        tool = scene.tool
-        force = load[:, :3] * (tool.mass / (tool.mass + tool.sensor_mass))
-        cog = np.broadcast_to(tool.cog, force.shape)
+        force = scene.tool_force(load)
+        cog = np.broadcast_to(scene.tool.cog, force.shape)
         shift = force @ compliance(p) + cross(p["bending"] * cross(cog, force), cog)
         return np.concatenate([np.zeros_like(force), cross(shift, force)], axis=1)
 

@@ -12,7 +12,7 @@ from wrenchbed.effects.base import (
     Values,
     Variant,
     alike,
-    vector,
+    direction,
 )
 from wrenchbed.effects.scene import Scene, held_on
 from wrenchbed.physics.parameters import Parameter
@@ -74,8 +74,7 @@ class ToolLoose(LoadEffect):
 
         Of a jump s = ±1 along any lever δ: T = s δ × F, so Σ s Fᵀ× T is all that a scan needs.
         """
-        rotation, position = scene.pose
-        force = self._force(scene, wrench(rotation, position, scene.tool, scene.gravity))
+        force = scene.tool_force(wrench(*scene.pose, scene.tool, scene.gravity))
         towards = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
         fitted = force[residual.rows]
         levers = np.stack(
@@ -109,14 +108,10 @@ class ToolLoose(LoadEffect):
             result.append(Variant(text, ("shift",), begin, shape, {}, 0.05))
         return tuple(result)
 
-    def _force(self, scene: Scene, load: np.ndarray) -> np.ndarray:
-        tool = scene.tool
-        return np.asarray(load[:, :3] * (tool.mass / (tool.mass + tool.sensor_mass)))
-
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
-        force = self._force(scene, load)
+        force = scene.tool_force(load)
         towards = force / np.maximum(np.linalg.norm(force, axis=1, keepdims=True), 1e-9)
-        way = direction(p)
+        way = direction(p, WAY)
         lever = p["shift"] * _side(towards @ way - p["lean"], p["grip"])[:, None] * way
         return np.concatenate([np.zeros_like(force), cross(lever, force)], axis=1)
 
@@ -127,16 +122,10 @@ class ToolLoose(LoadEffect):
         weight = float(robot.tool(theta).mass) * float(np.linalg.norm(spec.option.gravity))
         half = p["shift"]
         if half:
-            way, soft = [*map(float, direction(p))], SOFT * weight / half
+            way, soft = [*map(float, direction(p, WAY))], SOFT * weight / half
             friction, bias = p["grip"] * weight, -p["lean"] * weight
             spring = Spring(soft, abs(half), friction=friction, bias=bias)
             slide(spec, self.name, "shift", way, spring)
-
-
-def direction(p: Values) -> np.ndarray:
-    """Unit direction n (3,) of the slide."""
-    way = vector(p, WAY)
-    return way / max(float(np.linalg.norm(way)), 1e-9)
 
 
 def _side(along: np.ndarray, grip: float) -> np.ndarray:
