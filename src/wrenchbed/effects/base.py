@@ -529,6 +529,11 @@ def each_joint(stem: str, robot: Robot) -> tuple[str, ...]:
     return tuple(f"{stem}.q{k + 1}" for k in range(len(robot.joints)))
 
 
+def has_loops(robot: Robot) -> bool:
+    """Whether the robot is made of five-bars."""
+    return "L14" in robot.parameters.names
+
+
 def waves(stem: str) -> tuple[str, ...]:
     """Names ``stem.1`` … of the amplitudes of a free `course`."""
     return tuple(f"{stem}.{k}" for k in range(1, WAVES + 1))

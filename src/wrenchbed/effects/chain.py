@@ -210,11 +210,12 @@ class Response:
         Amplitudes that act on different channels, or on different joints, are changed at once:
         where there are several names, each change is that of its own channel.
         """
+        names_of_joints = [f"q{k + 1}" for k in range(self.scene.joints.shape[1])]
         groups: dict[str, list[Parameter]] = {}
         for p in parameters:
             stem, _, end = p.name.rpartition(".")
             by_channel = effect.channelwise and end in CHANNELS
-            by_joint = effect.stages == ("joint",) and effect.local and end in self._joint_names
+            by_joint = effect.stages == ("joint",) and effect.local and end in names_of_joints
             groups.setdefault(f"{stem}." if by_channel or by_joint else p.name, []).append(p)
         for group in groups.values():
             names = tuple(p.name for p in group)
@@ -224,30 +225,20 @@ class Response:
                 yield names, high - down.late_response(self.scene, self.reading)
                 continue
             shift = up.displacement(self.scene) - down.displacement(self.scene)
-            joints = range(len(self._joint_names))
+            by_joint = {n: self._by_joint(shift, j) for j, n in enumerate(names_of_joints)}
             if len(group) > 1:
-                joint_of = {n: self._joint_names.index(n.rpartition(".")[2]) for n in names}
-                yield from (((n,), self._by_joint(shift, j)) for n, j in joint_of.items())
+                yield from (((n,), by_joint[n.rpartition(".")[2]]) for n in names)
             else:
-                yield names, sum((self._by_joint(shift, j) for j in joints), np.zeros(6))
+                yield names, sum(by_joint.values(), np.zeros(6))
 
     def _about(
         self, effect: Effect, at: Values, parameters: Sequence[Parameter]
     ) -> tuple[EffectChain, EffectChain]:
         """Copies of an effect with amplitudes half their typical size above and below zero."""
         start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(at)
-        up, down = (
-            EffectChain(
-                [ActiveEffect(effect, start | {p.name: s * p.tolerance for p in parameters})]
-            )
-            for s in (0.5, -0.5)
-        )
+        steps = ({p.name: s * p.tolerance for p in parameters} for s in (0.5, -0.5))
+        up, down = (EffectChain([ActiveEffect(effect, start | step)]) for step in steps)
         return up, down
-
-    @cached_property
-    def _joint_names(self) -> tuple[str, ...]:
-        """Name endings of the joints' amplitudes."""
-        return tuple(f"q{k}" for k in range(1, self.scene.joints.shape[1] + 1))
 
     def _by_joint(self, shift: Value, joint: int) -> np.ndarray:
         """Change of all readings (M, 6) by one joint's small shift, of those of all (M, J)."""

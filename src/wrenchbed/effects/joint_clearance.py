@@ -4,7 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from wrenchbed.effects.base import JointEffect, MjSpec, Pose, Published, Values, Variant
+from wrenchbed.effects.base import JointEffect, MjSpec, Pose, Published, Values, Variant, has_loops
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, exp
@@ -117,11 +117,6 @@ class JointClearance(JointEffect):
             for axis, way in zip("xy", np.eye(3), strict=False):
                 part, spring = f"tilt.{axis}{ROUND}", Spring(MOMENT / half, abs(half))
                 hinge(self.name, part, spec.body("tool"), [*map(float, way)], spring)
-
-
-def has_loops(robot: Robot) -> bool:
-    """Whether the robot is made of five-bars."""
-    return "L14" in robot.parameters.names
 
 
 def _moved(scene: Scene, links: np.ndarray, slack: Values) -> np.ndarray:

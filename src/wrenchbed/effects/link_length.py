@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wrenchbed.effects.base import ModelEffect, Values, Variant, added
+from wrenchbed.effects.base import ModelEffect, Values, Variant, added, has_loops
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.robots.base import Robot
@@ -38,7 +38,7 @@ class LinkLength(ModelEffect):
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         twists, lengths = geometry(scene.robot)
-        if is_loop(scene.robot):
+        if has_loops(scene.robot):
             return (
                 *single(lengths),
                 together("all links", LINKS, 2.0),
@@ -60,15 +60,10 @@ class LinkLength(ModelEffect):
 
 def geometry(robot: Robot) -> tuple[list[str], list[str]]:
     """Names of the robot's parameters that are twists, and of those that are lengths."""
-    if is_loop(robot):
+    if has_loops(robot):
         known = robot.parameters.names
         return [], [n for n in LOOPS if n in known]
     return list(robot.twists), list(robot.lengths)
-
-
-def is_loop(robot: Robot) -> bool:
-    """Whether the robot is made of five-bars."""
-    return LINKS[0] in robot.parameters.names
 
 
 def public(name: str) -> str:
