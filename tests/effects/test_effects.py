@@ -39,15 +39,6 @@ def test_an_effect_says_what_it_is(name):
 
 
 @each_case
-def test_parameters_have_sizes_units_and_bounds(name, scene):
-    effect = registry.load("effects", name)
-    for p in effect.parameters(scene_of(scene).robot):
-        assert p.unit and p.text, p.name
-        assert 0 < p.tolerance < np.inf, p.name
-        assert p.lower <= p.nominal <= p.upper, p.name
-
-
-@each_case
 def test_variants_free_amplitudes_and_place_shapes_within_bounds(name, scene):
     effect, robot = registry.load("effects", name), scene_of(scene).robot
     known = effect.parameters(robot)

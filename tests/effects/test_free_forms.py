@@ -25,9 +25,7 @@ def free_forms(name: str, scene) -> tuple[Variant, ...]:
 def test_these_effects_have_a_free_form():
     scene = examples(registry.load("robots", "ur5"))[0]
     assert tuple(n for n, e in effects().items() if e.free_forms(scene)) == NAMES
-
-
-def test_a_temperature_that_nobody_recorded_has_none():
+    # of a temperature that nobody recorded there is none
     assert not free_forms("sensor.temperature", scene_of("ur5 static"))
 
 

@@ -224,7 +224,7 @@ def test_a_bearing_with_play_tilts_about_the_moment_across_it():
     assert found == pytest.approx(loads((turned - force)[None]), abs=1e-12)
 
 
-@pytest.mark.parametrize("angle", [0.3, 0.588, 2.0, 5.0])
+@pytest.mark.parametrize("angle", [0.588, 5.0])
 def test_a_joint_leaves_the_middle_of_its_backlash_at_a_hundredth_of_a_newton_metre(angle):
     """The last joint, whose axis lies level: the tool hangs 7 mm beside it."""
     scene = at([0.0, 0.0, 0.0, 0.0, 0.0, angle])
@@ -383,6 +383,7 @@ TIP = 0.089159 - 0.09465 - 0.012
 @pytest.mark.parametrize(
     ("given", "push", "lever"),
     [
+        ({"depth": TIP - 0.01}, 0.0, [0.008, -0.012, 0.142]),
         ({"depth": TIP + 0.04}, 500.0 * 0.04, [0.008, -0.012, 0.142]),
         # Hertz: 8 times the force of 1 cm at 4 cm
         ({"depth": TIP + 0.04, "power": 1.5}, 500.0 * 0.01 * 8.0, [0.008, -0.012, 0.142]),

@@ -2,11 +2,15 @@
 
 import numpy as np
 import pytest
-from effect_scenes import scene_of
+from effect_scenes import columns, scene_of
+from hypothesis import given as generated
+from hypothesis import settings
+from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
 from wrenchbed.effects.scene import Scene
+from wrenchbed.effects.sensor_hysteresis import play
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS
@@ -28,6 +32,17 @@ def change(name, scene, y, given):
     return result
 
 
+def reading(name, scene, y, **given):
+    return y + change(name, scene, y, {k.replace("_", "."): v for k, v in given.items()})
+
+
+def corrupted(name, rows, t=None, seed=0, **given):
+    effect, robot = registry.load("effects", name), registry.load("robots", "ur5")
+    t = np.arange(len(rows)) / 125.0 if t is None else t
+    p = effect.values(robot, {k.replace("_", "."): v for k, v in given.items()})
+    return effect.corrupt(rows, t, p, np.random.default_rng(seed))
+
+
 # ---- hysteresis --------------------------------------------------------------------------------
 
 UP = np.linspace(-8.0, 12.0, 201)
@@ -44,27 +59,17 @@ def lag_of(half):
 
 
 @pytest.mark.parametrize("width", [1.0, 0.5])
-@pytest.mark.parametrize(("play", "half"), [("narrow", 0.8), ("middle", 3.0), ("wide", 10.0)])
-def test_a_loop_of_hysteresis_is_as_wide_as_twice_its_lag(play, half, width):
+@pytest.mark.parametrize(("kind", "half"), [("narrow", 0.8), ("middle", 3.0), ("wide", 10.0)])
+def test_a_loop_of_hysteresis_is_as_wide_as_twice_its_lag(kind, half, width):
     """4, 15 and 50 % of the range of 20."""
     y = np.zeros((len(LOOP), 6))
     y[:, 1] = LOOP
     scene, half = rows_at(np.arange(len(LOOP)) * 1.0), half * width
-    found = change("sensor.hysteresis", scene, y, {f"{play}.fy": 0.3, "width": width})
+    found = change("sensor.hysteresis", scene, y, {f"{kind}.fy": 0.3, "width": width})
     assert found[:, 1] == pytest.approx(0.3 * lag_of(half), abs=1e-9)
     assert not np.delete(found, 1, axis=1).any()
-    tilted = change("sensor.hysteresis", scene, y, {f"{play}.slope.fy": 0.3, "width": width})
+    tilted = change("sensor.hysteresis", scene, y, {f"{kind}.slope.fy": 0.3, "width": width})
     assert tilted[:, 1] == pytest.approx(0.3 * (LOOP - 2.0) / 10.0 * lag_of(half), abs=1e-9)
-
-
-def test_plays_of_several_channels_and_widths_add_up():
-    y = np.stack([LOOP, *[0.0 * LOOP] * 2, 0.1 * LOOP, *[0.0 * LOOP] * 2], axis=1)
-    scene = rows_at(np.arange(len(LOOP)) * 1.0)
-    given = {"narrow.fx": 0.1, "wide.fx": 0.2, "middle.tx": 0.01, "middle.slope.tx": 0.02}
-    found = change("sensor.hysteresis", scene, y, given)
-    alone = [change("sensor.hysteresis", scene, y, {n: v}) for n, v in given.items()]
-    assert found == pytest.approx(np.sum(alone, axis=0), abs=1e-12)
-    assert found[:, 3] == pytest.approx((0.01 + 0.02 * (LOOP - 2.0) / 10.0) * lag_of(3.0), abs=1e-9)
 
 
 def test_typical_hysteresis_is_one_loop_a_channel():
@@ -168,8 +173,7 @@ def test_clock_and_channels_lag_together():
     assert shown[inside] == pytest.approx((then**3)[inside], rel=1e-9)
 
 
-@pytest.mark.parametrize("tau", [0.004, 0.02, 0.1])
-@pytest.mark.parametrize("stages", [1, 2, 3])
+@pytest.mark.parametrize(("stages", "tau"), [(1, 0.004), (1, 0.1), (2, 0.02), (3, 0.1)])
 def test_stages_in_a_row_share_their_time_constant(stages, tau):
     t = np.arange(3000) / 500.0
     omega = 2.0 * np.pi * np.array([0.5, 1.0, 2.0, 4.0, 8.0, 16.0])
@@ -182,6 +186,8 @@ def test_stages_in_a_row_share_their_time_constant(stages, tau):
     error = np.abs(shown - expected)[t > 12.0 * tau].max(axis=0)
     straight = (omega * piece) ** 2 / 8.0  # what a wave differs from straight pieces by, each time
     assert (error <= stages * straight + 1e-5).all()
+    mirrored = change("timing.lowpass", rows_at(t, moves=True), wave, given | {"tau": -tau})
+    assert np.allclose(mirrored, wave - shown)
 
 
 # ---- creep -------------------------------------------------------------------------------------
@@ -206,27 +212,6 @@ def test_creep_under_a_ramp_of_load(even, late):
 
 
 # ---- rows --------------------------------------------------------------------------------------
-
-
-def corrupted(name, rows, t, seed, **given):
-    effect, robot = registry.load("effects", name), registry.load("robots", "ur5")
-    p = effect.values(robot, {k.replace("_", "."): v for k, v in given.items()})
-    return effect.corrupt(rows, t, p, np.random.default_rng(seed))
-
-
-def test_a_vibration_has_every_phase_and_all_channels_share_it():
-    t = np.array([0.0, 0.25 / 8.0])  # a quarter of a period apart: sine and cosine of the phase
-    shown = np.array([
-        corrupted("base.vibration", np.zeros((2, 6)), t, seed,
-                  amplitude_fx=2.0, amplitude_tz=0.5, frequency=8.0)
-        for seed in range(400)
-    ])  # fmt: skip
-    sine, cosine = shown[:, 0, 0] / 2.0, shown[:, 1, 0] / 2.0
-    assert sine**2 + cosine**2 == pytest.approx(1.0)
-    quadrants = np.histogram(np.arctan2(sine, cosine), 4, (-np.pi, np.pi))[0]
-    assert quadrants.min() > 70  # 100 ± 9 each
-    assert shown[..., 5] == pytest.approx(0.25 * shown[..., 0])
-    assert not shown[..., 1:5].any()
 
 
 def test_noise_of_two_channels_is_not_the_same():
@@ -275,3 +260,116 @@ def test_a_forgotten_origin_is_as_if_the_tool_were_longer():
     shown = y + change("sensor.crosstalk", rows_at(np.arange(6.0)), y, {"origin.z": 5.36e-3})
     assert shown[:, 3:] == pytest.approx(np.cross([0.0, 0.01, 0.05536], force), abs=1e-12)
     assert np.array_equal(shown[:, :3], force)
+
+
+# ---- zeros, gains, levels, clocks, rows ---------------------------------------------------------
+
+ROW = np.array([[1.0, 2.0, 3.0, 0.1, 0.2, 0.3]])
+
+
+def test_gain_bias_and_a_shifted_origin():
+    scene = rows_at(np.zeros(1))
+    gained = reading("sensor.gain", scene, ROW, gain_fy=0.01, gain_tz=-0.5)
+    assert np.allclose(gained, [[1.0, 2.02, 3.0, 0.1, 0.2, 0.15]])
+    biased = reading("sensor.bias", scene, ROW, bias_fz=0.5)
+    assert np.allclose(biased, [[1.0, 2.0, 3.5, 0.1, 0.2, 0.3]])
+    shifted = reading("sensor.crosstalk", scene, ROW, origin_x=0.1, origin_y=0.2, origin_z=0.3)
+    assert np.allclose(shifted[0, 3:], ROW[0, 3:] + np.cross([0.1, 0.2, 0.3], ROW[0, :3]))
+
+
+def test_drift_and_jump_in_time():
+    scene = rows_at(np.array([100.0, 110.0, 130.0]))
+    y = np.zeros((3, 6))
+    drifted = reading("sensor.drift", scene, y, rate_fx=0.01, rate_tz=-1e-3)
+    assert np.allclose(drifted[:, 0], [0.0, 0.1, 0.3])
+    assert np.allclose(drifted[:, 5], [0.0, -0.01, -0.03])
+    jumped = reading("sensor.jump", scene, y, step_fy=2.0, time=120.0)
+    assert np.array_equal(jumped[:, 1], [0.0, 0.0, 2.0])
+    assert np.array_equal(jumped[:, 0], y[:, 0])
+
+
+def test_jumps_begin_between_measured_rows_at_few_moments():
+    scene = scene_of("ur5 static")
+    found = registry.load("effects", "sensor.jump").variants(scene)
+    moments = {v.at["time"] for v in found}
+    t = scene.t[scene.held]
+    assert len(moments) == 24
+    assert len(columns("sensor.jump", "ur5 static")) == 24 * 6
+    assert all(np.isclose(m, (t[1:] + t[:-1]) / 2.0).any() for m in moments)
+    short = registry.load("effects", "sensor.jump").variants(rows_at(np.arange(3.0)))
+    assert {v.at["time"] for v in short} == {0.5, 1.5}
+
+
+def test_a_clipped_channel_has_a_flat_top():
+    y = np.outer([-20.0, -5.0, 5.0, 20.0], np.ones(6))
+    scene = rows_at(np.arange(4.0))
+    effect = registry.load("effects", "sensor.saturation")
+    values = effect.values(scene.robot, {"channel": "fy", "level": 10.0})
+    assert np.array_equal(effect.read(scene, y, values)[:, 1], [-10.0, -5.0, 5.0, 10.0])
+    half = reading("sensor.saturation", scene, y, share_fy=0.5, level_fy=10.0)
+    assert np.array_equal(half[:, 1], [-15.0, -5.0, 5.0, 15.0])
+    assert np.array_equal(half[:, 0], y[:, 0])
+    with pytest.raises(ParameterError, match="there is no channel 'fq': fx, fy"):
+        effect.values(scene.robot, {"channel": "fq", "level": 1.0})
+
+
+def test_temperature_moves_zero_and_span():
+    y = np.full((3, 6), 10.0)
+    warm = rows_at(np.arange(3.0), np.array([0.0, 5.0, 10.0]))
+    zero = reading("sensor.temperature", warm, y, zero_fx=0.1) - y
+    assert np.allclose(zero[:, 0], [0.0, 0.5, 1.0]) and not zero[:, 1:].any()
+    span = reading("sensor.temperature", warm, y, span=1e-3, span_fx=1e-3) - y
+    assert np.allclose(span[:, :2], [[0.0, 0.0], [0.1, 0.05], [0.2, 0.1]])
+    guessed = rows_at(np.array([0.0, 300.0, 1e6]))
+    up = reading("sensor.temperature", guessed, y, zero_fx=0.1, tau=300.0) - y
+    assert np.allclose(up[:, 0], [0.0, 0.1 * (1.0 - np.exp(-1.0)), 0.1])
+
+
+def test_a_sensor_lags_behind_a_recorded_ramp_by_its_time_constant():
+    t = np.concatenate([np.arange(0.0, 100.0, 2.5), np.arange(100.0, 300.0, 10.0)])
+    y = np.zeros((len(t), 6))
+    ramp = rows_at(t, 0.02 * t)
+    late = reading("sensor.temperature", ramp, y, zero_fx=0.5, lag=30.0)[:, 0]
+    after = 0.5 * 0.02 * (t - 30.0 * -np.expm1(-t / 30.0))  # the exact answer to a ramp
+    assert late == pytest.approx(after, abs=1e-12)
+    prompt = reading("sensor.temperature", ramp, y, zero_fx=0.5)[:, 0]
+    assert prompt == pytest.approx(0.5 * 0.02 * t, abs=1e-15)
+
+
+def test_the_delay_of_a_sine():
+    t = np.arange(1000) / 125.0
+    omega = 2.0 * np.pi * np.arange(1, 7)
+    late = reading("timing.delay", rows_at(t, moves=True), np.sin(t[:, None] * omega), delay=0.0117)
+    inside = t > 0.05
+    assert np.abs(late - np.sin((t[:, None] - 0.0117) * omega))[inside].max() < 2e-4
+    early = reading(
+        "timing.delay", rows_at(t, moves=True), np.sin(t[:, None] * omega), delay=-0.0117
+    )
+    assert np.abs(early - np.sin((t[:, None] + 0.0117) * omega))[t < 7.9].max() < 5e-4
+
+
+def test_quantization_rounds_to_the_step_and_only_where_there_is_one():
+    rows = np.array([[0.24, 0.24, -0.26, 0.001, 0.24, 0.24]])
+    shown = corrupted("sensor.quantization", rows, step_fx=0.1, step_fz=0.5, step_tx=0.01)
+    assert np.allclose(shown, [[0.2, 0.24, -0.5, 0.0, 0.24, 0.24]])
+
+
+def test_vibration_is_a_line_at_its_frequency():
+    shown = corrupted("base.vibration", np.zeros((1250, 6)), amplitude_fz=0.4, frequency=12.5)
+    spectrum = np.abs(np.fft.rfft(shown[:, 2])) / 625.0
+    assert np.argmax(spectrum) == 125 and np.isclose(spectrum[125], 0.4)
+    assert not shown[:, :2].any()
+    other = corrupted("base.vibration", np.zeros((1250, 6)), seed=1, amplitude_fz=0.4)
+    assert not np.allclose(shown, other)
+
+
+@settings(deadline=None, max_examples=40)
+@generated(st.integers(1, 400), st.integers(1, 6), st.floats(1e-3, 3.0), st.integers(0, 1000))
+def test_play_in_blocks_is_the_loop_bit_for_bit(rows, channels, half, seed):
+    x = np.random.default_rng(seed).uniform(-1.0, 1.0, (rows, channels))
+    state, path = x[0], []
+    for value in x:
+        state = np.clip(state, value - half, value + half)
+        path.append(state)
+    for _ in range(2):  # computed, then kept
+        assert np.array_equal(play(x, np.full(channels, half)), np.array(path))

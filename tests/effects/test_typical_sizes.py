@@ -44,7 +44,8 @@ def test_an_effect_has_its_typical_size(robot, name, parameter, typical, unit, a
 def test_what_is_absurd_is_refused(name):
     effect, robot = registry.load("effects", name), registry.load("robots", "ur5")
     for p in effect.parameters(robot):
-        assert p.lower <= p.nominal <= p.upper and p.tolerance > 0.0
+        assert p.lower <= p.nominal <= p.upper and 0.0 < p.tolerance < np.inf
+        assert p.unit and p.text, p.name
         for end, beyond in ((p.lower, -np.inf), (p.upper, np.inf)):
             if np.isfinite(end):
                 assert effect.values(robot, {p.name: end})[p.name] == end
