@@ -26,6 +26,7 @@ from wrenchbed.pages.draw import svg
 from wrenchbed.reports.cause_charts import everywhere
 from wrenchbed.reports.diagnosis_page import _of_causes, diagnosis_page
 from wrenchbed.reports.simulators import Evidence
+from wrenchbed.reports.wrench_answer import WrenchAnswer
 
 STIFFNESS = 9000.0
 
@@ -127,7 +128,7 @@ def test_a_delay_shows_as_the_shift_at_which_readings_fit_best(tmp_path):
         wb.record(driver, plan, tmp_path / "rec.parquet")
     told = diagnose(wb.Recording.read(tmp_path / "rec.parquet"))
     assert "timing.delay" in {n for w in told.diagnosis.which for n in (w["effect"], *w["rivals"])}
-    charts = _of_causes(told, Evidence(told))
+    charts = _of_causes(WrenchAnswer(told), Evidence(told))
     lag = next(c for c in charts if c.name == "cause-0")
     for panel, best in zip(lag.panels, (np.argmax, np.argmin), strict=True):
         without, with_it = panel.series
@@ -138,7 +139,7 @@ def test_a_delay_shows_as_the_shift_at_which_readings_fit_best(tmp_path):
 @pytest.mark.slow
 def test_crosstalk_is_a_matrix_with_its_own_number_in_its_own_cell(tmp_path):
     told = found(tmp_path, "sensor.crosstalk:x.fx.fy=0.03")
-    chart = next(c for c in _of_causes(told, Evidence(told)) if c.name == "cause-0")
+    chart = next(c for c in _of_causes(WrenchAnswer(told), Evidence(told)) if c.name == "cause-0")
     texts = chart.panels[0].matrix.texts
     assert float(texts[0][1].rstrip(" %")) == pytest.approx(3.0, abs=0.2)
     assert all(

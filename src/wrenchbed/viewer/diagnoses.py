@@ -17,7 +17,7 @@ from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import layout
 from wrenchbed.viewer.elements import heat
-from wrenchbed.viewer.robot import BodyMotion, log_pose, log_shapes, log_world, motion
+from wrenchbed.viewer.robot import log_pose, log_shapes, log_world, motion
 from wrenchbed.viewer.stream import Canvas, bar, log_words, readable, to_file
 
 _LABEL_M = 0.1
@@ -29,7 +29,7 @@ def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
 
     Joints that a cause names have their own part, ``joint 2``. Rivals share what their class has.
     """
-    told: dict[str, float] = {}
+    shares: dict[str, float] = {}
     known = diagnosis["probabilities"]
     for cause in diagnosis["which"]:
         names = [cause["effect"], *cause["rivals"]]
@@ -41,16 +41,18 @@ def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
             if len(own) > 1 and joints_or(cause):
                 share /= len(own)  # one of them
             for place in [f"{part} {k}" for k in own] or [part]:
-                told[place] = min(1.0, told.get(place, 0.0) + share)
-    return told
+                shares[place] = min(1.0, shares.get(place, 0.0) + share)
+    return shares
 
 
 def painted(
     model: mujoco.MjModel, robot: Robot, shares: Mapping[str, float]
 ) -> dict[int, tuple[int, ...]]:
-    """Colour of each geom of the robot, by its number."""
-    parts = part_of(model, robot, "environment" in shares)
-    return {g: tuple(int(c) for c in heat(_share(names, shares))) for g, names in parts.items()}
+    """Colour of each geom of the robot, by its number: of the part with the largest share."""
+    return {
+        g: tuple(int(c) for c in heat(max(shares.get(n, 0.0) for n in names)))
+        for g, names in part_of(model, robot, "environment" in shares).items()
+    }
 
 
 def part_of(model: mujoco.MjModel, robot: Robot, shown_world: bool) -> dict[int, Sequence[str]]:
@@ -58,28 +60,24 @@ def part_of(model: mujoco.MjModel, robot: Robot, shown_world: bool) -> dict[int,
 
     A geom without a name belongs to the named one before it in the same body.
     """
-    carried = _carriers(model, robot)
-    tool = model.body("tool").id
-    on = {model.geom(g).name: int(model.geom_bodyid[g]) for g in range(model.ngeom)}
-    sensor = on.get("sensor", tool)
+    carried, tool = _carriers(model, robot), int(model.body("tool").id)
+    bodies = {model.geom(g).name: int(b) for g, b in enumerate(model.geom_bodyid)}
+    sensor = bodies.get("sensor", tool)
     parts: dict[int, Sequence[str]] = {}
-    name, body = "", -1
-    for g in range(model.ngeom):
-        own = int(model.geom_bodyid[g])
-        name = model.geom(g).name or (name if own == body else "")
-        body = own
-        if own == 0:
-            if shown_world:
-                parts[g] = ("environment",)
-        elif own in (sensor, tool):
-            if name.startswith("sensor_cable"):
-                parts[g] = ("cable",)
-            else:
-                parts[g] = ("sensor",) if own != tool or name.startswith("sensor") else ("tool",)
-            if name == "sensor_rim":
-                parts[g] = ("mount", "sensor")
+    name, before = "", -1
+    for g, body in enumerate(map(int, model.geom_bodyid)):
+        name = model.geom(g).name or (name if body == before else "")
+        before = body
+        if body == 0:
+            parts |= {g: ("environment",)} if shown_world else {}
+        elif body not in (sensor, tool):
+            parts[g] = carried[body]
+        elif name.startswith("sensor_cable"):
+            parts[g] = ("cable",)
+        elif name == "sensor_rim":
+            parts[g] = ("mount", "sensor")
         else:
-            parts[g] = carried.get(own, ("base",))
+            parts[g] = ("sensor",) if body != tool or name.startswith("sensor") else ("tool",)
     return parts
 
 
@@ -90,15 +88,9 @@ def _carriers(model: mujoco.MjModel, robot: Robot) -> dict[int, Sequence[str]]:
     for b in range(1, model.nbody):
         if b in number:
             parts[b] = (f"joint {number[b]}", "joint", f"link {number[b]}", "link")
-        elif model.body_parentid[b] in parts:
-            parts[b] = ("link",)
         else:
-            parts[b] = ("base",)
+            parts[b] = ("link",) if int(model.body_parentid[b]) in parts else ("base",)
     return parts
-
-
-def _share(names: Sequence[str], shares: Mapping[str, float]) -> float:
-    return max((shares.get(n, 0.0) for n in names), default=0.0)
 
 
 def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> None:
@@ -107,17 +99,15 @@ def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> N
     Raises:
         MissingExtraError: rerun is not installed.
     """
-    told = findings.diagnosis.to_json()
     robot = findings.analysis.prepared.model.robot
     jointed = isinstance(robot, SimulatedRobot) and findings.analysis.prepared.scene.jointed
     scene = layout.scene(robot.name, "robot, painted by blame") if jointed else None
     words = [layout.document("/report", "answers")]
     with to_file(path, layout.page(scene, words, timeline=None)) as canvas:
-        shares = blame(told)
-        if jointed:
-            assert isinstance(robot, SimulatedRobot)
-            _log_robot(canvas, robot, findings, shares)
-        log_words(canvas, "report", answers(findings, shares if jointed else {}, command))
+        shares = blame(findings.diagnosis.to_json()) if jointed else {}
+        if jointed and isinstance(robot, SimulatedRobot):
+            _log_robot(canvas, robot, shares)
+        log_words(canvas, "report", answers(findings, shares, command))
 
 
 def answers(findings: Findings, shares: Mapping[str, float], command: str = "") -> str:
@@ -151,45 +141,33 @@ def _causes(claims: Sequence[Claim]) -> list[str]:
     head = "cause | probability | parameter | value ± standard uncertainty | 95 % interval"
     rows = ["", f"| {head} |", "|---|---|---|---|---|"]
     for c in claims:
-        rivals = ", ".join(name for name, _ in c.rivals)
-        lead = f"{c.name}{f' or {rivals}' if rivals else ''} | {c.probability}"
+        lead = f"{c.names} | {c.probability}"
         for size in c.rows:
             rows.append(f"| {lead} | {size.name} | {size.value} | {size.interval} |")
             lead = " | "
     return rows
 
 
-def _log_robot(
-    canvas: Canvas, robot: SimulatedRobot, findings: Findings, shares: Mapping[str, float]
-) -> None:
+def _log_robot(canvas: Canvas, robot: SimulatedRobot, shares: Mapping[str, float]) -> None:
+    """The robot at home, painted, and each painted part's probability beside it, one label above
+    the other."""
     log_world(canvas)
     simulation = Simulation(robot, robot.parameters.nominal)
-    model = simulation.model
+    model, home = simulation.model, motion(simulation, robot.home[None])
     log_shapes(canvas, "world/real", model, painted(model, robot, shares))
-    home = motion(simulation, robot.home[None])
     log_pose(canvas, "world/real", home)
-    _log_labels(canvas, model, robot, home, shares)
-
-
-def _log_labels(
-    canvas: Canvas, model: Any, robot: SimulatedRobot, home: BodyMotion, shares: Mapping[str, float]
-) -> None:
-    """Each painted part and its probability beside it, one label above the other."""
     parts = part_of(model, robot, shown_world=True)
-    places: list[np.ndarray] = []
-    ranked = sorted(shares.items(), key=lambda item: -item[1])
-    for part, _ in ranked:
-        geoms = [g for g, names in parts.items() if part in names]
-        bodies = [model.body(int(model.geom_bodyid[g])).name for g in geoms]
+    labels, places = list[str](), list[np.ndarray]()
+    for part, share in sorted(shares.items(), key=lambda item: -item[1]):
+        bodies = [model.body(int(model.geom_bodyid[g])).name for g, n in parts.items() if part in n]
         known = [home.names.index(b) for b in bodies if b in home.names]
         place = home.position[0, known[0]] if known else np.array([0.0, 0.0, -0.05])
         while any(np.abs(place - other).max() < _LABEL_M for other in places):
             place = place + np.array([0.0, 0.0, _LABEL_M])
         places.append(place)
+        labels.append(readable(f"{part}, probability {numbers.chance(share)}"))
     if places:
-        labels = [f"{part}, probability {numbers.chance(share)}" for part, share in ranked]
         shown = rr.Points3D(
-            places, labels=[readable(x) for x in labels], radii=0.004, colors=(255, 255, 255),
-            show_labels=True,
-        )  # fmt: skip
+            places, labels=labels, radii=0.004, colors=(255, 255, 255), show_labels=True
+        )
         canvas.once("world/blame", shown)

@@ -7,6 +7,7 @@ import numpy as np
 import rerun as rr
 
 from wrenchbed.pages.numbers import HUMAN, round_down
+from wrenchbed.physics.rotations import apply
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Joint
 from wrenchbed.viewer.robot import BodyMotion
@@ -91,11 +92,9 @@ def log_arrows(
     parts = {"force": (0, scale.force, colour), "torque": (3, scale.torque, faint)}
     for part, (k, size, shade) in parts.items():
         path = f"world/wrench/{name}/{part}"
-        style = rr.Arrows3D.from_fields(colors=[shade], radii=[_RADIUS_M[part]])
-        canvas.once(path, style)
-        turned = np.einsum("kij,kj->ki", motion.rotation, wrench[:, k : k + 3])
-        data = rr.Arrows3D.columns(vectors=size * turned, origins=start)
-        canvas.columns(path, at, data)
+        canvas.once(path, rr.Arrows3D.from_fields(colors=[shade], radii=[_RADIUS_M[part]]))
+        turned = apply(motion.rotation, wrench[:, k : k + 3])
+        canvas.columns(path, at, rr.Arrows3D.columns(vectors=size * turned, origins=start))
 
 
 def log_curves(
@@ -110,9 +109,8 @@ def log_curves(
 
     A measured one is wide, beneath the others.
     """
-    widths = [_BENEATH if c == MEASURED else _WIDTH for c in colours]
-    style = rr.SeriesLines(names=[readable(n) for n in names], colors=list(colours), widths=widths)
-    canvas.once(path, style)
+    widths, known = [_BENEATH if c == MEASURED else _WIDTH for c in colours], map(readable, names)
+    canvas.once(path, rr.SeriesLines(names=list(known), colors=list(colours), widths=widths))
     canvas.columns(path, at, rr.Scalars.columns(scalars=values))
 
 
@@ -126,8 +124,8 @@ def log_channels(
     """Log wrenches (N, 6) by name over the canvas's axis at (N,), one entity a channel."""
     for k, channel in enumerate(CHANNELS):
         values = np.stack([w[:, k] for w in wrenches.values()], axis=1)
-        names = list(wrenches)
-        log_curves(canvas, f"{root}/{channel}", at, values, names, colours[: len(names)])
+        shades = colours[: len(wrenches)]
+        log_curves(canvas, f"{root}/{channel}", at, values, list(wrenches), shades)
 
 
 def log_joints(canvas: Canvas, at: np.ndarray, q: np.ndarray, joints: Sequence[Joint]) -> None:

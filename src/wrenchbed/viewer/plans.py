@@ -50,20 +50,38 @@ def plan_view(plan: Plan, path: str | Path, limits: Limits | None = None) -> Non
     robot = registry.load("robots", plan.robot)
     if not isinstance(robot, SimulatedRobot):
         raise ParameterError(f"{plan.name}: robot {plan.robot!r} has no model to show")
-    limits = limits or Limits()
-    axis, blocked = TIME, ""
+    axis, q, at, blocked = _course(robot, plan, limits or Limits())
+    model = Model.of(robot)
+    expected = model.predict(q, model.parameters.nominal)
+    shown = frames(q, at if axis == TIME else None)
+    simulation = Simulation(robot, robot.parameters.nominal)
+    seen, scale = motion(simulation, q[shown]), scale_for(expected)
+    tabs = [
+        layout.channels("expected at rest", (axis, at)),
+        layout.curves("/joints", "joints [°, mm]", window=(axis, at)),
+        layout.document("/report", "about"),
+    ]
+    with to_file(path, layout.page(layout.scene(robot.name), tabs, axis), axis) as canvas:
+        log_robot(canvas, robot, at[shown], seen)
+        log_arrows(canvas, "simulated", at[shown], expected[shown], seen, scale, SIMULATED)
+        log_channels(canvas, "wrench", at, {"nominal robot and tool": expected}, [SIMULATED])
+        log_joints(canvas, at, q, robot.joints)
+        _log_marks(canvas, plan, simulation, seen.sensor)
+        log_words(canvas, "report", _words(plan, expected, at, blocked, scale.sentence))
+
+
+def _course(
+    robot: SimulatedRobot, plan: Plan, limits: Limits
+) -> tuple[str, np.ndarray, np.ndarray, str]:
+    """Timeline, joint values (K, J), their times [s] or rows (K,), and why it cannot be run."""
     if plan.mode == "dynamic":
         assert plan.rate_hz is not None  # `Plan` holds it
-        q, at = plan.q, np.arange(len(plan)) / plan.rate_hz
-    else:
-        try:
-            rows = range(len(plan))
-            legs = itinerary(robot, plan, robot.home, limits, rows, clear=True)
-            q, at = along(robot, legs, plan.dwell, limits.speed)
-        except PlanError as error:
-            axis, blocked = ROW, str(error)
-            q, at = plan.q, np.arange(float(len(plan)))
-    _write(path, plan, robot, q, at, axis, blocked)
+        return TIME, plan.q, np.arange(len(plan)) / plan.rate_hz, ""
+    try:
+        legs = itinerary(robot, plan, robot.home, limits, range(len(plan)), clear=True)
+    except PlanError as error:
+        return ROW, plan.q, np.arange(float(len(plan))), str(error)
+    return TIME, *along(robot, legs, plan.dwell, limits.speed), ""
 
 
 def along(
@@ -88,35 +106,6 @@ def along(
         q.append(here)
         at.append(now)
     return np.array(q), np.array(at)
-
-
-def _write(
-    path: str | Path,
-    plan: Plan,
-    robot: SimulatedRobot,
-    q: np.ndarray,
-    at: np.ndarray,
-    axis: str,
-    blocked: str,
-) -> None:
-    model = Model.of(robot)
-    expected = model.predict(q, model.parameters.nominal)
-    shown = frames(q, at if axis == TIME else None)
-    simulation = Simulation(robot, robot.parameters.nominal)
-    seen = motion(simulation, q[shown])
-    scale = scale_for(expected)
-    tabs = [
-        layout.channels("expected at rest", (axis, at)),
-        layout.curves("/joints", "joints [°, mm]", window=(axis, at)),
-        layout.document("/report", "about"),
-    ]
-    with to_file(path, layout.page(layout.scene(robot.name), tabs, axis), axis) as canvas:
-        log_robot(canvas, robot, at[shown], seen)
-        log_arrows(canvas, "simulated", at[shown], expected[shown], seen, scale, SIMULATED)
-        log_channels(canvas, "wrench", at, {"nominal robot and tool": expected}, [SIMULATED])
-        log_joints(canvas, at, q, robot.joints)
-        _log_marks(canvas, plan, simulation, seen.sensor)
-        log_words(canvas, "report", _words(plan, expected, at, blocked, scale.sentence))
 
 
 def _log_marks(canvas: Canvas, plan: Plan, simulation: Simulation, way: np.ndarray) -> None:

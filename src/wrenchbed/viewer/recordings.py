@@ -44,30 +44,24 @@ def recording_view(
         return
     known = simulators(recording, files)
     robot, best = robot_of(recording), known[-1]
-    q, at_rest = recording.q.astype(float), recording.metadata.mode == "static"
-    at, axis = _over(recording)
-    shown = frames(q, None if at_rest else at)
+    q, (at, axis) = recording.q.astype(float), _over(recording)
+    shown = frames(q, None if axis == ROW else at)
     simulation = Simulation(robot, known[0].theta)
     real, loops = motion(simulation, q[shown]), simulation.model.neq > 0
-    residual = recording.wrench - best.reading
-    blueprint = layout.page(
-        layout.scene(robot.name),
-        [
-            layout.channels("wrench and residual", (axis, at), residual),
-            layout.curves("/joints", "joints [°, mm]", (axis, at)),
-            *([layout.curves("/closure", "loop closure [nm]", (axis, at))] if loops else []),
-            layout.document("/report", "about"),
-        ],
-        axis,
-    )
-    with to_file(path, blueprint, axis) as canvas:
+    residual, scale = recording.wrench - best.reading, scale_for(recording.wrench)
+    tabs = [
+        layout.channels("wrench and residual", (axis, at), residual),
+        layout.curves("/joints", "joints [°, mm]", (axis, at)),
+        *([layout.curves("/closure", "loop closure [nm]", (axis, at))] if loops else []),
+        layout.document("/report", "about"),
+    ]
+    readings = {"measured": recording.wrench} | {s.name: s.reading for s in known}
+    arrows = (("measured", recording.wrench, MEASURED, -1.0),
+              ("simulated", best.reading, SIMULATED, 1.0))  # fmt: skip
+    with to_file(path, layout.page(layout.scene(robot.name), tabs, axis), axis) as canvas:
         log_robot(canvas, robot, at[shown], real)
-        scale = scale_for(recording.wrench)
-        log_arrows(
-            canvas, "measured", at[shown], recording.wrench[shown], real, scale, MEASURED, -1.0
-        )
-        log_arrows(canvas, "simulated", at[shown], best.reading[shown], real, scale, SIMULATED, 1.0)
-        readings = {"measured": recording.wrench} | {s.name: s.reading for s in known}
+        for name, wrench, colour, side in arrows:
+            log_arrows(canvas, name, at[shown], wrench[shown], real, scale, colour, side)
         log_channels(canvas, "wrench", at, readings)
         log_channels(canvas, "residual", at, {"residual": residual}, [RESIDUAL])
         log_joints(canvas, at, q, robot.joints)
@@ -105,17 +99,13 @@ def _log_words(
         "Measured is blue, simulated orange. Arrows are loads on the sensor, forces strong, "
         f"torques pale: {scale}.", "",
     ]  # fmt: skip
-    made = markdown(provenance([recording.name]))
-    if not known:
-        rows += made
-        log_words(canvas, "report", "\n".join(rows))
-        return
-    judged = agreements(recording, known, noise_of(recording))
-    nearest = best(judged)
-    rows[2:2] = [f"**{nearest.headline}**", "", nearest.text, ""]
-    rows += [f"| rms of the residual [N, N·m] | {' | '.join(CHANNELS)} |", "|---|" + 6 * "---|"]
-    for a in judged:
-        cells = (f"{x:.3g} ({r:.3g} × noise)" for x, r in zip(a.rms, a.ratios, strict=True))
-        rows.append(f"| {a.name} | {' | '.join(cells)} |")
-    rows += made
+    if known:
+        judged = agreements(recording, known, noise_of(recording))
+        nearest = best(judged)
+        rows[2:2] = [f"**{nearest.headline}**", "", nearest.text, ""]
+        rows += [f"| rms of the residual [N, N·m] | {' | '.join(CHANNELS)} |", "|---|" + 6 * "---|"]
+        for a in judged:
+            cells = (f"{x:.3g} ({r:.3g} × noise)" for x, r in zip(a.rms, a.ratios, strict=True))
+            rows.append(f"| {a.name} | {' | '.join(cells)} |")
+    rows += markdown(provenance([recording.name]))
     log_words(canvas, "report", "\n".join(rows))

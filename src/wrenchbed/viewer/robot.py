@@ -68,33 +68,25 @@ def shapes(
             name = model.geom(g).name or g
             raise NotFoundError(f"geom {name} is a {GEOM(model.geom_type[g]).name}: not drawn")
         chosen.setdefault(kind, []).append(int(g))
-    found = {}
+    made: dict[str, Any] = {}
     for kind, numbers in chosen.items():
         g = np.array(numbers)
-        turn = xyzw(model.geom_quat[g])
-        size, at = _half_sizes(model, g), model.geom_pos[g]
-        look = {
-            "colors": _painted(model, g, paint),
-            "quaternions": turn,
-            "fill_mode": rr.components.FillMode.Solid,
-        }
+        size, at, turn = _half_sizes(model, g), model.geom_pos[g], xyzw(model.geom_quat[g])
+        look = {"colors": _painted(model, g, paint), "quaternions": turn,
+                "fill_mode": rr.components.FillMode.Solid}  # fmt: skip
+        round_ = {"lengths": 2 * size[:, 2], "radii": size[:, 0]}
         if kind == "meshes":
-            found[kind] = _mesh(model, g, look["colors"])
+            made[kind] = _mesh(model, g, look["colors"])
         elif kind == "boxes":
-            found[kind] = rr.Boxes3D(half_sizes=size, centers=at, **look)
+            made[kind] = rr.Boxes3D(half_sizes=size, centers=at, **look)
         elif kind == "ellipsoids":
-            found[kind] = rr.Ellipsoids3D(half_sizes=size, centers=at, **look)
+            made[kind] = rr.Ellipsoids3D(half_sizes=size, centers=at, **look)
         elif kind == "cylinders":
-            found[kind] = rr.Cylinders3D(
-                lengths=2 * size[:, 2], radii=size[:, 0], centers=at, **look
-            )
-        else:
-            half = model.geom_size[g][:, 1]  # a capsule's begins where its axis does
-            start = at - half[:, None] * _axis(model.geom_quat[g])
-            found[kind] = rr.Capsules3D(
-                lengths=2 * half, radii=size[:, 0], translations=start, **look
-            )
-    return found
+            made[kind] = rr.Cylinders3D(centers=at, **round_, **look)
+        else:  # a capsule's begins where its axis does
+            start = at - size[:, [2]] * matrix(model.geom_quat[g])[..., 2]
+            made[kind] = rr.Capsules3D(translations=start, **round_, **look)
+    return made
 
 
 def _mesh(model: mujoco.MjModel, numbers: np.ndarray, colours: np.ndarray) -> Any:
@@ -132,12 +124,6 @@ def _half_sizes(model: mujoco.MjModel, g: np.ndarray) -> np.ndarray:
     size[flat, :2] = np.where(size[flat, :2] > 0, size[flat, :2], _WIDE)
     size[flat, 2] = _FLAT
     return size
-
-
-def _axis(quaternion: np.ndarray) -> np.ndarray:
-    """Each geom's z axis (n, 3) in its body."""
-    w, x, y, z = quaternion.T
-    return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), w * w - x * x - y * y + z * z], 1)
 
 
 def _painted(

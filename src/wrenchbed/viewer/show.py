@@ -53,43 +53,27 @@ def viewer(file: str | Path, *, port: int = PORT) -> Iterator["subprocess.Popen[
     """
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise ParameterError("there is no screen: write a file with --rrd and open it elsewhere")
-    with contextlib.suppress(OSError), socket.create_connection((HOST, port), 1.0):
+    if _listens(port):
         raise DriverError(f"port {port} is taken, perhaps by a viewer that is open: close it")
     with quiet() as environment:
         process = subprocess.Popen(bound(command(file, port=port)), env=environment)
         try:
-            _wait_for(process, port)
+            until = time.monotonic() + _OPENS_S
+            while not _listens(port):
+                if process.poll() is not None or time.monotonic() > until:
+                    raise DriverError(f"rerun's viewer does not listen at {HOST}:{port}")
+                time.sleep(0.1)
             yield process
         finally:
             process.terminate()
             process.wait(_CLOSES_S)
 
 
-def until_closed(process: "subprocess.Popen[bytes]") -> None:
-    """Wait until a viewer is closed.
-
-    Raises:
-        DriverError: it failed; it said why.
-    """
-    code = process.wait()
-    if code not in (0, -signal.SIGINT):
-        raise DriverError(f"rerun's viewer ended with code {code}")
-
-
-def _wait_for(process: "subprocess.Popen[bytes]", port: int) -> None:
-    """Wait until a viewer listens.
-
-    Raises:
-        DriverError: it ended, or did not begin in time.
-    """
-    until = time.monotonic() + _OPENS_S
-    while time.monotonic() < until:
-        with contextlib.suppress(OSError), socket.create_connection((HOST, port), 1.0):
-            return
-        if process.poll() is not None:
-            raise DriverError(f"rerun's viewer ended with code {process.returncode}")
-        time.sleep(0.1)
-    raise DriverError(f"rerun's viewer does not listen at {HOST}:{port}")
+def _listens(port: int) -> bool:
+    """Whether somebody accepts connections to a port of this machine."""
+    with contextlib.suppress(OSError), socket.create_connection((HOST, port), 1.0):
+        return True
+    return False
 
 
 @contextmanager
@@ -111,8 +95,7 @@ def quiet() -> Iterator[dict[str, str]]:
 
 def _binary() -> Path:
     """Rerun's viewer itself: killing the Python script around it would leave it running."""
-    package = registry.require("rerun_cli", "view")
-    return Path(str(package.__file__)).parent / "rerun"
+    return Path(str(registry.require("rerun_cli", "view").__file__)).parent / "rerun"
 
 
 def view(
@@ -139,7 +122,8 @@ def view(
         picture = _picture(Path(file), against, out, Path(folder))
         if rrd is None:
             with contextlib.suppress(KeyboardInterrupt), viewer(picture, port=port) as process:
-                until_closed(process)
+                if (code := process.wait()) not in (0, -signal.SIGINT):
+                    raise DriverError(f"rerun's viewer ended with code {code}")
 
 
 def _picture(file: Path, against: Sequence[str | Path], rrd: Path | None, folder: Path) -> Path:
