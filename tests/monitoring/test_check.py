@@ -114,7 +114,7 @@ def test_a_step_is_measured(plan):
     robot = MonthlyRobot(UR5, plan, 11, fault="tool.mass", begins=6)
     step, j = History(UR5, series(robot, 8)).step(6), list(NUMBERS).index("tool.mass")
     item, amount = robot.cause
-    (size,) = item.values.values()
+    (size,) = item.true.values()
     assert abs(step.size[j] - size * amount) < stats.t.ppf(0.975, step.freedom) * step.std[j]
 
 

@@ -131,26 +131,20 @@ def choose(robot: Robot) -> Plan:
         raise PlanError(f"robot {robot.name!r} has no model to plan with, and a check needs one")
     joints = ("joint.offset", "joint.compliance")
     wanted = {**FITTED, **{n: [p.name for p in effects()[n].parameters(robot)] for n in joints}}
-    q, gravity, clearance = robot.pool(_POOL, 0), np.asarray(robot.gravity), Clearance(robot)
-    scene = Scene(
-        robot, robot.parameters.nominal, gravity, q, np.arange(_POOL) * 1.0,
-        np.ones(_POOL, dtype=bool),
-    )  # fmt: skip
+    q, theta, gravity = robot.pool(_POOL, 0), robot.parameters.nominal, np.asarray(robot.gravity)
+    scene = Scene(robot, theta, gravity, q, np.arange(_POOL) * 1.0, np.ones(_POOL, dtype=bool))
     noise = registry.load("sensors", robot.sensor).noise.row_std / np.sqrt(SAMPLES)
     blocks = tangents(scene, wanted)[0] / noise[:, None]
-    hits = [0]
+    prior, clearance, hits = np.eye(blocks.shape[-1]), Clearance(robot), [0]
     while hits:
-        prior = np.eye(blocks.shape[-1])
         chosen = exchange(Pool(blocks), INDICES["O1"], _POSES - 1, prior=prior).chosen
         hits = [k for k in chosen if clearance.hit(q[k])]
         poses = list(q[chosen])
         q, blocks = np.delete(q, hits, axis=0), np.delete(blocks, hits, axis=0)
-    way, here = [], np.asarray(robot.home, dtype=float)
+    way = [np.asarray(robot.home, dtype=float)]
     while poses:
-        nearest = int(np.argmin([duration(robot, here, q) for q in poses]))
-        here = poses.pop(nearest)
-        way.append(here)
-    return Plan.of(robot.name, np.array([*way, way[0]]))
+        way.append(poses.pop(int(np.argmin([duration(robot, way[-1], q) for q in poses]))))
+    return Plan.of(robot.name, np.array([*way[1:], way[1]]))
 
 
 def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
@@ -161,15 +155,14 @@ def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
     """
     start = max(k for k, c in enumerate(checks) if k == 0 or c.baseline)
     series, n = History(robot, checks[start:]), len(checks) - start
-    first, begin = checks[start], n - 1
-    alarms = _alarms(series)
-    verdict = CHANGED if alarms else CANNOT_TELL if n < LEAST else HEALTHY
-    if any(c.verdict == CHANGED for c in checks[start:-1]):
-        verdict = CHANGED
-    changes: tuple[Change, ...] = ()
-    if verdict == CHANGED:
+    first, begin, alarms = checks[start], n - 1, _alarms(series)
+    changed = bool(alarms) or any(c.verdict == CHANGED for c in checks[start:-1])
+    verdict = CHANGED if changed else CANNOT_TELL if n < LEAST else HEALTHY
+    if changed:
         begin = 1 + int(np.argmax([series.step(k).evidence for k in range(1, n)]))
-        changes = _changes(series, begin, LEVEL)
+    level = LEVEL if changed else _level(series, 1)
+    changes = _changes(series, begin, level) if begin else ()
+    if changed:
         headline = _what_changed(series, begin, changes)
         headline += "" if alarms else "; found at an earlier check"
     elif verdict == CANNOT_TELL:
@@ -180,12 +173,8 @@ def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
         )
     else:
         headline = f"healthy: no change in {n} checks since {first.time:%Y-%m-%d}"
-    if begin and not changes:
-        changes = _changes(series, begin, _level(series, 1))
-    comparison = Comparison(
-        "checks", f"{begin} checks from {first.day}", f"{n - begin} checks to {checks[-1].day}",
-        changes, None, (), (headline,), verdict == CHANGED,
-    )  # fmt: skip
+    ends = f"{begin} checks from {first.day}", f"{n - begin} checks to {checks[-1].day}"
+    comparison = Comparison("checks", *ends, changes, None, (), (headline,), changed)
     return Judgement(verdict, comparison, series, begin, alarms)
 
 
@@ -284,9 +273,10 @@ def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
         )
     data, poses = observe(restored(recording)), len(plan)
     q = np.asarray(data.q)
-    fits = len(q) >= poses and np.abs(q[:poses] - plan.q).max(axis=1) <= _FAR
-    if not np.all(fits):
-        first = len(q) if len(q) < poses else int(np.argmin(fits))
+    known = min(len(q), poses)
+    far = np.abs(q[:known] - plan.q[:known]).max(axis=1) > _FAR
+    if known < poses or far.any():
+        first = known if known < poses else int(np.argmax(far))
         raise RecordingError(
             f"{recording.name}: holds {len(q)} poses; pose {first} is not that of {plan.name}: "
             f"record that plan (wrenchbed record --plan {plan.name})"
@@ -351,10 +341,10 @@ def _judged(
     """
     history.agrees(folder, checks, new, datetime.now(UTC))
     judgement = judge(robot, [*checks, new])
-    numbers, values = judgement.history, dict[str, float]()
-    for name, value, std in zip(NUMBERS, numbers.values[-1], numbers.std, strict=True):
+    series, values = judgement.history, dict[str, float]()
+    for name, value, std in zip(NUMBERS, series.values[-1], series.std, strict=True):
         values |= {name: float(value), f"{name}.std": float(std)}
-    values["misfit"] = float(numbers.misfit[-1])
+    values[MISFIT] = float(series.misfit[-1])
     return judgement, replace(new, verdict=judgement.verdict, values=values)
 
 

@@ -122,34 +122,32 @@ def _read(path: Path) -> tuple[str, checked.Fields]:
 
 def _of_fits(fits: Sequence[checked.Fields], names: tuple[str, str], kind: str) -> Comparison:
     """Comparison of two fits by their covariances."""
-    known = [_determined(f) for f in fits]
-    both = [n for n in known[0] if n in known[1]]
-    left = [f"{n}: only in {names[k]}" for k in (0, 1) for n in known[k] if n not in known[1 - k]]
-    left += [
-        f"{n}: {name} fixes it only in combination with others"
-        for fit, name in zip(fits, names, strict=True)
-        for n in fit.part("parameters").raw
-        if fit.part("parameters").part(n).number("std", "") is None
+    entries = [{n: f.part("parameters").part(n) for n in f.part("parameters").raw} for f in fits]
+    stated = ("value", "std")
+    known = [
+        {n for n, e in each.items() if None not in [e.number(field, "") for field in stated]}
+        for each in entries
     ]
+    both = [n for n in entries[0] if n in known[0] & known[1]]
+    left, sentences = list[str](), list[str]()
+    for k, (fit, name) in enumerate(zip(fits, names, strict=True)):
+        left += [f"{n}: only in {name}" for n in entries[k] if n in known[k] - known[1 - k]]
+        fixed = (n for n in entries[k] if n not in known[k])
+        left += [f"{n}: {name} fixes it only in combination with others" for n in fixed]
+        if fit.raw.get("refuted"):
+            sentences.append(f"{name} is refuted by its own data: {fit.raw['refuted']}")
     if not both:
         raise ParameterError(f"{names[0]} and {names[1]} determine no number in common")
-    before, after = (np.array([values[n] for n in both]) for values in known)
+    before, after = (np.array([each[n].number("value", "") for n in both]) for each in entries)
     covariance = _covariance(fits[0], both) + _covariance(fits[1], both)
-    units = {n: str(fits[0].part("parameters").part(n).raw.get("unit")) for n in both}
+    units = {n: str(entries[0][n].raw.get("unit")) for n in both}
     changes = changes_of(units, before, after, np.sqrt(np.diagonal(covariance)))
     together = _together(after - before, covariance)
-    sentences = [_headline(changes, together)]
     recordings = [fit.raw.get("recording") for fit in fits]
     if kind == "fits" and recordings[0] == recordings[1]:
-        sentences.append(
-            f"both are of {recordings[0]}: fits of the same rows share their noise, and σ is then "
-            "too large"
-        )
-    sentences += [
-        f"{name} is refuted by its own data: {fit.raw['refuted']}"
-        for fit, name in zip(fits, names, strict=True)
-        if fit.raw.get("refuted")
-    ]
+        shared = "fits of the same rows share their noise, and σ is then too large"
+        sentences.insert(0, f"both are of {recordings[0]}: {shared}")
+    sentences.insert(0, _headline(changes, together))
     changed = any(c.changed for c in changes) or together["p"] < LEVEL
     return Comparison(kind, *names, changes, together, tuple(left), tuple(sentences), changed)
 
@@ -180,16 +178,6 @@ def changes_of(
         Change(n, u, float(x), float(y), float(s), float(z), bool(c))
         for (n, u), x, y, s, z, c in each
     )
-
-
-def _determined(fit: checked.Fields) -> dict[str, float]:
-    """Values of the parameters that have an uncertainty, by name."""
-    parts = fit.part("parameters")
-    entries = {n: parts.part(n) for n in parts.raw}
-    values = {
-        n: e.number("value", "") for n, e in entries.items() if e.number("std", "") is not None
-    }
-    return {n: value for n, value in values.items() if value is not None}
 
 
 def _covariance(fields: checked.Fields, names: Sequence[str]) -> np.ndarray:
@@ -246,31 +234,18 @@ def _of_diagnoses(fields: Sequence[checked.Fields], names: tuple[str, str]) -> C
     if ends[0] and ends[1] and (ends[0][1] < ends[1][0] or ends[1][1] < ends[0][0]):
         values = [g.number("calibrated", "") or 0.0 for g in gaps]
         sentences.append(f"gap after calibration: {values[0]:.3g} → {values[1]:.3g}")
-    pairs: dict[str, tuple[str, list[float]]] = {}
-    for name in (n for n in causes[0] if n in causes[1]):
-        pairs |= _numbers(name, causes[0][name], causes[1][name])
-    units = {name: unit for name, (unit, _) in pairs.items()}
-    before, after, *std = np.array([v for _, v in pairs.values()]).reshape(-1, 4).T
+    units, numbers = dict[str, str](), list[list[float]]()
+    for effect in (n for n in causes[0] if n in causes[1]):
+        parts = [c[effect].part("parameters") for c in causes]
+        for name in (n for n in parts[0].raw if n in parts[1].raw):
+            entries = [p.part(name) for p in parts]
+            stated = [e.number(field, "") for field in ("value", "std") for e in entries]
+            if len(known := [x for x in stated if x is not None]) == len(stated):
+                units[f"{effect} {name}"] = str(entries[0].raw.get("unit", ""))
+                numbers.append(known)
+    before, after, *std = np.array(numbers).reshape(-1, 4).T
     changes = changes_of(units, before, after, np.hypot(*std))
     sentences += [c.sentence for c in changes if c.changed]
-    any_changed = bool(sentences)
-    sentences = sentences or [
-        f"no change: both {verdicts[0]}, the same causes, {len(changes)} numbers agree"
-    ]
-    return Comparison("diagnoses", *names, changes, None, (), tuple(sentences), any_changed)
-
-
-def _numbers(
-    effect: str, a: checked.Fields, b: checked.Fields
-) -> dict[str, tuple[str, list[float]]]:
-    """Unit, both values and both uncertainties of each number of a cause that both diagnoses
-    state with an uncertainty."""
-    parts = (a.part("parameters"), b.part("parameters"))
-    numbers: dict[str, tuple[str, list[float]]] = {}
-    for name in (n for n in parts[0].raw if n in parts[1].raw):
-        both = [p.part(name) for p in parts]
-        stated = [x.number(field, "") for field in ("value", "std") for x in both]
-        values = [float(v) for v in stated if v is not None]
-        if len(values) == len(stated):
-            numbers[f"{effect} {name}"] = str(both[0].raw.get("unit", "")), values
-    return numbers
+    same = f"no change: both {verdicts[0]}, the same causes, {len(changes)} numbers agree"
+    texts = tuple(sentences or [same])
+    return Comparison("diagnoses", *names, changes, None, (), texts, bool(sentences))

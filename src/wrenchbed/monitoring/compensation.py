@@ -70,15 +70,6 @@ class External:
         }  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class _AtPose:
-    """Expected reading (6,) at joint values, and the matrix (6, 6) that brings a wrench from the
-    sensor's axes to those of the result."""
-
-    expected: np.ndarray
-    turn: np.ndarray
-
-
 class Compensator:
     """Compensates reading by reading.
 
@@ -111,33 +102,25 @@ class Compensator:
         kept = tuple(a for a in known if _undone(a, twin))
         self.not_undone = tuple(a.effect.name for a in known if a not in kept)
         self._twin = Twin(twin.model, twin.theta, kept, twin.recording)
-        self._mixing, self._plain = _mixing(self._twin), not kept
-        self._sum = np.zeros(6)
-        self._zero, self._last = np.zeros(6), -np.inf
+        self._mixing, self._plain = np.linalg.inv(_slope(self._twin).T), not kept
+        self._sum, self._zero, self._last, self._alarm = np.zeros(6), np.zeros(6), -np.inf, ""
         self._recent: deque[tuple[float, np.ndarray]] = deque()
-        self._alarm = ""
         self.q = np.asarray(robot.home, dtype=float)
-        self._here = self._evaluated(self.q)
+        self._expected, self._turn = self._evaluated(self.q)
 
     def __call__(self, t: float, q: np.ndarray, wrench: np.ndarray, at_rest: bool) -> External:
         """Compensate a reading (6,) [N, N·m] at joint values (J,), at a time [s]."""
         if not np.array_equal(q, self.q):  # sensors are faster than joints
-            self.q, self._here = q.copy(), self._evaluated(q)
-        residual = self._mixing @ (wrench - self._here.expected)
+            self.q, (self._expected, self._turn) = q.copy(), self._evaluated(q)
+        residual = self._mixing @ (wrench - self._expected)
         if at_rest:
             self._judge(t, residual)
         else:
             self._recent.clear()
             self._sum = np.zeros(6)
         self._last = t
-        return External(
-            t,
-            self._here.turn @ (residual - self._zero),
-            self._noise,
-            at_rest,
-            self._zero.copy(),
-            self._alarm,
-        )
+        external = self._turn @ (residual - self._zero)
+        return External(t, external, self._noise, at_rest, self._zero.copy(), self._alarm)
 
     def tare(self) -> str:
         """Make the present mean at rest the zero; returns what it moved, in words.
@@ -153,26 +136,21 @@ class Compensator:
         self._zero = self._zero + moved
         return ", ".join(f"{c} {v:+.3g}" for c, v in zip(CHANNELS, moved, strict=True))
 
-    def _expected(self, q: np.ndarray) -> np.ndarray:
-        """Reading (6,) that the calibrated sensor has without an external wrench."""
+    def _evaluated(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Reading (6,) that the calibrated sensor has at joint values (J,) without an external
+        wrench, and the matrix (6, 6) that brings a wrench from its axes to those of the result."""
         twin, row = self._twin, q[None]
         if self._plain:
-            return np.asarray(twin.model.predict(row, twin.theta)[0])
-        gravity, held = np.asarray(twin.model.gravity), np.ones(1, dtype=bool)
-        scene = Scene(twin.model.robot, twin.robot_theta, gravity, row, np.zeros(1), held)
-        return np.asarray(twin.wrench(scene)[0])
-
-    def _evaluated(self, q: np.ndarray) -> "_AtPose":
-        """Expected reading and transform at joint values (J,)."""
-        expected = self._expected(q)
+            expected = np.asarray(twin.model.predict(row, twin.theta)[0])
+        else:
+            expected = twin.wrench(_scene(twin, row, np.zeros(1)))[0]
         if self._frame == "sensor":
-            return _AtPose(expected, np.eye(6))
-        theta = self._twin.robot_theta
-        turn, at = (np.asarray(x)[0] for x in self._robot.sensor_pose(q[None], theta))
+            return expected, np.eye(6)
+        turn, at = (np.asarray(x)[0] for x in self._robot.sensor_pose(row, twin.robot_theta))
         if self._frame == "base" or not isinstance(self._robot, SerialChain):
-            return _AtPose(expected, _transform(turn, np.zeros(3)))
-        flange, origin = (np.asarray(x)[0] for x in self._robot.flange_pose(q[None], theta))
-        return _AtPose(expected, _transform(flange.T @ turn, flange.T @ (at - origin)))
+            return expected, _transform(turn, np.zeros(3))
+        flange, origin = (np.asarray(x)[0] for x in self._robot.flange_pose(row, twin.robot_theta))
+        return expected, _transform(flange.T @ turn, flange.T @ (at - origin))
 
     def _mean(self) -> np.ndarray:
         return self._sum / len(self._recent)
@@ -213,46 +191,34 @@ def compensator(path: str | Path, noise: np.ndarray, frame: str, follow: bool) -
 
 
 def _undone(a: ActiveEffect, twin: Twin) -> bool:
-    """Whether an effect follows from the present pose and load alone, linearly."""
+    """Whether an effect follows from the present pose and load alone, linearly: successive poses
+    read as each of them does alone, and the sensor's reading of a sum is the sum of readings."""
     if a.effect.modes == ("dynamic",):
         return False
-    return _without_memory(a, twin) and (not a.effect.in_sensor or _linear(a, twin))
+    one = Twin(twin.model, twin.model.parameters.nominal, (a,))
+    q = twin.model.robot.sample(_TRIED, np.random.default_rng(1))
+    together = one.wrench(_scene(one, q, np.linspace(0.0, _TRIED_S, _TRIED)))
+    alone = [one.wrench(_scene(one, q[k : k + 1], np.zeros(1)))[0] for k in range(_TRIED)]
+    if not np.allclose(together, alone, atol=_SAME):
+        return False
+    loads = np.random.default_rng(1).standard_normal((_TRIED, 6))
+    straight = loads @ _slope(one) + _read(one, np.zeros((1, 6)))
+    return not a.effect.in_sensor or bool(np.allclose(_read(one, loads), straight, atol=_SAME))
 
 
-def _without_memory(a: ActiveEffect, twin: Twin) -> bool:
-    """Whether successive poses read as each of them does alone."""
-    robot, one = twin.model.robot, Twin(twin.model, twin.model.parameters.nominal, (a,))
-    q = robot.sample(_TRIED, np.random.default_rng(1))
-    t, held = np.linspace(0.0, _TRIED_S, _TRIED), np.ones(_TRIED, dtype=bool)
-    gravity = np.asarray(twin.model.gravity)
-    together = one.wrench(Scene(robot, one.robot_theta, gravity, q, t, held))
-    alone = [
-        one.wrench(Scene(robot, one.robot_theta, gravity, q[k : k + 1], t[:1], held[:1]))[0]
-        for k in range(_TRIED)
-    ]
-    return bool(np.allclose(together, alone, atol=_SAME))
-
-
-def _linear(a: ActiveEffect, twin: Twin) -> bool:
-    """Whether the sensor is linear: its reading of a sum is the sum of its readings."""
-    rng, one = np.random.default_rng(1), Twin(twin.model, twin.model.parameters.nominal, (a,))
-    loads = rng.standard_normal((8, 6))
-    slope = _read(one, np.eye(6)) - _read(one, np.zeros((6, 6)))
-    straight = loads @ slope + _read(one, np.zeros((1, 6)))
-    return bool(np.allclose(_read(one, loads), straight, atol=_SAME))
+def _scene(twin: Twin, q: np.ndarray, t: np.ndarray) -> Scene:
+    """Rest at joint values (N, J) at times (N,) [s]."""
+    gravity, held = np.asarray(twin.model.gravity), np.ones(len(q), dtype=bool)
+    return Scene(twin.model.robot, twin.robot_theta, gravity, q, t, held)
 
 
 def _read(twin: Twin, loads: np.ndarray) -> np.ndarray:
     """Readings of loads (M, 6) at the home pose."""
     robot, n = twin.model.robot, len(loads)
     assert isinstance(robot, SimulatedRobot)
-    q, held = np.tile(robot.home, (n, 1)), np.ones(n, dtype=bool)
-    gravity = np.asarray(twin.model.gravity)
-    scene = Scene(robot, twin.robot_theta, gravity, q, np.arange(n) / 100.0, held)
-    return twin.reading(scene, loads)
+    return twin.reading(_scene(twin, np.tile(robot.home, (n, 1)), np.arange(n) / 100.0), loads)
 
 
-def _mixing(twin: Twin) -> np.ndarray:
-    """A⁻¹ (6, 6): from a difference of readings to one of loads."""
-    slope = (_read(twin, np.eye(6)) - _read(twin, np.zeros((6, 6)))).T
-    return np.linalg.inv(slope)
+def _slope(twin: Twin) -> np.ndarray:
+    """Readings (6, 6) of unit loads, a row each, less that of none."""
+    return _read(twin, np.eye(6)) - _read(twin, np.zeros((6, 6)))

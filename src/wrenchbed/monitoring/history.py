@@ -73,7 +73,7 @@ class Check:
     @property
     def day(self) -> str:
         """Date of the check for people."""
-        return f"{self.time:%Y-%m-%d %H:%M:%S} UTC"
+        return _day(self.time)
 
 
 def digest(robot: Robot, sensor: str) -> str:
@@ -147,23 +147,23 @@ def _checks(path: Path, columns: Mapping[str, np.ndarray]) -> list[Check]:
     for i, j in _PAIRS:
         spread[:, i, j] = spread[:, j, i] = numbers(f"row.{CHANNELS[i]}.{CHANNELS[j]}")
     other = {*_TEXTS, "temperature", "covariance"}  # once there was a covariance, as JSON
-    names = [n for n in columns if n not in other and not n.startswith(("hold", "row."))]
-    fitted = {n: numbers(n) for n in names}
-    checks = []
+    fitted = {n: numbers(n) for n in columns if n not in other
+              and not n.startswith(("hold", "row."))}  # fmt: skip
+    times = []
     for k, text in enumerate(texts.pop("time")):
         try:
-            time = datetime.fromisoformat(text).astimezone(UTC)
+            times.append(datetime.fromisoformat(text).astimezone(UTC))
         except ValueError as error:
             raise HistoryError(f"{path}: row {k}: time cannot be read: {_REMEDY}") from error
-        values = {n: float(v[k]) for n, v in fitted.items()}
-        checks.append(
-            Check(
-                time=time, temperature=float(temperature[k]), t=timing[k, :, 0], q=q[k],
-                wrench=wrench[k], count=timing[k, :, 1], covariance=spread[k], values=values,
-                **{n: v[k] for n, v in texts.items()},
-            )
-        )  # fmt: skip
-    return checks
+    return [
+        Check(
+            time=time, temperature=float(temperature[k]), t=timing[k, :, 0], q=q[k],
+            wrench=wrench[k], count=timing[k, :, 1], covariance=spread[k],
+            values={n: float(v[k]) for n, v in fitted.items()},
+            **{n: v[k] for n, v in texts.items()},
+        )
+        for k, time in enumerate(times)
+    ]  # fmt: skip
 
 
 def agrees(folder: Path, checks: Sequence[Check], new: Check, now: datetime) -> None:
@@ -183,45 +183,43 @@ def in_time(folder: Path, checks: Sequence[Check], time: datetime, now: datetime
     Raises:
         HistoryError: names the row and the remedy.
     """
-    shown = f"this machine's clock shows {now:%Y-%m-%d %H:%M:%S} UTC"
+    path, clock = folder / FILE, f"this machine's clock shows {_day(now)}"
     if checks and checks[-1].time > now:
-        raise HistoryError(
-            f"{folder / FILE}: row {len(checks) - 1} is of {checks[-1].day}, and {shown}: it was "
-            "set back. Set it right and check again"
-        )
+        row = f"row {len(checks) - 1} is of {checks[-1].day}"
+        remedy = "it was set back. Set it right and check again"
+        raise HistoryError(f"{path}: {row}, and {clock}: {remedy}")
     if time > now or (checks and time <= checks[-1].time):
-        why = shown if time > now else f"the last one of {checks[-1].day}"
-        raise HistoryError(
-            f"{folder / FILE}: the new check is of {time:%Y-%m-%d %H:%M:%S} UTC, and {why}: set "
-            "the clock, or state the true time with --time"
-        )
+        why = clock if time > now else f"the last one of {checks[-1].day}"
+        remedy = "set the clock, or state the true time with --time"
+        raise HistoryError(f"{path}: the new check is of {_day(time)}, and {why}: {remedy}")
 
 
 def _continues(path: Path, before: Sequence[Check], check: Check, where: str) -> None:
     """Refuse a check that does not continue those before it; a remedy depends on where it is."""
-    in_file, why = where.startswith("row"), ""
+    if not before:
+        return
+    in_file, first, why = where.startswith("row"), before[0], ""
     digests = [old.recording_digest for old in before]
     if check.recording_digest in digests:
         k = digests.index(check.recording_digest)
         why = f"({check.day}) holds the readings of row {k} ({before[k].day}): "
         why += f"one check is there twice; {_REMEDY}" if in_file else "it was checked already"
-    elif before and check.robot_digest != before[0].robot_digest:
-        first = before[0]
-        why = (
-            f"is of {check.robot} with {check.sensor} ({check.robot_digest}), row 0 of "
-            f"{first.robot} with {first.sensor} ({first.robot_digest}): give each robot a folder "
-            "of its own"
-        )
-    elif before and check.time <= before[-1].time:
+    elif check.robot_digest != first.robot_digest:
+        both = (f"{c.robot} with {c.sensor} ({c.robot_digest})" for c in (check, first))
+        why = f"is of {', row 0 of '.join(both)}: give each robot a folder of its own"
+    elif check.time <= before[-1].time:
         why = f"is of {check.day}, not after row {len(before) - 1} ({before[-1].day}): "
         why += f"the rows are out of order; {_REMEDY}" if in_file else "give its true --time"
-    elif before and check.q.shape != before[0].q.shape:
-        why = (
-            f"has {len(check.q)} holds, row 0 {len(before[0].q)}: the plan was replaced; begin "
-            "another folder"
-        )
+    elif check.q.shape != first.q.shape:
+        why = f"has {len(check.q)} holds, row 0 {len(first.q)}: the plan was replaced; begin "
+        why += "another folder"
     if why:
         raise HistoryError(f"{path}: {where} {why}")
+
+
+def _day(time: datetime) -> str:
+    """Date and time for people."""
+    return f"{time:%Y-%m-%d %H:%M:%S} UTC"
 
 
 def write(folder: Path, checks: Sequence[Check]) -> None:

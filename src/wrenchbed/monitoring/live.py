@@ -9,8 +9,8 @@ import socket
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 
@@ -103,11 +103,9 @@ def live(
         newest, due = reading.t, max(due + period, reading.t)
         time.sleep(max(0.0, due - time.monotonic()))
     rms = np.sqrt(squares / rests) if rests else np.full(6, np.nan)
-    p50, p99 = np.quantile(list(latency), (0.5, 0.99)) if latency else (np.nan, np.nan)
-    return LiveSummary(
-        count, time.monotonic() - begin, lost, max(0, _received(driver) - before - count),
-        float(p50), float(p99), tuple(float(x) for x in rms), alarms,
-    )  # fmt: skip
+    p50, p99 = map(float, np.quantile(list(latency) or [np.nan], (0.5, 0.99)))
+    seconds, skipped = time.monotonic() - begin, max(0, _received(driver) - before - count)
+    return LiveSummary(count, seconds, lost, skipped, p50, p99, tuple(map(float, rms)), alarms)
 
 
 def _received(driver: LiveDriver) -> int:
@@ -127,7 +125,7 @@ def _check_whole(driver: LiveDriver) -> None:
         )
 
 
-class Datagrams:
+class Datagrams(AbstractContextManager["Datagrams"]):
     """One datagram of JSON a reading to HOST:PORT; a context manager and a sink.
 
     Raises:
@@ -139,9 +137,6 @@ class Datagrams:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
 
-    def __enter__(self) -> Self:
-        return self
-
     def __call__(self, external: External) -> None:
         """Send; nobody may listen, and what a full buffer lacks is old when the next one comes."""
         with contextlib.suppress(OSError):
@@ -151,7 +146,7 @@ class Datagrams:
         self._socket.close()
 
 
-class LineServer:
+class LineServer(AbstractContextManager["LineServer"]):
     """JSON lines to all clients of a TCP port on 127.0.0.1; a context manager and a sink.
 
     A client that reads too slowly is disconnected: what it gets is never old.
@@ -169,9 +164,6 @@ class LineServer:
     def port(self) -> int:
         """Number of the port that is served."""
         return int(self._listener.getsockname()[1])
-
-    def __enter__(self) -> Self:
-        return self
 
     def __call__(self, external: External) -> None:
         """Send a reading as a line to all clients; accept new ones."""
