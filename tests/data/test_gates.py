@@ -1,6 +1,5 @@
 """Logs, tables and settings that are cut, flipped, made to mislead or made to fill the memory."""
 
-import json
 import resource
 import struct
 import sys
@@ -12,7 +11,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from mcap.writer import CompressionType
-from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -20,10 +18,11 @@ from rosbags.typesys import Stores, get_typestore
 from test_logs import COUNT, bag1, bag2, messages
 
 import wrenchbed as wb
+from json_logs import json_log
+from recorded import METADATA, columns
 from wrenchbed.data import logs, parquet, unpacking
 from wrenchbed.data.logs import table
 from wrenchbed.data.plan import Plan, is_plan
-from wrenchbed.data.plan import read as read_points
 from wrenchbed.data.recording import Recording
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import (
@@ -42,20 +41,10 @@ MB = 2**20
 zstd = pytest.importorskip("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
 
 
-def mcap_of(path, *, compression=CompressionType.NONE, data_crcs=False, use_chunking=True):
+def mcap_of(path, **options):
     """Numbers in JSON, so that one digit can be changed without changing a length."""
-    with path.open("wb") as stream:
-        writer = McapWriter(
-            stream, compression=compression, chunk_size=2000, enable_data_crcs=data_crcs,
-            use_chunking=use_chunking,
-        )  # fmt: skip
-        writer.start()
-        schema = writer.register_schema("any", "jsonschema", b"{}")
-        channel = writer.register_channel("/wrench", "json", schema)
-        for k in range(100):
-            writer.add_message(channel, k, json.dumps({"fx": 1000 + k}).encode(), k)
-        writer.finish()
-    return path
+    options = {"compression": CompressionType.NONE, "chunk_size": 2000} | options
+    return json_log(path, (("/wrench", {"fx": 1000 + k}, k) for k in range(100)), **options)
 
 
 def refused(path, *parts, topic="/wrench", wanted=("fx",)):
@@ -85,7 +74,7 @@ def test_a_digit_changed_in_a_chunk_is_refused_with_its_place(compression, tmp_p
 
 
 def test_the_checksum_of_the_data_is_checked(tmp_path):
-    path = mcap_of(tmp_path / "a.mcap", data_crcs=True, use_chunking=False)
+    path = mcap_of(tmp_path / "a.mcap", enable_data_crcs=True, use_chunking=False)
     assert table(path, "/wrench", ["fx"]).num_rows == 100
     path.write_bytes(path.read_bytes().replace(b'{"fx": 1050}', b'{"fx": 1850}'))
     refused(path, "the checksum does not fit the data")
@@ -191,12 +180,7 @@ def test_a_message_that_does_not_state_its_size_is_no_bomb_either(storage, tmp_p
 @pytest.mark.parametrize("way", [CompressionType.LZ4, CompressionType.ZSTD])
 @pytest.mark.parametrize("stated", [32 * MB + 100, 1000])
 def test_a_chunk_of_an_mcap_file_that_is_a_bomb_is_refused(stated, way, tmp_path, monkeypatch):
-    path = tmp_path / "a.mcap"
-    with path.open("wb") as stream:
-        writer = McapWriter(stream, compression=way)
-        writer.start()
-        writer.add_message(writer.register_channel("/wrench", "json", 0), 1, bytes(32 * MB), 1)
-        writer.finish()
+    path = json_log(tmp_path / "a.mcap", [("/wrench", bytes(32 * MB), 1)], compression=way)
     whole = path.read_bytes()
     at = whole.index(b"\x06", 9 + 12) + 9 + 16
     path.write_bytes(whole[:at] + struct.pack("<Q", stated) + whole[at + 8 :])
@@ -232,23 +216,13 @@ def test_counts_of_a_bag_of_ros_2_must_agree(tmp_path):
 
 
 def test_messages_are_sorted_by_the_time_of_writing(tmp_path):
-    with (tmp_path / "a.mcap").open("wb") as stream:
-        writer = McapWriter(stream)
-        writer.start()
-        channel = writer.register_channel("/a", "json", 0)
-        for k in (3, 1, 2):
-            writer.add_message(channel, k, b'{"x": %d}' % k, k)
-        writer.finish()
+    json_log(tmp_path / "a.mcap", (("/a", {"x": k}, k) for k in (3, 1, 2)))
     assert table(tmp_path / "a.mcap", None, ["x"])["x"].to_pylist() == [1.0, 2.0, 3.0]
 
 
 @pytest.mark.parametrize("content", [b"[" * 5000, b'{"fx": 1' + b"0" * 400 + b"}", b"\xff", b"7"])
 def test_messages_that_are_no_objects_of_numbers(content, tmp_path):
-    with (tmp_path / "a.mcap").open("wb") as stream:
-        writer = McapWriter(stream)
-        writer.start()
-        writer.add_message(writer.register_channel("/wrench", "json", 0), 0, content, 0)
-        writer.finish()
+    json_log(tmp_path / "a.mcap", [("/wrench", content, 0)])
     refused(tmp_path / "a.mcap", "message 1")
 
 
@@ -263,12 +237,8 @@ def test_a_log_without_the_memory_for_it_is_not_called_damaged(tmp_path, monkeyp
         table(path, "/wrench", ["fx"])
 
 
-def recording(path, **more):
-    columns = {"t": np.arange(50.0), "q1": np.zeros(50)}
-    columns |= {c: np.random.default_rng(2).normal(size=50) for c in ("fx", "fy", "fz")}
-    columns |= {c: np.zeros(50) for c in ("tx", "ty", "tz")} | more
-    told = {"format": 1, "robot": "ur5", "mode": "static"}
-    parquet.write(path, parquet.table_of(columns, told))
+def recording(path):
+    Recording(METADATA, columns(50)).write(path)
     return path
 
 
@@ -372,12 +342,6 @@ def test_long_lines_of_a_table_are_refused_and_wide_ones_are_read(tmp_path):
     wide = "\n".join(",".join(f"{r}.{k}" for k in range(3000)) for r in range(60))
     (tmp_path / "b.csv").write_text(wide)
     assert read_text(tmp_path / "b.csv").table.shape == (60, 3000)
-
-
-def test_a_long_cell_of_points_is_refused(tmp_path):
-    (tmp_path / "p.csv").write_text("x,y,z\n" + "1" * 200_000 + ",2,3\n")
-    with pytest.raises(PlanError, match="line 2 has 200,004 characters"):
-        read_points(tmp_path / "p.csv")
 
 
 def test_a_file_whose_columns_names_are_no_text_is_no_plan(tmp_path):

@@ -17,6 +17,7 @@ from wrenchbed.data.guess.guess import Guess, guess
 from wrenchbed.data.guess.stated import Stated
 from wrenchbed.data.import_files import import_files, merged, sensor_by_joints
 from wrenchbed.errors import MapError
+from wrenchbed.physics.wrench import CHANNELS
 from written_logs import Written, write
 
 NTNU = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
@@ -35,7 +36,7 @@ def reads(found: Guess, k: int, log: Written) -> bool:
     else:
         turn = sensor_by_joints(data, mapping.metadata, name)
     gravity = turn.inv().apply(mapping.metadata.gravity)
-    wrench = np.stack([data[c] for c in ("fx", "fy", "fz", "tx", "ty", "tz")], axis=1)
+    wrench = np.stack([data[c] for c in CHANNELS], axis=1)
     size = np.repeat([np.ptp(log.wrench[:, :3]), np.ptp(log.wrench[:, 3:])], 3)
     return bool(
         np.sqrt(np.mean((gravity - log.gravity) ** 2)) < OFF * 9.8
@@ -132,22 +133,17 @@ def random_columns(n=30, seed=0):
     rng = np.random.default_rng(seed)
     q = Rotation.random(n, rng=rng).as_quat()
     columns = {f"q{c}": q[:, k] for k, c in enumerate("xyzw")}
-    return columns | {c: rng.normal(size=n) for c in ("fx", "fy", "fz", "tx", "ty", "tz")}
-
-
-def test_a_wrench_without_weight_is_no_guess(tmp_path):
-    columns = random_columns()
-    with pytest.raises(MapError, match="the weight of one rigid load|weight of a rigid load"):
-        guess([save(tmp_path, "log.csv", columns)])
+    return columns | {c: rng.normal(size=n) for c in CHANNELS}
 
 
 @pytest.mark.parametrize(
     ("leave", "words"),
     [
+        ((), "the weight of one rigid load|weight of a rigid load"),
         (("fx", "fy"), "no six columns that might be a wrench"),
         (("qx", "qy", "qz", "qw"), "joints need --robot NAME"),
     ],
-    ids=["wrench", "orientation"],
+    ids=["weight", "wrench", "orientation"],
 )
 def test_what_is_missing_is_named(tmp_path, leave, words):
     columns = {k: v for k, v in random_columns().items() if k not in leave}
@@ -174,8 +170,7 @@ def test_of_several_wrenches_the_one_with_the_weight_is_taken(tmp_path):
     robot = wb.load("robots", "ur5")
     rng = np.random.default_rng(2)
     q = robot.sample(30, rng)
-    turn = robot.sensor_pose(q, robot.parameters.nominal)[0]
-    force = np.array([0.0, 0.0, -14.0]) @ turn
+    force = np.array([0.0, 0.0, -14.0]) @ robot.sensor_pose(q, robot.parameters.nominal)[0]
     load = np.hstack([force, np.cross([0.01, 0.0, 0.07], force)]) + 0.02 * rng.normal(size=(30, 6))
     columns = {f"actual_TCP_force_{k}": 0.02 * rng.normal(size=30) for k in range(6)}
     columns |= {f"actual_q_{k}": q[:, k] for k in range(6)}
@@ -194,7 +189,7 @@ def turned_load(n=20):
     force = turn.inv().apply([0.0, 0.0, -12.0])
     load = np.hstack([force, np.cross([0.01, 0.02, 0.06], force)])
     load += 0.01 * np.random.default_rng(5).normal(size=load.shape)
-    return columns | dict(zip(("fx", "fy", "fz", "tx", "ty", "tz"), load.T, strict=True))
+    return columns | dict(zip(CHANNELS, load.T, strict=True))
 
 
 def test_torques_may_stand_first_in_a_table_without_names(tmp_path):
@@ -221,20 +216,11 @@ def test_one_orientation_alone_is_no_ground_for_a_guess(tmp_path):
 
 
 def test_few_poses_are_no_ground_for_a_guess(tmp_path):
-    columns = random_columns(5)
-    turn = Rotation.from_quat(np.stack([columns[f"q{c}"] for c in "xyzw"], axis=1))
-    force = turn.inv().apply([0.0, 0.0, -10.0])
-    columns |= dict(zip(("fx", "fy", "fz"), force.T, strict=True))
-    columns |= dict(zip(("tx", "ty", "tz"), np.cross([0, 0.01, 0.05], force).T, strict=True))
     with pytest.raises(MapError, match="5 poses are too few to distinguish conventions"):
-        guess([save(tmp_path, "log.csv", columns)])
+        guess([save(tmp_path, "log.csv", turned_load(5))])
 
 
 def test_a_log_has_names_and_needs_no_guess(tmp_path):
-    pytest.importorskip("mcap")
-    with wb.SimDriver(wb.SimOptions("ur5", seed=1)) as driver:
-        wb.record(driver, wb.poses(driver.robot, 4, seed=1), tmp_path / "r.parquet", samples=3)
-    wb.write_mcap(wb.Recording.read(tmp_path / "r.parquet"), tmp_path / "r.mcap")
     with pytest.raises(MapError, match="give --map, a file or one of .*ros-ur5"):
         guess([tmp_path / "r.mcap"])
 
@@ -244,11 +230,10 @@ def test_a_load_is_found_among_46_columns_without_names_and_the_search_is_bounde
     tmp_path, monkeypatch
 ):
     rng = np.random.default_rng(1)
-    turn = Rotation.random(120, rng=rng)
-    force = turn.inv().apply([0.0, 0.0, -12.0])
-    columns = rng.normal(size=(120, 46))
+    columns, loaded = rng.normal(size=(120, 46)), turned_load(120)
+    turn = Rotation.from_quat(np.stack([loaded[f"q{c}"] for c in "xyzw"], axis=1))
     columns[:, 5:8] = turn.as_rotvec()
-    load = np.hstack([force, np.cross([0.01, 0.02, 0.06], force)])
+    load = np.stack([loaded[c] for c in CHANNELS], axis=1)
     columns[:, 20:26] = load + rng.normal(size=load.shape) * np.repeat([0.05, 0.002], 3)
     np.savetxt(tmp_path / "log.csv", columns, delimiter=",", fmt="%.6f")
     fitted, tried = candidates._fitted, []

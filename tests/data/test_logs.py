@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from mcap.writer import Writer as McapWriter
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
 
 import wrenchbed as wb
+from json_logs import json_log
 from wrenchbed.cli import main
 from wrenchbed.data.import_files import import_files
 from wrenchbed.data.logs import MessageRows, table, write_mcap
@@ -96,18 +96,9 @@ def mcap_of_bag2(path: Path) -> Path:
 
 
 def mcap_json(path: Path) -> Path:
-    with (path / "log.mcap").open("wb") as stream:
-        writer = McapWriter(stream)
-        writer.start()
-        schema = writer.register_schema("any", "jsonschema", b"{}")
-        channels = {}
-        for topic, _, message, at in messages(get_typestore(Stores.ROS2_HUMBLE)):
-            if topic not in channels:
-                channels[topic] = writer.register_channel(topic, "json", schema)
-            told = json.dumps(plain(message)).encode()
-            writer.add_message(channels[topic], at, told, at)
-        writer.finish()
-    return path / "log.mcap"
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    log = ((topic, plain(message), at) for topic, _, message, at in messages(store))
+    return json_log(path / "log.mcap", log)
 
 
 def plain(thing):
@@ -217,14 +208,8 @@ def test_lists_and_names_are_reached_by_their_path():
 
 
 def test_messages_of_another_publisher_on_the_same_topic_are_left_out_and_counted(tmp_path):
-    with (tmp_path / "a.mcap").open("wb") as stream:
-        writer = McapWriter(stream)
-        writer.start()
-        channel = writer.register_channel("/joint_states", "json", 0)
-        for k in range(6):
-            state = {"name": ["gripper" if k % 3 else "elbow"], "position": [float(k)]}
-            writer.add_message(channel, k, json.dumps(state).encode(), k)
-        writer.finish()
+    states = [{"name": ["gripper" if k % 3 else "elbow"], "position": [float(k)]} for k in range(6)]
+    json_log(tmp_path / "a.mcap", (("/joint_states", s, k) for k, s in enumerate(states)))
     with pytest.warns(wb.errors.WrenchbedWarning, match="4 of 6 messages .* another publisher's"):
         found = table(tmp_path / "a.mcap", "/joint_states", ["position.elbow"])
     assert found["position.elbow"].to_pylist() == [0.0, 3.0]

@@ -1,12 +1,12 @@
 """Ready maps, on files in the form that their programs document or their libraries write."""
 
+from dataclasses import replace
+
 import numpy as np
-from rosbags.rosbag1 import Writer as Writer1
-from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from scipy.spatial.transform import Rotation, Slerp
 
 import wrenchbed as wb
+from json_logs import json_log
 from wrenchbed.data.column_map import ready
 from wrenchbed.data.import_files import import_files
 
@@ -62,57 +62,39 @@ def test_a_franka_log_in_the_names_of_libfranka(tmp_path):
     came(import_files([save(tmp_path / "log.csv", names, rows)], wb.read_map("franka-csv")))
 
 
-FRANKA = """std_msgs/Header header
-float64[6] K_F_ext_hat_K
-float64[16] O_T_EE
-"""
+def head(at):
+    return {"stamp": {"sec": at // 10**9, "nanosec": at % 10**9}}
 
 
 def test_a_franka_log_of_ros(tmp_path):
-    store = get_typestore(Stores.ROS1_NOETIC)
-    kind = "franka_msgs/msg/FrankaState"
-    store.register(get_types_from_msg(FRANKA, kind))
-    state, header = store.types[kind], store.types["std_msgs/msg/Header"]
-    time = store.types["builtin_interfaces/msg/Time"]
-    with Writer1(tmp_path / "log.bag") as writer:
-        channel = writer.add_connection(
-            "/franka_state_controller/franka_states", kind, typestore=store
-        )
-        for k, at in enumerate(T.tolist()):
-            pose = np.eye(4)
-            pose[:3, :3] = TURN[k].as_matrix()
-            head = header(seq=k, stamp=time(sec=at // 10**9, nanosec=at % 10**9), frame_id="")
-            told = state(header=head, K_F_ext_hat_K=LOAD[k], O_T_EE=pose.T.ravel())
-            writer.write(channel, at, store.serialize_ros1(told, kind))
-    came(import_files([tmp_path / "log.bag"], wb.read_map("franka-ros")))
+    pose = np.tile(np.eye(4), (len(T), 1, 1))
+    pose[:, :3, :3] = TURN.as_matrix()
+    states = (
+        {"header": head(at), "K_F_ext_hat_K": load.tolist(), "O_T_EE": matrix.T.ravel().tolist()}
+        for at, load, matrix in zip(T.tolist(), LOAD, pose, strict=True)
+    )
+    topics = ["/franka_state_controller/franka_states"] * len(T)
+    json_log(tmp_path / "a.mcap", zip(topics, states, T.tolist(), strict=True))
+    came(import_files([tmp_path / "a.mcap"], wb.read_map("franka-ros")))
 
 
 def test_a_log_with_transforms(tmp_path):
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    known = store.types
-    time, header = known["builtin_interfaces/msg/Time"], known["std_msgs/msg/Header"]
-    vector, quaternion = known["geometry_msgs/msg/Vector3"], known["geometry_msgs/msg/Quaternion"]
-    wrench, stamped = known["geometry_msgs/msg/Wrench"], known["geometry_msgs/msg/WrenchStamped"]
-    turned, moved = (
-        known["geometry_msgs/msg/Transform"],
-        known["geometry_msgs/msg/TransformStamped"],
-    )
-    tf = known["tf2_msgs/msg/TFMessage"]
-    with Writer2(tmp_path / "log", version=9) as writer:
-        loads = writer.add_connection("/wrench", stamped.__msgtype__, typestore=store)
-        turns = writer.add_connection("/tf", tf.__msgtype__, typestore=store)
-        for k, at in enumerate(T.tolist()):
-            head = header(stamp=time(sec=at // 10**9, nanosec=at % 10**9), frame_id="base")
-            force, torque = (vector(*map(float, p)) for p in np.split(LOAD[k], 2))
-            told = stamped(header=head, wrench=wrench(force=force, torque=torque))
-            writer.write(loads, at, store.serialize_cdr(told, stamped.__msgtype__))
-            q = turned(vector(0.0, 0.0, 0.5), quaternion(*map(float, TURN[k].as_quat())))
-            other = turned(vector(0.0, 0.0, 0.0), quaternion(0.0, 0.0, 0.0, 1.0))
-            some = [moved(head, "shoulder", other), moved(head, "tool0", q)]
-            for message in (tf(some[: 1 + (k % 2)]), tf(some[1:])):  # some without the tool
-                if len(message.transforms) == 1 or k % 2 == 0:
-                    writer.write(turns, at, store.serialize_cdr(message, tf.__msgtype__))
-    came(import_files([tmp_path / "log"], wb.read_map("ros-tf")))
+    def messages():
+        for k, (at, load) in enumerate(zip(T.tolist(), LOAD.tolist(), strict=True)):
+            force, torque = (dict(zip("xyz", part, strict=True)) for part in (load[:3], load[3:]))
+            yield "/wrench", {"header": head(at), "wrench": {"force": force, "torque": torque}}, at
+            turns = {"shoulder": [0.0, 0.0, 0.0, 1.0], "tool0": TURN[k].as_quat().tolist()}
+            some = [
+                {"header": head(at), "child_frame_id": name,
+                 "transform": {"rotation": dict(zip("xyzw", q, strict=True))}}
+                for name, q in turns.items()
+            ]  # fmt: skip
+            yield "/tf", {"transforms": some[: 1 + (k % 2)]}, at  # some without the tool
+            if k % 2 == 0:
+                yield "/tf", {"transforms": some[1:]}, at
+
+    json_log(tmp_path / "a.mcap", messages())
+    came(import_files([tmp_path / "a.mcap"], wb.read_map("ros-tf")))
 
 
 def test_a_kuka_log_of_fri_beside_the_sensors_own(tmp_path):
@@ -128,16 +110,10 @@ def test_a_kuka_log_of_fri_beside_the_sensors_own(tmp_path):
     files = [save(tmp_path / "run_fri.csv", names, fri)]
     files.append(save(tmp_path / "run_wrench.csv", ["t", *channels], wrench))
     mapping = wb.read_map("kuka-fri")
-    found = import_files(files, _dynamic(mapping)).recording
+    found = import_files(files, replace(mapping, mode="dynamic")).recording
     assert found.joints == tuple(f"q{j}" for j in range(1, 8))
     wanted = np.interp(found.t + 0.003, np.arange(len(T)) / RATE, joints[:, 2])
     assert np.abs(found.q[:, 2] - wanted).max() < 1e-9
-
-
-def _dynamic(mapping):
-    from dataclasses import replace
-
-    return replace(mapping, mode="dynamic")
 
 
 def test_every_ready_map_is_tried():
