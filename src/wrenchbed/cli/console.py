@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import fields
 from pathlib import Path
-from types import MappingProxyType, NoneType, UnionType
+from types import MappingProxyType, NoneType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
 
 import tyro
@@ -81,21 +81,19 @@ def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> d
         ParameterError: no such field (the message lists all), or a value of another type.
     """
     hints = get_type_hints(options)
-    names = [f.name for f in fields(options) if f.name not in excluded]
-    kinds = {name: _simple_type(hints[name]) for name in names}
-    known = {name: kind for name, kind in kinds.items() if kind is not None}
+    names = (f.name for f in fields(options) if f.name not in excluded)
+    known = {name: kind for name in names if (kind := _simple_type(hints[name])) is not None}
     values: dict[str, Any] = {}
     for name, word in words.items():
         if name not in known:
             raise ParameterError(f"--set {name}: no such setting. Known: {', '.join(known)}")
         simple, several, optional = known[name]
+        read = _READERS[simple]
         try:
             if optional and word == "none":
                 values[name] = None
-            elif several:
-                values[name] = tuple(_READERS[simple](part) for part in word.split(","))
             else:
-                values[name] = _READERS[simple](word)
+                values[name] = tuple(map(read, word.split(","))) if several else read(word)
         except (ValueError, KeyError) as error:
             more = ", or several with commas between" if several else " or none" if optional else ""
             raise ParameterError(f"--set {name}={word}: must be {_SIMPLE[simple]}{more}") from error
@@ -105,13 +103,13 @@ def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> d
 def _simple_type(hint: Any) -> tuple[type, bool, bool] | None:
     """The simple type of a hint, whether it is a tuple of them, and whether it may be None; None
     where no word can be its value."""
-    optional = get_origin(hint) is UnionType and NoneType in get_args(hint)
-    if optional and len(get_args(hint)) == 2:
-        hint = next(a for a in get_args(hint) if a is not NoneType)
-    several = get_origin(hint) is tuple
-    if several and len({*get_args(hint)} - {Ellipsis}) == 1:
-        hint = get_args(hint)[0]
-    return (hint, several, optional) if hint in _SIMPLE else None
+    optional = NoneType in get_args(hint)
+    others = [a for a in get_args(hint) if a is not NoneType]
+    inner = others[0] if optional and len(others) == 1 else hint
+    several = get_origin(inner) is tuple
+    leaves = {*get_args(inner)} - {Ellipsis} if several else {inner}
+    simple = leaves.pop() if len(leaves) == 1 else None
+    return (simple, several, optional) if simple in _SIMPLE else None
 
 
 class Console(RichConsole):

@@ -94,12 +94,13 @@ def live_(
         link.connect()
         stack.callback(link.close)
         if as_json:
-            sinks.append(_print_line)
+            sinks.append(lambda external: print(json.dumps(external.to_json()), flush=True))
         elif not quiet and sys.stdout.isatty():
             sinks.append(stack.enter_context(_Gauge(run.frame, compensate)))
         done = live(link, compensate, sinks, rate=run.rate, seconds=run.seconds, stopped=stopped)
     if as_json:
-        print(json.dumps({"summary": _plain(done)}))
+        rms = [x if np.isfinite(x) else None for x in done.rms]
+        print(json.dumps({"summary": asdict(done) | {"rms": rms}}))
     else:
         console.say(_told(done))
 
@@ -117,10 +118,6 @@ def _streams(stack: ExitStack, run: LiveArguments, as_json: bool) -> list[Sink]:
     return sinks
 
 
-def _plain(done: LiveSummary) -> dict[str, object]:
-    return asdict(done) | {"rms": [x if np.isfinite(x) else None for x in done.rms]}
-
-
 def _told(done: LiveSummary) -> str:
     rms = ", ".join(f"{c} {x:.3g}" for c, x in zip(CHANNELS, done.rms, strict=True))
     skipped = f", {done.skipped:,} between them left out" if done.skipped else ""
@@ -130,10 +127,6 @@ def _told(done: LiveSummary) -> str:
         f"latency {1e3 * done.p50:.2f} ms, {1e3 * done.p99:.2f} ms in 99 of 100; {rest}; "
         f"{done.alarms} alarms"
     )
-
-
-def _print_line(external: External) -> None:
-    print(json.dumps(external.to_json()), flush=True)
 
 
 class _Gauge:

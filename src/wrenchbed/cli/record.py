@@ -3,7 +3,7 @@
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -142,15 +142,17 @@ def record(
     inputs = (plan, device.parameters, replayed)
     console.check_out(out, Kind.RECORDING, *inputs, force=run.force or run.resume)
     todo = wb.Plan.read(plan)
-    if _plain(todo.robot) != _plain(wb.load("robots", robot).name):
+    # of a user's description without its version: limits are checked anyway
+    stated, given = (n.partition("@")[0] for n in (todo.robot, wb.load("robots", robot).name))
+    if stated != given:
         raise PlanError(f"{plan}: the plan is for robot {todo.robot!r}, not {robot!r}")
     kind = wb.load("drivers", device.driver)
     limits = motion.limits(kind.live)
     if run.dry_run:
         kind = wb.SimDriver
-        device = DeviceArguments("sim", parameters=device.parameters, noise=device.noise,
-                                 effect=device.effect, seed=device.seed,
-                                 effort=device.effort)  # fmt: skip
+        device = replace(
+            device, driver="sim", host=None, channel=None, sensor=None, recording=None, set=()
+        )
         _rehearse(todo, limits, run)
     link: Driver = kind(device.options(kind, robot, limits))
     revisit = {"yes": True, "no": False, "auto": True if run.dry_run else None}[run.revisit]
@@ -163,11 +165,6 @@ def record(
             resume=run.resume, clear=run.dry_run or None, limits=complete,
         )  # fmt: skip
     _answer(done, todo, device.driver, as_json)
-
-
-def _plain(robot: str) -> str:
-    """A robot's name without the version of a user's description; limits are checked anyway."""
-    return robot.partition("@")[0]
 
 
 def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments) -> None:
@@ -202,22 +199,21 @@ def _answer(done: RunProgress, plan: wb.Plan, driver: str, as_json: bool) -> Non
     }  # fmt: skip
     kind = "poses" if plan.points is None else "touches"
     what = f"{done.visited} {kind}" if plan.mode == "static" else f"{done.rows} samples of motion"
-    text = f"recorded {what}, {done.rows} rows, {done.seconds:.0f} s of {driver} time → {done.path}"
+    time = f"{done.seconds:.0f} s of {driver} time"
+    lines = [f"recorded {what}, {done.rows} rows, {time} → {done.path}"]
     if done.tried_again:
         result["tried_again"] = done.tried_again
-        text += f"\n{done.tried_again} tries failed and were made again"
+        lines.append(f"{done.tried_again} tries failed and were made again")
     if done.drift is not None:
         change, std = done.drift.change, done.drift.std
-        result["drift"] = {
-            c: {"value": float(v), "std": float(s)}
-            for c, v, s in zip(CHANNELS, change, std, strict=True)
-        }
+        both = zip(CHANNELS, change, std, strict=True)
+        result["drift"] = {c: {"value": float(v), "std": float(s)} for c, v, s in both}
         worst = int(np.argmax(np.abs(change) / np.maximum(std, 1e-12)))
-        text += (
-            f"\nfirst pose again after {done.drift.seconds:.0f} s: {CHANNELS[worst]} changed most, "
+        lines.append(
+            f"first pose again after {done.drift.seconds:.0f} s: {CHANNELS[worst]} changed most, "
             f"{change[worst]:+.2g} ± {std[worst]:.1g} {UNITS[worst]}"
         )
-    console.answer(result, as_json, text)
+    console.answer(result, as_json, *lines)
 
 
 # before a live robot moves: its limits are shown, and a person agrees
