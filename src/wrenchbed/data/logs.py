@@ -406,6 +406,7 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
     writer_of = registry.require("mcap.writer", "logs").Writer
     typesys = registry.require("rosbags.typesys", "logs")
     store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    time, header = store.types[_TIME], store.types[_HEADER]
     at = np.round(1e9 * recording.t.astype(float)).astype(np.int64)
     with atomic_write(path) as stream:
         writer = writer_of(stream)
@@ -415,12 +416,12 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
             text, _ = store.generate_msgdef(kind, ros_version=2)
             schema = writer.register_schema(kind, "ros2msg", text.encode())
             channels.append((writer.register_channel(topic, "cdr", schema), kind, message))
-        time, header = store.types[_TIME], store.types[_HEADER]
         for row, now in enumerate(at.tolist()):
             stamp = time(sec=now // 10**9, nanosec=now % 10**9)
             head = header(stamp=stamp, frame_id="sensor")
             for channel, kind, message in channels:
-                data = bytes(store.serialize_cdr(message(head, row), kind))
+                content = store.types[kind](header=head, **message(row))
+                data = bytes(store.serialize_cdr(content, kind))
                 writer.add_message(channel, now, data, now, row)
         metadata = json.dumps(recording.metadata.to_json(), ensure_ascii=False)
         writer.add_metadata(KEY, {"json": metadata})
@@ -429,14 +430,14 @@ def write_mcap(recording: Recording, path: str | Path) -> None:
 
 def _topics(
     recording: Recording, known: Mapping[str, Any]
-) -> Iterator[tuple[str, str, Callable[[Any, int], Any]]]:
-    """Topic, type, and the message by header and row, of all that a recording has."""
+) -> Iterator[tuple[str, str, Callable[[int], dict[str, Any]]]]:
+    """Topic, type, and the fields of the message by its row, of all that a recording has."""
     vector, wrench = known["geometry_msgs/msg/Vector3"], known["geometry_msgs/msg/Wrench"]
     load = recording.wrench.astype(float)
 
-    def of_load(head: Any, row: int) -> Any:
+    def of_load(row: int) -> dict[str, Any]:
         force, torque = (vector(*map(float, part)) for part in np.split(load[row], 2))
-        return known[_WRENCH](header=head, wrench=wrench(force=force, torque=torque))
+        return {"wrench": wrench(force=force, torque=torque)}
 
     yield "/wrench", _WRENCH, of_load
     if recording.joints:
@@ -444,19 +445,10 @@ def _topics(
         if registry.is_known("robots", robot):
             names = list(registry.load("robots", robot).joint_names)
         q, none = recording.q.astype(float), np.zeros(0)
-        yield (
-            "/joint_states",
-            _JOINTS,
-            lambda head, row: known[_JOINTS](
-                header=head, name=names, position=q[row], velocity=none, effort=none
-            ),
-        )
+        still = {"name": names, "velocity": none, "effort": none}
+        yield "/joint_states", _JOINTS, lambda row: still | {"position": q[row]}
     if "temperature" in recording.columns:
-        warm = recording.columns["temperature"].astype(float)
+        warm = recording.columns["temperature"].astype(float).tolist()
         yield (
-            "/temperature",
-            _TEMPERATURE,
-            lambda head, row: known[_TEMPERATURE](
-                header=head, temperature=float(warm[row]), variance=0.0
-            ),
-        )
+            "/temperature", _TEMPERATURE, lambda row: {"temperature": warm[row], "variance": 0.0}
+        )  # fmt: skip

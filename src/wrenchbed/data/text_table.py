@@ -4,6 +4,7 @@ Encoding, separator, decimal mark and header are read off the file. Lines before
 settings) are skipped; the columns of a table without header are called 1, 2, 3 ….
 """
 
+import csv
 import io
 import re
 from collections import Counter
@@ -30,11 +31,12 @@ _LARGE = 1_000_000
 _SEPARATORS = ("\t", ";", ",", "|")
 BLANKS = " "
 """The separator that stands for any number of blanks and tabs."""
-_BLANKS = re.compile(r"[ \t]+")
 _COMMENT = re.compile(r"^\s*(?:#+|%+|//)\s*")
 _COMMA_NUMBER = re.compile(r"^[+-]?\d+(?:,\d+)?(?:[eE][+-]?\d+)?$")
-_EMPTY = frozenset(["", "nan", "null", "none", "na", "n/a", "-nan", "-nan(ind)", "#n/a"])
-"""Texts that programs write for a missing number, in lower case."""
+_NULLS = ["", "nan", "NaN", "NAN", "null", "NULL", "none", "None", "NA", "N/A", "#N/A", "-nan",
+          "-NaN", "-nan(ind)"]  # fmt: skip
+"""Texts that programs write for a missing number."""
+_EMPTY = {text.lower() for text in _NULLS}
 
 
 @dataclass(frozen=True)
@@ -83,11 +85,11 @@ class Columns:
         if pa.types.is_floating(column.type) or pa.types.is_integer(column.type):
             values = column.to_numpy().astype(float)
         else:
-            cells = column.to_pylist()
+            cells = ["" if cell is None else str(cell) for cell in column.to_pylist()]
             for row, cell in enumerate(cells):
-                if cell is not None and not is_number(str(cell)):
-                    raise self._wrong(name, row, f"{str(cell)!r} is no number")
-            values = np.array([*map(_float, cells)], dtype=float)
+                if cell and not is_number(cell):
+                    raise self._wrong(name, row, f"{cell!r} is no number")
+            values = np.array([np.nan if c.strip().lower() in _EMPTY else float(c) for c in cells])
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
             raise self._wrong(name, int(bad[0]), "the value is missing or not finite")
@@ -122,11 +124,19 @@ def read_text(path: Path, separator: str | None = None) -> Columns:
     body = lines[layout.skipped :]
     rows = [line for line in body if line.strip() and not _COMMENT.match(line)]
     first_line = layout.skipped + 1 if rows == body[: len(rows)] else None
-    if layout.separator == BLANKS:
-        rows = [_BLANKS.sub("\t", line.strip()) for line in rows]
     if not rows:
         raise MapError(f"{path}: the file has 0 rows")
-    _check_lengths(path, rows, layout.separator, first_line)
+    mark = layout.separator
+    if mark == BLANKS:
+        mark, rows = "\t", ["\t".join(line.split()) for line in rows]
+    cells = rows[0].count(mark) + 1
+    for row, line in enumerate(rows):
+        if line.count(mark) + 1 != cells and '"' not in line:
+            at = "" if first_line is None else f" (line {first_line + row})"
+            raise MapError(
+                f"{path}: row {row}{at} has {line.count(mark) + 1} cells, the rows before it "
+                f"{cells}: {line[:60]!r}"
+            )
     try:
         table = _parsed(io.BytesIO("\n".join(rows).encode()), replace(layout, skipped=0), rows[0])
     except pa.ArrowException as error:
@@ -165,11 +175,9 @@ def _parsed(source: "Path | io.BytesIO", layout: Layout, row: str) -> pa.Table:
         read_options=pcsv.ReadOptions(column_names=names, skip_rows=layout.skipped),
         parse_options=pcsv.ParseOptions(delimiter=mark),
         convert_options=pcsv.ConvertOptions(
-            decimal_point=layout.decimal, strings_can_be_null=True,
-            null_values=["", "nan", "NaN", "NAN", "null", "NULL", "None", "NA", "N/A", "#N/A",
-                         "-nan", "-NaN", "-nan(ind)"],
+            decimal_point=layout.decimal, strings_can_be_null=True, null_values=_NULLS
         ),
-    )  # fmt: skip
+    )
     return table.select(names[:width]).rename_columns(list(layout.names))
 
 
@@ -280,11 +288,9 @@ def _names(
 def split(line: str, separator: str) -> list[str]:
     """Cells of a line, without blanks and quotes around them."""
     if separator == BLANKS:
-        return _BLANKS.split(line.strip())
-    if '"' in line:
-        quoted = re.escape(separator)
-        line = re.sub(rf'"([^"]*)"(?=\s*(?:{quoted}|$))', r"\1", line)
-    return [cell.strip() for cell in line.split(separator)]
+        return line.split()
+    cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])
+    return [cell.strip() for cell in cells]
 
 
 def is_number(cell: str, decimal: str = ".") -> bool:
@@ -300,23 +306,5 @@ def is_number(cell: str, decimal: str = ".") -> bool:
     return "_" not in cell
 
 
-def _float(cell: object) -> float | None:
-    if cell is None or str(cell).strip().lower() in _EMPTY:
-        return None
-    return float(str(cell))
-
-
 def _numeric(cells: Sequence[str], decimal: str) -> int:
     return sum(is_number(c, decimal) for c in cells)
-
-
-def _check_lengths(path: Path, rows: Sequence[str], separator: str, first: int | None) -> None:
-    mark = "\t" if separator == BLANKS else separator
-    wanted = rows[0].count(mark)
-    for row, line in enumerate(rows):
-        if line.count(mark) != wanted and '"' not in line:
-            at = "" if first is None else f" (line {first + row})"
-            raise MapError(
-                f"{path}: row {row}{at} has {line.count(mark) + 1} cells, the rows before it "
-                f"{wanted + 1}: {line[:60]!r}"
-            )
