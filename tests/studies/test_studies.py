@@ -22,7 +22,7 @@ from wrenchbed.studies import medrue_identification as identification
 from wrenchbed.studies import medrue_setting as published
 from wrenchbed.studies.medrue_identification import as_the_paper, weighted
 from wrenchbed.studies.medrue_setting import MINI40, PAPER, SAMPLES, PoseDesign, prepare
-from wrenchbed.studies.ur5_scene import SCENARIOS
+from wrenchbed.studies.ur5_methods import SCENARIOS
 
 
 @pytest.fixture(scope="module")

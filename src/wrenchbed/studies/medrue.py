@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -10,24 +11,12 @@ from wrenchbed.calibration.observability import Observability, analyse, null_spa
 from wrenchbed.jobs.parts import Parts, key, write_table
 from wrenchbed.jobs.parts import run as run_parts
 from wrenchbed.jobs.workers import Progress
-from wrenchbed.pages.document import Card, Document
+from wrenchbed.pages.document import Document
+from wrenchbed.studies import medrue_identification as identification
 from wrenchbed.studies import medrue_setting as published
 from wrenchbed.studies import medrue_tables as tables
-from wrenchbed.studies.medrue_identification import (
-    PaperRobot,
-    SharedDesigns,
-    of_table_1,
-    one_robot,
-    paper_robot,
-)
-from wrenchbed.studies.medrue_setting import (
-    MINI40,
-    PAPER,
-    PoseDesign,
-    StudySetting,
-    designs,
-    prepare,
-)
+from wrenchbed.studies.medrue_identification import PaperRobot, SharedDesigns
+from wrenchbed.studies.medrue_setting import MINI40, PAPER, PoseDesign, StudySetting
 
 POOL = 40_000
 """Number of configurations in the pool."""
@@ -61,19 +50,19 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
     def step(label: str) -> None:
         report(1, label)
 
-    setting = prepare(POOL, seed)
+    setting = published.prepare(POOL, seed)
     step("pool and Jacobians")
-    chosen = designs(setting, seed, STARTS[quick], step)
+    chosen = published.designs(setting, seed, STARTS[quick], step)
     observed, ranks = examine(setting, chosen["O1"].chosen)
     step("rank and redundancies")
-    one = paper_robot(setting, chosen, seed)
+    one = identification.paper_robot(setting, chosen, seed)
     step("the paper's robot")
     count = ROBOTS[quick] if robots is None else robots
     light = replace(setting, jacobian=setting.jacobian[:0])
     shared = SharedDesigns(light, {k: d.chosen for k, d in chosen.items()}, seed)
     name = key(POOL, seed, *(d.chosen.tolist() for d in chosen.values()))
     table = run_parts(
-        one_robot, shared, range(count), Parts(folder / "parts", f"robots-{name}-"),
+        identification.one_robot, shared, range(count), Parts(folder / "parts", f"robots-{name}-"),
         lambda n, _="": report(n, "random robots"),
     )  # fmt: skip
     write_table(folder / "robots.parquet", table)
@@ -90,7 +79,6 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
         made=f"wrenchbed study medrue{' --quick' if quick else ''}: pool of {POOL:,} "
         f"configurations, {count} robots, seed {seed}. doi 10.3390/s16060798.",
         summary=summary,
-        cards=_cards(summary),
     )
 
 
@@ -103,7 +91,7 @@ def examine(setting: StudySetting, chosen: np.ndarray) -> tuple[Observability, d
     for n in (_RANKED, len(setting.q)):
         sets[n] = np.linspace(0, len(setting.q) - 1, n).astype(int)
     ranks, first = {}, np.empty((0, 0))
-    actual = of_table_1(setting, published.ACTUAL)
+    actual = identification.of_table_1(setting, published.ACTUAL)
     for label, theta in (("nominal", setting.theta), ("Table 1's robot", actual)):
         for n, rows in sorted(sets.items()):
             jacobian = model.jacobian(setting.q[rows], theta, columns).reshape(-1, len(columns))
@@ -122,10 +110,10 @@ def _summary(
     observed: Observability,
     one: PaperRobot,
     table: pa.Table,
-) -> dict[str, object]:
+) -> dict[str, Any]:
     o1 = chosen["O1"]
     bounds = {k: 1e3 * setting.bound(d.chosen, PAPER.std) for k, d in chosen.items()}
-    mini40 = 1e3 * tables.expected(setting, o1.chosen, MINI40)
+    mini40 = 1e3 * setting.expected(o1.chosen, MINI40)
     certificate, target = o1.certificate, chosen["target"].certificate
     attained = {}
     for noise in (PAPER, MINI40):
@@ -153,44 +141,14 @@ def _summary(
     }
 
 
-def _in_mm(summary: dict[str, object]) -> tuple[float, float, float, float]:
-    """Bounds: as stated, with the best poses, with the certificate's noise; the printed error."""
-    names = ("bound_mm", "bound_mm_best", "bound_mm_certificate", "published_mm")
-    stated, best, certificate, printed = (float(str(summary[k])) for k in names)
-    return stated, best, certificate, printed
-
-
-def _cards(summary: dict[str, object]) -> tuple[Card, ...]:
-    stated, best, certificate, printed = _in_mm(summary)
-    possible = "possible" if certificate < _POSSIBLE * printed else "not possible"
-    return (
-        Card(
-            "The wrench determines",
-            f"{summary['rank']} of 49 parameters",
-            "Of the rest, only combinations show, or nothing at all.",
-        ),
-        Card(
-            "Noise as the paper states it",
-            f"{stated:.2f} mm at best",
-            "The bound of any unbiased estimate from the 100 poses that O1 chooses, rms in the "
-            f"target workspace; from the best 100 of the pool {best:.2f} mm. "
-            f"The paper prints {printed:.3f} mm.",
-        ),
-        Card(
-            "Noise of the certificate",
-            f"{certificate:.3f} mm at best",
-            f"The printed {printed:.3f} mm is {possible} with it.",
-        ),
-    )
-
-
-def _lead(summary: dict[str, object]) -> str:
-    stated, best, certificate, printed = _in_mm(summary)
+def _lead(summary: dict[str, Any]) -> str:
+    printed, certificate = summary["published_mm"], summary["bound_mm_certificate"]
     allowed = "allows" if certificate < _POSSIBLE * printed else "does not allow"
     return (
-        f"Of 49 parameters the wrench determines {summary['rank']}. With the noise that the paper "
-        "states (±1 N as 3σ, 100 samples) no unbiased estimate from the 100 configurations that "
-        f"O1 chooses is better than {stated:.2f} mm rms in the target workspace, from no 100 of "
-        f"the pool better than {best:.2f} mm; it prints {printed:.3f} mm. The noise of the "
+        f"Of 49 parameters the wrench determines {summary['rank']}; of the rest only combinations "
+        "show, or nothing at all. With the noise that the paper states (±1 N as 3σ, 100 samples) "
+        "no unbiased estimate from the 100 configurations that O1 chooses is better than "
+        f"{summary['bound_mm']:.2f} mm rms in the target workspace, from no 100 of the pool better "
+        f"than {summary['bound_mm_best']:.2f} mm; it prints {printed:.3f} mm. The noise of the "
         f"sensor's certificate {allowed} that: bound {certificate:.3f} mm."
     )

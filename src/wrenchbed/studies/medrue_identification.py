@@ -15,16 +15,8 @@ from wrenchbed.calibration.least_squares import solve
 from wrenchbed.jobs.parts import Row
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.studies.medrue_setting import (
-    ACTUAL,
-    LOWER,
-    MINI40,
-    NOISY,
-    PAPER,
-    NoiseModel,
-    PoseDesign,
-    StudySetting,
-)
+from wrenchbed.studies import medrue_setting as published
+from wrenchbed.studies.medrue_setting import LOWER, MINI40, PAPER, PoseDesign, StudySetting
 
 _STOP = 1e-12
 """RMS change of the parameters in the paper's units; its 1e-16 lies below rounding (1e-13)."""
@@ -135,12 +127,12 @@ class PaperRobot:
 
 def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: int) -> PaperRobot:
     """Identify without noise, with the certificate's, and with ±1 N by each design."""
-    theta = of_table_1(setting, ACTUAL)
+    theta = of_table_1(setting, published.ACTUAL)
     simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     true = {"target": simulation.tip(setting.target), "whole": simulation.tip(setting.q)}
     rng = np.random.default_rng([seed, 10_000])
 
-    def measured(name: str, noise: NoiseModel | None) -> tuple[np.ndarray, np.ndarray]:
+    def measured(name: str, noise: published.NoiseModel | None) -> tuple[np.ndarray, np.ndarray]:
         q = setting.q[designs[name].chosen]
         wrench = simulation.wrench(q)
         if noise is not None:
@@ -160,7 +152,7 @@ def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: 
         thetas[case] = as_the_paper(setting, *measured(design, PAPER)).theta
     judge = Judge(setting, theta, simulation)
     rows = judge.rows(setting.theta, method="before")
-    rows += judge.rows(of_table_1(setting, NOISY), method="printed")
+    rows += judge.rows(of_table_1(setting, published.NOISY), method="printed")
     return PaperRobot(theta, exact, real, {k: errors(t) for k, t in thetas.items()}, rows)
 
 
@@ -209,25 +201,14 @@ def one_robot(shared: SharedDesigns, number: int) -> list[Row]:
     for name in shared.designs:
         for noise in (PAPER, MINI40, *LOWER) if name == "O1" else (PAPER,):
             measured = exact[name] + rng.standard_normal(exact[name].shape) * noise.std
-            rows += _both(judge, q[name], measured, noise, robot=number, design=name)
-    return rows
-
-
-def _both(
-    judge: "Judge", q: np.ndarray, measured: np.ndarray, noise: NoiseModel, robot: int, design: str
-) -> list[Row]:
-    """The paper's way and the weighted one; over the whole pool only where a table asks for it."""
-    setting = judge.setting
-    plain = as_the_paper(setting, q, measured, _NOISY_STOP)
-    good = bool(np.isfinite(plain.theta).all())
-    best = weighted(setting, q, measured, noise.std, plain.theta if good else None)
-    wanted = noise in (PAPER, MINI40)
-    rows = []
-    for method, identified in (("paper", plain), ("weighted", best)):
-        rows += judge.rows(
-            identified.theta, whole=wanted and (design == "O1" or method == "paper"),
-            robot=robot, design=design, noise=noise.name, method=method, steps=identified.steps,
-        )  # fmt: skip
+            plain = as_the_paper(setting, q[name], measured, _NOISY_STOP)
+            start = plain.theta if np.isfinite(plain.theta).all() else None
+            best = weighted(setting, q[name], measured, noise.std, start)
+            for method, one in (("paper", plain), ("weighted", best)):
+                # over the whole pool only where a table asks for it
+                whole = noise in (PAPER, MINI40) and (name == "O1" or method == "paper")
+                labels = {"robot": number, "design": name, "noise": noise.name, "method": method}
+                rows += judge.rows(one.theta, whole=whole, **labels, steps=one.steps)
     return rows
 
 

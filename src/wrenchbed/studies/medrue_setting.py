@@ -128,20 +128,22 @@ class StudySetting:
         """The Jacobian (N, 6, 27) in N and N·m per mm, degree and kg."""
         return self.jacobian * self.units
 
-    def whitened(self, std: np.ndarray) -> np.ndarray:
-        """The Jacobian (N, 6, 27) per standard deviation (6,) of the mean of a pose's samples."""
-        return self.jacobian / std[:, None]
-
     def covariance(self, chosen: np.ndarray, std: np.ndarray) -> np.ndarray:
         """Cramér–Rao bound (27, 27): of any unbiased estimate from the chosen configurations."""
-        rows = self.whitened(std)[chosen].reshape(-1, len(self.columns))
-        scale = self.units
-        triangle = np.linalg.inv(np.linalg.qr(rows * scale, mode="r"))
-        return (triangle @ triangle.T) * np.outer(scale, scale)
+        rows = (self.in_table_units[chosen] / std[:, None]).reshape(-1, len(self.columns))
+        triangle = np.linalg.inv(np.linalg.qr(rows, mode="r"))
+        return (triangle @ triangle.T) * np.outer(self.units, self.units)
 
     def bound(self, chosen: np.ndarray, std: np.ndarray) -> float:
         """Cramér–Rao bound as rms position error in the target [m]."""
         return self.goal.rms(self.covariance(chosen, std))
+
+    def expected(self, chosen: np.ndarray, noise: NoiseModel) -> np.ndarray:
+        """Expected mean, maximum, std, rms (4,) [m] over the target of an efficient estimate."""
+        covariance = self.covariance(chosen, noise.std) / np.outer(self.units, self.units)
+        draws = np.random.default_rng(0).standard_normal((DRAWS, len(covariance)))
+        draws = draws @ np.linalg.cholesky(covariance).T * self.units
+        return np.asarray(np.asarray(statistics(self.goal.errors(draws))).mean(axis=0))
 
 
 def prepare(n: int, seed: int, orientations: int = workspace.ORIENTATIONS) -> StudySetting:
@@ -156,18 +158,6 @@ def prepare(n: int, seed: int, orientations: int = workspace.ORIENTATIONS) -> St
     jacobian = model.jacobian(q, theta, columns)
     goal = Goal(tip_jacobian(robot, target, theta, columns))
     return StudySetting(robot, model, columns, units, q, jacobian, target, goal)
-
-
-def position_errors(
-    setting: StudySetting, covariance: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
-    """Statistics (`DRAWS`, 4) of errors [m] in the target, of random estimates.
-
-    Args:
-        covariance: of the estimates (27, 27) in the paper's units.
-    """
-    draws = rng.standard_normal((DRAWS, len(covariance))) @ np.linalg.cholesky(covariance).T
-    return np.asarray(statistics(setting.goal.errors(draws * setting.units)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,7 +181,7 @@ def designs(
     for criterion in INDICES.values():
         result[criterion.name] = _best(table, criterion, seed, starts)
         report(f"poses by {criterion.name}")
-    scaled = Pool(setting.whitened(PAPER.std) * setting.units)
+    scaled = Pool(setting.in_table_units / PAPER.std[:, None])
     weight = setting.goal.weight * np.outer(setting.units, setting.units)
     result["target"] = _best(scaled, i_optimality(weight), seed, starts, "target")
     report("poses by target error")

@@ -14,15 +14,7 @@ from wrenchbed.pages.plots import course, histograms, workspaces
 from wrenchbed.planning.criteria import observability_indices
 from wrenchbed.studies import medrue_setting as published
 from wrenchbed.studies.medrue_identification import AGAIN, INDICES, PaperRobot
-from wrenchbed.studies.medrue_setting import (
-    LOWER,
-    MINI40,
-    PAPER,
-    NoiseModel,
-    PoseDesign,
-    StudySetting,
-    position_errors,
-)
+from wrenchbed.studies.medrue_setting import LOWER, MINI40, PAPER, PoseDesign, StudySetting
 
 _THREE = ("mean", "max", "std")
 _DESIGNS = (*INDICES, "target", "random")
@@ -120,12 +112,9 @@ def paper_robot_section(
         "±1 N as 3σ, unweighted": one.errors["O1"]["target"],
         "certificate, weighted": one.errors["real"]["target"],
     }
-    figures = [
-        Figure(
-            "figure6", "Figure 6: configurations over the whole workspace and in the target",
-            workspaces({"whole workspace": pool}, {"target": goal}),
-        ),
-    ]  # fmt: skip
+    title = "Figure 6: configurations over the whole workspace and in the target"
+    drawn = workspaces({"whole workspace": pool}, {"target": goal})
+    figures = [Figure("figure6", title, drawn)]
     for name, title, errors in (
         ("figure7", "Figure 7: position errors in the whole workspace before and after",
          before_and_after),
@@ -179,12 +168,7 @@ def population_section(table: pa.Table, one: PaperRobot) -> Section:
         "Each robot is drawn within ±2 mm and ±1°, measured in MuJoCo, identified and validated in "
         "the target (against MuJoCo) and over the whole pool (against the closed form, which "
         "agrees with MuJoCo to 1e-12 N). Numbers are medians over robots; the paper has one.",
-        (
-            _improvements(table, one),
-            _by_index(table),
-            _tests(one),
-            _by_level(table),
-        ),
+        (_improvements(table, one), _by_index(table), _tests(one), _by_level(table)),
     )
 
 
@@ -305,18 +289,11 @@ def limit_section(setting: StudySetting, chosen: np.ndarray, table: pa.Table) ->
     )
 
 
-def expected(setting: StudySetting, chosen: np.ndarray, noise: NoiseModel) -> np.ndarray:
-    """Expected mean, maximum, std, rms [m] over the target of an efficient estimate."""
-    covariance = setting.covariance(chosen, noise.std) / np.outer(setting.units, setting.units)
-    errors = position_errors(setting, covariance, np.random.default_rng(0))
-    return np.asarray(errors.mean(axis=0))
-
-
 def _headline(setting: StudySetting, chosen: np.ndarray, table: pa.Table) -> Table:
     rows: list[tuple[object, ...]] = [("published", *published.AFTER.values())]
     means = []
     for noise in (MINI40, PAPER):
-        mean, top, std, _ = 1e3 * expected(setting, chosen, noise)
+        mean, top, std, _ = 1e3 * setting.expected(chosen, noise)
         rows.append((f"bound: {noise.name}", mean, top, std))
         labels = {"design": "O1", "noise": noise.name, "method": "weighted"}
         values = (1e3 * np.nanmean(column(table, s, **labels)) for s in _THREE)

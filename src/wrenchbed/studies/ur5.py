@@ -1,6 +1,7 @@
 """The study of the installation error, from poses to the page."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -9,12 +10,10 @@ import pyarrow.compute as pc
 from wrenchbed.jobs.parts import Parts, Row, key, write_table
 from wrenchbed.jobs.parts import run as run_parts
 from wrenchbed.jobs.workers import Progress
-from wrenchbed.pages.document import Card, Document, Figure, Section, Table
+from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.plots import components, groups
-from wrenchbed.studies import ur5_scene as scene
-from wrenchbed.studies.ur5_methods import FREE, ORDER, Trial
-from wrenchbed.studies.ur5_methods import run as run_trial
-from wrenchbed.studies.ur5_scene import DIRECTIONS, RATE_HZ, SAMPLES, SCENARIOS
+from wrenchbed.studies import ur5_methods as methods
+from wrenchbed.studies.ur5_methods import DIRECTIONS, ORDER, RATE_HZ, SAMPLES, SCENARIOS, Trial
 
 TITLE = "Installation error of a force sensor on a UR5: four methods compared"
 REPEATS = {False: 20, True: 3}
@@ -49,7 +48,7 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
         repetition, seed, range(count), parts, lambda n, _="": report(n, "repetitions")
     )
     write_table(folder / "trials.parquet", table)
-    first = run_trial(SCENARIOS[0], 1000 * seed)
+    first = methods.run(SCENARIOS[0], 1000 * seed)
     report(1, SCENARIOS[0].name)
     summary = _summary(first, table)
     return Document(
@@ -84,14 +83,15 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
         made=f"wrenchbed study ur5{' --quick' if quick else ''}: {_repeats(quick, robots)} "
         f"repetitions, seed {seed}.",
         summary=summary,
-        cards=_cards(summary),
     )
 
 
 def repetition(seed: int, number: int) -> list[Row]:
     """Rows of one scenario with its own poses and noise."""
     k, which = divmod(number, len(SCENARIOS))
-    return [row | {"repetition": k} for row in run_trial(SCENARIOS[which], 1000 * seed + k).rows()]
+    return [
+        row | {"repetition": k} for row in methods.run(SCENARIOS[which], 1000 * seed + k).rows()
+    ]
 
 
 def overall(table: pa.Table, scenario: str, method: str) -> float:
@@ -103,18 +103,16 @@ def overall(table: pa.Table, scenario: str, method: str) -> float:
 
 
 def _direction(one: Trial, direction: str) -> Table:
-    rows = []
-    for row in one.rows():
-        if row["direction"] != direction:
-            continue
-        method, printed = row["method"], (np.nan, np.nan)
-        if method in scene.METHODS:
-            k = scene.METHODS.index(method)
-            printed = (scene.FORCE[direction][k], scene.TORQUE[direction][k])
-        names = ("force", "torque", "force_std", "torque_std")
-        rows.append((method, *printed, *(row[n] for n in names)))
+    figures = zip(methods.FORCE[direction], methods.TORQUE[direction], strict=True)
+    printed = dict(zip(methods.METHODS, figures, strict=True))
+    names = ("force", "torque", "force_std", "torque_std")
+    rows = [
+        (r["method"], *printed.get(r["method"], (np.nan, np.nan)), *(r[n] for n in names))
+        for r in one.rows()
+        if r["direction"] == direction
+    ]
     return Table.of(
-        f"Table {scene.TABLE[direction]}: tool {direction}",
+        f"Table {methods.TABLE[direction]}: tool {direction}",
         (
             "method", "printed force [N]", "printed torque [N·m]", "force [N]", "torque [N·m]",
             "std force [N]", "std torque [N·m]",
@@ -153,12 +151,8 @@ def _scenarios(table: pa.Table) -> Table:
     )
 
 
-def _summary(first: Trial, table: pa.Table) -> dict[str, object]:
+def _summary(first: Trial, table: pa.Table) -> dict[str, Any]:
     observed, rows = first.fit.observability, first.rows()
-    by_direction = {
-        what: {d: {r["method"]: r[what] for r in rows if r["direction"] == d} for d in DIRECTIONS}
-        for what in ("force", "torque")
-    }
     return {
         "rank": observed.rank,
         "redundancies": [
@@ -166,7 +160,10 @@ def _summary(first: Trial, table: pa.Table) -> dict[str, object]:
             for r in observed.redundancies
         ],
         "bound_mm": 1e3 * _bound(first),
-        **by_direction,
+        **{
+            k: {d: {r["method"]: r[k] for r in rows if r["direction"] == d} for d in DIRECTIONS}
+            for k in ("force", "torque")
+        },
         "scenarios": {
             s.name: {m: overall(table, s.name, m) for m in ORDER} for s in SCENARIOS
         },
@@ -176,7 +173,7 @@ def _summary(first: Trial, table: pa.Table) -> dict[str, object]:
 def _bound(one: Trial) -> float:
     """Cramér–Rao bound of the centre of gravity's position [m], white noise alone, averaged."""
     scene, q = one.scene, one.calibrating
-    columns = scene.model.parameters.select(FREE)
+    columns = scene.model.parameters.select(methods.FREE)
     std = scene.noise.white / np.sqrt(SAMPLES)
     rows = scene.model.jacobian(q, scene.theta, columns) / std[:, None]
     scale = scene.model.parameters.tolerance[list(columns)]
@@ -187,37 +184,14 @@ def _bound(one: Trial) -> float:
     return float(np.sqrt(np.trace(covariance[np.ix_(cog, cog)])))
 
 
-def _key(summary: dict[str, object]) -> tuple[dict[str, float], dict[str, float]]:
-    """Force [N] that each method leaves: in its worst direction, and with a wrong stated mass."""
-    force: dict[str, dict[str, float]] = summary["force"]  # type: ignore[assignment]
-    scenarios: dict[str, dict[str, float]] = summary["scenarios"]  # type: ignore[assignment]
-    worst = {m: max(force[d][m] for d in DIRECTIONS) for m in ORDER}
-    return worst, scenarios[SCENARIOS[2].name]
-
-
-def _cards(summary: dict[str, object]) -> tuple[Card, ...]:
-    worst, wrong = _key(summary)
-    return (
-        Card(
-            "Joint fit",
-            f"{worst['joint fit']:.3f} N left",
-            "In the worst direction, where noise alone leaves "
-            f"{worst['exact model']:.3f} N: mass, centre of gravity, bias, rotation and tilt "
-            "are fitted together.",
-        ),
-        Card(
-            "Stated mass 5 % too large",
-            f"{wrong['Method 1']:.2f} N or {wrong['joint fit']:.3f} N",
-            "Method 1 trusts the stated weights; the joint fit finds the mass.",
-        ),
-    )
-
-
-def _lead(summary: dict[str, object]) -> str:
-    worst, wrong = _key(summary)
+def _lead(summary: dict[str, Any]) -> str:
+    """The forces that the methods leave in their worst direction, and with a wrong stated mass."""
+    worst = {m: max(summary["force"][d][m] for d in DIRECTIONS) for m in ORDER}
+    wrong = summary["scenarios"][SCENARIOS[2].name]
     return (
         "Under the article's assumptions Method 1, which knows both weights, and a joint fit leave "
-        f"{worst['Method 1']:.3f} N and {worst['joint fit']:.3f} N at worst. With a stated mass "
-        f"5 % too large Method 1 leaves {wrong['Method 1']:.2f} N, the joint fit "
+        f"{worst['Method 1']:.3f} N and {worst['joint fit']:.3f} N at worst, where noise alone "
+        f"leaves {worst['exact model']:.3f} N. With a stated mass 5 % too large Method 1 leaves "
+        f"{wrong['Method 1']:.2f} N, the joint fit, which finds the mass, "
         f"{wrong['joint fit']:.3f} N."
     )
