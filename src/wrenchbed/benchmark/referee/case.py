@@ -77,11 +77,11 @@ class World(ABC):
     families = FAMILIES
 
     @property
-    @abstractmethod
     def usual(self) -> Usual:
         """Readings that every calibration removes: those of bias, mass and CoG."""
+        return self.setting.usual
 
-    @property
+    @cached_property
     @abstractmethod
     def signatures(self) -> Bench:
         """Signatures of the library's effects in this world."""
@@ -101,6 +101,16 @@ class World(ABC):
     @abstractmethod
     def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
         """Readings and gap that the first of two causes adds beside the second."""
+
+    def cause(
+        self, fault: RefereeFault, world: "World", signature: np.ndarray, rise: np.ndarray | None
+    ) -> TrueCause:
+        """A fault by its signature (n, 6), or by the rise of a row's variance (6,)."""
+        if rise is not None:
+            mean, most = float(rise.mean()), float(rise.max())
+            return TrueCause(mean, most, True, fault, signature, world)
+        gap = self.usual.gap(signature, fault.name in STATED)
+        return TrueCause(gap, 0.0, False, fault, signature, world)
 
     def drawn(self, name: str, rng: Rng, size: float) -> RefereeFault:
         """An effect of a size in multiples of typical."""
@@ -171,12 +181,9 @@ class FaultyRobot(World):
     @classmethod
     def of(cls, setting: RefereeSetting, around: Sequence[RefereeFault] = ()) -> "FaultyRobot":
         """Robot of a setting with given faults."""
-        return cls(setting, tuple(around), _ride(setting, around))
-
-    @property
-    def usual(self) -> Usual:
-        """Readings that every calibration removes: those of bias, mass and CoG."""
-        return self.setting.usual
+        gravity, joints = np.array(setting.robot.gravity, dtype=float), len(setting.robot.joints)
+        machine = mechanics(Mechanics(setting.theta, gravity, np.zeros(joints)), around)
+        return cls(setting, tuple(around), ride(setting.robot, machine, setting.path))
 
     @cached_property
     def signatures(self) -> Bench:
@@ -204,8 +211,9 @@ class FaultyRobot(World):
     def with_(self, fault: RefereeFault) -> "FaultyRobot":
         """Robot with a further fault; a fault of the machine needs another ride."""
         around = (*self.around, fault)
-        way = self.way if fault.body is None else _ride(self.setting, around)
-        return replace(self, around=around, way=way)
+        if fault.body is not None:
+            return FaultyRobot.of(self.setting, around)
+        return replace(self, around=around)
 
     def measured(self, fault: RefereeFault) -> TrueCause:
         """Readings and gap that a fault adds to this robot."""
@@ -217,13 +225,9 @@ class FaultyRobot(World):
         return self.with_(second.fault)._difference(first.fault, second.world)
 
     def _difference(self, fault: RefereeFault, other: "FaultyRobot") -> TrueCause:
-        if between(fault.name):
-            rise = self.risen(fault)
-            none = np.zeros_like(other.base)
-            return TrueCause(float(rise.mean()), float(rise.max()), True, fault, none, other)
-        signature = other.base - self.base
-        gap = other.usual.gap(signature, fault.name in STATED)
-        return TrueCause(gap, 0.0, False, fault, signature, other)
+        rise = self.risen(fault) if between(fault.name) else None
+        signature = np.zeros_like(other.base) if rise is not None else other.base - self.base
+        return self.cause(fault, other, signature, rise)
 
     def compared(self, wrench: np.ndarray) -> np.ndarray:
         """Recorded rows (N, 6) less the readings of the stated robot, at the instants where
@@ -251,12 +255,6 @@ class FaultyRobot(World):
     def row_noise(self) -> float:
         """Gap of noise alone where readings are compared."""
         return 1.0 if self.setting.mode == "dynamic" else 1.0 / SAMPLES
-
-
-def _ride(setting: RefereeSetting, faults: Sequence[RefereeFault]) -> Ride:
-    gravity, joints = np.array(setting.robot.gravity, dtype=float), len(setting.robot.joints)
-    start = Mechanics(setting.theta, gravity, np.zeros(joints))
-    return ride(setting.robot, mechanics(start, faults), setting.path)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.benchmark import frame
-from wrenchbed.benchmark.frame import EFFECTS, KINDS, STATED, Rng, Usual, between, register
+from wrenchbed.benchmark.frame import EFFECTS, KINDS, Rng, between, register
 from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.benchmark.referee import sensor
 from wrenchbed.benchmark.referee.case import TrueCause, World
@@ -75,14 +75,13 @@ def seal_real(truth: Path, out: Path, answers: Path) -> str:
         kind, causes, recording = cases[k]
         name, meta = f"{place:04d}", recording.metadata
         names[name] = meta
-        answer = Answer(
-            name, meta.robot, meta.mode, kind, causes, None, len(recording), None,
-            commitments.salt(seed, name),
-        )  # fmt: skip
+        salt = commitments.salt(seed, name)
+        rows = len(recording)
+        answer = Answer(name, meta.robot, meta.mode, kind, causes, None, rows, None, salt)
         commitments.write_recording(recording, commitments.recording_of(out, name))
         write_bytes(commitments.answer_of(answers, name), answer.to_bytes())
-    robots, modes = ("|".join(sorted({getattr(m, k) for m in names.values()}))
-                     for k in ("robot", "mode"))  # fmt: skip
+    robots = "|".join(sorted({m.robot for m in names.values()}))
+    modes = "|".join(sorted({m.mode for m in names.values()}))
     about = {"source": truth.name, "cases": len(cases), "salt": secrets.token_hex(16)}
     return commitments.commit(out, answers, robots, modes, names, about)
 
@@ -170,11 +169,6 @@ class HostRecording(World):
     pairs = 1
     families = FAMILIES
 
-    @property
-    def usual(self) -> Usual:
-        """Readings that every calibration removes: those of bias, mass and CoG."""
-        return self.setting.usual
-
     @cached_property
     def signatures(self) -> Bench:
         """Signatures of the library's effects as far as orientations show them."""
@@ -199,11 +193,8 @@ class HostRecording(World):
         change = self.with_faults(world.around) - self.with_faults(self.around)
         if between(fault.name):
             rise = np.mean((change / self.setting.scatter) ** 2, axis=0)
-            none = np.zeros((1, 6))
-            return TrueCause(float(rise.mean()), float(rise.max()), True, fault, none, world)
-        signature = self.setting.means(change)
-        gap = self.usual.gap(signature, fault.name in STATED)
-        return TrueCause(gap, 0.0, False, fault, signature, world)
+            return self.cause(fault, world, np.zeros((1, 6)), rise)
+        return self.cause(fault, world, self.setting.means(change), None)
 
     def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
         """Readings and gap that the first of two causes adds beside the second."""
