@@ -13,7 +13,7 @@ from wrenchbed.benchmark.lookalikes import (
     families,
     recording,
 )
-from wrenchbed.benchmark.lookalikes.catalogue import DRAWS
+from wrenchbed.benchmark.lookalikes.imperfection import DRAWS
 from wrenchbed.benchmark.lookalikes.loads import in_motion
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.time_derivatives import Jet

@@ -110,6 +110,11 @@ def subsystem(name: str) -> str:
     return name.partition(".")[0]
 
 
+def of_another_subsystem(names: Iterable[str], name: str) -> list[str]:
+    """Those effects that sit in another subsystem than ``name``."""
+    return [other for other in names if subsystem(other) != subsystem(name)]
+
+
 def between(name: str) -> bool:
     """Whether a fault of this name shows between rows only."""
     return name in EFFECTS and EFFECTS[name].between

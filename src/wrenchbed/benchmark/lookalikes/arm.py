@@ -9,17 +9,9 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from wrenchbed.benchmark.frame import Rng, register
+from wrenchbed.benchmark.lookalikes import imperfection
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import (
-    DRAWS,
-    Imperfection,
-    ImperfectRobot,
-    RowImperfection,
-    Shaking,
-    gap,
-    relay,
-    spread,
-)
+from wrenchbed.benchmark.lookalikes.imperfection import DRAWS, Imperfection
 from wrenchbed.benchmark.lookalikes.loads import link_forces, rotate_back, wrench_at
 from wrenchbed.robots.base import SimulatedRobot
 
@@ -33,7 +25,7 @@ def mount_rotation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
     axis = rng.standard_normal(3)
     if rng.uniform() < 0.4:  # mostly about the bolts' axis
         axis = np.array([0.15, 0.15, 1.0]) * rng.standard_normal(3)
-    angle = np.deg2rad(0.5) * size * spread(rng)
+    angle = np.deg2rad(0.5) * size * imperfection.spread(rng)
     vector = angle * axis / np.linalg.norm(axis)
     true = {f"rotation.{a}": v for a, v in zip("xyz", vector.tolist(), strict=True)}
     return Imperfection(true, mount=vector)
@@ -46,7 +38,7 @@ def offset(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     dq = np.zeros_like(design.q)
     for j in _joints(design, rng):
         typical = np.deg2rad(0.2) if design.robot.joints[j].unit == "rad" else 1e-3
-        value = _sign(rng) * size * typical * spread(rng)
+        value = _sign(rng) * size * typical * imperfection.spread(rng)
         dq[:, j] += value
         true[f"offset.q{j + 1}"] = value
     return Imperfection(true, joint=dq)
@@ -64,7 +56,7 @@ def compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     for j in _joints(design, rng, rotating=True):
         largest = max(float(np.abs(torque[:, j]).max()), 1e-9)
         typical = 1.5e4 if j < design.robot.large_gears else 5e3  # N·m/rad
-        stiffness = typical / size * spread(rng)
+        stiffness = typical / size * imperfection.spread(rng)
         true_torque = torque[:, j] * rng.uniform(0.93, 1.07)  # true masses are not the CAD's
         hardening = rng.uniform(0.0, 0.25)
         torque_fraction = true_torque / largest
@@ -77,11 +69,11 @@ def compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 def backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Backlash of a joint: the load holds one side until it clearly pulls to the other."""
     (j,) = _joints(design, rng, rotating=True, several=0.0)
-    width = np.deg2rad(0.1) * size * spread(rng)
+    width = np.deg2rad(0.1) * size * imperfection.spread(rng)
     torque = design.path.torque[:, j]
     scale = max(float(np.abs(torque).max()), 1e-9)
     friction = scale * rng.uniform(0.005, 0.05)  # keeps the old side
-    side = relay(torque, np.array(-friction), np.array(friction))
+    side = imperfection.relay(torque, np.array(-friction), np.array(friction))
     soft = np.tanh(torque / (friction + 0.02 * scale))
     state = _crossed(design, 0.85 * side + 0.15 * soft)
     dq = np.zeros_like(design.q)
@@ -97,7 +89,7 @@ def gear_error(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
         harmonic = int(rng.choice([1, 2, 3, 4], p=[0.45, 0.35, 0.1, 0.1]))
     else:
         harmonic = int(rng.choice([50, 100, 101, 200]))
-    amplitude = np.deg2rad(5.0 / 60.0) * size * spread(rng)
+    amplitude = np.deg2rad(5.0 / 60.0) * size * imperfection.spread(rng)
     phase = rng.uniform(-np.pi, np.pi)
     second = rng.uniform(0.0, 0.25)
     angle = harmonic * design.q[:, j] + phase
@@ -118,7 +110,7 @@ def clearance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     names = distal_links(design)
     count = int(rng.choice([1, 2, len(names)], p=[0.3, 0.2, 0.5]))
     chosen = rng.choice(len(names), count, replace=False)
-    radius = 5e-5 * size * spread(rng)
+    radius = 5e-5 * size * imperfection.spread(rng)
     force = design.once("distal forces", lambda: _distal_forces(design))
     delta = np.zeros((len(design), len(design.theta)))
     values: dict[str, float] = {"radius": radius}
@@ -149,7 +141,7 @@ def link_length(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
     delta = np.zeros(len(design.theta))
     true: dict[str, float] = {}
     for name in rng.choice(names[:8] if count == 1 else names, count, replace=False):
-        value = _sign(rng) * 1e-3 * size * spread(rng)
+        value = _sign(rng) * 1e-3 * size * imperfection.spread(rng)
         delta[design.robot.parameters.index(str(name))] = value
         true[f"length.{name}"] = value
     return Imperfection(true, link=delta)
@@ -158,7 +150,7 @@ def link_length(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
 @register(DRAWS, "base.tilt")
 def tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The base is about 0.5° out of level."""
-    angle = np.deg2rad(0.5) * size * spread(rng)
+    angle = np.deg2rad(0.5) * size * imperfection.spread(rng)
     heading = rng.uniform(-np.pi, np.pi)
     vector = angle * np.array([np.cos(heading), np.sin(heading), 0.0])
     about_vertical = np.array([0.0, 0.0, rng.normal(0.0, 0.01)])
@@ -170,7 +162,7 @@ def tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
 @register(DRAWS, "base.compliance")
 def base_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The base leans under the moment of the arm's weight, unequally about two axes."""
-    c = 2e-5 * size * spread(rng) * np.array([1.0, rng.uniform(0.5, 1.0)])
+    c = 2e-5 * size * imperfection.spread(rng) * np.array([1.0, rng.uniform(0.5, 1.0)])
     heading = rng.uniform(0.0, np.pi)
     axes = np.array([[np.cos(heading), np.sin(heading)], [-np.sin(heading), np.cos(heading)]])
     matrix = axes.T @ np.diag(c) @ axes
@@ -187,7 +179,7 @@ def vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     axis = rng.standard_normal(3) * [1.0, 1.0, 0.6]
     axis /= np.linalg.norm(axis)
     noise = float(np.min(design.noise_std[:3]))
-    level = 1.2 * noise / design.load.mass * size * spread(rng)  # m/s² rms
+    level = 1.2 * noise / design.load.mass * size * imperfection.spread(rng)  # m/s² rms
     top = 0.45 * design.rate
     narrow = rng.uniform() < 0.75
     frequency = float(rng.uniform(min(5.0, 0.3 * top), min(45.0, top))) if narrow else 0.0
@@ -196,7 +188,7 @@ def vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     shake = wrench_at(design.load.cog, force)
     values = {"acceleration": level, "frequency": frequency}
     values |= dict(zip("xyz", axis.tolist(), strict=True))
-    rows = RowImperfection(shake=Shaking(shake, frequency))
+    rows = imperfection.RowImperfection(shake=imperfection.Shaking(shake, frequency))
     return Imperfection(values, rows=rows)
 
 
@@ -209,13 +201,13 @@ def _crossed(design: ExperimentDesign, state: np.ndarray) -> np.ndarray:
 
 def _visibility(design: ExperimentDesign) -> np.ndarray:
     """Relative effect of 0.2° at each joint (J,) after the usual fit."""
-    robot, count = ImperfectRobot(design), design.q.shape[1]
+    robot, count = imperfection.ImperfectRobot(design), design.q.shape[1]
     seen = np.empty(count)
     for j in range(count):
         dq = np.zeros_like(design.q)
         dq[:, j] = np.deg2rad(0.2)
         shifted = robot.reading([(Imperfection(joint=dq), 1.0)])
-        seen[j] = np.sqrt(gap(design, shifted - design.nominal))
+        seen[j] = np.sqrt(design.gap(shifted - design.nominal))
     return np.asarray(seen / max(float(seen.max()), 1e-12))
 
 

@@ -11,36 +11,11 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.signal import lfilter
 
-from wrenchbed.benchmark.frame import (
-    KINDS,
-    NEEDED,
-    SIZES,
-    STATED,
-    Rng,
-    Shown,
-    between,
-    converted,
-    log_uniform,
-    subsystem,
-)
-from wrenchbed.benchmark.lookalikes.catalogue import (
-    FAMILIES,
-    LARGEST,
-    background,
-    effects,
-    families,
-)
+from wrenchbed.benchmark import frame
+from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.lookalikes import catalogue, imperfection
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import (
-    DRAWS,
-    Imperfection,
-    ImperfectRobot,
-    Scaled,
-    gap,
-    held_rows,
-    raised_variance,
-    slow_noise,
-)
+from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot, Scaled
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
@@ -106,14 +81,14 @@ def draw(
     Raises:
         ParameterError: an unknown kind or effect, or one that this design cannot show.
     """
-    if kind not in KINDS:
-        raise ParameterError(f"there is no kind of case {kind!r}. Known: {', '.join(KINDS)}")
+    if kind not in frame.KINDS:
+        raise ParameterError(f"there is no kind of case {kind!r}. Known: {', '.join(frame.KINDS)}")
     drawing = _Drawing(design, seed, kind, size)
     if kind == "none":
         return drawing.case([])
     if kind == "outside":
         return drawing.outside(effect)
-    known = effects(design)
+    known = catalogue.effects(design)
     if effect is not None and effect not in known:
         raise ParameterError(f"this design shows no {effect!r}. It shows: {', '.join(known)}")
     if kind == "single":
@@ -122,7 +97,7 @@ def draw(
 
 
 @dataclass(frozen=True, eq=False)
-class _Measured(Shown):
+class _Measured(frame.Shown):
     """An imperfection, what it adds, and the reading with it (N, 6)."""
 
     item: Imperfection
@@ -136,9 +111,9 @@ class _Drawing:
         self.design, self.seed, self.kind, self.size = design, seed, kind, size
         self.rng = np.random.default_rng([seed, 1])
         self.robot = ImperfectRobot(design)
-        self.around = background(self.robot, self.rng)
+        self.around = catalogue.background(self.robot, self.rng)
         self.base = self.robot.reading(self.around)
-        self.minor = gap(design, self.base - design.nominal)
+        self.minor = design.gap(self.base - design.nominal)
 
     def any_of(self, known: Sequence[str], effect: str | None) -> _Measured:
         """A cause that shows: the effect if one is given, else a random one."""
@@ -158,7 +133,7 @@ class _Drawing:
         for _ in range(_EFFECT_TRIES):
             first = self.any_of(known, effect)
             self._surround([*around, (first.item, 1.0)])
-            others = [e for e in known if subsystem(e) != subsystem(first.item.name)]
+            others = frame.of_another_subsystem(known, first.item.name)
             second = self.any_of(others, None)
             self._surround([*around, (second.item, 1.0)])
             again = self._measure(first.item)
@@ -169,18 +144,18 @@ class _Drawing:
 
     def outside(self, family: str | None) -> LookalikeCase:
         """A fault outside the library, scaled to a random gap."""
-        known = families(self.design)
+        known = catalogue.families(self.design)
         if family is not None and family not in known:
             raise ParameterError(f"there is no family {family!r}. Known: {', '.join(known)}")
         for _ in range(_EFFECT_TRIES):
             name = family if family is not None else str(self.rng.choice(known))
-            item = FAMILIES[name](self.design, self.rng)
-            target = log_uniform(self.rng, 2.5, 40.0)
+            item = catalogue.FAMILIES[name](self.design, self.rng)
+            target = frame.log_uniform(self.rng, 2.5, 40.0)
             amount = 1.0
             for _ in range(5):
                 items = [*self.around, (item, amount)]
-                reached = gap(self.design, self.robot.reading(items) - self.base)
-                if NEEDED["outside"] <= reached <= 2.0 * target:
+                reached = self.design.gap(self.robot.reading(items) - self.base)
+                if frame.NEEDED["outside"] <= reached <= 2.0 * target:
                     clean = self.robot.reading(items)
                     return LookalikeCase(
                         self.seed, "outside", (), name, {}, {name: reached}, clean,
@@ -215,9 +190,9 @@ class _Drawing:
 
     def _grown(self, name: str) -> _Measured | None:
         """An effect that shows enough, None if it does not within the tries."""
-        now = self.size if self.size is not None else log_uniform(self.rng, *SIZES)
+        now = self.size if self.size is not None else frame.log_uniform(self.rng, *frame.SIZES)
         for _ in range(_TRIES):
-            cause = self._measure(DRAWS[name](self.design, self.rng, now))
+            cause = self._measure(imperfection.DRAWS[name](self.design, self.rng, now))
             needed = cause.needed(self.kind)
             if (self.size is not None and np.isfinite(cause.gap)) or cause.amount >= needed:
                 return cause
@@ -227,19 +202,19 @@ class _Drawing:
             growth = float(np.sqrt(_MARGIN * needed / max(cause.amount, 1e-12)))
             if cause.amount < 0.01 * needed:  # the draw, not the size, is what does not show
                 growth = 1.2
-            now = min(now * float(np.clip(growth, 1.05, 3.0)), LARGEST)
+            now = min(now * float(np.clip(growth, 1.05, 3.0)), catalogue.LARGEST)
         return None
 
     def _measure(self, item: Imperfection) -> _Measured:
         """Change of the reading that an imperfection adds to everything around it."""
-        if between(item.name):
-            rise = raised_variance(self.design, item, self.base)
+        if frame.between(item.name):
+            rise = imperfection.raised_variance(self.design, item, self.base)
             return _Measured(float(rise.mean()), float(rise.max()), True, item, self.base)
         with np.errstate(invalid="ignore"):
             reading = self.robot.reading([*self.around, (item, 1.0)])
         if not np.isfinite(reading).all():
             return _Measured(float("nan"), 0.0, False, item, self.base)
-        size = gap(self.design, reading - self.base, configured=item.name in STATED)
+        size = self.design.gap(reading - self.base, item.name in frame.STATED)
         return _Measured(size, 0.0, False, item, reading)
 
 
@@ -293,11 +268,11 @@ def _rows(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
         if r.shake is not None:
             wave = _shaking(when, r.shake.frequency, rng)
             y = y + r.shake.wrench[:, None, :] * wave[..., None]
-    y = converted(y, changed)
+    y = frame.converted(y, changed)
     for r in changed:
         if r.stale[0] > 0.0:
             flat = y.reshape(-1, 6)
-            y = flat[held_rows(len(flat), r.stale, rng)].reshape(y.shape)
+            y = flat[imperfection.held_rows(len(flat), r.stale, rng)].reshape(y.shape)
     return y
 
 
@@ -313,7 +288,7 @@ def row_noise(design: ExperimentDesign, rng: Rng, samples: int) -> tuple[np.ndar
     freedom, memory = rng.uniform(4.0, 8.0), rng.uniform(0.0, 0.6)
     keep, wander = rng.uniform(0.0, 0.6), rng.uniform(0.0, WANDER) * rng.uniform(0.6, 1.0, 6)
     count = len(design)
-    slow = slow_noise(rng, count, 6) * wander * design.noise_std
+    slow = imperfection.slow_noise(rng, count, 6) * wander * design.noise_std
     shape = (1, count, 6) if design.moving else (count, samples, 6)
     white = rng.standard_normal(shape)
     heavy = rng.uniform(size=shape[:2]) < tails

@@ -9,18 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed.benchmark.frame import STATED, Rng, between, log_uniform, possible, register
-from wrenchbed.benchmark.lookalikes import arm, sensor, tool
+from wrenchbed.benchmark.lookalikes import arm, imperfection, sensor, tool
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import (
-    DRAWS,
-    Imperfection,
-    ImperfectRobot,
-    RowImperfection,
-    Scaled,
-    Shaking,
-    gap,
-    relax,
-)
+from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot, Scaled
 from wrenchbed.benchmark.lookalikes.loads import rotate_back, wrench_at
 
 Family = Callable[[ExperimentDesign, Rng], Imperfection]
@@ -82,10 +73,10 @@ def _shows(design: ExperimentDesign, effect: str) -> bool:
     """Whether one of a few large draws reaches a gap that counts."""
     robot = ImperfectRobot(design)
     for probe in range(_PROBES):
-        item = DRAWS[effect](design, np.random.default_rng([probe, 7]), 0.8 * LARGEST)
+        item = imperfection.DRAWS[effect](design, np.random.default_rng([probe, 7]), 0.8 * LARGEST)
         with np.errstate(invalid="ignore"):
             difference = robot.reading([(item, 1.0)]) - design.nominal
-        if np.isfinite(difference).all() and gap(design, difference) > _PROBED_GAP:
+        if np.isfinite(difference).all() and design.gap(difference) > _PROBED_GAP:
             return True
     return False
 
@@ -102,11 +93,11 @@ def background(robot: ImperfectRobot, rng: Rng) -> list[Scaled]:
             continue
         size = 0.1 * float(np.exp(0.7 * rng.standard_normal()))
         seed = int(rng.integers(2**62))
-        drawn.append(DRAWS[effect](design, np.random.default_rng(seed), size))
+        drawn.append(imperfection.DRAWS[effect](design, np.random.default_rng(seed), size))
     scale = 0.5
     for _ in range(_TRIES):
         reading = robot.reading([(item, scale) for item in drawn])
-        reached = gap(design, reading - design.nominal)
+        reached = design.gap(reading - design.nominal)
         if SMALLEST_BACKGROUND <= reached <= min(1.3 * target, LARGEST_BACKGROUND):
             break
         scale *= float(np.clip(np.sqrt(0.95 * target / max(reached, 1e-12)), 1e-3, 1e3))
@@ -137,7 +128,7 @@ def _between_rows(design: ExperimentDesign, rng: Rng) -> Imperfection:
     wrench, frequency = drawn.shake
     rise = float(np.max(np.mean((wrench / design.noise_std) ** 2, axis=0)))
     wrench = min(1.0, float(np.sqrt(MOST_RISE / max(rise, 1e-12)))) * wrench
-    rows = RowImperfection(step=step, shake=Shaking(wrench, frequency))
+    rows = imperfection.RowImperfection(step=step, shake=imperfection.Shaking(wrench, frequency))
     return Imperfection(name="background", rows=rows)
 
 
@@ -273,6 +264,6 @@ def slow_liquid(design: ExperimentDesign, rng: Rng) -> Imperfection:
     """A thick liquid follows gravity with a lag of several poses."""
     path = design.path
     lag = max(float(np.ptp(path.t)), 1e-9) * rng.uniform(0.02, 0.1)
-    level = relax(path.t, path.specific_force, lag)[path.at] / _G
+    level = imperfection.relax(path.t, path.specific_force, lag)[path.at] / _G
     shift = 4e-3 * (level**2 - level.mean(axis=0) ** 2) * rng.standard_normal(3)
     return _cog(shift)

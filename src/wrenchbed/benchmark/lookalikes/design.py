@@ -14,15 +14,8 @@ from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import Usual, hold_means
-from wrenchbed.benchmark.lookalikes.loads import (
-    RigidLoad,
-    SensorMotion,
-    Weights,
-    at_rest,
-    in_motion,
-    load_wrench,
-    weights,
-)
+from wrenchbed.benchmark.lookalikes import loads
+from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, Weights
 from wrenchbed.calibration.calibrate import IdentifiedLoad, identify_from_gravity
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.plan import Plan
@@ -77,17 +70,17 @@ def path_of_holds(design: "ExperimentDesign") -> JointPath:
     if not robot.joints:
         points = points / np.maximum(np.linalg.norm(points, axis=1, keepdims=True), 1e-9)
     with np.errstate(invalid="ignore", divide="ignore"):
-        motion = at_rest(robot, theta, points, gravity)
+        motion = loads.at_rest(robot, theta, points, gravity)
     at = np.arange(STEPS - 1, len(points), STEPS)
     unreachable = ~np.isfinite(motion.rotation).all(axis=(1, 2))
     if unreachable.any():  # the straight move leaves the workspace: the robot waits at the start
         last = np.maximum.accumulate(np.where(unreachable, -1, np.arange(len(points))))
         points = points[np.maximum(last, at[0])]
-        motion = at_rest(robot, theta, points, gravity)
+        motion = loads.at_rest(robot, theta, points, gravity)
     since = np.concatenate([t[:1] - 1.0, t[:-1]])
     times = (since[:, None] + fraction * (t - since)[:, None]).ravel()
-    torque = weights(robot, theta, points, gravity).torque
-    wrench = load_wrench(motion, design.load)
+    torque = loads.weights(robot, theta, points, gravity).torque
+    wrench = loads.load_wrench(motion, design.load)
     return JointPath(times, points, wrench, motion.specific_force, torque, at)
 
 
@@ -239,13 +232,13 @@ class ExperimentDesign:
         """Motion of the sensor at joint values q + dq (N, J) with parameters (P,) or (N, P)."""
         q = self.q + dq if dq.size else self.q
         if self.moving:
-            return in_motion(self.robot, theta, self.t, q, self.gravity)
-        return at_rest(self.robot, theta, q, self.gravity)
+            return loads.in_motion(self.robot, theta, self.t, q, self.gravity)
+        return loads.at_rest(self.robot, theta, q, self.gravity)
 
     @cached_property
     def nominal(self) -> np.ndarray:
         """The wrench (N, 6) [N, N·m] of the robot as stated."""
-        return load_wrench(self.motion, self.load)
+        return loads.load_wrench(self.motion, self.load)
 
     @cached_property
     def full_scale(self) -> np.ndarray:
@@ -273,7 +266,7 @@ class ExperimentDesign:
         """Joint torques and base moments of the nominal robot (N, …)."""
         stride = _STRIDE if self.moving else 1
         t = self.t if self.moving else None
-        return weights(self.robot, self.theta, self.q, self.gravity, t, stride)
+        return loads.weights(self.robot, self.theta, self.q, self.gravity, t, stride)
 
     @cached_property
     def tolerance(self) -> tuple[float, float, np.ndarray]:
@@ -291,8 +284,16 @@ class ExperimentDesign:
         changed = [replace(load, mass=load.mass + 1.0)]
         changed += [replace(load, cog=load.cog + 0.01 * axis) for axis in np.eye(3)]
         columns = [np.broadcast_to(axis, self.nominal.shape) for axis in np.eye(6)]
-        columns += [load_wrench(self.motion, other) - self.nominal for other in changed]
+        columns += [loads.load_wrench(self.motion, other) - self.nominal for other in changed]
         return Usual.of(np.stack(columns, axis=-1), self.noise_std)
+
+    def gap(self, difference: np.ndarray, configured: bool = False) -> float:
+        """Mean of r'Σ⁻¹r/6 of a noise-free difference (N, 6), Σ from ``noise_std``.
+
+        Args:
+            configured: count all of it, not only what bias, mass and CoG cannot take up.
+        """
+        return self.usual.gap(difference, configured)
 
 
 def _noise(meta: Metadata, robot: Robot, measured: np.ndarray | None) -> np.ndarray:

@@ -76,15 +76,6 @@ def slow_noise(rng: Rng, rows: int, columns: int) -> np.ndarray:
     return np.asarray(wave / np.maximum(wave.std(axis=0), 1e-12))
 
 
-def gap(design: ExperimentDesign, difference: np.ndarray, *, configured: bool = False) -> float:
-    """Mean of r'Σ⁻¹r/6 of a noise-free difference (N, 6), Σ from ``noise_std``.
-
-    Args:
-        configured: count all of it, not only what bias, mass and CoG cannot take up.
-    """
-    return design.usual.gap(difference, configured)
-
-
 class Shaking(NamedTuple):
     """The wrench per unit of a shaking signal (N, 6), and its frequency [Hz], 0 is broad."""
 

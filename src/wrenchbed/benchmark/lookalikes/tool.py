@@ -9,15 +9,10 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from wrenchbed.benchmark.frame import Rng, elapsed, register
+from wrenchbed.benchmark.lookalikes import loads
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import DRAWS, Imperfection, relay, spread
-from wrenchbed.benchmark.lookalikes.loads import (
-    RigidLoad,
-    SensorMotion,
-    rotate,
-    rotate_back,
-    wrench_at,
-)
+from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion
 
 _AXES = 8
 """Directions that are tried until a loose part really moves to and fro."""
@@ -106,7 +101,7 @@ def leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     place = design.load.cog + rng.normal(0.0, 0.02, 3)
 
     def act(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
-        return wrench_at(place, -lost * law[:, None] * motion.specific_force)
+        return loads.wrench_at(place, -lost * law[:, None] * motion.specific_force)
 
     return Imperfection({"lost": lost}, load=act)
 
@@ -189,11 +184,11 @@ def cable_pull(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     lever = np.broadcast_to(point, place.shape)
 
     def act(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
-        line = hook - (motion.position + rotate(motion.rotation, lever))
+        line = hook - (motion.position + loads.rotate(motion.rotation, lever))
         length = np.linalg.norm(line, axis=1, keepdims=True)
         taut = np.maximum(length - slack, 0.0)
         pull = stiffness * stretch * (taut / stretch) ** power * line / length
-        return wrench_at(lever, rotate_back(motion.rotation, pull))
+        return loads.wrench_at(lever, loads.rotate_back(motion.rotation, pull))
 
     values = {"stiffness": stiffness, "slack": slack}
     values |= {f"hook_{a}": float(h) for a, h in zip("xyz", hook, strict=True)}
@@ -227,7 +222,7 @@ def contact(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The tool's end presses on an obstacle in one corner of the workspace: about 0.3 N."""
     tip = np.array([0.0, 0.0, 2.0 * max(float(design.load.cog[2]), 0.03)])
     lever = np.broadcast_to(tip, (len(design), 3))
-    ends = design.motion.position + rotate(design.motion.rotation, lever)
+    ends = design.motion.position + loads.rotate(design.motion.rotation, lever)
     normal = rng.standard_normal(3)
     if rng.uniform() < 0.5:  # a table
         normal = np.array([0.0, 0.0, 1.0]) + 0.1 * normal
@@ -244,10 +239,10 @@ def contact(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     along /= np.linalg.norm(along)
 
     def act(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
-        at = motion.position + rotate(motion.rotation, lever)
+        at = motion.position + loads.rotate(motion.rotation, lever)
         depth = np.maximum(level - at @ normal, 0.0) / mean
         push = (force * depth**power)[:, None] * (normal + friction * along)
-        return wrench_at(lever, rotate_back(motion.rotation, push))
+        return loads.wrench_at(lever, loads.rotate_back(motion.rotation, push))
 
     values = {"stiffness": force / mean, "level": level, "power": power, "friction": friction}
     values |= {f"normal_{a}": float(n) for a, n in zip("xyz", normal, strict=True)}

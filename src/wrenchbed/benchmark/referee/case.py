@@ -11,18 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import (
-    KINDS,
-    NEEDED,
-    SIZES,
-    STATED,
-    Rng,
-    Shown,
-    Usual,
-    between,
-    log_uniform,
-    subsystem,
-)
+from wrenchbed.benchmark import frame
+from wrenchbed.benchmark.frame import Rng, Usual
 from wrenchbed.benchmark.referee.catalogue import FAMILIES, background, possible
 from wrenchbed.benchmark.referee.fault import DRAWS, RefereeFault, mechanics, signal
 from wrenchbed.benchmark.referee.laws import held, rows, shaken
@@ -43,7 +33,7 @@ LARGEST_MINOR = 0.42
 
 
 @dataclass(frozen=True, eq=False)
-class TrueCause(Shown):
+class TrueCause(frame.Shown):
     """A fault large enough to be a cause of its case.
 
     Attributes:
@@ -109,7 +99,7 @@ class World(ABC):
         if rise is not None:
             mean, most = float(rise.mean()), float(rise.max())
             return TrueCause(mean, most, True, fault, signature, world)
-        gap = self.usual.gap(signature, fault.name in STATED)
+        gap = self.usual.gap(signature, fault.name in frame.STATED)
         return TrueCause(gap, 0.0, False, fault, signature, world)
 
     def drawn(self, name: str, rng: Rng, size: float) -> RefereeFault:
@@ -133,7 +123,7 @@ class World(ABC):
         """A cause that shows; where it is too small, once more and larger, then another one."""
         for _ in range(self.draws):
             name = str(rng.choice(names))
-            size = log_uniform(rng, *SIZES)
+            size = frame.log_uniform(rng, *frame.SIZES)
             for _ in range(2):
                 try:
                     cause = self.measured(self.drawn(name, rng, size))
@@ -143,14 +133,14 @@ class World(ABC):
                 if cause.amount >= needed:
                     return cause
                 least = size * float(np.sqrt(1.2 * needed / max(cause.amount, 1e-9)))
-                if least > SIZES[1]:
+                if least > frame.SIZES[1]:
                     break
-                size = log_uniform(rng, least, SIZES[1])
+                size = frame.log_uniform(rng, least, frame.SIZES[1])
         raise ParameterError("nothing that was drawn shows enough")
 
     def _two(self, first: TrueCause, rng: Rng) -> list[TrueCause]:
         """The first cause and one of another subsystem that leaves it visible."""
-        others = [n for n in self.possible() if subsystem(n) != subsystem(first.fault.name)]
+        others = frame.of_another_subsystem(self.possible(), first.fault.name)
         for _ in range(self.pairs):
             second = first.world._one("pair", others, rng)
             again = self.again(first, second)
@@ -162,9 +152,9 @@ class World(ABC):
         """A fault that shows, and that no effect of the library could make."""
         for _ in range(self.draws_outside):
             family = self.families[str(rng.choice(list(self.families)))]
-            size = log_uniform(rng, 0.5, 2.0)
+            size = frame.log_uniform(rng, 0.5, 2.0)
             cause = self.measured(replace(family(self.setting, rng, size), size=size))
-            if cause.gap < NEEDED["outside"]:
+            if cause.gap < frame.NEEDED["outside"]:
                 continue
             remaining = self.signatures.imitated(cause.signature, configured=False, bounded=False)
             if min(remaining.values()) >= LIBRARY_LEAVES:
@@ -225,7 +215,7 @@ class FaultyRobot(World):
         return self.with_(second.fault)._difference(first.fault, second.world)
 
     def _difference(self, fault: RefereeFault, other: "FaultyRobot") -> TrueCause:
-        rise = self.risen(fault) if between(fault.name) else None
+        rise = self.risen(fault) if frame.between(fault.name) else None
         signature = np.zeros_like(other.base) if rise is not None else other.base - self.base
         return self.cause(fault, other, signature, rise)
 
@@ -286,7 +276,7 @@ def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase
     Raises:
         ParameterError: nothing that was drawn shows enough, or the robot exists in no simulator.
     """
-    rng = np.random.default_rng([*seed, KINDS.index(kind)])
+    rng = np.random.default_rng([*seed, frame.KINDS.index(kind)])
     world, minor = robot_with_minor(robot, mode, seed, rng)
     return as_case(kind, world, world.causes(kind, rng), minor, rng)
 
@@ -303,7 +293,7 @@ def robot_with_minor(
     if not isinstance(arm, SimulatedRobot):
         raise ParameterError(f"robot {robot!r} has no model to make cases with")
     setting = draw(arm, mode, np.random.default_rng([*seed, 99]))
-    scale = log_uniform(rng, 0.1, 0.5)
+    scale = frame.log_uniform(rng, 0.1, 0.5)
     around = int(rng.integers(2**62))
     for _ in range(8):
         faults = background(setting, np.random.default_rng(around), scale)

@@ -11,17 +11,8 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed.benchmark.frame import SUBSYSTEMS, subsystem
+from wrenchbed.benchmark.scoring import metrics
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
-from wrenchbed.benchmark.scoring.metrics import (
-    Metric,
-    ScoredMetric,
-    effect_cells,
-    exact_interval,
-    figure,
-    figure_cells,
-    right,
-    size_cells,
-)
 from wrenchbed.benchmark.sealed.score import Score
 from wrenchbed.pages.document import Card, Document, Section, Table
 from wrenchbed.pages.provenance import provenance
@@ -42,12 +33,12 @@ _SEMI_REAL = (
 def _reliability(rows: Sequence[CaseRow]) -> Table:
     """Stated probability of first answers beside the share that was right."""
     stated = np.array([r.answers[OURS].sure for r in rows])
-    held = np.array([right(r, r.answers[OURS]) for r in rows])
+    held = np.array([metrics.right(r, r.answers[OURS]) for r in rows])
     which = np.digitize(stated, _BINS) - 1
     lines = []
     for k in np.unique(which):
         hits, count = int(held[which == k].sum()), int((which == k).sum())
-        low, high = exact_interval(hits, count)
+        low, high = metrics.exact_interval(hits, count)
         span = f"{100 * _BINS[k]:.0f}–{100 * _BINS[k + 1]:.0f} %"
         share = f"{100 * hits / count:.0f} % ({100 * low:.0f}–{100 * high:.0f})"
         lines.append([span, count, f"{100 * stated[which == k].mean():.0f} %", share])
@@ -70,8 +61,8 @@ def page(score: Score, command: str = "") -> Document:
     what = "cases of a real recording" if score.is_semi_real else "robots"
     title = f"Sealed benchmark: {score.main} on {len(rows)} {what} ({some.robot}, {some.mode})"
     about = _SEMI_REAL.format(gap=some.real_gap) if score.is_semi_real else _ORACLE
-    head, lines = figure_cells(rows, [OURS, *score.beside], score.metrics, score.main)
-    judged = [(m, figure(m, rows, OURS)) for m in score.metrics.values()]
+    head, lines = metrics.figure_cells(rows, [OURS, *score.beside], score.metrics, score.main)
+    judged = [(m, metrics.figure(m, rows, OURS)) for m in score.metrics.values()]
     marks = ["" if scored is None else marked(m, scored) for m, scored in judged]
     for cells, mark in zip(lines, marks, strict=True):
         cells[1] = f"{cells[1]} {mark}".rstrip()
@@ -89,7 +80,9 @@ def page(score: Score, command: str = "") -> Document:
             "single effects are noticed and isolated, against the gap that they add.",
             (
                 _reliability(rows),
-                Table.of("Detection against size", *size_cells(rows, [OURS, *score.beside])),
+                Table.of(
+                    "Detection against size", *metrics.size_cells(rows, [OURS, *score.beside])
+                ),
             ),
         ),
         Section(
@@ -99,7 +92,7 @@ def page(score: Score, command: str = "") -> Document:
             "Effects one by one",
             "Single effects, and faults outside the library, to which the right answer is "
             "`unknown`.",
-            (Table.of("Effects and outside faults", *effect_cells(rows)),),
+            (Table.of("Effects and outside faults", *metrics.effect_cells(rows)),),
         ),
         Section("Wrong answers", "Every case whose first answer is wrong.", (_wrong(rows),)),
     )
@@ -119,7 +112,7 @@ def _targets(marks: Sequence[str], missed: Sequence[str]) -> Card:
     return Card("Targets", f"{sum('✓' in mark for mark in marks)} of {total} met", remark)
 
 
-def marked(metric: Metric, scored: ScoredMetric) -> str:
+def marked(metric: metrics.Metric, scored: metrics.ScoredMetric) -> str:
     """✓ or ✗ at its target, in brackets where the interval allows the other; empty without one."""
     goal = _goal(metric)
     if goal is None:
@@ -133,7 +126,7 @@ def marked(metric: Metric, scored: ScoredMetric) -> str:
     return ("✓" if met else "✗") if exact or sure else ("(✓)" if met else "(✗)")
 
 
-def _goal(metric: Metric) -> tuple[float, float] | None:
+def _goal(metric: metrics.Metric) -> tuple[float, float] | None:
     """Smallest and largest figure that meets a metric's target, in the unit of the target's text;
     None if the metric has no target."""
     parts = re.fullmatch(r"([≥≤<>]?) ?([\d.]+)(?:–([\d.]+))?( %)?", metric.target)
@@ -156,7 +149,11 @@ def summary(score: Score) -> dict[str, object]:
     for method in (OURS, *score.beside):
         entries = {}
         for key, metric in score.metrics.items():
-            scored = None if metric.ours and method != OURS else figure(metric, score.rows, method)
+            scored = (
+                None
+                if metric.ours and method != OURS
+                else metrics.figure(metric, score.rows, method)
+            )
             if scored is not None:
                 ends = [scored.low, scored.high]
                 entries[key] = {"value": scored.value, "ci95": ends, "n": scored.count}
@@ -189,7 +186,7 @@ def _wrong(rows: Sequence[CaseRow]) -> Table:
     lines = []
     for row in rows:
         claim = row.answers[OURS]
-        if right(row, claim):
+        if metrics.right(row, claim):
             continue
         truth = ", ".join(row.truth) or row.outside or "none"
         answer = "; ".join(" or ".join(c) for c in claim.causes) or claim.verdict

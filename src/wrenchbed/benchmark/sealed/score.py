@@ -4,7 +4,7 @@ Claims are read from the contract's ``diagnosis.json``. The figures are those of
 and what the data itself allows.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -12,18 +12,9 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.benchmark.frame import STATED, subsystem
+from wrenchbed.benchmark.scoring import metrics
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number, numbers
-from wrenchbed.benchmark.scoring.metrics import (
-    METRICS,
-    SURE,
-    Metric,
-    holds,
-    isolated,
-    matched,
-    named,
-    of_kind,
-    share,
-)
+from wrenchbed.benchmark.scoring.metrics import METRICS, Metric, share
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import MOST, Answer, Fact, Oracle
 from wrenchbed.benchmark.sealed.run import CLAIM, RESERVED, RUN
@@ -37,7 +28,6 @@ WRONG = Claim("error", (), {})
 """Claim that counts if there is no readable one."""
 ORACLE = "oracle"
 """Name of the method that knows the true form and size."""
-_Held = Callable[[CaseRow, str], bool]
 _BROKEN = (BenchmarkError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
 """Errors that reading a hostile file raises, for instance by numbers of 400 digits."""
 
@@ -312,23 +302,21 @@ def _compared(truth: Answer, said: EntrantClaim) -> tuple[Number, ...]:
 # ---- figures that need what the referee knows ----------------------------------------------------
 
 
-def _alike(row: CaseRow, claim: Claim) -> bool:
-    return holds(claim, (*row.truth, *row.alike))
-
-
+_SINGLE = metrics.of_kind("single")
 _BESIDE = {
     "isolation": {
         "isolation_alike": share(
-            "… or one that this data cannot tell from it", "≥ 95 %", of_kind("single"), _alike
+            "… or one that this data cannot tell from it", "≥ 95 %", _SINGLE,
+            lambda row, claim: metrics.holds(claim, (*row.truth, *row.alike)),
         ),
         "isolation_unlike": share(
             "… effects that nothing imitates", "≥ 95 %",
-            lambda row, claim: row.kind == "single" and not row.alike, isolated,
+            lambda row, claim: row.kind == "single" and not row.alike, metrics.isolated,
         ),
     },
     "sure": {
         "sure_alike": share(
-            "… or as good as right, by what this data can tell", "≥ 97 %", named,
+            "… or as good as right, by what this data can tell", "≥ 97 %", metrics.named,
             lambda row, claim: bool({*row.truth, *row.alike} & set(claim.causes[0])),
         ),
     },
@@ -365,47 +353,35 @@ def semi_real(rows: Sequence[CaseRow]) -> dict[str, Metric]:
         """Effects that an entrant claims of the unchanged recording."""
         return {n for r in rows if r.kind == "none" for c in r.answers[method].causes for n in c}
 
-    def of(title: str, target: str, kinds: tuple[str, ...], held: _Held) -> Metric:
-        return Metric(
-            title, target,
-            lambda row, method: (held(row, method), 1.0) if row.kind in kinds else None,
-        )  # fmt: skip
-
     def new(row: CaseRow, method: str) -> Sequence[float] | None:
         if row.kind != "single" or row.truth[0] in known(method):
             return None
-        return (isolated(row, row.answers[method]), 1.0)
+        return (metrics.isolated(row, row.answers[method]), 1.0)
 
-    def misnamed(row: CaseRow, method: str) -> bool:
+    def misnamed(row: CaseRow, method: str) -> Sequence[float] | None:
         claim, allowed = row.answers[method], known(method) | set(row.truth)
         stated = claim.presence or [claim.probabilities.get("|".join(c), 0.0) for c in claim.causes]
-        sure = [c for c, p in zip(claim.causes, stated, strict=False) if p > SURE]
-        return any(not allowed & set(c) for c in sure)
+        sure = [c for c, p in zip(claim.causes, stated, strict=False) if p > metrics.SURE]
+        return None if row.kind == "none" else (any(not allowed & set(c) for c in sure), 1.0)
 
-    def silent(row: CaseRow, method: str) -> bool:
+    def silent(row: CaseRow, method: str) -> Sequence[float] | None:
         """Whether an entrant reports something unknown and names no new cause."""
         claim = row.answers[method]
-        names = {n for c in claim.causes for n in c}
-        return claim.verdict in ("unknown", "partial") and names <= known(method)
+        named = {n for c in claim.causes for n in c}
+        is_silent = claim.verdict in ("unknown", "partial") and named <= known(method)
+        return (is_silent, 1.0) if row.kind == "outside" else None
 
     def pairs(row: CaseRow, method: str) -> Sequence[float] | None:
-        claimed, _, missed = matched(row, row.answers[method])
+        claimed, _, missed = metrics.matched(row, row.answers[method])
         return (claimed, claimed + missed) if row.kind == "pair" else None
 
+    as_it_is = "claimed of the recording as it is"
     return {
-        "isolation": share(METRICS["isolation"].title, "≥ 95 %", of_kind("single"), isolated),
+        "isolation": share(METRICS["isolation"].title, "≥ 95 %", _SINGLE, metrics.isolated),
         "isolation_alike": _BESIDE["isolation"]["isolation_alike"],
-        "isolation_new": Metric(
-            "… effects not claimed of the recording as it is", "≥ 95 %", new
-        ),
+        "isolation_new": Metric(f"… effects not {as_it_is}", "≥ 95 %", new),
         "pairs_found": Metric("two effects: found", "", pairs),
-        "misnamed": of(
-            "another effect with p > 0.9, not claimed of the recording as it is", "≤ 2 %",
-            ("single", "pair", "outside"), misnamed,
-        ),
+        "misnamed": Metric(f"another effect with p > 0.9, not {as_it_is}", "≤ 2 %", misnamed),
         "unknown": METRICS["unknown"],
-        "unknown_partly": of(
-            "… or nothing named but what is claimed of the recording as it is", "≥ 95 %",
-            ("outside",), silent,
-        ),
-    } | {k: METRICS[k] for k in ("seconds", "failed")}  # fmt: skip
+        "unknown_partly": Metric(f"… or nothing named but what is {as_it_is}", "≥ 95 %", silent),
+    } | {k: METRICS[k] for k in ("seconds", "failed")}
