@@ -30,6 +30,42 @@ ORACLE = "oracle"
 """Name of the method that knows the true form and size."""
 _BROKEN = (BenchmarkError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
 """Errors that reading a hostile file raises, for instance by numbers of 400 digits."""
+_SINGLE = metrics.of_kind("single")
+_BESIDE = {
+    "isolation": {
+        "isolation_alike": share(
+            "… or one that this data cannot tell from it", "≥ 95 %", _SINGLE,
+            lambda row, claim: metrics.holds(claim, (*row.truth, *row.alike)),
+        ),
+        "isolation_unlike": share(
+            "… effects that nothing imitates", "≥ 95 %",
+            lambda row, claim: row.kind == "single" and not row.alike, metrics.isolated,
+        ),
+    },
+    "sure": {
+        "sure_alike": share(
+            "… or as good as right, by what this data can tell", "≥ 97 %", metrics.named,
+            lambda row, claim: bool({*row.truth, *row.alike} & set(claim.causes[0])),
+        ),
+    },
+    "coverage": {
+        "sets": share(
+            "90 % sets of answers hold the truth", "87–93 %",
+            lambda row, claim: bool(claim.set90),
+            lambda row, claim: bool(
+                set(claim.set90) & (set(row.truth) or {"unknown" if row.outside else "none"})
+            ),
+            ours=True,
+        ),
+    },
+}  # fmt: skip
+"""Figures that need what the referee knows of each case, by the figure that they stand below."""
+SEALED = {
+    name: metric
+    for key, first in METRICS.items()
+    for name, metric in {key: first, **_BESIDE.get(key, {})}.items()
+}
+"""All metrics of sealed cases by name."""
 
 
 @dataclass(frozen=True)
@@ -297,47 +333,6 @@ def _compared(truth: Answer, said: EntrantClaim) -> tuple[Number, ...]:
         for number in numbers(cause.effect, said.parameters.get(cause.effect, {}), cause.true)
         if truth.oracle is not None or number.name.partition(":")[2] in cause.true
     )
-
-
-# ---- figures that need what the referee knows ----------------------------------------------------
-
-
-_SINGLE = metrics.of_kind("single")
-_BESIDE = {
-    "isolation": {
-        "isolation_alike": share(
-            "… or one that this data cannot tell from it", "≥ 95 %", _SINGLE,
-            lambda row, claim: metrics.holds(claim, (*row.truth, *row.alike)),
-        ),
-        "isolation_unlike": share(
-            "… effects that nothing imitates", "≥ 95 %",
-            lambda row, claim: row.kind == "single" and not row.alike, metrics.isolated,
-        ),
-    },
-    "sure": {
-        "sure_alike": share(
-            "… or as good as right, by what this data can tell", "≥ 97 %", metrics.named,
-            lambda row, claim: bool({*row.truth, *row.alike} & set(claim.causes[0])),
-        ),
-    },
-    "coverage": {
-        "sets": share(
-            "90 % sets of answers hold the truth", "87–93 %",
-            lambda row, claim: bool(claim.set90),
-            lambda row, claim: bool(
-                set(claim.set90) & (set(row.truth) or {"unknown" if row.outside else "none"})
-            ),
-            ours=True,
-        ),
-    },
-}  # fmt: skip
-"""Figures that need what the referee knows of each case, by the figure that they stand below."""
-SEALED = {
-    name: metric
-    for key, first in METRICS.items()
-    for name, metric in {key: first, **_BESIDE.get(key, {})}.items()
-}
-"""All metrics of sealed cases by name."""
 
 
 def semi_real(rows: Sequence[CaseRow]) -> dict[str, Metric]:
