@@ -39,7 +39,7 @@ def of_robot(robot, truth, **how):
 )
 def test_ninety_five_percent_intervals_hold(request, recorded, truth, seeds, parameters):
     """200 seeds × 13 parameters; the share's own standard error is about 0.6 %."""
-    kind, inside, total = request.node.callspec.id, 0, 0
+    kind, inside, total, effective = request.node.callspec.id, 0, 0, []
     for seed in range(seeds):
         fit = calibrate(recorded(seed))
         for p in fit.identified:
@@ -49,7 +49,8 @@ def test_ninety_five_percent_intervals_hold(request, recorded, truth, seeds, par
             assert fit.noise.inflated and fit.noise.effective[5] < 0.3 * fit.rows
         if kind == "wander":
             assert fit.noise.inflated and "slow wander" in fit.status
-            assert 5 < np.median(fit.noise.effective) < 40 and fit.noise.effective.max() < 80
+            effective.append(fit.noise.effective)
     assert total == seeds * parameters
+    assert not effective or 7 < np.median(effective) < 30
     least, most = (0.9, 1.0) if kind == "flicker" else (0.93, 0.97)
     assert least <= inside / total <= most

@@ -155,24 +155,6 @@ def test_a_payload_that_leaks_3_percent_steadily_is_a_leak(name):
 
 
 @pytest.mark.slow
-def test_the_place_from_which_mass_leaves_is_found():
-    robot = registry.load("robots", "ur5")
-    tool = robot.tool(robot.parameters.nominal)
-    lost, aside = 0.03 * np.linspace(0.0, 1.0, POSES)[:, None] ** 2, np.array([0.03, -0.02, 0.02])
-    left = 1.0 - lost  # of the mass; what is left lies on the other side of the place
-    found = diagnose(recorded("ur5", mass=left[:, 0], cog=-lost * aside / left)).diagnosis
-    assert [c["effect"] for c in found.which] == ["tool.leak"]
-    told = found.which[0]["parameters"]
-    for a, true in zip("xyz", aside, strict=True):
-        place = told[f"place.{a}"]
-        assert place["value"] == pytest.approx(true, abs=4.0 * place["std"])
-        assert place["std"] < 5e-3
-    # a course of s² is an even one and a wave: s − s(1 − s), 0.03 m in 20 rows a pose and moves
-    even = 0.03 * float(tool.mass) / (POSES * ROWS / 100.0 + 2.0 * (POSES - 1))
-    assert told["rate"]["value"] == pytest.approx(even, rel=0.5)
-
-
-@pytest.mark.slow
 def test_a_clamp_that_creeps_is_a_slide_of_any_course():
     share = np.linspace(0.0, 1.0, POSES)
     shift = np.outer(1.0 - np.exp(-6.0 * share), [3e-3, 0.0, -1e-3])

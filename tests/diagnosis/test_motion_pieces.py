@@ -99,15 +99,3 @@ def test_late_averages_of_a_motion_are_those_of_a_late_wrench(lag):
     inside = slice(5, -5)  # before the first row nothing is known
     off = np.sqrt(np.mean((change - measured)[inside] ** 2, axis=0))
     assert (off < 0.05 * np.sqrt(np.mean(measured[inside] ** 2, axis=0))).all()
-
-
-@pytest.mark.slow
-def test_a_lag_of_40_ms_is_a_delay_or_a_filter():
-    found = diagnose(turned(0.04, 30.0)).diagnosis
-    (lead,) = found.which
-    names = {lead["effect"], *lead["rivals"]}
-    assert "timing.delay" in names and names <= {"timing.delay", "timing.lowpass", "timing.skew"}
-    assert lead["probability"] > 0.8
-    time = lead["parameters"].get("delay") or lead["parameters"]["tau"]
-    assert time["value"] == pytest.approx(0.04, abs=4.0 * time["std"])
-    assert time["value"] == pytest.approx(0.04, rel=0.25)

@@ -11,7 +11,6 @@ from altered import with_columns, with_wrench
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
-from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.gap import where
 from wrenchbed.diagnosis.gap.held_out import HeldOut
 from wrenchbed.diagnosis.prepare.noise import noise_in_motion
@@ -70,14 +69,6 @@ def test_what_scatters_rows_raises_the_noise_not_the_gap(effect):
     assert (loud.noise >= 1.0).all() and (quiet.noise >= 1.0).all()
     assert loud.noise.max() > 1.3 * quiet.noise.max()
     assert HeldOut(loud).floor().mean() > 0.3 > abs(HeldOut(quiet).floor().mean())
-
-
-@pytest.mark.slow
-def test_what_scatters_rows_is_named_and_its_noise_in_the_means_is_no_gap():
-    found = diagnose(recording(DESIGN, draw(DESIGN, 21, "single", "sensor.noise", 3.0))).diagnosis
-    assert found.gap.floor > 1.0 and abs(found.gap.excess) < 0.5
-    assert found.verdict == "identified"
-    assert [w["effect"] for w in found.which] == ["sensor.noise"]
 
 
 def test_the_floor_of_noise_with_memory_is_not_below_it():

@@ -22,13 +22,13 @@ BLIND = {
 """Scene and the last part of a parameter's name → why no reading may change there."""
 
 
-def static(robot_name, poses=60, between=3, warmth=None):
+def static(robot_name, poses=60, between=3, warmth=None, seed=5):
     """Random poses 5 s apart with rows on the ways between them that the robot can take."""
     robot = registry.load("robots", robot_name)
     theta = robot.parameters.nominal
     if not robot.joints:
         theta = robot.theta_of_tool(theta, 1.2, (0.004, -0.006, 0.07))
-    q = robot.sample(poses, np.random.default_rng(5))
+    q = robot.sample(poses, np.random.default_rng(seed))
     share = np.arange((poses - 1) * (between + 1) + 1) / (between + 1)
     path = np.stack([np.interp(share, np.arange(poses), column) for column in q.T], axis=1)
     held = np.arange(len(share)) % (between + 1) == 0

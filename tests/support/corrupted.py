@@ -349,6 +349,12 @@ def _rustles(c: str) -> Mutator:
     return lambda d: with_columns(d.r, {c: 1.0 + _noise(d)[:, CHANNELS.index(c)]})
 
 
+def _clipped(c: str, quantile: float) -> Mutator:
+    """A channel reads no more than that part of its rows does."""
+    most = lambda x: np.minimum(x, np.quantile(x, quantile))  # noqa: E731
+    return lambda d: with_columns(d.r, {c: most(d.r.columns[c])})
+
+
 def _zero(c: str) -> Mutator:
     return lambda d: with_columns(d.r, {c: np.zeros(len(d.r))})
 
@@ -408,16 +414,12 @@ EVERYWHERE: dict[str, tuple[str, Mutator]] = {
     "forces_opposite": ("wrong sign", _signs(*CHANNELS[:3])),
     "torques_opposite": ("wrong sign", _signs(*CHANNELS[3:])),
     "wrench_opposite": ("wrong sign, gravity", _signs(*CHANNELS)),
-    "left_handed_x": ("left-handed", _signs("fx", "ty", "tz")),
-    "left_handed_y": ("left-handed", _signs("fy", "tx", "tz")),
-    "left_handed_z": ("left-handed", _signs("fz", "tx", "ty")),
+    **{
+        f"left_handed_{a}": ("left-handed", _signs(f"f{a}", *(f"t{b}" for b in "xyz" if b != a)))
+        for a in "xyz"
+    },
     "all_channels_stick": ("stuck channel", _stuck(0.6, *CHANNELS)),
-    "clipped": (
-        "saturated",
-        lambda d: with_columns(
-            d.r, {"fx": np.minimum(d.r.columns["fx"], np.quantile(d.r.columns["fx"], 0.6))}
-        ),
-    ),
+    "clipped": ("saturated", _clipped("fx", 0.6)),
     "one_spike_of_force": ("spike", _spike(1e3, 0)),
     "one_spike_of_torque": ("spike", _spike(-50.0, 5)),
     "three_spikes": ("spike", adds(_three_spikes)),
@@ -499,10 +501,7 @@ OF_ARMS: dict[str, tuple[str, Mutator]] = {
     "elbow_opposite": ("joints", _signs("q3")),
     "base_joint_opposite": ("joints", _signs("q1")),
     "joints_swapped": ("joints", _swap("q4", "q5")),
-    "elbow_from_elsewhere": (
-        "joints",
-        lambda d: with_columns(d.r, {"q3": d.r.columns["q3"] + np.pi / 2}),
-    ),
+    "elbow_from_elsewhere": ("joints", _zero_off("q3", np.pi / 2)),
 }
 IN_MOTION: dict[str, tuple[str, Mutator]] = {
     "time_in_milliseconds": ("clock", lambda d: with_columns(d.r, {"t": 1e3 * d.r.t})),

@@ -1,20 +1,22 @@
 """A twin: MuJoCo with effects, held against the closed form; its file."""
 
 import json
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
 
-from scenes import moving, sized, still
 from wrenchbed import registry
+from wrenchbed.effects.base import Effect, Variant
 from wrenchbed.effects.chain import ActiveEffect, active_effect, effects, respond
+from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import NotFoundError, ParameterError, TwinError
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.twin.assembly import edited
 from wrenchbed.twin.export import export
 from wrenchbed.twin.twin import Twin, nominal
 
-SCENES = {"ur5": still("ur5"), "medrue": still("medrue"), "moving": moving()}
 SECOND_ORDER = {
     "joint.compliance": 0.02, "base.compliance": 0.003, "tool.flexure": 0.005,
     "joint.clearance": 1e-4, "environment.contact": 1e-4, "cable.pull": 2e-6,
@@ -28,6 +30,50 @@ IN_MOTION = {
 SWINGS = ("tool.flexure", "tool.loose")
 """In motion a mass that has moved in the tool is also swung: the closed form leaves that out,
 and a grip is a constant friction, not a share of the load: what sticks lets go a little apart."""
+
+
+def still(name: str, n: int = 24) -> Scene:
+    """Random poses at rest, ten seconds apart, warming up by 5 K."""
+    robot = registry.load("robots", name)
+    q = robot.sample(n, np.random.default_rng(3))
+    rows = np.ones(n, dtype=bool)
+    warmth = np.linspace(0.0, 5.0, n)
+    return Scene(
+        robot,
+        robot.parameters.nominal,
+        np.array(robot.gravity),
+        q,
+        10.0 * np.arange(n),
+        rows,
+        warmth,
+    )
+
+
+def moving(rows: int = 251, rate: float = 125.0) -> Scene:
+    """A multisine of the UR5, exact jets."""
+    robot, t = registry.load("robots", "ur5"), np.arange(rows) / rate
+    rng = np.random.default_rng(1)
+    v = np.tile([0.0, -1.2, 1.4, -1.6, 1.5, 0.0], (rows, 1))
+    d, dd = np.zeros((rows, 6)), np.zeros((rows, 6))
+    for k in (1, 2, 3):
+        w, size = np.pi * k, rng.uniform(-0.25, 0.25, 6) / k
+        angle = w * t[:, None] + rng.uniform(0.0, 6.0, 6)
+        v, d = v + size * np.sin(angle), d + size * w * np.cos(angle)
+        dd = dd - size * w * w * np.sin(angle)
+    held, warmth = np.ones(rows, dtype=bool), np.linspace(0.0, 5.0, rows)
+    gravity = np.array(robot.gravity)
+    return Scene(robot, robot.parameters.nominal, gravity, Jet(v, d, dd), t, held, warmth)
+
+
+def sized(effect: Effect, scene: Scene, variant: Variant, times: float = 2.0) -> ActiveEffect:
+    """A variant with its amplitudes at several times their typical size."""
+    known = effect.parameters(scene.robot)
+    values: dict[str, Any] = dict(variant.at)
+    values |= {n: times * known[known.index(n)].tolerance for n in variant.free}
+    return ActiveEffect.of(scene.robot, effect.name, values)
+
+
+SCENES = {"ur5": still("ur5"), "medrue": still("medrue"), "moving": moving()}
 
 
 def difference(scene, active) -> tuple[float, float]:
@@ -169,7 +215,7 @@ BAD = {
     "effects": (lambda r: r.update(effects={}), "effects = {} must be a list"),
     "gravity": (
         lambda r: r.update(gravity=[0.0, 1.0]),
-        "gravity = [0.0, 1.0] must be 3 finite",
+        "gravity = [0.0, 1.0] must be 3 numbers",
     ),
     "tool": (lambda r: r["tool"].update(mass=2.0), "tool.mass = 2.0 contradicts theta"),
     "unknown": (lambda r: r.update(efects=[]), "there is no field efects"),
