@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.interpolate import CubicSpline, make_interp_spline
 
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
@@ -320,12 +319,16 @@ class SimDriver(Driver):
         """
         if len(t) < _LEAST_ROWS:
             raise ParameterError(f"--effort: {len(t)} rows of motion are too few, {_LEAST_ROWS} do")
+        from scipy.interpolate import make_interp_spline  # slow to load: only when it is used
+
         path = make_interp_spline(t, q, k=5)
         moving = Jet(q, path.derivative(1)(t), path.derivative(2)(t))
         return efforts.columns(t, moving, targets, rate)
 
     def _moved(self, targets: np.ndarray, rate: float) -> Iterator[Samples]:
         """Rows of a motion, block by block: readings, or loads where effects make them."""
+        from scipy.interpolate import CubicSpline  # slow to load: only when it is used
+
         block, steps = max(1, int(_BLOCK_S * rate)), steps_in(1.0 / rate)
         path = CubicSpline(np.arange(len(targets)), targets, bc_type="natural")
         between = np.arange(1, steps + 1) / steps

@@ -13,7 +13,6 @@ from typing import Any, Literal
 
 import mujoco
 import numpy as np
-from scipy import signal
 
 from wrenchbed.errors import ParameterError, did_you_mean
 from wrenchbed.physics.time_derivatives import Jet
@@ -272,7 +271,9 @@ class EffortNoise:
     """
 
     def __init__(self, train: DriveTrain, noise: str, seed: int, rate: float) -> None:
-        self._kind, self._level = noise, train.level()
+        from scipy.signal import lfilter  # slow to load: here, not in real time
+
+        self._kind, self._level, self._filtered = noise, train.level(), lfilter
         self._rng = np.random.default_rng([seed, 17])
         self._phase = self._rng.uniform(0.0, 2.0 * np.pi, train.joints)
         self._keep = float(np.exp(-2.0 * np.pi * _FILTER_HZ / rate))
@@ -287,7 +288,7 @@ class EffortNoise:
             return np.asarray(current + self._level * noise)
         noise = noise + _RIPPLE * np.sin(_GEAR * _POLES * q + self._phase)
         b, a = [1.0 - self._keep], [1.0, -self._keep]
-        seen, self._state = signal.lfilter(b, a, noise, axis=0, zi=self._state)
+        seen, self._state = self._filtered(b, a, noise, axis=0, zi=self._state)
         return np.asarray(np.round((current + self._level * seen) / _STEP) * _STEP)
 
 
