@@ -8,6 +8,7 @@ from test_run_live import UR5, Arm
 
 from wrenchbed.errors import DriverError, LimitError, LinkError
 from wrenchbed.hardware.device import Health
+from wrenchbed.hardware.drivers import live
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
 
 STANDING = np.repeat(UR5.home[None], 400, axis=0)
@@ -55,6 +56,24 @@ def test_the_whole_trajectory_is_sent_and_recorded():
     assert np.abs(rows["q1"] - targets[:, 0]).max() < 0.4 * 3 / 200
     assert np.abs(rows["q1"] - rows["q_target1"]).max() < 0.4 * 2 / 200
     assert arm.stops == ["soft"]
+
+
+def test_no_state_of_a_fast_robot_is_lost_however_late_the_loop_is(monkeypatch):
+    """States come at 500 Hz and are kept; the loop looks every 8 ms or later."""
+
+    class Fast(Arm):
+        def _states(self, after):
+            ticks = np.arange(np.floor(after * 500.0) + 1, np.floor(time.monotonic() * 500.0) + 1)
+            return [ArmSample(t, None, 0.0, self.q, np.zeros(6)) for t in ticks / 500.0]
+
+    taken, add = [], live.Resampler.add
+    monkeypatch.setattr(
+        live.Resampler, "add", lambda even, arm: (taken.append(arm.t), add(even, arm))
+    )
+    monkeypatch.setattr(live, "_POLL_S", 0.008)
+    with Fast() as arm:
+        assert len(columns(arm.track(STANDING[:60], 125.0))["t"]) == 60
+    assert np.diff(taken) == pytest.approx(0.002, abs=1e-6)
 
 
 @pytest.mark.parametrize("kind", ["soft", "hard"])

@@ -47,9 +47,9 @@ def test_late_states_and_gaps_leave_no_trace_in_the_rows():
     assert np.abs(host - (1000.0 + own * (1 + drift)))[400:].max() < 3e-4
 
 
-def test_repeated_and_older_states_are_left_out():
-    even = Resampler(100.0)
-    for t in (0.0, 0.01, 0.01, 0.005, 0.02):
+def test_repeated_older_and_early_states_are_left_out():
+    even = Resampler(100.0, begin=-0.01)
+    for t in (-0.02, -0.01, 0.0, 0.01, 0.01, 0.005, 0.02):
         even.add(state(t, t))
     assert [round(r.t, 6) for r in even.rows(10)] == [0.0, 0.01, 0.02]
 
@@ -65,11 +65,9 @@ def test_evidence_lies_on_a_line_between_two_states():
 
 
 def test_a_cubic_is_followed_exactly():
-    def cubic(t):
-        return ArmSample(t, t, 0.0, np.array([t**3 - t]), np.array([3 * t * t - 1]))
-
+    ends = np.array([[1.0], [1.5]])
     for s in (0.0, 0.3, 1.0):
-        q, qd = hermite(cubic(1.0), cubic(1.5), 0.5, s)
+        q, qd = hermite(tuple(ends**3 - ends), tuple(3 * ends * ends - 1), 0.5, s)
         t = 1.0 + 0.5 * s
         assert q[0] == pytest.approx(t**3 - t)
         assert qd[0] == pytest.approx(3 * t * t - 1)

@@ -328,6 +328,7 @@ def test_states_are_counted_refused_and_dated():
             time.sleep(0.002)
         receiver.close()
     state = receiver.newest
+    assert [s.stamp for s in receiver.recent] == [2.0, 2.008, 2.04, 0.5]
     assert (state.received, state.skipped, state.bad) == (4.0, 3.0, 2.0)
     assert state.back == pytest.approx(1.54) and published[-1] is state and receiver.ended
     with server(states.PORT, controller(rows[0])):
@@ -368,14 +369,16 @@ def test_the_own_wrench_comes_in_the_sensors_axes():
 
 def test_the_own_wrench_is_a_transducer():
     now = time.monotonic() + 60.0  # whatever the test's machine does meanwhile
-    rows = iter([OK._replace(t=now - 0.45 + 0.05 * k, received=float(k)) for k in range(9)])
-    latest = OK._replace(t=now - 0.6)
-    own = own_wrench.OwnWrench(UR5, lambda: latest)
+    came = [OK._replace(t=now - 0.6)]
+    own = own_wrench.OwnWrench(UR5, lambda t: [state for state in came if state.t > t])
     with own_wrench.transducer("rtde", "", own) as wrench:
-        for latest in rows:  # noqa: B007
+        for k in range(9):  # two at once: both are kept
+            came.append(OK._replace(t=now - 0.47 + 0.05 * k))
+            came.append(OK._replace(t=now - 0.45 + 0.05 * k, received=float(k)))
             assert wrench.read().fresh and not wrench.read().fresh
+        assert wrench.at(now - 0.27).age == pytest.approx(0.0, abs=1e-6)
         assert wrench.at(now - 0.23).wrench.shape == (6,)
-        assert wrench.at(now - 0.23).age == pytest.approx(0.02, abs=1e-6)
+        assert wrench.at(now - 0.23).age == pytest.approx(0.01, abs=1e-6)
         assert wrench.at(now - 0.55) is None and wrench.at(now - 9.0) is None
         assert wrench.health().state == "ok"
 

@@ -9,7 +9,7 @@ import threading
 import time
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -18,7 +18,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import DriverError, LateError, LimitError, LinkError, StoppedError
-from wrenchbed.hardware.device import GONE_S, STALE_S, Health
+from wrenchbed.hardware.device import GONE_S, Health
 from wrenchbed.hardware.drivers.base import (
     Applied,
     ArmSample,
@@ -353,12 +353,12 @@ class LiveDriver(Driver):
 
     def _streamed(self, targets: np.ndarray, rate: float) -> Iterator[Block]:
         """Stream the targets; rows lie at equal steps of the robot's own clock."""
-        even, done, total = Resampler(rate), 0, len(targets)
+        done, total = 0, len(targets)
         rows: list[dict[str, float]] = []
         waiting: deque[EvenRow] = deque()
         sent: deque[tuple[float, np.ndarray]] = deque(maxlen=round(3.0 * GONE_S * rate))
         due, stops = time.monotonic(), self._stops
-        begin = due + self.lead
+        even = Resampler(rate, due + self.lead)
         for k in range(total + round(2.0 * GONE_S * rate)):
             if k < total:
                 at = due + self.lead
@@ -366,7 +366,7 @@ class LiveDriver(Driver):
                 if not applied.ok:
                     raise DriverError(f"the motion was stopped: {applied.reason}")
                 sent.append((at, targets[k]))
-            due = self._collect(even, due, 1.0 / rate, begin)
+            due = self._collect(even, due, 1.0 / rate)
             waiting.extend(even.rows(total - done - len(waiting)))
             while waiting and (row := self._tracked(waiting[0], sent)) is not None:
                 waiting.popleft()
@@ -379,20 +379,25 @@ class LiveDriver(Driver):
                 return
         raise LinkError(f"{self.name}: {total - done} rows of the motion never came")
 
-    def _collect(self, even: Resampler, due: float, period: float, begin: float) -> float:
-        """Take states until the next target is due, none from before ``begin``."""
+    def _collect(self, even: Resampler, due: float, period: float) -> float:
+        """Take all states that arrive until the next target is due."""
         until = due + period
         if time.monotonic() - until > max(period, self.lead):
             until = time.monotonic()  # stay late: a robot must not catch up by a jump
-        arm = self._fresh_arm(0.0)
-        if arm.t >= begin:
-            even.add(arm)
-        while (remaining := until - time.monotonic()) > 0.0:
-            time.sleep(min(remaining, _POLL_S))
-            arm = self._read()
-            if arm.age < STALE_S and arm.t >= begin:
+        self._fresh_arm(0.0)
+        while True:
+            for arm in self._states(even.newest):
                 even.add(arm)
-        return until
+            remaining = until - time.monotonic()
+            if remaining <= 0.0:
+                return until
+            time.sleep(min(remaining, _POLL_S))
+
+    def _states(self, after: float) -> Sequence[ArmSample]:
+        """States that arrived after a time [s], the oldest first: the newest one, unless a driver
+        keeps those before it."""
+        arm = self._read()
+        return [arm] if arm.t > after else []
 
     def _tracked(
         self, row: EvenRow, sent: deque[tuple[float, np.ndarray]]

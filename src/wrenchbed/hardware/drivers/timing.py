@@ -5,7 +5,6 @@ states joints follow the cubic that has their values and speeds (Hermite); the w
 the same moment of this machine's clock, to which the robot's is fitted.
 """
 
-import bisect
 from collections import deque
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -22,6 +21,9 @@ _LATEST = 64
 _STRETCH_S = 0.4
 """Stretch of which the least late state counts for the clocks [s]: among 50 of 125 Hz one is on
 time."""
+_SAME_S = 1e-9
+"""Times less apart are the same [s]: far above the rounding of a sum of periods."""
+Pair = tuple[np.ndarray, np.ndarray]
 _MOST = 1_000_000
 """Rows that are kept for the percentiles: two hours at 125 Hz, 24 MB."""
 
@@ -38,26 +40,29 @@ class EvenRow(NamedTuple):
 
 
 class Resampler:
-    """Turns states into rows at a rate [Hz], from the first state on."""
+    """Turns states into rows at a rate [Hz], from the first state on.
 
-    def __init__(self, rate: float) -> None:
-        self._period = 1.0 / rate
+    Attributes:
+        newest: when its newest state arrived (`time.monotonic`, [s]); states of ``begin`` or before
+            are left out.
+    """
+
+    def __init__(self, rate: float, begin: float = -np.inf) -> None:
+        self.newest = self._begin = begin
+        self._period, self._count = 1.0 / rate, 0
         self._states: deque[ArmSample] = deque(maxlen=_LATEST)
-        self._times: deque[float] = deque(maxlen=_LATEST)
         self._clock = ClockFit(_STRETCH_S)
-        self._first: float | None = None
-        self._origin = 0.0
-        self._count = 0
+        self._first = self._origin = 0.0
 
     def add(self, arm: ArmSample) -> None:
         """Take in a state; one that is not newer than the last is left out."""
         t = controller_time(arm)
-        if self._states and t <= controller_time(self._states[-1]):
+        if arm.t <= self._begin or (self._states and t <= controller_time(self._states[-1])):
             return
-        if self._first is None:
+        if not self._states:
             self._first, self._origin = t, arm.t
+        self.newest = max(self.newest, arm.t)
         self._states.append(arm)
-        self._times.append(t - self._first)
         self._clock.add(t - self._first, arm.t - self._origin)
 
     def rows(self, most: int) -> list[EvenRow]:
@@ -66,32 +71,26 @@ class Resampler:
         Raises:
             LinkError: two states are too far apart to interpolate.
         """
+        states = list(self._states)
+        times = np.array([controller_time(state) for state in states]) - self._first
+        due = self._period * np.arange(self._count, self._count + most)
+        due = due[due <= times[-1] + _SAME_S] if len(states) > 1 else due[:0]
+        after = np.clip(np.searchsorted(times, due + _SAME_S), 1, max(len(states) - 1, 1))
         rows: list[EvenRow] = []
-        while len(rows) < most and (row := self._next()) is not None:
-            rows.append(row)
+        for t, k in zip(due, after, strict=True):
+            before, then, span = states[k - 1], states[k], times[k] - times[k - 1]
+            if span > STALE_S and t > times[k - 1] + _SAME_S:
+                raise LinkError(f"the robot's states have a gap of {span:.3f} s in the motion")
+            s = float(np.clip((t - times[k - 1]) / span, 0.0, 1.0))
+            evidence = {
+                name: value + s * (then.evidence[name] - value)
+                for name, value in before.evidence.items()
+            }
+            host = self._origin + self._clock.host(float(t))
+            q, qd = hermite((before.q, then.q), (before.qd, then.qd), span, s)
+            rows.append(EvenRow(self._origin + float(t), host, q, qd, evidence))
+        self._count += len(rows)
         return rows
-
-    def _next(self) -> EvenRow | None:
-        if self._first is None:
-            return None
-        due = self._count * self._period
-        times = list(self._times)
-        if due > times[-1] + 1e-9 or len(times) < 2:
-            return None
-        k = min(max(bisect.bisect_left(times, due + 1e-9), 1), len(times) - 1)
-        before, after = self._states[k - 1], self._states[k]
-        span = times[k] - times[k - 1]
-        if span > STALE_S and due > times[k - 1] + 1e-9:
-            raise LinkError(f"the robot's states have a gap of {span:.3f} s in the motion")
-        self._count += 1
-        fraction = float(np.clip((due - times[k - 1]) / span, 0.0, 1.0))
-        q, qd = hermite(before, after, span, fraction)
-        evidence = {
-            name: value + fraction * (after.evidence[name] - value)
-            for name, value in before.evidence.items()
-        }
-        host = self._origin + self._clock.host(due)
-        return EvenRow(self._origin + due, host, q, qd, evidence)
 
 
 def controller_time(arm: ArmSample) -> float:
@@ -99,17 +98,22 @@ def controller_time(arm: ArmSample) -> float:
     return arm.t if arm.device_time is None else arm.device_time
 
 
-def hermite(
-    before: ArmSample, after: ArmSample, span: float, s: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Joint values and speeds (J,) at a fraction of the time [s] between two states."""
-    h00, h10 = (1 + 2 * s) * (1 - s) ** 2, s * (1 - s) ** 2
-    h01, h11 = s * s * (3 - 2 * s), s * s * (s - 1)
-    q = h00 * before.q + h01 * after.q + span * (h10 * before.qd + h11 * after.qd)
-    slope = (6 * s * s - 6 * s) / span
-    rate_in, rate_out = (1 - s) * (1 - 3 * s), s * (3 * s - 2)
-    qd = slope * (before.q - after.q) + rate_in * before.qd + rate_out * after.qd
-    return q, qd
+def hermite(q: Pair, qd: Pair, span: float, s: float) -> Pair:
+    """Joint values and speeds (J,) at a fraction s of the time [s] between two states.
+
+    Args:
+        q: joint values of both (J,).
+        qd: speeds of both (J,).
+        span: between them [s].
+        s: 0 … 1.
+    """
+    ahead, behind = s * (1 - s) ** 2, s * s * (s - 1)
+    between = (1 + 2 * s) * (1 - s) ** 2 * q[0] + s * s * (3 - 2 * s) * q[1]
+    slope, into, out = 6 * s * (s - 1) / span, (1 - s) * (1 - 3 * s), s * (3 * s - 2)
+    return (
+        between + span * (ahead * qd[0] + behind * qd[1]),
+        slope * (q[0] - q[1]) + into * qd[0] + out * qd[1],
+    )
 
 
 class Timing:

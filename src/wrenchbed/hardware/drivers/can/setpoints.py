@@ -18,6 +18,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from wrenchbed.hardware.drivers.timing import hermite
 from wrenchbed.robots.motion_limits import minimum_jerk
 
 BRAKE_S = 0.15
@@ -105,13 +106,8 @@ class TimedTargets:
         way = self._end - self._begin
         if way <= 0.0:
             return self._two
-        s = (t - self._begin) / way
-        return np.asarray(
-            (1.0 + 2.0 * s) * (1.0 - s) ** 2 * self._one
-            + s**2 * (3.0 - 2.0 * s) * self._two
-            + way * s * (1.0 - s) ** 2 * self._leaves
-            - way * s**2 * (1.0 - s) * self._arrives
-        )
+        ends, speeds = (self._one, self._two), (self._leaves, self._arrives)
+        return hermite(ends, speeds, way, (t - self._begin) / way)[0]
 
 
 class Setpoints:

@@ -5,7 +5,6 @@ again within a deadline, and replaced when they fail.
 """
 
 import contextlib
-import itertools
 import json
 import signal
 import subprocess
@@ -13,8 +12,10 @@ import sys
 import threading
 import time
 import weakref
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count, takewhile
 from socket import AF_UNIX, SOCK_SEQPACKET, socketpair
 from typing import Any, TypeVar
 
@@ -128,7 +129,7 @@ class ControlProcess:
     def __init__(self, setting: dict[str, Any], shared: SharedNumbers) -> None:
         mine, other = socketpair(AF_UNIX, SOCK_SEQPACKET)
         self._wire, self._lock = MessageChannel(mine), threading.Lock()
-        self._numbers = itertools.count(1)
+        self._numbers = count(1)
         self._replies: dict[int, str] = {}
         self.ready = self.program_ended = False
         self.refused = self._last_words = self._why = ""
@@ -258,6 +259,11 @@ class Links:
         """The newest state; None before the first."""
         newest = self._receiver.newest if self._receiver else None
         return newest if newest and newest.t > 0.0 else None
+
+    def since(self, t: float) -> list[Snapshot]:
+        """The states that arrived after a time [s], the oldest first."""
+        recent = self._receiver.recent.copy() if self._receiver else deque[Snapshot]()
+        return [*takewhile(lambda state: state.t > t, reversed(recent))][::-1]
 
     @property
     def ended(self) -> str:

@@ -2,7 +2,7 @@
 
 import time
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -111,7 +111,7 @@ class RtdeDriver(LiveDriver):
         self._options = options
         self.top_rate = options.frequency or _MOST_HZ
         self.robot = registry.load("robots", options.robot)
-        sensor = own_wrench.OwnWrench(self.robot, self._look)
+        sensor = own_wrench.OwnWrench(self.robot, lambda t: self._live().since(t))
         self.transducer = own_wrench.transducer(options.sensor, options.host, sensor)
         self._own = self.transducer is sensor
         self._links: Links | None = None
@@ -206,7 +206,13 @@ class RtdeDriver(LiveDriver):
             self.transducer.connect()
 
     def _read(self) -> ArmSample:
-        state, kept = self._look(), _EVIDENCE if self._options.effort == "current" else {}
+        return self._sample_of(self._look())
+
+    def _states(self, after: float) -> Sequence[ArmSample]:
+        return [self._sample_of(state) for state in self._live().since(after)]
+
+    def _sample_of(self, state: Snapshot) -> ArmSample:
+        kept = _EVIDENCE if self._options.effort == "current" else {}
         return ArmSample(
             state.t, state.stamp, time.monotonic() - state.t, np.array(state.q),
             np.array(state.qd), np.array(state.target_q), status.mode(state),

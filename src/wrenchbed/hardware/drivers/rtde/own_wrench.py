@@ -8,13 +8,13 @@ check the sign once on the robot's software version by a push.
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.errors import ParameterError
+from wrenchbed.errors import LinkError, ParameterError
 from wrenchbed.hardware.device import Health, by_age
 from wrenchbed.hardware.drivers.rtde.states import Snapshot
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample, forms, transducer_at
@@ -22,6 +22,8 @@ from wrenchbed.robots.base import Robot
 
 OWN = ("rtde", "ur-wrench")
 """Option values for the robot's own wrench."""
+_MOST = 64
+"""States that one reading looks back on: an eighth of a second at 500 Hz, in some milliseconds."""
 _CB3_END, _E_END = (150.0, 30.0), (50.0, 10.0)
 """Where a robot's own wrench ends, force [N] and torque [N·m]; sources: a CB3's usual force limit,
 whose torque is that force 0.2 m from the flange, and the sensor's range in UR5e's data sheet."""
@@ -32,15 +34,15 @@ class OwnWrench(Transducer):
 
     Args:
         robot: whose nominal sensor pose gives the sensor's axes.
-        look: returns the robot's newest state without blocking.
+        since: returns without blocking the states that arrived after a time [s], the oldest first.
     """
 
     name = "ur-wrench"
     title = "a UR robot's own wrench over RTDE"
 
-    def __init__(self, robot: Robot, look: Callable[[], Snapshot]) -> None:
+    def __init__(self, robot: Robot, since: Callable[[float], Sequence[Snapshot]]) -> None:
         super().__init__()
-        self._robot, self._look = robot, look
+        self._robot, self._since = robot, since
         self._newest: WrenchSample | None = None
 
     def _connect(self) -> None:
@@ -48,13 +50,16 @@ class OwnWrench(Transducer):
 
     def _close(self) -> None:
         self._past.clear()
+        self._newest = None
 
     def _read(self) -> WrenchSample:
-        state, newest = self._look(), self._newest
-        if newest is None or newest.t != state.t:
-            self._newest = newest = reading(state, self._robot)
-            self._past.add(newest.t, newest.wrench)
-        return newest
+        after = -np.inf if self._newest is None else self._newest.t
+        for state in self._since(after)[-_MOST:]:
+            self._newest = reading(state, self._robot)
+            self._past.add(self._newest.t, self._newest.wrench)
+        if self._newest is None:
+            raise LinkError("the robot has sent no state: call recover()")
+        return self._newest
 
     def _health(self) -> Health:
         sample = self._read()

@@ -12,6 +12,7 @@ import socket
 import struct
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Self
 
@@ -65,6 +66,8 @@ _TINY = 1e-200
 """Numbers nearer to zero, and not zero, are bytes of something else."""
 _PLAYING = 2
 _PROTECTIVE = 1 << 2
+_KEPT = 512
+"""States that are kept for who reads them late: a second of an e-Series."""
 _RESTART_S = 1.0
 """Least backward step of the clock of a controller that was restarted [s]; smaller ones are states
 in the wrong order."""
@@ -293,6 +296,7 @@ class StateReceiver:
 
     Attributes:
         newest: the newest state, without arrival (0) before the first one.
+        recent: the last states, the newest one at the end.
         ended: why nothing more will come; empty while the stream goes on.
 
     Raises:
@@ -309,6 +313,7 @@ class StateReceiver:
             raise DriverError(f"the controller has no output {', '.join(sorted(missing))}")
         self.ended = ""
         self.newest = before._replace(t=0.0, wrong=0.0, back=0.0, major=float(stream.version[0]))
+        self.recent: deque[Snapshot] = deque(maxlen=_KEPT)
         self._published = published
         self._thread = threading.Thread(target=self._run, name="rtde states", daemon=True)
         self._thread.start()
@@ -338,6 +343,8 @@ class StateReceiver:
         state = Snapshot(arrival, **plain)  # type: ignore[arg-type]
         if state.stamp != last.stamp or last.t == 0.0:
             self.newest = last.followed_by(state, 1.0 / self._stream.rate)
+            if not self.newest.wrong:
+                self.recent.append(self.newest)
             self._published(self.newest)
 
 
