@@ -4,10 +4,11 @@ Nothing moves and nothing is set: ports are opened, pages and outputs are read, 
 watched for some seconds.
 """
 
+import contextlib
 import math
 import socket
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
@@ -22,7 +23,7 @@ from wrenchbed.robots.base import Robot
 
 Grade = Literal["ok", "note", "fails"]
 """``fails``: a recording run would not start or not end; ``note``: look at it."""
-_PORTS = {30004: "RTDE", 30003: "scripts", 29999: "dashboard"}
+_PORTS = {states.PORT: "RTDE", 30003: "scripts", status.PORT: "dashboard"}
 """TCP port of the controller → the service that answers there; Universal Robots fixes the numbers.
 A recording run needs all three."""
 _SPARSE = 0.9
@@ -38,6 +39,7 @@ _HEAVY = 0.05
 every cable is noted, with more the arm stops to protect itself unannounced."""
 _SHOWN = ("product", "serial", "firmware", "calibration")
 """Fields of a sensor's identity that the report shows."""
+_UNSAID, _ANOTHER = "the controller does not say it", "give --robot as the arm is"
 
 
 @dataclass(frozen=True)
@@ -94,17 +96,14 @@ def _line(name: str, fine: bool, text: str, remedy: str, grade: Grade = "note") 
 
 
 def _controller(robot: Robot, host: str, seconds: float) -> Iterator[Line]:
-    closed = [port for port in _PORTS if not _open(host, port)]
+    remedy = "check address, power and cable; on an e-Series enable it under Settings › Security"
+    answers = {port: _open(host, port) for port in _PORTS}
     for port, name in _PORTS.items():
-        text = f"{name}: nobody answers at {host}" if port in closed else f"{name} answers"
-        remedy = (
-            "check address, power and cable; on an e-Series enable it under Settings › Security › "
-            "Services"
-        )
-        yield _line(f"port {port}", port not in closed, text, remedy, "fails")
-    if 30004 in closed:
+        text = f"{name} answers" if answers[port] else f"{name}: nobody answers at {host}"
+        yield _line(f"port {port}", answers[port], text, f"{remedy} › Services", "fails")
+    if not answers[states.PORT]:
         return
-    stated = identity.stated(host) if 29999 not in closed else {}
+    stated = identity.stated(host) if answers[status.PORT] else {}
     times: list[tuple[float, float]] = []
     values: Mapping[str, states.Values] = {}
     try:
@@ -117,79 +116,72 @@ def _controller(robot: Robot, host: str, seconds: float) -> Iterator[Line]:
     except DriverError as error:
         yield Line("RTDE", "fails", str(error), "restart the controller")
         return
-    yield from _identity(robot, host, version, stated, 29999 not in closed)
-    yield from _settings(robot, identity.in_words(values))
-    yield from _stream(times, _SPARSE * NATIVE_HZ[version[0] > 3], "states", clocked=True)
-
-
-def _identity(
-    robot: Robot, host: str, version: Sequence[int], stated: Mapping[str, str], dashboard: bool
-) -> Iterator[Line]:
-    """Software, model, remote control and kinematics."""
     text = ".".join(map(str, version[:3]))
     text += f", serial {stated['serial']}" if "serial" in stated else ""
     tried = tuple(version[:2]) == ((3, 15) if version[0] <= 3 else (5, 11))
     remedy = "the drivers were tried with emulated 3.15 and 5.11: begin with --speed 0.05"
     yield _line("software", tried, text, f"{remedy} and few poses")
-    another = "give --robot as the arm is"
+    yield _model(robot, stated, version[0])
+    if version[0] >= 5 and answers[status.PORT]:
+        yield _remote_control(host)
+    yield _kinematics(robot, host)
+    yield from _settings(robot, identity.in_words(values))
+    yield from _stream(times, _SPARSE * NATIVE_HZ[version[0] > 3], "states", clocked=True)
+
+
+def _model(robot: Robot, stated: Mapping[str, str], major: int) -> Line:
     try:
-        identity.check_model(robot, stated, version[0], at_flange=False)
+        identity.check_model(robot, stated, major, at_flange=False)
     except DriverError as error:
-        yield Line("model", "fails", str(error), another)
-    else:
-        model = stated.get("model", "")
-        text = f"{model}, as {robot.name}" if model else "the dashboard does not say it"
-        yield _line("model", bool(model), text, "look at the arm's label")
-    if version[0] >= 5 and dashboard:
-        try:
-            answer = status.request(host, "is in remote control", ANSWER_S)
-        except LinkError as error:
-            yield Line("remote control", "note", str(error), "look at the pendant")
-        else:
-            on = "true" in answer.lower()
-            text = "on" if on else f"the dashboard says {answer!r}"
-            yield _line("remote control", on, text, "switch it on at the pendant", "fails")
+        return Line("model", "fails", str(error), _ANOTHER)
+    model = stated.get("model", "")
+    text = f"{model}, as {robot.name}" if model else "the dashboard does not say it"
+    return _line("model", bool(model), text, "look at the arm's label")
+
+
+def _remote_control(host: str) -> Line:
+    try:
+        answer = status.request(host, "is in remote control", ANSWER_S)
+    except LinkError as error:
+        return Line("remote control", "note", str(error), "look at the pendant")
+    on = "true" in answer.lower()
+    text = "on" if on else f"the dashboard says {answer!r}"
+    return _line("remote control", on, text, "switch it on at the pendant", "fails")
+
+
+def _kinematics(robot: Robot, host: str) -> Line:
     try:
         kinematics = identity.geometry(robot, host).get("kinematics")
     except DriverError as error:
-        yield Line("kinematics", "fails", str(error), another)
-        return
-    text = "not told on port 30002: the arm's calibration is not recorded"
-    if kinematics is not None:
+        return Line("kinematics", "fails", str(error), _ANOTHER)
+    if kinematics is None:
+        text = "not told on port 30002: the arm's calibration is not recorded"
+        return Line("kinematics", "note", text, "enable the port under Settings › Security")
+    if "from_nominal" not in kinematics:
         text = f"read, and {robot.name} has no such table to compare"
-        if "from_nominal" in kinematics:
-            away = 1e3 * kinematics["from_nominal"]
-            text = f"the flange is up to {away:.1f} mm from that of {robot.name}"
-    remedy = "" if kinematics else "enable the port under Settings › Security › Services"
-    yield _line("kinematics", "mm from" in text, text, remedy)
+        return Line("kinematics", "note", text)
+    away = 1e3 * kinematics["from_nominal"]
+    return Line("kinematics", "ok", f"the flange is up to {away:.1f} mm from that of {robot.name}")
 
 
 def _settings(robot: Robot, words: Mapping[str, Any]) -> Iterator[Line]:
     safety, mode = words.get("safety_mode", "unknown"), words.get("robot_mode", "unknown")
-    fine = safety in ("normal", "reduced")
-    yield _line("safety", fine, safety, "clear it at the pendant", "fails")
+    yield _line("safety", safety in status.HARMLESS, safety, "clear it at the pendant", "fails")
     remedy = "power it on and release its brakes at the pendant"
     yield _line("robot mode", mode == "running", mode, remedy, "fails")
     speed = words.get("speed_scaling", 1.0)
     remedy = "motions fail below 100 %: move the slider up"
     yield _line("speed slider", speed > 0.99, f"{speed:.0%}", remedy)
     mass, tool = words.get("payload"), float(robot.tool(robot.parameters.nominal).mass)
-    remedy = (
-        "set it at the pendant to what the flange carries: the arm stops to protect itself where "
-        "they differ much"
-    )
-    unsaid, fits = "the controller does not say it", False
-    text = unsaid
-    if mass is not None:
-        text = f"{mass:.3g} kg, tool of {robot.name} {tool:.3g} kg"
-        fits = abs(mass - tool) <= _HEAVY * max(tool, mass)
-    yield _line("payload", fits, text, remedy)
+    fits = mass is not None and abs(mass - tool) <= _HEAVY * max(tool, mass)
+    text = _UNSAID if mass is None else f"{mass:.3g} kg, tool of {robot.name} {tool:.3g} kg"
+    remedy = "set it at the pendant to what the flange carries: the arm stops to protect itself"
+    yield _line("payload", fits, text, f"{remedy} where they differ much")
     tcp = words.get("tcp_offset")
     at_flange = tcp is not None and all(abs(v) <= 1e-6 for v in tcp)
-    place = unsaid if tcp is None else "x y z " + " ".join(f"{1e3 * v:+.1f}" for v in tcp[:3])
-    text = "the flange" if at_flange else place if tcp is None else f"{place} mm"
-    remedy = "leave it as it is during a run; recordings state it"
-    yield _line("TCP", at_flange, text, remedy)
+    place = "" if tcp is None else " ".join(f"{1e3 * v:+.1f}" for v in tcp[:3])
+    text = "the flange" if at_flange else f"x y z {place} mm" if place else _UNSAID
+    yield _line("TCP", at_flange, text, "leave it as it is during a run; recordings state it")
 
 
 def _stream(
@@ -207,11 +199,9 @@ def _stream(
     rate = (len(at) - 1) / (at[-1] - at[0]) if at[-1] > at[0] else 0.0
     gap = float(np.diff(at).max()) if rate else math.inf
     text = f"{rate:.1f} {what} a second ({least:g} needed), longest gap {1e3 * gap:.1f} ms"
-    remedy = (
-        "use a cable and no wireless link, end other programs on this computer and other clients "
-        "of the robot"
-    )
-    yield _line("rate", rate >= least and gap <= STALE_S, text, remedy, "fails")
+    remedy = "use a cable and no wireless link, end other programs on this computer and"
+    fine = rate >= least and gap <= STALE_S
+    yield _line("rate", fine, text, f"{remedy} other clients of the robot", "fails")
     if rate and np.isnan(clock).all():
         text = "it sends none: readings are dated by their arrival"
         text = f"its {what} have no timestamp" if clocked else text
@@ -226,11 +216,11 @@ def _stream(
     fit = ClockFit(_STRETCH_S)
     for device, host in zip(clock - clock[0], at - at[0], strict=True):
         fit.add(float(device), float(host))
-    ppm = fit.ppm
-    text = "watched for too short a time"
-    text = text if ppm is None else f"runs {ppm:+.0f} ppm against this computer's"
+    fine, text = True, "watched for too short a time"
+    if (ppm := fit.ppm) is not None:
+        fine, text = abs(ppm) < _DRIFT_PPM, f"runs {ppm:+.0f} ppm against this computer's"
     remedy = "watch longer (--seconds 30); if it stays, have the clock looked at"
-    yield _line("clock", ppm is None or abs(ppm) < _DRIFT_PPM, text, remedy)
+    yield _line("clock", fine, text, remedy)
 
 
 def _transducer(sensor: str) -> Transducer | None:
@@ -245,8 +235,8 @@ def _box(box: Transducer, seconds: float) -> Iterator[Line]:
     except WrenchbedError as error:
         yield Line("box", "fails", str(error), "check its address, power, cable, and the firewall")
         return
-    try:
-        known, scale = box.identity, box.full_scale
+    with contextlib.closing(box):
+        known = box.identity
         words = ", ".join(f"{name} {known[name]}" for name in _SHOWN if name in known)
         yield Line("box", "ok", words or "it does not say its serial number")
         transform, number = known.get("tool_transform", ""), known.get("filter", "0")
@@ -264,17 +254,15 @@ def _box(box: Transducer, seconds: float) -> Iterator[Line]:
                 clock = sample.device_time
                 times.append((sample.t, math.nan if clock is None else clock))
             time.sleep(1e-3)
-        yield _load(box.read().wrench, scale)
+        yield _load(box.read().wrench, box.full_scale)
         yield from _stream(times, _SPARSE * _NEEDED_HZ, "readings", clocked=False)
         health = box.health()
         lost, records = health.counters["lost"], health.counters["readings"]
-        if not health.ok:
-            yield Line("readings", "fails", health.detail, "see the box's page of its status")
-            return
         text = f"{records:.0f} records, {lost:.0f} lost"
-        yield _line("readings", lost <= 1e-3 * records, text, "use one switch and a cable")
-    finally:
-        box.close()
+        if health.ok:
+            yield _line("readings", lost <= 1e-3 * records, text, "use one switch and a cable")
+        else:
+            yield Line("readings", "fails", health.detail, "see the box's page of its status")
 
 
 def _load(wrench: np.ndarray, scale: np.ndarray | None) -> Line:
@@ -287,9 +275,7 @@ def _load(wrench: np.ndarray, scale: np.ndarray | None) -> Line:
     return _line("load", fraction < 0.5, text, "unload the sensor, or set its zero", grade)
 
 
-def _open(host: str, port: int, connect: Callable[..., Any] = socket.create_connection) -> bool:
-    try:
-        with connect((host, port), ANSWER_S):
-            return True
-    except OSError:
-        return False
+def _open(host: str, port: int) -> bool:
+    with contextlib.suppress(OSError), socket.create_connection((host, port), ANSWER_S):
+        return True
+    return False
