@@ -60,22 +60,6 @@ def copied(family, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def bench(request):
-    """A UR5's twin at the module's HOST, an observer, and the driver with its options DRIVER."""
-    import rtde_moves
-
-    more = getattr(request.module, "DRIVER", {})
-    with rtde_moves.bench(request.module.HOST, **more) as made:
-        yield made
-
-
-@pytest.fixture
-def link(bench):
-    """The driver, active and in order."""
-    return bench.ready()
-
-
-@pytest.fixture(scope="module")
 def made(tmp_path_factory) -> Path:
     """A plan, a recording and a fit of the UR5."""
     from wrenchbed.cli import main

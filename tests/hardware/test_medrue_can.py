@@ -5,8 +5,7 @@ import time
 import numpy as np
 import pytest
 
-from emulator_process import running
-from medrue_bench import away, options, until
+from medrue_bench import HOST, away, options, until
 from robot_emulators.medrue.server import MedrueEmulator
 from wrenchbed import registry
 from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
@@ -16,35 +15,14 @@ from wrenchbed.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.wire
 
-HOST, SLOT = "127.0.4.3", 2
 
-
-@pytest.fixture(scope="module")
-def twin():
-    with running("medrue", HOST, "--set", f"slot={SLOT}", "--noise", "off") as process:
-        yield process
-
-
-@pytest.fixture
-def driver(twin):
-    one = CanDriver(options(HOST, slot=SLOT))
-    one.connect()
-    if not one.health().ok:
-        one.recover(unlock=True)
-    one.activate()
-    assert until(lambda: one.health().ok), one.health()
-    yield one
-    one.close()
-
-
-def test_address_and_registry(twin):
-    assert twin.addresses == {"can": f"socketcand:{HOST}:29536:can0"}
-    assert registry.load("drivers", "can") is CanDriver
+def test_address_and_registry(medrue):
+    assert medrue.addresses == {"can": f"socketcand:{HOST}:29536:can0"}
     assert registry.load("emulators", "medrue") is MedrueEmulator
 
 
-def test_state_and_wrench_while_connected_only(twin):
-    driver = CanDriver(options(HOST, slot=SLOT))
+def test_state_and_wrench_while_connected_only(medrue):
+    driver = CanDriver(options())
     assert driver.health().state == "closed"
     driver.connect()
     try:
@@ -64,31 +42,15 @@ def test_state_and_wrench_while_connected_only(twin):
         driver.read()
 
 
-def test_a_move_arrives_and_a_stream_follows(driver):
-    goal = away(driver)
-    reached = driver.move(goal).wait()
-    assert np.abs(reached.q - goal).max() < 5e-4
+def test_a_stream_follows_and_none_of_its_targets_is_clipped(driver):
     begin = driver.position()
-    t = np.arange(120) / 100.0
-    targets = begin + 0.01 * np.sin(np.pi * t / 1.2)[:, None] ** 2 * np.ones(6)
+    t = np.arange(60) / 100.0
+    targets = begin + 0.005 * np.sin(np.pi * t / 0.6)[:, None] ** 2 * np.ones(6)
     rows = list(driver.track(targets, 100.0))
     q = np.concatenate([np.stack([b[f"q{j + 1}"] for j in range(6)], -1) for b in rows])
-    assert len(q) == 120
-    assert np.abs(q.max(axis=0) - begin - 0.01).max() < 2e-3
-    assert driver.health().ok and driver.health().counters["arm clipped"] == 0
-
-
-def test_samples_are_fresh_and_settled(driver):
-    driver.settle()
-    block = driver.sample(30, 100.0)
-    assert (np.diff(block["t"]) > 0).all() and block["age"].max() < 0.08
-    assert np.ptp(block["q1"]) < 1e-5 and np.ptp(block["fz"]) < 0.1
-
-
-def test_a_target_too_far_is_refused_before_it_is_sent(driver):
-    applied = driver.write(driver.position() + 0.2)
-    assert applied.sent is None and "would move" in applied.reason
-    assert driver.health().ok
+    assert len(q) == 60
+    assert np.abs(q.max(axis=0) - begin - 0.005).max() < 1e-3
+    assert driver.health().counters["arm clipped"] == 0
 
 
 def test_a_soft_stop_ends_at_rest_and_the_next_move_goes_on(driver):
@@ -100,9 +62,8 @@ def test_a_soft_stop_ends_at_rest_and_the_next_move_goes_on(driver):
     assert driver.move(driver.position()).wait().duration < 3.0
 
 
-def test_too_much_force_stops_hard(twin):
-    limits = Limits(speed=0.25, force=1.0)
-    with CanDriver(options(HOST, slot=SLOT, limits=limits)) as driver:
+def test_too_much_force_stops_hard(medrue):
+    with CanDriver(options(limits=Limits(speed=0.25, force=1.0))) as driver:
         with pytest.raises(LimitError, match="above the limit"):
             driver.move(away(driver)).wait()
         assert driver.health().state == "stopped"
@@ -121,12 +82,12 @@ ARM = {
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("kind", ARM)
-def test_a_fault_of_the_arm_is_named_stops_it_and_is_recovered_from(driver, twin, kind):
+def test_a_fault_of_the_arm_is_named_stops_it_and_is_recovered_from(driver, medrue, kind):
     values, state, words, within = ARM[kind]
     motion = driver.move(away(driver))
     time.sleep(0.25)
     begun = time.monotonic()
-    twin.fault("can", kind, **values)
+    medrue.fault("can", kind, **values)
     assert until(lambda: driver.health().state == state, within + 1.0), driver.health()
     named = time.monotonic() - begun
     assert named < within + 0.5
@@ -158,27 +119,27 @@ SENSOR = {
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("kind", SENSOR)
-def test_a_fault_of_the_sensor_is_named_and_passes(driver, twin, kind):
+def test_a_fault_of_the_sensor_is_named_and_passes(driver, medrue, kind):
     values, state = SENSOR[kind]
     before = driver.read_wrench().wrench
-    twin.fault("can", kind, **values)
+    medrue.fault("can", kind, **values)
     assert until(lambda: driver.health().state == state, 0.4), driver.health()
     assert until(lambda: driver.health().ok, 2.5), driver.health()
     assert until(lambda: driver.read_wrench().age < 0.05)
     assert driver.read_wrench().wrench == pytest.approx(before, abs=0.1)
 
 
-def test_a_reset_that_was_too_short_to_notice_is_found_in_the_matrix(driver, twin):
+def test_a_reset_that_was_too_short_to_notice_is_found_in_the_matrix(driver, medrue):
     before = driver.read_wrench().wrench
     calibrations = driver.health().counters["wrench calibrations"]
-    twin.fault("can", "reset_board", silent=False)
+    medrue.fault("can", "reset_board", silent=False)
     assert until(lambda: driver.health().counters["wrench calibrations"] > calibrations, 1.0)
     assert until(lambda: driver.read_wrench().age < 0.05 and driver.health().ok)
     assert driver.read_wrench().wrench == pytest.approx(before, abs=0.1)
 
 
-def test_a_saturated_gauge_marks_every_channel_that_it_feeds(driver, twin):
-    twin.fault("can", "saturated_gauge", gauge=2, seconds=0.3)
+def test_a_saturated_gauge_marks_every_channel_that_it_feeds(driver, medrue):
+    medrue.fault("can", "saturated_gauge", gauge=2, seconds=0.3)
     assert until(lambda: driver.read_wrench().saturated == 0b111111, 1.0)
     assert until(lambda: driver.read_wrench().saturated == 0, 2.0)
 
@@ -191,7 +152,7 @@ def test_a_saturated_gauge_marks_every_channel_that_it_feeds(driver, twin):
         ({"nodes": (1, 2, 3, 4, 5, 16)}, LinkError, "drive 16"),
     ],
 )
-def test_what_is_not_on_the_bus_is_named(twin, words, error, named):
-    driver = CanDriver(options(HOST, **({"slot": SLOT} | words)))
+def test_what_is_not_on_the_bus_is_named(medrue, words, error, named):
+    driver = CanDriver(options(**words))
     with pytest.raises(error, match=named):
         driver.connect()

@@ -12,25 +12,11 @@ import pytest
 
 from can_witness import Witness, quick_stopped, upload
 from emulator_process import running
-from medrue_bench import away, options, ready, until
+from medrue_bench import HOST, away, options, until
 from wrenchbed.errors import LinkError, StoppedError
 from wrenchbed.hardware.drivers.can import CanDriver
 
 pytestmark = pytest.mark.wire
-
-HOST = "127.0.4.5"
-
-
-@pytest.fixture(scope="module")
-def twin():
-    with running("medrue", HOST, "--noise", "off") as process:
-        yield process
-
-
-@pytest.fixture
-def driver(twin):
-    with ready(HOST) as one:
-        yield one
 
 
 @pytest.fixture
@@ -73,10 +59,12 @@ def test_a_hard_stop_holds_until_recover(driver, witness):
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("kind", ["hub_fin", "garbage_text"])
-def test_a_bus_that_is_gone_is_named_and_the_drives_stop_by_themselves(driver, twin, witness, kind):
+def test_a_bus_that_is_gone_is_named_and_the_drives_stop_by_themselves(
+    driver, medrue, witness, kind
+):
     motion = moving(driver)
     begun = time.monotonic()
-    twin.fault("can", kind)
+    medrue.fault("can", kind)
     assert until(lambda: driver.health().state == "lost", 0.5)
     with pytest.raises(LinkError, match="CAN bus"):
         motion.wait()
@@ -90,7 +78,7 @@ def test_a_bus_that_is_gone_is_named_and_the_drives_stop_by_themselves(driver, t
     assert np.abs(driver.move(goal).wait().q - goal).max() < 1e-3
 
 
-def test_a_master_that_vanishes_leaves_drives_that_stop(twin):
+def test_a_master_that_vanishes_leaves_drives_that_stop(medrue):
     code = (
         "import os, numpy as np, time\n"
         "from wrenchbed.hardware.drivers.can import CanDriver, CanOptions\n"
@@ -110,9 +98,9 @@ def test_a_master_that_vanishes_leaves_drives_that_stop(twin):
         assert np.abs(driver.position() - last).max() < 0.02
 
 
-def test_garbage_frames_are_named_and_every_drive_is_told_to_stop(driver, twin, witness):
+def test_garbage_frames_are_named_and_every_drive_is_told_to_stop(driver, medrue, witness):
     at, begun = driver.position(), time.monotonic()
-    twin.fault("can", "garbage", count=1000)
+    medrue.fault("can", "garbage", count=1000)
     assert until(lambda: driver.health().state in ("lost", "fault", "stopped"), 0.5)
     assert until(lambda: quick_stopped(HOST), 1.0), witness.statuswords(begun)
     assert "drive 1" in driver.health().detail or "drive 2" in driver.health().detail
@@ -123,11 +111,11 @@ def test_garbage_frames_are_named_and_every_drive_is_told_to_stop(driver, twin, 
 
 
 @pytest.mark.slow
-def test_bus_off_silences_the_master_until_it_opens_the_bus_again(driver, twin, witness):
+def test_bus_off_silences_the_master_until_it_opens_the_bus_again(driver, medrue, witness):
     motion = moving(driver)
     begun = time.monotonic()
     errors = driver.health().counters["arm error frames"]
-    twin.fault("can", "bus_off")
+    medrue.fault("can", "bus_off")
     assert until(lambda: not driver.health().ok, 0.3)
     assert driver.health().state in ("stale", "lost")
     with pytest.raises(LinkError):
@@ -146,16 +134,16 @@ def test_bus_off_silences_the_master_until_it_opens_the_bus_again(driver, twin, 
     assert np.abs(driver.move(goal).wait().q - goal).max() < 1e-3
 
 
-def test_a_bus_off_that_ends_by_itself_lets_the_driver_go_on(driver, twin):
-    twin.fault("can", "bus_off", seconds=0.15)
+def test_a_bus_off_that_ends_by_itself_lets_the_driver_go_on(driver, medrue):
+    medrue.fault("can", "bus_off", seconds=0.15)
     assert until(lambda: driver.health().state == "stale", 0.3), driver.health()
     assert until(lambda: driver.health().ok), driver.health()  # shorter than the watchdog
 
 
-def test_a_node_that_restarted_is_told_its_periods_again(driver, twin):
+def test_a_node_that_restarted_is_told_its_periods_again(driver, medrue):
     told = {index: upload(HOST, 6, index) for index in (0x1006, 0x1017)}
     assert told == {0x1006: 4000, 0x1017: 100}
-    twin.fault("can", "node_reboot", node=6)
+    medrue.fault("can", "node_reboot", node=6)
     assert until(lambda: driver.health().state == "lost", 0.5)
     assert {upload(HOST, 6, index) for index in told} == {0}
     driver.recover(unlock=True)

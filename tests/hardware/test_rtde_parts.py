@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from wrenchbed import registry
-from wrenchbed.errors import DriverError, LinkError, ParameterError
+from wrenchbed.errors import DriverError, LinkError, ParameterError, StoppedError
 from wrenchbed.hardware.drivers.rtde import (
     RtdeDriver,
     RtdeOptions,
@@ -213,17 +213,31 @@ def test_the_dashboard_answers_within_a_deadline():
         status.request(HOST, "stop", 0.2)
 
 
+def test_a_protective_stop_is_unlocked_after_five_seconds_and_its_program_ended(monkeypatch):
+    """The program is only paused; the controller refuses to unlock within 5 s."""
+    now, said = [103.0], []
+    robot = {"state": OK._replace(bits=5.0, runtime=4.0, protective=100.0)}
+    monkeypatch.setattr(status.time, "monotonic", lambda: now[0])
+    monkeypatch.setattr(status.time, "sleep", lambda s: now.__setitem__(0, now[0] + s))
+
+    def request(host, command):
+        said.append((command, round(now[0], 6)))
+        freed = {"bits": 1.0, "protective": 0.0} if "unlock" in command else {}
+        ended = {"runtime": 1.0} if command == "stop" else {}
+        robot["state"] = robot["state"]._replace(**freed, **ended)
+        return "done"
+
+    monkeypatch.setattr(status, "request", request)
+    status.clear(HOST, lambda: robot["state"])
+    unlocked = ("unlock protective stop", 105.1)
+    assert said == [("close safety popup", 105.1), unlocked, ("stop", 105.1)]
+    with pytest.raises(StoppedError, match="cannot be cleared from here: emergency stop"):
+        status.clear(HOST, lambda: OK._replace(bits=64.0))
+
+
 @pytest.mark.parametrize(
     "answer",
-    [
-        b"\x00\x01V",
-        b"\x00\x02V",
-        b"\xff\xffV" * 3,
-        b"\x00\x04V\x00",
-        b"\x00\x04Q\x01",
-        b"\x00",
-        b"",
-    ],
+    [b"\x00\x01V", b"\xff\xffV" * 3, b"\x00\x04V\x00", b"\x00\x04Q\x01", b"\x00", b""],
 )
 def test_a_controller_that_answers_nonsense_is_refused(answer):
     def serve(link):

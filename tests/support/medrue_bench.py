@@ -9,14 +9,16 @@ import numpy as np
 
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 
+HOST = "127.0.4.3"
 
-def options(host: str, **more: Any) -> CanOptions:
+
+def options(host: str = HOST, **more: Any) -> CanOptions:
     """A patient watchdog: other processes may keep this machine busy for a tenth of a second."""
     return CanOptions(**({"host": host, "watchdog": 0.3} | more))
 
 
 @contextmanager
-def ready(host: str, **more: Any) -> Iterator[CanDriver]:
+def ready(host: str = HOST, **more: Any) -> Iterator[CanDriver]:
     """A driver with all drives enabled."""
     one = CanDriver(options(host, **more))
     with one:

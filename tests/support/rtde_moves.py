@@ -7,14 +7,15 @@ from pathlib import Path
 
 import numpy as np
 
-from emulator_process import running
 from rtde_observer import Observer
 from wrenchbed.errors import DriverError
+from wrenchbed.hardware.device import wait_until
 from wrenchbed.hardware.drivers.rtde import RtdeDriver, RtdeOptions
 from wrenchbed.robots.motion_limits import Limits
 
+HOST = "127.0.2.12"
 A = np.array([0.0, -1.2, -1.9, -1.6, 1.5708, 0.0])
-B = A + np.array([0.9, 0.2, 0.0, 0.0, 0.0, 0.3])
+B = A + np.array([0.6, 0.2, 0.0, 0.0, 0.0, 0.3])
 NAMED_S = 0.1
 """By when a stale state must be named [s]; what dies or hangs otherwise by 1 s."""
 AT_REST_S = 0.45
@@ -55,7 +56,7 @@ def alive(pid):
     return stat.rpartition(")")[2].split()[0] != "Z"
 
 
-def driver(host, **more):
+def driver(host=HOST, **more):
     options = {"sensor": "rtde", "limits": Limits(speed=0.3, tracking=0.5)} | more
     return RtdeDriver(RtdeOptions(host=host, **options))
 
@@ -76,13 +77,9 @@ class Bench:
 
 
 @contextlib.contextmanager
-def bench(host, *more, **options):
+def bench(emulator):
     """An emulator and everything around it until the block ends."""
-    with (
-        running("ur5", host, "--set", "box=off", *more) as emulator,
-        Observer(host) as observer,
-        contextlib.closing(driver(host, **options)) as link,
-    ):
+    with Observer(HOST) as observer, contextlib.closing(driver(power_on=True)) as link:
         link.connect()
         yield Bench(emulator, observer, link)
 
@@ -136,5 +133,5 @@ def recovered(link, tries=6):
             if k == tries - 1:
                 raise
             time.sleep(0.3)
-    assert link.health().ok, link.health()
+    assert wait_until(lambda: link.health().ok, 2.0), link.health()
     return time.monotonic() - begun
