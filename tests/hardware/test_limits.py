@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.errors import DriverError, LimitError, ParameterError, PlanError
+from wrenchbed.errors import LimitError, ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Applied, as_designed, block_of
-from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.robots.motion_limits import (
     Limits,
     duration,
@@ -19,20 +18,20 @@ HOME = np.asarray(UR5.home, dtype=float)
 TOP = np.array([j.speed for j in UR5.joints])
 
 
-@pytest.mark.parametrize("name", ["speed", "tracking"])
-def test_shares_are_above_0_and_at_most_1(name):
-    assert getattr(Limits(**{name: 1.0}), name) == 1.0
-    assert getattr(Limits(**{name: 0.01}), name) == 0.01
-    for share in (0.0, -0.1, 1.01):
-        with pytest.raises(ParameterError, match=f"{name} .* above 0 and at most 1"):
-            Limits(**{name: share})
-
-
-@pytest.mark.parametrize("name", ["force", "torque"])
-def test_largest_loads_are_above_0(name):
-    assert getattr(Limits(**{name: 0.5}), name) == 0.5
-    for value in (0.0, -1.0):
-        with pytest.raises(ParameterError, match=f"largest {name}"):
+@pytest.mark.parametrize(
+    ("name", "allowed", "refused", "words"),
+    [
+        ("speed", (0.01, 1.0), (0.0, -0.1, 1.01), "speed .* above 0 and at most 1"),
+        ("tracking", (0.01, 1.0), (0.0, -0.1, 1.01), "tracking .* above 0 and at most 1"),
+        ("force", (0.5,), (0.0, -1.0), "largest force"),
+        ("torque", (0.5,), (0.0, -1.0), "largest torque"),
+    ],
+)
+def test_shares_are_above_0_and_at_most_1_and_loads_above_0(name, allowed, refused, words):
+    for value in allowed:
+        assert getattr(Limits(**{name: value}), name) == value
+    for value in refused:
+        with pytest.raises(ParameterError, match=words):
             Limits(**{name: value})
 
 
@@ -194,28 +193,3 @@ def test_a_robot_as_designed_states_its_tool_and_where_its_sensor_sits(robot):
         (0, 0, 0, 1, 0, 0, 0) if "mount.position.x" in robot.parameters.names else None
     )
     assert told.gravity == (0.0, 0.0, -9.8)
-
-
-def test_a_driver_is_connected_before_it_does_anything():
-    driver = SimDriver(SimOptions("ur5"))
-    for act in (
-        driver.read, driver.read_wrench, driver.settle, driver.stop, driver.recover,
-        driver.position, lambda: driver.write(HOME), lambda: driver.move(HOME),
-        lambda: driver.sample(2, 10.0), lambda: next(driver.track(HOME[None], 10.0)),
-    ):  # fmt: skip
-        with pytest.raises(DriverError, match="connect"):
-            act()
-
-
-def test_a_driver_is_active_before_it_moves():
-    driver = SimDriver(SimOptions("ur5"))
-    driver.connect()
-    try:
-        told = driver.write(HOME)
-        assert not told.ok and "not active" in told.reason
-        for act in (lambda: driver.move(HOME), lambda: next(driver.track(HOME[None], 10.0))):
-            with pytest.raises(DriverError, match="is not active"):
-                act()
-        assert driver.position() == pytest.approx(HOME)
-    finally:
-        driver.close()

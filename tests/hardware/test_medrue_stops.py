@@ -59,9 +59,7 @@ def test_a_hard_stop_holds_until_recover(driver, witness):
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("kind", ["hub_fin", "garbage_text"])
-def test_a_bus_that_is_gone_is_named_and_the_drives_stop_by_themselves(
-    driver, medrue, witness, kind
-):
+def test_a_bus_that_is_gone_is_named_and_the_drives_stop(driver, medrue, witness, kind):
     motion = moving(driver)
     begun = time.monotonic()
     medrue.fault("can", kind)
