@@ -24,21 +24,15 @@ GONE_S = 1.0
 """Age of the newest reading from which a link is lost [s]: no short stall of a network or
 machine."""
 SPAN_S, LEAST_S = 5.0, 2.0
-"""Longest and shortest time of which a drift is fitted [s]: within 5 s the drift of a quartz is
-steady; over 2 s a delay of 1 ms in one mark changes it by 500 ppm."""
+"""Longest and shortest time of which a drift is fitted [s]: a delay of 1 ms is 500 ppm of 2 s."""
 _FEW = 4
 """Marks below which only the offset of the clocks is known: a slope through fewer is noise."""
 
 
 @dataclass(frozen=True)
 class Health:
-    """Health of a driver's or transducer's device.
-
-    Attributes:
-        state: one of `State`.
-        detail: one sentence for people; empty when all is well.
-        counters: readings, losses, restarts, by name.
-    """
+    """Health of a driver's or transducer's device: its state, one sentence for people, empty when
+    all is well, and counters of readings, losses and restarts by name."""
 
     state: State
     detail: str = ""
@@ -79,11 +73,8 @@ def only_here(host: str) -> bool:
 class ClockFit:
     """A device's clock against this machine's: a line through the least late of many readings.
 
-    Delays make readings late and never early, so of each stretch of time only the least late one
-    counts.
-
-    Args:
-        stretch: of which one reading counts [s], so long that one of its readings is in time.
+    Delays make readings late and never early, so only the least late one of each stretch counts.
+    A stretch [s] is so long that one of its readings is in time.
     """
 
     def __init__(self, stretch: float) -> None:
@@ -164,11 +155,9 @@ class Device:
 
     def _connect(self) -> None:
         """Nothing to open, unless a device says otherwise."""
-        return None
 
     def _close(self) -> None:
         """Release what is open; the device may be half open."""
-        return None
 
     def _health(self) -> Health:
         return Health("ok")

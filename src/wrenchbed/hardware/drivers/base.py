@@ -34,14 +34,12 @@ class ArmSample:
         t: `time.monotonic` of this machine when it arrived [s]; a simulated robot's own time.
         device_time: on the robot's own clock [s], None where it has none.
         age: time between arrival and the call that returned this [s].
-        q: joint values (J,) [rad or m].
-        qd: their speeds (J,).
-        target_q: where the robot's own controller wants its joints (J,).
+        q, qd, target_q: joint values (J,) [rad or m], their speeds, and where the robot's own
+            controller wants them.
         mode: ``off``, ``idle``, ``running``, ``fault`` or what the device calls it.
         safety: ``normal``, ``protective stop``, ``emergency stop`` …
         program: ``playing``, ``paused``, ``stopped``; empty where the robot runs none.
-        evidence: what recordings keep beside the joints, (J,) by the name of its columns without
-            their number, as ``i`` of motor currents i1… [A].
+        evidence: further columns of recordings (J,), by name without number: ``i`` is i1… [A].
     """
 
     t: float
@@ -287,7 +285,6 @@ class Driver(Device, ABC):
 
     def expect(self, plan: np.ndarray, mode: str) -> None:
         """A plan (N, J) is about to run; most devices ignore it."""
-        return None
 
     @abstractmethod
     def metadata(self, mode: str, rate: float) -> Metadata:
@@ -295,11 +292,9 @@ class Driver(Device, ABC):
 
     def _activate(self) -> None:
         """Nothing to switch on."""
-        return None
 
     def _deactivate(self) -> None:
         """Nothing to switch off."""
-        return None
 
     @abstractmethod
     def _read(self) -> ArmSample: ...
@@ -310,8 +305,8 @@ class Driver(Device, ABC):
     @abstractmethod
     def _write(self, q: np.ndarray) -> Applied: ...
 
-    @abstractmethod
-    def _position(self) -> np.ndarray: ...
+    def _position(self) -> np.ndarray:
+        return np.array(self._read().q)
 
     @abstractmethod
     def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Move: ...
@@ -321,7 +316,6 @@ class Driver(Device, ABC):
 
     def _recover(self, unlock: bool) -> None:
         """Nothing to clear."""
-        return None
 
     def _settle(self) -> float:
         return 0.0

@@ -85,9 +85,6 @@ class ReplayDriver(Driver):
     def _write(self, q: np.ndarray) -> Applied:
         return Applied(None, "a recording follows no targets: use track() with its own motion")
 
-    def _position(self) -> np.ndarray:
-        return np.array(self._recording.q[self._row], dtype=float)
-
     def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Move:
         return _InstantMove(self, goal)
 

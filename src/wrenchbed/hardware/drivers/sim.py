@@ -196,9 +196,6 @@ class SimDriver(Driver):
         if mode == "static":
             self._playback.expect(plan)
 
-    def _position(self) -> np.ndarray:
-        return self._plant.q
-
     def _read(self) -> ArmSample:
         plant = self._plant
         return ArmSample(self._time, self._time, 0.0, plant.q, plant.qd, plant.target)

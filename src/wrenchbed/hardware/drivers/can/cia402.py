@@ -12,8 +12,7 @@ from wrenchbed.hardware.device import State as HealthState
 Problem = tuple[HealthState, str]
 """State of health and its reason."""
 MISSED = 2
-"""Cycles without an answer, while others answer, after which a drive counts as mute: one frame may
-be lost, and an axis moves on in each cycle."""
+"""Cycles without an answer, while others answer, of a mute drive: one frame may be lost."""
 BEATS = 18
 """Heartbeats of the five others, 3.5 periods, without its own after which it is lost."""
 OPERATIONAL, PRE_OPERATIONAL = 0x05, 0x7F
@@ -36,6 +35,8 @@ ERRORS = {
     0x8700: "SYNC lost or of wrong period",
 }
 """Error codes (0x603F, EMCY) of CiA 301 and 402, and their meaning."""
+SILENCE = (0x8130, 0x8250, 0x8700)
+"""Error codes of drives that stopped because their master was silent."""
 
 
 class DriveStatus(enum.Enum):
@@ -74,6 +75,16 @@ _MASKED = (
 """Mask and value of the statusword in each state; source: CiA 402."""
 
 
+IN_FAULT = (DriveStatus.FAULT, DriveStatus.REACTING)
+_CLIMB = {
+    DriveStatus.DISABLED: SHUTDOWN,
+    DriveStatus.READY: SWITCH_ON,
+    DriveStatus.SWITCHED_ON: ENABLE,
+    DriveStatus.ENABLED: ENABLE,
+}
+"""State of a drive → the controlword that brings it nearer to following targets."""
+
+
 def state_of(statusword: int) -> DriveStatus:
     """The state of a statusword (0x6041); NOT_READY where it has none."""
     for mask, value, state in _MASKED:
@@ -87,32 +98,16 @@ def controlword(want: Want, state: DriveStatus, last: int) -> int:
 
     A fault is cleared by the rising edge of its bit, so every other word is without it.
     """
-    match want:
-        case Want.QUICK_STOP:
-            return QUICK_STOP
-        case Want.RESET:
-            in_fault = state in (DriveStatus.FAULT, DriveStatus.REACTING)
-            return FAULT_RESET if in_fault and last == VOLTAGE_OFF else VOLTAGE_OFF
-        case Want.ENABLE:
-            steps = {
-                DriveStatus.DISABLED: SHUTDOWN,
-                DriveStatus.READY: SWITCH_ON,
-                DriveStatus.SWITCHED_ON: ENABLE,
-                DriveStatus.ENABLED: ENABLE,
-            }
-            return steps.get(state, VOLTAGE_OFF)
-        case _:
-            return VOLTAGE_OFF
+    if want is Want.QUICK_STOP:
+        return QUICK_STOP
+    if want is Want.RESET and state in IN_FAULT and last == VOLTAGE_OFF:
+        return FAULT_RESET
+    return _CLIMB.get(state, VOLTAGE_OFF) if want is Want.ENABLE else VOLTAGE_OFF
 
 
 def error_words(code: int) -> str:
     """An error code in words."""
     return f"0x{code:04X}" + (f" ({ERRORS[code]})" if code in ERRORS else "")
-
-
-def stopped_itself(code: int) -> bool:
-    """Whether a code means that the drive stopped because its master was silent."""
-    return code in (0x8130, 0x8250, 0x8700)
 
 
 @dataclass
@@ -124,17 +119,14 @@ class DriveState:
         statusword: 0x6041 of its last answer.
         position: 0x6064 of it [count].
         torque: 0x6077 of it, thousandths of the rated torque; or 0x6078, of the rated current.
-        answers: how many it sent.
-        answered: whether since the last SYNC.
+        answers, answered: how many answers it sent, and whether since the last SYNC.
         missed: complete rounds in a row in which others answered and it did not.
         round: number of the last round that it answered.
-        error: its EMCY code, 0 where it has none.
+        error, hint: its EMCY code; error code from before it was connected (0x603F); 0 for none.
         rebooted: whether it sent a boot-up since it was configured.
         others: heartbeats of others since its last one; a silent bus does not count.
         nmt: its NMT state, of the heartbeat.
         sent: the last controlword sent to it.
-        hint: error code from before it was connected (0x603F), 0 where it had none.
-        odd: answers of an unexpected length.
     """
 
     node: int
@@ -151,7 +143,6 @@ class DriveState:
     nmt: int = OPERATIONAL
     sent: int = 0
     hint: int = 0
-    odd: int = 0
 
     @property
     def state(self) -> DriveStatus:
@@ -161,7 +152,6 @@ class DriveState:
     def take_answer(self, data: bytes) -> bool:
         """Take a TPDO; False where its length is not the expected one."""
         if len(data) not in (6, 8):
-            self.odd += 1
             return False
         self.statusword, self.position = struct.unpack_from("<Hi", data)
         if len(data) == 8:
@@ -191,12 +181,10 @@ class DriveState:
         A drive that is gone is ``lost``; one that stopped because of silence is ``stopped``.
         """
         name = f"drive {self.node}"
-        if self.error and not stopped_itself(self.error):
-            return (
-                "fault",
-                f"{name} reports error {error_words(self.error)}: call recover(unlock=True)",
-            )
-        if self.state in (DriveStatus.FAULT, DriveStatus.REACTING):
+        if self.error and self.error not in SILENCE:
+            error = error_words(self.error)
+            return "fault", f"{name} reports error {error}: call recover(unlock=True)"
+        if self.state in IN_FAULT:
             words = f" {error_words(self.hint)}" if self.hint else ""
             return "fault", f"{name} is in fault{words}: call recover(unlock=True)"
         if self.rebooted:

@@ -52,31 +52,21 @@ FAR_S = 0.15
 drives lag by a few cycles."""
 REST_S = 0.5
 """Longest time that a quick stop from top speed is granted before an axis counts as at rest without
-answers [s]: too short releases an axis that moves, too long delays each stop of a mute bus. A drive
-that answers keeps its voltage until it stands, by `Rest.reached`."""
+answers [s]: too short releases an axis that moves, too long delays each stop of a mute bus."""
 _SPEED_OVER = 6
 """Answers from which speeds are computed; fewer are dominated by the encoder's last count."""
 _SLOW = 0.02
 """Fraction of top speed below which an axis stands still."""
 _FLICKER = 0.3
-"""Apparent speed of an axis at rest whose encoder flickers by one count [count a cycle]: a line
-through `_SPEED_OVER` positions of which every other one is a count off has 0.09, one step 0.26."""
-_JITTER = 2500
-"""Cycles whose times are kept, ten seconds at 250 Hz."""
+"""Apparent speed of an axis at rest whose encoder steps by one count [count a cycle]: 0.26 by a
+line through `_SPEED_OVER` positions."""
 _SWITCH_S = 5e-4
 """Longest time that another thread of this process delays the cycle [s], an eighth of 4 ms."""
 
 
 class CycleAnswers(NamedTuple):
-    """Answers of all drives to one SYNC.
-
-    Attributes:
-        t: when SYNC was sent [s].
-        q: positions (J,) in units of the joints.
-        qd: speeds (J,) in units of the joints.
-        torque: thousandths of the rated torque (J,).
-        sequence: number of such answers.
-    """
+    """Answers of all drives to one SYNC: when that was sent [s], positions and speeds (J,) in units
+    of the joints, torque in thousandths of the rated one (J,), and the number of such answers."""
 
     t: float
     q: np.ndarray
@@ -86,11 +76,7 @@ class CycleAnswers(NamedTuple):
 
 
 class Following:
-    """Compares positions with targets, cycle by cycle.
-
-    Args:
-        speed: top speed of each joint (J,).
-    """
+    """Compares positions with targets, cycle by cycle; joints have a top speed (J,)."""
 
     def __init__(self, speed: np.ndarray) -> None:
         self._stuck, self._far = STUCK_S * speed, FAR_S * speed
@@ -106,10 +92,7 @@ class Following:
     ) -> tuple[int, str] | None:
         """The first joint that does not follow, and a description; None if all follow.
 
-        Args:
-            counts: positions as reported by the drives (J,).
-            q: the same in units of the joints (J,).
-            target: commanded joint values (J,).
+        Takes positions (J,) in counts and in units of the joints, and commanded values (J,).
         """
         if self._last is None:
             self._last, self._reference = counts, np.array(target)
@@ -117,11 +100,11 @@ class Following:
         moved = counts != self._last
         self._reference[moved] = target[moved]
         self._last = counts
-        for joint in np.flatnonzero(np.abs(target - self._reference) > self._stuck)[:1]:
-            moved_by = float(abs(target[joint] - self._reference[joint]))
-            return int(joint), f"stands still while its target moved by {moved_by:.2g}"
-        for joint in np.flatnonzero(np.abs(target - q) > self._far)[:1]:
-            return int(joint), f"is {float(abs(target[joint] - q[joint])):.2g} off its target"
+        gone, off = np.abs(target - self._reference), np.abs(target - q)
+        for joint in np.flatnonzero(gone > self._stuck)[:1]:
+            return int(joint), f"stands still while its target moved by {gone[joint]:.2g}"
+        for joint in np.flatnonzero(off > self._far)[:1]:
+            return int(joint), f"is {off[joint]:.2g} off its target"
         return None
 
 
@@ -174,11 +157,10 @@ class Cycle:
     Attributes:
         want: of all drives.
         latched: state of health and reason of the first problem since `clear`.
-        latched_at: when it came [s].
         answers: the newest complete ones.
         following: whether every drive takes targets.
         cycles: begun; ``incomplete``: without all drives' answers; ``overruns``: a period late.
-        began: times of the last cycles [s].
+        began: when the last cycle began [s].
     """
 
     def __init__(
@@ -192,8 +174,7 @@ class Cycle:
         self.latched: Problem | None = None
         self.answers: CycleAnswers | None = None
         self.cycles = self.incomplete = self.overruns = 0
-        self.began: deque[float] = deque(maxlen=_JITTER)
-        self.latched_at = 0.0
+        self.began = 0.0
         self.following = False
         self._synced = 0.0
         self._recent: deque[tuple[float, np.ndarray]] = deque(maxlen=_SPEED_OVER)
@@ -201,28 +182,26 @@ class Cycle:
         self._round: set[int] = set()
         self._rounds = 0
         self._running = False
-        self._thread: threading.Thread | None = None
+        self._thread = threading.Thread(target=self._run, name="can cycle", daemon=True)
         self._by_node = {drive.node: drive for drive in drives}
 
     def start(self) -> None:
         """Begin."""
         self._link.listen(self._received)
         self._running = True
-        self._thread = threading.Thread(target=self._run, name="can cycle", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
         """End; may be called twice."""
         self._running = False
         self._link.leave(self._received)
-        if self._thread is not None:
+        if self._thread.ident is not None:
             self._thread.join(2.0)
-            self._thread = None
 
     @property
     def alive(self) -> bool:
         """Whether the exchange goes on."""
-        return self._thread is not None and self._thread.is_alive()
+        return self._thread.is_alive()
 
     def clear(self) -> None:
         """Forget problems that are over."""
@@ -235,8 +214,7 @@ class Cycle:
     def halt(self, state: HealthState, why: str) -> None:
         """Stop every drive, and keep the reason."""
         with self._lock:
-            if self.latched is None:
-                self.latched, self.latched_at = (state, why), time.monotonic()
+            self.latched = self.latched or (state, why)
             if self.want is Want.ENABLE:
                 self.want = Want.QUICK_STOP
 
@@ -305,8 +283,7 @@ class Cycle:
         """End by a quick stop; a drive that does not receive it stops by its watchdog."""
         words = " ".join(f"{type(error).__name__}: {error}".split())[:120]
         with self._lock:
-            why = f"the cyclic exchange broke off ({words}): call recover()"
-            self.latched, self.latched_at = ("lost", why), time.monotonic()
+            self.latched = "lost", f"the cyclic exchange broke off ({words}): call recover()"
             self.want, self.following = Want.QUICK_STOP, False
         with contextlib.suppress(Exception):
             for drive in self.drives:
@@ -332,8 +309,7 @@ class Cycle:
             due += self._period
 
     def _evaluate(self) -> None:
-        now = time.monotonic()
-        self.began.append(now)
+        self.began = now = time.monotonic()
         answered = [drive.answered for drive in self.drives]
         if self.cycles:
             self.incomplete += not all(answered)

@@ -6,7 +6,7 @@ when no targets arrive for longer than the option ``watchdog``.
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 
@@ -16,7 +16,13 @@ from wrenchbed.hardware.device import GONE_S, STALE_S, Health, by_age, only_here
 from wrenchbed.hardware.drivers.base import Applied, ArmSample
 from wrenchbed.hardware.drivers.can.board import GaugeBoard
 from wrenchbed.hardware.drivers.can.bus import CanLink, open_bus
-from wrenchbed.hardware.drivers.can.cia402 import OPERATIONAL, DriveState, DriveStatus, Want
+from wrenchbed.hardware.drivers.can.cia402 import (
+    IN_FAULT,
+    OPERATIONAL,
+    DriveState,
+    DriveStatus,
+    Want,
+)
 from wrenchbed.hardware.drivers.can.cycle import Cycle, Following, Rest
 from wrenchbed.hardware.drivers.can.network import Drives
 from wrenchbed.hardware.drivers.can.options import CanOptions, master
@@ -29,12 +35,7 @@ FIRST_S, ENABLED_S, CLEARED_S, STILL_S = 2.0, 2.0, 1.0, 0.5
 faults cleared; at rest, as long as a quick stop takes (`cycle.REST_S`) [s]."""
 _POLL_S = 0.002
 """Time between two looks while waiting [s], half a cycle."""
-_STUCK = (
-    DriveStatus.FAULT,
-    DriveStatus.REACTING,
-    DriveStatus.QUICK_STOP,
-    DriveStatus.ENABLED,
-)
+_STUCK = (*IN_FAULT, DriveStatus.QUICK_STOP, DriveStatus.ENABLED)
 """States that a recovered drive has left."""
 
 
@@ -91,9 +92,7 @@ class CanDriver(LiveDriver):
             raise LinkError(f"drives {silent} do not answer SYNC: are their PDOs switched on?")
 
     def _make_setpoints(self, network: Drives) -> Setpoints:
-        joints = self.robot.joints
-        lower = np.array([j.lower for j in joints])
-        upper = np.array([j.upper for j in joints])
+        lower, upper = np.transpose([(j.lower, j.upper) for j in self.robot.joints])
         for k, node in enumerate(self.setting.nodes):
             in_drive = network.limits(node)
             if in_drive is not None:
@@ -130,7 +129,7 @@ class CanDriver(LiveDriver):
     def _check_start(self) -> None:
         """Refuse drives without a deadline for targets, and impossible positions."""
         cycle, network, q = self._running(), self._network, self._read().q
-        if not self._until(lambda: self._rest.reached(cycle.answers), self._rest.longest):
+        if not self._at_rest(cycle, self._rest.longest):
             raise DriverError("cannot enable the drives: the robot moves; call recover()")
         for why in () if network is None else network.unguarded.values():
             raise DriverError(f"{why}: without a deadline for targets it would not stop by itself")
@@ -149,9 +148,9 @@ class CanDriver(LiveDriver):
             return
         self._setpoints.brake()
         self._until(lambda: not self._setpoints.moving, STILL_S)
-        if not self._until(lambda: self._rest.reached(cycle.answers), STILL_S):
+        if not self._at_rest(cycle, STILL_S):
             cycle.want = Want.QUICK_STOP
-            if not self._until(lambda: self._rest.reached(cycle.answers), 2.0 * self._rest.longest):
+            if not self._at_rest(cycle, 2.0 * self._rest.longest):
                 return  # it still brakes, with voltage
         cycle.want = Want.DISABLE
         powered = (DriveStatus.ENABLED, DriveStatus.QUICK_STOP, DriveStatus.SWITCHED_ON)
@@ -197,7 +196,7 @@ class CanDriver(LiveDriver):
 
     def _reopen(self) -> None:
         """Reopen a bus that is gone or silent; the drives have stopped by their watchdogs."""
-        began = 0.0 if self._cycle is None else self._cycle.began[-1]
+        began = 0.0 if self._cycle is None else self._cycle.began
         try:
             self._close()
             time.sleep(max(0.0, began + self._rest.longest - time.monotonic()))
@@ -213,16 +212,12 @@ class CanDriver(LiveDriver):
         cycle.halt("stopped", "recover() stops the robot first")
         if not cycle.all_in(DriveStatus.DISABLED):
             cycle.want = Want.QUICK_STOP
-        if self._until(lambda: self._rest.reached(cycle.answers), longest):
+        if self._at_rest(cycle, longest):
             return
         if self._link is None or self._link.dead:
             raise LinkError("the CAN bus is gone: call recover() again")
         for drive, moves in zip(cycle.drives, self._rest.moving(cycle.answers), strict=True):
-            if moves and drive.state in (
-                DriveStatus.ENABLED,
-                DriveStatus.QUICK_STOP,
-                DriveStatus.REACTING,
-            ):
+            if moves and drive.state in _STUCK and drive.state is not DriveStatus.FAULT:
                 raise SafetyStopError(
                     f"drive {drive.node} still moves {longest:.1f} s after a quick stop: press "
                     "the emergency stop"
@@ -252,25 +247,17 @@ class CanDriver(LiveDriver):
         answers = cycle.answers
         if answers is None:
             raise LinkError("the drives have sent no state yet")
-        effort = None if self._rated is None else answers.torque * 1e-3 * self._rated
+        column = "tau" if self.setting.effort == "torque" else "i"  # [N·m or N], [A]
+        efforts = {} if self._rated is None else {column: answers.torque * 1e-3 * self._rated}
         return ArmSample(
-            t=answers.t, device_time=None, age=time.monotonic() - answers.t,
-            q=answers.q.copy(), qd=answers.qd.copy(),
-            target_q=(self._setpoints.command if cycle.following else answers.q).copy(),
-            mode=self._mode(cycle),
-            safety="quick stop" if cycle.want is Want.QUICK_STOP else "normal",
-            evidence=self._evidence(effort),
+            answers.t, None, time.monotonic() - answers.t, answers.q.copy(), answers.qd.copy(),
+            (self._setpoints.command if cycle.following else answers.q).copy(), self._mode(cycle),
+            "quick stop" if cycle.want is Want.QUICK_STOP else "normal", evidence=efforts,
         )  # fmt: skip
-
-    def _evidence(self, effort: np.ndarray | None) -> Mapping[str, np.ndarray]:
-        """Columns of joint efforts that a recording keeps: ``tau`` [N·m or N] or ``i`` [A] (J,)."""
-        if effort is None or self.setting.effort == "off":
-            return {}
-        return {"tau" if self.setting.effort == "torque" else "i": effort}
 
     def _mode(self, cycle: Cycle) -> str:
         states = {drive.state for drive in cycle.drives}
-        if states & {DriveStatus.FAULT, DriveStatus.REACTING}:
+        if states & {*IN_FAULT}:
             return "fault"
         if any(drive.nmt != OPERATIONAL for drive in cycle.drives):
             return "off"
@@ -305,6 +292,9 @@ class CanDriver(LiveDriver):
         if self._cycle is None:
             raise LinkError("the CAN bus is not open: call recover()")
         return self._cycle
+
+    def _at_rest(self, cycle: Cycle, seconds: float) -> bool:
+        return self._until(lambda: self._rest.reached(cycle.answers), seconds)
 
     def _until(self, done: Callable[[], bool], seconds: float) -> bool:
         """Wait until a condition holds; False at the deadline [s] or where the bus is gone."""

@@ -58,10 +58,6 @@ class _RefusedError(DriverError):
 class Drives:
     """The drives of a bus as CANopen nodes.
 
-    Args:
-        link: the bus.
-        options: ids, rate, watchdog.
-
     Attributes:
         unguarded: nodes whose targets have no deadline, so that they would not stop by themselves
             when this program falls silent, and the reason.
@@ -103,7 +99,6 @@ class Drives:
         for node in nodes:
             self._command(PRE_OPERATIONAL, node)
         for node in nodes:
-            self._check(node)
             self._map(node)
             self._set(node)
         for node in nodes:
@@ -124,7 +119,7 @@ class Drives:
         Raises:
             DriverError: it does not report it.
         """
-        return self.read(node, _EFFORTS[self._options.effort][1], 0) * 1e-3
+        return self.read(node, _EFFORTS[self._options.effort][1]) * 1e-3
 
     @property
     def counters(self) -> dict[str, float]:
@@ -140,15 +135,13 @@ class Drives:
     def _command(self, order: int, node: int) -> None:
         self._link.send(0x000, bytes([order, node]))
 
-    def _check(self, node: int) -> None:
-        profile = self.read(node, 0x1000, 0) & 0xFFFF
+    def _map(self, node: int) -> None:
+        """Check a drive, map its targets and answers, and switch off all other PDOs of it."""
+        profile = self.read(node, 0x1000) & 0xFFFF
         if profile != _PROFILE:
             raise DriverError(f"node {node} has device profile {profile}, it is no CiA 402 drive")
-        if not self.read(node, 0x6502, 0) >> (_CYCLIC - 1) & 1:
+        if not self.read(node, 0x6502) >> (_CYCLIC - 1) & 1:
             raise DriverError(f"drive {node} has no cyclic synchronous position mode (0x6502)")
-
-    def _map(self, node: int) -> None:
-        """Map targets and answers, and switch off all other PDOs that there are."""
         effort = _EFFORTS.get(self._options.effort, ())[:1]
         for index, can_id, entries in (
             (0x1400, ids.RPDO1 + node, (_CONTROL, _TARGET)),
@@ -214,7 +207,7 @@ class Drives:
             without.add(node)
         return node not in without
 
-    def read(self, node: int, index: int, sub: int) -> int:
+    def read(self, node: int, index: int, sub: int = 0) -> int:
         """A value of a drive's dictionary.
 
         Raises:
@@ -225,11 +218,7 @@ class Drives:
         return int.from_bytes(raw, "little", signed=index == 0x607D)
 
     def optional(self, node: int, index: int, sub: int = 0) -> int | None:
-        """A value that a drive need not have; None where it refuses.
-
-        Raises:
-            LinkError: it does not answer.
-        """
+        """A value that a drive need not have; None where it refuses."""
         with contextlib.suppress(_RefusedError):
             return self.read(node, index, sub)
         return None

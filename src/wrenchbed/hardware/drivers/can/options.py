@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from math import isfinite, tau
 from numbers import Integral
 
+import numpy as np
+
 from wrenchbed import registry
 from wrenchbed.errors import ParameterError
 from wrenchbed.robots.motion_limits import Limits
@@ -77,23 +79,15 @@ def check(base: int, nodes: Sequence[int]) -> None:
 
 
 def bus_load(rate: float, bitrate: int, torque: bool) -> float:
-    """Fraction of the wire that the cyclic exchange needs in the worst case.
+    """Fraction of a wire [bit/s] that the cyclic exchange at a rate [Hz] needs in the worst case.
 
     A cycle has SYNC, the sensor's poll and its two answers of 8 and 6 bytes, and for each drive an
     RPDO of 6 bytes and a TPDO of 6, or 8 with torque; drives and master send heartbeats.
-
-    Args:
-        rate: of the cycles [Hz].
-        bitrate: [bit/s].
-        torque: whether drives report it.
     """
-
-    def worst_bits(length: int) -> int:
-        return 47 + 8 * length + (33 + 8 * length) // 4
-
-    lengths = [0, 0, 8, 6] + _DRIVES * [6, 8 if torque else 6]
-    beats = (_DRIVES + 1) / HEARTBEAT_S * worst_bits(1)
-    return (rate * sum(worst_bits(n) for n in lengths) + beats) / bitrate
+    lengths = np.array([0, 0, 8, 6] + _DRIVES * [6, 8 if torque else 6] + [1])
+    bits = 47 + 8 * lengths + (33 + 8 * lengths) // 4
+    beats = (_DRIVES + 1) / HEARTBEAT_S
+    return float(rate * bits[:-1].sum() + beats * bits[-1]) / bitrate
 
 
 @dataclass(frozen=True)
@@ -195,5 +189,5 @@ class CanOptions:
 
     @property
     def bus_load(self) -> float:
-        """Fraction of the wire that the cyclic exchange needs in the worst case."""
+        """Fraction of the wire that the cyclic exchange needs, see `bus_load`."""
         return bus_load(self.rate, self.bitrate, self.torque)

@@ -44,10 +44,7 @@ Path = Callable[[float], np.ndarray]
 class TimedTargets:
     """A smooth path through targets that arrive before their times, cycle by cycle.
 
-    Args:
-        q: joint values at which the path begins (J,).
-        speed: of the joints there (J,).
-        now: time at which it begins [s].
+    It begins at joint values q (J,) with a speed (J,), now [s].
     """
 
     def __init__(self, q: np.ndarray, speed: np.ndarray, now: float) -> None:
@@ -113,11 +110,7 @@ class TimedTargets:
 class Setpoints:
     """Joint values to command in each cycle, of the motion under way; several threads may use it.
 
-    Args:
-        period: of the cycles [s].
-        lower: lower joint limits (J,).
-        upper: upper joint limits (J,).
-        speed: top speed of each joint (J,).
+    Cycles have a period [s], joints lower and upper limits and a top speed, (J,) each.
     """
 
     def __init__(
