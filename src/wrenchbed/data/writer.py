@@ -7,9 +7,9 @@ thread: `append` never waits for it. So there is always a complete Parquet file,
 """
 
 import json
-import threading
 import time
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
@@ -52,8 +52,8 @@ class RecordingWriter:
         self._stream: pa.RecordBatchStreamWriter | None = None
         self._flushed = self._rewritten = time.monotonic()
         self._rewrite_cost = 0.0
-        self._rewriting: threading.Thread | None = None
-        self._failed: Exception | None = None
+        self._pool = ThreadPoolExecutor(1, "rewrite")
+        self._rewriting: Future[None] | None = None
         self._kept: Path | None = None
         self._lock = ExitStack()
 
@@ -61,6 +61,7 @@ class RecordingWriter:
         if self.path.is_dir():
             raise RecordingError(f"{self.path}: is a folder; give the name of a file")
         self._lock.enter_context(locked(self.path))
+        self._lock.enter_context(self._pool)
         return self
 
     def append(self, block: Mapping[str, np.ndarray]) -> None:
@@ -75,23 +76,21 @@ class RecordingWriter:
         self.rows += len(rows["t"])
         if time.monotonic() - self._flushed > FLUSH_S:
             self._note()
-            if self._due() and (self._rewriting is None or not self._rewriting.is_alive()):
-                self._rewriting = threading.Thread(
-                    target=self._rewrite_in_thread, args=(list(self._batches),), name="rewrite"
-                )
-                self._rewriting.start()
+            if self._due() and (self._rewriting is None or self._rewriting.done()):
+                self._rewriting = self._pool.submit(self._rewrite, list(self._batches))
 
     def flush(self) -> None:
         """Write all rows to disk and wait for it."""
         self._note()
-        self._wait()
-        self._check()
+        self._check(wait=True)
         if self._batches and self._due():
             self._rewrite(self._batches)
 
     def close(self) -> None:
         """Write the finished file and remove the journal."""
-        self._wait()
+        if self._rewriting is not None:
+            self._rewriting.exception()  # waits; what failed is written again below
+            self._rewriting = None
         self._note()
         if self._stream is None or self._sink is None:
             return
@@ -100,7 +99,6 @@ class RecordingWriter:
         except OSError as error:
             text = f"{error.strerror}; all rows are in {self._journal_path}, which is read with it"
             raise OSError(error.errno, text, str(self.path)) from error
-        self._failed = None
         with suppress(OSError):  # the journal has done its duty
             self._stream.close()
             self._sink.close()
@@ -131,9 +129,12 @@ class RecordingWriter:
     def _begin(self, schema: pa.Schema) -> None:
         """Open the journal; what stands there, of a killed writer too, gets another name."""
         self._kept = set_aside(self.path, self._aside, JOURNAL)
-        key = {parquet.KEY: json.dumps(self.metadata.to_json()).encode()}
         self._sink = open_new(self._journal_path)
-        self._stream = pa.ipc.new_stream(self._sink, schema.with_metadata(key))
+        self._stream = pa.ipc.new_stream(self._sink, schema.with_metadata(self._key()))
+
+    def _key(self) -> dict[bytes, bytes]:
+        metadata = json.dumps(self.metadata.to_json(), ensure_ascii=False)
+        return {parquet.KEY: metadata.encode()}
 
     def _undo(self) -> None:
         """Remove all files of a recording that has no row."""
@@ -148,26 +149,15 @@ class RecordingWriter:
     def _due(self) -> bool:
         return time.monotonic() - self._rewritten > self._rewrite_cost / REWRITE_SHARE
 
-    def _wait(self) -> None:
-        if self._rewriting is not None:
-            self._rewriting.join()
-
-    def _check(self) -> None:
+    def _check(self, wait: bool = False) -> None:
         """Raise the error of the last rewriting in the thread."""
-        if self._failed is not None:
-            raise self._failed
-
-    def _rewrite_in_thread(self, batches: list[pa.RecordBatch]) -> None:
-        try:
-            self._rewrite(batches)
-        except Exception as error:
-            self._failed = error
+        if self._rewriting is not None and (wait or self._rewriting.done()):
+            self._rewriting.result()
 
     def _rewrite(self, batches: list[pa.RecordBatch]) -> None:
         start = time.thread_time()
         table = pa.Table.from_batches(batches).combine_chunks()
-        key = {parquet.KEY: json.dumps(self.metadata.to_json(), ensure_ascii=False).encode()}
-        parquet.write(self.path, table.replace_schema_metadata(key))
+        parquet.write(self.path, table.replace_schema_metadata(self._key()))
         self._rewritten = time.monotonic()
         self._rewrite_cost = time.thread_time() - start
 

@@ -12,7 +12,7 @@ import secrets
 import shutil
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -284,17 +284,33 @@ def _sync(folder: Path, named: Path) -> None:
 
 
 def _move(source: Path, folder: Path) -> None:
-    """Move all files of a folder into another, once it is known that each can take its place."""
-    files = {
-        file: folder / file.relative_to(source) for file in source.rglob("*") if file.is_file()
-    }
-    modes = {file: _replaceable(place) for file, place in files.items()}
-    for file, place in sorted(files.items()):
-        _make(place.parent)
-        if (mode := modes[file]) is not None:
-            file.chmod(mode)
-        file.replace(place)
-    _sync(folder, folder)
+    """Move all files of a folder into another; if one fails, none has moved."""
+    files = sorted(p for p in source.rglob("*") if p.is_file())
+    with ExitStack() as undo:
+        for number, file in enumerate(files):
+            place, kept = folder / file.relative_to(source), source / f"before-{number}"
+            _make(place.parent)
+            mode = _replaceable(place)
+            there = os.path.lexists(place)
+            if there:
+                try:
+                    os.link(place, kept, follow_symlinks=False)
+                except OSError:  # a file system without links
+                    shutil.copy2(place, kept, follow_symlinks=False)
+            if mode is not None:
+                file.chmod(mode)
+            file.replace(place)
+            undo.callback(_take_back, place, kept if there else None)
+        _sync(folder, folder)
+        undo.pop_all()
+
+
+def _take_back(place: Path, kept: Path | None) -> None:
+    with suppress(OSError):
+        if kept is None:
+            place.unlink()
+        else:
+            kept.replace(place)
 
 
 def _named(error: OSError, path: Path, size: int | None, written: int) -> OSError:
