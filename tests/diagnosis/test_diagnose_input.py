@@ -21,6 +21,7 @@ from altered import (
     with_wrench,
     without_noise_stated,
 )
+from corrupted import CORRUPTIONS
 from simulated import as_driven, static
 from wrenchbed import registry
 from wrenchbed.cli import main
@@ -75,18 +76,8 @@ def single_rows(rec):
     return without_noise_stated(with_rows(rec, np.arange(len(rec)) % ROWS == 0))
 
 
-def constant(rec, channel):
-    return with_columns(rec, {channel: np.full(len(rec), 3.2)})
-
-
-def sticking(rec, channel, row):
-    column = rec.columns[channel].copy()
-    column[row:] = column[row]
-    return with_columns(rec, {channel: column})
-
-
-def rustling(rec, channel):
-    return with_columns(rec, {channel: 3.2 + noise(rec)[:, CHANNELS.index(channel)]})
+def known(name):
+    return lambda rec: CORRUPTIONS[name].make(rec, np.random.default_rng(0))
 
 
 def clipped(rec, channel, least, most):
@@ -115,11 +106,11 @@ OF_UR5 = {
     "one orientation": (one_orientation, "nearly the same orientation … Turn the tool about"),
     "one pose": (one_pose, "1 poses cannot separate causes"),
     "no noise": (single_rows, "distinguish a gap from noise … State it, or record several rows"),
-    "constant fx": (lambda r: constant(r, "fx"), "column 'fx' is 3.2 in every row … column map"),
-    "constant tz": (lambda r: constant(r, "tz"), "column 'tz' is 3.2 in every row"),
-    "sticks": (lambda r: sticking(r, "fy", 500), "column 'fy' … from row 500 on … stuck"),
-    "rustles fx": (lambda r: rustling(r, "fx"), "'fx' does not follow its load … Repair it"),
-    "rustles tz": (lambda r: rustling(r, "tz"), "column 'tz' does not follow its load"),
+    "constant fx": (known("fx_zero"), "column 'fx' is 0 … in every row … column map"),
+    "constant tz": (known("tz_zero"), "column 'tz' is 0 … in every row"),
+    "sticks": (known("fz_sticks"), "column 'fz' … from row 400 on … stuck"),
+    "rustles fx": (known("fx_rustles"), "'fx' does not follow its load … Repair it"),
+    "rustles tz": (known("tz_rustles"), "column 'tz' does not follow its load"),
     "clipped at one end": (lambda r: clipped_at(r, "fx", 0.8), "'fx' … row … exactly … larger"),
     "clipped mostly": (lambda r: clipped_at(r, "tx", 0.6), "column 'tx' … saturated … larger"),
     "no such robot": (lambda r: with_metadata(r, robot="ur55"), "'ur55' … did you mean 'ur5'?"),

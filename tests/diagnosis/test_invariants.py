@@ -11,12 +11,13 @@ from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.pages import numbers
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 
-SAMPLE = (4, 21, 23, 38, 50, 505, 512, 561)
+SAMPLE = (15, 1, 2, 4, 5, 6, 14, 16)
 """Cases for every run: `scripts/invariants` does thousands."""
-MANY = range(300)
 
 
-def judged(seed):
+@pytest.mark.sampled
+@pytest.mark.parametrize("seed", SAMPLE)
+def test_no_answer_contradicts_itself(seed):
     case = mutated.case(seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -24,20 +25,8 @@ def judged(seed):
     assert not found, f"{case}: {found}"
 
 
-@pytest.mark.sampled
-@pytest.mark.parametrize("seed", SAMPLE)
-def test_no_answer_contradicts_itself(seed):
-    judged(seed)
-
-
-@pytest.mark.study
-@pytest.mark.parametrize("seed", MANY)
-def test_no_answer_of_many_contradicts_itself(seed):
-    judged(seed)
-
-
 @pytest.fixture(scope="module")
-def judged_once():
+def judged():
     """A diagnosis that claims something, and what people read of it."""
     found = diagnose(static("ur5", UR5_TRUTH, poses=24, samples=6, noise=0.3 * WHITE, seed=3))
     texts = consistent.faces(found)
@@ -47,8 +36,8 @@ def judged_once():
 
 @pytest.mark.parametrize("face", ["terminal", "page", "rerun"])
 @pytest.mark.parametrize("what", ["verdict", "value", "gap", "place", "unit", "number"])
-def test_a_face_that_says_something_else_is_caught(judged_once, face, what):
-    found, texts = judged_once
+def test_a_face_that_says_something_else_is_caught(judged, face, what):
+    found, texts = judged
     d, place = found.diagnosis, WrenchAnswer(found).place
     (name, size), *_ = d.which[0]["parameters"].items()
     was, now = {

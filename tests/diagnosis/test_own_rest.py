@@ -96,12 +96,7 @@ def test_more_rivals_take_their_probability_along_and_too_many_end_the_claim():
 
 @pytest.mark.parametrize(
     ("elsewhere", "low", "floor", "believed"),
-    [
-        (True, 3.1, 2.0, 0.85),
-        (True, 2.9, 2.0, 0.98),
-        (False, 3.1, 2.0, 0.98),
-        (True, 3.1, -1, 0.85),
-    ],
+    [(True, 3.1, 2, 0.85), (True, 2.9, 2, 0.98), (False, 3.1, 2, 0.98), (True, 3.1, -1, 0.85)],
 )
 def test_a_cause_that_surely_leaves_a_gap_is_believed_as_beside_a_real_rest(
     monkeypatch, elsewhere, low, floor, believed
@@ -110,12 +105,9 @@ def test_a_cause_that_surely_leaves_a_gap_is_believed_as_beside_a_real_rest(
     monkeypatch.setattr(diagnose_, "features", lambda *_: (1.0,))
     known = Reliability((float(logit(0.98)),), 0.9, 0.9, 200, "", elsewhere=elsewhere, own=True)
     cause = Cause(("sensor.gain",), 1.0, Part("sensor.gain", 9.0, index=0))
-    verdict = Verdict(
-        "identified", (cause,), SimpleNamespace(), {"sensor.gain": 1.0, "unknown": 0.0}
-    )
-    gap = SimpleNamespace(
-        closed=None, with_effects=Interval(low + 1.0, low, low + 2.0), floor=floor
-    )
-    assert diagnose_._right(SimpleNamespace(ranking=None), verdict, known, gap) == pytest.approx(
-        believed
-    )
+    claim = {"sensor.gain": 1.0, "unknown": 0.0}
+    verdict = Verdict("identified", (cause,), SimpleNamespace(), claim)
+    after = Interval(low + 1.0, low, low + 2.0)
+    gap = SimpleNamespace(closed=None, with_effects=after, floor=floor)
+    found = diagnose_._right(SimpleNamespace(ranking=None), verdict, known, gap)
+    assert found == pytest.approx(believed)

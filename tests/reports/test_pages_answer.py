@@ -5,11 +5,11 @@ import json
 import re
 from functools import cached_property
 
+import axe
 import numpy as np
 import pytest
 from test_report import found
 
-import axe
 import wrenchbed as wb
 from chromium import BINARY, tab
 from pictures import unless
