@@ -59,9 +59,9 @@ def copied(family, tmp_path):
     )
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def made(tmp_path_factory) -> Path:
-    """A plan, a recording and a fit of the UR5."""
+    """A plan, a recording and a fit of the UR5, which tests only read."""
     from wrenchbed.cli import main
 
     folder = tmp_path_factory.mktemp("made")

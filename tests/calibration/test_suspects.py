@@ -3,43 +3,36 @@
 import numpy as np
 import pytest
 
+from altered import with_rows, with_wrench
 from corrupted import CORRUPTIONS, good
 from wrenchbed.calibration import suspects
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.calibration.checks.rows_of_poses import contradicted
 from wrenchbed.errors import CalibrationError
-from wrenchbed.physics.wrench import CHANNELS
 
-SEED = 3
-
-
-def recording(name="", base="oriented"):
-    sound = good(base, SEED)
-    if not name:
-        return sound.recording, sound.truth
-    return CORRUPTIONS[name].make(sound.recording, np.random.default_rng(1)), sound.truth
+GOOD = good("oriented", 3)
+SOUND, MASS = GOOD.recording, GOOD.truth["tool.mass"]
 
 
-def mass(fit):
-    return next(p for p in fit.identified if p.name == "tool.mass")
+def broken_by(name):
+    return CORRUPTIONS[name].make(SOUND, np.random.default_rng(1))
 
 
 def test_a_sound_fit_keeps_its_intervals(monkeypatch):
-    sound, _ = recording()
-    with_suspects = calibrate(sound)
+    with_suspects = calibrate(SOUND)
     monkeypatch.setattr(suspects, "allowed_for", lambda _, outcome: (outcome, None))
-    assert calibrate(sound).covariance == pytest.approx(with_suspects.covariance, rel=1e-12)
+    assert calibrate(SOUND).covariance == pytest.approx(with_suspects.covariance, rel=1e-12)
 
 
 @pytest.mark.parametrize("name", ["gain_of_fx_+1_percent", "gain_of_fz_-5_percent"])
 def test_a_small_gain_is_held_by_the_interval(monkeypatch, name):
-    broken, truth = recording(name)
+    broken = broken_by(name)
     fit = calibrate(broken)
-    assert abs(mass(fit).value - truth["tool.mass"]) < 3.0 * mass(fit).std
+    assert abs(fit["tool.mass"].value - MASS) < 3.0 * fit["tool.mass"].std
     monkeypatch.setattr(suspects, "allowed_for", lambda _, outcome: (outcome, None))
     narrow = calibrate(broken)
-    assert mass(narrow).value == mass(fit).value
-    assert abs(mass(narrow).value - truth["tool.mass"]) > 5.0 * mass(narrow).std
+    assert narrow["tool.mass"].value == fit["tool.mass"].value
+    assert abs(narrow["tool.mass"].value - MASS) > 5.0 * narrow["tool.mass"].std
 
 
 @pytest.mark.parametrize(
@@ -51,13 +44,13 @@ def test_a_small_gain_is_held_by_the_interval(monkeypatch, name):
     ],
 )
 def test_a_large_fault_is_refused_by_its_name(name, words):
-    broken, truth = recording(name)
+    broken = broken_by(name)
     with pytest.raises(CalibrationError) as caught:
         calibrate(broken)
     assert words in str(caught.value) and "wrenchbed diagnose" in str(caught.value)
     forced = calibrate(broken, CalibrationOptions(force=True))
     assert words in str(forced.refuted)
-    assert abs(mass(forced).value - truth["tool.mass"]) < 5.0 * mass(forced).std
+    assert abs(forced["tool.mass"].value - MASS) < 5.0 * forced["tool.mass"].std
 
 
 @pytest.mark.parametrize(
@@ -70,7 +63,7 @@ def test_a_large_fault_is_refused_by_its_name(name, words):
     ],
 )
 def test_rows_that_contradict_their_pose_are_named(name, words):
-    broken, _ = recording(name)
+    broken = broken_by(name)
     with pytest.raises(CalibrationError) as caught:
         calibrate(broken)
     assert words in str(caught.value)
@@ -78,25 +71,20 @@ def test_rows_that_contradict_their_pose_are_named(name, words):
 
 @pytest.mark.parametrize("rows", [1, 2])
 def test_the_remedy_for_a_late_wrench_works(rows):
-    broken, truth = recording(f"wrench_{rows}_rows_late")
+    broken = broken_by(f"wrench_{rows}_rows_late")
     segment = broken.columns["segment"]
     place = np.arange(len(broken)) - np.searchsorted(segment, segment)
-    columns = {k: v[place >= rows] for k, v in broken.columns.items()}
-    fit = calibrate(type(broken)(broken.metadata, columns, broken.name))
-    assert abs(mass(fit).value - truth["tool.mass"]) < 4.0 * mass(fit).std
+    fit = calibrate(with_rows(broken, place >= rows))
+    assert abs(fit["tool.mass"].value - MASS) < 4.0 * fit["tool.mass"].std
 
 
 def test_few_rows_a_pose_and_noiseless_rows_contradict_nothing():
-    sound, _ = recording()
-    keep, count = np.ones(len(sound), dtype=bool), np.full(len(sound) // 4, 4)
-    assert contradicted(sound, keep, np.append(count, len(sound) - count.sum())) is None
+    keep, count = np.ones(len(SOUND), dtype=bool), np.full(len(SOUND) // 4, 4)
+    assert contradicted(SOUND, keep, np.append(count, len(SOUND) - count.sum())) is None
 
 
 def test_coarse_steps_of_a_sensor_contradict_nothing():
-    sound, _ = recording()
     steps = np.array([0.4, 0.4, 0.8, 0.02, 0.02, 0.02])  # some eight times the noise
-    columns = dict(sound.columns)
-    columns |= {c: np.round(columns[c] / s) * s for c, s in zip(CHANNELS, steps, strict=True)}
-    coarse = type(sound)(sound.metadata, columns, sound.name)
+    coarse = with_wrench(SOUND, np.round(SOUND.wrench / steps) * steps)
     _, count = np.unique(coarse.columns["segment"], return_counts=True)
     assert contradicted(coarse, np.ones(len(coarse), dtype=bool), count) is None
