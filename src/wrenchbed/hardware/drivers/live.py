@@ -47,8 +47,8 @@ _STREAM_S = (0.008, 0.1)
 """Shortest and longest time since the last target that a streamed one may use up [s]: a cycle of a
 CB3, and no jump after a pause."""
 SETTLE_S, SETTLED_WITHIN_S = 0.3, 15.0
-"""Length of the steady window that `settle` requires [s], in which a tool that swings with 10 Hz
-turns three times, and its deadline [s]."""
+"""Length of the steady window that `settle` requires, in which a tool that swings with 10 Hz turns
+three times, and its deadline [s]."""
 _WINDOW = 1.2
 """Length of the kept readings in units of `SETTLE_S`, so that a window is always complete."""
 _STEADY_POLL_S = 0.01
@@ -57,17 +57,15 @@ _SIGMAS = 3.5
 """Standard errors by which the means of a steady window's halves may differ: six channels at rest
 exceed them in one of 350 windows."""
 CALM_SPEED = 2e-3
-"""Fastest joint at rest [rad/s or m/s]: with less the noise of speeds is a motion, with more rows
-at rest are taken in one."""
+"""Fastest joint at rest [rad/s or m/s]: with less the noise of speeds is a motion."""
 TOLERANCE = 5e-4
 """Farthest from its goal that a joint may come to rest [rad or m]: with less an arm that stands a
-little beside its goal never arrives, with more poses differ from the plan."""
+little beside its goal never arrives."""
 BLIND_S = 0.3
-"""Longest that a robot may move while its state or its sensor is stale [s]: a short stall
-passes."""
+"""Longest that a robot may move while its state or its sensor is stale [s]: short stalls pass."""
 STUCK_S = 3.0
-"""A move beyond its time is given up when it comes no nearer for so long [s]. A speed
-slider or a safety limit of the robot may make it slow."""
+"""A move beyond its time is given up when it comes no nearer for so long [s]: speed sliders and
+safety limits may make it slow."""
 _NEARER = 2.0 * TOLERANCE
 _WAIT_POLL_S = 0.005
 """Time between two looks while waiting for a move [s], less than a cycle of 125 Hz."""
@@ -216,8 +214,7 @@ class LiveDriver(Driver):
 
     @property
     def address(self) -> str:
-        """Text that names the address of the robot, for messages; empty if only an emulator can be
-        connected."""
+        """Address of the robot for messages; empty if only an emulator can be connected."""
         return self.name
 
     @property
@@ -254,10 +251,9 @@ class LiveDriver(Driver):
         return self.transducer.read()
 
     def _health(self) -> Health:
-        arm, wrench = self._arm_health(), self.transducer.health()
-        counters = {f"arm {k}": v for k, v in arm.counters.items()}
-        counters |= {f"wrench {k}": v for k, v in wrench.counters.items()}
-        worst = arm if not arm.ok else wrench
+        both = {"arm": self._arm_health(), "wrench": self.transducer.health()}
+        counters = {f"{of} {k}": v for of, one in both.items() for k, v in one.counters.items()}
+        worst = both["wrench"] if both["arm"].ok else both["arm"]
         return Health(worst.state, worst.detail, counters)
 
     def _position(self) -> np.ndarray:
@@ -268,8 +264,9 @@ class LiveDriver(Driver):
 
     def _aim(self, q: np.ndarray, at: float, stops: int | None = None) -> Applied:
         """Stream a target (J,) for a time (`time.monotonic`, [s]), unless a stop was requested."""
-        health = self._health()
-        if not health.ok and not self._may_go_on(health):
+        health, guarded = self._health(), self.limits.force or self.limits.torque
+        late_sensor = health.state == "stale" and self._arm_health().ok
+        if not health.ok and (guarded or not late_sensor):
             return Applied(None, f"{health.state}: {health.detail}")
         then, last = self._last_target or (at, self._read().q)
         since = float(np.clip(at - then, *_STREAM_S))
@@ -284,11 +281,6 @@ class LiveDriver(Driver):
             if applied.ok:
                 self._last_target = (at, q)
         return applied
-
-    def _may_go_on(self, health: Health) -> bool:
-        """Whether only the sensor is late, and no limit depends on its readings."""
-        guarded = self.limits.force is not None or self.limits.torque is not None
-        return health.state == "stale" and self._arm_health().ok and not guarded
 
     def _move(self, start: np.ndarray, goal: np.ndarray, seconds: float) -> Move:
         check_ready(self._health())
@@ -423,34 +415,27 @@ class LiveDriver(Driver):
         if self.onlooker is not None:
             self.onlooker(self._last_row - self._start, arm.q, wrench.wrench)
         row = {"t": self._last_row - self._start}
-        row |= {f"q{j + 1}": float(v) for j, v in enumerate(arm.q)}
-        row |= {f"qd{j + 1}": float(v) for j, v in enumerate(arm.qd)}
-        for name, values in arm.evidence.items():
+        for name, values in {"q": arm.q, "qd": arm.qd, **arm.evidence}.items():
             row |= {f"{name}{j + 1}": float(v) for j, v in enumerate(values)}
         row |= {c: float(v) for c, v in zip(CHANNELS, wrench.wrench, strict=True)}
-        age = max(arm.age, wrench.age)
-        return row | {
-            "status": wrench.status, "saturated": wrench.saturated, "lost": wrench.lost, "age": age
-        }  # fmt: skip
+        row |= {"status": wrench.status, "saturated": wrench.saturated, "lost": wrench.lost}
+        return row | {"age": max(arm.age, wrench.age)}
 
     def _fresh_arm(self, after: float) -> ArmSample:
         """A state that arrived after a time and is not stale; waits at most `GONE_S`."""
-        bad = ("stopped", "fault", "lost", "closed")
-        return self._fresh(self._read, self._arm_health, after, bad)
+        return self._fresh(self._read, self._arm_health, after)
 
     def _fresh_wrench(self) -> WrenchSample:
         """A reading that arrived after the last row's; waits at most `GONE_S`."""
-        sensor = self.transducer
-        return self._fresh(sensor.read, sensor.health, self._last_row, ("lost", "fault"))
+        return self._fresh(self.transducer.read, self.transducer.health, self._last_row)
 
     def _fresh(
-        self, read: Callable[[], Sample], health: Callable[[], Health], after: float,
-        bad: tuple[str, ...],
-    ) -> Sample:  # fmt: skip
+        self, read: Callable[[], Sample], health: Callable[[], Health], after: float
+    ) -> Sample:
         begun = time.monotonic()
         while True:
             sample, now = read(), health()
-            if now.state in bad:
+            if now.state not in ("ok", "stale", "starting"):
                 check_ready(now)
             if now.ok and sample.t > after:
                 return sample

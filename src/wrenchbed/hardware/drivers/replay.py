@@ -23,13 +23,7 @@ NEAR = 1e-3
 
 @dataclass(frozen=True)
 class ReplayOptions:
-    """Options of the driver that plays a recording back.
-
-    Attributes:
-        robot: registry name.
-        recording: Parquet file of that robot, with joints.
-        limits: of the plans.
-    """
+    """Registry name of the robot, Parquet file of a recording of its joints, limits of plans."""
 
     robot: str
     recording: str = ""
@@ -66,21 +60,16 @@ class ReplayDriver(Driver):
 
     def _read(self) -> ArmSample:
         row, columns = self._row, self._recording.columns
-        joints = range(1, len(self._recording.joints) + 1)
+        q, t = self._recording.q[row].astype(float), float(self._recording.t[row])
         still = np.zeros(len(self._recording))
-        qd = np.array([columns.get(f"qd{j}", still)[row] for j in joints], dtype=float)
-        return ArmSample(
-            self._time, float(self._recording.t[row]), 0.0,
-            self._recording.q[row].astype(float), qd, mode="replay",
-        )  # fmt: skip
+        qd = np.array([columns.get(f"qd{j + 1}", still)[row] for j in range(len(q))], dtype=float)
+        return ArmSample(self._time, t, 0.0, q, qd, mode="replay")
 
     def _read_wrench(self) -> WrenchSample:
-        row = self._row
+        row, t = self._row, float(self._recording.t[self._row])
         status = int(self._recording.columns.get("status", np.zeros(len(self._recording)))[row])
-        return WrenchSample(
-            self._time, float(self._recording.t[row]), row, 0.0, not self._used[row],
-            self._recording.wrench[row].astype(float), status=status,
-        )  # fmt: skip
+        wrench = self._recording.wrench[row].astype(float)
+        return WrenchSample(self._time, t, row, 0.0, not self._used[row], wrench, status)
 
     def _write(self, q: np.ndarray) -> Applied:
         return Applied(None, "a recording follows no targets: use track() with its own motion")

@@ -203,12 +203,8 @@ class SimDriver(Driver):
     def _read_wrench(self) -> WrenchSample:
         """One row at rest; takes a microsecond of simulated time."""
         block = self._sample(1, 1e6)
-        reading = np.array([block[c][0] for c in CHANNELS])
-        saturated = int(block["status"][0])
-        return WrenchSample(
-            self._time, self._time, 0, 0.0, True, reading, status=saturated,
-            saturated=saturated,
-        )  # fmt: skip
+        reading, status = np.array([block[c][0] for c in CHANNELS]), int(block["status"][0])
+        return WrenchSample(self._time, self._time, 0, 0.0, True, reading, status, status)
 
     def _write(self, q: np.ndarray) -> Applied:
         """Follow a target for one control period."""

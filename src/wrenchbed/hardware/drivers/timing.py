@@ -136,11 +136,8 @@ class Timing:
             self._steps.append(abs((arm.t - before[0]) - (arm.device_time - before[1])))
 
     def summary(self) -> Mapping[str, Any]:
-        """Rows, and the median, 99th percentile and maximum of each quantity [ms].
-
-        ``robot_age`` and ``sensor_age``: from arrival to use. ``apart``: between the two arrivals
-        of a row. ``jitter``: of the robot's states, their arrival against the robot's own clock.
-        """
+        """Rows; and the median, 99th percentile and maximum [ms] of the ages at use, of the time
+        between a row's state and reading, and of the states' jitter against the robot's clock."""
         if not self._rows:
             return {}
         names = ("robot_age", "sensor_age", "apart")

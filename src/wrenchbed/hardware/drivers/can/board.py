@@ -23,11 +23,10 @@ FORCE = {1: 4.4482216152605, 2: 1.0, 3: 4448.2216152605, 4: 1e3, 5: 9.80665, 6: 
 TORQUE = {1: 0.1129848290276167, 2: 1.3558179483314004, 3: 1.0, 4: 1e-3, 5: 0.0980665, 6: 1e3}
 """Code of a unit → N·m: lbf·in, lbf·ft, N·m, N·mm, kgf·cm, kN·m."""
 SILENT_S = 0.05
-"""Silence after which the board may have restarted, so that its calibration is selected anew [s]: a
-lost frame is over after `frames.PATIENCE_S`; `CHECK_S` finds a restart that takes less."""
+"""Silence after which the board may have restarted, so that its calibration is selected anew [s]:
+more than two lost frames. `CHECK_S` finds a restart that takes less."""
 CHECK_S = 0.2
-"""How often a row of the active matrix is compared with the one in use [s]: all six in 1.2 s, with
-some ten frames a second."""
+"""How often a row of the active matrix is compared with the one in use [s]: all six in 1.2 s."""
 FIRST_S = 1.0
 """Deadline of the first reading [s]: a board that answers queries sends it within a poll."""
 _AGAIN_S = 0.01
@@ -46,12 +45,7 @@ class GaugeCalibration(NamedTuple):
 
 
 class BoardQueries:
-    """Queries of one board, one at a time.
-
-    Args:
-        link: the bus.
-        base: upper seven bits of the board's ids.
-    """
+    """Queries of one board on a bus, one at a time; base is the upper seven bits of its ids."""
 
     def __init__(self, link: CanLink, base: int) -> None:
         self._link, self._base = link, base
@@ -131,13 +125,8 @@ class BoardQueries:
 def in_si(
     raw: np.ndarray, counts: tuple[Any, ...], units: tuple[Any, ...], slot: int
 ) -> np.ndarray:
-    """Gauge counts to N and N·m (6, 6).
-
-    Args:
-        raw: matrix (6, 6) as the board holds it.
-        counts: per unit of force and of torque.
-        units: codes of both.
-        slot: of the calibration, for people.
+    """Gauge counts to N and N·m (6, 6), from the matrix (6, 6) that the board holds in a slot, its
+    counts per unit of force and torque, and the codes of both units.
 
     Raises:
         DriverError: a matrix, counts or units that make no sense.
@@ -156,12 +145,8 @@ def in_si(
 
 
 class GaugeBoard(Transducer):
-    """An ATI sensor on a NETCANOEM board, polled by the owner of its bus.
-
-    Args:
-        base: upper seven bits of the board's ids.
-        slot: of the calibration to use, 0 … 15.
-    """
+    """An ATI sensor on a NETCANOEM board, polled by the owner of its bus, with the upper seven bits
+    of its ids and the slot of the calibration to use, 0 … 15."""
 
     name = "netcanoem"
     title = "ATI sensor on a NETCANOEM board over CAN"

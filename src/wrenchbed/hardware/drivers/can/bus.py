@@ -27,10 +27,7 @@ the drives' usual watchdog; pause while the queue is full, five frames at 1 Mbit
 
 
 class CanLink:
-    """An open bus.
-
-    Args:
-        bus: of python-can; `close` shuts it down.
+    """An open bus of python-can.
 
     Attributes:
         dead: why nothing more will come, empty while the bus lives.

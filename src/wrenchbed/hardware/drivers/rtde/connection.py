@@ -41,18 +41,12 @@ _LEAST_S = 1.0
 _LOOK = "check --host, power, cable, and that nothing blocks TCP 30004"
 """Remedy of errors when the robot cannot be reached."""
 _IN_USE = "another client controls this robot: close it"
+_LOCAL = "the robot is in local control: switch it to remote control at its pendant"
+_NO_START = "the robot does not start the program that it was sent: look at its pendant"
 _REFUSALS: tuple[tuple[str, type[DriverError], str], ...] = (
     ("already in use", DriverError, _IN_USE),
-    (
-        "remote control",
-        StoppedError,
-        "the robot is in local control: switch it to remote control at its pendant",
-    ),
-    (
-        "start control script",
-        StoppedError,
-        "the robot does not start the program that it was sent: look at its pendant",
-    ),
+    ("remote control", StoppedError, _LOCAL),
+    ("start control script", StoppedError, _NO_START),
 )
 """What ur_rtde says, the error to raise, and its message."""
 _POLL_S, _ANSWER_POLL_S = 0.01, 0.001
@@ -69,8 +63,7 @@ class RtdeOptions:
         robot: registry name.
         host: address of the robot's controller; its ports are fixed (30004, 30003, 29999).
         sensor: empty or ``netft`` for a Net F/T at the robot's host,
-            ``netft://HOST[:PORT][?http=PORT]`` for one elsewhere, ``rtde`` for the robot's own
-            wrench.
+            ``netft://HOST[:PORT][?http=PORT]`` elsewhere, ``rtde`` for the robot's own wrench.
         frequency: of states and of streamed targets [Hz]; None: the controller's own, 125 Hz on a
             CB3 and 500 Hz on an e-Series.
         watchdog_hz: the robot stops its program when it hears nothing for 1/watchdog_hz [Hz].
@@ -113,11 +106,7 @@ class RtdeOptions:
 
 
 class ControlProcess:
-    """The process that commands the robot.
-
-    Args:
-        setting: of `control_worker`.
-        shared: memory that it inherits.
+    """The process that commands the robot, with a setting of `control_worker` and shared memory.
 
     Attributes:
         pid: process id.

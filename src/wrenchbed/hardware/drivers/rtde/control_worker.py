@@ -6,8 +6,8 @@ and their stops are asynchronous, since the watchdog stops what blocks longer th
 the driver is gone the robot is stopped, the kicks end, and so does this process.
 
 The driver sends streamed targets ahead of their time; this process passes each on when it is due.
-It ends by `os._exit`: destructors of ur_rtde throw after the controller died, which would abort it.
-Only the standard library is imported, so that it starts quickly.
+It ends by `os._exit`, since destructors of ur_rtde throw after the controller died, and imports the
+standard library only, so that it starts quickly.
 """
 
 import contextlib
@@ -47,7 +47,7 @@ _MOST = 256
 """Streamed targets that may wait: half a second at 500 Hz, more than the driver's lead."""
 _PHASE_GAIN, _PHASE = 0.02, 0.4
 """Fraction of the phase error that a target corrects, so that the jitter of 50 targets averages;
-phase of targets after a state as a fraction of the period, near its middle."""
+phase of targets after a state in periods."""
 _ALIKE = 0.01
 """Relative difference up to which the target period counts as the state period."""
 _STUCK_S, _MIND_S = 0.4, 0.02
@@ -56,11 +56,10 @@ period of that check [s]."""
 _TICK_S = 1e-3
 """Resolution of the message channel's poll [s], by definition milliseconds."""
 _REST = 5e-3
-"""Fastest joint at rest [rad/s]: with less the noise of speeds is a motion, with more the next
-motion begins before the last one ended."""
+"""Fastest joint at rest [rad/s]: with less the noise of speeds is a motion."""
 _REST_S, _LAST_S, _SERVO_S, _POLL_S = 2.0, 0.15, 0.4, 0.005
-"""Deadlines of coming to rest: of any motion at `_SOFT`, of the end of a move, of a stream before
-its stop; and time between two looks [s]."""
+"""Deadlines of coming to rest: any motion, the end of a move, a stream before its stop; and time
+between two looks [s]."""
 _SOFT, _HARD, _SERVO_SOFT, _SERVO_HARD = 3.0, 15.0, 4.0, 15.0
 """Decelerations; of the joints [rad/s²] or of the tool [m/s²], as the robot's script takes them: a
 stop from 1 rad/s takes 0.3 s, and 0.07 s hard."""
@@ -115,10 +114,10 @@ class MessageChannel:
 
 
 class SharedNumbers:
-    """Memory that driver and this process share: two heartbeats, and the newest state's essence.
+    """Memory that driver and this process share; each number has one writer.
 
-    ``driver`` and ``control`` are the heartbeats; ``state`` is when the newest state arrived (all
-    `time.monotonic`, [s]); ``speed`` is its fastest joint [rad/s]. Each has one writer.
+    ``driver`` and ``control`` are heartbeats, ``state`` is when the newest state arrived (all
+    `time.monotonic`, [s]), ``speed`` is its fastest joint [rad/s].
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -181,12 +180,9 @@ def printed(lost: Callable[[str], None]) -> deque[str]:
 class TargetStream:
     """Streamed targets that wait for their time, so that each reaches the robot in its own cycle.
 
-    Where targets are as far apart as states, their times are shifted slowly until they lie between
-    two states. Clocks that drift apart would otherwise put two targets into one cycle of the robot
-    and none into the next.
-
-    Args:
-        period: between two states [s].
+    Where targets are as far apart as states, a period [s], their times are shifted slowly until
+    they lie between two states. Clocks that drift apart would otherwise put two targets into one
+    cycle of the robot and none into the next.
     """
 
     def __init__(self, period: float) -> None:
@@ -211,12 +207,8 @@ class TargetStream:
         self._waiting.clear()
 
     def take(self, now: float, state: float) -> list[float] | None:
-        """The newest target that is due, None if none is.
-
-        Args:
-            now: present `time.monotonic` [s].
-            state: `time.monotonic` [s] at which the robot's newest state arrived.
-        """
+        """The newest target that is due now [s], None if none is; the robot's newest state arrived
+        at ``state`` [s]."""
         q = None
         while self.due <= now:
             q = self._waiting.popleft()[1]
@@ -236,15 +228,10 @@ class Control:
     """Obeys the driver; all calls of ur_rtde are made in the thread of `serve`."""
 
     def __init__(
-        self,
-        robot: Any,
-        shared: SharedNumbers,
-        wire: MessageChannel,
-        watchdog_hz: float,
-        period: float,
+        self, robot: Any, shared: SharedNumbers, wire: MessageChannel, hz: float, period: float
     ) -> None:
         self._robot, self._shared, self._wire = robot, shared, wire
-        self._pause, self._period = 1.0 / (KICKS * watchdog_hz), period
+        self._pause, self._period = 1.0 / (KICKS * hz), period
         self._kick_due, self._stream = 0.0, TargetStream(period)
         self._playing, self._servoing, self._moving = True, False, False
         self._began, self._hard = 0.0, False
@@ -354,10 +341,7 @@ class Control:
         return ""
 
     def _halt(self, hard: bool) -> str:
-        """Brake; returns before the robot rests, with an empty reason.
-
-        A hard stop under way stays hard: the robot's script would brake anew, more softly.
-        """
+        """Brake; returns before the robot rests, with an empty reason."""
         self._stream.clear()
         if not self._playing:
             return ""
@@ -367,6 +351,7 @@ class Control:
         return ""
 
     def _brake(self, hard: bool) -> None:
+        """Brake at once; a hard stop under way stays hard, since the script would soften it."""
         if self._servoing:
             self._servoing = False
             if not self._robot.servoStop(_SERVO_HARD if hard else _SERVO_SOFT):

@@ -58,11 +58,8 @@ def trapezoid(distance: float, seconds: float, top: float) -> tuple[float, float
     [rad/s] or 15 rad/s²; then the move takes longer.
     """
     speed = min(_PEAK * distance / seconds, top)
-    acceleration = 3.0 * speed / seconds
-    return (
-        max(speed, _LEAST_SPEED),
-        min(max(acceleration, _LEAST_ACCELERATION), _MOST_ACCELERATION),
-    )
+    acceleration = max(3.0 * speed / seconds, _LEAST_ACCELERATION)
+    return max(speed, _LEAST_SPEED), min(acceleration, _MOST_ACCELERATION)
 
 
 class Followed:
@@ -226,10 +223,9 @@ class RtdeDriver(LiveDriver):
         top = self.limits.speed * min(joint.speed for joint in self.robot.joints)
         distance = float(np.abs(goal - np.array(self._look().q)).max())
         speed, acceleration = trapezoid(distance, seconds, top)
+        order = {"q": goal.tolist(), "speed": speed, "acceleration": acceleration}
         try:
-            why = control.ask(
-                "move", _MOVE_S, q=goal.tolist(), speed=speed, acceleration=acceleration
-            )
+            why = control.ask("move", _MOVE_S, **order)
         except LinkError as error:
             control.kill(str(error))
             raise
@@ -258,10 +254,9 @@ class RtdeDriver(LiveDriver):
         if control is None:
             return
         control.refused = ""
+        deadline = _HARD_S if kind == "hard" else _SOFT_S
         try:
-            self._undelivered = control.ask(
-                "stop", _HARD_S if kind == "hard" else _SOFT_S, kind=kind
-            )
+            self._undelivered = control.ask("stop", deadline, kind=kind)
         except LinkError as error:
             control.kill(str(error))
             self._undelivered = status.halt(self._options.host, _DASHBOARD_S)

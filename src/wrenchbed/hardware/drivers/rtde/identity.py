@@ -49,8 +49,7 @@ _MOVED_M, _MOVED_RAD = 0.02, 0.05
 """Distance [m] and angle [rad] by which a flange may be off that of the nominal robot: an arm's own
 calibration moves it by some mm, the nearest other arm by 24 mm and more."""
 _APART_M, _APART_RAD = 5e-3, 0.02
-"""Distance [m] and angle [rad] within which the TCP counts as the flange: an arm's own calibration
-moves it by less, a tool is longer."""
+"""Distance [m] and angle [rad] within which the TCP counts as the flange; a tool is longer."""
 _EVERY_S = 0.5
 """Time between two comparisons of TCP and flange [s]; each takes a millisecond."""
 _REMEDY = "check --host, or plan for that arm: wrenchbed robot FILE --frame NAME --out my.toml"
@@ -106,10 +105,10 @@ def stated(host: str) -> dict[str, str]:
 
 
 def check_model(robot: Robot, answers: Mapping[str, str], major: int, at_flange: bool) -> None:
-    """Refuse a controller of another arm than the robot's name says.
+    """Refuse a controller of another arm than the robot's name says; ``ur5``, ``ur10e`` … do.
 
     Args:
-        robot: what the plan is for; only names such as ``ur5`` and ``ur10e`` say an arm.
+        robot: what the plan is for.
         answers: see `stated`.
         major: of the controller's software: 3 is a CB3, from 5 on an e-Series.
         at_flange: whether the reported pose is the flange's of this robot.
@@ -173,9 +172,8 @@ def geometry(robot: Robot, host: str) -> dict[str, Any]:
     """Calibrated kinematics of the connected arm, for a recording's metadata; empty if the
     controller sends none.
 
-    ``from_nominal`` is the largest distance between its flange and the nominal robot's [m].
-    Lengths alone do not tell: where axes are parallel, a calibration may shift one link by
-    decimetres and the next one back.
+    ``from_nominal`` is the largest distance between its flange and the nominal robot's [m]; where
+    axes are parallel, a calibration may shift one link by decimetres and the next one back.
 
     Raises:
         DriverError: it is another arm than the robot, or no arm; says what to change.

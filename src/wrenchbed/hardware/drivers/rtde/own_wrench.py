@@ -30,12 +30,8 @@ whose torque is that force 0.2 m from the flange, and the sensor's range in UR5e
 
 
 class OwnWrench(Transducer):
-    """The robot's own wrench in the sensor's axes about the sensor's origin.
-
-    Args:
-        robot: whose nominal sensor pose gives the sensor's axes.
-        since: returns without blocking the states that arrived after a time [s], the oldest first.
-    """
+    """The robot's own wrench in the axes of the nominal robot's sensor about its origin; ``since``
+    returns without blocking the states that arrived after a time [s], the oldest first."""
 
     name = "ur-wrench"
     title = "a UR robot's own wrench over RTDE"
@@ -104,12 +100,8 @@ def full_scale(major: float) -> np.ndarray:
 
 
 def facts(state: Snapshot, controller: Mapping[str, Any]) -> Mapping[str, Any]:
-    """How the controller states its wrench, before the change to the sensor's axes.
-
-    Args:
-        state: any.
-        controller: its settings; a payload among them is what a compensated wrench lacks.
-    """
+    """How the controller states its wrench, before the change to the sensor's axes; a payload among
+    its settings is what a compensated wrench lacks."""
     if np.isfinite(state.raw).all():
         return {
             "source": "ft_raw_wrench", "frame": "flange", "reference": "flange",

@@ -60,8 +60,7 @@ _LARGEST = {
     "q": 7.0, "target_q": 7.0, "qd": 50.0, "target_qd": 50.0, "current": 500.0,
     "target_moment": 1e4, "temperatures": 200.0, "pose": 10.0, "force": 1e5,
 }  # fmt: skip
-"""Largest plausible values [rad, rad/s, A, N·m, °C, m and rad, N and N·m]: joint angles above the
-2π of a UR robot, the others far above what one can have."""
+"""Largest plausible values [rad, rad/s, A, N·m, °C, m and rad, N and N·m], above what UR has."""
 _TINY = 1e-200
 """Numbers nearer to zero, and not zero, are bytes of something else."""
 _PLAYING = 2
@@ -69,8 +68,7 @@ _PROTECTIVE = 1 << 2
 _KEPT = 512
 """States that are kept for who reads them late: a second of an e-Series."""
 _RESTART_S = 1.0
-"""Least backward step of the clock of a controller that was restarted [s]; smaller ones are states
-in the wrong order."""
+"""Least backward step of a restarted controller's clock [s]; others are states in wrong order."""
 _GAP = 1.5
 """Step of the time stamps in periods from which states are missing."""
 Values = tuple[float, ...]
@@ -87,9 +85,7 @@ class Outputs:
         rate: of the stream [Hz]; the controller's own if None.
 
     Attributes:
-        names: those that it has, of those asked for.
-        version: of its software, four numbers.
-        rate: of the stream [Hz].
+        names, version, rate: outputs that it has, its software in four numbers, rate [Hz].
 
     Raises:
         LinkError: it cannot be reached, or does not answer in time.
@@ -286,11 +282,9 @@ class Snapshot(NamedTuple):
 
 
 class StateReceiver:
-    """Receives states in a thread.
+    """Receives states of a host at a rate [Hz], the controller's own if None, in a thread.
 
     Args:
-        host: of the controller.
-        rate: of the states [Hz]; the controller's own if None.
         before: the newest state of an earlier connection, whose counts go on.
         published: called with each new state, in the thread.
 

@@ -17,7 +17,11 @@ from wrenchbed.hardware.drivers.rtde.states import WRONG, Snapshot
 
 PLAYING, STOPPED = 2, 1
 RUNNING = 7
-_PROTECTIVE, _SAFEGUARD, _EMERGENCY, _FAULT = 1 << 2, 1 << 4, 0b111 << 5, 0b11 << 8
+_BITS = {
+    0b111 << 5: "emergency stop", 0b11 << 8: "safety fault", 1 << 2: "protective stop",
+    1 << 4: "safeguard stop",
+}  # fmt: skip
+"""Bits of ``safety_status_bits``, the gravest first, and what they mean."""
 MODES = {
     -1: "no controller", 0: "disconnected", 1: "confirm safety", 2: "booting", 3: "off",
     4: "powering on", 5: "idle", 6: "backdrive", 7: "running", 8: "updating firmware",
@@ -52,10 +56,8 @@ IDLE = 5
 """``robot_mode`` with power and closed brakes; source: Universal Robots, RTDE guide."""
 _LONGEST = 4096
 """Bytes of the longest answer, which is a line."""
-_CLEARED_S, _STOPPED_S = 3.0, 2.0
-_POWER_S, _BRAKES_S = 15.0, 20.0
-"""Deadlines: stop cleared, program ended; power on, for which an arm boots; brakes released, one by
-one [s]."""
+_CLEARED_S, _STOPPED_S, _POWER_S, _BRAKES_S = 3.0, 2.0, 15.0, 20.0
+"""Deadlines: stop cleared, program ended, power on after a boot, brakes released one by one [s]."""
 Look = Callable[[], Snapshot]
 
 
@@ -66,15 +68,9 @@ def mode(state: Snapshot) -> str:
 
 def safety(state: Snapshot) -> str:
     """``normal``, ``protective stop`` …; the bits report some stops earlier than the mode."""
-    bits = int(state.bits)
-    if bits & _EMERGENCY:
-        return "emergency stop"
-    if bits & _FAULT:
-        return "safety fault"
-    if bits & _PROTECTIVE:
-        return "protective stop"
-    if bits & _SAFEGUARD:
-        return "safeguard stop"
+    for mask, word in _BITS.items():
+        if int(state.bits) & mask:
+            return word
     return SAFETY.get(int(state.safety), f"safety mode {state.safety:g}")
 
 
@@ -135,16 +131,13 @@ def judge(
         return Health(*trouble, counters)
     if control is None:
         return link
+    halted, ours = state.halts > control.halts, "the robot's program"
     rules: tuple[tuple[bool, State, str], ...] = (
         (bool(control.gone), "lost", f"{control.gone}; the robot's watchdog stops it"),
         (control.silent > GONE_S, "lost", f"the control process hangs for {control.silent:.1f} s"),
-        (int(state.runtime) != PLAYING, "stopped", f"the robot's program is {program(state)}"),
-        (
-            state.halts > control.halts,
-            "stopped",
-            "the robot's program was stopped, and another one plays",
-        ),
-        (control.ended, "stopped", "the robot's program did not take what it was sent"),
+        (int(state.runtime) != PLAYING, "stopped", f"{ours} is {program(state)}"),
+        (halted, "stopped", f"{ours} was stopped, and another one plays"),
+        (control.ended, "stopped", f"{ours} did not take what it was sent"),
     )
     for holds, kind, text in rules:
         if holds:

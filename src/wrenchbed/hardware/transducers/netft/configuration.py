@@ -89,10 +89,8 @@ class Configuration:
 
     Attributes:
         per_si: (6,) counts per newton and newton metre.
-        units: of force and torque, as the box writes them.
-        counts: per force and torque, as the box writes them.
-        rate: of RDT [Hz].
-        internal_rate: of ft_sequence [Hz].
+        units, counts: of force and torque, as the box writes them.
+        rate, internal_rate: of RDT and of ft_sequence [Hz].
         enabled: whether RDT is on.
         bias: the software bias as written; empty where it is not shown.
         rating: (6,) full scale [N, N·m], None where it is not shown.
@@ -118,11 +116,7 @@ class Configuration:
 
 
 def parse(page: bytes, internal_rate: float) -> Configuration:
-    """Read a page.
-
-    Args:
-        page: netftapi2.xml as it came.
-        internal_rate: of the product [Hz], where the page does not state it.
+    """Read netftapi2.xml as it came; a product has an internal rate [Hz] where it states none.
 
     Raises:
         DriverError: too long, malformed, or a field that is missing or impossible; names it.
@@ -130,8 +124,7 @@ def parse(page: bytes, internal_rate: float) -> Configuration:
     fields = _fields(page)
     units = (_text(fields, "scfgfu"), _text(fields, "scfgtu"))
     counts = (_positive(fields, "cfgcpf"), _positive(fields, "cfgcpt"))
-    newton = _unit(units[0], "scfgfu", _NEWTON)
-    metre = _unit(units[1], "scfgtu", _NEWTON_METRE)
+    newton, metre = _unit(fields, "scfgfu", _NEWTON), _unit(fields, "scfgtu", _NEWTON_METRE)
     si = np.repeat([newton, metre], 3)
     return Configuration(
         per_si=np.repeat(counts, 3) / si,
@@ -175,7 +168,8 @@ def _positive(fields: dict[str, str], name: str) -> float:
     return value
 
 
-def _unit(text: str, name: str, known: dict[str, float]) -> float:
+def _unit(fields: dict[str, str], name: str, known: dict[str, float]) -> float:
+    text = _text(fields, name)
     plain = "".join(c for c in text.lower() if c not in " -·.*")
     if plain not in known:
         raise DriverError(
@@ -196,16 +190,11 @@ def _rating(text: str, si: np.ndarray) -> np.ndarray | None:
 
 
 class Watch:
-    """A thread that compares the page with the page at connect.
-
-    Attributes:
-        failures: looks that got no page.
-        wrong: what is wrong in words, empty if nothing is.
-    """
+    """A thread that compares the page with the page at connect: ``failures`` counts looks that got
+    none, ``wrong`` says what is wrong, empty if nothing is."""
 
     def __init__(self, first: Configuration, look: Callable[[], Configuration]) -> None:
-        self.failures = 0
-        self.wrong = ""
+        self.failures, self.wrong = 0, ""
         self._first, self._look = first, look
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="netft watch", daemon=True)

@@ -21,6 +21,7 @@ from wrenchbed.hardware.device import ClockFit
 
 START, STOP = 0x0002, 0x0000
 _REQUEST = struct.Struct(">HHI")
+"""A request: its mark 0x1234, a command, and the number of records, 0 for an endless stream."""
 _RECORD = np.dtype([("rdt", ">u4"), ("ft", ">u4"), ("status", ">u4"), ("counts", ">i4", 6)])
 SIZE = _RECORD.itemsize
 """Bytes of a record: 36."""
@@ -47,13 +48,8 @@ _HELD_S = 0.1
 
 @dataclass(frozen=True)
 class StatusTable:
-    """Bits of a product's status word.
-
-    Attributes:
-        words: bit → what it means.
-        saturated: bits that say that a reading left the sensor's range.
-        harmless: bits that are no error.
-    """
+    """Bits of a product's status word: what each means, which say that a reading left the sensor's
+    range, and which are no error."""
 
     words: Mapping[int, str]
     saturated: int
@@ -116,11 +112,6 @@ def table(product: str) -> StatusTable:
     return TABLES[product]
 
 
-def request(command: int, samples: int = 0) -> bytes:
-    """A request; 0 samples are endless."""
-    return _REQUEST.pack(0x1234, command, samples)
-
-
 def decode(data: bytes) -> np.ndarray:
     """Records (n,) of complete datagrams: ``rdt``, ``ft``, ``status`` and ``counts`` (6,) of each.
 
@@ -140,9 +131,7 @@ def signed(difference: int) -> int:
 class Tracker:
     """Follows one stream of records; a far jump is believed only when the next record confirms it.
 
-    Args:
-        rate: of the records [Hz].
-        every: samples of the box from one record to the next.
+    Records come at a rate [Hz], every so many samples of the box.
 
     Attributes:
         last: (rdt_sequence, ft_sequence) of the newest record.
@@ -254,8 +243,7 @@ class Receiver:
 
     Args:
         box: address of its RDT.
-        rate: of its records [Hz].
-        internal_rate: of its samples [Hz].
+        rate, internal_rate: of its records and of its samples [Hz].
         keep: called in its thread with times (n,) [s] at which records would have arrived without
             delay, and the records (n,).
 
@@ -303,7 +291,7 @@ class Receiver:
     def _send(self, command: int) -> None:
         """Send a request; one that cannot be sent now is lost, as any datagram may be."""
         with contextlib.suppress(OSError):
-            self._socket.sendto(request(command), self.box)
+            self._socket.sendto(_REQUEST.pack(0x1234, command, 0), self.box)
 
     def _ask(self) -> None:
         self._heard = time.monotonic()

@@ -28,8 +28,7 @@ _FIRST_S = 1.5
 _ALL = 0x3F
 """Bits of all six channels."""
 _FULL, _BEYOND = 0.9999, 1.05
-"""Fractions of full scale: saturated, which rounding must not hide; and impossible unless the box
-reports it as saturated, since its calibration ends there."""
+"""Fractions of full scale: saturated, and impossible unless the box reports it as saturated."""
 _PPM = 1000.0
 """Drift of the clock that is reported [ppm]; a quartz drifts by 100 ppm at most."""
 _LATE_S, _DRIFT = 0.5, 1e-3
@@ -39,14 +38,8 @@ and relative drift of the clock, `_PPM`."""
 
 @dataclass(frozen=True)
 class NetftOptions:
-    """How to reach a box and what is attached to it.
-
-    Attributes:
-        host: its address.
-        port: of RDT, UDP.
-        http_port: of its web page; 0 tries 80, then 8080.
-        product: ``netbox`` or ``axia``, which selects the table of status words.
-    """
+    """Address of a box, UDP port of RDT, port of its web page, of which 0 tries 80, then 8080, and
+    product, ``netbox`` or ``axia``, which selects the table of status words."""
 
     host: str
     port: int = 49152
@@ -227,11 +220,8 @@ class NetftTransducer(Transducer):
 
 
 def _restarted(last: Received, first: Received, rate: float) -> bool:
-    """Whether a box was switched off and on between two records.
-
-    It counts samples at a rate [Hz] from power-up, modulo 2³²: the count went back, or it does not
-    match the time between the records.
-    """
+    """Whether a box was switched off and on between two records: its count of samples since then at
+    a rate [Hz], modulo 2³², went back or does not match the time between them."""
     due, counted = (first.t - last.t) * rate, first.ft - last.ft
     off = abs(signed(round(due) - counted))
     return (signed(counted) < 0 and due < 2**31) or off > _LATE_S * rate + _DRIFT * due
