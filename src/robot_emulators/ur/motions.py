@@ -1,5 +1,6 @@
 """Motions of the arm: each yields the joints' next target, one control cycle at a time."""
 
+import contextlib
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from math import atan2, cos, exp, pi, sin, sqrt
@@ -19,6 +20,11 @@ ROTATION_REACH = 0.25
 _STILL = 1e-4
 _FLAT = 1e-12
 """Square of the area [m⁴] below which three points are on a line."""
+_FULL_SPEED, _HARDEST = 0.9, 15.0
+"""Fraction of the joints' speeds, and acceleration [rad/s²], that a move in a given time may
+take."""
+_LOOKS = 24
+"""Places at which such a move is looked at beforehand."""
 _GAIN = 300.0
 """servoj's default gain, at which the lookahead time is the time by which the arm lags."""
 
@@ -57,11 +63,13 @@ class Pace:
     Attributes:
         speed, acceleration: of its way.
         seconds: it takes, instead of these; 0: as they say.
+        top: speeds (6,) of the joints, for whose sake a move in a given time takes longer.
     """
 
     speed: float
     acceleration: float
     seconds: float = 0.0
+    top: np.ndarray | float = np.inf
 
 
 class ArmMotion(ABC):
@@ -120,7 +128,7 @@ class _Planned(ArmMotion):
     scaled = True
 
     def __init__(self, pace: Pace) -> None:
-        self._pace = Pace(max(pace.speed, 1e-4), max(pace.acceleration, 1e-3), pace.seconds)
+        self._pace = pace
 
     def begin(self, q: np.ndarray, qd: np.ndarray) -> None:
         self._braking = Braking(max(self._pace.acceleration, 2.0))
@@ -131,16 +139,26 @@ class _Planned(ArmMotion):
         if not self._braking.done:
             return self._braking.step(q, dt)
         if self._profile is None:
-            self._t, length = 0.0, self._plan(q)
+            self._t, pace, length = 0.0, self._pace, self._plan(q)
             self._profile = (
-                Profile.lasting(length, self._pace.seconds)
-                if self._pace.seconds > 0.0
-                else Profile(length, self._pace.speed, self._pace.acceleration)
-            )
+                Profile.lasting(length, max(pace.seconds, self._least(q))) if pace.seconds > 0.0
+                else Profile(length, max(pace.speed, 1e-4), max(pace.acceleration, 1e-3))
+            )  # fmt: skip
         self._t += dt
         self.done = self._t >= self._profile.duration
         length = self._profile.length
         return self._at(self._profile.at(self._t) / length if length > 0.0 else 1.0, q)
+
+    def _least(self, q: np.ndarray) -> float:
+        """Least time [s] in which the joints can go the way, by its steepest part."""
+        before, steepest = q, np.zeros(6)
+        with contextlib.suppress(UnreachableError):
+            for k in range(1, _LOOKS + 1):
+                following = self._at(k / _LOOKS, before)
+                steepest = np.maximum(steepest, _LOOKS * np.abs(following - before))
+                before = following
+        fastest = float((steepest / self._pace.top).max())
+        return max(fastest / (0.8 * _FULL_SPEED), sqrt(float(steepest.max()) / (0.16 * _HARDEST)))
 
     @abstractmethod
     def _plan(self, q: np.ndarray) -> float:

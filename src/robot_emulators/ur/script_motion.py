@@ -31,10 +31,10 @@ _OPTIMO_TOOL = 1.0
 """Top tool speed [m/s] and acceleration [m/s²] that optimovel takes parts of; estimate."""
 
 
-def _pace(a: float, v: float, t: float = 0.0) -> Pace:
+def _pace(program: ScriptProgram, a: float, v: float, t: float = 0.0) -> Pace:
     if t < 0.0 or (t == 0.0 and (v <= 0.0 or a <= 0.0)):
         raise ScriptFaultError("speed and acceleration must be above zero")
-    return Pace(v, a, t)
+    return Pace(v, a, t, program.arm.kinematics.speed)
 
 
 def _joints(program: ScriptProgram, goal: Any) -> np.ndarray:
@@ -62,7 +62,7 @@ def movej(
     program: ScriptProgram, q: Any, a: float = 1.4, v: float = 1.05, t: float = 0.0, r: float = 0.0
 ) -> Steps:
     """Move to joint values (6,) or a pose (6,) on a straight line in joint space."""
-    yield from program.until_done(ToJoints(_joints(program, q), _pace(a, v, t)))
+    yield from program.until_done(ToJoints(_joints(program, q), _pace(program, a, v, t)))
 
 
 @TABLE.add()
@@ -71,7 +71,7 @@ def movel(
     r: float = 0.0,
 ) -> Steps:  # fmt: skip
     """Move the TCP on a straight line to a pose (6,), or to the pose of joint values (6,)."""
-    pace, goal, arm = _pace(a, v, t), _pose(program, pose), program.arm
+    pace, goal, arm = _pace(program, a, v, t), _pose(program, pose), program.arm
     if goal is None:
         yield from program.refuse(stopped_because(_FAR), _FAR)
     else:
@@ -93,7 +93,7 @@ def movec(
 ) -> Steps:  # fmt: skip
     """Move the TCP on a circle through a pose (6,) to another; the tool turns evenly or, in mode 1,
     not at all."""
-    arm, pace = program.arm, _pace(a, v)
+    arm, pace = program.arm, _pace(program, a, v)
     via, goal = _pose(program, pose_via), _pose(program, pose_to)
     if via is None or goal is None:
         yield from program.refuse(stopped_because(_FAR), _FAR)
