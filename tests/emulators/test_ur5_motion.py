@@ -248,9 +248,10 @@ def test_what_a_program_set_is_that_of_the_installation_again(bench):
 
 
 def test_no_program_is_loaded_and_scripts_start(bench):
+    bench.play("write_output_boolean_register(3, True)\n")
     assert bench.controller.load("external_control.urp")
     bench.controller.script_denied_until = float("inf")
-    reboot(bench)
+    assert reboot(bench)["output_bit_registers0_to_31"] == (0,)
     assert not bench.controller.loaded and not bench.controller.play()
     bench.script()
 

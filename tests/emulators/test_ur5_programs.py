@@ -166,6 +166,22 @@ def test_registers_state_and_poses(bench):
     assert values["output_double_register_6"] == (5.0,)
 
 
+def test_the_first_64_bit_registers_share_words_and_the_others_stand_alone(bench):
+    bench.controller.inputs.write({"input_bit_registers32_to_63": (1 << 8,)}, bench.now)
+    bench.play(
+        "write_output_boolean_register(3, True)", "write_output_boolean_register(33, True)",
+        "write_output_boolean_register(64, True)", "write_output_boolean_register(33, False)",
+        "textmsg(read_output_boolean_register(3), read_output_boolean_register(33))",
+        "textmsg(read_input_boolean_register(40), read_input_boolean_register(41))",
+        "write_output_boolean_register(128, True)",
+    )  # fmt: skip
+    assert bench.said == ["TrueFalse", "TrueFalse"]
+    values = bench.controller.values
+    assert values["output_bit_registers0_to_31"] == (1 << 3,)
+    assert values["output_bit_register_64"] == (True,)
+    assert "no output_bit_register_128" in bench.faults[0].text
+
+
 def test_a_watchdog_pauses_a_program_whose_input_is_not_written(bench):
     bench.play('rtde_set_watchdog("input_int_register_0", 10, "PAUSE")',
                "while True:", "  sync()", "end", seconds=0.0)  # fmt: skip

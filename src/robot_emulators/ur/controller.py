@@ -202,7 +202,7 @@ class Controller:
         self.estimate.restart()
         self._forget()
         for name, kind in self.fields.items():
-            if "_register_" in name:
+            if "_register" in name:
                 self.values[name] = zero(kind)
 
     def _forget(self) -> None:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from robot_emulators.ur.packets import BIT_REGISTERS
 from robot_emulators.ur.script_program import ScriptProgram
 from robot_emulators.ur.urscript.functions import Table
 from robot_emulators.ur.urscript.values import ScriptFaultError, real, truth
@@ -12,39 +13,47 @@ _KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
     "integer": ("int", int), "float": ("double", float), "boolean": ("bit", bool),
 }  # fmt: skip
 """Kind of register in URScript → in RTDE, and the type of its values."""
+_WORD = 32
+"""Bit registers that RTDE shows in one word; those from 64 on have a field each."""
 _GROUPS = {"standard": (0, 8), "configurable": (8, 8), "tool": (16, 2)}
 """First bit and number of each group of digital outputs."""
 
 
-def _register(way: str, kind: str, address: Any, known: Any) -> str:
+def _register(way: str, kind: str, address: Any, known: Any) -> tuple[str, int | None]:
+    """Field of a register, and its bit where it is one of those that share a word."""
     where = real(address, "an address")
     if where != int(where):
         raise ScriptFaultError(f"an address must be a whole number, not {where:g}")
-    name = f"{way}_{kind}_register_{int(where)}"
+    number = int(where)
+    if kind == "bit" and 0 <= number < BIT_REGISTERS.start:
+        first = number // _WORD * _WORD
+        return f"{way}_bit_registers{first}_to_{first + _WORD - 1}", number - first
+    name = f"{way}_{kind}_register_{number}"
     if name not in known:
         raise ScriptFaultError(f"there is no {name}")
-    return name
+    return name, None
 
 
 def _reads(way: str, kind: str, as_value: Callable[[Any], Any]) -> Callable[..., Any]:
     def read(program: ScriptProgram, address: Any) -> Any:
         controller = program.controller
         values = controller.inputs.values if way == "input" else controller.values
-        return as_value(values[_register(way, kind, address, values)][0])
+        name, bit = _register(way, kind, address, values)
+        return as_value(values[name][0] >> bit & 1 if bit is not None else values[name][0])
 
     return read
 
 
 def _writes(kind: str) -> Callable[..., None]:
     def write(program: ScriptProgram, address: Any, value: Any) -> None:
-        fields, values = program.controller.fields, program.controller.values
-        name = _register("output", kind, address, fields)
-        if kind == "bit":
+        values = program.controller.values
+        name, bit = _register("output", kind, address, program.controller.fields)
+        if bit is not None:
+            values[name] = (values[name][0] & ~(1 << bit) | truth(value) << bit,)
+        elif kind == "bit":
             values[name] = (truth(value),)
-        elif kind == "double":
-            values[name] = (real(value, "a value"),)
         else:
-            values[name] = (int32(value),)
+            values[name] = (real(value, "a value") if kind == "double" else int32(value),)
 
     return write
 
