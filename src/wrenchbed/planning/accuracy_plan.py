@@ -30,100 +30,13 @@ from wrenchbed.robots.base import GoalSets, Robot
 from wrenchbed.simulation.closed_form import Model
 
 ROBOTS = 100
-_STEP, _TRIES, _THERE = 1e-6, 20, 1e-8
-_MOST, _SCREENED, _TURNS, _ROUNDS = 400, 256, 2, 20
+"""Robots of a rehearsal."""
 SAMPLES = 100
 """Rows that are averaged at one pose under gravity."""
-
-
-@dataclass(frozen=True, eq=False)
-class Measurements:
-    """Poses under gravity and touches that are measured, with their noise.
-
-    Attributes:
-        gravity: joint values (N, J), each for a mean wrench.
-        wrench_std: standard deviation of that (6,) [N, N·m].
-        touch: joint values (T, J) near the points to touch.
-        points: those (T, 3) in the world [m].
-        touch_std: how far a tip sits from its point, per axis [m].
-    """
-
-    gravity: np.ndarray
-    wrench_std: np.ndarray
-    touch: np.ndarray
-    points: np.ndarray
-    touch_std: float
-
-
-def simulate_plan(
-    model: Model,
-    columns: tuple[int, ...],
-    measured: Measurements,
-    target: np.ndarray,
-    seed: int,
-    robots: int = ROBOTS,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Root mean square error in the target (robots,) [m] before and after.
-
-    Args:
-        columns: unknown parameters, drawn uniformly within their tolerances.
-        target: joint values (G, J).
-    """
-    results = [_one(model, columns, measured, target, [seed, k]) for k in range(robots)]
-    before, after = np.array(results).T
-    if not np.isfinite(after).all():
-        raise PlanError("a rehearsed robot leaves its workspace within its tolerances")
-    return before, after
-
-
-def _one(
-    model: Model,
-    columns: tuple[int, ...],
-    measured: Measurements,
-    target: np.ndarray,
-    seed: list[int],
-) -> tuple[float, float]:
-    rng = np.random.default_rng(seed)
-    robot, nominal = model.robot, model.parameters.nominal
-    free = list(columns)
-    truth = nominal.copy()
-    tolerance = model.parameters.tolerance[free]
-    truth[free] += rng.uniform(-1.0, 1.0, len(free)) * tolerance
-    true = robot.robot_theta(truth)
-    exact = model.predict(measured.gravity, truth)
-    wrench = exact + rng.standard_normal(exact.shape) * measured.wrench_std
-    tips = measured.points + rng.normal(0.0, measured.touch_std, measured.points.shape)
-    q = _seated(robot, measured.touch, tips, true)
-    rows = np.ones(len(wrench))
-    noise = np.diag(np.square(measured.wrench_std))
-    data = Observations(measured.gravity, wrench, rows, noise, np.inf, "stated", rows, rows > 0)
-    touches = Touches(q, measured.points, measured.touch_std)
-    problem = Problem(model, data, nominal, columns, nominal[free], prior=True, touches=touches)
-
-    def whiten(x: np.ndarray) -> np.ndarray:
-        std = measured.wrench_std
-        return x / (std if x.ndim == 2 else std[:, None])
-
-    fitted = problem.at(problem.solve(whiten, problem.start).x)
-    tip = robot.tool_pose(target, true)[1]
-    errors = (robot.tool_pose(target, robot.robot_theta(x))[1] - tip for x in (nominal, fitted))
-    before, after = (float(np.sqrt((e**2).sum(axis=-1).mean())) for e in errors)
-    return before, after
-
-
-def _seated(robot: Robot, q: np.ndarray, points: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """Joint values (T, J) nearest to q (T, J) whose tips are at points (T, 3)."""
-    joints = q.shape[1]
-    steps = np.vstack([np.zeros(joints), np.eye(joints) * _STEP])
-    for _ in range(_TRIES if len(q) else 0):
-        around = (q[:, None] + steps).reshape(-1, joints)
-        tip = robot.tool_pose(around, theta)[1].reshape(len(q), joints + 1, 3)
-        miss = points - tip[:, 0]
-        if np.abs(miss).max() < _THERE:
-            break
-        slope = np.swapaxes(tip[:, 1:] - tip[:, :1], -1, -2) / _STEP
-        q = q + (np.linalg.pinv(slope) @ miss[..., None])[..., 0]
-    return q
+_STEP, _TRIES, _THERE = 1e-6, 20, 1e-8
+_MOST, _SCREENED, _TURNS, _ROUNDS = 400, 256, 2, 20
+Chosen = tuple[list[int], list[int]]
+"""Poses under gravity and touches, by their numbers in the two pools."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,35 +99,136 @@ class Mix:
 
 @dataclass(frozen=True, eq=False)
 class _Task:
+    """What is measured and wanted: a pool of poses under gravity and one of touches.
+
+    Attributes:
+        columns: unknown parameters (K,).
+        wrench_std: standard deviation of a pose's mean wrench (6,) [N, N·m].
+        pools: of both kinds, in units of noise and of ``scale``.
+        scale: tolerances of the unknown parameters (K,).
+    """
+
     model: Model
     columns: tuple[int, ...]
     sets: GoalSets
     wrench_std: np.ndarray
-    touch_std: float
-    gravity: Pool
-    touch: Pool
+    options: MixOptions
+    pools: tuple[Pool, Pool]
     goal: Goal
     scale: np.ndarray
-    share: float
     criterion: Criterion
 
-    def information(self, still: list[int], touch: list[int]) -> np.ndarray:
-        seen = self.gravity.information(still) + self.touch.information(touch)
-        return np.eye(len(self.scale)) + seen
+    def information(self, chosen: Chosen) -> np.ndarray:
+        """Information matrix (K, K) of the priors and of what is chosen."""
+        seen = [pool.information(some) for pool, some in zip(self.pools, chosen, strict=True)]
+        return np.eye(len(self.scale)) + (seen[0] + seen[1])
 
-    def covariance(self, still: list[int], touch: list[int]) -> np.ndarray:
-        return np.linalg.inv(self.information(still, touch)) * np.outer(self.scale, self.scale)
+    def assured(self, chosen: Chosen) -> float:
+        """Error [m] that the wanted share of robots stays below, by the linear design."""
+        covariance = np.linalg.inv(self.information(chosen)) * np.outer(self.scale, self.scale)
+        return self.goal.quantile(covariance, self.options.share)
 
-    def assured(self, still: list[int], touch: list[int]) -> float:
-        return self.goal.quantile(self.covariance(still, touch), self.share)
-
-    def best(self, pool: Pool, information: np.ndarray, used: list[int]) -> tuple[int, float]:
-        """The candidate that helps most, and the criterion with it."""
+    def best(self, kind: int, information: np.ndarray, used: list[int]) -> tuple[int, float]:
+        """The candidate of a kind that helps most, and the criterion with it."""
+        pool = self.pools[kind]
         slope = pool.slopes(self.criterion.gradient(information))
         slope[used] = -np.inf
         some = np.argsort(-slope)[:_SCREENED]
         value = self.criterion.changed(information, pool.blocks[some], 1.0)
         return int(some[np.argmax(value)]), float(value.max())
+
+    def grow(self, chosen: Chosen) -> None:
+        """Add whatever lowers the logarithm of the mean square error most for its cost."""
+        information = self.information(chosen)
+        now = float(self.criterion.values(information))
+        (pose, with_pose), (touch, with_touch) = (
+            self.best(kind, information, chosen[kind]) for kind in (0, 1)
+        )
+        if np.log(with_touch / now) / self.options.touch_cost >= np.log(with_pose / now):
+            chosen[1].append(touch)
+        else:
+            chosen[0].append(pose)
+
+    def pruned(self, chosen: Chosen, accuracy: float) -> Chosen:
+        """Fewer touches, then fewer poses, as long as the rest, exchanged, assures the accuracy."""
+        for kind, least in ((1, 0), (0, self.options.least_poses)):
+            while len(chosen[kind]) > least:
+                blocks = self.pools[kind].blocks[chosen[kind]]
+                without = self.criterion.changed(self.information(chosen), blocks, -1.0)
+                fewer = (list(chosen[0]), list(chosen[1]))
+                del fewer[kind][int(np.argmax(without))]
+                trial = self.exchanged(fewer)
+                if self.assured(trial) > accuracy:
+                    break
+                chosen = trial
+        return chosen
+
+    def exchanged(self, chosen: Chosen) -> Chosen:
+        """Measurements with as many of each kind, exchanged in turns."""
+        for kind in (1, 0) * _TURNS:
+            if not chosen[kind]:
+                continue
+            others: Chosen = (chosen[0], []) if kind else ([], chosen[1])
+            done = exchange(
+                self.pools[kind], self.criterion, len(chosen[kind]), start=chosen[kind],
+                prior=self.information(others),
+            )  # fmt: skip
+            new = [int(i) for i in done.chosen]
+            chosen = (chosen[0], new) if kind else (new, chosen[1])
+        return chosen
+
+    def rehearsed(self, chosen: Chosen, seed: int) -> tuple[np.ndarray, np.ndarray]:
+        """Rms error in the target before and after (`ROBOTS`,) [m] of robots that run the plan.
+
+        Raises:
+            PlanError: a robot cannot.
+        """
+        results = [self._one(chosen, np.random.default_rng([seed, k])) for k in range(ROBOTS)]
+        before, after = np.array(results).T
+        if not np.isfinite(after).all():
+            raise PlanError("a rehearsed robot leaves its workspace within its tolerances")
+        return before, after
+
+    def _one(self, chosen: Chosen, rng: np.random.Generator) -> tuple[float, float]:
+        """A robot whose unknown parameters are drawn within their tolerances, fitted."""
+        robot, nominal, free = self.model.robot, self.model.parameters.nominal, list(self.columns)
+        truth, std, touch_std = nominal.copy(), self.wrench_std, self.options.touch_std
+        truth[free] += rng.uniform(-1.0, 1.0, len(free)) * self.scale
+        true, target = robot.robot_theta(truth), self.sets.target
+        gravity, points = self.sets.gravity[chosen[0]], self.sets.points[chosen[1]]
+        exact = self.model.predict(gravity, truth)
+        wrench = exact + rng.standard_normal(exact.shape) * std
+        tips = points + rng.normal(0.0, touch_std, points.shape)
+        touches = Touches(_seated(robot, self.sets.touch[chosen[1]], tips, true), points, touch_std)
+        rows, noise = np.ones(len(wrench)), np.diag(np.square(std))
+        data = Observations(gravity, wrench, rows, noise, np.inf, "stated", rows, rows > 0)
+        problem = Problem(
+            self.model, data, nominal, self.columns, nominal[free], prior=True, touches=touches
+        )
+
+        def whiten(x: np.ndarray) -> np.ndarray:
+            return x / (std if x.ndim == 2 else std[:, None])
+
+        fitted = problem.at(problem.solve(whiten, problem.start).x)
+        tip = robot.tool_pose(target, true)[1]
+        errors = (robot.tool_pose(target, robot.robot_theta(x))[1] - tip for x in (nominal, fitted))
+        before, after = (float(np.sqrt((e**2).sum(axis=-1).mean())) for e in errors)
+        return before, after
+
+
+def _seated(robot: Robot, q: np.ndarray, points: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Joint values (T, J) nearest to q (T, J) whose tips are at points (T, 3)."""
+    joints = q.shape[1]
+    steps = np.vstack([np.zeros(joints), np.eye(joints) * _STEP])
+    for _ in range(_TRIES if len(q) else 0):
+        around = (q[:, None] + steps).reshape(-1, joints)
+        tip = robot.tool_pose(around, theta)[1].reshape(len(q), joints + 1, 3)
+        miss = points - tip[:, 0]
+        if np.abs(miss).max() < _THERE:
+            break
+        slope = np.swapaxes(tip[:, 1:] - tip[:, :1], -1, -2) / _STEP
+        q = q + (np.linalg.pinv(slope) @ miss[..., None])[..., 0]
+    return q
 
 
 def reach(
@@ -247,111 +261,51 @@ def reach(
     o = replace(options or MixOptions(), **changes)
     if not accuracy > 0:
         raise PlanError(f"accuracy {accuracy} m must be above 0")
-    task = _task(robot, robot.goal_sets(o.pool, o.points, seed), o.touch_std, o.share)
-    _check_possible(task, accuracy)
-    still: list[int] = []
-    touch: list[int] = []
-    while len(still) < o.least_poses:
-        still.append(task.best(task.gravity, task.information(still, touch), still)[0])
-    course = [(len(still), task.assured(still, touch))]
-    while course[-1][1] > accuracy:
-        if len(still) + len(touch) == _MOST:
-            raise PlanError(
-                f"{_MOST} measurements reach {1e3 * course[-1][1]:.3g} mm, not "
-                f"{1e3 * accuracy:.3g} mm: touch more precisely, or other points"
-            )
-        _grow(task, still, touch, o.touch_cost)
-        course.append((len(still) + len(touch), task.assured(still, touch)))
-        progress(course[-1][0])
-    still, touch = _pruned(task, still, touch, accuracy, o.least_poses)
-    for _ in range(_ROUNDS):
-        before, after = _rehearsed(task, still, touch, seed)
-        progress(len(still) + len(touch))
-        if np.quantile(after, o.share) <= accuracy:
-            return _mix(robot, task, (still, touch), before, after, tuple(course))
-        _grow(task, still, touch, o.touch_cost)
-        still, touch = _exchanged(task, still, touch)
-    raise PlanError(
-        f"{len(still) + len(touch)} measurements still leave "
-        f"{1e3 * np.quantile(after, o.share):.3g} mm when rehearsed, "
-        f"not {1e3 * accuracy:.3g} mm: touch more precisely"
-    )
-
-
-def _rehearsed(
-    task: _Task, still: list[int], touch: list[int], seed: int
-) -> tuple[np.ndarray, np.ndarray]:
-    measured = Measurements(
-        task.sets.gravity[still],
-        task.wrench_std,
-        task.sets.touch[touch],
-        task.sets.points[touch],
-        task.touch_std,
-    )
-    return simulate_plan(task.model, task.columns, measured, task.sets.target, seed)
-
-
-def _check_possible(task: _Task, accuracy: float) -> None:
-    best = task.assured(list(range(len(task.gravity))), list(range(len(task.touch))))
+    task = _task(robot, robot.goal_sets(o.pool, o.points, seed), o)
+    wanted, remedy = f"not {1e3 * accuracy:.3g} mm: touch more precisely", "or other points"
+    every: Chosen = (list(range(len(task.pools[0]))), list(range(len(task.pools[1]))))
+    best = task.assured(every)
     if best > accuracy:
         raise PlanError(
-            f"all {len(task.gravity)} poses and {len(task.touch)} touches together reach "
-            f"{1e3 * best:.3g} mm, not {1e3 * accuracy:.3g} mm: touch more precisely or elsewhere"
+            f"all {len(every[0])} poses and {len(every[1])} touches together reach "
+            f"{1e3 * best:.3g} mm, {wanted}, {remedy}"
         )
+    chosen: Chosen = ([], [])
+    while len(chosen[0]) < o.least_poses:
+        chosen[0].append(task.best(0, task.information(chosen), chosen[0])[0])
+    course = [(len(chosen[0]), task.assured(chosen))]
+    while course[-1][1] > accuracy:
+        if course[-1][0] == _MOST:
+            reached = f"{_MOST} measurements reach {1e3 * course[-1][1]:.3g} mm"
+            raise PlanError(f"{reached}, {wanted}, {remedy}")
+        task.grow(chosen)
+        course.append((len(chosen[0]) + len(chosen[1]), task.assured(chosen)))
+        progress(course[-1][0])
+    chosen = task.pruned(chosen, accuracy)
+    for _ in range(_ROUNDS):
+        before, after = task.rehearsed(chosen, seed)
+        assured = float(np.quantile(after, o.share))
+        progress(len(chosen[0]) + len(chosen[1]))
+        if assured <= accuracy:
+            still, touch = chosen
+            return Mix(
+                gravity=Plan.of(robot.name, task.sets.gravity[still]),
+                touches=Plan.of(robot.name, task.sets.touch[touch], points=task.sets.points[touch]),
+                rms=float(np.sqrt(np.mean(after**2))),
+                assured=assured,
+                before=float(np.sqrt(np.mean(before**2))),
+                share=o.share,
+                course=tuple(course),
+            )
+        task.grow(chosen)
+        chosen = task.exchanged(chosen)
+    raise PlanError(
+        f"{len(chosen[0]) + len(chosen[1])} measurements still leave {1e3 * assured:.3g} mm when "
+        f"rehearsed, {wanted}"
+    )
 
 
-def _grow(task: _Task, still: list[int], touch: list[int], touch_cost: float) -> None:
-    """Add whatever lowers the logarithm of the mean square error most for its cost."""
-    information = task.information(still, touch)
-    now = float(task.criterion.values(information))
-    pose, with_pose = task.best(task.gravity, information, still)
-    seat, with_touch = task.best(task.touch, information, touch)
-    if np.log(with_touch / now) / touch_cost >= np.log(with_pose / now):
-        touch.append(seat)
-    else:
-        still.append(pose)
-
-
-def _pruned(
-    task: _Task, still: list[int], touch: list[int], accuracy: float, least: int
-) -> tuple[list[int], list[int]]:
-    """Fewer touches, then fewer poses, as long as the rest, exchanged, assures the accuracy."""
-    while touch:
-        trial = _exchanged(task, still, _without_least(task, task.touch, still, touch, touch))
-        if task.assured(*trial) > accuracy:
-            break
-        still, touch = trial
-    while len(still) > least:
-        trial = _exchanged(task, _without_least(task, task.gravity, still, touch, still), touch)
-        if task.assured(*trial) > accuracy:
-            break
-        still, touch = trial
-    return still, touch
-
-
-def _without_least(
-    task: _Task, pool: Pool, still: list[int], touch: list[int], kind: list[int]
-) -> list[int]:
-    """Measurements of one kind without the one whose loss costs least."""
-    without = task.criterion.changed(task.information(still, touch), pool.blocks[kind], -1.0)
-    return [m for k, m in enumerate(kind) if k != int(np.argmax(without))]
-
-
-def _exchanged(task: _Task, still: list[int], touch: list[int]) -> tuple[list[int], list[int]]:
-    """Measurements with as many of each kind, exchanged in turns."""
-    for _ in range(_TURNS):
-        if touch:
-            base = task.information(still, [])
-            done = exchange(task.touch, task.criterion, len(touch), start=touch, prior=base)
-            touch = [int(i) for i in done.chosen]
-        if still:
-            base = task.information([], touch)
-            done = exchange(task.gravity, task.criterion, len(still), start=still, prior=base)
-            still = [int(i) for i in done.chosen]
-    return still, touch
-
-
-def _task(robot: Robot, sets: GoalSets, touch_std: float, share: float) -> _Task:
+def _task(robot: Robot, sets: GoalSets, options: MixOptions) -> _Task:
     model = Model.of(robot)
     theta = model.parameters.nominal
     columns = model.parameters.select([*robot.candidates, "sensor.bias"])
@@ -360,28 +314,8 @@ def _task(robot: Robot, sets: GoalSets, touch_std: float, share: float) -> _Task
     slow = np.square(noise.flicker) * np.log(noise.f_high / noise.f_low)
     std = np.sqrt(np.square(noise.white) / SAMPLES + slow)
     gravity = model.jacobian(sets.gravity, theta, columns) / std[:, None]
-    touch = tip_jacobian(robot, sets.touch, theta, columns) / touch_std
+    touch = tip_jacobian(robot, sets.touch, theta, columns) / options.touch_std
     goal = Goal(tip_jacobian(robot, sets.target, theta, columns))
     criterion = i_optimality(goal.weight * np.outer(scale, scale))
     pools = Pool(gravity * scale), Pool(touch * scale)
-    return _Task(model, columns, sets, std, touch_std, *pools, goal, scale, share, criterion)
-
-
-def _mix(
-    robot: Robot,
-    task: _Task,
-    chosen: tuple[list[int], list[int]],
-    before: np.ndarray,
-    after: np.ndarray,
-    course: tuple[tuple[int, float], ...],
-) -> Mix:
-    sets, (still, touch) = task.sets, chosen
-    return Mix(
-        gravity=Plan.of(robot.name, sets.gravity[still]),
-        touches=Plan.of(robot.name, sets.touch[touch], points=sets.points[touch]),
-        rms=float(np.sqrt(np.mean(after**2))),
-        assured=float(np.quantile(after, task.share)),
-        before=float(np.sqrt(np.mean(before**2))),
-        share=task.share,
-        course=course,
-    )
+    return _Task(model, columns, sets, std, options, pools, goal, scale, criterion)

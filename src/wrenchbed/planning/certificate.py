@@ -51,25 +51,32 @@ def certify(
     Raises:
         PlanError: the criterion is not concave, so nothing can be certified this way.
     """
-    if criterion.power is None:
+    power = criterion.power
+    if power is None:
         raise PlanError(f"{criterion.name} is not concave: its optimum cannot be certified")
-    support = np.asarray(start, dtype=int)
+
+    def slopes(blocks: np.ndarray, weight: np.ndarray, of: np.ndarray) -> tuple[float, np.ndarray]:
+        """The criterion to its power of weighted blocks, and its slopes (M,) by blocks ``of``."""
+        rows = (blocks * np.sqrt(weight)[:, None, None]).reshape(-1, blocks.shape[-1])
+        value = float(criterion.values(rows.T @ rows))
+        gradient = power * value ** (power - 1.0) * criterion.gradient(rows.T @ rows)
+        return value**power, ((of @ gradient) * of).sum(axis=(1, 2))
+
+    support, best = np.asarray(start, dtype=int), None
     weight = np.full(len(support), 1.0 / len(support))
-    best: Certificate | None = None
+    exponent = 1.0 if criterion.name == "O1" else 0.5
     for _ in range(_ROUNDS):
-        weight = _improve(pool, criterion, support, weight, 1.0 / n)
+        blocks = pool.blocks[support]
+        for _ in range(_STEPS):
+            value, slope = slopes(blocks, weight, blocks)
+            weight = _capped(weight * (slope / value) ** exponent, 1.0 / n)
         keep = weight > _DROP
         support, weight = support[keep], _capped(weight[keep], 1.0 / n)
-        rows = pool.blocks[support] * np.sqrt(weight)[:, None, None]
-        information = np.einsum("nki,nkj->ij", rows, rows)
-        value, gradient = _homogeneous(criterion, information)
-        slope = _slopes(pool, gradient)
+        value, slope = slopes(pool.blocks[support], weight, pool.blocks)
         top = float(np.sort(slope)[-n:].sum())
-        short = top / n / value - 1
-        bound = top ** (1 / criterion.power)
-        if best is None or bound < best.bound:
-            best = Certificate(support, weight, bound)
-        if short < gap:
+        if best is None or top ** (1.0 / power) < best.bound:
+            best = Certificate(support, weight, top ** (1.0 / power))
+        if top / n / value - 1.0 < gap:
             break
         fresh = np.setdiff1d(np.argsort(-slope)[:_NEW], support)
         support = np.concatenate([support, fresh])
@@ -84,45 +91,13 @@ def rounded(certificate: Certificate, n: int) -> np.ndarray:
     return certificate.support[np.argsort(-certificate.weight)[:n]]
 
 
-def _improve(
-    pool: Pool, criterion: Criterion, support: np.ndarray, weight: np.ndarray, cap: float
-) -> np.ndarray:
-    blocks = pool.blocks[support]
-    rows = blocks.reshape(-1, blocks.shape[-1])
-    share = 1.0 if criterion.name == "O1" else 0.5
-    for _ in range(_STEPS):
-        information = (rows * np.repeat(weight, blocks.shape[1])[:, None]).T @ rows
-        value, gradient = _homogeneous(criterion, information)
-        slope = ((rows @ gradient) * rows).sum(axis=1).reshape(len(support), -1).sum(axis=1)
-        weight = _capped(weight * (slope / value) ** share, cap)
-    return weight
-
-
 def _capped(weight: np.ndarray, cap: float) -> np.ndarray:
     """Weights scaled to sum 1 with none above the cap."""
     full = np.zeros(len(weight), dtype=bool)
     while True:
-        left = 1.0 - cap * full.sum()
-        scaled = np.where(full, cap, weight * left / max(weight[~full].sum(), 1e-300))
+        rest = (1.0 - cap * full.sum()) / max(weight[~full].sum(), 1e-300)
+        scaled = np.where(full, cap, weight * rest)
         over = ~full & (scaled > cap * (1 + 1e-12))
         if not over.any():
             return scaled
         full |= over
-
-
-def _homogeneous(criterion: Criterion, information: np.ndarray) -> tuple[float, np.ndarray]:
-    """The criterion to its power, and the gradient of that."""
-    value = float(criterion.values(information))
-    power = criterion.power or 1.0
-    return value**power, power * value ** (power - 1) * criterion.gradient(information)
-
-
-def _slopes(pool: Pool, gradient: np.ndarray) -> np.ndarray:
-    """trace(gradient · JᵢᵀJᵢ) (N,) in double precision: a bound must hold."""
-    m = pool.blocks.shape[-1]
-    result = np.empty(len(pool))
-    for start in range(0, len(pool), 4096):
-        rows = pool.blocks[start : start + 4096].reshape(-1, m)
-        each = ((rows @ gradient) * rows).sum(axis=1)
-        result[start : start + 4096] = each.reshape(-1, pool.blocks.shape[1]).sum(axis=1)
-    return result

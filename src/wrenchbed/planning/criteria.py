@@ -5,11 +5,10 @@ eigenvalues are the squares of the singular values σ1 ≥ … ≥ σm of the st
 Sun & Hollerbach 2008, doi 10.1109/ROBOT.2008.4543393; compared on robots in Joubair & Bonev 2013,
 doi 10.1016/j.mechmachtheory.2013.07.005. O2–O5 depend on the units of the parameters; O1 does not
 (a change of units multiplies it by a constant), nor does I-optimality.
-
-Choice of configurations: observability indices, exchange, certified bounds, elimination.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 
 import numpy as np
 
@@ -57,17 +56,14 @@ class Spectral(Criterion):
         return self._of(np.sqrt(np.maximum(np.linalg.eigvalsh(information), 0.0)))
 
     def gradient(self, information: np.ndarray) -> np.ndarray:
+        return self._turned(information, self._slope)
+
+    @staticmethod
+    def _turned(information: np.ndarray, slope: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """Derivative (m, m) from the slopes by the singular values."""
         squares, vectors = np.linalg.eigh(information)
         sigma = np.sqrt(np.maximum(squares, _SMALLEST))
-        return (vectors * (self._slope(sigma) / (2 * sigma))) @ vectors.T
-
-    def screen(self, information: np.ndarray) -> np.ndarray:
-        squares, vectors = np.linalg.eigh(information)
-        sigma = np.sqrt(np.maximum(squares, _SMALLEST))
-        return (vectors * (self._screening_slope(sigma) / (2 * sigma))) @ vectors.T
-
-    def _screening_slope(self, sigma: np.ndarray) -> np.ndarray:
-        return self._slope(sigma)
+        return np.asarray((vectors * (slope(sigma) / (2 * sigma))) @ vectors.T)
 
     @abstractmethod
     def _of(self, sigma: np.ndarray) -> np.ndarray:
@@ -99,55 +95,34 @@ class O1(Spectral):
 
 
 class Weakest(Spectral):
-    """A criterion of the smallest singular value: many are small, so screening heeds them all."""
+    """σm^a / σ1^b: many singular values are small, so screening heeds them all.
+
+    O2 is the inverse condition number (1, 1), O3 the worst direction or E-optimality (1, 0), O4 the
+    noise amplification index (2, 1).
+    """
 
     smooth = False
+
+    def __init__(self, name: str, title: str, exponents: tuple[int, int]) -> None:
+        self.name, self.title, self._exponents = name, title, exponents
+        self.power = 2.0 if exponents == (1, 0) else None
+
+    def screen(self, information: np.ndarray) -> np.ndarray:
+        return self._turned(information, self._screening_slope)
 
     def _screening_slope(self, sigma: np.ndarray) -> np.ndarray:
         slope = self._slope(sigma)
         near = (sigma[0] / sigma) ** _SOFT
         return np.where(slope < 0, slope, slope[0] * near / near.sum())
 
-
-class O2(Weakest):
-    """σm / σ1: the inverse condition number."""
-
-    name, title, power = "O2", "smallest over largest singular value", None
-
     def _of(self, sigma: np.ndarray) -> np.ndarray:
-        return sigma[..., 0] / sigma[..., -1]
+        a, b = self._exponents
+        return np.asarray(sigma[..., 0] ** a / sigma[..., -1] ** b)
 
     def _slope(self, sigma: np.ndarray) -> np.ndarray:
-        slope = np.zeros_like(sigma)
-        slope[0], slope[-1] = 1 / sigma[-1], -sigma[0] / sigma[-1] ** 2
-        return slope
-
-
-class O3(Weakest):
-    """σm: the worst direction; E-optimality."""
-
-    name, title, power = "O3", "smallest singular value", 2.0
-
-    def _of(self, sigma: np.ndarray) -> np.ndarray:
-        return np.asarray(sigma[..., 0])
-
-    def _slope(self, sigma: np.ndarray) -> np.ndarray:
-        slope = np.zeros_like(sigma)
-        slope[0] = 1.0
-        return slope
-
-
-class O4(Weakest):
-    """σm² / σ1: the noise amplification index."""
-
-    name, title, power = "O4", "square of the smallest over the largest singular value", None
-
-    def _of(self, sigma: np.ndarray) -> np.ndarray:
-        return sigma[..., 0] ** 2 / sigma[..., -1]
-
-    def _slope(self, sigma: np.ndarray) -> np.ndarray:
-        slope = np.zeros_like(sigma)
-        slope[0], slope[-1] = 2 * sigma[0] / sigma[-1], -((sigma[0] / sigma[-1]) ** 2)
+        (a, b), value, slope = self._exponents, self._of(sigma), np.zeros_like(sigma)
+        slope[-1] = -b * value / sigma[-1]
+        slope[0] = a * value / sigma[0]
         return slope
 
 
@@ -195,7 +170,16 @@ class InverseTrace(Criterion):
         return 1 / (np.trace(self.weight @ inverse) - sign * lost)
 
 
-INDICES: dict[str, Criterion] = {c.name: c for c in (O1(), O2(), O3(), O4(), O5())}
+INDICES: dict[str, Criterion] = {
+    c.name: c
+    for c in (
+        O1(),
+        Weakest("O2", "smallest over largest singular value", (1, 1)),
+        Weakest("O3", "smallest singular value", (1, 0)),
+        Weakest("O4", "square of the smallest over the largest singular value", (2, 1)),
+        O5(),
+    )
+}
 
 
 def a_optimality(m: int) -> Criterion:

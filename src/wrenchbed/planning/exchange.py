@@ -8,12 +8,6 @@ A scan of the whole pool costs one product with the gradient: the packed Jᵢᵀ
 one vector. For a concave, smooth criterion that is an upper bound of the change, so that only the
 few configurations whose bound exceeds the best exact value so far are evaluated, by rank-k
 formulas; for the others the most promising `2 * _AT_ONCE`.
-
-The paper's choice of what to identify: drop columns one at a time by condition number.
-
-Joubair et al. 2016, doi 10.3390/s16060798, Section 4.1, after Joubair & Bonev 2014, doi
-10.1007/s00170-014-6448-9. While the Jacobian is rank-deficient its condition number is σ1 over
-rounding error, so which column goes first is chance, and depends on units.
 """
 
 from collections.abc import Callable, Sequence
