@@ -1,7 +1,6 @@
 """Robots that are worked on together come out as each does alone, to the last bit."""
 
 import json
-from concurrent.futures import Future
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +11,7 @@ import wrenchbed as wb
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.calibrate_many import calibrate_each
 from wrenchbed.campaigns.settings import Fleet
-from wrenchbed.campaigns.simulated_robots import _results, recorded, robot_rows
+from wrenchbed.campaigns.simulated_robots import recorded, robot_rows, tasks
 from wrenchbed.errors import CalibrationError
 
 FLEETS = {
@@ -49,25 +48,13 @@ def test_fits_together_are_those_of_calibrate(name):
     assert ("slow wander" in fits[0].status) == (name != "explained")
 
 
-class Sizes:
-    """A pool that keeps the sizes of its tasks."""
-
-    def __init__(self):
-        self.sizes = []
-
-    def submit(self, work, fleet, numbers):
-        self.sizes.append(len(numbers))
-        future = Future()
-        future.set_result([{"robot": k} for k in numbers])
-        return future
-
-
-@pytest.mark.parametrize("diagnose", [False, True])
-def test_every_robot_is_in_one_task(diagnose):
-    pool = Sizes()
-    rows = list(_results(pool, Fleet("ur5", 90, diagnose=diagnose), range(90), 2))
-    assert sorted(row["robot"] for row in rows) == list(range(90))
-    assert min(pool.sizes) >= 1 and max(pool.sizes) == (1 if diagnose else 25)
+@pytest.mark.parametrize(
+    ("robots", "diagnose", "most"), [(90, False, 11), (900, False, 25), (9, True, 1)]
+)
+def test_every_robot_is_in_one_task(robots, diagnose, most):
+    numbers = [k for _, k in tasks(Fleet("ur5", robots, diagnose=diagnose), range(robots), 2)]
+    assert [k for some in numbers for k in some] == list(range(robots))
+    assert max(map(len, numbers)) == most
 
 
 def test_a_robot_that_cannot_be_fitted_leaves_the_others_alone():

@@ -8,7 +8,7 @@ import json
 import re
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
+from concurrent.futures import Future
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
@@ -29,8 +29,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.errors import FleetError, WorkerError, WrenchbedError
 from wrenchbed.files import atomic_folder, write_json
 from wrenchbed.hardware.drivers.base import as_designed
-from wrenchbed.jobs.workers import Progress, silent
-from wrenchbed.jobs.workers import workers as worker_pool
+from wrenchbed.jobs.workers import Progress, in_workers, silent
 from wrenchbed.physics.noise import noise_model
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import poses
@@ -50,8 +49,8 @@ _EFFECT = re.compile(r"[a-z]+\.[a-z_]+")
 """Pattern of an effect's name in a sentence."""
 _COURSES: dict[str, Recording] = {}
 """The course of the present fleet, by the fleet's settings."""
-_AHEAD = 3
-"""Tasks queued for each worker: with one, a worker waits for this process to write rows."""
+_LEAST_TASKS = 4
+"""Tasks of each worker at least, so that none works long after the others."""
 _TOGETHER = 25
 """Most robots that a worker takes at once: their numbers must fit into its cache. Rows of a task
 reach the disk together, and a kill loses them."""
@@ -326,30 +325,27 @@ def campaign(
     done = rows.done()
     todo = [k for k in range(fleet.robots) if k not in done]
     progress(fleet.robots - len(todo))
-    if todo:
-        try:
-            with worker_pool(workers) as pool:
-                for row in _results(pool, fleet, todo, workers):
-                    rows.add(row)
-                    progress(1)
-        except WorkerError as error:
-            kept = "what is done is kept, and the same command goes on"
-            raise FleetError(f"{error}; {kept}") from error
-        finally:
-            rows.flush()
+
+    def finished(_: tuple[Fleet, list[int]], future: Future[list[Row]]) -> None:
+        for row in future.result():
+            rows.add(row)
+            progress(1)
+
+    try:
+        in_workers(_work, tasks(fleet, todo, workers), finished, workers)
+    except WorkerError as error:
+        kept = "what is done is kept, and the same command goes on"
+        raise FleetError(f"{error}; {kept}") from error
+    finally:
+        rows.flush()
     return rows.finish()
 
 
-def _results(pool: Executor, fleet: Fleet, todo: Sequence[int], workers: int) -> Iterator[Row]:
-    """Rows as they are finished; some tasks are queued for each worker."""
-    waiting: set[Future[list[Row]]] = set()
-    first, together = 0, 1
-    while waiting or first < len(todo):
-        while first < len(todo) and len(waiting) < _AHEAD * workers:
-            size = min(together, -(-(len(todo) - first) // workers))  # the last end together
-            waiting.add(pool.submit(robot_rows, fleet, todo[first : first + size]))
-            first += size
-            together = 1 if fleet.diagnose else min(2 * together, _TOGETHER)
-        ready, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-        for future in ready:
-            yield from future.result()
+def tasks(fleet: Fleet, todo: Sequence[int], workers: int) -> list[tuple[Fleet, list[int]]]:
+    """Robots that a worker takes at once; a task lasts long enough and all end about together."""
+    most = 1 if fleet.diagnose else max(1, min(_TOGETHER, len(todo) // (_LEAST_TASKS * workers)))
+    return [(fleet, list(todo[first : first + most])) for first in range(0, len(todo), most)]
+
+
+def _work(task: tuple[Fleet, list[int]]) -> list[Row]:
+    return robot_rows(*task)

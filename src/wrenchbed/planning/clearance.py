@@ -5,14 +5,15 @@ that touch at home or in three of ten random poses, are built or drawn so and do
 """
 
 from collections import Counter
-from functools import cached_property
-from itertools import pairwise
+from functools import cache, cached_property
+from itertools import pairwise, permutations
 
 import mujoco
 import numpy as np
 
 from wrenchbed.errors import PlanError
 from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.mjcf import compiled
 
 STEP = 0.03
 """Largest move of a joint between two tests [rad or m]."""
@@ -20,7 +21,6 @@ MARGIN = 0.005
 """Distance from which two bodies count as touching [m]."""
 _DETOURS = 60
 _OFTEN = 0.3
-_TRIES = 400
 _PER_LEG = 0.3
 """Cost of each leg of a way beside its length [rad or m]: few long legs rather than many short."""
 
@@ -40,10 +40,8 @@ class Clearance:
         for geom in spec.geoms:
             geom.contype = geom.conaffinity = 1
             geom.margin = MARGIN / 2
-        self.model: mujoco.MjModel = spec.compile()
+        self.model = compiled(spec)
         self._data = mujoco.MjData(self.model)
-        self._open: set[tuple[int, int]] = set()
-        self._shut: set[tuple[int, int]] = set()
         self._built = frozenset[tuple[int, int, int, int]]()
         self._built = self._drawn_so()
 
@@ -66,8 +64,8 @@ class Clearance:
     def way(self, start: np.ndarray, end: np.ndarray, where: str) -> list[np.ndarray]:
         """Joint values to go through in straight lines, the last being ``end`` (J,).
 
-        Straight if that is free, else the shortest free way over home and some free poses: a lazy
-        probabilistic roadmap, Bohlin & Kavraki 2000, doi 10.1109/ROBOT.2000.844107.
+        Straight if that is free, else the shortest free way over one or two of home and some free
+        poses.
 
         Raises:
             PlanError: the end itself, or every such way, is blocked; says by what.
@@ -79,25 +77,13 @@ class Clearance:
         if not why:
             return [end]
         nodes = [start, end, self.robot.home, *self._free]
-        cost = np.array([[np.abs(a - b).max() for b in nodes] for a in nodes])
-        cost += _PER_LEG * (cost > 0.0)
-        cost[0, 1] = cost[1, 0] = 0.0
-        for pair in self._shut:
-            cost[pair] = 0.0
-        for _ in range(_TRIES):
-            steps = _shortest(cost)
-            if steps is None:
-                break
-            for pair in pairwise(steps):
-                if min(pair) > 1 and pair in self._open:
-                    continue
-                if self.blocked(nodes[pair[0]], nodes[pair[1]]):
-                    cost[pair] = cost[pair[::-1]] = 0.0
-                    self._shut |= {pair, pair[::-1]} if min(pair) > 1 else set()
-                    break
-                self._open |= {pair, pair[::-1]} if min(pair) > 1 else set()
-            else:
-                return [nodes[k] for k in steps[1:]]
+        length = np.abs(np.array(nodes)[:, None] - np.array(nodes)).max(axis=2) + _PER_LEG
+        free = cache(lambda a, b: not self.blocked(nodes[a], nodes[b]))
+        stops = [via for n in (1, 2) for via in permutations(range(2, len(nodes)), n)]
+        legs = [list(pairwise((0, *via, 1))) for via in stops]
+        for way in sorted(legs, key=lambda way: sum(length[leg] for leg in way)):
+            if all(free(*leg) for leg in (way[0], way[-1], *way[1:-1])):  # the ends are few
+                return [nodes[leg[1]] for leg in way]
         raise PlanError(f"{where}: {why}, and no way around was found: leave this pose out")
 
     def _drawn_so(self) -> frozenset[tuple[int, int, int, int]]:
@@ -149,17 +135,3 @@ class Clearance:
 
     def _name(self, body: int) -> str:
         return self.model.body(body).name if body else "what stands around it"
-
-
-def _shortest(cost: np.ndarray) -> list[int] | None:
-    """Nodes from node 0 to node 1 of a graph whose missing edges cost 0, None without a way."""
-    from scipy.sparse import csgraph, csr_array  # slow to load: only where a way is blocked
-
-    graph = csr_array(cost.astype(np.float64))
-    length, before = csgraph.dijkstra(graph, directed=False, indices=[0], return_predecessors=True)
-    if not np.isfinite(length[0, 1]):
-        return None
-    steps = [1]
-    while steps[-1] != 0:
-        steps.append(int(before[0, steps[-1]]))
-    return steps[::-1]
