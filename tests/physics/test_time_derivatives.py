@@ -3,6 +3,7 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from wrenchbed.physics import time_derivatives as td
 from wrenchbed.physics.rotations import (
@@ -82,7 +83,8 @@ def test_rotations_are_orthonormal_and_quaternions_return(x, y, z):
         assert np.allclose(rotation.T @ rotation, np.eye(3), atol=1e-12)
         assert np.isclose(np.linalg.det(rotation), 1.0)
         q = quaternion(rotation)
-        assert q[0] >= 0
+        of_scipy = Rotation.from_matrix(rotation).as_quat(canonical=True, scalar_first=True)
+        assert q[0] >= 0 and np.allclose(q, of_scipy, rtol=0, atol=1e-15)
         assert np.allclose(matrix(q), rotation, atol=1e-12)
 
 

@@ -131,15 +131,6 @@ class NoiseModel:
         variance = self.white**2 + self.flicker**2 * band
         return np.sqrt(variance + self.mains_amplitude**2 / 2 + self.resolution**2 / 12)
 
-    def psd(self, frequency: ArrayLike, rate: float) -> Array:
-        """One-sided density (F, 6) [N²/Hz] of white and 1/f part of rows taken at ``rate`` [Hz].
-
-        Of the smooth law, without mains, rounding and what the sampling folds back of the 1/f part.
-        """
-        f = np.asarray(frequency, dtype=np.float64).reshape(-1, 1)
-        corners = np.arctan(self.f_high / f) - np.arctan(self.f_low / f)
-        return 2.0 * self.white**2 / rate + self.flicker**2 / f * corners * 2.0 / np.pi
-
 
 OFF = NoiseModel()
 """A perfect sensor: reads the load, bit by bit."""
