@@ -31,7 +31,6 @@ def degrees(columns, raw):
 
 
 BAD_RECORDINGS = {
-    "NaN": (lambda c, r: c["fx"].__setitem__(3, np.nan), "column 'fx', row 3: nan"),
     "wrong robot": (lambda c, r: r.update(robot="medrue"), "robot 'medrue': row 0"),
     "unknown robot": (lambda c, r: r.update(robot="hal"), "there is no robot 'hal' here"),
     "mixed units": (degrees, "is it in degrees?"),
@@ -94,14 +93,9 @@ def test_a_plan_that_cannot_run_gives_one_line_and_nothing_is_written(
 )
 def test_wrong_parameters_give_one_line(made, tmp_path, capfd, text, words):
     (tmp_path / "truth.json").write_text(text)
-    arguments = ["record", "--robot", "ur5", "--plan", str(made / "plan.parquet")]
-    arguments += [
-        "--out",
-        str(tmp_path / "r.parquet"),
-        "--parameters",
-        str(tmp_path / "truth.json"),
-    ]
-    assert main(arguments) == 1
+    arguments = ["record", "--robot", "ur5", "--plan", made / "plan.parquet"]
+    arguments += ["--out", tmp_path / "r.parquet", "--parameters", tmp_path / "truth.json"]
+    assert main([*map(str, arguments)]) == 1
     assert words in said(capfd)
     assert names(tmp_path) == ["truth.json"]
 
@@ -115,21 +109,6 @@ def test_a_place_that_cannot_be_written_gives_one_line(made, tmp_path, capfd):
     assert main(["calibrate", str(made / "rec.parquet"), "--out", out]) == 1
     assert "file" in said(capfd)
     assert names(tmp_path) == ["file"]
-
-
-def test_what_was_read_is_never_written_over(made, tmp_path, capfd):
-    rec = tmp_path / "rec.parquet"
-    rec.write_bytes((made / "rec.parquet").read_bytes())
-    before = rec.read_bytes()
-    assert main(["calibrate", str(rec), "--out", str(rec)]) == 1
-    assert "is an input too" in said(capfd)
-    assert main(["record", "--robot", "ur5", "--plan", str(rec), "--out", str(rec)]) == 1
-    assert "is an input too" in said(capfd)
-    out = str(tmp_path / "new.parquet")
-    assert main(["record", "--robot", "ur5", "--plan", str(rec), "--out", out]) == 1
-    assert "this is a recording" in said(capfd)
-    assert rec.read_bytes() == before
-    assert names(tmp_path) == ["rec.parquet"]
 
 
 def test_a_misspelt_truth_is_refused(made, tmp_path, capfd):

@@ -30,10 +30,7 @@ def folder(tmp_path, monkeypatch):
 RECORD = ["record", "--robot", "ur5", "--plan", "p.parquet", "--samples", "6"]
 CALIBRATE = ["calibrate", "r.parquet", "--out"]
 REFUSED = [
-    (
-        [*RECORD, "--out", "r.parquet"],
-        "r.parquet: is a recording already; give another name, or --",
-    ),
+    ([*RECORD, "--out", "r.parquet"], "r.parquet: is a recording already; give another name, or"),
     ([*RECORD, "--out", "p.parquet"], "p.parquet: is an input too"),
     ([*RECORD, "--out", "mine.txt", "--force"], "mine.txt: is a file that wrenchbed did not write"),
     ([*CALIBRATE, "p.parquet"], "p.parquet: is a plan, not a fit; give another name"),

@@ -51,12 +51,6 @@ def test_any_finite_numbers_survive(tmp_path_factory, data):
     assert all(np.array_equal(again.columns[k], table[k]) for k in table)
 
 
-def broken(change) -> dict[str, np.ndarray]:
-    data = columns()
-    change(data)
-    return data
-
-
 def put(name: str, row: int, value: float):
     def change(data):
         data[name] = data[name].astype(float)

@@ -210,8 +210,10 @@ def answer(result: Any, as_json: bool, *displays: RenderableType) -> None:
         print(OBEYED.sub(_as_json, text))
         return
     for display in displays:
-        text_only = {"soft_wrap": True, "markup": False, "highlight": False}
-        _OUT.print(display, **(text_only if isinstance(display, str) else {}))
+        if isinstance(display, str):
+            _print(display)
+        else:
+            _OUT.print(display)
 
 
 def _as_json(match: re.Match[str]) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import tyro
-from rich.console import Group
+from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -115,7 +115,9 @@ def diagnose(
         raise ParameterError("--drives goes with joint efforts: add --channels effort")
     else:
         written, answer = _diagnose_wrench(data, learning, seed, out)
-    shown = [] if as_json else [answer_display(answer), f"{', '.join(written)} → {out}"]
+    shown: list[RenderableType] = (
+        [] if as_json else [answer_display(answer), f"{', '.join(written)} → {out}"]
+    )
     console.answer(answer.d.to_json(), as_json, *shown)
 
 

@@ -120,7 +120,8 @@ class MessageRows:
                 self._columns[column].append(times)
         for column, value in values.items():
             number = isinstance(value, bool | int | float) or hasattr(value, "__float__")
-            self.missing |= set() if number else {column}
+            if not number:
+                self.missing.add(column)
             self._columns[column].append(float(value) if number else float("nan"))
         return True
 
@@ -211,7 +212,7 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
     except Exception as error:  # those of the libraries have no common base
         raise_shortage(error, path)
         raise MapError(f"{path}: {where}: {_line(error)}{_REMEDY}") from error
-    _chosen(path, topic, topics)
+    topic = _chosen(path, topic, topics)
     columns = rows.table()
     if rows.seen and columns.num_rows == 0:
         raise MapError(f"{path}: no message of {topic!r} has any of {', '.join(wanted)}")
@@ -445,7 +446,7 @@ def _topics(
         if registry.is_known("robots", robot):
             names = list(registry.load("robots", robot).joint_names)
         q, none = recording.q.astype(float), np.zeros(0)
-        still = {"name": names, "velocity": none, "effort": none}
+        still: dict[str, Any] = {"name": names, "velocity": none, "effort": none}
         yield "/joint_states", _JOINTS, lambda row: still | {"position": q[row]}
     if "temperature" in recording.columns:
         warm = recording.columns["temperature"].astype(float).tolist()

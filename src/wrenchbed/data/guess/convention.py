@@ -117,8 +117,8 @@ def fits(
             left = [float(np.sqrt((error**2).mean())) for error in errors]
             rms = [max(e, _FLOOR * size, 1e-12) for e, size in zip(left, sizes, strict=True)]
             yield GravityFit(
-                weight, axis, mount, quarter, lever, *rms, left[0] / sizes[0], rms[1] / sizes[1],
-                len(wrench),
+                weight, axis, mount, quarter, lever, rms[0], rms[1], left[0] / sizes[0],
+                rms[1] / sizes[1], len(wrench),
             )  # fmt: skip
 
 
@@ -226,6 +226,7 @@ class Convention:
         sign: of the wrench, for ``gravity`` along ±axis.
         gravity: in the base (3,) [m/s²].
         units: of force and torque.
+        more: penalty of sign and units.
     """
 
     reading: Reading
@@ -240,11 +241,22 @@ class Convention:
     sign: int = 1
     gravity: tuple[float, ...] = (0.0, 0.0, -9.80665)
     units: tuple[str, str] = ("N", "N·m")
+    more: float = 0.0
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Columns of joints; none where the columns are an orientation."""
+        return self.reading.names if self.reading.robot else ()
+
+    @property
+    def readings(self) -> np.ndarray:
+        """Wrench at the poses (G, 6) in the file's units."""
+        return self.poses.mean(self.load.block(list(self.wrench.values())).astype(float))
 
     @property
     def cost(self) -> float:
         """Penalty of the convention for how unusual it is."""
-        cost = self.reading.cost
+        cost = self.reading.cost + self.more
         cost += _COST["inverse"] * self.inverse + _COST["base"] * self.in_base
         if self.fit.mount is not None:
             cost += _COST["quarter" if self.fit.quarter else "free"]

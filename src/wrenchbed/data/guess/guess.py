@@ -21,7 +21,7 @@ from wrenchbed.data.column_map import ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.guess.candidates import at_rows, candidates, rows_at
 from wrenchbed.data.guess.convention import Convention
 from wrenchbed.data.guess.sheets import Sheet, orientations, sheet_of, wrenches
-from wrenchbed.data.guess.stated import NOTHING, KnownLoad, Stated
+from wrenchbed.data.guess.stated import NOTHING, Stated
 from wrenchbed.data.logs import is_log
 from wrenchbed.errors import MapError
 from wrenchbed.files.checked import Fields, quoted
@@ -139,7 +139,8 @@ def guess(files: Sequence[str | Path], stated: Stated = NOTHING, mode: str | Non
             f"conventions; {_LEAST_POSES} are needed"
         )
     if stated.known is not None:
-        fitting = [_as_known(c, stated.known, stated.gravity_size()) for c in fitting]
+        known, gravity = stated.known, stated.gravity_size()
+        fitting = [replace(c, fit=known.fitted(c, gravity)) for c in fitting]
     fitting.sort(key=lambda c: c.fit.force_rms)
     best = min(fitting, key=lambda c: c.fit.against(fitting[0].fit))
     if best.fit.share > _MOST_LEFT:
@@ -151,31 +152,19 @@ def guess(files: Sequence[str | Path], stated: Stated = NOTHING, mode: str | Non
     alike = [c for c in fitting if c.fit.against(best.fit) < _SAME]
     others = [c for c in fitting if c.fit.against(best.fit) >= _SAME][:3]
     alike.sort(key=lambda c: (c.cost, c.fit.against(best.fit)))
-    whole = [w for c in _without_doubles(alike) for w in _signs_and_units(c, tables, stated)]
+    usual: dict[tuple[Any, ...], Convention] = {}
+    for c in alike:  # of the mounts that fit alike in one reading only the most usual
+        usual.setdefault((c.reading.kind, c.joints, c.inverse, c.in_base), c)
+    gravity = stated.gravity_size(tables)
+    whole = [w for c in usual.values() for w in _signs_and_units(c, gravity, stated.mass)]
     if not whole:
         raise MapError(
             f"{tables[0].path}: {best.sentence} fits, but in no unit is the load a tool of "
             f"{_MASSES[0]} … {_MASSES[1]} kg at {_LEVERS[0]} … {_LEVERS[1]} m"
         )
-    chosen = tuple(c for _, c in sorted(whole, key=lambda pair: pair[0]))
+    chosen = tuple(sorted(whole, key=lambda c: c.cost))
     maps = tuple(raw_map(c, tables, stated, mode) for c in chosen)
     return Guess(chosen, maps, tuple(others), untried)
-
-
-def _as_known(c: Convention, known: KnownLoad, gravity: float) -> Convention:
-    """A convention with the tool and bias of an earlier calibration instead of fitted ones."""
-    y = c.poses.mean(c.load.block(list(c.wrench.values())).astype(float))
-    return replace(c, fit=known.fitted(c.fit, c.turn, y, c.in_base, gravity))
-
-
-def _without_doubles(alike: Sequence[Convention]) -> list[Convention]:
-    """Conventions with only the most usual of the mounts that fit alike in one reading."""
-    first: dict[tuple[Any, ...], Convention] = {}
-    for c in alike:
-        joints = c.reading.names if c.reading.robot else ()
-        key = (c.reading.kind, joints, c.inverse, c.in_base, tuple(c.wrench.values()))
-        first.setdefault(key, c)
-    return [*first.values()]
 
 
 def _nothing(tables: Sequence[Sheet]) -> str:
@@ -197,42 +186,36 @@ def _nothing(tables: Sequence[Sheet]) -> str:
     return f"{tables[0].path}: {what}; columns: {names}{why}"
 
 
-def _signs_and_units(
-    c: Convention, tables: Sequence[Sheet], stated: Stated
-) -> Iterator[tuple[float, Convention]]:
-    """Conventions with the wrench and gravity reversed, and in every unit."""
-    size = stated.gravity_size(tables)
+def _signs_and_units(c: Convention, size: float, mass: float | None) -> Iterator[Convention]:
+    """A convention with the wrench and gravity reversed, and in every unit in which the load is a
+    tool, the most usual first.
+
+    Args:
+        c: the convention.
+        size: of gravity [m/s²].
+        mass: known mass of the tool [kg], if any.
+    """
+    force, torque = (c.load.units.get(c.wrench[channel], "1") for channel in ("fx", "tx"))
+    forces = (force,) if SIZES[force][0] == "force" else _FORCES
     down = -1.0 if c.fit.axis == 2 else float(np.sign(c.fit.weight))
     for along in (down, -down):
-        gravity = [0.0, 0.0, 0.0]
-        gravity[c.fit.axis] = along * size
-        sign = 1 if along * c.fit.weight > 0 else -1
-        signed = replace(c, sign=sign, gravity=tuple(gravity))
-        for rank, units in enumerate(_units(signed, stated)):
-            yield (
-                c.cost + 0.05 * (along != down) + 0.01 * rank,
-                replace(signed, units=units),
-            )
-
-
-def _units(c: Convention, stated: Stated) -> list[tuple[str, str]]:
-    """Units of force and torque in which the load is a tool, the most usual first."""
-    force, torque = (c.load.units.get(c.wrench[channel]) for channel in ("fx", "tx"))
-    forces = (force,) if force is not None and SIZES[force][0] == "force" else _FORCES
-    pairs, mass = [], stated.mass
-    for f in forces:
-        torques: Sequence[str] = _TORQUES if len(forces) == 1 and f not in _WITH else _WITH[f]
-        if torque is not None and SIZES[torque][0] == "torque":
-            torques = (torque,)
-        for t in torques:
-            candidate = replace(c, units=(f, t))
-            reach = float(np.linalg.norm(candidate.cog))
-            fits_mass = _MASSES[0] <= candidate.mass <= _MASSES[1]
-            if mass is not None:
-                fits_mass = abs(candidate.mass / mass - 1.0) < _NEAR
-            if fits_mass and (_LEVERS[0] <= reach <= _LEVERS[1] or len(torques) == 1):
-                pairs.append((f, t))
-    return pairs
+        gravity = tuple(along * size if axis == c.fit.axis else 0.0 for axis in range(3))
+        rank = 0
+        for f in forces:
+            torques: Sequence[str] = _TORQUES if len(forces) == 1 and f not in _WITH else _WITH[f]
+            torques = (torque,) if SIZES[torque][0] == "torque" else torques
+            for t in torques:
+                signed = replace(
+                    c, sign=1 if along * c.fit.weight > 0 else -1, gravity=gravity, units=(f, t),
+                    more=0.05 * (along != down) + 0.01 * rank,
+                )  # fmt: skip
+                reach = float(np.linalg.norm(signed.cog))
+                fits_mass = _MASSES[0] <= signed.mass <= _MASSES[1]
+                if mass is not None:
+                    fits_mass = abs(signed.mass / mass - 1.0) < _NEAR
+                if fits_mass and (_LEVERS[0] <= reach <= _LEVERS[1] or len(torques) == 1):
+                    rank += 1
+                    yield signed
 
 
 def raw_map(

@@ -294,6 +294,7 @@ def orientations(sheet: Sheet) -> Iterator[Reading]:
                 _angles(sheet, columns.values(), kind) if angles else [Reading(kind, columns)]
             )
             named = True
+    by_value: Sequence[tuple[int, Callable[[Sheet, Sequence[str]], Iterator[Reading]]]]
     by_value = ((16, _poses), (9, _matrices), (4, _quaternions), (3, _angles))
     for width, read in () if named else by_value:
         readings = [r for names in sheet.windows(width) for r in read(sheet, names)]

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.data.column_map import UNITS
-from wrenchbed.data.guess.convention import GravityFit, in_body
+from wrenchbed.data.guess.convention import Convention, GravityFit, in_body
 from wrenchbed.data.guess.sheets import Sheet, sheet_of, wrenches
 from wrenchbed.errors import MapError
 from wrenchbed.files.checked import Fields, load
@@ -131,20 +131,16 @@ class KnownLoad:
         rms = [raw.part("residual_rms").number(c, "N") or 0.0 for c in CHANNELS[:3]]
         return cls(mass, cog, np.array(bias, dtype=float), known, max(rms))
 
-    def fitted(
-        self, fit: GravityFit, turn: np.ndarray, wrench: np.ndarray, in_base: bool, gravity: float
-    ) -> GravityFit:
-        """A fit with this load in the place of the fitted one, with the errors of the better rows:
-        a hand on the tool for a while hides nothing.
+    def fitted(self, c: Convention, gravity: float) -> GravityFit:
+        """A convention's fit with this load in the place of the fitted one, with the errors of the
+        better rows: a hand on the tool for a while hides nothing.
 
         Args:
-            fit: gives axis, mount and sign.
-            turn: the body in the base (N, 3, 3).
-            wrench: (N, 6) [N, N·m].
-            in_base: whether it is in the base's axes.
+            c: gives axis, mount and sign, and the rows.
             gravity: its size [m/s²].
         """
-        if in_base:
+        fit, turn, wrench = c.fit, c.turn, c.readings
+        if c.in_base:
             wrench = in_body(turn, wrench)
         m = np.eye(3) if fit.mount is None else fit.mount.as_matrix()
         down, cog = turn[:, fit.axis, :] @ m.T, np.asarray(self.cog)
