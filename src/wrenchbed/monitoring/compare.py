@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy import stats
+from scipy.special import chdtrc, stdtr  # scipy.stats takes a second to load
 
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.data.recording import Recording
@@ -172,7 +172,7 @@ def changes_of(
     difference = after - before
     sigmas = np.divide(difference, std, out=np.zeros(len(std)), where=std > 0)
     sigmas[(std == 0) & (difference != 0)] = np.inf
-    changed = holm(2.0 * stats.t.sf(np.abs(sigmas), freedom), level)
+    changed = holm(2.0 * stdtr(freedom, -np.abs(sigmas)), level)
     each = zip(units.items(), before, after, std, sigmas, changed, strict=True)
     return tuple(
         Change(n, u, float(x), float(y), float(s), float(z), bool(c))
@@ -195,7 +195,7 @@ def _together(difference: np.ndarray, covariance: np.ndarray) -> dict[str, float
     kept = values > _SINGULAR * values[-1]
     turned = vectors.T @ (difference / scale)
     chi2 = float(np.sum(turned[kept] ** 2 / values[kept]))
-    return {"chi2": chi2, "dof": int(kept.sum()), "p": float(stats.chi2.sf(chi2, kept.sum()))}
+    return {"chi2": chi2, "dof": int(kept.sum()), "p": float(chdtrc(kept.sum(), chi2))}
 
 
 def holm(p: np.ndarray, level: float = LEVEL) -> np.ndarray:

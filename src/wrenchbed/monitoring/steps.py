@@ -19,7 +19,7 @@ from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+from scipy.special import fdtrc
 
 from wrenchbed import registry
 from wrenchbed.calibration.calibrate import check_mass, identify
@@ -277,5 +277,5 @@ class History:
         freedom = _WORTH + _EFFECTIVE * (len(x) - 2)
         variance = (_WORTH * _GROWN + _EFFECTIVE * scatter) / freedom
         ratio = float((beta[0] ** 2).sum()) / each / inverse[0, 0] / variance
-        p = float(stats.f.sf(ratio, _EFFECTIVE, freedom))
+        p = float(fdtrc(_EFFECTIVE, freedom, ratio))
         return p, -0.5 * freedom * float(np.log(variance))

@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from scipy.ndimage import uniform_filter1d
-from scipy.stats import norm
 
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
@@ -357,7 +356,7 @@ def _sizes(residual: np.ndarray, axis: Axis) -> Panel:
     reach = max(4.0, float(np.abs(residual).max()))
     counts, edges = np.histogram(residual, np.linspace(-reach, reach, 61))
     middle = (edges[1:] + edges[:-1]) / 2.0
-    usual = len(residual) * np.diff(edges) * norm.pdf(middle)
+    usual = len(residual) * np.diff(edges) * np.exp(-(middle**2) / 2.0) / np.sqrt(2.0 * np.pi)
     series = (
         Series("rows", "line", middle, counts.astype(float)),
         Series("stated noise", "line", middle, usual, role="before", dashed=True),

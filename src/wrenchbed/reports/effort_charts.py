@@ -1,7 +1,6 @@
 """Figures of joint efforts: measured and predicted, their residual, and each joint's friction."""
 
 import numpy as np
-from scipy.stats import binned_statistic
 
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.pages.chart import Axis, Chart, Kind, Panel, Role, Series, thinned
@@ -72,7 +71,8 @@ def _friction(findings: EffortFindings, j: int) -> Chart:
     if "with_effects" in findings.held_out.left:
         efforts.append(measured - std * findings.held_out.left["with_effects"][:, j])
     edges = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, _BINS + 1)))
-    x, *means = np.asarray(binned_statistic(speed, efforts, "mean", edges).statistic)
+    at = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, len(edges) - 2)
+    x, *means = (np.bincount(at, values) / np.bincount(at) for values in efforts)
     series = [
         Series(name, kind, x, y, role=role)
         for y, (name, kind, role) in zip(means, _FRICTION, strict=False)
