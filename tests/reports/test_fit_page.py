@@ -7,6 +7,7 @@ from html import unescape
 
 import numpy as np
 import pytest
+from test_report import words
 
 import wrenchbed as wb
 from wrenchbed.cli import main
@@ -27,11 +28,6 @@ def recorded(tmp_path_factory):
 @pytest.fixture(scope="module")
 def fit(recorded):
     return wb.calibrate(recorded)
-
-
-def text(html: str) -> str:
-    bare = re.sub(r"<(style|script|svg)\b.*?</\1>|<[^>]+>", " ", html, flags=re.DOTALL)
-    return " ".join(unescape(bare).split())
 
 
 def charts(page) -> dict:
@@ -63,10 +59,10 @@ def test_the_page_holds_the_numbers_of_the_json(fit, recorded, tmp_path, capsys)
     assert np.allclose(matrix["values"], told["correlation"]["matrix"], atol=1e-5)
     for number in told["residual_rms"].values():
         assert isinstance(number, str) or f"{number:.4f}" in html or f"{number:.6f}" in html
-    words = text(html)
-    assert all(r["sentence"] in words for r in told["redundancies"])
-    assert told["status"] in words
-    assert f"wrenchbed calibrate {name} --out {out} --report {page}" in words
+    text = words(html)
+    assert all(r["sentence"] in text for r in told["redundancies"])
+    assert told["status"] in text
+    assert f"wrenchbed calibrate {name} --out {out} --report {page}" in text
 
 
 @pytest.mark.slow
@@ -84,7 +80,7 @@ def test_one_pose_that_is_off_is_named(fit, recorded):
     columns = dict(recorded.columns)
     off = columns["segment"] == 17
     columns["tz"] = columns["tz"] + 300.0 * fit.noise.row[5] * off
-    page = text(fit_page(fit, replace(recorded, columns=columns)).html())
+    page = words(fit_page(fit, replace(recorded, columns=columns)).html())
     assert re.search(r"The largest is tz of pose 17: \+3\.?\d*(e\+02|00)? times", page)
 
 
@@ -92,15 +88,15 @@ def test_one_pose_that_is_off_is_named(fit, recorded):
 def test_the_verdict_follows_the_fit(fit, recorded):
     page = fit_page(fit, recorded)
     assert page.context["badge"] == "◔ more is left"
-    assert "wrenchbed diagnose rec.parquet --out found" in text(page.html())
+    assert "wrenchbed diagnose rec.parquet --out found" in words(page.html())
     clean = replace(fit, noise=replace(fit.noise, inflated=False))
     assert fit_page(clean, recorded).context["badge"] == "✓ converged"
     refuted = replace(fit, refuted="the fit leaves 60 % of the swing")
     page = fit_page(refuted, recorded)
     assert page.context["badge"] == "✗ refuted" and page.context["verdict"] == "unknown"
-    words = text(page.html())
-    assert "The data refute these values: the fit leaves 60 % of the swing." in words
-    assert "Do not use these values." in words and "export FIT" not in words
+    text = words(page.html())
+    assert "The data refute these values: the fit leaves 60 % of the swing." in text
+    assert "Do not use these values." in text and "export FIT" not in text
 
 
 @pytest.mark.slow
@@ -112,7 +108,7 @@ def test_what_is_fixed_in_sum_only_has_no_interval_and_no_correlation(recorded):
     matrix = charts(page)["correlation"].panels[0].matrix
     assert not set(blind) & set(matrix.rows) and matrix.printed
     assert f"Without {len(blind)} parameters" in charts(page)["correlation"].caption
-    assert f"rank {fit.observability.rank} of {len(fit.observability.names)}" in text(page.html())
+    assert f"rank {fit.observability.rank} of {len(fit.observability.names)}" in words(page.html())
 
 
 def test_a_page_takes_the_place_of_no_input(recorded, capsys):
@@ -131,8 +127,8 @@ def test_a_motion_is_drawn_over_time_without_poses(recorded):
     model = wb.Model.of(robot, bare.metadata)
     moving = wb.simulate(wb.Twin(model, model.configured(bare.metadata)), bare, noise="white")
     page = fit_page(wb.calibrate(moving), moving)
-    words, told = text(page.html()), charts(page)
-    assert re.search(r"The largest is [ft][xyz] at [\d.]+ s:", words) and "pose" not in words
+    text, told = words(page.html()), charts(page)
+    assert re.search(r"The largest is [ft][xyz] at [\d.]+ s:", text) and "pose" not in text
     assert told["each"].panels[0].x.label == "time"
     line = told["each"].panels[0].series[0]
     assert line.kind == "line" and line.std is None and "Upright" not in told["each"].caption

@@ -8,6 +8,7 @@ from importlib.metadata import version
 
 import numpy as np
 import pytest
+from test_report import words
 
 import wrenchbed as wb
 from wrenchbed.cli import main
@@ -30,13 +31,7 @@ def folder(tmp_path_factory):
 
 
 def text(page) -> str:
-    bare = re.sub(
-        r"<style>.*?</style>|<script.*?</script>|<svg.*?</svg>|<[^>]+>",
-        " ",
-        page.html(),
-        flags=re.S,
-    )
-    return re.sub(r"\s+", " ", bare)
+    return words(page.html())
 
 
 @pytest.mark.slow
@@ -44,11 +39,8 @@ def test_a_fit_that_agrees_says_so_with_its_figures(folder):
     recording = wb.Recording.read(folder / "rec.parquet")
     page = recording_page(recording, [folder / "fit.json"], "the command")
     told, fit = text(page), json.loads((folder / "fit.json").read_text())
-    assert (
-        "Simulator fit agrees with the recording in every channel." in told
-        and "40 poses at rest" in told
-        and "the command" in told
-    )
+    for wanted in ("fit agrees with the recording in every", "40 poses at rest", "the command"):
+        assert wanted in told
     assert f"{fit['tool']['mass']:.4g} kg" in told
     assert hashlib.sha256((folder / "rec.parquet").read_bytes()).hexdigest() in told
     assert f"wrenchbed {version('wrenchbed')}" in told and " UTC by " in told
