@@ -3,6 +3,7 @@
 import ast
 import json
 import re
+from functools import partial
 from xml.etree import ElementTree
 
 import mujoco
@@ -18,6 +19,7 @@ from wrenchbed import registry
 from wrenchbed.errors import ExportError
 from wrenchbed.exports.base import Export, output_files
 from wrenchbed.exports.load_numbers import Origin, load_numbers
+from wrenchbed.physics.wrench import CHANNELS, six_of
 from wrenchbed.plant.serving import EmulatorOptions, emulated
 
 INERTIA = {
@@ -57,8 +59,7 @@ def with_inertia(path):
     raw = json.loads(path.read_text())
     raw["theta"] |= INERTIA
     for name, value in INERTIA.items():
-        entry = {"value": value, "std": 1e-6, "unit": "kg·m²", "nominal": 0.0, "interval95": 2e-6}
-        raw["parameters"][name] = entry
+        raw["parameters"][name] = {"value": value, "std": 1e-6, "unit": "kg·m²"}
     n = len(raw["covariance"])
     covariance = np.zeros((n + 6, n + 6))
     covariance[:n, :n] = raw["covariance"]
@@ -68,35 +69,22 @@ def with_inertia(path):
     return path
 
 
-@pytest.fixture(scope="module")
-def truth():
-    return UR5_TRUTH | TILT
+TRUTH = UR5_TRUTH | TILT
+BIAS = [TRUTH[f"sensor.bias.{c}"] for c in CHANNELS]
+TURN = Rotation.from_rotvec([TRUTH[f"mount.rotation.{a}"] for a in "xyz"])
+MASS, COG = TRUTH["tool.mass"], np.array([TRUTH[f"tool.cog.{a}"] for a in "xyz"])
+XX, YY, ZZ, XY, XZ, YZ = INERTIA.values()
+OWN = np.array([[XX, XY, XZ], [XY, YY, YZ], [XZ, YZ, ZZ]])
+IN_FLANGE = TURN.as_matrix() @ OWN @ TURN.as_matrix().T
+GRAVITY = Rotation.from_rotvec([*TILT.values(), 0.0]).apply([0.0, 0.0, -9.80665])
+"""All numbers by hand, from the truth alone; inertias about the CoG."""
+near = partial(pytest.approx, abs=1e-9)
 
 
 @pytest.fixture(scope="module")
-def fit(tmp_path_factory, truth):
+def fit(tmp_path_factory):
     free = ("tool.mass", "tool.cog", "mount.rotation", "base.tilt", "sensor.bias")
-    return with_inertia(fit_file(tmp_path_factory.mktemp("fit"), truth, free))
-
-
-@pytest.fixture(scope="module")
-def expected(truth):
-    """All numbers by hand, from the truth alone."""
-    turn = Rotation.from_rotvec([truth[f"mount.rotation.{a}"] for a in "xyz"])
-    cog = np.array([truth[f"tool.cog.{a}"] for a in "xyz"])
-    six = np.array(list(INERTIA.values()))
-    own = np.array([[six[0], six[3], six[4]], [six[3], six[1], six[5]], [six[4], six[5], six[2]]])
-    tilt = Rotation.from_rotvec([truth["base.tilt.x"], truth["base.tilt.y"], 0.0])
-    return {
-        "mass": truth["tool.mass"],
-        "cog": turn.apply(cog),
-        "cog_sensor": cog,
-        "inertia": turn.as_matrix() @ own @ turn.as_matrix().T,
-        "inertia_sensor": own,
-        "rotation": turn,
-        "gravity": tilt.apply([0.0, 0.0, -9.80665]),
-        "bias": np.array([truth[f"sensor.bias.{c}"] for c in ("fx", "fy", "fz", "tx", "ty", "tz")]),
-    }
+    return with_inertia(fit_file(tmp_path_factory.mktemp("fit"), TRUTH, free))
 
 
 def written(fit, tmp_path, name, **options):
@@ -111,70 +99,57 @@ def numbers_in(text):
 # ---- each format -------------------------------------------------------------------------------
 
 
-def test_ur_script_holds_payload_and_gravity(fit, tmp_path, expected):
+def test_ur_script_holds_payload_and_gravity(fit, tmp_path):
     lines = [x for x in written(fit, tmp_path, "ur").splitlines() if not x.startswith("#")]
     assert lines[0] == "def wrenchbed_payload():" and lines[-1] == "end"
     gravity = ast.literal_eval(lines[1].strip().removeprefix("set_gravity"))
     mass, cog, inertia = ast.literal_eval(lines[2].strip().removeprefix("set_target_payload"))
-    assert gravity == pytest.approx(-expected["gravity"], abs=1e-9)
-    assert mass == pytest.approx(expected["mass"], abs=1e-9)
-    assert cog == pytest.approx(expected["cog"], abs=1e-9)
-    own = expected["inertia"]
-    six = [own[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    assert inertia == pytest.approx(six, abs=1e-9)
+    assert gravity == near(-GRAVITY) and mass == near(MASS)
+    assert cog == near(TURN.apply(COG)) and inertia == near(six_of(IN_FLANGE))
 
 
-def test_ros2_parameters_hold_weight_and_cog_in_sensor_axes(fit, tmp_path, expected):
+def test_ros2_parameters_hold_weight_and_cog_in_sensor_axes(fit, tmp_path):
     content = yaml.safe_load(written(fit, tmp_path, "ros2", frame="my: frame"))
     block = content["admittance_controller"]["ros__parameters"]["gravity_compensation"]
     assert block["frame"]["id"] == "my: frame"
-    assert block["CoG"]["pos"] == pytest.approx(expected["cog_sensor"], abs=1e-9)
-    assert block["CoG"]["force"] == pytest.approx(expected["mass"] * 9.80665, abs=1e-8)
+    assert block["CoG"]["pos"] == near(COG)
+    assert block["CoG"]["force"] == pytest.approx(MASS * 9.80665, abs=1e-8)
     tool = content["gravity_compensation_filter"]["ros__parameters"]["tool"]
-    assert tool["mass"] == pytest.approx(expected["mass"], abs=1e-9)
-    assert tool["pos"] == pytest.approx(expected["cog_sensor"], abs=1e-9)
-    assert tool["gravity_field"] == pytest.approx(expected["gravity"], abs=1e-9)
+    assert tool["mass"] == near(MASS) and tool["pos"] == near(COG)
+    assert tool["gravity_field"] == near(GRAVITY)
 
 
-def test_franka_takes_columns_in_flange_axes(fit, tmp_path, expected):
+def test_franka_takes_columns_in_flange_axes(fit, tmp_path):
     content = json.loads(written(fit, tmp_path, "franka"))
     assert set(content) == {"mass", "centerOfMass", "inertia", "transformation"}
-    assert content["mass"] == pytest.approx(expected["mass"], abs=1e-9)
-    assert content["centerOfMass"] == pytest.approx(expected["cog"], abs=1e-9)
-    inertia = np.reshape(content["inertia"], (3, 3), order="F")
-    assert inertia == pytest.approx(expected["inertia"], abs=1e-9)
+    assert content["mass"] == near(MASS) and content["centerOfMass"] == near(TURN.apply(COG))
+    assert np.reshape(content["inertia"], (3, 3), order="F") == near(IN_FLANGE)
     assert "±" in (tmp_path / "out.notes.txt").read_text()
 
 
-def test_kuka_turns_into_principal_axes(fit, tmp_path, expected):
-    line = written(fit, tmp_path, "kuka").splitlines()[-1]
-    _, mass, *rest = numbers_in(line)
-    x, y, z, a, b, c, *moments = rest
-    assert mass == pytest.approx(expected["mass"], abs=1e-9)
-    assert np.array([x, y, z]) / 1000.0 == pytest.approx(expected["cog"], abs=1e-9)
-    # KUKA: A about Z, then B about the new Y, then C about the new X, degrees
-    turn = (
-        Rotation.from_rotvec([0, 0, a], degrees=True)
-        * Rotation.from_rotvec([0, b, 0], degrees=True)
-        * Rotation.from_rotvec([c, 0, 0], degrees=True)
-    ).as_matrix()
-    assert turn @ np.diag(moments) @ turn.T == pytest.approx(expected["inertia"], abs=1e-9)
+def test_kuka_turns_into_principal_axes(fit, tmp_path):
+    """KUKA's angles: A about Z, then B about the new Y, then C about the new X [°]."""
+    _, mass, x, y, z, a, b, c, *moments = numbers_in(
+        written(fit, tmp_path, "kuka").splitlines()[-1]
+    )
+    assert mass == near(MASS) and np.array([x, y, z]) / 1e3 == near(TURN.apply(COG))
+    vectors = ([0, 0, a], [0, b, 0], [c, 0, 0])
+    turns = [Rotation.from_rotvec(v, degrees=True).as_matrix() for v in vectors]
+    turn = turns[0] @ turns[1] @ turns[2]
+    assert turn @ np.diag(moments) @ turn.T == near(IN_FLANGE)
 
 
-def test_xarm_takes_ten_numbers(fit, tmp_path, expected):
-    tree = ast.parse(written(fit, tmp_path, "xarm"))
-    load = ast.literal_eval(tree.body[0].value)
-    assert len(load) == 10
-    assert load[0] == pytest.approx(expected["mass"], abs=1e-9)
-    assert np.array(load[1:4]) / 1000.0 == pytest.approx(expected["cog_sensor"], abs=1e-9)
-    assert load[4:] == pytest.approx(expected["bias"], abs=1e-8)
+def test_xarm_takes_ten_numbers(fit, tmp_path):
+    mass, *rest = ast.literal_eval(ast.parse(written(fit, tmp_path, "xarm")).body[0].value)
+    assert mass == near(MASS) and np.array(rest[:3]) / 1e3 == near(COG)
+    assert rest[3:] == pytest.approx(BIAS, abs=1e-8)
 
 
-def test_json_holds_what_its_schema_says(fit, tmp_path, expected):
+def test_json_holds_what_its_schema_says(fit, tmp_path):
     content = json.loads(written(fit, tmp_path, "json-schema"))
     schema = json.loads((tmp_path / "out.schema.json").read_text())
     check(content, schema)
-    assert content["numbers"]["cog"]["value"] == pytest.approx(expected["cog"], abs=1e-9)
+    assert content["numbers"]["cog"]["value"] == near(TURN.apply(COG))
     assert content["numbers"]["mass"]["std"][0] >= 0.0
     content["numbers"]["mass"]["value"] = [1.0, 2.0]
     with pytest.raises(AssertionError):
@@ -183,29 +158,23 @@ def test_json_holds_what_its_schema_says(fit, tmp_path, expected):
 
 def check(value, schema):
     """The few words of JSON Schema that the format uses."""
-    if "const" in schema:
-        assert value == schema["const"]
-    if "enum" in schema:
-        assert value in schema["enum"]
+    assert value == schema.get("const", value) and value in schema.get("enum", [value])
     kind = schema.get("type")
     if kind == ["array", "null"]:
-        kind = "array" if value is not None else "null"
+        kind = "null" if value is None else "array"
+    kinds = {"object": dict, "array": list, "number": float, "string": str, "null": type(None)}
+    assert kind is None or isinstance(value, kinds[kind])
     if kind == "object":
         assert set(value) == set(schema["properties"]) == set(schema["required"])
         for key, inner in schema["properties"].items():
             check(value[key], inner)
     elif kind == "array":
-        if "minItems" in schema:
-            assert schema["minItems"] <= len(value) <= schema["maxItems"]
+        assert schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value))
         for x in value:
             check(x, schema["items"])
-    elif kind == "number":
-        assert isinstance(value, float)
-    elif kind == "string":
-        assert isinstance(value, str)
 
 
-def test_urdf_is_read_by_mujoco_and_changes_nothing_else(fit, tmp_path, expected):
+def test_urdf_is_read_by_mujoco_and_changes_nothing_else(fit, tmp_path):
     raw = json.loads(fit.read_text())
     raw["theta"] |= MOUNT
     moved = tmp_path / "moved.json"
@@ -216,19 +185,15 @@ def test_urdf_is_read_by_mujoco_and_changes_nothing_else(fit, tmp_path, expected
     head, _, rest = URDF.partition(link)
     middle, _, tail = rest.partition(joint)
     assert text.startswith(head) and text.endswith(tail) and joint in text and middle in text
-    compiled = text.replace(
-        '<robot name="mine">', '<robot name="mine"><mujoco><compiler fusestatic="false"/></mujoco>'
-    )
-    model = mujoco.MjModel.from_xml_string(compiled)
+    options = '<mujoco><compiler fusestatic="false"/></mujoco>'
+    model = mujoco.MjModel.from_xml_string(text.replace('name="mine">', f'name="mine">{options}'))
     body = model.body("ft_frame")
-    assert body.mass[0] == pytest.approx(expected["mass"], abs=1e-9)
-    assert body.ipos == pytest.approx(expected["cog_sensor"], abs=1e-9)
-    axes = Rotation.from_quat(np.roll(body.iquat, -1)).as_matrix()
-    own = axes @ np.diag(body.inertia) @ axes.T
-    assert own == pytest.approx(expected["inertia_sensor"], abs=1e-9)
-    turn = Rotation.from_quat(np.roll(body.quat, -1))
-    assert (turn.inv() * expected["rotation"]).magnitude() < 1e-8
-    assert body.pos == pytest.approx(list(MOUNT.values()), abs=1e-9)
+    assert body.mass[0] == near(MASS) and body.ipos == near(COG)
+    axes = Rotation.from_quat(body.iquat, scalar_first=True).as_matrix()
+    assert axes @ np.diag(body.inertia) @ axes.T == near(OWN)
+    turn = Rotation.from_quat(body.quat, scalar_first=True)
+    assert (turn.inv() * TURN).magnitude() < 1e-8
+    assert body.pos == near(list(MOUNT.values()))
 
 
 @pytest.mark.parametrize("series", ["cb3", "e"])
@@ -267,7 +232,7 @@ def felt(controller) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_std_is_that_of_many_fits(tmp_path, truth):
+def test_std_is_that_of_many_fits(tmp_path):
     """CoG in flange axes depends on CoG and mount: its ± holds over repeated noise."""
     found = []
     for seed in range(24):
@@ -364,8 +329,8 @@ def test_a_urdf_that_cannot_take_it_is_refused(fit, tmp_path, urdf, frame, why):
         written(fit, tmp_path, "urdf", urdf=urdf, frame=frame)
 
 
-def test_effects_of_a_twin_are_in_the_numbers_or_named_as_left_out(tmp_path, truth):
-    theta = {n: v for n, v in truth.items() if not n.startswith("sensor.bias")}
+def test_effects_of_a_twin_are_in_the_numbers_or_named_as_left_out(tmp_path):
+    theta = {n: v for n, v in TRUTH.items() if not n.startswith("sensor.bias")}
     raw = {
         "format": 1, "robot": "ur5", "theta": theta, "tool": {}, "recording": "r.parquet",
         "effects": [

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import test_robots
 from scipy.spatial.transform import Rotation
+from test_file_arm import loads
 from test_robots import random_theta
 
 from loop_files import PlainLoops, medrue_file
@@ -20,7 +21,6 @@ from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.base import models
 from wrenchbed.robots.described import describe, read, rebuilt
 from wrenchbed.robots.medrue import ROBOT as MEDRUE
-from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.twin import nominal
 
@@ -30,13 +30,6 @@ each_model = pytest.mark.parametrize("name", TOOLS)
 
 def loop_robot(name, folder):
     return describe(models() / name / f"{name}.xml", "sensor", folder / "my.toml").robot
-
-
-def loads(robot, q, theta):
-    model = Model.of(robot)
-    full = model.parameters.nominal
-    full[: len(theta)] = theta
-    return model.true_wrench(q, full)
 
 
 def medrue_poses(theta, n, seed):

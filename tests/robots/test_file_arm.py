@@ -8,8 +8,6 @@ from test_robots import random_theta
 
 from arm_files import CASES, TOOL_COG, TOOL_MASS, PlainArm
 from wrenchbed import registry
-from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.described import describe, read, rebuilt
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
@@ -77,36 +75,6 @@ def test_the_torque_of_weight_is_mujocos(case, tmp_path):
 
 
 @each_file
-def test_in_motion_too(case, tmp_path):
-    robot, rng = arm_of(case, tmp_path), np.random.default_rng(3)
-    for theta in (robot.parameters.nominal, random_theta(robot, rng)):
-        q = robot.sample(30, rng)
-        motion = Jet(q, rng.normal(size=q.shape), 5.0 * rng.normal(size=q.shape))
-        simulated = Simulation(robot, theta).wrench(motion)
-        assert np.abs(simulated - loads(robot, motion, theta)).max() < 1e-9
-        by_pose = wrench(
-            *robot.sensor_pose(motion, theta), robot.tool(theta), np.array(robot.gravity)
-        )
-        assert np.abs(simulated - by_pose).max() < 1e-9
-
-
-@each_file
-def test_the_jacobian_is_that_of_complex_steps_of_the_pose(case, tmp_path):
-    robot = arm_of(case, tmp_path)
-    rng = np.random.default_rng(4)
-    theta, gravity = random_theta(robot, rng), np.array(robot.gravity)
-    q = robot.sample(7, rng)
-    names = robot.parameters.names
-    written = robot.gravity_slopes(q, theta, gravity, names)
-    for k, name in enumerate(names):
-        shifted = theta.astype(complex)
-        shifted[k] += 1e-30j
-        rotation = robot.sensor_pose(q, shifted)[0]
-        slope = (np.swapaxes(rotation, -1, -2) @ gravity).imag / 1e-30
-        assert np.abs(written[:, :, k] - slope).max() < 1e-13 * 9.81 * 10, name
-
-
-@each_file
 def test_a_recording_carries_the_robot_with_joints_in_the_order_of_the_chain(
     case, tmp_path, monkeypatch
 ):
@@ -130,12 +98,14 @@ def test_a_recording_carries_the_robot_with_joints_in_the_order_of_the_chain(
 
 CONTRACT = (
     test_robots.test_the_wrench_at_rest_is_the_same_in_mujoco_and_in_closed_form,
+    test_robots.test_the_wrench_in_motion_is_newton_eulers,
     test_robots.test_gravity_is_seen_as_the_sensor_is_turned,
     test_robots.test_the_sensor_stands_where_mujoco_puts_it,
     test_robots.test_every_parameter_moves_something_or_is_listed_as_unobservable,
     test_robots.test_parameters_of_the_load_leave_the_sensor_where_it_is,
     test_robots.test_every_parameter_writes_itself_into_the_spec,
     test_robots.test_the_jacobian_is_that_of_central_differences,
+    test_robots.test_the_jacobian_is_that_of_complex_steps,
     test_robots.test_samples_are_feasible_seeded_and_turn_the_tool_about,
     test_robots.test_joints_outside_limits_are_refused_by_row,
     test_robots.test_an_inertia_of_no_body_is_refused,

@@ -150,15 +150,23 @@ def test_the_jacobian_is_that_of_central_differences(robot):
     model = Model.of(robot)
     theta = model.parameters.nominal
     q = feasible(robot, 10, robot.parameters.nominal, seed=8)
-    columns = range(len(theta))
-    exact = model.jacobian(q, theta, columns)
-    for i in columns:
-        step = 1e-6
-        up, down = theta.copy(), theta.copy()
-        up[i] += step
-        down[i] -= step
-        difference = (model.predict(q, up) - model.predict(q, down)) / (2 * step)
+    exact = model.jacobian(q, theta, range(len(theta)))
+    for i, step in enumerate(1e-6 * np.eye(len(theta))):
+        difference = (model.predict(q, theta + step) - model.predict(q, theta - step)) / 2e-6
         assert np.abs(exact[:, :, i] - difference).max() < 1e-7, model.parameters[i].name
+
+
+@each_robot
+def test_the_jacobian_is_that_of_complex_steps(robot):
+    """Of the pose: to rounding, at random parameters."""
+    model, rng = Model.of(robot), np.random.default_rng(4)
+    theta = model.parameters.nominal
+    theta[: len(robot.parameters)] = random_theta(robot, rng)
+    q = feasible(robot, 7, robot.robot_theta(theta), seed=8)
+    exact = model.jacobian(q, theta, range(len(theta)))
+    for i, step in enumerate(1e-30j * np.eye(len(theta))):
+        slope = model.read(model.plain_wrench(q, theta + step), theta + step).imag / 1e-30
+        assert np.abs(exact[:, :, i] - slope).max() < 1e-12 * max(1.0, np.abs(slope).max())
 
 
 @each_robot

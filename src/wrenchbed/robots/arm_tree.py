@@ -115,7 +115,9 @@ class ArmTree:
         base = int(model.body_parentid[model.jnt_bodyid[chain[0]]])
         frames = [(_axes(data.xmat[base]), data.xpos[base].copy())]
         frames += [(_axes(data.xmat[model.jnt_bodyid[j]]), data.xanchor[j].copy()) for j in chain]
-        before = [[i for i in self._moving(j) if i < j and i in chain] for j in chain]
+        moving = [self._above[model.jnt_bodyid[j]] for j in chain]
+        before = [[i for i in some if i < j and i in chain]
+                  for j, some in zip(chain, moving, strict=True)]  # fmt: skip
         parents = tuple(chain.index(joints[-1]) if joints else -1 for joints in before)
         links = [
             self._link(k, np.flatnonzero(segment == k + 1), frames[p + 1], frames[k + 1],
@@ -130,8 +132,11 @@ class ArmTree:
         turn, origin = frames[last + 1]
         end, at = _axes(data.site_xmat[self.site]), data.site_xpos[self.site]
         gravity = (0.0, 0.0, -9.80665) if self.source.urdf else model.opt.gravity
+        stated = str(self.source.root.get("model") or self.source.root.get("name") or "MuJoCo")
+        name = self.source.path.stem if "MuJoCo" in stated else stated
         return ArmModel(
-            name=self._name(), base_turn=frames[0][0], base_shift=frames[0][1],
+            name=re.sub(r"[^A-Za-z0-9_.-]+", "_", name),
+            base_turn=frames[0][0], base_shift=frames[0][1],
             base_shapes=self._shapes(np.flatnonzero(segment == 0), *frames[0]),
             links=_distinct(links), end_turn=turn.T @ end, end_shift=turn.T @ (at - origin),
             load=self._load(end, at), gravity=tuple(float(g) for g in gravity), loops=loops,
@@ -161,18 +166,9 @@ class ArmTree:
     def _refusal(self, words: str) -> ParameterError:
         return ParameterError(f"{self.source.path}: {words}")
 
-    def _name(self) -> str:
-        stated = str(self.source.root.get("model") or self.source.root.get("name") or "")
-        name = stated if stated and "MuJoCo" not in stated else self.source.path.stem
-        return re.sub(r"[^A-Za-z0-9_.-]+", "_", name)
-
     def _joints(self, body: int) -> range:
         first = int(self.model.body_jntadr[body])
         return range(first, first + int(self.model.body_jntnum[body]))
-
-    def _moving(self, joint: int) -> list[int]:
-        """Joints that move the body of a joint."""
-        return self._above[self.model.jnt_bodyid[joint]]
 
     def _joint_name(self, j: int) -> str:
         return self.model.joint(j).name or f"joint{j + 1}"

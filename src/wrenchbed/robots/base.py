@@ -4,12 +4,12 @@ Turns of a robot's base and of its sensor, written into whichever parameters the
 """
 
 from abc import abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -64,8 +64,7 @@ class Joint:
         return _OF_SLIDES.get(unit, unit) if self.unit == "m" else unit
 
 
-@dataclass(frozen=True, eq=False)
-class GoalSets:
+class GoalSets(NamedTuple):
     """Poses at which a robot may be measured and must be accurate, as joint values.
 
     Attributes:
@@ -103,11 +102,9 @@ class Robot(ArmBodies):
     load: frozenset[str]
     """Parameters that change the load on the sensor but not where the sensor is."""
     large_gears: int = 0
-    """Number of joints from the base on whose gears are about three times as stiff as the
-    others'."""
+    """Number of joints from the base on with gears about three times as stiff as the others'."""
     broadcasts: bool = False
-    """Whether the formulas at rest take theta (R, 1, P) and give each robot the same bits as
-    alone."""
+    """Whether the formulas at rest take theta (R, 1, P) with the same bits as of one robot."""
     compiled: str = ""
     """Function of `compiled.statics` for the reading at rest in this robot's poses, if any."""
     unobservable: tuple[str, ...] = ()
@@ -139,29 +136,20 @@ class Robot(ArmBodies):
         raise NotImplementedError
 
     def gravity_slopes(
-        self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]
+        self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, columns: Sequence[int]
     ) -> np.ndarray:
-        """Derivative (N, 3, K) of gravity in sensor axes [m/s²] by parameters; by complex steps."""
-        slopes = np.empty((len(q), 3, len(names)))
+        """Derivative (N, 3, K) of gravity in sensor axes [m/s²] by K parameters; complex steps."""
+        slopes = np.empty((len(columns), len(q), 3))
         at_once = max(1, _ROWS_AT_ONCE // max(len(q), 1))
-        for start in range(0, len(names), at_once):
-            some = names[start : start + at_once]
-            shifted = complex_steps(theta, [self.parameters.index(name) for name in some])
-            slope = self.gravity_seen(q, shifted, gravity).imag / STEP
-            slopes[:, :, start : start + at_once] = np.moveaxis(slope, 0, -1)
-        return slopes
+        for start in range(0, len(columns), at_once):
+            some = slice(start, start + at_once)
+            shifted = complex_steps(theta, columns[some])
+            slopes[some] = self.gravity_seen(q, shifted, gravity).imag / STEP
+        return np.moveaxis(slopes, 0, -1)
 
     def motion_seen(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
         """Motion of the sensor under gravity in world axes (3,), with vectors (3, …, N)."""
         return motion_of(*self.sensor_pose(q, theta), gravity)
-
-    def motion_slopes(
-        self, q: Jet, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str], here: Motion
-    ) -> Iterator[Motion]:
-        """Derivative of `motion_seen`, ``here``, by each parameter; by complex steps."""
-        for shifted in complex_steps(theta, [self.parameters.index(name) for name in names]):
-            slope = self.motion_seen(q, shifted[0], gravity)
-            yield Motion(*(x.imag / STEP for x in slope))
 
     @abstractmethod
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:

@@ -20,7 +20,7 @@ import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.newton_euler import Motion, Vector
-from wrenchbed.physics.rotations import apply, cross
+from wrenchbed.physics.rotations import apply, cross, exp_rates
 from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets
 from wrenchbed.robots.base import STEP, MountedArm, complex_steps, mount_turn
 from wrenchbed.robots.compiled.statics import Packed
@@ -137,21 +137,21 @@ class SerialChain(MountedArm):
         return Packed(gravity @ between[0], between[-1], joints.ravel())
 
     def gravity_slopes(
-        self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, names: Sequence[str]
+        self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, columns: Sequence[int]
     ) -> np.ndarray:
         """Written out: a turn by ω changes γ by γ × ω, both in sensor axes.
 
         Complex steps give what each parameter (K) turns: R_k → R_k (1 + [ω]×), and joints' zeros.
         """
-        shifted = complex_steps(theta, [self.parameters.index(name) for name in names])
+        shifted = complex_steps(theta, columns)
         turns, _ = self._mounted(theta)
         zeros = self.zeros(shifted)[:, 0].imag / STEP
-        turned = np.zeros((len(names), 3, len(q)))  # Σ ω in sensor axes
+        turned = np.zeros((len(columns), 3, len(q)))  # Σ ω in sensor axes
         axes = np.eye(3)[..., None]  # of the frame behind S_k in sensor axes: (component, axis, N)
         at = (q + self.zeros(theta)).T
         pairs = list(zip(turns, self._mounted(shifted).turns, strict=True))
         for k, (turn, slope) in reversed(list(enumerate(pairs))):
-            skew = turn.T @ np.broadcast_to(slope.imag / STEP, (len(names), 1, 3, 3))[:, 0]
+            skew = turn.T @ np.broadcast_to(slope.imag / STEP, (len(columns), 1, 3, 3))[:, 0]
             spin = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=-1)
             some = spin.any(axis=1)
             turned[some] += np.tensordot(spin[some], axes, axes=(1, 1))
@@ -228,6 +228,14 @@ class SerialChain(MountedArm):
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
         return q
+
+
+def against(name: str, group: str, vector: np.ndarray, axis: np.ndarray) -> dict[str, float]:
+    """A unit of a parameter against a turn about an axis (3,) of the rotation vector (3,) whose
+    components are a group of parameters; those that are rounding are left out."""
+    back = np.linalg.solve(exp_rates(vector), axis)
+    turn = {f"{group}.{a}": float(-v) for a, v in zip("xyz", back, strict=True) if abs(v) > 1e-12}
+    return {name: 1.0, **turn}
 
 
 def _euler_zxz(turns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

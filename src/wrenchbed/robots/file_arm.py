@@ -16,7 +16,7 @@ from wrenchbed import registry
 from wrenchbed.errors import WrenchbedError
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.rotations import apply, exp, exp_rates
+from wrenchbed.physics.rotations import apply, exp
 from wrenchbed.robots.arm_model import COUPLED, HINGE, WELD, ArmLink, ArmModel, Load
 from wrenchbed.robots.base import (
     ANGLE,
@@ -28,7 +28,7 @@ from wrenchbed.robots.base import (
     segment_distance,
     vector_parameters,
 )
-from wrenchbed.robots.chain import Fixed, SerialChain
+from wrenchbed.robots.chain import Fixed, SerialChain, against
 
 if TYPE_CHECKING:
     import mujoco
@@ -50,15 +50,8 @@ _WRIST = 3
 
 @dataclass(frozen=True, eq=False)
 class ArmDescription:
-    """Contents of a robot's file.
-
-    Attributes:
-        name: by which recordings name it.
-        title: one line.
-        sensor: registry name.
-        arm: the chain as numbers.
-        load: behind the sensor.
-    """
+    """Contents of a robot's file: the name by which recordings name it, a title of one line, the
+    sensor's registry name, the chain as numbers and the load behind the sensor."""
 
     name: str
     title: str
@@ -121,8 +114,8 @@ class DescribedArm(MountedArm):
         the middle, or the nearest to it, shows all."""
         low, high = np.array([[joint.lower, joint.upper] for joint in self.joints]).T
         turn = np.array([np.pi if joint.unit == "rad" else np.inf for joint in self.joints])
-        middle = np.clip(middle, low + np.minimum(turn, (high - low) / 2), None)
-        middle = np.minimum(middle, high - np.minimum(turn, (high - low) / 2))
+        half = np.minimum(turn, (high - low) / 2)
+        middle = np.minimum(np.maximum(middle, low + half), high - half)
         return np.maximum(low, middle - turn), np.minimum(high, middle + turn)
 
     @property
@@ -161,14 +154,12 @@ class FileArm(DescribedArm, SerialChain):
         super().__init__(description, record)
         links = self.arm_model.links
         self._to_z = np.stack([_to_z(link.axis) for link in links])
+        centres = (turn.T @ link.cog for turn, link in zip(self._to_z, links, strict=True))
         self.bodies = tuple(
             BodyMass(link.body, link.mass, (float(x), float(y), float(z)))
-            for link, (x, y, z) in (
-                (link, turn.T @ link.cog) for link, turn in zip(links, self._to_z, strict=True)
-            )
+            for link, (x, y, z) in zip(links, centres, strict=True)
         )
-        before = np.concatenate([np.eye(3)[None], self._to_z[:-1]]).swapaxes(-1, -2)
-        self._before = before
+        self._before = before = np.stack([np.eye(3), *self._to_z[:-1]]).swapaxes(-1, -2)
         self._pre = before @ np.stack([link.turn for link in links])
         self._end = self._to_z[-1].T @ self.arm_model.end_turn
         self.lengths = tuple(f"link.{x.body}.position.{a}" for x in links[1:] for a in "xyz")
@@ -204,18 +195,15 @@ class FileArm(DescribedArm, SerialChain):
             return rng.uniform(low, high, (n, len(low)))
 
     def clear(self, q: np.ndarray) -> np.ndarray:
-        """Which poses (N, J) keep moving parts above the floor and the tool off the limbs,
-        boolean."""
+        """Whether poses (N, J) keep moving parts above the floor and the tool off the limbs."""
         theta, floor = self.parameters.nominal, self.arm_model.floor
-        frames = list(self.frames(q, theta))
-        origins = [np.broadcast_to(frame[3], (len(q), 3)) for frame in frames]
+        origins = [np.broadcast_to(frame[3], (len(q), 3)) for frame in self.frames(q, theta)]
         rotation, sensor = self.sensor_pose(q, theta)
         tip = 2.0 * np.array(self.description.load.cog)
         tool = np.stack([sensor + rotation @ (fraction * tip) for fraction in (0.0, 0.5, 1.0)])
         good = np.ones(len(q), dtype=bool)
         if floor is not None:
-            low = np.stack([*origins[2:], *tool])[..., 2]
-            good &= (low > floor).all(axis=0)
+            good &= (np.stack([*origins[2:], *tool])[..., 2] > floor).all(axis=0)
         reach = _CLEAR * self.arm_model.reach
         for start, end in pairwise(origins[: max(0, len(self.joints) - _WRIST) + 1]):
             if np.linalg.norm(end[0] - start[0]) > reach:
@@ -224,34 +212,23 @@ class FileArm(DescribedArm, SerialChain):
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
         """A turn of a joint against its own link, and against the next link or the mount."""
-        directions, arm = {}, self.arm_model
-        for k, link in enumerate(arm.links):
+        directions, arm, following = {}, self.arm_model, [*self.arm_model.links[1:], None]
+        for k, (link, after) in enumerate(zip(arm.links, following, strict=True)):
             if link.kind != HINGE:
                 continue
-            own = theta[self._turns[k]]
-            axis = exp(*own) @ link.axis
+            zero, own = self.zero_names[k], theta[self._turns[k]]
             text = f"the zero of {link.joint} against the rotation of {link.body} on it"
-            directions[text] = self._against(k, f"link.{link.body}.rotation", own, axis)
-            vector, group, what = theta[self._turn], "mount.rotation", "sensor's mount"
-            turn = arm.end_turn
-            if k + 1 < len(arm.links):
-                turn, vector = arm.links[k + 1].turn, theta[self._turns[k + 1]]
-                group, what = (f"link.{arm.links[k + 1].body}.rotation",
-                               f"rotation of {arm.links[k + 1].body}")  # fmt: skip
+            axis = exp(*own) @ link.axis
+            directions[text] = against(zero, f"link.{link.body}.rotation", own, axis)
+            if after is None:
+                vector, group, turn = theta[self._turn], "mount.rotation", arm.end_turn
+            else:
+                vector, turn = theta[self._turns[k + 1]], after.turn
+                group = f"link.{after.body}.rotation"
+            what = "sensor's mount" if after is None else f"rotation of {after.body}"
             text = f"a turn of {link.joint} against the {what}"
-            directions[text] = self._against(k, group, vector, turn.T @ link.axis)
+            directions[text] = against(zero, group, vector, turn.T @ link.axis)
         return directions
-
-    def _against(
-        self, k: int, group: str, vector: np.ndarray, axis: np.ndarray
-    ) -> dict[str, float]:
-        """A joint's zero against a turn of a rotation vector about an axis; components that are
-        rounding are left out."""
-        back = np.linalg.solve(exp_rates(vector), axis)
-        parts = zip("xyz", back, strict=True)
-        return {self.zero_names[k]: 1.0} | {
-            f"{group}.{a}": float(-v) for a, v in parts if abs(v) > 1e-12
-        }
 
 
 def arm_parameters(description: ArmDescription) -> ParameterSet:

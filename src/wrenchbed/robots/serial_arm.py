@@ -20,7 +20,7 @@ import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.rotations import exp_rates, quaternion, rot_x, rot_z
+from wrenchbed.physics.rotations import quaternion, rot_x, rot_z
 from wrenchbed.physics.time_derivatives import Value
 from wrenchbed.robots.base import (
     ANGLE,
@@ -30,7 +30,7 @@ from wrenchbed.robots.base import (
     sample_until,
     segment_distance,
 )
-from wrenchbed.robots.chain import Fixed, SerialChain
+from wrenchbed.robots.chain import Fixed, SerialChain, against
 
 if TYPE_CHECKING:
     import mujoco
@@ -177,12 +177,7 @@ class SerialArm(SerialChain):
 
     def fixed(self, theta: np.ndarray) -> Fixed:
         a, d, alpha, _ = (theta[..., columns] for columns in self._dh)  # (…, J) each
-        twists = np.zeros((*alpha.shape, 3, 3), dtype=alpha.dtype)  # Rx(α)
-        twists[..., 0, 0] = 1.0
-        twists[..., 1, 1] = twists[..., 2, 2] = np.cos(alpha)
-        twists[..., 2, 1] = np.sin(alpha)
-        twists[..., 1, 2] = -twists[..., 2, 1]
-        shift = np.stack([a, 0.0 * a, d], axis=-1)
+        twists, shift = rot_x(alpha), np.stack([a, 0.0 * a, d], axis=-1)
         turns = [twists[..., k, :, :] for k in range(len(self.joints))]
         shifts = [shift[..., k, :] for k in range(len(self.joints))]
         return Fixed([self._leaning(np.eye(3), theta), *turns], [np.zeros(3), *shifts])
@@ -208,15 +203,14 @@ class SerialArm(SerialChain):
         return np.asarray(above & column & (apart > arm.clearance))
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
-        last, axes = len(self.joints), [f"mount.rotation.{a}" for a in "xyz"]
-        flange = -rot_x(theta[self._dh[2]][-1]).T
-        back = np.linalg.solve(exp_rates(theta[self._turn]), flange)  # against the flange's axes
+        last, flange = len(self.joints), rot_x(theta[self._dh[2]][-1]).T
         return {
-            f"{what} against the sensor's mount": {name: 1.0}
-            | dict(zip(axes, back[:, axis], strict=True))
+            f"{what} against the sensor's mount": against(
+                name, "mount.rotation", theta[self._turn], axis
+            )
             for what, name, axis in (
-                (f"a turn of joint {last}", f"dq{last}", 2),
-                (f"a twist alpha{last}", f"alpha{last}", 0),
+                (f"a turn of joint {last}", f"dq{last}", flange[:, 2]),
+                (f"a twist alpha{last}", f"alpha{last}", flange[:, 0]),
             )
         }
 

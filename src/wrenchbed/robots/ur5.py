@@ -17,7 +17,7 @@ from itertools import product
 import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass
-from wrenchbed.physics.rotations import rot_x, rot_z
+from wrenchbed.physics.rotations import rot_x
 from wrenchbed.robots.base import models
 from wrenchbed.robots.serial_arm import ArmData, Link, SerialArm
 
@@ -88,42 +88,32 @@ class URArm(SerialArm):
             rotation: R_world_flange (3, 3).
             position: of the flange in the world (3,) [m].
         """
-        links, candidates, flange = self.arm.links, [], np.eye(4)
-        flange[:3, :3], flange[:3, 3] = rotation, position
-        side_step, upper, fore, end = links[3].d, links[1].a, links[2].a, links[5].d
-        wrist = position - end * rotation[:, 2]
-        reach = np.hypot(wrist[0], wrist[1])
-        if reach < abs(side_step):
+        height, _, _, step, wrist, end = (link.d for link in self.arm.links)
+        _, upper, fore, *_ = (link.a for link in self.arm.links)
+        x, y, _ = position - end * rotation[:, 2]
+        reach, candidates = np.hypot(x, y), []
+        if reach < abs(step):
             return np.empty((0, 6))
         for shoulder, flip, elbow in product((1.0, -1.0), (1.0, -1.0), (1.0, -1.0)):
-            around = shoulder * np.arccos(side_step / reach) + np.pi / 2
-            q1 = np.arctan2(wrist[1], wrist[0]) + around
-            side = np.array([np.sin(q1), -np.cos(q1), 0.0])
-            q5 = flip * np.arccos(np.clip((position @ side - side_step) / end, -1.0, 1.0))
+            q1 = np.arctan2(y, x) + shoulder * np.arccos(step / reach) + np.pi / 2
+            side, ahead = np.array([[np.sin(q1), -np.cos(q1), 0.0], [np.cos(q1), np.sin(q1), 0.0]])
+            q5 = flip * np.arccos(np.clip((position @ side - step) / end, -1.0, 1.0))
             if abs(np.sin(q5)) < _SINGULAR:
                 continue
             across = rotation.T @ side
             q6 = np.arctan2(-across[1] / np.sin(q5), across[0] / np.sin(q5))
-            behind = _transform(q5, links[4]) @ _transform(q6, links[5])
-            middle = np.linalg.inv(_transform(q1, links[0])) @ flange @ np.linalg.inv(behind)
-            x, y = middle[:2, 3]  # joints 2, 3, 4: the triangle of upper arm and forearm
-            cosine = (x * x + y * y - upper**2 - fore**2) / (2 * upper * fore)
+            down = -rotation @ [np.sin(q6), np.cos(q6), 0.0]  # along joint 5's axis
+            centre = position - end * rotation[:, 2] - wrist * down - step * side
+            u, v = centre @ ahead, centre[2] - height  # the triangle of upper arm and forearm
+            cosine = (u * u + v * v - upper**2 - fore**2) / (2 * upper * fore)
             if abs(cosine) > 1.0:
                 continue
             q3 = elbow * np.arccos(cosine)
-            q2 = np.arctan2(y, x) - np.arctan2(fore * np.sin(q3), upper + fore * np.cos(q3))
-            total = np.arctan2(middle[1, 0], middle[0, 0])
-            candidates.append([q1, q2, q3, total - q2 - q3, q5, q6])
+            q2 = np.arctan2(v, u) - np.arctan2(fore * np.sin(q3), upper + fore * np.cos(q3))
+            q4 = np.arctan2(down @ ahead, -down[2]) - q2 - q3
+            candidates.append([q1, q2, q3, q4, q5, q6])
         solutions = np.array(candidates).reshape(-1, 6)
         return np.asarray(np.pi - np.mod(np.pi - solutions, 2 * np.pi))
-
-
-def _transform(q: float, link: Link) -> np.ndarray:
-    """Homogeneous transform (4, 4) of a link."""
-    result = np.eye(4)
-    result[:3, :3] = rot_z(q) @ rot_x(link.alpha)
-    result[:3, 3] = rot_z(q) @ np.array([link.a, 0.0, link.d])
-    return result
 
 
 ROBOT = URArm(ARM)

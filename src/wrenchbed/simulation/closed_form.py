@@ -12,7 +12,7 @@ from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import NotFoundError, PlanError, RecordingError
-from wrenchbed.physics.newton_euler import INERTIAL, change, load, regressor
+from wrenchbed.physics.newton_euler import INERTIAL, Motion, change, load, regressor
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.time_derivatives import Jet, Value
@@ -246,33 +246,27 @@ class Model:
         # the reading is linear in gravity as the sensor sees it, γ: dw = dγ·M + γ·dM + db, with
         # M (3, 6) and b of the load and the sensor alone
         moving, gravity = [k for k, c in enumerate(columns) if self.moves_pose(c)], self._gravity
-        names = [self.parameters.names[columns[k]] for k in moving]
-        robot_theta = self.robot.robot_theta(theta)
-        shifted = self._linear(complex_steps(theta, columns))
-        slopes, offset = (part.imag / STEP for part in shifted)
-        result = self.robot.gravity_seen(q, robot_theta, gravity) @ slopes + offset
-        turned = self.robot.gravity_slopes(q, robot_theta, gravity, names)
-        here, _ = self._linear(theta)
+        place, (here, _) = self.robot.robot_theta(theta), self._linear(theta)
+        slopes, offset = (x.imag / STEP for x in self._linear(complex_steps(theta, columns)))
+        result = self.robot.gravity_seen(q, place, gravity) @ slopes + offset
+        turned = self.robot.gravity_slopes(q, place, gravity, [columns[k] for k in moving])
         for k, column in enumerate(moving):
             result[column] += turned[..., k] @ here
         return np.moveaxis(result, 0, -1)
 
     def _in_motion(self, q: Jet, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
         """The Jacobian in motion: one regressor for all that changes the load or the sensor."""
-        parameter_count, names = len(self.robot.parameters), self.robot.parameters.names
-        gravity = self._gravity
+        parameter_count, gravity = len(self.robot.parameters), self._gravity
         motion = self.robot.motion_seen(q, theta[:parameter_count], gravity)
         shifted = complex_steps(theta, columns)[:, 0, :parameter_count]
         slopes = self.robot.tool(shifted).inertial.imag / STEP
         phi = self.robot.tool(theta[:parameter_count]).inertial
         given = regressor(motion)
         result = (given.reshape(-1, INERTIAL) @ slopes.T).reshape(len(given), 6, -1)
-        moving = [k for k, c in enumerate(columns) if self.moves_pose(c)]
-        turned = self.robot.motion_slopes(
-            q, theta[:parameter_count], gravity, [names[columns[k]] for k in moving], motion
-        )
-        for k, slope in zip(moving, turned, strict=True):
-            result[:, :, k] += change(motion, slope, phi)
+        for k, c in enumerate(columns):
+            if self.moves_pose(c):
+                slope = self.robot.motion_seen(q, shifted[k], gravity)
+                result[:, :, k] += change(motion, Motion(*(x.imag / STEP for x in slope)), phi)
         gain = theta[parameter_count + 6 :].reshape(3, 3)
         if not np.array_equal(gain, np.eye(3)):
             result[:, :3] = np.einsum("ij,njk->nik", gain, result[:, :3])

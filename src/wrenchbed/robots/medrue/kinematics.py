@@ -14,10 +14,9 @@ from typing import NamedTuple
 import numpy as np
 
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.rotations import apply, euler, rot_x_of, rot_y_of, rot_z_of
+from wrenchbed.physics.rotations import rot_x_of, rot_y_of, rot_z_of
 from wrenchbed.physics.time_derivatives import Value, atan2, cos, jet_sqrt, sin, stack_jets, value
 from wrenchbed.robots.base import Values, load_parameters
-from wrenchbed.robots.compiled.statics import Packed
 
 _LENGTH_ERROR = 2e-3
 _ANGLE_ERROR = np.deg2rad(1.0)  # Section 5: ±2 mm, ±1°
@@ -156,7 +155,7 @@ def carried(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Solved:
     e1 = stack_jets([x - p["d41"], left.E[..., 0], left.E[..., 1]])
     e2 = stack_jets([x + p["d42"], right.E[..., 0], right.E[..., 1]])
     span = e2 - e1
-    u = span * (1.0 / jet_sqrt(_dot(span, span)))[..., None]
+    u = span * (1.0 / jet_sqrt(dot(span, span)))[..., None]
     q6 = q[..., 5] + p["dq6"]
     link = (left.E - left.D) * (1.0 / p["L14"])[..., None]
     c, s = link[..., 0], link[..., 1]
@@ -169,100 +168,6 @@ def carried(p: Values, q: Value, left: FiveBar, right: FiveBar) -> Solved:
     return Solved((left, right), e1, e2, u, origin, gamma, beta, alpha)
 
 
-def link_frames(p: Values, q: Value) -> list[tuple[Value, Value]]:
-    """R_world_link and the origin in the world of what is behind each coordinate of `qpos`."""
-    loops = solved(p, q)
-    roll = rot_x_of(*loops.gamma)
-    yoke = roll @ rot_y_of(*loops.beta)
-    wrist = yoke @ rot_z_of(*loops.alpha)
-    x = q[..., 0] + p["dq1"]
-    one = _bars(p, 1, x - p["d41"] - p["d31"], loops.bars[0])
-    two = _bars(p, 2, x + p["d42"] + p["d32"], loops.bars[1])
-    inner = [(np.eye(3), stack_jets([x, 0.0, 0.0])), *one, (roll, loops.e1), (yoke, loops.e1),
-             (wrist, loops.origin), (wrist, loops.e2), *two]  # fmt: skip
-    base, origin = euler(p["alpha0"], p["beta0"], p["gamma0"]), [p["x0"], p["y0"], p["z0"]]
-    return [(base @ turn, apply(base, at) + stack_jets(origin)) for turn, at in inner]
-
-
-def _bars(p: Values, i: int, x: Value, bar: FiveBar) -> list[tuple[Value, Value]]:
-    """Links A–B, B–E, C–D, D–E of five-bar i in base axes, y along the link, its plane at x."""
-    bars = []
-    for k, (anchor, elbow) in enumerate((("A", bar.B), ("C", bar.D))):
-        start = stack_jets([p[f"{anchor}{i}y"], p[f"{anchor}{i}z"]])
-        for n, (near, far) in enumerate(((start, elbow), (elbow, bar.E))):
-            along = (far - near) * (1.0 / p[f"L{i}{2 * k + n + 1}"])
-            turn = rot_x_of(along[..., 0], along[..., 1])
-            bars.append((turn, stack_jets([x, near[..., 0], near[..., 1]])))
-    return bars
-
-
-def gravity_in_sensor(p: Values, q: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-    """R_world_sensorᵀ g (…, N, 3) [m/s²], turned angle by angle: half the work of a pose."""
-    loops = solved(p, q)
-    gamma, beta, alpha = loops.gamma, loops.beta, loops.alpha
-    base = euler(p["alpha0"], p["beta0"], p["gamma0"])
-    mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
-    x, y, z = np.moveaxis(gravity @ base, -1, 0)
-    y, z = gamma.c * y + gamma.s * z, gamma.c * z - gamma.s * y
-    x, z = beta.c * x - beta.s * z, beta.c * z + beta.s * x
-    x, y = alpha.c * x + alpha.s * y, alpha.c * y - alpha.s * x
-    seen = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
-    return np.asarray(seen @ (mount if mount.ndim == 2 else mount[..., 0, :, :]))
-
-
-def packed(p: Values, gravity: np.ndarray) -> Packed:
-    """The robot's own numbers are d41 + d42, L14, dq6 and eleven of each five-bar."""
-    own = [p["d41"] + p["d42"], p["L14"], p["dq6"]]
-    for i in (1, 2):
-        ay, az, cy, cz = p[f"A{i}y"], p[f"A{i}z"], p[f"C{i}y"], p[f"C{i}z"]
-        l1, l2, l3, l4 = (p[f"L{i}{k}"] for k in (1, 2, 3, 4))
-        base = np.sqrt((ay - cy) * (ay - cy) + (az - cz) * (az - cz))
-        own += [base / 2, l1, l3, l4 * l4 - l2 * l2, l4 * l4, (ay - cy) / base, (cz - az) / base]
-        own += [(ay + cy) / 2, (az + cz) / 2, p[f"dq{2 * i}"], p[f"dq{2 * i + 1}"]]
-    down = gravity @ euler(p["alpha0"], p["beta0"], p["gamma0"])
-    return Packed(down, euler(p["alphaS"], p["betaS"], p["gammaS"]), np.stack(own, axis=-1))
-
-
-def sensor_pose(p: Values, q: Value) -> tuple[Value, Value]:
-    """R_world_sensor and the sensor's origin in the world [m] (Equation 1 without the tool)."""
-    loops = solved(p, q)
-    hand = loops.wrist
-    base = euler(p["alpha0"], p["beta0"], p["gamma0"])
-    mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
-    inner = loops.origin + apply(hand, stack_jets([p["xS"], p["yS"], p["zS"]]))
-    origin = stack_jets([p["x0"], p["y0"], p["z0"]]) + apply(base, inner)
-    return base @ hand @ mount, origin
-
-
-def tool_pose(p: Values, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R_world_tool and the tool's position in the world [m] (Equation 1)."""
-    rotation, origin = sensor_pose(p, q)
-    position = origin + apply(rotation, stack_jets([p["xT"], p["yT"], p["zT"]]))
-    return rotation @ euler(p["alphaT"], p["betaT"], p["gammaT"]), position
-
-
-def qpos(p: Values, q: Value) -> Value:
-    """The 13 coordinates of the MJCF, depth first (…, N, 13); real parameters only."""
-    loops = solved(p, q)
-    left, right = loops.bars
-    span, wrist = loops.e2 - loops.e1, loops.wrist
-    angle = atan2(left.E[..., 1] - left.D[..., 1], left.E[..., 0] - left.D[..., 0])
-    gamma = angle + q[..., 5] + p["dq6"]
-    c_beta = wrist[..., 2, 2] * cos(gamma) - wrist[..., 1, 2] * sin(gamma)
-    return stack_jets(
-        [
-            q[..., 0],
-            q[..., 1], _elbow(left.direction, q[..., 1] + p["dq2"], left.E - left.B),
-            q[..., 2], _elbow(left.direction, q[..., 2] + p["dq3"], left.E - left.D),
-            q[..., 5], atan2(wrist[..., 0, 2], c_beta),
-            atan2(-wrist[..., 0, 1], wrist[..., 0, 0]),
-            jet_sqrt(_dot(span, span)),
-            q[..., 3], _elbow(right.direction, q[..., 3] + p["dq4"], right.E - right.B),
-            q[..., 4], _elbow(right.direction, q[..., 4] + p["dq5"], right.E - right.D),
-        ]
-    )  # fmt: skip
-
-
 def failures(p: Values, q: np.ndarray) -> dict[int, str]:
     """Rows of q (N, 6) without a solution, each with the reason."""
     bad: dict[int, str] = {}
@@ -270,7 +175,7 @@ def failures(p: Values, q: np.ndarray) -> dict[int, str]:
         loops = solved(p, q)
     for i, bar in enumerate(loops.bars, start=1):
         l2, l4 = p[f"L{i}2"], p[f"L{i}4"]
-        gap = np.sqrt(_dot(bar.B - bar.D, bar.B - bar.D))
+        gap = np.sqrt(dot(bar.B - bar.D, bar.B - bar.D))
         along = (l4**2 - l2**2 + gap**2) / (2 * np.maximum(gap, 1e-12))
         across = np.where(gap > 1e-6, np.sqrt(np.maximum(0.0, l4**2 - along**2)), 0.0)
         for row in np.flatnonzero(~np.isfinite(bar.E).all(axis=-1) | (across < MIN_HEIGHT)):
@@ -286,7 +191,7 @@ def failures(p: Values, q: np.ndarray) -> dict[int, str]:
     return dict(sorted(bad.items()))
 
 
-def _elbow(direction: Value, angle: Value, distal: Value) -> Value:
+def elbow(direction: Value, angle: Value, distal: Value) -> Value:
     """Angle of a passive elbow: from the proximal link at ``angle`` to the distal link."""
     c, s = cos(angle), sin(angle)
     py = direction[..., 0] * c - direction[..., 1] * s
@@ -295,7 +200,7 @@ def _elbow(direction: Value, angle: Value, distal: Value) -> Value:
     return atan2(py * dz - pz * dy, py * dy + pz * dz)
 
 
-def _dot(a: Value, b: Value) -> Value:
+def dot(a: Value, b: Value) -> Value:
     total: Value = a[..., 0] * b[..., 0]
     for k in range(1, value(a).shape[-1]):
         total = total + a[..., k] * b[..., k]

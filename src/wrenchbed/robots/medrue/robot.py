@@ -12,8 +12,18 @@ import mujoco
 import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass
-from wrenchbed.physics.rotations import apply, euler, euler_rates, rot_x, rot_y, rot_z
-from wrenchbed.physics.time_derivatives import Value, stack_jets
+from wrenchbed.physics.rotations import (
+    apply,
+    euler,
+    euler_rates,
+    rot_x,
+    rot_x_of,
+    rot_y,
+    rot_y_of,
+    rot_z,
+    rot_z_of,
+)
+from wrenchbed.physics.time_derivatives import Value, atan2, cos, jet_sqrt, sin, stack_jets
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import (
     LOAD,
@@ -25,8 +35,17 @@ from wrenchbed.robots.base import (
     sample_until,
 )
 from wrenchbed.robots.compiled.statics import Packed
-from wrenchbed.robots.medrue import kinematics, workspace
-from wrenchbed.robots.medrue.kinematics import IDENTIFIED, PAPER, PARAMETERS
+from wrenchbed.robots.medrue import workspace
+from wrenchbed.robots.medrue.kinematics import (
+    IDENTIFIED,
+    PAPER,
+    PARAMETERS,
+    FiveBar,
+    dot,
+    elbow,
+    failures,
+    solved,
+)
 from wrenchbed.robots.mjcf import bare, place, rotate_body, write_load
 
 JOINTS = ("q1", "q2", "b1", "q3", "d1", "q6", "beta", "alpha", "slide", "q4", "b2", "q5", "d2")
@@ -40,7 +59,7 @@ def write(mjcf: Path, p: Values, tool: Tool, ref: np.ndarray) -> mujoco.MjSpec:
     for joint, value in at.items():
         spec.joint(joint).ref = value
     spec.key("home").qpos = ref
-    place(spec, "base", [p["x0"], p["y0"], p["z0"]], euler(p["alpha0"], p["beta0"], p["gamma0"]))
+    place(spec, "base", [p["x0"], p["y0"], p["z0"]], _turn(p, "0"))
     place(spec, "carriage", [p["dq1"] + at["q1"], 0.0, 0.0])
     for i in (1, 2):
         _write_five_bar(spec, p, i, at)
@@ -70,12 +89,12 @@ def _write_five_bar(spec: mujoco.MjSpec, p: Values, i: int, at: dict[str, float]
 
 
 def _write_tool(spec: mujoco.MjSpec, p: Values, tool: Tool) -> None:
-    mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
+    mount = _turn(p, "S")
     place(spec, "tool", [p["xS"], p["yS"], p["zS"]], mount)
     write_load(spec, tool)
     tcp = spec.site("tcp")
     tcp.pos = [p["xT"], p["yT"], p["zT"]]
-    rotate_body(tcp, euler(p["alphaT"], p["betaT"], p["gammaT"]))
+    rotate_body(tcp, _turn(p, "T"))
 
 
 class MedRUE(SimulatedRobot):
@@ -123,24 +142,57 @@ class MedRUE(SimulatedRobot):
         return np.array([0.0, 2.932153143, 2.373647784, 2.932153143, 2.373647784, 4.714624603])
 
     def sensor_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
-        return kinematics.sensor_pose(self.values(theta), q)
+        """Equation 1 without the tool."""
+        p = self.values(theta)
+        loops, base, mount = solved(p, q), _turn(p, "0"), _turn(p, "S")
+        inner = loops.origin + apply(loops.wrist, _place(p, "S"))
+        return base @ loops.wrist @ mount, _place(p, "0") + apply(base, inner)
 
     def tool_pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """R_world_tool (…, N, 3, 3) and the probe's position in the world (…, N, 3) [m]."""
-        return kinematics.tool_pose(self.values(theta), q)
+        """R_world_tool (…, N, 3, 3) and the probe's position in the world (…, N, 3) [m]
+        (Equation 1)."""
+        p, (rotation, origin) = self.values(theta), self.sensor_pose(q, theta)
+        return rotation @ _turn(p, "T"), origin + apply(rotation, _place(p, "T"))
 
     def link_frames(self, q: Value, theta: np.ndarray) -> list[tuple[Value, Value]]:
-        return kinematics.link_frames(self.values(theta), q)
+        p = self.values(theta)
+        loops, base, x = solved(p, q), _turn(p, "0"), q[..., 0] + p["dq1"]
+        roll = rot_x_of(*loops.gamma)
+        yoke = roll @ rot_y_of(*loops.beta)
+        wrist = yoke @ rot_z_of(*loops.alpha)
+        one = _bars(p, 1, x - p["d41"] - p["d31"], loops.bars[0])
+        two = _bars(p, 2, x + p["d42"] + p["d32"], loops.bars[1])
+        inner = [(np.eye(3), stack_jets([x, 0.0, 0.0])), *one, (roll, loops.e1), (yoke, loops.e1),
+                 (wrist, loops.origin), (wrist, loops.e2), *two]  # fmt: skip
+        return [(base @ turn, apply(base, at) + _place(p, "0")) for turn, at in inner]
 
     def gravity_seen(self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        return kinematics.gravity_in_sensor(self.values(theta), q, gravity)
+        """Turned angle by angle: half the work of a pose."""
+        p = self.values(theta)
+        loops, mount = solved(p, q), _turn(p, "S")
+        x, y, z = np.moveaxis(gravity @ _turn(p, "0"), -1, 0)
+        for turn in (loops.gamma, loops.beta, loops.alpha):  # about x, y, z: each axis comes first
+            x, y, z = x, turn.c * y + turn.s * z, turn.c * z - turn.s * y
+            x, y, z = y, z, x
+        seen = np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+        return np.asarray(seen @ (mount if mount.ndim == 2 else mount[..., 0, :, :]))
 
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
-        return kinematics.packed(self.values(theta), gravity)
+        """The robot's own numbers are d41 + d42, L14, dq6 and eleven of each five-bar."""
+        p = self.values(theta)
+        own = [p["d41"] + p["d42"], p["L14"], p["dq6"]]
+        for i in (1, 2):
+            ay, az, cy, cz = p[f"A{i}y"], p[f"A{i}z"], p[f"C{i}y"], p[f"C{i}z"]
+            l1, l2, l3, l4 = (p[f"L{i}{k}"] for k in (1, 2, 3, 4))
+            base = np.sqrt((ay - cy) * (ay - cy) + (az - cz) * (az - cz))
+            own += [base / 2, l1, l3, l4 * l4 - l2 * l2, l4 * l4, (ay - cy) / base,
+                    (cz - az) / base, (ay + cy) / 2, (az + cz) / 2,
+                    p[f"dq{2 * i}"], p[f"dq{2 * i + 1}"]]  # fmt: skip
+        return Packed(gravity @ _turn(p, "0"), _turn(p, "S"), np.stack(own, axis=-1))
 
     def tool(self, theta: np.ndarray) -> Tool:
         p = self.values(theta)
-        mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
+        mount = _turn(p, "S")
         lever = stack_jets([p[f"{a}G"] - p[f"{a}S"] for a in "xyz"])
         cog = apply(np.swapaxes(mount, -1, -2), lever)
         return Tool(p["mTool"], cog, inertia_matrix(p), p["sensor.mass"])
@@ -150,13 +202,13 @@ class MedRUE(SimulatedRobot):
 
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:
         p = self.values(theta)
-        mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
+        mount = _turn(p, "S")
         centre = np.array([p["xS"], p["yS"], p["zS"]]) + mount @ np.asarray(cog, dtype=float)
         values = {"mTool": mass, "xG": centre[0], "yG": centre[1], "zG": centre[2]}
         return self.parameters.vector({k: float(v) for k, v in values.items()}, start=theta)
 
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
-        return self._outside_limits(q) | kinematics.failures(self.values(theta), q)
+        return self._outside_limits(q) | failures(self.values(theta), q)
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
         p = self.values(self.parameters.nominal)
@@ -185,7 +237,25 @@ class MedRUE(SimulatedRobot):
         )
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
-        return kinematics.qpos(self.values(theta), q)
+        """The 13 coordinates of the MJCF, depth first (…, N, 13); real parameters only."""
+        p = self.values(theta)
+        loops = solved(p, q)
+        (left, right), span, wrist = loops.bars, loops.e2 - loops.e1, loops.wrist
+        angle = atan2(left.E[..., 1] - left.D[..., 1], left.E[..., 0] - left.D[..., 0])
+        gamma = angle + q[..., 5] + p["dq6"]
+        c_beta = wrist[..., 2, 2] * cos(gamma) - wrist[..., 1, 2] * sin(gamma)
+        return stack_jets(
+            [
+                q[..., 0],
+                q[..., 1], elbow(left.direction, q[..., 1] + p["dq2"], left.E - left.B),
+                q[..., 2], elbow(left.direction, q[..., 2] + p["dq3"], left.E - left.D),
+                q[..., 5], atan2(wrist[..., 0, 2], c_beta),
+                atan2(-wrist[..., 0, 1], wrist[..., 0, 0]),
+                jet_sqrt(dot(span, span)),
+                q[..., 3], elbow(right.direction, q[..., 3] + p["dq4"], right.E - right.B),
+                q[..., 4], elbow(right.direction, q[..., 4] + p["dq5"], right.E - right.D),
+            ]
+        )  # fmt: skip
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
         ref = self.qpos(self.home[None], theta)[0]
@@ -201,7 +271,7 @@ class MedRUE(SimulatedRobot):
         turn = {f"{a}y": -p[f"{a}z"] for a in anchors} | {f"{a}z": p[f"{a}y"] for a in anchors}
         spin = euler_rates(p["alpha0"], p["beta0"], p["gamma0"])
         against = np.linalg.solve(spin, [-1.0, 0.0, 0.0])
-        base = euler(p["alpha0"], p["beta0"], p["gamma0"])
+        base = _turn(p, "0")
         upright = np.linalg.solve(base @ spin, [0.0, 0.0, 1.0])
         tilt = ("alpha0", "beta0", "gamma0")
         return {
@@ -212,3 +282,25 @@ class MedRUE(SimulatedRobot):
             | dict(zip(tilt, against, strict=True)),
             "the overall scale of anchors, links and d41 + d42": scale,
         }
+
+
+def _turn(p: Values, of: str) -> Value:
+    """Rotation of base 0, sensor S or tool T."""
+    return euler(*(p[f"{angle}{of}"] for angle in ("alpha", "beta", "gamma")))
+
+
+def _place(p: Values, of: str) -> Value:
+    """Origin of base 0, sensor S or tool T in the frame before it [m]."""
+    return stack_jets([p[f"{axis}{of}"] for axis in "xyz"])
+
+
+def _bars(p: Values, i: int, x: Value, bar: FiveBar) -> list[tuple[Value, Value]]:
+    """Links A–B, B–E, C–D, D–E of five-bar i in base axes, y along the link, its plane at x."""
+    bars = []
+    for k, (anchor, middle) in enumerate((("A", bar.B), ("C", bar.D))):
+        start = stack_jets([p[f"{anchor}{i}y"], p[f"{anchor}{i}z"]])
+        for n, (near, far) in enumerate(((start, middle), (middle, bar.E))):
+            along = (far - near) * (1.0 / p[f"L{i}{2 * k + n + 1}"])
+            turn = rot_x_of(along[..., 0], along[..., 1])
+            bars.append((turn, stack_jets([x, near[..., 0], near[..., 1]])))
+    return bars
