@@ -106,13 +106,9 @@ GANTRY = """
 
 @pytest.mark.parametrize("hinges", ["ab", ""])
 def test_slides_of_a_users_arm(tmp_path, hinges):
-    mjcf = (
-        GANTRY
-        if hinges
-        else GANTRY.replace('"a" axis', '"a" type="slide" axis').replace(
-            '"b" axis', '"b" type="slide" axis'
-        )
-    )
+    mjcf = GANTRY
+    for name in () if hinges else ("a", "b"):
+        mjcf = mjcf.replace(f'"{name}" axis', f'"{name}" type="slide" axis')
     (tmp_path / "gantry.xml").write_text(mjcf)
     tool = {"tool_mass": 1.2, "tool_cog": (0.01, -0.02, 0.05)}
     robot = describe(tmp_path / "gantry.xml", "seat", tmp_path / "my.toml", **tool).robot
@@ -213,53 +209,37 @@ def test_the_jacobian_is_numpys(monkeypatch):
     assert np.array_equal(each, np.stack(found)[..., :12])
 
 
-def test_without_the_library_numpy_does_the_work(monkeypatch):
+def test_without_the_library_and_of_other_numbers_numpy_does_the_work(monkeypatch):
     model = Model.of(registry.load("robots", "ur5"))
     theta, q = thetas(model, 1)[0], np.random.default_rng(0).uniform(-3, 3, (5, 6))
+    shifted = theta.astype(complex)
+    shifted[0] += 1e-30j
+    assert Robot.compiled == "" and not statics.available("")
+    monkeypatch.setattr(statics, "_FUNCTIONS", {"chain": pytest.fail})
+    assert np.iscomplexobj(model.predict(q, shifted))
+    assert np.iscomplexobj(model.predict(q, np.stack([shifted, theta])[:, None]))
+    assert np.array_equal(model.predict(q.astype(">f8"), theta), plain(model, q, theta))
     monkeypatch.setattr(statics, "_FUNCTIONS", {})
     assert np.array_equal(model.predict(q, theta), plain(model, q, theta))
     assert np.array_equal(model.true_wrench(q, theta), model.plain_wrench(q, theta))
 
 
-def test_other_robots_and_numbers_go_through_numpy(monkeypatch):
-    model = Model.of(registry.load("robots", "ur5"))
-    theta, q = thetas(model, 1)[0], np.random.default_rng(0).uniform(-3, 3, (5, 6))
-
-    def refused(*_):
-        raise AssertionError("compiled")
-
-    assert Robot.compiled == "" and not statics.available("")
-    monkeypatch.setattr(statics, "_FUNCTIONS", {"chain": refused})
-    shifted = theta.astype(complex)
-    shifted[0] += 1e-30j
-    assert np.iscomplexobj(model.predict(q, shifted))
-    assert np.iscomplexobj(model.predict(q, np.stack([shifted, theta])[:, None]))
-    assert np.array_equal(model.predict(q.astype(">f8"), theta), plain(model, q, theta))
-    with pytest.raises(AssertionError, match="compiled"):
-        model.predict(q, theta)
-
-
 def test_what_does_not_fit_is_refused(library):
-    q, out = np.zeros((4, 6)), np.zeros((4, 6))
-    model = Model.of(registry.load("robots", "ur5"))
-    theta = model.parameters.nominal
-    constants = model._compiled.constants(theta, theta, sensed=True)
-    library.chain(q, 6, constants.tobytes(), out)
-    for bad in (
-        (q, 6, constants[:-1].tobytes(), out), (q[:3], 6, constants.tobytes(), out),
-        (q, 5, constants.tobytes(), out), (q, 0, constants.tobytes(), out),
-        (q, 6, b"", out),
+    q, out, constants = np.zeros((4, 6)), np.zeros((4, 6)), {}
+    for name in ("ur5", "medrue"):
+        model = Model.of(registry.load("robots", name))
+        theta = model.parameters.nominal
+        constants[name] = model._compiled.constants(theta, theta, sensed=True).tobytes()
+    ours, theirs = constants.values()
+    library.chain(q, 6, ours, out)
+    library.medrue_slopes(q, 6, theirs, out, theirs)
+    for function, *bad in (
+        (library.chain, q, 6, ours[:-8], out), (library.chain, q[:3], 6, ours, out),
+        (library.chain, q, 5, ours, out), (library.chain, q, 0, ours, out),
+        (library.chain, q, 6, b"", out), (library.medrue, q, 6, ours, out),
+        *((library.medrue_slopes, q, 6, theirs, out, x) for x in (b"", theirs[:-1], 2 * theirs)),
     ):  # fmt: skip
         with pytest.raises(ValueError, match="do not fit"):
-            library.chain(*bad)
-    with pytest.raises(ValueError, match="do not fit"):
-        library.medrue(q, 6, constants.tobytes(), out)
-    model = Model.of(registry.load("robots", "medrue"))
-    theta = model.parameters.nominal
-    constants = model._compiled.constants(theta, theta, sensed=True).tobytes()
-    library.medrue_slopes(q, 6, constants, out, constants)
-    for changes in (b"", constants[:-1], 2 * constants):
-        with pytest.raises(ValueError, match="do not fit"):
-            library.medrue_slopes(q, 6, constants, out, changes)
+            function(*bad)
     with pytest.raises(TypeError):
         library.chain(q, 6)

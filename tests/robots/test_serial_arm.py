@@ -27,11 +27,17 @@ def installed(monkeypatch):
     monkeypatch.setattr(registry, "_entry_points", lambda kind: found.get(kind, {}))
 
 
-def test_seven_joints_are_planned_recorded_and_calibrated(tmp_path):
+def recorded(tmp_path, poses, *more):
+    """A recording of the arm as it was planned."""
     plan, recording = str(tmp_path / "plan.parquet"), str(tmp_path / "rec.parquet")
-    assert main(["plan", "iiwa14", "--n", "20", "--out", plan]) == 0
-    line = ["record", "--robot", "iiwa14", "--plan", plan, "--out", recording]
-    assert main([*line, "--noise", "off", "--effect", "tool.mass:mass=0.1"]) == 0
+    assert main(["plan", "iiwa14", "--n", str(poses), "--out", plan]) == 0
+    line = ["record", "--robot", "iiwa14", "--plan", plan, "--out", recording, "--effect"]
+    assert main([*line, *more]) == 0
+    return recording
+
+
+def test_seven_joints_are_planned_recorded_and_calibrated(tmp_path):
+    recording = recorded(tmp_path, 20, "tool.mass:mass=0.1", "--noise", "off")
     assert Recording.read(recording).q.shape[1] == 7
     assert main(["calibrate", recording, "--out", str(tmp_path / "fit.json")]) == 0
     fit = json.loads((tmp_path / "fit.json").read_text())
@@ -40,10 +46,7 @@ def test_seven_joints_are_planned_recorded_and_calibrated(tmp_path):
 
 @pytest.mark.slow
 def test_an_offset_of_joint_4_is_diagnosed(tmp_path):
-    plan, recording = str(tmp_path / "plan.parquet"), str(tmp_path / "rec.parquet")
-    assert main(["plan", "iiwa14", "--n", "60", "--out", plan]) == 0
-    line = ["record", "--robot", "iiwa14", "--plan", plan, "--out", recording]
-    assert main([*line, "--effect", "joint.offset:joint=4,offset=0.01"]) == 0
+    recording = recorded(tmp_path, 60, "joint.offset:joint=4,offset=0.01")
     assert main(["diagnose", recording, "--out", str(tmp_path / "diagnosis")]) == 0
     said = json.loads((tmp_path / "diagnosis" / "diagnosis.json").read_text())
     assert said["which"][0]["effect"] == "joint.offset"
