@@ -23,8 +23,7 @@ class JsonSchema(Export):
 
     def text(self, numbers: LoadNumbers, options: ExportOptions, notes: Sequence[str]) -> str:
         content = {
-            "format": FORMAT,
-            "frame": numbers.frame,
+            "format": FORMAT, "frame": numbers.frame,
             "numbers": {name: _entry(getattr(numbers, name)) for name in CARRIES},
             "source": {
                 "file": numbers.source, "sha256": numbers.digest, "robot": numbers.robot,
@@ -53,9 +52,8 @@ def _entry(quantity: Quantity) -> dict[str, Any]:
     return {
         "value": quantity.value.tolist() if determined else None,
         "std": None if quantity.std is None else quantity.std.tolist(),
-        "unit": quantity.unit,
-        "origin": quantity.origin.name.lower(),
-    }
+        "unit": quantity.unit, "origin": quantity.origin.name.lower(),
+    }  # fmt: skip
 
 
 def _entry_schema(size: int) -> dict[str, Any]:
@@ -66,10 +64,8 @@ def _entry_schema(size: int) -> dict[str, Any]:
 
 
 def _object(fields: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "type": "object", "properties": fields, "required": list(fields),
-        "additionalProperties": False,
-    }  # fmt: skip
+    closed = {"required": list(fields), "additionalProperties": False}
+    return {"type": "object", "properties": fields, **closed}
 
 
 EXPORT = JsonSchema()

@@ -38,22 +38,31 @@ class Urdf(Export):
     def text(self, numbers: LoadNumbers, options: ExportOptions, notes: Sequence[str]) -> str:
         if options.urdf is None:
             raise ExportError("urdf: name your own file with --urdf FILE")
-        frame = options.frame or _FRAME
-        robot = _parsed(options.urdf)
-        link = _named(robot, "link", frame)
-        carried = [n for n in _behind(robot, frame) if _child(_named(robot, "link", n), "inertial")]
-        if carried:
+        frame, robot = options.frame or _FRAME, _parsed(options.urdf)
+        links = {e.attributes.get("name", ""): e for e in robot.parts if e.tag == "link"}
+        joints = [(e, _linked(e, "parent"), _linked(e, "child"))
+                  for e in robot.parts if e.tag == "joint"]  # fmt: skip
+        if frame not in links:
+            raise ExportError(
+                f"urdf: there is no link {frame!r}{did_you_mean(frame, links) or '.'} State the "
+                f"sensor's link with --frame; the file has {', '.join(sorted(links))}"
+            )
+        behind = [frame]
+        for name in behind:  # grows
+            behind += [c for _, p, c in joints if p == name and c in links and c not in behind]
+        if carried := [n for n in behind[1:] if _child(links[n], "inertial")]:
             raise ExportError(
                 f"urdf: {', '.join(carried)} behind {frame!r} have masses of their own: the load "
                 "would weigh twice. Remove their <inertial> first"
             )
-        text = options.urdf.encode()
+        text, link = options.urdf.encode(), links[frame]
         edits = [_edit(text, link, "inertial", self._inertial(text, numbers, link, notes))]
-        joint = next(
-            (j for j in robot.parts if j.tag == "joint" and _ends(j, "child") == frame), None
-        )
-        if joint is not None and numbers.frame == FLANGE:
-            edits.append(_edit(text, joint, "origin", _origin(numbers)))
+        carrying = [joint for joint, _, child in joints if child == frame]
+        if carrying and numbers.frame == FLANGE:
+            rpy = Rotation.from_rotvec(numbers.rotation.needed(self.name)).as_euler("xyz")
+            xyz = numbers.position.needed(self.name)
+            origin = f'<origin xyz="{_words(xyz)}" rpy="{_words(rpy)}"/>'
+            edits.append(_edit(text, carrying[0], "origin", origin))
         for start, end, new in sorted(edits, reverse=True):
             text = text[:start] + new.encode() + text[end:]
         return text.decode()
@@ -159,36 +168,14 @@ def _parsed(text: str) -> _Element:
     return robot
 
 
-def _named(robot: _Element, tag: str, name: str) -> _Element:
-    known = {e.attributes.get("name", ""): e for e in robot.parts if e.tag == tag}
-    if name not in known:
-        hint = did_you_mean(name, known) or "."
-        raise ExportError(
-            f"urdf: there is no {tag} {name!r}{hint} State the sensor's link with --frame; "
-            f"the file has {', '.join(sorted(known))}"
-        )
-    return known[name]
-
-
 def _child(element: _Element, tag: str) -> _Element | None:
     return next((e for e in element.parts if e.tag == tag), None)
 
 
-def _ends(joint: _Element, side: str) -> str | None:
-    """Name of the link at one side of a joint, ``parent`` or ``child``."""
-    found = _child(joint, side)
-    return None if found is None else found.attributes.get("link")
-
-
-def _behind(robot: _Element, frame: str) -> list[str]:
-    """Names of all links that a link carries."""
-    joints = [e for e in robot.parts if e.tag == "joint"]
-    names, k = [frame], 0
-    while k < len(names):
-        children = [_ends(j, "child") for j in joints if _ends(j, "parent") == names[k]]
-        names += [c for c in children if c is not None and c not in names]
-        k += 1
-    return names[1:]
+def _linked(joint: _Element, side: str) -> str:
+    """Name of the link at one side of a joint, ``parent`` or ``child``; empty if it names none."""
+    end = _child(joint, side)
+    return "" if end is None else end.attributes.get("link", "")
 
 
 def _edit(text: bytes, element: _Element, tag: str, new: str) -> tuple[int, int, str]:
@@ -200,13 +187,6 @@ def _edit(text: bytes, element: _Element, tag: str, new: str) -> tuple[int, int,
         return element.inside, element.inside, f"\n    {new}"
     opened = text[element.start : element.end].decode().removesuffix("/>")
     return element.start, element.end, f"{opened}>\n    {new}\n  </{element.tag}>"
-
-
-def _origin(numbers: LoadNumbers) -> str:
-    rotation = numbers.rotation.needed("urdf")
-    rpy = Rotation.from_rotvec(rotation).as_euler("xyz")
-    xyz = numbers.position.needed("urdf")
-    return f'<origin xyz="{_words(xyz)}" rpy="{_words(rpy)}"/>'
 
 
 def _words(values: np.ndarray) -> str:

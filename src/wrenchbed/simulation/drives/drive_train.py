@@ -84,22 +84,20 @@ class JointTorques:
         spec = robot.spec(theta)
         spec.option.gravity = gravity
         model, disabled = spec.compile(), mujoco.mjtDisableBit
+        self._dofs = np.array([int(model.joint(joint.name).dofadr[0]) for joint in robot.joints])
+        self.coulomb = model.dof_frictionloss[self._dofs]
+        self.viscous = model.dof_damping[self._dofs]
+        if rotor is not None:
+            model.dof_armature[self._dofs] = rotor
+        self.rotor = model.dof_armature[self._dofs]
+        """Of each motor at its joint (J,), inertia [kg·m² or kg], friction and damping, as the
+        robot's MJCF states them."""
         model.body_gravcomp[:] = 0.0
         model.dof_damping[:] = model.dof_frictionloss[:] = 0.0
         model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
         for feature in ("CONSTRAINT", "CONTACT", "SENSOR"):
             model.opt.disableflags |= getattr(disabled, f"mjDSBL_{feature}")
-        self.model, self.data = model, mujoco.MjData(model)
-        joints = [model.joint(joint.name) for joint in robot.joints]
-        self._dofs = np.array([int(joint.dofadr[0]) for joint in joints])
-        if rotor is not None:
-            model.dof_armature[self._dofs] = rotor
-        self._loops = loop_sites(model)
-
-    @property
-    def rotor(self) -> np.ndarray:
-        """Inertia of each motor at its joint (J,) [kg·m² or kg]."""
-        return np.array(self.model.dof_armature[self._dofs])
+        self.model, self.data, self._loops = model, mujoco.MjData(model), loop_sites(model)
 
     def of(self, q: Jet) -> np.ndarray:
         """Torques (N, J) [N·m, N for slides] at joint values with speeds and accelerations."""
@@ -145,28 +143,21 @@ class DriveParameters:
     constant: np.ndarray
 
     @classmethod
-    def nominal(
-        cls, robot: SimulatedRobot, rotor: np.ndarray, holding: np.ndarray
-    ) -> "DriveParameters":
+    def nominal(cls, rigid: JointTorques, holding: np.ndarray) -> "DriveParameters":
         """Parameters of a robot's drives unless they are given.
 
         Args:
-            robot: friction stands in its MJCF, in the tables here, or follows from ``holding``.
-            rotor: the MJCF's inertias (J,).
-            holding: largest torques that hold its weight (J,).
+            rigid: the robot; its friction stands in the tables here or in its MJCF.
+            holding: largest torques that hold its weight (J,): friction follows from them else.
         """
-        model = robot.spec(robot.parameters.nominal).compile()
-        dofs = [int(model.joint(joint.name).dofadr[0]) for joint in robot.joints]
-        coulomb, viscous = model.dof_frictionloss[dofs], model.dof_damping[dofs]
-        if robot.name in _COULOMB:
-            coulomb, viscous = np.array(_COULOMB[robot.name]), np.array(_VISCOUS[robot.name])
-        else:
-            likely = np.maximum(_SHARE * holding, _LEAST)
-            coulomb = np.where(coulomb > 0.0, coulomb, likely)
-            viscous = np.where(viscous > 0.0, viscous, _PER_SPEED * likely)
-        usual = (_USUAL_CONSTANT,) * len(dofs)
-        constant = np.array(_CONSTANT.get(robot.name, usual))
-        return cls(coulomb, viscous, np.zeros(len(dofs)), rotor, constant)
+        name, likely = rigid.robot.name, np.maximum(_SHARE * holding, _LEAST)
+        coulomb = np.where(rigid.coulomb > 0.0, rigid.coulomb, likely)
+        viscous = np.where(rigid.viscous > 0.0, rigid.viscous, _PER_SPEED * likely)
+        if name in _COULOMB:
+            coulomb, viscous = np.array(_COULOMB[name]), np.array(_VISCOUS[name])
+        usual = (_USUAL_CONSTANT,) * len(holding)
+        constant = np.array(_CONSTANT.get(name, usual))
+        return cls(coulomb, viscous, np.zeros(len(holding)), rigid.rotor, constant)
 
     def changed(self, given: Mapping[str, float]) -> "DriveParameters":
         """Parameters with new values by name, ``drive.coulomb.2``: joints count from 1.
@@ -216,14 +207,13 @@ class DriveTrain:
         poses = robot.sample(_POSES, np.random.default_rng(_SEED))
         holding = nominal.of(Jet(poses, 0.0 * poses, 0.0 * poses))
         self.holding = np.abs(holding).max(axis=0)
-        usual = DriveParameters.nominal(robot, nominal.rotor, self.holding)
-        self.nominal = usual
-        self.parameters = usual.changed(given or {})
+        self.nominal = DriveParameters.nominal(nominal, self.holding)
+        self.parameters = self.nominal.changed(given or {})
         self.rigid = JointTorques(robot, theta, gravity, self.parameters.inertia)
         self.controller = nominal
         """Parameters of the robot that the controller assumes."""
         self.faults: tuple[ActiveFault, ...] = tuple(
-            active_fault(name, values, usual.coulomb) for name, values in faults
+            active_fault(name, values, self.nominal.coulomb) for name, values in faults
         )
 
     @property
