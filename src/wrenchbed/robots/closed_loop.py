@@ -14,7 +14,6 @@ by the joints' play.
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -50,38 +49,21 @@ Frame = tuple[Value, Value]
 """Rotation (…, N, 3, 3) and origin (…, N, 3) [m] in the base's axes."""
 
 
-class Geometry(NamedTuple):
-    """Geometry of an arm from its parameters, one vector or a batch (K, 1, …).
-
-    Attributes:
-        turns, shifts: from the link before to each link at joint value 0, (3, 3) and (3,) [m].
-        zeros: added to the joint values (…, J).
-        places: of each closure, the points in the axes of its two links, (3,) [m].
-        welds: of each closure, R_first · weld = R_second (3, 3).
-        offsets: of each closure of joints, added to its law.
-    """
-
-    turns: Sequence[np.ndarray]
-    shifts: Sequence[np.ndarray]
-    zeros: np.ndarray
-    places: Sequence[tuple[np.ndarray, np.ndarray]]
-    welds: Sequence[np.ndarray]
-    offsets: Sequence[np.ndarray]
-
-
 class ClosedLoops:
     """The loops of one arm.
 
+    Formulas take ``arm`` with parameters other than the nominal ones too, also a batch (K, 1, …)
+    of them or complex steps, and values of joints to which their zeros are added.
+
     Args:
         arm: with ``loops``; its home is where Newton begins.
-        nominal: its geometry as the file has it.
 
     Raises:
         ParameterError: the loops do not close at home, or leave a joint free; says which.
     """
 
-    def __init__(self, arm: ArmModel, nominal: Geometry) -> None:
-        self.arm, self.closures, self.nominal = arm, arm.closures, nominal
+    def __init__(self, arm: ArmModel) -> None:
+        self.arm, self.closures = arm, arm.closures
         self.driven = list(arm.driven)
         self.passive = [k for k in range(len(arm.links)) if k not in arm.driven]
         self._scale = arm.reach
@@ -100,13 +82,13 @@ class ClosedLoops:
         one, two = self._ways[closure.first + 1], self._ways[closure.second + 1]
         return max((a for a, b in zip(one, two, strict=False) if a == b), default=-1)
 
-    def frames(self, at: Sequence[Value], geometry: Geometry) -> list[Frame]:
+    def frames(self, at: Sequence[Value], arm: ArmModel) -> list[Frame]:
         """Frames of the base and each link, in base axes, at all joints' values (…, N) each."""
         frames: list[Frame] = [(np.eye(3), np.zeros(3))]
-        for k, link in enumerate(self.arm.links):
-            turn, origin = frames[self.arm.parents[k] + 1]
-            origin = origin + apply(turn, geometry.shifts[k])
-            turn = turn @ geometry.turns[k]
+        for k, (link, before) in enumerate(zip(arm.links, arm.parents, strict=True)):
+            turn, origin = frames[before + 1]
+            origin = origin + apply(turn, link.shift)
+            turn = turn @ link.turn
             if link.kind == HINGE:
                 once = turn @ self._spins[k]
                 s, c = sin(at[k])[..., None, None], cos(at[k])[..., None, None]
@@ -116,42 +98,42 @@ class ClosedLoops:
             frames.append((turn, origin))
         return frames
 
-    def residual(self, at: Sequence[Value], geometry: Geometry) -> Value:
+    def residual(self, at: Sequence[Value], arm: ArmModel) -> Value:
         """Residual of the loop closures (…, N, E) [rad, m over the arm's reach]."""
-        frames = self.frames(at, geometry)
+        frames = self.frames(at, arm)
         parts: list[Value] = []
-        for n, closure in enumerate(self.closures):
+        for n, closure in enumerate(arm.closures):
             if closure.kind == COUPLED:
-                parts.append(_coupled(closure, at, geometry.offsets[n]))
+                parts.append(_coupled(closure, at))
                 continue
             (one, first), (two, second) = frames[closure.first + 1], frames[closure.second + 1]
-            here, there = geometry.places[n]
+            here, there = closure.places
             back = _transposed(frames[self._shared[n] + 1][0])
             gap = first + apply(one, here) - second - apply(two, there)
             gap = apply(back, gap) * (1.0 / self._scale)
             parts += [gap[..., i] for i in range(3)]
             if closure.kind == WELD:
-                turned = back @ (one @ geometry.welds[n] @ _transposed(two)) @ _transposed(back)
+                turned = back @ (one @ closure.turn @ _transposed(two)) @ _transposed(back)
                 pairs = ((2, 1), (0, 2), (1, 0))
                 parts += [0.5 * (turned[..., i, j] - turned[..., j, i]) for i, j in pairs]
         return stack_jets(parts)
 
-    def _slopes(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
+    def _slopes(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
         """∂r/∂ all joints (…, N, E, L) of real values, exact where the loops are closed."""
-        frames = self.frames(_split(at), geometry)
+        frames = self.frames(_split(at), arm)
         rows = []
-        for n, closure in enumerate(self.closures):
+        for n, closure in enumerate(arm.closures):
             block = np.zeros((*at.shape[:-1], _EQUATIONS[closure.kind], at.shape[-1]))
             rows.append(block)
             if closure.kind == COUPLED:
                 block[..., 0, closure.first] = 1.0
                 if closure.second >= 0:
-                    law = np.polynomial.Polynomial(closure.law[2:]).deriv()
+                    law = np.polynomial.Polynomial((0.0, *closure.law[3:])).deriv()
                     block[..., 0, closure.second] = -law(at[..., closure.second] - closure.law[1])
                 continue
             shared = self._shared[n] + 1
             back, common = _transposed(frames[shared][0]), len(self._ways[shared])
-            sides = zip((closure.first, closure.second), geometry.places[n], (1, -1), strict=True)
+            sides = zip((closure.first, closure.second), closure.places, (1, -1), strict=True)
             for link, place, sign in sides:
                 point = frames[link + 1][1] + apply(frames[link + 1][0], place)
                 for k in self._ways[link + 1][common:]:
@@ -163,9 +145,9 @@ class ClosedLoops:
                         block[..., 3:, k] = apply(back, axis)
         return np.concatenate(rows, axis=-2)
 
-    def _inverse(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
+    def _inverse(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
         """(∂r/∂x)⁻¹ of the passive joints x (…, N, X, X), of the equations that are kept."""
-        slopes = self._kept @ self._slopes(at, geometry)[..., self.passive]
+        slopes = self._kept @ self._slopes(at, arm)[..., self.passive]
         try:
             return np.linalg.inv(slopes)
         except np.linalg.LinAlgError:
@@ -173,18 +155,17 @@ class ClosedLoops:
 
     def _at_home(self, at: np.ndarray) -> np.ndarray:
         """Values of all joints (L,) with the loops closed; finds which equations are needed."""
-        at[self.driven] += self.nominal.zeros
         for _ in range(3 * _STEPS):
-            r = self.residual(_split(at), self.nominal)
-            step = np.linalg.pinv(self._slopes(at, self.nominal)[:, self.passive], _RANK) @ r
+            r = self.residual(_split(at), self.arm)
+            step = np.linalg.pinv(self._slopes(at, self.arm)[:, self.passive], _RANK) @ r
             at[self.passive] -= step * min(1.0, _LEAP / max(np.abs(step).max(), 1e-12))
-        r = np.abs(self.residual(_split(at), self.nominal))
+        r = np.abs(self.residual(_split(at), self.arm))
         if r.max() > _DIGITS:
             raise ParameterError(
                 "the loops do not close at home (keyframe, else as the file stands): "
                 f"{self._open(r)}"
             )
-        slopes = self._slopes(at, self.nominal)
+        slopes = self._slopes(at, self.arm)
         left, size, right = np.linalg.svd(slopes[:, self.passive])
         rank = int((size > _RANK * size[0]).sum())
         if rank < len(self.passive):
@@ -200,7 +181,7 @@ class ClosedLoops:
                 f"the driven joints {self._named(self.driven, fighting > _DIGITS)} cannot move by "
                 "themselves: the loops couple them; leave out an <actuator>"
             )
-        self._floor = _NEAR_SINGULAR * float(_regular(self._inverse(at, self.nominal)))
+        self._floor = _NEAR_SINGULAR * float(_regular(self._inverse(at, self.arm)))
         self._check_left_out(at)
         return at
 
@@ -212,7 +193,7 @@ class ClosedLoops:
         way = np.random.default_rng(0).uniform(-1.0, 1.0, (4, len(self.driven)))
         goal = home[self.driven] + _STRIDE * way * self._unit[self.driven]
         at = self._follow(np.tile(home, (len(goal), 1)), goal, _CAREFUL)
-        r = np.abs(self.residual(_split(at[np.isfinite(at[:, 0])]), self.nominal))
+        r = np.abs(self.residual(_split(at[np.isfinite(at[:, 0])]), self.arm))
         if r.max(initial=0.0) > 10.0 * _DIGITS:
             raise ParameterError(
                 "the loops have more equations than they need, and which ones turns with the pose: "
@@ -229,42 +210,44 @@ class ClosedLoops:
         open_mm = f"{self._scale * gap * 1e3:.3g} mm open"
         return f"{widest.name!r} stays {f'{gap:.2g} off' if widest.kind == COUPLED else open_mm}"
 
-    def solved(self, q: np.ndarray, geometry: Geometry | None = None) -> np.ndarray:
-        """Values of all joints (…, N, L) at driven ones (N, J); NaN rows where none exist."""
+    def solved(
+        self, q: np.ndarray, driven: np.ndarray | None = None, arm: ArmModel | None = None
+    ) -> np.ndarray:
+        """Values of all joints (…, N, L) at driven ones (N, J), NaN rows where none exist: of the
+        nominal arm, or of another one whose zeros make ``driven`` (…, N, J) of them."""
         key = q.tobytes(), q.shape
         if key not in self._solutions:
             if len(self._solutions) >= _KEPT:
                 self._solutions.pop(next(iter(self._solutions)))
             self._solutions[key] = self._reached(q)
         at = self._solutions[key]
-        if geometry is None or not np.isfinite(at).any():
+        if driven is None or arm is None or not np.isfinite(at).any():
             return at
-        shape = np.broadcast_shapes((*geometry.zeros.shape[:-1], 1), at.shape)
-        at = np.broadcast_to(at, (*shape[:-1], at.shape[-1])).copy()
-        at[..., self.driven] = q + geometry.zeros
-        return self._closed(at, geometry)
+        at = np.broadcast_to(at, (*driven.shape[:-1], at.shape[-1])).copy()
+        at[..., self.driven] = driven
+        return self._closed(at, arm)
 
-    def _closed(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
+    def _closed(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
         """Newton to rounding from near a solution; NaN where there is none."""
         with np.errstate(all="ignore"):
             last = np.inf
             for _ in range(_STEPS):
-                r = self._kept_residual(at, geometry)
+                r = self._kept_residual(at, arm)
                 worst = float(np.nanmax(np.abs(r), initial=0.0))
                 if worst < 1e-13 and worst >= 0.5 * last:
                     break
                 last = worst
-                at[..., self.passive] -= apply(self._inverse(at, geometry), r)
-            off = np.abs(self._kept_residual(at, geometry)).max(axis=-1)
+                at[..., self.passive] -= apply(self._inverse(at, arm), r)
+            off = np.abs(self._kept_residual(at, arm)).max(axis=-1)
             at[~(off < _CLOSED)] = np.nan
         return at
 
-    def _kept_residual(self, at: np.ndarray, geometry: Geometry) -> np.ndarray:
-        return np.asarray(self.residual(_split(at), geometry) @ self._kept.T)
+    def _kept_residual(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
+        return np.asarray(self.residual(_split(at), arm) @ self._kept.T)
 
     def _reached(self, q: np.ndarray) -> np.ndarray:
         """Nominal solutions (N, L), each along a way from a near seed, else from home."""
-        goal, seeds = q + self.nominal.zeros, self._seeds
+        goal, seeds = q, self._seeds
         at = np.full((len(q), len(self.arm.links)), np.nan)
         finite = np.flatnonzero(np.isfinite(goal).all(axis=1))
         away = self._distances(goal[finite], seeds)
@@ -277,7 +260,7 @@ class ClosedLoops:
             if not rest.any():
                 break
             at[finite[rest]] = self._follow(seeds[start[rest]], goal[finite[rest]], stride)
-        return self._closed(at, self.nominal)
+        return self._closed(at, self.arm)
 
     def _distances(self, goal: np.ndarray, solutions: np.ndarray) -> np.ndarray:
         """Distance of driven values (N, J) from those of solutions (S, L)."""
@@ -289,7 +272,7 @@ class ClosedLoops:
         """Values of all joints (S, L) at poses within the driven joints' limits, home first."""
         low, high = np.array([(x.lower, x.upper) for x in self.arm.moved]).T
         rng = np.random.default_rng(0)
-        goal = rng.uniform(low, high, (_SEEDS, len(low))) + self.nominal.zeros
+        goal = rng.uniform(low, high, (_SEEDS, len(low)))
         solutions = self.home[None]
         for _ in range(_ROUNDS):
             near = np.argmin(self._distances(goal, solutions), axis=1)
@@ -319,34 +302,31 @@ class ClosedLoops:
         at[:, self.driven] = driven
         with np.errstate(all="ignore"):
             for _ in range(3):
-                inverse = self._inverse(at, self.nominal)
-                step = apply(inverse, self._kept_residual(at, self.nominal))
+                inverse = self._inverse(at, self.arm)
+                step = apply(inverse, self._kept_residual(at, self.arm))
                 at[:, self.passive] -= step
                 at[~(np.abs(step).max(axis=1) < _LEAP)] = np.nan
             settled = np.abs(step).max(axis=1) < 1e-3
             at[~(settled & (_regular(inverse) > self._floor))] = np.nan
         return at
 
-    def lifted(self, q: Value, geometry: Geometry, real: Geometry, steps: bool) -> list[Value]:
-        """Values of all joints, (…, N) each, with the derivatives that q and the geometry carry.
+    def lifted(self, at: np.ndarray, driven: Value, arm: ArmModel, real: ArmModel) -> list[Value]:
+        """Values of all joints, (…, N) each, with the derivatives that driven ones and arm carry.
 
         Args:
-            q: driven joints' values (N, J), also jets.
-            geometry: real or complex.
-            real: its real part.
-            steps: whether the geometry is complex.
+            at: solution (…, N, L) of the real parts.
+            driven: joints' values with their zeros (…, N, J), also jets; complex if the arm is.
+            arm, real: the arm and its real part.
         """
-        at = self.solved(value(q).real, real)
-        orders = 2 * isinstance(q, Jet) + (steps or np.iscomplexobj(value(q)))
+        orders = 2 * isinstance(driven, Jet) + np.iscomplexobj(value(driven))
         values = list[Value](_split(at))
         if not orders:
             return values
-        driven = q + geometry.zeros
         for j, k in enumerate(self.driven):
             values[k] = driven[..., j]
         inverse = self._inverse(at, real) @ self._kept
         for _ in range(orders):
-            move = apply(inverse, self.residual(values, geometry))
+            move = apply(inverse, self.residual(values, arm))
             for i, k in enumerate(self.passive):
                 values[k] = values[k] - move[..., i]
         return values
@@ -371,11 +351,11 @@ class ClosedLoops:
         from scipy.optimize import least_squares
 
         at = self.home.copy()
-        at[self.driven] = q + self.nominal.zeros
+        at[self.driven] = q
 
         def miss(x: np.ndarray) -> np.ndarray:
             at[self.passive] = x
-            return np.asarray(self.residual(_split(at), self.nominal))
+            return np.asarray(self.residual(_split(at), self.arm))
 
         nearest = least_squares(miss, self.home[self.passive], xtol=1e-12, ftol=1e-12, gtol=1e-12)
         r = np.abs(miss(nearest.x))
@@ -396,8 +376,8 @@ def _regular(inverse: np.ndarray) -> np.ndarray:
     return np.asarray(1.0 / np.linalg.norm(inverse, axis=(-2, -1)))
 
 
-def _coupled(closure: Closure, at: Sequence[Value], offset: np.ndarray) -> Value:
-    total = at[closure.first] - closure.law[0] - closure.law[2] - offset
+def _coupled(closure: Closure, at: Sequence[Value]) -> Value:
+    total = at[closure.first] - closure.law[0] - closure.law[2]
     if closure.second >= 0:
         x, power = at[closure.second] - closure.law[1], 1.0
         for a in closure.law[3:]:

@@ -127,11 +127,11 @@ class DescribedArm(MountedArm):
         return tuple(place.tolist()), tuple(middle.tolist())
 
     def at(self, theta: np.ndarray) -> ArmModel:
-        """The arm with its parameters (P,)."""
-        arm, turns = self.arm_model, theta[self._turns]
+        """The arm with its parameters (P,), or a batch of them (K, 1, P)."""
+        arm = self.arm_model
         links = tuple(
-            replace(link, turn=link.turn @ exp(*turn), shift=shift)
-            for link, turn, shift in zip(arm.links, turns, theta[self._places], strict=True)
+            replace(link, turn=turned(link.turn, theta[..., turn]), shift=theta[..., place])
+            for link, turn, place in zip(arm.links, self._turns, self._places, strict=True)
         )
         return replace(arm, base_turn=self._leaning(arm.base_turn, theta), links=links)
 
@@ -273,6 +273,11 @@ def _places(group: str, place: np.ndarray, text: str) -> list[Parameter]:
         Parameter(f"{group}.{a}", float(v), "m", _LENGTH, -_FARTHEST, _FARTHEST, text)
         for a, v in zip("xyz", place, strict=True)
     ]
+
+
+def turned(fixed: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """A rotation (3, 3) that a rotation vector (…, 3) turns in its own axes."""
+    return fixed @ exp(*np.moveaxis(vector, -1, 0)) if vector.any() else fixed
 
 
 def _to_z(axis: np.ndarray) -> np.ndarray:

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass
-from wrenchbed.physics.rotations import apply, exp
-from wrenchbed.physics.time_derivatives import Value, stack_jets
-from wrenchbed.robots.arm_model import COUPLED, WELD, ArmModel
+from wrenchbed.physics.rotations import apply
+from wrenchbed.physics.time_derivatives import Value, stack_jets, value
+from wrenchbed.robots.arm_model import COUPLED, WELD, ArmModel, Closure
 from wrenchbed.robots.base import STEP, complex_steps, sample_until
-from wrenchbed.robots.closed_loop import ClosedLoops, Geometry
-from wrenchbed.robots.file_arm import ArmDescription, DescribedArm
+from wrenchbed.robots.closed_loop import ClosedLoops
+from wrenchbed.robots.file_arm import ArmDescription, DescribedArm, turned
 
 if TYPE_CHECKING:
     import mujoco
@@ -44,7 +44,7 @@ class LoopArm(DescribedArm):
             for x in arm.links
         )
         self.carrier = arm.end
-        self._loops = ClosedLoops(arm, self._geometry(self.parameters.nominal))
+        self._loops = ClosedLoops(arm)
         homes = zip(arm.links, self._loops.home.tolist(), strict=True)
         self.arm_model = replace(arm, links=tuple(replace(x, home=at) for x, at in homes))
 
@@ -71,59 +71,49 @@ class LoopArm(DescribedArm):
                 unseen.append(self.parameters.names[k])
         return tuple(unseen)
 
-    def _geometry(self, theta: np.ndarray) -> Geometry:
-        arm, p = self.arm_model, self.values(theta)
-
-        def turned(fixed: np.ndarray, columns: np.ndarray | list[int]) -> np.ndarray:
-            vector = theta[..., columns]
-            return fixed @ exp(*np.moveaxis(vector, -1, 0)) if vector.any() else fixed
-
-        places, welds, offsets = [], [], []
+    def at(self, theta: np.ndarray) -> ArmModel:
+        arm, p, closures = super().at(theta), self.values(theta), []
+        assert arm.loops is not None
         for closure in arm.closures:
-            group, one, two = f"loop.{closure.name}", np.zeros(3), np.zeros(3)
-            if closure.kind != COUPLED:
-                bodies = (arm.links[k].body if k >= 0 else "base"
-                          for k in (closure.first, closure.second))  # fmt: skip
-                one, two = (stack_jets([p[f"{group}.{b}.{a}"] for a in "xyz"]) for b in bodies)
-            places.append((one, two))
-            offsets.append(p[f"{group}.offset"] if closure.kind == COUPLED else np.zeros(()))
-            turn = [self.parameters.index(f"{group}.rotation.{a}") for a in "xyz"
-                    if closure.kind == WELD]  # fmt: skip
-            welds.append(turned(closure.turn, turn))
-        links = zip(arm.links, self._turns, strict=True)
-        return Geometry(
-            [turned(link.turn, columns) for link, columns in links],
-            [theta[..., columns] for columns in self._places],
-            self.zeros(theta), places, welds, offsets,
-        )  # fmt: skip
+            group = f"loop.{closure.name}"
+            if closure.kind == COUPLED:
+                y0, x0, a0, *more = closure.law
+                law = (y0, x0, a0 + p[f"{group}.offset"], *more)
+                closures.append(replace(closure, law=law))
+                continue
+            ends = (closure.first, closure.second)
+            bodies = [arm.links[k].body if k >= 0 else "base" for k in ends]
+            places = [stack_jets([p[f"{group}.{b}.{a}"] for a in "xyz"]) for b in bodies]
+            turn = closure.turn
+            if closure.kind == WELD:
+                turn = turned(turn, stack_jets([p[f"{group}.rotation.{a}"] for a in "xyz"]))
+            closures.append(replace(closure, places=np.array(places), turn=turn))
+        return replace(arm, loops=replace(arm.loops, closures=tuple(closures)))
 
-    def _solved(self, q: Value, theta: np.ndarray) -> tuple[list[Value], Geometry]:
-        """Values of all joints, (…, N) each, and the geometry."""
-        geometry, real = self._geometry(theta), theta.real
+    def _solved(self, q: Value, theta: np.ndarray) -> tuple[list[Value], ArmModel]:
+        """Values of all joints, (…, N) each, and the arm with these parameters."""
+        arm, real = self.at(theta), theta.real
         if real.ndim > 1 and (real == real.reshape(-1, real.shape[-1])[0]).all():
             real = real.reshape(-1, real.shape[-1])[0]  # a batch of complex steps of one robot
-        steps = np.iscomplexobj(theta)
-        return self._loops.lifted(q, geometry, self._geometry(real), steps), geometry
+        real_q, real_arm = value(q).real, self.at(real)
+        at = self._loops.solved(real_q, real_q + self.zeros(real), real_arm)
+        return self._loops.lifted(at, q + self.zeros(theta), arm, real_arm), arm
 
     def link_frames(self, q: Value, theta: np.ndarray) -> list[tuple[Value, Value]]:
-        frames = self._loops.frames(*self._solved(q, theta))[1:]
-        return [self._placed(*frame, theta) for frame in frames]
-
-    def _placed(self, turn: Value, origin: Value, theta: np.ndarray) -> tuple[Value, Value]:
-        """Frame in world axes from one in base axes."""
-        base = self._leaning(self.arm_model.base_turn, theta)
-        return base @ turn, apply(base, origin) + self.arm_model.base_shift
+        at, arm = self._solved(q, theta)
+        return [_placed(*frame, arm) for frame in self._loops.frames(at, arm)[1:]]
 
     def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
-        arm, frames = self.arm_model, self._loops.frames(*self._solved(q, theta))
-        turn, origin = self._placed(*frames[arm.end + 1], theta)
+        at, arm = self._solved(q, theta)
+        turn, origin = _placed(*self._loops.frames(at, arm)[arm.end + 1], arm)
         return turn @ arm.end_turn, origin + apply(turn, arm.end_shift)
 
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
         bad = self._outside_limits(q)
         inside = np.setdiff1d(np.arange(len(q)), list(bad))
         if len(inside):
-            at = self._loops.solved(q[inside], self._geometry(theta.real))
+            driven = q[inside] + self.zeros(theta.real)
+            at = self._loops.solved(q[inside], driven, self.at(theta.real))
             bad |= {int(inside[k]): why for k, why in self._loops.failures(q[inside], at).items()}
         return dict(sorted(bad.items()))
 
@@ -146,35 +136,31 @@ class LoopArm(DescribedArm):
             at[k] = q[..., j]
         return stack_jets(at)
 
-    def at(self, theta: np.ndarray) -> ArmModel:
-        arm, geometry = super().at(theta), self._geometry(theta)
-        assert arm.loops is not None
-        each = zip(arm.closures, geometry.places, geometry.welds, strict=True)
-        closures = tuple(
-            replace(closure, places=np.array(places), turn=weld) for closure, places, weld in each
-        )
-        return replace(arm, loops=replace(arm.loops, closures=closures))
-
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        spec, geometry = super().spec(theta), self._geometry(theta)
-        for n, closure in enumerate(self.arm_model.closures):
+        spec, arm = super().spec(theta), self.at(theta)
+        home = np.array([link.home for link in arm.links])
+        home[list(arm.driven)] += self.zeros(theta)
+        for closure in arm.closures:
             if closure.kind == COUPLED:
-                spec.equality(closure.name).data[:5] = self._law(n, geometry)
+                law = _from_home(closure, home)
+                spec.equality(closure.name).data[: len(law)] = law
         spec.key("home").qpos = self.qpos(self.home[None], theta)[0]
         return spec
 
-    def _law(self, n: int, geometry: Geometry) -> np.ndarray:
-        """MuJoCo's five coefficients: both joints from home, without their zeros."""
-        arm, c = self.arm_model, self.arm_model.closures[n]
-        home = np.array([link.home for link in arm.links])
-        home[list(arm.driven)] += geometry.zeros
-        y0, x0, *law = c.law
-        if c.second < 0:
-            law, start = law[:1], 0.0
-        else:
-            start = float(home[c.second]) - x0
-        shifted = np.polynomial.Polynomial(law)(np.polynomial.Polynomial([start, 1.0]))
-        result = np.zeros(5)
-        result[: len(shifted.coef)] = shifted.coef
-        result[0] += y0 + float(geometry.offsets[n]) - float(home[c.first])
-        return result
+
+def _placed(turn: Value, origin: Value, arm: ArmModel) -> tuple[Value, Value]:
+    """Frame in world axes from one in base axes."""
+    return arm.base_turn @ turn, apply(arm.base_turn, origin) + arm.base_shift
+
+
+def _from_home(closure: Closure, home: np.ndarray) -> np.ndarray:
+    """MuJoCo's five coefficients of coupled joints: both from home (L,), without their zeros."""
+    y0, x0, *law = closure.law
+    start = 0.0
+    if closure.second >= 0:
+        start = float(home[closure.second]) - x0
+    shifted = np.polynomial.Polynomial(law)(np.polynomial.Polynomial([start, 1.0]))
+    result = np.zeros(5)
+    result[: len(shifted.coef)] = shifted.coef
+    result[0] += y0 - float(home[closure.first])
+    return result
