@@ -80,8 +80,8 @@ def robot(
             joint.name, link.joint, link.body, limits, f"{joint.speed:.3g} {joint.unit}/s"
         )
     lines = []
-    if model.loops is not None:
-        loops = ", ".join(c.name for c in model.loops.closures)
+    if model.closures:
+        loops = ", ".join(c.name for c in model.closures)
         lines.append(f"Solved from the closed loops {loops}: {', '.join(passive)}")
     cog = ", ".join(f"{1e3 * x:.1f}" for x in load.cog)
     bodies = ", ".join(made.loading)

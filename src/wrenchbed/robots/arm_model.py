@@ -13,8 +13,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 HINGE, SLIDE = "hinge", "slide"
-_Made = TypeVar("_Made", "ArmModel", "ArmLink", "Load", "Loops", "Closure", "Shape")
+_Made = TypeVar("_Made", "ArmModel", "ArmLink", "Load", "Closure", "Shape")
 CONNECT, WELD, COUPLED = "connect", "weld", "joint"
+_TREE = ("parents", "end", "driven", "closures")
+"""Fields of the topology, which in JSON are those of ``loops``, null of a serial chain."""
 MESH_VERTICES = 300
 """About the most vertices that a mesh keeps: enough to know a link by, few enough to travel."""
 
@@ -99,17 +101,6 @@ class Closure:
 
 
 @dataclass(frozen=True, eq=False)
-class Loops:
-    """Closed loops: the link before each link (−1 is the base), the link that carries the sensor,
-    those whose joints have actuators, q1 … in this order, and what closes the loops."""
-
-    parents: tuple[int, ...]
-    end: int
-    driven: tuple[int, ...]
-    closures: tuple[Closure, ...]
-
-
-@dataclass(frozen=True, eq=False)
 class ArmModel:
     """An arm from base to sensor.
 
@@ -121,8 +112,11 @@ class ArmModel:
         end_turn, end_shift: the sensor's frame in the last link's.
         load: behind the sensor, as the file has it; None where that weighs nothing.
         gravity: in world axes (3,) [m/s²].
+        parents: the link before each link; −1 is the base.
+        end: the link that carries the sensor.
+        driven: links whose joints have actuators, q1 … in this order; all others are passive.
+        closures: what closes loops; empty of a serial chain.
         floor: lowest height of what moves [m], None without a floor.
-        loops: of an arm with closed loops; None of a serial chain.
     """
 
     name: str
@@ -134,8 +128,11 @@ class ArmModel:
     end_shift: np.ndarray
     load: Load | None
     gravity: tuple[float, ...]
+    parents: tuple[int, ...]
+    end: int
+    driven: tuple[int, ...]
+    closures: tuple[Closure, ...] = ()
     floor: float | None = None
-    loops: Loops | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Arm as a JSON object; `from_json` reads it."""
@@ -143,19 +140,22 @@ class ArmModel:
         def plain(pairs: Iterable[tuple[str, Any]]) -> dict[str, Any]:
             return {k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in pairs}
 
-        return asdict(self, dict_factory=plain)
+        raw = asdict(self, dict_factory=plain)
+        loops = {key: raw.pop(key) for key in _TREE}
+        return raw | {"loops": loops if self.closures else None}
 
     @classmethod
     def from_json(cls, raw: Mapping[str, Any]) -> "ArmModel":
         """Arm from the JSON object of `to_json`."""
-        load, loops = raw["load"], raw.get("loops")
-        if loops is not None:
-            closures = tuple(_made(Closure, closure) for closure in loops["closures"])
-            loops = _made(Loops, loops, closures=closures)
+        load, count = raw["load"], len(raw["links"])
+        chain = {"parents": [*range(-1, count - 1)], "end": count - 1, "driven": [*range(count)]}
+        rest = {key: value for key, value in raw.items() if key != "loops"}
+        tree = raw.get("loops") or chain | {"closures": []}
         return _made(
-            cls, raw, load=None if load is None else _made(Load, load), loops=loops,
+            cls, rest | tree, load=None if load is None else _made(Load, load),
             base_shapes=tuple(_made(Shape, shape) for shape in raw["base_shapes"]),
             links=tuple(_made(ArmLink, link) for link in raw["links"]),
+            closures=tuple(_made(Closure, closure) for closure in tree["closures"]),
         )  # fmt: skip
 
     @property
@@ -164,34 +164,14 @@ class ArmModel:
         far = [0.0]
         for link, before in zip(self.links, self.parents, strict=True):
             length = float(np.linalg.norm(link.shift)) if before >= 0 else 0.0
-            slid = abs(link.home) if self.loops is not None and link.kind == SLIDE else 0.0
+            slid = abs(link.home) if self.closures and link.kind == SLIDE else 0.0
             far.append(far[before + 1] + length + slid)
         return max(far) + float(np.linalg.norm(self.end_shift))
-
-    @property
-    def parents(self) -> tuple[int, ...]:
-        """Number of the link before each link; −1 is the base."""
-        return tuple(range(-1, len(self.links) - 1)) if self.loops is None else self.loops.parents
-
-    @property
-    def end(self) -> int:
-        """Number of the link that carries the sensor."""
-        return len(self.links) - 1 if self.loops is None else self.loops.end
-
-    @property
-    def driven(self) -> tuple[int, ...]:
-        """Number of the link that each joint q1 … moves."""
-        return tuple(range(len(self.links))) if self.loops is None else self.loops.driven
 
     @property
     def moved(self) -> tuple[ArmLink, ...]:
         """The link that each joint q1 … moves."""
         return tuple(self.links[k] for k in self.driven)
-
-    @property
-    def closures(self) -> tuple[Closure, ...]:
-        """What closes loops; empty of a serial chain."""
-        return () if self.loops is None else self.loops.closures
 
     @property
     def columns(self) -> tuple[str, ...]:

@@ -171,7 +171,7 @@ def _servo(spec: mujoco.MjSpec, column: str, link: ArmLink) -> None:
 
 def _close(spec: mujoco.MjSpec, bodies: Sequence[mujoco.MjsBody], arm: ArmModel) -> None:
     """Sites ``<loop>_1`` and ``<loop>_2`` that MuJoCo keeps together, stiffly; coupled joints."""
-    for c in () if arm.loops is None else arm.loops.closures:
+    for c in arm.closures:
         kind = getattr(mujoco.mjtEq, f"mjEQ_{c.kind.upper()}")
         equality = spec.add_equality(name=c.name, type=kind, solref=_STIFF, solimp=_HARD)
         if c.kind == COUPLED:

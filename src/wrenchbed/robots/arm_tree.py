@@ -21,7 +21,6 @@ from wrenchbed.robots.arm_model import (
     ArmModel,
     Closure,
     Load,
-    Loops,
     Shape,
     about,
     lighter,
@@ -125,10 +124,7 @@ class ArmTree:
             for k, p in enumerate(parents)
         ]  # fmt: skip
         last = chain.index(self._above[self._end][-1])
-        loops = None
-        if self.equalities:
-            closures = [self._closure(n, frames, segment) for n in range(len(self.equalities))]
-            loops = Loops(parents, last, driven, tuple(closures))
+        closures = [self._closure(n, frames, segment) for n in range(len(self.equalities))]
         turn, origin = frames[last + 1]
         end, at = _axes(data.site_xmat[self.site]), data.site_xpos[self.site]
         gravity = (0.0, 0.0, -9.80665) if self.source.urdf else model.opt.gravity
@@ -139,7 +135,8 @@ class ArmTree:
             base_turn=frames[0][0], base_shift=frames[0][1],
             base_shapes=self._shapes(np.flatnonzero(segment == 0), *frames[0]),
             links=_distinct(links), end_turn=turn.T @ end, end_shift=turn.T @ (at - origin),
-            load=self._load(end, at), gravity=tuple(float(g) for g in gravity), loops=loops,
+            load=self._load(end, at), gravity=tuple(float(g) for g in gravity),
+            parents=parents, end=last, driven=driven, closures=tuple(closures),
         )  # fmt: skip
 
     def held(self, allowed: bool) -> list[str]:

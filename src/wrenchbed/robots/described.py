@@ -239,7 +239,7 @@ def _ball(mass: float) -> tuple[float, ...]:
 def _floor(arm: ArmModel) -> float | None:
     """Height of the floor [m] of an upright arm; None for one that hangs, stands sideways or has
     loops."""
-    if arm.loops is not None:
+    if arm.closures:
         return None
     g = np.array(arm.gravity)
     first, after = arm.links[0], [*(link.shift for link in arm.links[1:]), arm.end_shift][0]
@@ -286,7 +286,7 @@ def _robot(
     if sensor_record is not None:
         record["sensor"] = {"name": sensor, "record": dict(sensor_record)}
     try:
-        return (FileArm if edited.loops is None else LoopArm)(description, record)
+        return (LoopArm if edited.closures else FileArm)(description, record)
     except ParameterError as cause:
         raise ParameterError(f"{where}: {cause}") from None
 
@@ -339,7 +339,7 @@ def _toml(
         floor=floor, path=quoted(stated), sha256=quoted(_sha(file)), place=quoted(frame),
         hold="hold_others = true\n" if hold else "", bodies=", ".join(load.bodies) or "as stated",
         mass=load.mass, cog=listed(load.cog), inertia=listed(load.inertia),
-        joints=_CHAIN if arm.loops is None else _LOOPS,
+        joints=_LOOPS if arm.closures else _CHAIN,
     )  # fmt: skip
     tables = [
         _LINK.format(

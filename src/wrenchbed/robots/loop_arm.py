@@ -73,7 +73,6 @@ class LoopArm(DescribedArm):
 
     def at(self, theta: np.ndarray) -> ArmModel:
         arm, p, closures = super().at(theta), self.values(theta), []
-        assert arm.loops is not None
         for closure in arm.closures:
             group = f"loop.{closure.name}"
             if closure.kind == COUPLED:
@@ -88,7 +87,7 @@ class LoopArm(DescribedArm):
             if closure.kind == WELD:
                 turn = turned(turn, stack_jets([p[f"{group}.rotation.{a}"] for a in "xyz"]))
             closures.append(replace(closure, places=np.array(places), turn=turn))
-        return replace(arm, loops=replace(arm.loops, closures=tuple(closures)))
+        return replace(arm, closures=tuple(closures))
 
     def _solved(self, q: Value, theta: np.ndarray) -> tuple[list[Value], ArmModel]:
         """Values of all joints, (…, N) each, and the arm with these parameters."""
