@@ -192,7 +192,7 @@ SECOND = "".join(
     '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link>'
     for k in range(3)
 )
-LOOP = TWO_LINKS.replace(
+CLOSED_BENCH = TWO_LINKS.replace(
     "<keyframe>",
     '<equality><connect body1="swing" body2="rail" anchor="0 0 0"/></equality><keyframe>',
 )
@@ -223,7 +223,7 @@ REFUSALS = {
         URDF.format(kind="revolute", more="", rest="").replace('value="0.5"', 'value="0"'),
         "t", "--tool-mass",
     ),
-    "loop": (LOOP, "seat", "closes a loop between 'swing' and 'rail'"),
+    "loop": (CLOSED_BENCH, "seat", "closes a loop between 'swing' and 'rail'"),
 }  # fmt: skip
 
 
