@@ -9,7 +9,10 @@ from typing import Any, Generic, ParamSpec, TypeVar
 
 import numpy as np
 
-from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed import registry
+from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.physics.wrench import CHANNELS, Tool
+from wrenchbed.robots.base import Robot
 
 Rng = np.random.Generator
 Drawn = TypeVar("Drawn")
@@ -98,6 +101,24 @@ EFFECTS: Mapping[str, CaseEffect] = {
 """By name, in the order in which causes are drawn: cases follow from it and the seed.
 
 The weight of the sensor's own tool side is exactly a mass and a CoG: it is in every background."""
+
+
+def as_stated(robot: Robot, mode: str, source: str, rate: float, tool: Tool) -> Metadata:
+    """What is stated of a made recording: a tool, and the noise of the robot's own sensor."""
+    sensor = registry.load("sensors", robot.sensor)
+    rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
+    inertia = np.asarray(tool.inertia)[rows, columns]
+    return Metadata(
+        robot=robot.name,
+        mode=mode,
+        source=source,
+        rate_hz=rate,
+        tool=ToolInfo(float(tool.mass), tuple(tool.cog.tolist()), tuple(inertia.tolist())),
+        sensor=SensorInfo(
+            sensor.name, tuple(sensor.noise.row_std.tolist()), mass=float(tool.sensor_mass)
+        ),
+        gravity=tuple(float(g) for g in robot.gravity),
+    )
 
 
 def log_uniform(rng: Rng, low: float, high: float) -> float:

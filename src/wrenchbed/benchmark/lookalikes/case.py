@@ -49,7 +49,6 @@ class LookalikeCase:
         rows: largest rise of a channel's row variance, of the causes that show between rows.
         background: gap of all small imperfections together.
         items: everything that is wrong, and how much of it.
-        unclipped: ``clean`` without range limits (N, 6).
     """
 
     seed: int
@@ -62,7 +61,6 @@ class LookalikeCase:
     rows: Mapping[str, float] = field(default_factory=dict)
     background: float = 0.0
     items: tuple[Scaled, ...] = ()
-    unclipped: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
 
 
 def draw(
@@ -159,7 +157,7 @@ class _Drawing:
                     clean = self.robot.reading(items)
                     return LookalikeCase(
                         self.seed, "outside", (), name, {}, {name: reached}, clean,
-                        background=self.minor, items=tuple(items), unclipped=clean,
+                        background=self.minor, items=tuple(items),
                     )  # fmt: skip
                 amount *= float(np.clip(np.sqrt(target / max(reached, 1e-12)), 1e-3, 30.0))
         raise ParameterError(f"{family or 'no family'} shows enough in this design")
@@ -169,8 +167,6 @@ class _Drawing:
         others."""
         items = [*self.around, *[(c.item, 1.0) for c in reversed(causes)]]
         clean = causes[0].reading if causes else self.base
-        changed = [c.item.rows for c in causes if c.item.rows is not None]
-        limited = any(np.isfinite(rows.limit).any() for rows in changed)
         return LookalikeCase(
             seed=self.seed,
             kind=self.kind,
@@ -182,7 +178,6 @@ class _Drawing:
             rows={c.item.name: c.rows for c in causes if c.between},
             background=self.minor,
             items=tuple(items),
-            unclipped=self.robot.reading(items, clip=False) if limited else clean,
         )
 
     def _surround(self, around: list[Scaled]) -> None:
@@ -255,11 +250,13 @@ def _rows(design: ExperimentDesign, case: LookalikeCase) -> np.ndarray:
     rng = np.random.default_rng([case.seed, 2])
     samples = 1 if design.moving else design.samples
     slow, scatter = row_noise(design, rng, samples)
-    load = case.unclipped
+    changed = [i.rows for i, _ in case.items if i.rows is not None]
+    load = case.clean
+    if any(np.isfinite(r.limit).any() for r in changed):  # noise comes before the range
+        load = ImperfectRobot(design).reading(case.items, clip=False)
     if design.moving:  # the clock of the sensor jitters
         late = np.clip(rng.normal(0.0, 1.5e-4, len(load)), -5e-4, 5e-4)
         load = load + late[:, None] * np.gradient(load, design.t, axis=0)
-    changed = [i.rows for i, _ in case.items if i.rows is not None]
     for r in changed:
         scatter = scatter * r.gain
     y = (load + slow)[:, None, :] + scatter

@@ -13,11 +13,11 @@ from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import Usual, hold_means
+from wrenchbed.benchmark.frame import Usual, as_stated, hold_means
 from wrenchbed.benchmark.lookalikes import loads
 from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, Weights
 from wrenchbed.calibration.calibrate import IdentifiedLoad, identify_from_gravity
-from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import Tool
@@ -150,7 +150,8 @@ class ExperimentDesign:
     def of_plan(cls, plan: Plan, robot: Robot, samples: int = 50) -> "ExperimentDesign":
         """A design from a plan before it is recorded, with nominal numbers."""
         rate = float(plan.rate_hz or _RATE_HZ)
-        meta = _nominal(robot, plan.mode, rate)
+        tool = robot.tool(robot.parameters.nominal)
+        meta = as_stated(robot, plan.mode, "lookalike", rate, tool)
         noise = _noise(meta, robot, None)
         if plan.mode == "dynamic":
             t = np.arange(len(plan)) / rate
@@ -191,8 +192,8 @@ class ExperimentDesign:
         theta = robot.parameters.nominal.astype(float)
         stated: dict[str, float] = {}
         if tool.inertia is not None:
-            names = [f"tool.inertia.{a}" for a in INERTIA_AXES]
-            stated |= dict(zip(names, tool.inertia, strict=True))
+            six = zip(INERTIA_AXES, tool.inertia, strict=True)
+            stated |= {f"tool.inertia.{a}": moment for a, moment in six}
         if sensor.mass is not None:
             stated["sensor.mass"] = sensor.mass
         if sensor.pose_flange is not None and "mount.position.x" in robot.parameters.names:
@@ -203,19 +204,14 @@ class ExperimentDesign:
         theta = robot.parameters.vector(stated, start=theta)
         if tool.mass is not None and tool.cog is not None:
             return robot.theta_of_tool(theta, tool.mass, list(tool.cog))
-        carried = self._carried(theta)
+        carried: Tool | IdentifiedLoad = robot.tool(theta)
+        if self.measured is not None:  # the tool that the wrenches show
+            g = robot.gravity_seen(self.q, theta, self.gravity)
+            seen = identify_from_gravity(g, self.measured, 1.0 / np.square(self.noise_std))
+            carried = seen if seen.mass > 0.0 else carried
         mass = float(carried.mass) if tool.mass is None else tool.mass
         cog = [float(c) for c in (carried.cog if tool.cog is None else tool.cog)]
         return robot.theta_of_tool(theta, mass, cog)
-
-    def _carried(self, theta: np.ndarray) -> Tool | IdentifiedLoad:
-        """The tool that the wrenches show, else the robot's nominal one."""
-        nominal = self.robot.tool(theta)
-        if self.measured is None:
-            return nominal
-        g = self.robot.gravity_seen(self.q, theta, self.gravity)
-        seen = identify_from_gravity(g, self.measured, 1.0 / np.square(self.noise_std))
-        return seen if seen.mass > 0.0 else nominal
 
     @cached_property
     def load(self) -> RigidLoad:
@@ -304,26 +300,3 @@ def _noise(meta: Metadata, robot: Robot, measured: np.ndarray | None) -> np.ndar
     if meta.sensor.noise_std is not None and min(meta.sensor.noise_std) > 0.0:
         return np.array(meta.sensor.noise_std, dtype=float)
     return typical
-
-
-def _nominal(robot: Robot, mode: str, rate: float) -> Metadata:
-    tool = robot.tool(robot.parameters.nominal)
-    sensor = registry.load("sensors", robot.sensor)
-    rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
-    return Metadata(
-        robot=robot.name,
-        mode=mode,
-        source="lookalike",
-        rate_hz=rate,
-        tool=ToolInfo(
-            float(tool.mass),
-            tuple(tool.cog.tolist()),
-            tuple(tool.inertia[rows, columns].tolist()),
-        ),
-        sensor=SensorInfo(
-            model=sensor.name,
-            noise_std=tuple(sensor.noise.row_std.tolist()),
-            mass=float(tool.sensor_mass),
-        ),
-        gravity=robot.gravity,
-    )

@@ -12,9 +12,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import Rng, Usual, hold_means
-from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.benchmark.frame import Rng, Usual, as_stated, hold_means
+from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import ParameterError
+from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
 
 POSES = (60, 100)
@@ -284,27 +285,17 @@ def draw(robot: SimulatedRobot, mode: str, rng: Rng) -> RefereeSetting:
     Raises:
         ParameterError: no feasible motion was found.
     """
-    sensor = registry.load("sensors", robot.sensor)
     nominal = robot.tool(robot.parameters.nominal)
     mass = float(np.round(nominal.mass * np.exp(rng.uniform(-0.5, 0.4)), 3))
     cog = np.round(nominal.cog * rng.uniform(0.8, 1.25) + rng.normal(0.0, 0.006, 3), 4)
     inertia = np.asarray(nominal.inertia) * mass / float(nominal.mass)
-    six = [float(inertia[i, j]) for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    theta = robot.theta_of_tool(robot.parameters.nominal, mass, cog.tolist())
+    tool = Tool(np.array(mass), cog, inertia, np.zeros(()))
+    metadata = as_stated(robot, mode, "sim", RATE_HZ if mode == "static" else MOTION_HZ, tool)
     names = [f"tool.inertia.{a}" for a in INERTIA_AXES]
-    theta = robot.parameters.vector(dict(zip(names, six, strict=True)), start=theta)
+    six = dict(zip(names, metadata.tool.inertia or (), strict=True))
+    theta = robot.theta_of_tool(robot.parameters.nominal, mass, cog.tolist())
+    theta = robot.parameters.vector(six, start=theta)
     path = _poses(robot, rng) if mode == "static" else _motion(robot, rng)
-    metadata = Metadata(
-        robot=robot.name,
-        mode=mode,
-        source="sim",
-        rate_hz=RATE_HZ if mode == "static" else MOTION_HZ,
-        tool=ToolInfo(mass, tuple(cog.tolist()), tuple(six)),
-        sensor=SensorInfo(
-            model=sensor.name, noise_std=tuple(float(s) for s in sensor.noise.row_std), mass=0.0
-        ),
-        gravity=tuple(float(g) for g in robot.gravity),
-    )
     warm = _weather(path.t, rng) if rng.uniform() < 0.4 else None
     return RefereeSetting(robot, path, metadata, theta, warm)
 
