@@ -48,7 +48,7 @@ def test_what_fails_is_a_wrong_answer(family, tmp_path, body, said):
     cases, answers, _ = family
     entrant = Entrant("broken", script(tmp_path, body))
     begun = time.monotonic()
-    assert enter([entrant], cases, "0001", tmp_path / "claims", 1.0) == ["broken"]
+    assert enter(cases, tmp_path / "claims", 1.0, ("0001", [entrant])) == ["broken"]
     assert time.monotonic() - begun < 20
     found = claims.read(tmp_path / "claims" / "broken" / "0001")
     assert found.claim.verdict == "error"
@@ -114,7 +114,7 @@ def test_only_the_first_causes_count_and_odd_numbers_are_left_out(tmp_path):
 def test_a_claim_belongs_to_one_case(family, tmp_path):
     cases, answers, _ = family
     entrant = Entrant("me", script(tmp_path, SAYS_NONE))
-    assert enter([entrant], cases, "0001", tmp_path / "claims", 20.0) == []
+    assert enter(cases, tmp_path / "claims", 20.0, ("0001", [entrant])) == []
     (tmp_path / "claims" / "me" / "0001").rename(tmp_path / "claims" / "me" / "0002")
     with pytest.raises(BenchmarkError, match="another family"):
         run.run(cases, tmp_path / "claims", [entrant])
@@ -138,12 +138,12 @@ def test_names_of_entrants_do_not_collide(tmp_path):
 def test_an_entrant_that_throws_its_folder_away_is_wrong(family, tmp_path):
     cases, _, _ = family
     entrant = Entrant("me", script(tmp_path, "import shutil\nshutil.rmtree(out)\n"))
-    assert enter([entrant], cases, "0001", tmp_path / "claims", 20.0) == ["me"]
+    assert enter(cases, tmp_path / "claims", 20.0, ("0001", [entrant])) == ["me"]
     messy = Entrant(
         "you", script(tmp_path, "os.makedirs(os.path.join(out, 'a', 'b'))\n" + SAYS_NONE)
     )
     for _ in range(2):
-        assert enter([messy], cases, "0001", tmp_path / "claims", 20.0) == []
+        assert enter(cases, tmp_path / "claims", 20.0, ("0001", [messy])) == []
 
 
 @pytest.mark.slow
@@ -156,10 +156,10 @@ def test_our_own_methods_answer_a_case(tmp_path, monkeypatch):
     make.make_case(told, cases, answers, 0)
     make.make(told, cases, answers)
     entrants = [Entrant.of(m) for m in ("bic", "diagnose", "none")]
-    assert enter(entrants, cases, "0001", tmp_path / "claims", 120.0) == []
+    assert enter(cases, tmp_path / "claims", 120.0, ("0001", entrants)) == []
     for entrant in entrants:
         assert claims.read(tmp_path / "claims" / entrant.name / "0001").error == ""
-    assert enter(entrants[1:2], cases, "0001", tmp_path / "claims", 0.01) == ["diagnose"]
+    assert enter(cases, tmp_path / "claims", 0.01, ("0001", entrants[1:2])) == ["diagnose"]
     found = claims.read(tmp_path / "claims" / "diagnose" / "0001")
     assert "longer than" in found.error
 
@@ -170,7 +170,7 @@ def test_an_entrant_whose_time_ends_while_it_reads_is_over_time(family, tmp_path
 
     monkeypatch.setattr(pq.ParquetFile, "read", slow)
     cases, _, _ = family
-    assert enter([Entrant.of("none")], cases, "0001", tmp_path, 0.1) == ["none"]
+    assert enter(cases, tmp_path, 0.1, ("0001", [Entrant.of("none")])) == ["none"]
     assert "longer than" in claims.read(tmp_path / "none" / "0001").error
 
 

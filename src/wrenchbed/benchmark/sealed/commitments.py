@@ -111,11 +111,13 @@ def commit(
     Returns:
         SHA-256 of ``commitments.json``.
     """
-    cases = {}
-    for name in names:
-        recording = digest(recording_of(out, name).read_bytes())
-        answer = digest(answer_of(answers, name).read_bytes())
-        cases[name] = {"recording": recording, "answer": answer}
+    cases = {
+        name: {
+            "recording": digest(recording_of(out, name).read_bytes()),
+            "answer": digest(answer_of(answers, name).read_bytes()),
+        }
+        for name in names
+    }
     document = {"format": FORMAT, "robot": robot, "mode": mode, "cases": cases}
     data = (json.dumps(document, indent=1) + "\n").encode()
     write_bytes(out / COMMITMENTS, data)
@@ -166,31 +168,26 @@ def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str
         BenchmarkError: names the first file that is missing or was changed.
     """
     sealed = read(cases)
-    of_family = answers / FAMILY
+    of_family, listed = answers / FAMILY, cases / COMMITMENTS
     try:
         root = load(of_family, BenchmarkError)["commitments"]
     except (BenchmarkError, ValueError, KeyError, TypeError) as cause:
         raise BenchmarkError(f"{of_family}: is missing or broken: {cause}") from cause
-    digest_now = digest((cases / COMMITMENTS).read_bytes())
-    for expected, who in ((root, str(of_family)), (published or digest_now, "what was published")):
-        if digest_now != expected:
+    now = digest(listed.read_bytes())
+    for expected, who in ((root, of_family), (published or now, "what was published")):
+        if now != expected:
+            raise BenchmarkError(f"{listed}: was changed after it was made: {who} has {expected}")
+    files = {recording_of(cases, name): c.recording for name, c in sealed.items()}
+    files |= {answer_of(answers, name): c.answer for name, c in sealed.items()}
+    for path, committed in files.items():
+        if not path.is_file():
+            raise BenchmarkError(f"{path}: is missing")
+        now = digest(path.read_bytes())
+        if now != committed:
             raise BenchmarkError(
-                f"{cases / COMMITMENTS}: was changed after it was made: {who} has {expected}"
+                f"{path}: was changed after it was sealed: SHA-256 {now[:16]}…, "
+                f"committed {committed[:16]}…"
             )
-    for name, own in sealed.items():
-        pairs = (
-            (recording_of(cases, name), own.recording),
-            (answer_of(answers, name), own.answer),
-        )
-        for path, committed in pairs:
-            if not path.is_file():
-                raise BenchmarkError(f"{path}: is missing")
-            digest_now = digest(path.read_bytes())
-            if digest_now != committed:
-                raise BenchmarkError(
-                    f"{path}: was changed after it was sealed: SHA-256 {digest_now[:16]}…, "
-                    f"committed {committed[:16]}…"
-                )
     return sealed
 
 
@@ -333,24 +330,21 @@ def _oracle(case: RefereeCase) -> Oracle:
     if not case.causes:
         return Oracle("none", (), None)
     means = [c for c in case.causes if not c.rows]
+    signatures = case.world.signatures
     seen: list[tuple[str, ...]] = []
     for cause in case.causes:
         name, configured = cause.fault.name, cause.fault.name in STATED
         others: np.ndarray = sum((c.signature for c in means if c is not cause), np.zeros(1))
         if cause.rows:
             seen.append((name,))
-        elif case.world.signatures.shows(case.measured - others, cause.signature, configured):
+        elif signatures.shows(case.measured - others, cause.signature, configured):
             known = case.kind != "outside"
-            seen.append(
-                (name, *(case.world.signatures.alike(name, cause.signature) if known else ()))
-            )
-    closed = _closed(case, means)
-    if not seen:
-        return Oracle("none", (), closed)
+            seen.append((name, *(signatures.alike(name, cause.signature) if known else ())))
+    verdict = "identified" if all(len(c) == 1 for c in seen) else "ambiguous"
     if case.kind == "outside" or any(len(c) > MOST for c in seen):
-        return Oracle("unknown", (), closed)
-    certain = all(len(c) == 1 for c in seen)
-    return Oracle("identified" if certain else "ambiguous", tuple(seen), closed)
+        verdict = "unknown"
+    named = seen if verdict != "unknown" else ()
+    return Oracle(verdict if seen else "none", tuple(named), _closed(case, means))
 
 
 def _closed(case: RefereeCase, causes: Sequence[TrueCause]) -> float | None:

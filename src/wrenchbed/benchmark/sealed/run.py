@@ -79,16 +79,18 @@ class Entrant:
 
 
 def enter(
-    entrants: Sequence[Entrant], cases: Path, name: str, claims: Path, limit: float
+    cases: Path, claims: Path, limit: float, case: tuple[str, Sequence[Entrant]]
 ) -> list[str]:
     """Let entrants answer one case; a crash or a timeout counts as a wrong answer.
 
     Args:
         limit: of one entrant [s].
+        case: its name, and who answers it.
 
     Returns:
         Names of the entrants that failed.
     """
+    name, entrants = case
     recording = commitments.recording_of(cases, name)
     digest, failed = commitments.digest(recording.read_bytes()), []
     for entrant in entrants:
@@ -229,7 +231,7 @@ def run(
         done.add(item[0])
         report(1)
 
-    answer = partial(_answer, cases, claims, limit)
+    answer = partial(enter, cases, claims, limit)
     with suppress(WorkerError):
         in_workers(answer, todo, finished, processes)
     for name, remaining in todo:  # if a process died, each unfinished case gets its own process
@@ -239,14 +241,11 @@ def run(
             in_workers(answer, [(name, _remaining(remaining, claims, name))], finished, 1)
         except WorkerError:
             for entrant in _remaining(remaining, claims, name):
-                _write_crash(claims / entrant.name / name)
+                died = {"seconds": 0.0, "error": "the process died"}
+                write_json(claims / entrant.name / name / RUN, died)
                 failed[entrant.name] += 1
             report(1)
     return failed
-
-
-def _answer(cases: Path, claims: Path, limit: float, case: tuple[str, list[Entrant]]) -> list[str]:
-    return enter(case[1], cases, case[0], claims, limit)
 
 
 def _remaining(
@@ -273,7 +272,3 @@ def _remaining(
         if recording is not None and answered not in (None, recording):
             raise BenchmarkError(f"{path}: is about another family; give another --out")
     return remaining
-
-
-def _write_crash(folder: Path) -> None:
-    write_json(folder / RUN, {"seconds": 0.0, "error": "the process died"})
