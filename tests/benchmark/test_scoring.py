@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
+from wrenchbed.benchmark.lookalikes.imperfection import ImperfectRobot
+from wrenchbed.benchmark.scoring.baselines import BASELINES
 from wrenchbed.benchmark.scoring.case_rows import (
     OURS,
     CaseFile,
@@ -29,6 +31,8 @@ from wrenchbed.benchmark.scoring.metrics import (
     right,
 )
 from wrenchbed.data.plan import Plan
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.effects.chain import ActiveEffect, effects, respond
 from wrenchbed.errors import DiagnosisError
 
 NONE = Claim("none", (), {"none": 0.9, "base.tilt": 0.1})
@@ -184,11 +188,6 @@ def test_jobs_follow_from_the_seed():
 @pytest.mark.parametrize("effect", ["base.tilt", "mount.rotation", "joint.offset", "sensor.gain"])
 def test_true_parameters_have_the_published_names_and_signs(effect):
     """The library's effect at the true parameters reads as the look-alike does."""
-    from wrenchbed.benchmark.lookalikes import recording
-    from wrenchbed.benchmark.lookalikes.imperfection import ImperfectRobot
-    from wrenchbed.diagnosis.prepare.prepare_recording import prepare
-    from wrenchbed.effects.chain import ActiveEffect, effects, respond
-
     robot = registry.load("robots", "ur5")
     q = robot.sample(30, np.random.default_rng(3))
     design = ExperimentDesign.of_plan(Plan.of("ur5", q), robot, samples=20)
@@ -202,3 +201,26 @@ def test_true_parameters_have_the_published_names_and_signs(effect):
     there = ImperfectRobot(design).reading(items) - design.nominal
     scale = np.abs(there).max(axis=0)
     np.testing.assert_allclose(here[scene.held], there, atol=0.04 * scale.max(), rtol=0.05)
+
+
+# ---- simple methods beside the diagnosis
+
+
+@pytest.fixture(scope="module")
+def tilted():
+    robot = registry.load("robots", "ur5")
+    q = robot.sample(60, np.random.default_rng(2))
+    design = ExperimentDesign.of_plan(Plan.of("ur5", q), robot, samples=30)
+    return prepare(recording(design, draw(design, 1, "single", "base.tilt", 4.0)))
+
+
+def test_one_large_effect_is_named_first_and_alone(tilted):
+    claim = BASELINES["bic"](tilted)
+    assert claim.verdict == "identified" and claim.causes == (("base.tilt",),)
+    assert claim.sure > 0.99 and min(claim.probabilities.values()) >= 0.0
+    assert sum(claim.probabilities.values()) == pytest.approx(1.0)
+    assert BASELINES["bic"](tilted) == claim
+
+
+def test_none_never_claims(tilted):
+    assert BASELINES["none"](tilted) == Claim("none", (), {"none": 1.0})

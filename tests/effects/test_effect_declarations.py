@@ -3,7 +3,8 @@
 What `docs/reference/effects.md` prints of each effect is held against the registry there.
 """
 
-import pytest
+import json
+from pathlib import Path
 
 from wrenchbed.benchmark.frame import EFFECTS
 from wrenchbed.benchmark.lookalikes import imperfection as lookalikes
@@ -11,30 +12,11 @@ from wrenchbed.benchmark.referee import catalogue as referee
 from wrenchbed.effects.base import SHOWN, STAGES, STATED_NUMBERS
 from wrenchbed.effects.chain import effects, stated_effects
 
-FORM = {
-    "environment.contact": 0.20, "tool.loose": 0.20, "sensor.hysteresis": 0.45,
-    "joint.backlash": 0.15, "sensor.creep": 0.15, "cable.torsion": 0.10, "sensor.saturation": 0.10,
-}  # fmt: skip
-"""Share of its gap that a closed form may miss: 6 % of all but what jumps, rubs or remembers."""
-SIZE = {
-    0.20: "sensor.hysteresis",
-    0.15: "environment.contact joint.backlash joint.clearance sensor.creep",
-    0.10: "base.compliance cable.pull cable.torsion joint.compliance joint.gear_error sensor.drift "
-    "sensor.nonlinearity sensor.temperature tool.flexure tool.leak tool.loose "
-    "tool.slide",
-    0.05: "timing.lowpass",
-    0.02: "sensor.saturation",
-}
-"""Relative standard uncertainty of a size; none where the closed form is exact: a bias, a mass."""
-FLAGS = {
-    "zero_is_convention": "cable.pull cable.torsion environment.contact sensor.creep sensor.drift "
-    "sensor.hysteresis sensor.jump sensor.nonlinearity sensor.temperature tool.leak tool.slide",
-    "rough": "cable.pull environment.contact sensor.jump tool.loose",
-    "local": "joint.backlash joint.clearance joint.compliance joint.gear_error joint.offset "
-    "link.length",
-    "once": "sensor.drift sensor.jump",
-}
-"""Of which effects a remark holds; what remembers, for instance, begins at a zero by convention."""
+TRAITS = ("form_error", "size_error", "zero_is_convention", "rough", "local", "once", "channelwise")
+DECLARED = Path(__file__).parents[1] / "data" / "effect_traits.json"
+"""Traits of every effect: 6 % of its gap may be missed by all but what jumps, rubs or remembers; a
+size is exact where the closed form is (a bias, a mass); what remembers begins at a zero by
+convention."""
 
 
 def test_every_effect_has_a_draw_in_both_catalogues():
@@ -62,13 +44,6 @@ def test_an_effect_acts_where_it_says():
         assert effect.shown in SHOWN and "dynamic" in effect.modes
 
 
-def test_how_nearly_right_a_closed_form_is():
-    unsure = {name: size for size, names in SIZE.items() for name in names.split()}
-    for name, effect in effects().items():
-        assert effect.form_error == FORM.get(name, 0.06), name
-        assert effect.size_error == unsure.get(name, 0.0), name
-
-
-@pytest.mark.parametrize("flag", FLAGS)
-def test_a_remark_is_made_of_the_effects_that_it_is_true_of(flag):
-    assert {n for n, e in effects().items() if getattr(e, flag)} == set(FLAGS[flag].split())
+def test_traits_are_those_written_down():
+    told = {n: {t: getattr(e, t) for t in TRAITS} for n, e in effects().items()}
+    assert told == json.loads(DECLARED.read_text(encoding="utf-8"))

@@ -166,3 +166,16 @@ def test_a_row_effect_has_no_mean_and_scatters_or_repeats_rows(name):
         repeats = (np.diff(shown + load, axis=0) == 0.0).all(axis=1).mean()
         raised = shown.var(axis=0) / noise.var(axis=0)
         assert raised.max() > 1.2 or repeats > 0.05, p.name
+
+
+@each_effect
+def test_what_is_absurd_is_refused(name):
+    effect, robot = registry.load("effects", name), registry.load("robots", "ur5")
+    for p in effect.parameters(robot):
+        assert p.lower <= p.nominal <= p.upper and 0.0 < p.tolerance < np.inf
+        assert p.unit and p.text, p.name
+        for end, beyond in ((p.lower, -np.inf), (p.upper, np.inf)):
+            if np.isfinite(end):
+                assert effect.values(robot, {p.name: end})[p.name] == end
+                with pytest.raises(ParameterError, match="outside"):
+                    effect.values(robot, {p.name: np.nextafter(end, beyond)})

@@ -7,6 +7,7 @@ import pytest
 from effect_scenes import SCENES, motion, plain, scene_of
 
 from wrenchbed import registry
+from wrenchbed.effects import base, chain
 from wrenchbed.effects.base import STAGES
 from wrenchbed.effects.chain import (
     ActiveEffect,
@@ -141,9 +142,9 @@ TOGETHER = [
 @pytest.mark.parametrize("names", TOGETHER, ids="+".join)
 def test_the_chain_from_a_late_stage_gives_the_same_but_for_what_is_constant(names, label):
     scene = scene_of(label)
-    chain = EffectChain([active(n, scene) for n in names])
-    late = chain.late_response(scene, plain(label))
-    full = chain.respond(scene)
+    walked = EffectChain([active(n, scene) for n in names])
+    late = walked.late_response(scene, plain(label))
+    full = walked.respond(scene)
     if set(names) <= {"cable.pull", "environment.contact"} and names:
         late = late + plain(label)  # of loads alone it gives what they add
     assert late == pytest.approx(full, abs=1e-12)
@@ -199,6 +200,8 @@ def test_what_shows_only_in_motion_does_not_act_at_rest():
     effect = effects()["timing.delay"]
     assert not effect.acts(SimpleNamespace(mode="static", averaged=False))
     assert effect.acts(SimpleNamespace(mode="dynamic", averaged=False))
+    assert effect.acts(SimpleNamespace(mode="static", averaged=True))  # averages of a motion
+    assert effects()["sensor.bias"].acts(SimpleNamespace(mode="static", averaged=True))
     still = scene_of("ur5 static")
     late = ActiveEffect.of(still.robot, "timing.delay", {"delay": 0.5})
     assert np.array_equal(EffectChain([late]).read(still, still.load), still.load)
@@ -283,3 +286,27 @@ def test_small_errors_of_joints_act_by_the_slopes_of_the_readings(robot, mode):
                 assert told == pytest.approx(up - down, abs=1e-6 + 2e-4 * np.abs(told).max())
                 checked += 1
     assert checked > 20
+
+
+def test_one_joint_is_named_by_its_number():
+    names = ("offset.q1", "offset.q2", "offset.q6", "other")
+    given = {"joint": 2, "offset": 0.1, "other": 5}
+    assert base.of_joint(given, names, 6) == {"offset.q2": 0.1, "other": 5}
+    assert given == {"joint": 2, "offset": 0.1, "other": 5}
+    assert base.of_joint({"joint": 6.0, "offset": 1}, names, 6) == {"offset.q6": 1}
+    assert base.of_joint({"offset.q1": 2}, names, 6) == {"offset.q1": 2}
+    assert base.of_joint({"joint": 1}, ("gain.fx",), 6) == {"joint": 1}
+    for number in (0, 7, 1.5):
+        with pytest.raises(ParameterError, match="does not exist: 1 … 6"):
+            base.of_joint({"joint": number}, names, 6)
+    with pytest.raises(ParameterError, match="is no number"):
+        base.of_joint({"joint": "two"}, names, 6)
+
+
+def test_only_a_changed_load_leaves_the_sensor_in_its_place():
+    robot = SimpleNamespace(parameters=SimpleNamespace(names=("mass", "length")), load={"mass"})
+    scene = SimpleNamespace(theta=np.array([1.0, 2.0]), robot=robot)
+    assert chain._only_load(scene, np.array([1.0, 2.0]))
+    assert chain._only_load(scene, np.array([1.5, 2.0]))
+    assert not chain._only_load(scene, np.array([1.0, 2.5]))
+    assert not chain._only_load(scene, np.array([1.5, 2.5]))
