@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import tyro
-from rich.console import Group, RenderableType
+from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
@@ -115,10 +115,8 @@ def diagnose(
         raise ParameterError("--drives goes with joint efforts: add --channels effort")
     else:
         written, answer = _diagnose_wrench(data, learning, seed, out)
-    shown: list[RenderableType] = (
-        [] if as_json else [answer_display(answer), f"{', '.join(written)} → {out}"]
-    )
-    console.answer(answer.d.to_json(), as_json, *shown)
+    files = f"{', '.join(written)} → {out}"
+    console.answer(answer.d.to_json(), as_json, answer_display(answer), files)
 
 
 def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:

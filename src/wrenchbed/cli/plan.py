@@ -82,17 +82,15 @@ def plan(
     arm = wb.load("robots", robot)
     _check(poses, goal, motion)
     if goal.goal is not None:
-        mix = _mix(arm, poses.pool, goal, seed)
-        chosen = mix.gravity
-        _write_mix(mix, out, goal.touch_std, as_json)
-    else:
-        chosen = _chosen(arm, poses, motion, seed)
-        chosen.write(out)
-        moving = chosen.mode == "dynamic"
-        length = f"{motion.seconds:g} s at {motion.rate:g} Hz"
-        result = {"plan": str(out), "robot": robot, "mode": chosen.mode, "rows": len(chosen)}
-        text = f"planned {length if moving else f'{len(chosen)} poses'} for {robot} → {out}"
-        console.answer(result, as_json, text)
+        _write_mix(_mix(arm, poses.pool, goal, seed), out, goal.touch_std, as_json)
+        return
+    chosen = _chosen(arm, poses, motion, seed)
+    chosen.write(out)
+    what = f"{len(chosen)} poses"
+    if chosen.mode == "dynamic":
+        what = f"{motion.seconds:g} s at {motion.rate:g} Hz"
+    result = {"plan": str(out), "robot": robot, "mode": chosen.mode, "rows": len(chosen)}
+    console.answer(result, as_json, f"planned {what} for {robot} → {out}")
 
 
 def _check(poses: PoseArguments, goal: GoalArguments, motion: MotionArguments) -> None:
@@ -113,11 +111,10 @@ def _check(poses: PoseArguments, goal: GoalArguments, motion: MotionArguments) -
 
 
 def _mix(arm: wb.Robot, pool: int | None, goal: GoalArguments, seed: int) -> wb.Mix:
-    given = {"touch_cost": goal.touch_cost, "touch_std": goal.touch_std,
-             "least_poses": goal.least_poses, "pool": pool}  # fmt: skip
-    points = None if goal.points is None else wb.read_points(goal.points)
-    stated: dict[str, Any] = {n: value for n, value in given.items() if value is not None}
-    options = wb.MixOptions(**stated, points=points)
+    names = ("touch_cost", "touch_std", "least_poses")
+    given: dict[str, Any] = {"pool": pool} | {name: getattr(goal, name) for name in names}
+    given["points"] = None if goal.points is None else wb.read_points(goal.points)
+    options = wb.MixOptions(**{name: x for name, x in given.items() if x is not None})
     accuracy = 3e-4 if goal.accuracy is None else goal.accuracy
     with console.progress("measurements", None) as report:
         return wb.reach(arm, accuracy, options, seed=seed, progress=lambda _: report(1))

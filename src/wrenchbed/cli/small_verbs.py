@@ -13,24 +13,14 @@ from wrenchbed.cli.console import Flag, Json
 from wrenchbed.data.outputs import Kind, keeping
 from wrenchbed.pages.numbers import quantity
 
+Kinds = Literal["robots", "sensors", "drivers", "transducers", "emulators", "twins", "effects",
+                "exports", "checks"]  # fmt: skip
 _MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "fails": ("FAILS", "bold red")}
 """Word and style of a grade of the doctor."""
 
 
 def list_(
-    kind: tyro.conf.Positional[
-        Literal[
-            "robots",
-            "sensors",
-            "drivers",
-            "transducers",
-            "emulators",
-            "twins",
-            "effects",
-            "exports",
-            "checks",
-        ]
-    ],
+    kind: tyro.conf.Positional[Kinds],
     /,
     as_json: Json = False,
 ) -> None:
