@@ -38,10 +38,6 @@ _SUFFIXES = (".bag", ".mcap", ".db3")
 _LONGEST_DEFINITION = 2**18
 """Longest definition of a kind of messages that is parsed [characters]: 20 times the longest of
 ROS's own; the parser takes seconds for a longer one."""
-_OF_IDL = "=" * 80 + "\nIDL: "
-"""Separator between several definitions in IDL."""
-_LANGUAGES = {"ros2idl": "idl", "omgidl": "idl"}
-"""Encoding of an MCAP schema that is not ``msg`` → language of the definition."""
 _TIME, _HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
 _WRENCH, _JOINTS = "geometry_msgs/msg/WrenchStamped", "sensor_msgs/msg/JointState"
 _TEMPERATURE = "sensor_msgs/msg/Temperature"
@@ -59,7 +55,7 @@ class Channel:
         kind: of its messages, ``geometry_msgs/msg/WrenchStamped``.
         encoding: ``cdr``, ``ros1`` or ``json``.
         definition: text that defines the kind; empty where the log holds none.
-        language: of the definition, ``msg`` or ``idl``.
+        language: of the definition; ``msg`` can be read.
         digest: checksum of the definition as the log states it; empty without one.
     """
 
@@ -299,7 +295,7 @@ def _channel_of_mcap(record: Any, schema: Any) -> Channel:
     if record.message_encoding in ("cdr", "ros1"):
         kind = kind.replace("/", "/msg/") if kind.count("/") == 1 else kind
         definition = schema.data.decode()
-    language = _LANGUAGES.get(schema.encoding, "msg")
+    language = schema.encoding.removeprefix("ros1").removeprefix("ros2")
     return Channel(record.topic, kind, record.message_encoding, definition, language)
 
 
@@ -372,8 +368,10 @@ def _decoder(channel: Channel) -> Callable[[bytes], Any]:
     typesys = registry.require("rosbags.typesys", "logs")
     kind, ros1 = channel.kind, channel.encoding == "ros1"
     if channel.definition:
+        if channel.language != "msg":
+            raise ValueError(f"its definition is in {channel.language!r}; msg can be read")
         store = typesys.get_typestore(typesys.Stores.EMPTY)
-        store.register(_types(typesys, channel))
+        store.register(typesys.get_types_from_msg(channel.definition, kind))
         digest = store.generate_msgdef(kind)[1] if ros1 else store.hash_rihs01(kind)
         if channel.digest not in ("", digest):
             raise ValueError(f"the definition of {kind} does not fit its checksum: damaged")
@@ -381,17 +379,6 @@ def _decoder(channel: Channel) -> Callable[[bytes], Any]:
         store = typesys.get_typestore(typesys.Stores.LATEST)
     read = store.deserialize_ros1 if ros1 else store.deserialize_cdr
     return lambda data: read(data, kind)
-
-
-def _types(typesys: Any, channel: Channel) -> Any:
-    """The kinds that a definition defines; in IDL several may stand one behind the other."""
-    if channel.language == "msg":
-        return typesys.get_types_from_msg(channel.definition, channel.kind)
-    if not channel.definition.startswith(_OF_IDL):
-        return typesys.get_types_from_idl(channel.definition)
-    texts = channel.definition.split(_OF_IDL)[1:]
-    parts = [typesys.get_types_from_idl(text.partition("\n")[2]) for text in texts]
-    return {name: kind for part in parts for name, kind in part.items()}
 
 
 def write_mcap(recording: Recording, path: str | Path) -> None:
