@@ -61,7 +61,7 @@ def serve(
     server.faults.check(script, str(faults))
     try:
         server.start()
-        server.faults.start(script, str(faults))
+        server.faults.start(script)
         with objects_kept():
             yield server
     finally:

@@ -96,8 +96,7 @@ class Faults:
     """
 
     def __init__(self) -> None:
-        self._handlers: dict[tuple[str, str], Handler | None] = {}
-        self._arguments: dict[tuple[str, str], Mapping[str, Argument]] = {}
+        self._kinds: dict[tuple[str, str], tuple[Handler | None, Mapping[str, Argument]]] = {}
         self._active: dict[tuple[str, str], tuple[float, Mapping[str, Any]]] = {}
         self._stopped = threading.Event()
 
@@ -112,13 +111,12 @@ class Faults:
 
         Without a handler the fault lasts, and `now` shows it.
         """
-        self._handlers[link, kind] = handler
-        self._arguments[link, kind] = arguments or {}
+        self._kinds[link, kind] = handler, arguments or {}
 
     @property
     def known(self) -> tuple[tuple[str, str], ...]:
         """Link and kind of every fault that can happen, sorted."""
-        return tuple(sorted(self._handlers))
+        return tuple(sorted(self._kinds))
 
     def now(self, link: str, kind: str) -> Mapping[str, Any] | None:
         """Values of a lasting fault that is under way, else None."""
@@ -145,10 +143,10 @@ class Faults:
         """
         for fault in faults:
             name = f"{fault.link} {fault.kind}"
-            arguments = self._arguments.get((fault.link, fault.kind))
-            if arguments is None:
+            if (fault.link, fault.kind) not in self._kinds:
                 known = ", ".join(f"{link} {kind}" for link, kind in self.known)
                 raise FaultError(f"{where}: there is no fault {name}. Known: {known}")
+            _, arguments = self._kinds[fault.link, fault.kind]
             for key in fault.values:
                 if key not in arguments:
                     known = ", ".join(["at", "seconds", *arguments])
@@ -162,20 +160,16 @@ class Faults:
         """Do it now, with the default of every value that is not given."""
         self.check([fault], "fault")
         key = fault.link, fault.kind
-        defaults = {name: argument.default for name, argument in self._arguments[key].items()}
-        values, handler = defaults | dict(fault.values), self._handlers[key]
+        handler, arguments = self._kinds[key]
+        values = {name: argument.default for name, argument in arguments.items()}
+        values |= fault.values
         if handler is None:
             self._active[key] = fault.end, values
         else:
             handler(replace(fault, values=values))
 
-    def start(self, script: tuple[TimedFault, ...], where: str = "faults") -> None:
-        """Run a script from now on, in a thread.
-
-        Raises:
-            FaultError: it holds a fault that no link knows.
-        """
-        self.check(script, where)
+    def start(self, script: tuple[TimedFault, ...]) -> None:
+        """Run a script from now on, in a thread; what is wrong with a fault becomes a warning."""
         threading.Thread(target=self._run, args=(script,), daemon=True).start()
 
     def listen(self, lines: TextIO, answer: Callable[[str], None]) -> None:

@@ -13,7 +13,7 @@ from functools import partial, reduce
 
 from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects
-from robot_emulators.canopen.pdo import Pdo, check_free
+from robot_emulators.canopen.pdo import Pdo
 from robot_emulators.canopen.sdo import SdoServer
 
 BOOT, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
@@ -293,16 +293,8 @@ class Node:
         """Attach what the EDS cannot state of the values that may be written."""
         entry = self.objects.entry
         entry((0x1003, 0)).check = _check_clears
-        entry((0x1005, 0)).check = check_free
-        entry((0x1014, 0)).check = self._check_emergency
         for key in self._consumers:
             entry(key).check = partial(self._check_consumer, key)
-
-    def _check_emergency(self, value: int) -> None:
-        before = self.objects[0x1014, 0]
-        if not (value | before) & _OFF and value != before:
-            raise AbortError(Abort.STATE)
-        check_free(value & ~_OFF, off=bool(value & _OFF))
 
     def _check_consumer(self, key: Key, word: int) -> None:
         others = [self.objects[other] for other in self._consumers if other != key]

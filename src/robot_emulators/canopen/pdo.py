@@ -13,26 +13,11 @@ ENTRIES = 8
 """Most entries of a mapping."""
 _BITS = 64
 """Most bits that a PDO carries."""
-_OFF, _EXTENDED, _ID = 1 << 31, 1 << 29, 0x7FF
+_OFF, _WIDE, _ID = 1 << 31, 0x3FFFF800, 0x7FF
+"""Parts of a PDO's id: switched off, more than 11 bits, and the id itself."""
 _SYNCHRONOUS, _EVENT = 240, 254
 """Transmission types: up to 240 by SYNC; from 254 on by events. Those between, by remote frames,
 are refused."""
-_RESTRICTED = (
-    (0x000, 0x000), (0x001, 0x07F), (0x101, 0x180), (0x581, 0x5FF), (0x601, 0x67F),
-    (0x6E0, 0x6FF), (0x701, 0x77F), (0x780, 0x7FF),
-)  # fmt: skip
-"""Ids that may not be configured; source: CiA 301, 7.3.5."""
-
-
-def check_free(can_id: int, off: bool = False) -> None:
-    """Refuse an id that has more than 11 bits or, unless it is switched off, is restricted.
-
-    Raises:
-        AbortError: it is one.
-    """
-    restricted = any(first <= can_id <= last for first, last in _RESTRICTED)
-    if can_id & ~_ID or (restricted and not off):
-        raise AbortError(Abort.VALUE)
 
 
 class Pdo:
@@ -141,11 +126,10 @@ class Pdo:
 
     def _check_id(self, value: int) -> None:
         before = self._objects[self.index, 1]
-        if value & _EXTENDED:
+        if value & _WIDE:
             raise AbortError(Abort.VALUE)
         if not (value | before) & _OFF and (value ^ before) & 0x3FFFFFFF:
             raise AbortError(Abort.STATE)
-        check_free(value & _ID, off=bool(value & _OFF))
 
     def _check_type(self, kind: int) -> None:
         if _SYNCHRONOUS < kind < _EVENT:

@@ -181,7 +181,7 @@ class EmulatorArguments:
         console.check_seed(self.seed)
         parameters, words = console.parameters(self.parameters), console.pairs(self.set)
         return wb.EmulatorOptions(
-            self.host, parameters, self.noise, self.seed, self.effect, self.table, words
+            self.host, self.seed, words, parameters, self.noise, self.effect, self.table
         )
 
 

@@ -114,26 +114,23 @@ def _tool(robot: SimulatedRobot) -> Payload:
 
 
 @dataclass(frozen=True)
-class EmulatorOptions:
-    """Options that every emulator takes.
+class EmulatorOptions(Options):
+    """Options that every emulator takes: its own, and of the robot behind it.
 
     Attributes:
         host: address of this machine to serve at, 127.0.0.1 … 127.255.255.254.
+        seed: of the noise and of the effects' random parts.
+        setting: of this kind of emulator, name → text.
         parameters: true values where they differ from nominal, by name, SI.
         noise: ``real``, ``white`` or ``off``.
-        seed: of the noise and of the effects' random parts.
         effects: as ``joint.compliance:joint=2,stiffness=1.4e4``; without values of typical size.
         table: height of a plate that the tool may press on [m].
-        setting: of this kind of emulator, name → text.
     """
 
-    host: str = "127.0.0.1"
     parameters: Mapping[str, float] = field(default_factory=dict)
     noise: str = "real"
-    seed: int = 0
     effects: tuple[str, ...] = ()
     table: float | None = None
-    setting: Mapping[str, str] = field(default_factory=dict)
 
     def plant(self, request: PlantRequest) -> Plant:
         """The robot that an emulator asks for."""
@@ -150,7 +147,7 @@ def emulated(kind: str | type[Emulator], options: EmulatorOptions) -> Emulator:
         SettingError: an option or a setting is impossible.
     """
     kind = registry.load("emulators", kind) if isinstance(kind, str) else kind
-    return kind(Options(options.host, options.seed, options.setting), options.plant)
+    return kind(options, options.plant)
 
 
 @contextmanager
@@ -173,12 +170,8 @@ def serve(
         MapError: the script of faults is wrong.
         DriverError: a port is taken or not allowed.
     """
-    options = options or EmulatorOptions()
-    kind, plain = (
-        registry.load("emulators", name),
-        Options(options.host, options.seed, options.setting),
-    )
-    with translated(), robot_emulators.serve(kind, options.plant, plain, faults) as server:
+    options, kind = options or EmulatorOptions(), registry.load("emulators", name)
+    with translated(), robot_emulators.serve(kind, options.plant, options, faults) as server:
         yield server
 
 

@@ -124,12 +124,12 @@ class Mechanism:
 
     def load(self, q: Value, give: Value, coming: np.ndarray) -> np.ndarray:
         """Load on the sensor (M, 6) [N, N·m] with the added joints at ``give`` (M, E)."""
-        rows = _Rows(self._place(q, give))
-        result = np.empty((len(rows), 6))
+        rows = _moving(self._place(q, give))
+        result = np.empty((len(rows.v), 6))
         tool = self.model.body("tool").id
-        for i in range(len(rows)):
+        for i in range(len(result)):
             self.data.xfrc_applied[tool] = 0.0
-            rows.put(self.data, i)
+            _put(self.data, rows, i)
             mujoco.mj_inverse(self.model, self.data)
             if self._twists:
                 self.data.xfrc_applied[tool, 3:] = self._torque(coming[i, -1])
@@ -174,8 +174,7 @@ class Mechanism:
         inner = self.robot.qpos(moved, self.theta)
         if not isinstance(inner, Jet):
             return self._spread(inner, value(give))
-        if not isinstance(give, Jet):
-            give = Jet(give, 0.0 * give, 0.0 * give)
+        give = _moving(give)
         pairs = ((inner.v, give.v), (inner.d, give.d), (inner.dd, give.dd))
         return Jet(*(self._spread(a, b) for a, b in pairs))
 
@@ -189,11 +188,11 @@ class Mechanism:
 
     def _force(self, q: Value, give: np.ndarray) -> np.ndarray:
         """What moves the added joints (M, E) [N·m or N], springs included; loops stay closed."""
-        rows = _Rows(self._place(q, give))
+        rows = _moving(self._place(q, give))
         result, asked = np.empty(give.shape), np.empty(self.model.nv)
         data = self.data
-        for i in range(len(rows)):
-            rows.put(data, i)
+        for i in range(len(result)):
+            _put(data, rows, i)
             mujoco.mj_fwdPosition(self.model, data)
             mujoco.mj_fwdVelocity(self.model, data)
             mujoco.mj_rne(self.model, data, 1, asked)
@@ -238,19 +237,13 @@ class Mechanism:
         return np.asarray(spin / np.linalg.norm(spin))
 
 
-class _Rows:
-    """Coordinates (M, nq) of a scene, put into MuJoCo's state row by row."""
+def _moving(values: Value) -> Jet:
+    """Values as jets; those at rest have no rates."""
+    if isinstance(values, Jet):
+        return values
+    return Jet(values, np.zeros_like(values), np.zeros_like(values))
 
-    def __init__(self, qpos: Value) -> None:
-        self._v = value(qpos)
-        self._d = qpos.d if isinstance(qpos, Jet) else None
-        self._dd = qpos.dd if isinstance(qpos, Jet) else None
 
-    def __len__(self) -> int:
-        return len(self._v)
-
-    def put(self, data: mujoco.MjData, i: int) -> None:
-        """Row i into position, velocity and acceleration."""
-        data.qpos[:] = self._v[i]
-        data.qvel[:] = 0.0 if self._d is None else self._d[i]
-        data.qacc[:] = 0.0 if self._dd is None else self._dd[i]
+def _put(data: mujoco.MjData, rows: Jet, i: int) -> None:
+    """Row i of coordinates (M, nq) into MuJoCo's position, velocity and acceleration."""
+    data.qpos[:], data.qvel[:], data.qacc[:] = rows.v[i], rows.d[i], rows.dd[i]
