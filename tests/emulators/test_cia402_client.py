@@ -160,9 +160,9 @@ def test_it_follows_cyclic_targets(node):
     node.nmt.state = "OPERATIONAL"
     for k in range(100):
         node.rpdo[1][0x6040].raw = (0x06, 0x07, 0x0F)[min(k // 5, 2)]
-        node.rpdo[1][0x607A].raw = 50 * max(0, k - 15)
+        node.rpdo[1][0x607A].raw = 50 * min(max(0, k - 15), 60)
         node.rpdo[1].transmit()
         node.network.sync.transmit()
         time.sleep(0.01)
     assert node.tpdo[1][0x6041].raw & 0x126F == 0x1227
-    assert abs(node.tpdo[1][0x6064].raw - 50 * 84) < 200
+    assert abs(node.tpdo[1][0x6064].raw - 50 * 60) < 50

@@ -13,16 +13,8 @@ from collections import Counter, deque
 from collections.abc import Callable
 
 from robot_emulators.base.event_loop import Connection, Listener, LoopThread, taken
-from robot_emulators.can_bus.socketcand import (
-    BUS_ERROR,
-    BUS_OFF,
-    Command,
-    Frame,
-    error_text,
-    frame_of,
-    frame_text,
-    split,
-)
+from robot_emulators.can_bus import socketcand
+from robot_emulators.can_bus.socketcand import Command, Frame
 from robot_emulators.errors import EmulatorWarning
 
 CLIENTS = 16
@@ -132,7 +124,7 @@ class Hub:
         """
         for client in self._clients.values():
             if client.spoke:
-                client.say(error_text(time.time(), BUS_ERROR) + error_text(time.time(), BUS_OFF))
+                client.say(socketcand.bus_off_text(time.time()))
                 client.off_until = until
 
     def joined(self, client: "Client") -> bool:
@@ -152,7 +144,7 @@ class Hub:
         for command in commands:
             if client.raw and command.verb == "send":
                 client.speaks()
-                frame = frame_of(command.words)
+                frame = socketcand.frame_of(command.words)
                 if frame is None:
                     client.answer("error could not parse send command")
                     self.counters["rubbish"] += 1
@@ -203,7 +195,7 @@ class Hub:
                 heard(t, frame)
             except Exception as error:
                 self._fail(error)
-        text = frame_text(frame, time.time())
+        text = socketcand.frame_text(frame, time.time())
         for number, client in self._clients.items():
             if number != sender:
                 client.say(text)
@@ -239,7 +231,7 @@ class Client(Connection):
         self._hub.gone(self)
 
     def data_received(self, data: bytes) -> None:
-        commands, self._in, rubbish = split(self._in + data)
+        commands, self._in, rubbish = socketcand.split(self._in + data)
         self._hub.hear(self, commands, rubbish)
 
     def obey(self, command: Command) -> None:

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 LONGEST = 256
 """Longest command that is waited for [byte]; a frame of 8 bytes with a 29-bit id has 46."""
-BUS_ERROR, BUS_OFF = 0x80, 0x40
-"""Classes of error frames: a frame was destroyed; the sender is off the bus."""
+_BUS_ERROR, _BUS_OFF = 0x80, 0x40
+"""Classes of error frames, as SocketCAN writes them."""
 
 
 class Frame(NamedTuple):
@@ -71,6 +71,6 @@ def frame_text(frame: Frame, t: float) -> bytes:
     return f"< frame {frame.can_id:{digits}} {t:.6f} {frame.data.hex()} >".encode("ascii")
 
 
-def error_text(t: float, kind: int) -> bytes:
-    """An error frame for the clients; t [s], its class as SocketCAN writes it."""
-    return f"< error {kind:08X} {t:.6f} >".encode("ascii")
+def bus_off_text(t: float) -> bytes:
+    """Error frames for a client at a time [s]: its frame was destroyed, and it is off the bus."""
+    return b"".join(f"< error {kind:08X} {t:.6f} >".encode() for kind in (_BUS_ERROR, _BUS_OFF))

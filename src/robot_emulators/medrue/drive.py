@@ -15,14 +15,6 @@ from robot_emulators.canopen.dictionary import Key
 from robot_emulators.canopen.node import OPERATIONAL, Node
 from robot_emulators.medrue import profile
 from robot_emulators.medrue.axis import MODE, RPDO_TIMEOUT, SYNC_ERROR, Axis
-from robot_emulators.medrue.profile import (
-    ACTUAL,
-    CONTROL,
-    RATED_CURRENT,
-    RATED_TORQUE,
-    STATUS,
-    TARGET,
-)
 
 _SYNC_LOSS = 25
 """Periods of SYNC (0x1006) without one after which it is lost: at 250 Hz 0.1 s, which is also the
@@ -79,10 +71,10 @@ class DriveEmulator(Node):
         for key in keys:
             if key == MODE:
                 self.axis.take_mode()
-            elif key == CONTROL:
-                self._control(self.objects[CONTROL])
-            elif key == TARGET:
-                self.axis.sync(self.now, self.objects[TARGET], self.period)
+            elif key == profile.CONTROL:
+                self._control(self.objects[profile.CONTROL])
+            elif key == profile.TARGET:
+                self.axis.sync(self.now, self.objects[profile.TARGET], self.period)
         self._report()
 
     def on_connection_lost(self, code: int) -> None:
@@ -122,7 +114,7 @@ class DriveEmulator(Node):
 
     def _rate(self) -> None:
         """Values of the axis after power-up."""
-        position = dict.fromkeys((ACTUAL, TARGET, (0x6062, 0)), self._position)
+        position = dict.fromkeys((profile.ACTUAL, profile.TARGET, (0x6062, 0)), self._position)
         for key, value in (*self._rated.items(), *position.items()):
             self.objects[key] = value
 
@@ -130,7 +122,7 @@ class DriveEmulator(Node):
         rising, self._last_word = word & ~self._last_word, word
         self.axis.control(word)
         if rising & 0x10:
-            self.axis.new_goal(self.objects[TARGET])
+            self.axis.new_goal(self.objects[profile.TARGET])
 
     def _report(self) -> None:
         """Send the error codes of the axis before its state follows."""
@@ -155,14 +147,14 @@ class DriveEmulator(Node):
             ahead = min(max(0.0, t - self._seen), _AHEAD_S) if self._seen else 0.0
             moved = (self._speed + 0.5 * self._growth * ahead) * ahead
             self._position = round(axis.actual + moved)
-        objects[ACTUAL] = self._position
+        objects[profile.ACTUAL] = self._position
         objects[0x6062, 0] = round(axis.command)
         objects[0x60F4, 0] = round(axis.command - axis.actual)
         objects[0x606B, 0] = round(axis.speed)
         objects[0x606C, 0] = round(self._speed)
-        objects[0x6077, 0] = _thousandths(1000.0 * self._torque / objects[RATED_TORQUE])
-        objects[0x6078, 0] = _thousandths(1000.0 * self._current / objects[RATED_CURRENT])
-        objects[STATUS] = axis.statusword
+        objects[0x6077, 0] = _thousandths(1000.0 * self._torque / objects[profile.RATED_TORQUE])
+        objects[0x6078, 0] = _thousandths(1000.0 * self._current / objects[profile.RATED_CURRENT])
+        objects[profile.STATUS] = axis.statusword
         objects[0x6061, 0] = axis.mode
         objects[0x603F, 0] = axis.code
 

@@ -1,29 +1,20 @@
 """Functions of URScript that move the arm. Moves stop at their goals: there are no blends."""
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
+from robot_emulators.ur import motions
 from robot_emulators.ur.arm import ForceMode
 from robot_emulators.ur.messages import stopped_because
-from robot_emulators.ur.motions import (
-    ArmMotion,
-    JointSpeed,
-    Pace,
-    Servo,
-    ToArc,
-    ToJoints,
-    ToolSpeed,
-    ToolTrack,
-    ToPose,
-)
 from robot_emulators.ur.script_program import ScriptProgram
 from robot_emulators.ur.script_state import solve
 from robot_emulators.ur.urscript.functions import Six, Steps, Table, vector
 from robot_emulators.ur.urscript.values import Pose, ScriptFaultError
 
 TABLE = Table()
+M = TypeVar("M", bound=motions.ArmMotion)
 _FAR = "the goal of a straight move is out of the robot's reach"
 _OPTIMO = 3.0
 """Top joint speed [rad/s] and acceleration [rad/s²] that optimovej takes parts of; estimate."""
@@ -31,10 +22,10 @@ _OPTIMO_TOOL = 1.0
 """Top tool speed [m/s] and acceleration [m/s²] that optimovel takes parts of; estimate."""
 
 
-def _pace(program: ScriptProgram, a: float, v: float, t: float = 0.0) -> Pace:
+def _pace(program: ScriptProgram, a: float, v: float, t: float = 0.0) -> motions.Pace:
     if t < 0.0 or (t == 0.0 and (v <= 0.0 or a <= 0.0)):
         raise ScriptFaultError("speed and acceleration must be above zero")
-    return Pace(v, a, t, program.arm.kinematics.speed)
+    return motions.Pace(v, a, t, program.arm.kinematics.speed)
 
 
 def _joints(program: ScriptProgram, goal: Any) -> np.ndarray:
@@ -62,7 +53,7 @@ def movej(
     program: ScriptProgram, q: Any, a: float = 1.4, v: float = 1.05, t: float = 0.0, r: float = 0.0
 ) -> Steps:
     """Move to joint values (6,) or a pose (6,) on a straight line in joint space."""
-    yield from program.until_done(ToJoints(_joints(program, q), _pace(program, a, v, t)))
+    yield from program.until_done(motions.ToJoints(_joints(program, q), _pace(program, a, v, t)))
 
 
 @TABLE.add()
@@ -75,7 +66,7 @@ def movel(
     if goal is None:
         yield from program.refuse(stopped_because(_FAR), _FAR)
     else:
-        yield from program.until_done(ToPose(arm.kinematics, arm.tcp.copy(), goal, pace))
+        yield from program.until_done(motions.ToPose(arm.kinematics, arm.tcp.copy(), goal, pace))
 
 
 @TABLE.add()
@@ -100,7 +91,7 @@ def movec(
         return
     if mode == 1:
         goal[3:] = arm.kinematics.pose(arm.q, arm.tcp)[3:]
-    yield from program.until_done(ToArc(arm.kinematics, arm.tcp.copy(), (via, goal), pace))
+    yield from program.until_done(motions.ToArc(arm.kinematics, arm.tcp.copy(), (via, goal), pace))
 
 
 def _check_fractions(a: float, v: float, r: float) -> None:
@@ -126,10 +117,10 @@ def optimovel(
     yield from movel(program, pose, a * _OPTIMO_TOOL, v * _OPTIMO_TOOL)
 
 
-def _running(program: ScriptProgram, kind: type[ArmMotion]) -> Any:
-    """The motion of a kind that moves the arm already, if one does."""
+def _kept(program: ScriptProgram, new: M) -> M:
+    """The motion of the same kind that moves the arm already, else the new one."""
     motion = program.arm.motion
-    return motion if type(motion) is kind else None
+    return motion if type(motion) is type(new) else new
 
 
 @TABLE.add()
@@ -138,7 +129,7 @@ def servoj(
     lookahead_time: float = 0.1, gain: float = 300,
 ) -> Steps:  # fmt: skip
     """Follow joint values that are given again and again; takes a time [s]."""
-    servo = _running(program, Servo) or Servo()
+    servo = _kept(program, motions.Servo())
     servo.aim(q, lookahead_time, gain)
     yield from program.during(servo, program.cycles(t))
 
@@ -149,7 +140,7 @@ def servoc(
 ) -> Steps:
     """Follow poses that are given again and again, at a tool speed."""
     arm = program.arm
-    track = _running(program, ToolTrack) or ToolTrack(arm.kinematics, arm.tcp.copy())
+    track = _kept(program, motions.ToolTrack(arm.kinematics, arm.tcp.copy()))
     track.track(pose, v, a)
     yield from program.during(track, program.cycles(0.0))
 
@@ -157,7 +148,7 @@ def servoc(
 @TABLE.add()
 def speedj(program: ScriptProgram, qd: Six, a: float, t: float = 0.0) -> Steps:
     """Joint speeds, kept until something else moves the arm; takes a time, or until they are."""
-    motion = _running(program, JointSpeed) or JointSpeed()
+    motion = _kept(program, motions.JointSpeed())
     motion.aim(qd, a)
     yield from program.during(motion, _until(program, t, motion))
 
@@ -166,12 +157,12 @@ def speedj(program: ScriptProgram, qd: Six, a: float, t: float = 0.0) -> Steps:
 def speedl(program: ScriptProgram, xd: Six, a: float, t: float = 0.0, aRot: Any = "a") -> Steps:
     """Velocity of the TCP, kept until something else moves the arm."""
     arm = program.arm
-    motion = _running(program, ToolSpeed) or ToolSpeed(arm.kinematics, arm.tcp.copy())
+    motion = _kept(program, motions.ToolSpeed(arm.kinematics, arm.tcp.copy()))
     motion.aim(xd, a)
     yield from program.during(motion, _until(program, t, motion))
 
 
-def _until(program: ScriptProgram, seconds: float, motion: JointSpeed) -> Iterator[None]:
+def _until(program: ScriptProgram, seconds: float, motion: motions.JointSpeed) -> Iterator[None]:
     if seconds > 0.0:
         yield from program.cycles(seconds)
         return
