@@ -178,7 +178,9 @@ class Axis:
             self._homed = self._set[_METHOD] in METHODS
             self._homing_failed = not self._homed
             if self._homed:
-                self._count_anew()
+                self.shift += self.actual - self._set[_HOME]  # the home is where it is
+                self.actual = self._set[_HOME]
+                self._point = SetPoint(self.actual)
 
     def new_goal(self, target: float) -> None:
         """A set-point of profile position mode, at the rising edge of controlword's bit 4.
@@ -268,12 +270,6 @@ class Axis:
                 self._goal = None
         else:
             self._brake(_QUICK_STOP if self.mode == CYCLIC else _DECELERATION, seconds)
-
-    def _count_anew(self) -> None:
-        """The present position is the home."""
-        self.shift += self.actual - self._set[_HOME]
-        self._point = SetPoint(self._set[_HOME])
-        self.actual = self._set[_HOME]
 
     def _come_to_rest(self, seconds: float) -> None:
         option = self._set[_QUICK_OPTION]

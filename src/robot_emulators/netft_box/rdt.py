@@ -137,7 +137,8 @@ class FaultySender:
 
     def _spoil(self, record: bytes, to: Address) -> None:
         """Add datagrams that are no records, or come from another port."""
-        random, spoilt = self._random, []
+        random = self._random
+        spoilt: list[bytes] = []
         if self._now("short") is not None:
             spoilt.append((record * 2)[: int(random.choice([1, 17, 35, 37, 71]))])
         if self._now("garbage") is not None:

@@ -150,7 +150,12 @@ class Sensing:
             status |= int(one["bits"])
         self.status = int(status[-1])
         counts = np.maximum(np.minimum(np.rint(counts), _LARGEST), -_LARGEST).astype(np.int64)
-        return self._frozen_or(self._flicker(counts)), status
+        counts = self._flicker(counts)
+        if self._fault("freeze") is None:
+            self._frozen = None
+            return counts, status
+        self._frozen = counts[0].copy() if self._frozen is None else self._frozen
+        return np.tile(self._frozen, (len(counts), 1)), status
 
     def zero(self) -> None:
         """Software bias: what is measured now reads as zero from now on."""
@@ -195,10 +200,3 @@ class Sensing:
             counts[:, 5] += (self._drawn + np.arange(len(counts))) & 1
             self._drawn += len(counts)
         return counts
-
-    def _frozen_or(self, counts: np.ndarray) -> np.ndarray:
-        if self._fault("freeze") is None:
-            self._frozen = None
-        elif self._frozen is None:
-            self._frozen = counts[0].copy()
-        return counts if self._frozen is None else np.tile(self._frozen, (len(counts), 1))

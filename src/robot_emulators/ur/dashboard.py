@@ -41,12 +41,14 @@ class Dashboard:
             "unlock protective stop": (
                 lambda: controller.modes.unlock(), "Protective stop releasing", _TOO_EARLY
             ),
-            "close popup": (self._close_popup, "closing popup", ""),
+            "close popup": (
+                lambda: setattr(controller, "popup", False), "closing popup", ""
+            ),
             "close safety popup": (lambda: None, "closing safety popup", ""),
             "restart safety": (controller.power_off, "Restarting safety", ""),
             "savelog": (lambda: None, "Log saved to disk", ""),
             "shutdown": (shut_down, "Shutting down", ""),
-            "quit": (self._quit, "Disconnected", ""),
+            "quit": (lambda: setattr(self, "_ended", True), "Disconnected", ""),
         }  # fmt: skip
         """Command → what it does, its answer, and that where it does not succeed."""
         self._questions: dict[str, Callable[[], str]] = {
@@ -127,9 +129,6 @@ class Dashboard:
         loaded = self._controller.loaded
         return "No program loaded" if loaded is None else f"Loaded program: {loaded.name}"
 
-    def _close_popup(self) -> None:
-        self._controller.popup = False
-
     @staticmethod
     def _flight_report(kind: str) -> str:
         if kind.lower() not in _REPORTS:
@@ -151,6 +150,3 @@ class Dashboard:
             return f"Failed setting user role: {role}"
         self._controller.user_role = role.upper()
         return f"Setting user role: {role.upper()}"
-
-    def _quit(self) -> None:
-        self._ended = True

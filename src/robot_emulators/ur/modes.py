@@ -38,13 +38,6 @@ class Runtime(IntEnum):
     PAUSED = 4
 
 
-_SAFETY_BITS = {
-    SafetyMode.NORMAL: 1 << 0,
-    SafetyMode.PROTECTIVE_STOP: 1 << 2 | 1 << 10,
-    SafetyMode.ROBOT_EMERGENCY_STOP: 1 << 6 | 1 << 7 | 1 << 10,
-}
-
-
 class Modes:
     """State of power, safety and program, and how long each change takes.
 
@@ -79,17 +72,6 @@ class Modes:
     def ready(self) -> bool:
         """Whether the arm may move."""
         return self.robot is RobotMode.RUNNING and self.safety is SafetyMode.NORMAL
-
-    @property
-    def robot_bits(self) -> int:
-        """Bits of RTDE's ``robot_status_bits``: power on, program running."""
-        powered = self.robot is not RobotMode.POWER_OFF
-        return powered | (self.runtime is Runtime.PLAYING) << 1
-
-    @property
-    def safety_bits(self) -> int:
-        """Bits of RTDE's ``safety_status_bits``."""
-        return _SAFETY_BITS[self.safety]
 
     def tick(self, now: float) -> None:
         """Finish the changes of mode that are due at a time [s]."""

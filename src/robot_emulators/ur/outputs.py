@@ -8,6 +8,7 @@ import numpy as np
 from robot_emulators.plant import Plant
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.kinematics import vector
+from robot_emulators.ur.modes import RobotMode, Runtime, SafetyMode
 from robot_emulators.ur.packets import Values
 
 _DECIMALS = 12
@@ -30,6 +31,11 @@ _TOOL_FIELDS = frozenset(
     tcp_force_scalar tcp_offset actual_tool_accelerometer elbow_position payload payload_cog
     payload_inertia target_gravity""".split()
 )
+_SAFETY_BITS = {
+    SafetyMode.NORMAL: 1 << 0,
+    SafetyMode.PROTECTIVE_STOP: 1 << 2 | 1 << 10,
+    SafetyMode.ROBOT_EMERGENCY_STOP: 1 << 6 | 1 << 7 | 1 << 10,
+}
 _RUNNING, _OFF, _IDLE = 253, 239, 255
 """joint_mode."""
 
@@ -125,14 +131,15 @@ class Outputs:
     def _modes(self) -> dict[str, Values]:
         controller = self._controller
         modes, terminals = controller.modes, controller.terminals
+        powered = modes.robot is not RobotMode.POWER_OFF
         joint = _RUNNING if modes.robot == 7 else _IDLE if modes.robot == 5 else _OFF
         return {
             "robot_mode": (int(modes.robot),),
             "safety_mode": (int(modes.safety),),
             "safety_status": (int(modes.safety),),
             "runtime_state": (int(modes.runtime),),
-            "robot_status_bits": (modes.robot_bits,),
-            "safety_status_bits": (modes.safety_bits,),
+            "robot_status_bits": (powered | (modes.runtime is Runtime.PLAYING) << 1,),
+            "safety_status_bits": (_SAFETY_BITS[modes.safety],),
             "joint_mode": (joint,) * 6,
             "speed_scaling": (terminals.slider,),
             "target_speed_fraction": (terminals.slider,),

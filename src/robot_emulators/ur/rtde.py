@@ -115,7 +115,10 @@ class RtdeSession:
             frequency = struct.unpack_from(">d", payload)[0]
             payload = payload[8:]
         asked = wire.names(payload)
-        types = [NOT_FOUND] if asked is None else [self._output_type(name) for name in asked]
+        known, missing = self._offer.outputs, self._offer.fault("not_found")
+        if missing is not None:
+            known = {name: kind for name, kind in known.items() if name != missing["field"]}
+        types = [NOT_FOUND] if asked is None else [known.get(name, NOT_FOUND) for name in asked]
         good = asked is not None and NOT_FOUND not in types
         number = 1 if self.protocol == 2 else None
         self.output = Recipe(number, list(zip(asked or [], types, strict=True))) if good else None
@@ -124,12 +127,6 @@ class RtdeSession:
         self._phase = 1.0 - self._share
         head = bytes([good]) if self.protocol == 2 else b""
         self._answer(wire.OUTPUTS, head + ",".join(types).encode())
-
-    def _output_type(self, name: str) -> str:
-        missing = self._offer.fault("not_found")
-        if missing is not None and missing["field"] == name:
-            return NOT_FOUND
-        return self._offer.outputs.get(name, NOT_FOUND)
 
     def _inputs(self, payload: bytes) -> None:
         asked = wire.names(payload)

@@ -208,7 +208,7 @@ def set_tcp(program: ScriptProgram, pose: Six, tcp_name: Any = "") -> None:
 @TABLE.add()
 def set_gravity(program: ScriptProgram, d: Three) -> None:
     """The acceleration that holds the robot against its weight [m/s²]."""
-    program.controller.estimate.hold_against(d)
+    program.controller.estimate.gravity = -d
 
 
 @TABLE.add()

@@ -42,10 +42,6 @@ class WrenchEstimate:
             self.payload.inertia if inertia is None else inertia,
         )
 
-    def hold_against(self, acceleration: np.ndarray) -> None:
-        """Take gravity by the acceleration that holds the robot against its weight (3,) [m/s²]."""
-        self.gravity = -acceleration
-
     def zero(self) -> None:
         """Make the present wrench read as zero."""
         self._zero = self._zero + self.wrench
