@@ -124,24 +124,3 @@ def test_a_disk_that_has_space_again_at_the_end_loses_nothing(tmp_path, monkeypa
         out.append(block(0.0))
     assert len(calls) == 2
     assert len(Recording.read(tmp_path / "r.parquet")) == 1
-
-
-def test_flush_names_a_full_disk_at_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(parquet, "write", full)
-    out = RecordingWriter(tmp_path / "r.parquet", METADATA)
-    out.append(block(0.0))
-    with pytest.raises(OSError, match="No space left"):
-        out.flush()
-    out._sink.close()
-
-
-def test_the_journal_of_an_older_backup_does_not_hide_a_newer_one(tmp_path):
-    path = tmp_path / "r.parquet"
-    old = tmp_path / "r.parquet~.journal"
-    old.write_text("of a writer that was killed long ago")
-    for rows in (3, 5):
-        with RecordingWriter(path, METADATA) as out:
-            for k in range(rows):
-                out.append(block(float(k)))
-    assert len(Recording.read(tmp_path / "r.parquet~2")) == 3
-    assert old.read_text() == "of a writer that was killed long ago"

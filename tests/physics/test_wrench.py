@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from wrenchbed.calibration.calibrate import identify
 from wrenchbed.errors import CalibrationError
-from wrenchbed.physics.rotations import matrix, rot_z
+from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import Tool, physical_inertia, wrench
 
@@ -21,25 +21,6 @@ def tool(mass=2.0, cog=(0.1, 0.0, 0.0), inertia=(0.01, 0.02, 0.03), own=0.0) -> 
 def test_at_rest_the_weight_acts_at_the_centre_of_gravity():
     load = wrench(np.eye(3)[None], np.zeros((1, 3)), tool(own=0.5), G)[0]
     assert np.allclose(load, [0, 0, -2.5 * 9.80665, 0, 0.1 * 2 * 9.80665, 0])
-
-
-def test_a_spinning_tool_pulls_outwards():
-    """About z at ω: the centre of gravity at 0.1 m on x pulls with m ω² r along +x."""
-    omega, n = 3.0, 5
-    angle = Jet(np.linspace(0, 1, n), np.full(n, omega), np.zeros(n))
-    still = Jet(*np.zeros((3, n, 3)))
-    load = wrench(rot_z(angle), still, tool(), G)
-    assert np.allclose(load[:, 0], 2.0 * omega**2 * 0.1)
-    assert np.allclose(load[:, 5], 0.0)
-
-
-def test_an_accelerating_spin_needs_a_couple():
-    """About z at α: tz = −(Izz + m r²) α, fy = −m r α."""
-    alpha = 7.0
-    angle = Jet(np.zeros(1), np.zeros(1), np.full(1, alpha))
-    load = wrench(rot_z(angle), Jet(*np.zeros((3, 1, 3))), tool(), G)[0]
-    assert np.isclose(load[1], -2.0 * 0.1 * alpha)
-    assert np.isclose(load[5], -(0.03 + 2.0 * 0.1**2) * alpha)
 
 
 def test_a_tool_dropped_with_its_sensor_weighs_nothing():

@@ -129,14 +129,6 @@ def test_an_exchange_never_loses_and_never_repeats():
     assert done.value == pytest.approx(float(INDICES["O5"].values(pool.information(done.chosen))))
 
 
-def test_units_of_parameters_leave_o1s_choice_alone():
-    scale = np.array([1e3, 1.0, 57.3, 0.1])
-    start = np.arange(9)
-    a = exchange(Pool(blocks(200, 2)), INDICES["O1"], 9, start=start).chosen
-    b = exchange(Pool(blocks(200, 2) * scale), INDICES["O1"], 9, start=start).chosen
-    assert set(a.tolist()) == set(b.tolist())
-
-
 def test_impossible_choices_are_refused():
     pool = Pool(blocks(20, 0))
     with pytest.raises(PlanError, match="1 configurations give 2 readings, too few for 4"):

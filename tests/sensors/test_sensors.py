@@ -198,17 +198,6 @@ def test_the_gammas_figures_are_those_of_the_recording(real: np.ndarray) -> None
     np.testing.assert_allclose(noise.correlation, np.corrcoef(real.T), atol=0.006)
 
 
-def test_no_mains_line_stands_out_in_the_recording(real: np.ndarray) -> None:
-    def power(frequency: float) -> np.ndarray:
-        angle = 2 * np.pi * frequency * np.arange(len(real)) / RATE
-        basis = np.c_[np.cos(angle), np.sin(angle), np.ones(len(real))]
-        return (np.linalg.lstsq(basis, real, rcond=None)[0][:2] ** 2).sum(axis=0)
-
-    around = np.mean([power(50.0 + side * k) for side in (-1, 1) for k in range(3, 9)], axis=0)
-    assert (np.exp(-power(50.0) / around) > 0.05).all()
-    assert not registry.load("sensors", "ati-gamma").noise.mains_amplitude.any()
-
-
 def test_a_simulated_gamma_rests_like_the_real_one(real: np.ndarray) -> None:
     noise = registry.load("sensors", "ati-gamma").noise
     t = np.arange(len(real)) / RATE

@@ -1,7 +1,7 @@
 """Rows of a campaign on disk: small files, each written atomically; at the end one file."""
 
 import json
-import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +16,6 @@ from wrenchbed.simulation.closed_form import Model
 
 Row = dict[str, Any]
 ALL, SETTING, PARTS = "robots.parquet", "campaign.json", "parts"
-_EVERY_S, _MOST = 2.0, 256
-"""Longest time [s] and largest number of rows between two writes."""
 _TEXT = ("effect", "values", "error", "verdict", "claimed", "named", "alike", "where")
 _INTEGER = ("rows", "rank")
 _NUMBER = ("size", "added", "inside95", "residual.force", "residual.torque")
@@ -62,9 +60,6 @@ class CampaignRows:
         check_folders(folder / SETTING, settings, [folder], FleetError)
         write_text(folder / SETTING, json.dumps(settings, indent=1))
         self._parts = Parts(folder / PARTS, schema=schema(fleet))
-        self._next = max(self._parts.numbers(), default=0) + 1
-        self._waiting: list[Row] = []
-        self._written = time.monotonic()
 
     def table(self) -> pa.Table:
         """Table of all rows in the order of the robots, each once."""
@@ -80,22 +75,12 @@ class CampaignRows:
         """Numbers of the robots whose rows are on disk."""
         return set(self.table()["robot"].to_pylist())
 
-    def add(self, row: Row) -> None:
-        """Keep a row; it is on disk two seconds later at most, when more rows come."""
-        self._waiting.append(row)
-        if len(self._waiting) >= _MOST or time.monotonic() - self._written > _EVERY_S:
-            self.flush()
-
-    def flush(self) -> None:
-        """Write the waiting rows as one more part."""
-        if self._waiting:
-            self._parts.write(self._next, self._waiting)
-            self._next += 1
-            self._waiting, self._written = [], time.monotonic()
+    def add(self, rows: Sequence[Row]) -> None:
+        """Write the rows of some robots as one more part."""
+        self._parts.write(int(rows[0]["robot"]), rows)
 
     def finish(self) -> pa.Table:
         """Write one file of all rows and remove the parts; the rows."""
-        self.flush()
         table = self.table()
         write_table(self.folder / ALL, table)
         self._parts.remove()

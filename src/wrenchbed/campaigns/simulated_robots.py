@@ -51,9 +51,9 @@ _COURSES: dict[str, Recording] = {}
 """The course of the present fleet, by the fleet's settings."""
 _LEAST_TASKS = 4
 """Tasks of each worker at least, so that none works long after the others."""
-_TOGETHER = 25
-"""Most robots that a worker takes at once: their numbers must fit into its cache. Rows of a task
-reach the disk together, and a kill loses them."""
+_TOGETHER, _DIAGNOSED = 25, 4
+"""Most robots that a worker takes at once: their numbers must fit into its cache, and a kill loses
+the rows of a task, which reach the disk together."""
 Result = TypeVar("Result")
 
 
@@ -327,23 +327,22 @@ def campaign(
     progress(fleet.robots - len(todo))
 
     def finished(_: tuple[Fleet, list[int]], future: Future[list[Row]]) -> None:
-        for row in future.result():
-            rows.add(row)
-            progress(1)
+        rows.add(future.result())
+        progress(len(future.result()))
 
     try:
         in_workers(_work, tasks(fleet, todo, workers), finished, workers)
     except WorkerError as error:
         kept = "what is done is kept, and the same command goes on"
         raise FleetError(f"{error}; {kept}") from error
-    finally:
-        rows.flush()
     return rows.finish()
 
 
 def tasks(fleet: Fleet, todo: Sequence[int], workers: int) -> list[tuple[Fleet, list[int]]]:
     """Robots that a worker takes at once; a task lasts long enough and all end about together."""
-    most = 1 if fleet.diagnose else max(1, min(_TOGETHER, len(todo) // (_LEAST_TASKS * workers)))
+    most = max(
+        1, min(_DIAGNOSED if fleet.diagnose else _TOGETHER, len(todo) // (_LEAST_TASKS * workers))
+    )
     return [(fleet, list(todo[first : first + most])) for first in range(0, len(todo), most)]
 
 

@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from copy import copy
 from functools import wraps
 from multiprocessing import get_context
 from multiprocessing.process import BaseProcess
@@ -88,9 +87,10 @@ def workers(
     _check_files(max(1, count))
     before = {k: os.environ.get(k) for k in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, "1"))  # read when a worker loads numpy
-    context, started = _recorded("fork" if forked else "spawn")
+    context = get_context("fork" if forked else "spawn")
     given = (os.getpid(), setup, shared)
     pool = ProcessPoolExecutor(max(1, count), context, _initialise, given)
+    started: dict[int, BaseProcess] = getattr(pool, "_processes")  # noqa: B009; a private name
     # All processes start before the pool watches them: the death of one that is started later is
     # noticed only when another one ends its item (CPython 3.11 to 3.13).
     setattr(pool, "_safe_to_dynamically_spawn_children", False)  # noqa: B010
@@ -98,7 +98,7 @@ def workers(
         yield pool
     except BrokenProcessPool as error:
         pool.shutdown()  # until all exit codes are known
-        raise WorkerError(_how(started)) from error
+        raise WorkerError(_how(list(started.values()))) from error
     except BaseException:
         pool.shutdown(wait=False, cancel_futures=True)
         raise
@@ -122,19 +122,6 @@ def _check_files(count: int) -> None:
             f"too few open files: this process may open {limit} and needs {need} for {count} "
             f"worker processes: raise the limit (`ulimit -n {need}`){fewer}"
         )
-
-
-def _recorded(method: str) -> tuple[Any, list[BaseProcess]]:
-    """A context of multiprocessing, and the processes that it starts, for their exit codes."""
-    context: Any = copy(get_context(method))
-    process, started = context.Process, list[BaseProcess]()
-
-    def start(*args: Any, **options: Any) -> BaseProcess:
-        started.append(process(*args, **options))
-        return started[-1]
-
-    context.Process = start
-    return context, started
 
 
 def _initialise(parent: int, setup: Callable[..., None] | None, shared: tuple[Any, ...]) -> None:
