@@ -42,7 +42,7 @@ def test_rows_of_robots_together_are_those_of_each_alone(name):
     ("robots", "diagnose", "most"), [(90, False, 11), (900, False, 25), (90, True, 4)]
 )
 def test_every_robot_is_in_one_task(robots, diagnose, most):
-    numbers = [k for _, k in tasks(Fleet("ur5", robots, diagnose=diagnose), range(robots), 2)]
+    numbers = tasks(Fleet("ur5", robots, diagnose=diagnose), range(robots), 2)
     assert [k for some in numbers for k in some] == list(range(robots))
     assert max(map(len, numbers)) == most
 

@@ -6,12 +6,9 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.campaigns.recording import run as recording_run
 from wrenchbed.campaigns.recording.itinerary import itinerary
 from wrenchbed.data.plan import Plan
-from wrenchbed.data.recording import Recording
 from wrenchbed.errors import PlanError
-from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.planning.clearance import Clearance
 from wrenchbed.robots.motion_limits import Limits
 
@@ -85,39 +82,3 @@ def test_slower_limits_take_longer_in_proportion():
         for s in (0.4, 0.1)
     )
     assert slow == pytest.approx(4 * fast)
-
-
-def test_a_workspace_is_kept_on_the_whole_way():
-    _, at_home = UR5.sensor_pose(UR5.home[None], UR5.parameters.nominal)
-    box = tuple(at_home[0] - 0.1), tuple(at_home[0] + 0.1)
-    with SimDriver(SimOptions("ur5", limits=Limits(workspace=box))) as driver:
-        driver.move(UR5.home + 0.02).wait()
-        with pytest.raises(PlanError, match="outside the workspace"):
-            driver.move(UR5.home + np.array([0.8, 0, 0, 0, 0, 0]))
-
-
-def test_a_trajectory_beyond_its_speed_is_refused_before_it_starts(tmp_path):
-    q = UR5.home + 0.5 * np.sin(np.arange(200) / 125 * 2 * np.pi)[:, None] * np.eye(6)[0]
-    plan = Plan.of("ur5", q, rate_hz=125.0)  # 3.1 rad/s at most
-    with SimDriver(SimOptions("ur5", limits=Limits(tracking=0.5))) as driver:
-        with pytest.raises(PlanError, match=r"q1 would move at 3\.14 rad/s, 100% .* limit is 50%"):
-            recording_run.record(driver, plan, tmp_path / "r.parquet")
-        assert np.array_equal(driver.position(), UR5.home)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_the_first_pose_again_shows_the_drift_of_the_sensor(tmp_path):
-    plan = Plan.of("ur5", UR5.sample(4, np.random.default_rng(2)))
-    drifting = SimOptions("ur5", noise="white", effects=("sensor.drift:rate.fz=0.02",))
-    with SimDriver(drifting) as driver:
-        done = recording_run.record(driver, plan, tmp_path / "r.parquet", samples=50, revisit=True)
-    rec = Recording.read(tmp_path / "r.parquet")
-    assert len(rec) == 5 * 50
-    assert list(np.unique(rec.columns["segment"])) == [0, 1, 2, 3, 4]
-    assert np.abs(rec.q[-1] - rec.q[0]).max() < 1e-9
-    assert done.drift is not None
-    assert done.drift.seconds > 5.0
-    assert done.drift.change[2] == pytest.approx(
-        rec.wrench[-50:, 2].mean() - rec.wrench[:50, 2].mean()
-    )
-    assert abs(done.drift.change[2]) > 5 * done.drift.std[2]

@@ -7,13 +7,12 @@ each). Recordings at rest do not depend on them: joints are measured where the s
 import json
 import re
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future
-from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -47,14 +46,13 @@ _JUDGED, _SEED = 100, 20_160_798
 """Poses at which all robots are judged, and what they are drawn from."""
 _EFFECT = re.compile(r"[a-z]+\.[a-z_]+")
 """Pattern of an effect's name in a sentence."""
-_COURSES: dict[str, Recording] = {}
-"""The course of the present fleet, by the fleet's settings."""
+_FLEET: list[Fleet] = []
+"""What a worker process works on."""
 _LEAST_TASKS = 4
 """Tasks of each worker at least, so that none works long after the others."""
 _TOGETHER, _DIAGNOSED = 25, 4
 """Most robots that a worker takes at once: their numbers must fit into its cache, and a kill loses
 the rows of a task, which reach the disk together."""
-Result = TypeVar("Result")
 
 
 def course(fleet: Fleet, k: int) -> Recording:
@@ -75,7 +73,7 @@ def course(fleet: Fleet, k: int) -> Recording:
     columns = {"t": t, "segment": plan.segment[rows]}
     columns |= {f"q{j + 1}": q[rows] for j, q in enumerate(plan.q.T)}
     columns |= {c: np.zeros(len(t)) for c in CHANNELS}
-    return Recording(metadata, columns, f"{fleet.robot} {k}")
+    return Recording(metadata, columns, fleet.robot)
 
 
 def _rests(robot: SimulatedRobot, plan: Plan, samples: int) -> tuple[np.ndarray, np.ndarray]:
@@ -100,41 +98,34 @@ def robot_rows(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
     rows, begun = {k: empty(fleet, k) for k in numbers}, time.perf_counter()
     done: dict[int, tuple[Recording, Truth]] = {}
     for k, result in zip(numbers, recorded(fleet, numbers), strict=True):
-        with _error_into(rows[k]):
-            done[k] = _checked(result)
-            rows[k] |= _of_truth(fleet, done[k][1], done[k][0])
+        if isinstance(result, WrenchbedError):
+            rows[k]["error"] = _named(result)
+        else:
+            done[k] = result
+            rows[k] |= _of_truth(fleet, *result)
     now = time.perf_counter()
     seconds, begun = (now - begun) / max(len(numbers), 1), now
     fits = calibrate_each([recording for recording, _ in done.values()])
     calibrated = (time.perf_counter() - begun) / max(len(done), 1)
     errors = _errors(fleet, [truth for _, truth in done.values()], fits)
-    each = zip(done.items(), fits, errors, strict=True)
-    for (k, (recording, truth)), fitted, error in each:
+    for (k, (recording, truth)), fit, error in zip(done.items(), fits, errors, strict=True):
         rows[k]["seconds.record"] = seconds
-        with _error_into(rows[k]):
-            fit = _checked(fitted)
-            rows[k]["seconds.calibrate"] = calibrated
-            rows[k] |= _of_fit(fleet, truth, fit) | error
-            if fleet.diagnose:
-                begun = time.perf_counter()
+        if isinstance(fit, WrenchbedError):
+            rows[k]["error"] = _named(fit)
+            continue
+        rows[k] |= _of_fit(fleet, truth, fit) | error | {"seconds.calibrate": calibrated}
+        if fleet.diagnose:
+            begun = time.perf_counter()
+            try:
                 rows[k] |= _diagnosed(fleet, truth, recording)
                 rows[k]["seconds.diagnose"] = time.perf_counter() - begun
+            except WrenchbedError as cause:
+                rows[k]["error"] = _named(cause)
     return list(rows.values())
 
 
-@contextmanager
-def _error_into(row: Row) -> Iterator[None]:
-    """Context that writes a named error of the package into the row."""
-    try:
-        yield
-    except WrenchbedError as error:
-        row["error"] = f"{type(error).__name__}: {error}"
-
-
-def _checked(result: Result | WrenchbedError) -> Result:
-    if isinstance(result, WrenchbedError):
-        raise result
-    return result
+def _named(error: WrenchbedError) -> str:
+    return f"{type(error).__name__}: {error}"
 
 
 def recorded(
@@ -149,7 +140,7 @@ def recorded(
     paths, twins, truths, clean = {}, {}, {}, {}
     for k in numbers:
         try:
-            path = _course(fleet, k)
+            path = course(fleet, k) if "poses" in fleet.vary else _shared_course(fleet)
             truth = draw(fleet, k, model, _visited(path), path.metadata.mode)
             twin = Twin(model, truth.theta, truth.active)
             clean[k] = readings(twin, path)
@@ -167,15 +158,10 @@ def recorded(
     return [results[k] for k in numbers]
 
 
-def _course(fleet: Fleet, k: int) -> Recording:
-    """`course` of robot k, made once in a process where all robots have the same."""
-    if "poses" in fleet.vary:
-        return course(fleet, k)
-    key = json.dumps(fleet.to_json())
-    if key not in _COURSES:
-        _COURSES.clear()
-        _COURSES[key] = course(fleet, k)
-    return _COURSES[key]
+@lru_cache(1)
+def _shared_course(fleet: Fleet) -> Recording:
+    """`course` of all robots, where all have the same poses."""
+    return course(fleet, 0)
 
 
 def _visited(path: Recording) -> np.ndarray:
@@ -189,7 +175,7 @@ def _seed(fleet: Fleet, k: int) -> int:
     return int(fleet.rng(k, "noise").integers(2**31))
 
 
-def _of_truth(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
+def _of_truth(fleet: Fleet, recording: Recording, truth: Truth) -> Row:
     model = Model.of(fleet.model_robot())
     row: Row = {"rows": len(recording), "effect": truth.effect, "size": truth.size}
     if truth.active:
@@ -294,11 +280,13 @@ def _number(x: float | None) -> float:
 
 def write_one(fleet: Fleet, k: int, folder: Path) -> Row:
     """Work on robot ``k`` again, and write rec.parquet, fit.json and row.json into a folder."""
-    recording, _ = _checked(recorded(fleet, [k])[0])
+    (result,) = recorded(fleet, [k])
+    if isinstance(result, WrenchbedError):
+        raise result
     row = {n: v for n, v in robot_rows(fleet, [k])[0].items() if v == v}  # without NaN
     with atomic_folder(folder) as new:
-        recording.write(new / "rec.parquet")
-        calibrate(replace(recording, name=str(folder / "rec.parquet"))).write(new / "fit.json")
+        result[0].write(new / "rec.parquet")
+        calibrate(replace(result[0], name=str(folder / "rec.parquet"))).write(new / "fit.json")
         write_json(new / "row.json", row)
     return row
 
@@ -326,25 +314,28 @@ def campaign(
     todo = [k for k in range(fleet.robots) if k not in done]
     progress(fleet.robots - len(todo))
 
-    def finished(_: tuple[Fleet, list[int]], future: Future[list[Row]]) -> None:
+    def finished(_: list[int], future: Future[list[Row]]) -> None:
         rows.add(future.result())
         progress(len(future.result()))
 
     try:
-        in_workers(_work, tasks(fleet, todo, workers), finished, workers)
+        in_workers(_work, tasks(fleet, todo, workers), finished, workers, _share, fleet)
     except WorkerError as error:
         kept = "what is done is kept, and the same command goes on"
         raise FleetError(f"{error}; {kept}") from error
     return rows.finish()
 
 
-def tasks(fleet: Fleet, todo: Sequence[int], workers: int) -> list[tuple[Fleet, list[int]]]:
+def tasks(fleet: Fleet, todo: Sequence[int], workers: int) -> list[list[int]]:
     """Robots that a worker takes at once; a task lasts long enough and all end about together."""
-    most = max(
-        1, min(_DIAGNOSED if fleet.diagnose else _TOGETHER, len(todo) // (_LEAST_TASKS * workers))
-    )
-    return [(fleet, list(todo[first : first + most])) for first in range(0, len(todo), most)]
+    most = _DIAGNOSED if fleet.diagnose else _TOGETHER
+    size = max(1, min(most, len(todo) // (_LEAST_TASKS * workers)))
+    return [list(todo[first : first + size]) for first in range(0, len(todo), size)]
 
 
-def _work(task: tuple[Fleet, list[int]]) -> list[Row]:
-    return robot_rows(*task)
+def _share(fleet: Fleet) -> None:
+    _FLEET[:] = [fleet]
+
+
+def _work(numbers: list[int]) -> list[Row]:
+    return robot_rows(_FLEET[0], numbers)

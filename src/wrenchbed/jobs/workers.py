@@ -90,7 +90,7 @@ def workers(
     context = get_context("fork" if forked else "spawn")
     given = (os.getpid(), setup, shared)
     pool = ProcessPoolExecutor(max(1, count), context, _initialise, given)
-    started: dict[int, BaseProcess] = getattr(pool, "_processes")  # noqa: B009; a private name
+    started = pool._processes  # kept: the pool forgets them when it is shut down
     # All processes start before the pool watches them: the death of one that is started later is
     # noticed only when another one ends its item (CPython 3.11 to 3.13).
     setattr(pool, "_safe_to_dynamically_spawn_children", False)  # noqa: B010

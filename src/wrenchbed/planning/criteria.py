@@ -16,19 +16,20 @@ from wrenchbed.errors import PlanError
 
 _SMALLEST = 1e-300
 _SOFT = 4
+_EXPONENTS = {"O2": (1, 1), "O3": (1, 0), "O4": (2, 1)}
+"""Exponents a, b of σm^a / σ1^b."""
 
 
 class Criterion(ABC):
     """A number to maximise.
 
     Attributes:
-        name, title: for people.
+        name: for people.
         power: `value` to this power is homogeneous of degree 1 in M and concave; None if it is not.
         smooth: whether the gradient tells what a whole configuration does.
     """
 
     name: str
-    title: str
     power: float | None
     smooth = True
 
@@ -77,7 +78,7 @@ class Spectral(Criterion):
 class O1(Spectral):
     """(σ1 σ2 … σm)^(1/m), to be divided by √n: the volume of the ellipsoid; D-optimality."""
 
-    name, title, power = "O1", "geometric mean of the singular values over √n", 2.0
+    name, power = "O1", 2.0
 
     def _of(self, sigma: np.ndarray) -> np.ndarray:
         return np.exp(np.log(np.maximum(sigma, _SMALLEST)).mean(axis=-1))
@@ -103,8 +104,8 @@ class Weakest(Spectral):
 
     smooth = False
 
-    def __init__(self, name: str, title: str, exponents: tuple[int, int]) -> None:
-        self.name, self.title, self._exponents = name, title, exponents
+    def __init__(self, name: str, exponents: tuple[int, int]) -> None:
+        self.name, self._exponents = name, exponents
         self.power = 2.0 if exponents == (1, 0) else None
 
     def screen(self, information: np.ndarray) -> np.ndarray:
@@ -129,7 +130,7 @@ class Weakest(Spectral):
 class O5(Spectral):
     """1 / (1/σ1 + … + 1/σm): harmonic mean of the singular values over m."""
 
-    name, title, power = "O5", "one over the sum of inverse singular values", 2.0
+    name, power = "O5", 2.0
 
     def _of(self, sigma: np.ndarray) -> np.ndarray:
         return 1 / (1 / np.maximum(sigma, _SMALLEST)).sum(axis=-1)
@@ -146,8 +147,8 @@ class InverseTrace(Criterion):
 
     power = 1.0
 
-    def __init__(self, weight: np.ndarray, name: str, title: str) -> None:
-        self.weight, self.name, self.title = weight, name, title
+    def __init__(self, weight: np.ndarray, name: str) -> None:
+        self.weight, self.name = weight, name
 
     def values(self, information: np.ndarray) -> np.ndarray:
         inverse = np.linalg.inv(information)
@@ -170,26 +171,18 @@ class InverseTrace(Criterion):
         return 1 / (np.trace(self.weight @ inverse) - sign * lost)
 
 
-INDICES: dict[str, Criterion] = {
-    c.name: c
-    for c in (
-        O1(),
-        Weakest("O2", "smallest over largest singular value", (1, 1)),
-        Weakest("O3", "smallest singular value", (1, 0)),
-        Weakest("O4", "square of the smallest over the largest singular value", (2, 1)),
-        O5(),
-    )
-}
+_CRITERIA = (O1(), *(Weakest(n, x) for n, x in _EXPONENTS.items()), O5())
+INDICES: dict[str, Criterion] = {c.name: c for c in _CRITERIA}
 
 
 def a_optimality(m: int) -> Criterion:
     """Criterion 1 / trace(M⁻¹) for m parameters in their units."""
-    return InverseTrace(np.eye(m), "A", "one over the sum of the parameters' variances")
+    return InverseTrace(np.eye(m), "A")
 
 
 def i_optimality(weight: np.ndarray) -> Criterion:
     """1 / mean square error at the target; ``weight`` (m, m) = mean GᵢᵀGᵢ."""
-    return InverseTrace(weight, "I", "one over the mean square position error at the target")
+    return InverseTrace(weight, "I")
 
 
 def observability_indices(jacobian: np.ndarray) -> dict[str, float]:

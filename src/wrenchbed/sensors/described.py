@@ -160,57 +160,51 @@ def _matrix(table: Fields, key: str) -> Array:
 
 def text(sensor: Sensor, notes: tuple[str, ...] = ()) -> str:
     """The TOML of a sensor; ``notes`` are comments at its beginning."""
-    noise = sensor.noise
-    lines = [
-        *(f"# {note}".rstrip() for note in notes),
-        f"format = {FORMAT}",
-        f"name = {quoted(sensor.name.partition('@')[0])}",
-        f"title = {quoted(sensor.title)}",
-        f"default = {quoted(sensor.default)}  # the calibration that the noise belongs to",
-    ]
+    noise, lines = sensor.noise, [f"# {note}".rstrip() for note in notes]
+    own = {"name": sensor.name.partition("@")[0], "title": sensor.title, "default": sensor.default}
+    lines += [f"format = {FORMAT}", *(f"{key} = {quoted(value)}" for key, value in own.items())]
+    lines[-1] += "  # the calibration that the noise belongs to"
     for c in sensor.calibrations:
-        lines += [
-            "",
-            "[[calibration]]  # fx fy fz tx ty tz [N, N·m]",
-            f"name = {quoted(c.name)}",
-            f"range = {listed(c.range)}",
-            f"resolution = {listed(c.resolution)}",
-            f"source = {quoted(c.source)}",
-        ]
-    lines += _table("mass", "kg", repr(float(sensor.mass)), sensor.mass_source)
+        values = {"range": listed(c.range), "resolution": listed(c.resolution)}
+        title = "[[calibration]]  # fx fy fz tx ty tz [N, N·m]"
+        lines += ["", title, f"name = {quoted(c.name)}", *_lines(values, c.source)]
     face = "from the face on the robot's side to the origin of the wrench, sensor axes [m]"
-    lines += _table("plate_offset", face, listed(sensor.plate_offset), sensor.plate_offset_source)
-    if sensor.counts is not None:
-        unit = "of the digital output, per N and N·m"
-        lines += _table("counts", unit, listed(sensor.counts), sensor.counts_source)
-    if sensor.accuracy is not None:
-        lines += _table("accuracy", "± [N, N·m]", listed(sensor.accuracy), sensor.accuracy_source)
-    if sensor.gauges is not None:
-        lines += ["", "[gauges]  # matrix from gauge voltages [V] to the wrench [N, N·m]"]
-        lines += ["matrix = [", *(f"  {listed(row)}," for row in sensor.gauges), "]"]
-        lines += [f"source = {quoted(sensor.gauges_source)}"]
-    lines += [
-        "",
-        "[noise]  # of one row at rest [N, N·m]",
-        f"white = {listed(noise.white)}",
-        f"flicker = {listed(noise.flicker)}  # 1/f: root of the density at 1 Hz",
-        f"f_low = {noise.f_low!r}  # Hz, ends of the 1/f part",
-        f"f_high = {noise.f_high!r}",
-    ]
-    if not np.array_equal(noise.correlation, np.eye(6)):
-        lines += ["correlation = [", *(f"  {listed(row)}," for row in noise.correlation), "]"]
-    lines += [
-        f"mains_amplitude = {listed(noise.mains_amplitude)}",
-        f"mains_frequency = {noise.mains_frequency!r}  # Hz",
-        f"warmup_drift = {listed(noise.warmup_drift)}  # complete, from power-up on",
-        f"warmup_time = {noise.warmup_time!r}  # s",
-        f"warmup_age = {noise.warmup_age!r}  # s since power-up at the first row",
-        f"step = {listed(noise.resolution)}  # of the output words; 0 does not round",
-        f"source = {quoted(sensor.noise_source)}",
-        "",
-    ]
-    return "\n".join(lines)
+    for name, comment, value in (
+        ("mass", "kg", repr(float(sensor.mass))),
+        ("plate_offset", face, listed(sensor.plate_offset)),
+        ("counts", "of the digital output, per N and N·m", sensor.counts),
+        ("accuracy", "± [N, N·m]", sensor.accuracy),
+        ("gauges", "matrix from gauge voltages [V] to the wrench [N, N·m]", sensor.gauges),
+    ):
+        if value is not None:
+            key = "matrix" if name == "gauges" else "value"
+            shown = value if isinstance(value, str) else _numbers(value)
+            source = str(getattr(sensor, f"{name}_source"))
+            lines += ["", f"[{name}]  # {comment}", *_lines({key: shown}, source)]
+    numbers = {
+        "white": listed(noise.white),
+        "flicker": f"{listed(noise.flicker)}  # 1/f: root of the density at 1 Hz",
+        "f_low": f"{noise.f_low!r}  # Hz, ends of the 1/f part",
+        "f_high": repr(noise.f_high),
+        "correlation": _numbers(noise.correlation),
+        "mains_amplitude": listed(noise.mains_amplitude),
+        "mains_frequency": f"{noise.mains_frequency!r}  # Hz",
+        "warmup_drift": f"{listed(noise.warmup_drift)}  # complete, from power-up on",
+        "warmup_time": f"{noise.warmup_time!r}  # s",
+        "warmup_age": f"{noise.warmup_age!r}  # s since power-up at the first row",
+        "step": f"{listed(noise.resolution)}  # of the output words; 0 does not round",
+    }
+    if np.array_equal(noise.correlation, np.eye(6)):
+        del numbers["correlation"]
+    lines += ["", "[noise]  # of one row at rest [N, N·m]", *_lines(numbers, sensor.noise_source)]
+    return "\n".join([*lines, ""])
 
 
-def _table(name: str, unit: str, value: str, source: str) -> list[str]:
-    return ["", f"[{name}]  # {unit}", f"value = {value}", f"source = {quoted(source)}"]
+def _lines(values: Mapping[str, str], source: str) -> list[str]:
+    return [*(f"{key} = {value}" for key, value in values.items()), f"source = {quoted(source)}"]
+
+
+def _numbers(values: Array) -> str:
+    """Six numbers, or six rows of them."""
+    rows = [f"  {listed(row)}," for row in values] if values.ndim == 2 else []
+    return "\n".join(["[", *rows, "]"]) if rows else listed(values)
