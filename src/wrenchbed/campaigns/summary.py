@@ -90,6 +90,10 @@ def is_detected(table: pa.Table) -> np.ndarray:
     return np.asarray((text(table, "effect") == "") | (numbers(table, "added") >= SHOWS))
 
 
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
 def _finite(values: np.ndarray) -> np.ndarray:
     return values[np.isfinite(values)]
 
@@ -121,8 +125,8 @@ def _cards(fleet: Fleet, table: pa.Table) -> Iterator[Card]:
 
 
 def _calibration(table: pa.Table) -> Section:
-    healthy, ill = text(table, "effect") == "", text(table, "effect") != ""
-    groups = {", no effect": healthy, ", an effect": ill} if ill.any() else {"": healthy}
+    ill = text(table, "effect") != ""
+    groups = {"no effect": ~ill, "an effect": ill} if ill.any() else {"": ~ill}
     rows: list[tuple[str | float, ...]] = []
     panels: dict[str, dict[str, np.ndarray]] = {}
     for what, scale, unit in _ERRORS:
@@ -130,15 +134,15 @@ def _calibration(table: pa.Table) -> Section:
         if not np.isfinite(after).any():
             continue
         parts = {name: _finite(after[members]) for name, members in groups.items()}
-        groups_of = {"before": _finite(before)} | {f"after{n}": x for n, x in parts.items()}
-        for when, values in groups_of.items():
-            if len(values):  # where no parameter varies nothing is wrong before
-                rms = float(np.sqrt(np.mean(values**2)))
-                cells = np.percentile(values, _QUANTILES)
-                rows.append((f"{what} {when} [{unit}]", len(values), *cells, rms))
-        drawn = {n.removeprefix(", ") or "robots": x[x > 0.0] for n, x in parts.items()}
-        if any(len(x) for x in drawn.values()):
-            panels[f"{what} after [{unit}]"] = {n: x for n, x in drawn.items() if len(x)}
+        named = {f"after, {name}" if name else "after": x for name, x in parts.items()}
+        rows += [
+            (f"{what} {when} [{unit}]", len(x), *np.percentile(x, _QUANTILES), _rms(x))
+            for when, x in ({"before": _finite(before)} | named).items()
+            if len(x)  # where no parameter varies nothing is wrong before
+        ]
+        drawn = {name or "robots": x[x > 0.0] for name, x in parts.items() if (x > 0.0).any()}
+        if drawn:
+            panels[f"{what} after [{unit}]"] = drawn
     titles = ("rms error", "robots", *(f"{q} %" for q in _QUANTILES), "rms of all")
     lead = (
         "Each robot is judged against its truth at 100 poses that no fit saw: the reading of the "
@@ -169,7 +173,7 @@ def _coverage(fleet: Fleet, table: pa.Table) -> Section:
         rows.append((
             f"{name} [{unit}]", len(z), factor * float(np.std(error[known])),
             factor * float(np.median(std[known])), float(np.mean(z)),
-            float(np.sqrt(np.mean(z**2))), _share(hits, len(z)), "✓" if low <= 95 <= high else "✗",
+            _rms(z), _share(hits, len(z)), "✓" if low <= 95 <= high else "✗",
         ))  # fmt: skip
     columns = ("parameter", "robots", "spread of errors", "stated uncertainty", "mean z", "rms z",
                "within ±1.96 (95 %)", "95 % held")  # fmt: skip
