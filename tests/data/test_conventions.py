@@ -29,10 +29,11 @@ def written(folder, orientation, load=LOAD, name="data.csv"):
 
 
 def mapped(folder, targets, unit=None, **sections):
-    """A map of o1… to targets."""
+    """A map of o1… to targets, in one unit or each in its own."""
     columns = {c: {"column": c, "unit": "N" if c[0] == "f" else "N·m"} for c in CHANNELS}
     for k, target in enumerate(targets):
-        columns[target] = {"column": f"o{k + 1}"} | ({"unit": unit} if unit else {})
+        own = unit.get(target) if isinstance(unit, dict) else unit
+        columns[target] = {"column": f"o{k + 1}"} | ({"unit": own} if own else {})
     raw = {
         "recording": {"robot": "mine", "mode": "static"} | sections.pop("recording", {}),
         "file": [{"match": "*.csv", "columns": columns} | sections.pop("file", {})],
@@ -82,7 +83,6 @@ def test_a_wrench_in_the_axes_of_base_or_flange_is_turned(tmp_path):
     assert np.abs(found.wrench - LOAD).max() < 1e-9
     force = MOUNT.apply(LOAD[:, :3])
     torque = MOUNT.apply(LOAD[:, 3:]) + np.cross(POINT, force)
-    told = {"recording": {"sensor": {"pose_flange": POSE}}, "orientation": {"of": "sensor"}}
     mapping = mapped(tmp_path, ["qx", "qy", "qz", "qw"], wrench={"axes": "flange"}, **told)
     found = import_files([written(tmp_path, q, np.hstack([force, torque]))], mapping).recording
     assert np.abs(found.wrench - LOAD).max() < 1e-9
@@ -163,13 +163,10 @@ def uneven(folder, jitter, lost):
     t = np.delete(t, lost)
     q = np.stack([np.sin(t + j) for j in range(6)], axis=1)
     load = np.stack([np.cos(t + k) for k in range(6)], axis=1)
-    columns = {c: {"column": c, "unit": "N" if c[0] == "f" else "N·m"} for c in CHANNELS}
-    columns |= {f"q{j}": {"column": f"o{j + 1}", "unit": "rad"} for j in range(1, 7)}
-    columns |= {"t": {"column": "o1", "unit": "s"}}
-    raw = {"recording": {"robot": "ur5", "mode": "dynamic"}, "file": [{"columns": columns}]}
-    (folder / "map.json").write_text(json.dumps(raw))
+    units = {"t": "s"} | {f"q{j}": "rad" for j in range(1, 7)}
+    mapping = mapped(folder, units, units, recording={"robot": "ur5", "mode": "dynamic"})
     file = written(folder, np.hstack([t[:, None], q]), load)
-    return import_files([file], column_map.read(folder / "map.json")), t
+    return import_files([file], mapping), t
 
 
 def test_an_uneven_clock_is_made_even_and_gaps_stay(tmp_path):

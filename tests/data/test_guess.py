@@ -44,18 +44,18 @@ def reads(found: Guess, k: int, log: Written) -> bool:
     )
 
 
-def judged(folder, seed: int) -> tuple[bool, bool, str]:
-    """Whether the first map is right, whether one of those named as equal is, and the story."""
+def judged(folder, seed: int) -> tuple[bool, str]:
+    """Whether a map that is named is right, and the story."""
     log = write(folder, seed)
     found = guess(log.files)
-    right = [reads(found, k, log) for k in range(len(found.maps))]
-    return right[0], any(right), f"{log.text} → {found.conventions[0].sentence}"
+    right = any(reads(found, k, log) for k in range(len(found.maps)))
+    return right, f"{log.text} → {found.conventions[0].sentence}"
 
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("seed", [*range(5), 2014, 2051])  # two tables without names
 def test_a_random_convention_is_found(tmp_path, seed):
-    _, named, story = judged(tmp_path, seed)
+    named, story = judged(tmp_path, seed)
     assert named, story
 
 
@@ -64,7 +64,7 @@ def test_random_conventions_are_found(tmp_path):
     named = []
     for seed in range(2000, 2400):
         (tmp_path / str(seed)).mkdir()
-        named.append(judged(tmp_path / str(seed), seed)[1])
+        named.append(judged(tmp_path / str(seed), seed)[0])
     assert np.mean(named) >= 0.95
 
 
