@@ -14,6 +14,7 @@ from wrenchbed.physics.wrench import physical_inertia
 MODES = ("static", "dynamic")
 ROBOT_MODEL, SENSOR_MODEL = "robot_model", "sensor_model"
 """Fields of what a file carries of a robot or a sensor that a user described."""
+_MODELS = {"robots": ROBOT_MODEL, "sensors": SENSOR_MODEL}
 _UNIT_LENGTH = 1e-3
 """Largest error of a unit quaternion's length: four digits are enough."""
 _LEAST_GRAVITY, _MOST_GRAVITY = 1.0, 30.0
@@ -68,26 +69,12 @@ class Metadata:
             "gravity": self.gravity,
         }
         stated = _stated({k: v for k, v in raw.items() if v != {}}) | dict(self.extra)
-        return stated | carried_robot(self.robot) | _carried_sensor(self.sensor.model)
+        return stated | _carried("robots", self.robot) | _carried("sensors", self.sensor.model)
 
 
 def carried_robot(name: str) -> dict[str, Any]:
     """The field with which a file carries its robot, nothing of robots that everybody has."""
-    record = registry.record_of("robots", name)
-    return {} if record is None else {ROBOT_MODEL: dict(record)}
-
-
-def _carried_sensor(name: str | None) -> dict[str, Any]:
-    record = registry.record_of("sensors", str(name))
-    return {} if record is None else {SENSOR_MODEL: dict(record)}
-
-
-def _stated_sensor(raw: Mapping[str, Any], name: str | None) -> str | None:
-    """The sensor's name of a file that may carry it, or may name a user's TOML."""
-    record = raw.get(SENSOR_MODEL)
-    if name is not None and isinstance(record, Mapping):
-        registry.remember("sensors", name, record)
-    return None if name is None else registry.known_as("sensors", name)
+    return _carried("robots", name)
 
 
 def stated_robot(raw: Mapping[str, Any], name: str) -> str:
@@ -96,10 +83,19 @@ def stated_robot(raw: Mapping[str, Any], name: str) -> str:
     Raises:
         NotFoundError, ParameterError: the user's TOML cannot be read.
     """
-    record = raw.get(ROBOT_MODEL)
+    return _known("robots", raw, name)
+
+
+def _carried(kind: str, name: str | None) -> dict[str, Any]:
+    record = registry.record_of(kind, str(name))
+    return {} if record is None else {_MODELS[kind]: dict(record)}
+
+
+def _known(kind: str, raw: Mapping[str, Any], name: str) -> str:
+    record = raw.get(_MODELS[kind])
     if isinstance(record, Mapping):
-        registry.remember("robots", name, record)
-    return registry.known_as("robots", name)
+        registry.remember(kind, name, record)
+    return registry.known_as(kind, name)
 
 
 def _stated(raw: Mapping[str, Any]) -> dict[str, Any]:
@@ -118,6 +114,7 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
     robot = fields.stated_text("robot", "must be a name")
     mode = fields.choice("mode", MODES, "must be 'static' or 'dynamic'")
     tool, sensor = fields.part("tool"), fields.part("sensor")
+    model = sensor.text("model")
     inertia = tool.numbers("inertia", 6)
     if inertia is not None and not physical_inertia(inertia):
         raise tool.error("inertia", "is not the inertia of any body")
@@ -134,7 +131,7 @@ def parse(raw: Mapping[str, Any], where: str) -> Metadata:
         rate_hz=fields.number("rate_hz", "Hz", positive=True),
         tool=ToolInfo(tool.number("mass", "kg", positive=True), tool.numbers("cog", 3), inertia),
         sensor=SensorInfo(
-            model=_stated_sensor(raw, sensor.text("model")),
+            model=None if model is None else _known("sensors", raw, model),
             noise_std=sensor.numbers("noise_std", 6, nonnegative=True),
             mass=sensor.number("mass", "kg", nonnegative=True),
             pose_flange=pose,
