@@ -6,6 +6,9 @@ What `docs/reference/effects.md` prints of each effect is held against the regis
 import json
 from pathlib import Path
 
+import pytest
+
+from wrenchbed import registry
 from wrenchbed.benchmark.frame import EFFECTS
 from wrenchbed.benchmark.lookalikes import imperfection as lookalikes
 from wrenchbed.benchmark.referee import catalogue as referee
@@ -16,7 +19,9 @@ TRAITS = ("form_error", "size_error", "zero_is_convention", "rough", "local", "o
 DECLARED = Path(__file__).parents[1] / "data" / "effect_traits.json"
 """Traits of every effect: 6 % of its gap may be missed by all but what jumps, rubs or remembers; a
 size is exact where the closed form is (a bias, a mass); what remembers begins at a zero by
-convention."""
+convention. Beside them the typical size, unit and bounds of its parameters by robot.
+`python tests/effects/test_effect_declarations.py` writes them anew."""
+ROBOTS = ("ur5", "medrue", "oriented")
 
 
 def test_every_effect_has_a_draw_in_both_catalogues():
@@ -44,6 +49,21 @@ def test_an_effect_acts_where_it_says():
         assert effect.shown in SHOWN and "dynamic" in effect.modes
 
 
-def test_traits_are_those_written_down():
-    told = {n: {t: getattr(e, t) for t in TRAITS} for n, e in effects().items()}
-    assert told == json.loads(DECLARED.read_text(encoding="utf-8"))
+def declared(effect):
+    sizes = {
+        robot: {p.name: [p.tolerance, p.unit, p.lower, p.upper]
+                for p in effect.parameters(registry.load("robots", robot))}
+        for robot in ROBOTS
+    }  # fmt: skip
+    return {t: getattr(effect, t) for t in TRAITS} | {"sizes": sizes}
+
+
+@pytest.mark.parametrize("name", registry.names("effects"))
+def test_traits_and_typical_sizes_are_those_written_down(name):
+    kept = json.loads(DECLARED.read_text(encoding="utf-8"))[name]
+    assert json.loads(json.dumps(declared(effects()[name]))) == kept
+
+
+if __name__ == "__main__":
+    lines = [f'"{n}": {json.dumps(declared(e), ensure_ascii=False)}' for n, e in effects().items()]
+    DECLARED.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
