@@ -19,7 +19,7 @@ TRAITS = ("form_error", "size_error", "zero_is_convention", "rough", "local", "o
 DECLARED = Path(__file__).parents[1] / "data" / "effect_traits.json"
 """Traits of every effect: 6 % of its gap may be missed by all but what jumps, rubs or remembers; a
 size is exact where the closed form is (a bias, a mass); what remembers begins at a zero by
-convention. Beside them the typical size, unit and bounds of its parameters by robot.
+convention. Beside them unit, typical size and bounds of its parameters by robot.
 `python tests/effects/test_effect_declarations.py` writes them anew."""
 ROBOTS = ("ur5", "medrue", "oriented")
 
@@ -51,7 +51,7 @@ def test_an_effect_acts_where_it_says():
 
 def declared(effect):
     sizes = {
-        robot: {p.name: [p.tolerance, p.unit, p.lower, p.upper]
+        robot: {p.name: [p.unit, *(float(f"{x:.12g}") for x in (p.tolerance, p.lower, p.upper))]
                 for p in effect.parameters(registry.load("robots", robot))}
         for robot in ROBOTS
     }  # fmt: skip
