@@ -542,10 +542,7 @@ def waves(stem: str) -> tuple[str, ...]:
 def course(scene: Scene, rate: float, wave: np.ndarray, duration: float) -> np.ndarray:
     """r (t − t₀) + Σ_k w_k sin(kπ (t − t₀)/D) of each row (M,), from 0 at the first one.
 
-    Args:
-        rate: r, per second.
-        wave: w_k (WAVES,).
-        duration: D [s]; beyond it the waves are over.
+    The rate r is per second, the waves w (WAVES,) are over beyond their duration D [s].
     """
     return np.asarray(rate * scene.age + half_waves(scene, duration) @ wave)
 

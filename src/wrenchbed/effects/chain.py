@@ -140,12 +140,8 @@ class EffectChain:
         return self.read(scene, load + self.pull(scene, pose, load))
 
     def late_response(self, scene: Scene, nominal: np.ndarray) -> np.ndarray:
-        """Readings (M, 6) up to a constant, from the first stage at which an effect acts.
-
-        Args:
-            scene: the rows.
-            nominal: their readings without effects (M, 6).
-        """
+        """Readings (M, 6) up to a constant, from the first stage at which an effect acts; nominal
+        are those without effects (M, 6)."""
         stages = {s for s, active in self._at.items() if active}
         if stages <= {"reading", "timing"}:
             return self.read(scene, nominal)

@@ -35,6 +35,8 @@ DEPTHS = (0.04, 0.08, 0.12, 0.18, 0.25, 0.35)
 """Shares of rows in contact that a scan tries; estimates."""
 ASIDE = ("aside.x", "aside.y", "aside.z")
 SHAPE = ("depth", *NORMAL, *SLIDE, *ASIDE, "power", "reach")
+PLAIN = dict.fromkeys((*SLIDE, *ASIDE), 0.0) | {"power": 1.0, "reach": 1.0}
+"""A spring that pushes the tip itself, without drag."""
 
 
 class EnvironmentContact(LoadEffect):
@@ -82,7 +84,7 @@ class EnvironmentContact(LoadEffect):
             for share in SHARES:
                 depth = float(np.quantile(at @ normal, share))
                 begin = dict(zip(NORMAL, map(float, normal), strict=True)) | {"depth": depth}
-                begin |= dict.fromkeys((*SLIDE, *ASIDE), 0.0) | {"power": 1.0, "reach": 1.0}
+                begin |= PLAIN
                 text = f"from {label}, {share:.0%} of rows"
                 result.append(Variant(text, ("stiffness",), begin, SHAPE, {"side": label}))
         return tuple(result)
@@ -119,7 +121,7 @@ class EnvironmentContact(LoadEffect):
             n = ways[k]
             drag = np.clip(push / float(push @ n) - n, -1.0, 1.0)
             begin = dict(zip((*NORMAL, *SLIDE), map(float, [*n, *drag]), strict=True))
-            begin |= dict.fromkeys(ASIDE, 0.0) | {"depth": depth, "power": 1.0, "reach": 1.0}
+            begin = PLAIN | begin | {"depth": depth}
             text = f"fitted plane {len(result) + 1}"
             result.append(Variant(text, ("stiffness",), begin, SHAPE, {}, 0.1))
         return tuple(result)

@@ -49,9 +49,7 @@ class JointGearError(JointEffect):
             if ratios:
                 orders += [ratios[k - 1], 2.0 * ratios[k - 1]]
             for order in orders:
-                free = (f"sin.q{k}", f"cos.q{k}")
-                label = _label(k, order)
-                result.append(Variant(label, free, {"order": order}, ("order",), {"joint": k}))
+                result.append(_wave(k, order))
         return tuple(result)
 
     def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
@@ -68,11 +66,8 @@ class JointGearError(JointEffect):
                 best, at = float(score.max()), (k, float(ORDERS[int(score.argmax())]))
         if not best:
             return ()
-        k, order = at
-        label = _label(k, order)
-        free = (f"sin.q{k}", f"cos.q{k}")
         weight = len(self.variants(scene)) / (len(ORDERS) * len(rotary(scene.robot)))
-        return (Variant(label, free, {"order": order}, ("order",), {"joint": k}, weight),)
+        return (_wave(*at, weight),)
 
     def displace(self, scene: Scene, p: Values) -> Value:
         """Displacement of the joints (M, J), as exact jets in motion: 101 waves a turn are fast."""
@@ -84,8 +79,10 @@ class JointGearError(JointEffect):
         return sin(angle) * a + cos(angle) * b
 
 
-def _label(joint: int, order: float) -> str:
-    return f"joint {joint}, {order:g} wave{'' if order == 1.0 else 's'} a turn"
+def _wave(joint: int, order: float, weight: float = 1.0) -> Variant:
+    label = f"joint {joint}, {order:g} wave{'' if order == 1.0 else 's'} a turn"
+    free = (f"sin.q{joint}", f"cos.q{joint}")
+    return Variant(label, free, {"order": order}, ("order",), {"joint": joint}, weight)
 
 
 def rotary(robot: Robot) -> list[int]:

@@ -1,7 +1,5 @@
 """The sensor's reading creeps after its load has changed."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from wrenchbed.effects import free_form
@@ -72,13 +70,12 @@ class SensorCreep(ReadingEffect):
         )
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
-        def of(late: float) -> Iterator[Variant]:
-            at = {"late": late}
-            text = "any creep, right in the end" if late else "any creep, right at first"
-            yield from free_form.free_variants(RELAX, text, at)
-            yield Variant(f"{text}, alike", ALIKE, at, (), free_form.FREE)
-
-        return (*of(0.0), *of(1.0))
+        result = []
+        for late, when in ((0.0, "right at first"), (1.0, "right in the end")):
+            at, text = {"late": late}, f"any creep, {when}"
+            result += free_form.free_variants(RELAX, text, at)
+            result.append(Variant(f"{text}, alike", ALIKE, at, (), free_form.FREE))
+        return tuple(result)
 
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
         """Curves of the response to a unit step of load."""

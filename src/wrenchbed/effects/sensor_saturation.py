@@ -49,17 +49,16 @@ class SensorSaturation(ReadingEffect):
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         load = np.abs(wrench(*scene.pose, scene.tool, scene.gravity)[scene.held])
         result = []
-        for c, levels in zip(CHANNELS, np.quantile(load, QUANTILES, axis=0).T, strict=True):
-            for level in levels[levels > 1e-5]:
-                at, shape = {f"level.{c}": float(level)}, (f"level.{c}",)
-                result.append(Variant(c, (f"share.{c}",), at, shape, {"channel": c}))
-        for label, group in (("forces", range(3)), ("torques", range(3, 6)), ("all", range(6))):
-            for levels in np.quantile(load, QUANTILES, axis=0):
-                on = [k for k in group if levels[k] > 1e-5]
-                if len(on) > 1:
-                    at = {f"level.{CHANNELS[k]}": float(levels[k]) for k in on}
-                    free = tuple(f"share.{CHANNELS[k]}" for k in on)
-                    result.append(Variant(label, free, at, tuple(at)))
+        groups = {c: (c,) for c in CHANNELS}
+        groups |= {"forces": CHANNELS[:3], "torques": CHANNELS[3:], "all": CHANNELS}
+        for label, group in groups.items():
+            for levels in np.quantile(load, QUANTILES, axis=0).tolist():
+                level = dict(zip(CHANNELS, levels, strict=True))
+                at = {f"level.{c}": level[c] for c in group if level[c] > 1e-5}
+                if len(at) > (len(group) > 1):
+                    free = tuple(n.replace("level", "share") for n in at)
+                    detail = {"channel": label} if len(group) == 1 else {}
+                    result.append(Variant(label, free, at, tuple(at), detail))
         return tuple(result)
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:

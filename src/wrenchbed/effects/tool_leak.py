@@ -78,10 +78,8 @@ class ToolLeak(LoadEffect):
         even = scene.age[rows, None] / scene.span
         free = half_waves(scene, scene.span)[rows]
         result = []
-        for variant, courses in (
-            (self.variants(scene)[0], even),
-            (self.variants(scene)[1], np.hstack([even, free])),
-        ):
+        both = (even, np.hstack([even, free]))
+        for variant, courses in zip(self.variants(scene), both, strict=True):
             along = np.hstack([courses, np.ones_like(even)])  # the last is a wrong mass and CoG
             columns = np.einsum("rc,rki->rkci", along, parts).reshape(value.size, -1)
             bias = np.tile(np.eye(6), (len(rows), 1))

@@ -76,7 +76,7 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
             tables.population_section(table, one),
             tables.limit_section(setting, chosen["O1"].chosen, table),
         ),
-        made=f"wrenchbed study medrue{' --quick' if quick else ''}: pool of {POOL:,} "
+        made=f"wrenchbed study medrue{' --quick' * quick}: pool of {POOL:,} "
         f"configurations, {count} robots, seed {seed}. doi 10.3390/s16060798.",
         summary=summary,
     )

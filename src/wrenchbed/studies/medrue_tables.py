@@ -1,6 +1,6 @@
 """Tables and figures of the MedRUE study, beside what the paper prints."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
@@ -192,6 +192,7 @@ def _improvements(table: pa.Table, one: PaperRobot) -> Table:
                 after = column(table, statistic, **of, **labels)
                 cells.append(f"{100 * np.nanmedian(1 - after / before):.2f}")
             rows.append((f"{quantity}, {place}, {statistic}", f"{paper:.2f}", *cells))
+    position, force = (f"{rows[i][1]} printed, {rows[i][2]} evaluated" for i in (12, 0))
     return Table.of(
         "Tables 2 and 3: improvement of force, torque and position [%]",
         ("quantity", "published", "its Table 1, evaluated", "±1 N, unweighted",
@@ -199,12 +200,8 @@ def _improvements(table: pa.Table, one: PaperRobot) -> Table:
         rows,
         "Evaluated: the nominal, actual and noisy columns of its Table 1 put into the model. The "
         "printed mean position over the whole workspace follows from them "
-        f"({_compared(rows, 12)}); the printed mean force does not ({_compared(rows, 0)}).",
+        f"({position}); the printed mean force does not ({force}).",
     )  # fmt: skip
-
-
-def _compared(rows: Sequence[tuple[str, ...]], i: int) -> str:
-    return f"{rows[i][1]} printed, {rows[i][2]} evaluated"
 
 
 def _by_index(table: pa.Table) -> Table:

@@ -30,11 +30,7 @@ _READING = (
 
 def steps(quick: bool, robots: int | None) -> int:
     """Number of steps that `run` reports."""
-    return 1 + len(SCENARIOS) * _repeats(quick, robots)
-
-
-def _repeats(quick: bool, robots: int | None) -> int:
-    return REPEATS[quick] if robots is None else max(1, robots)
+    return 1 + len(SCENARIOS) * (robots or REPEATS[quick])
 
 
 def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progress) -> Document:
@@ -42,10 +38,14 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
 
     Finished repetitions are kept in ``folder``/parts, so that a stopped run goes on.
     """
-    count = len(SCENARIOS) * _repeats(quick, robots)
+    repeats = robots or REPEATS[quick]
     parts = Parts(folder / "parts", f"ur5-{key(seed)}-")
     table = run_parts(
-        repetition, seed, range(count), parts, lambda n, _="": report(n, "repetitions")
+        repetition,
+        seed,
+        range(len(SCENARIOS) * repeats),
+        parts,
+        lambda n, _="": report(n, "repetitions"),
     )
     write_table(folder / "trials.parquet", table)
     first = methods.run(SCENARIOS[0], 1000 * seed)
@@ -80,8 +80,7 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
             ),
             Section("How the article was read", _READING),
         ),
-        made=f"wrenchbed study ur5{' --quick' if quick else ''}: {_repeats(quick, robots)} "
-        f"repetitions, seed {seed}.",
+        made=f"wrenchbed study ur5{' --quick' * quick}: {repeats} repetitions, seed {seed}.",
         summary=summary,
     )
 
