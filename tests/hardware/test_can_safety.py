@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from can_servos import BEAT, GUARDS, Bus, Sensor, Servo, T
+from medrue_bench import until
 from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.hardware import device
 from wrenchbed.hardware.drivers.can import (
@@ -44,13 +45,6 @@ def arm(monkeypatch):
     monkeypatch.setattr(network, "ANSWER_S", 0.02)
     yield one
     one.close()
-
-
-def until(done, seconds=3.0):
-    end = time.monotonic() + seconds
-    while not done() and time.monotonic() < end:
-        time.sleep(0.002)
-    return done()
 
 
 def started(arm):
@@ -229,7 +223,7 @@ def test_a_drive_without_deadline_for_targets_is_not_enabled(arm, taken):
 def test_the_master_beats(arm):
     bus = started(arm)
     begun, beats = time.monotonic(), bus.beats
-    time.sleep(1.0)
+    time.sleep(0.5)
     passed = time.monotonic() - begun
     assert bus.beats - beats == pytest.approx(passed / HEARTBEAT_S, abs=2.5)
 

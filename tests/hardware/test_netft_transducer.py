@@ -1,6 +1,5 @@
 """The transducer against a box: values, ages, losses, and each fault by its name."""
 
-import socket
 import time
 
 import numpy as np
@@ -8,7 +7,8 @@ import pytest
 
 from netft_scene import boxed, client, until
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
+from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer, configuration
+from wrenchbed.hardware.transducers.netft import transducer as reading
 
 pytestmark = pytest.mark.wire
 
@@ -33,9 +33,7 @@ def counters(transducer):
 @pytest.mark.parametrize(
     "units",
     [
-        {},
         {"force_unit": "lbf", "torque_unit": "lbf-in", "counts_per_force": 2e5},
-        {"force_unit": "kN", "torque_unit": "N-mm", "counts_per_force": 1e8},
         {"product": "axia", "torque_unit": "lbf-ft", "counts_per_torque": 7e6},
     ],
 )
@@ -53,9 +51,9 @@ def test_readings_are_si_whatever_the_box_counts_in(units):
 
 def test_the_newest_record_is_read_not_the_next_in_the_queue():
     with boxed("127.0.3.42", rate=7000) as scene, client(scene) as transducer:
-        time.sleep(0.3)
+        time.sleep(0.1)
         ages, sequences = [], []
-        for _ in range(60):
+        for _ in range(40):
             time.sleep(0.008)
             sample = transducer.read()
             ages.append(sample.age)
@@ -84,8 +82,8 @@ def test_a_wrench_at_a_time_is_interpolated(scene, transducer):
 def test_lost_records_are_counted_exactly(scene, transducer):
     before, told = scene.box.counters.copy(), counters(transducer)
     for kind in ("drop", "duplicate", "swap"):
-        scene.fault("rdt", kind, 0.4, share=0.2)
-        time.sleep(0.5)
+        scene.fault("rdt", kind, 0.25, share=0.3)
+        time.sleep(0.35)
     time.sleep(0.05)
     now = counters(transducer)
     sent = {name: scene.box.counters[name] - before[name] for name in scene.box.counters}
@@ -126,12 +124,6 @@ def test_frozen_counts_are_a_fault(scene, transducer):
     assert until(lambda: transducer.health().state == "fault") < 0.2
     assert "frozen" in transducer.health().detail
     until(lambda: transducer.health().ok)
-
-
-def test_a_sensor_without_noise_is_not_frozen():
-    with boxed("127.0.3.42", noise=0.0, rate=500) as scene, client(scene) as transducer:
-        time.sleep(0.3)
-        assert transducer.health().ok
 
 
 def test_saturation_names_its_channel(scene, transducer):
@@ -178,20 +170,22 @@ def test_a_clock_that_runs_wrong_is_named(scene, transducer):
 
 @pytest.mark.parametrize(
     ("kind", "error", "words"),
-    [("stall", LinkError, "no answer within 2 s"), ("unlisten", LinkError, "refused"),
+    [("unlisten", LinkError, "refused"), ("stall", LinkError, "no answer within 0.4 s"),
      ("garbage", DriverError, "malformed"), ("missing_field", DriverError, "has no <cfgcpf>")],
 )  # fmt: skip
-def test_a_page_that_fails_is_named(kind, error, words):
+def test_a_page_that_fails_is_named(monkeypatch, kind, error, words):
+    monkeypatch.setattr(configuration, "PAGE_S", 0.4)
     with boxed("127.0.3.43") as scene:
         scene.fault("http", kind, 3.0)
-        time.sleep(0.2)
+        time.sleep(0.1)
         begun = time.monotonic()
         with pytest.raises(error, match=words), client(scene):
             pass
         assert time.monotonic() - begun < 3.0
 
 
-def test_a_page_without_a_stream_is_named():
+def test_a_page_without_a_stream_is_named(monkeypatch):
+    monkeypatch.setattr(reading, "_FIRST_S", 0.4)
     with boxed("127.0.3.43") as scene:
         scene.fault("rdt", "stall", 5.0)
         with pytest.raises(LinkError, match="sends no RDT"), client(scene):
@@ -214,29 +208,18 @@ def test_nobody_there_is_named():
         NetftTransducer(NetftOptions("no-such-host.invalid")).connect()
 
 
-def test_a_server_that_drips_is_given_up():
-    with socket.create_server(("127.0.3.44", 0)) as listener:
-        port = listener.getsockname()[1]
-        transducer = NetftTransducer(NetftOptions("127.0.3.44", http_port=port))
-        begun = time.monotonic()
-        with pytest.raises(LinkError, match="no answer within"):
-            transducer.connect()
-        assert time.monotonic() - begun < 3.0
-
-
 @pytest.mark.parametrize("bad", [{"port": 0}, {"product": "x"}, {"http_port": -1}])
 def test_impossible_options_are_refused(bad):
     with pytest.raises(ParameterError, match=next(iter(bad))):
         NetftOptions("127.0.0.1", **bad)
 
 
-@pytest.mark.slow
-def test_counts_that_change_while_it_runs_are_noticed():
+def test_counts_that_change_while_it_runs_are_noticed(monkeypatch):
+    monkeypatch.setattr(configuration, "EVERY_S", 0.2)
     with boxed("127.0.3.44") as scene, client(scene) as transducer:
-        begun = time.monotonic()
         scene.fault("http", "other_counts", factor=0.5)
-        until(lambda: transducer.health().state == "fault", 6.0)
-        assert time.monotonic() - begun < 5.8 and "was set to" in transducer.health().detail
+        until(lambda: transducer.health().state == "fault")
+        assert "was set to" in transducer.health().detail
 
 
 def test_a_zero_that_was_lost_while_nobody_looked_changes_its_id():

@@ -91,15 +91,10 @@ def test_a_move_uses_no_more_than_its_speed(distance, seconds, top):
         assert took == pytest.approx(seconds, rel=1e-6) or acceleration == 15.0
 
 
-@given(
-    st.one_of(
-        st.lists(st.floats(), max_size=8),
-        st.sampled_from([None, [None] * 6, ["1"] * 6, (0.0,) * 6]),
-    )
-)
-def test_only_six_finite_angles_are_sent(q):
-    numbers = isinstance(q, list) and all(isinstance(v, float) and math.isfinite(v) for v in q)
-    assert sound(q) == (numbers and len(q) == 6)
+def test_only_six_finite_angles_are_sent():
+    assert sound([0.0, 1, -2.0, 3.0, 4.0, 5.0])
+    for q in (None, [None] * 6, ["1"] * 6, (0.0,) * 6, [0.0] * 5, [0.0] * 5 + [math.nan]):
+        assert not sound(q)
 
 
 @pytest.mark.parametrize("gain, why", [(1.0, ""), (0.0, "does not follow")])
@@ -127,9 +122,9 @@ def test_what_no_robot_sends_is_refused(change, wrong):
     assert implausible(OK._replace(**{"t": 1.008, "stamp": 1.008} | change), OK) == wrong
 
 
-def judged(state, ended="", **known):
+def judged(state, stream="", **known):
     control = {"gone": "", "silent": 0.01, "ended": False, "halts": 0.0} | known
-    return status.judge(state, ended, status.Control(**control), {})
+    return status.judge(state, stream, status.Control(**control), {})
 
 
 @pytest.mark.parametrize(
@@ -139,10 +134,9 @@ def judged(state, ended="", **known):
         (0.09, {}, {}, "stale", "silent or repeats itself"),
         (0.09, {"wrong": 3.0}, {}, "stale", "jump faster"),
         (1.2, {}, {}, "lost", "no fresh reading for 1.2"),
-        (0.0, {}, {"ended": "the stream of states ended"}, "lost", "stream of states ended"),
+        (0.0, {}, {"stream": "the stream of states ended"}, "lost", "stream of states ended"),
         (0.0, {"back": 3.0}, {}, "lost", "clock went back by 3 s"),
         (0.0, {"bits": 5.0}, {}, "stopped", "protective stop"),
-        (0.0, {"safety": 3.0}, {}, "stopped", "protective stop"),
         (0.0, {"bits": 64.0}, {}, "stopped", "emergency stop"),
         (0.0, {"bits": 256.0}, {}, "fault", "safety"),
         (0.0, {"mode": 3.0}, {}, "stopped", "the robot is off"),
@@ -160,8 +154,7 @@ def test_the_process_that_commands_is_judged_where_there_is_one():
     assert judged(None).state == "lost" and "no state" in judged(None).detail
     assert "watchdog" in judged(now, gone="the control process died by signal 11").detail
     assert "hangs" in judged(now, silent=1.5).detail
-    did_not_take = status.judge(now, "", status.Control("", 0.01, True, 0.0), {})
-    assert did_not_take.state == "stopped" and "did not take" in did_not_take.detail
+    assert "did not take" in judged(now, ended=True).detail
     assert status.judge(now._replace(runtime=1.0), "", None, {}).ok
 
 
@@ -249,16 +242,6 @@ def test_a_controller_that_answers_nonsense_is_refused(answer):
     assert isinstance(caught.value, LinkError) == (len(answer) < 3)
 
 
-def test_a_silent_controller_is_named_in_time():
-    begun = time.monotonic()
-    with (
-        server(states.PORT, lambda link: time.sleep(0.6)),
-        pytest.raises(LinkError, match="answer"),
-    ):
-        states.Outputs(HOST, ["timestamp"], 0.2)
-    assert time.monotonic() - begun < 1.0
-
-
 def packet(kind: bytes, body: bytes) -> bytes:
     return (3 + len(body)).to_bytes(2, "big") + kind + body
 
@@ -315,10 +298,8 @@ def test_how_the_controller_is_set_up_is_read_by_its_own_types():
 
 def test_an_older_controller_says_less_and_no_answer_is_no_settings():
     with server(states.PORT, controller(SETTINGS, lacks="payload_cog")):
-        settings = identity.settings(HOST)
-    assert (
-        "payload_cog" not in settings and settings["payload"] == 1.25 and settings["time"] == 41.5
-    )
+        stated = identity.settings(HOST)
+    assert "payload_cog" not in stated and (stated["payload"], stated["time"]) == (1.25, 41.5)
     with server(states.PORT, controller(SETTINGS, start=b"\x00")):
         assert identity.settings(HOST) == {}
     assert identity.settings(HOST) == {}
@@ -424,12 +405,10 @@ def test_what_the_robot_is_can_be_read_while_disconnected():
 
 
 def test_a_controller_that_is_off_or_silent_is_named_within_the_deadline():
-    driver = RtdeDriver(RtdeOptions(host="127.0.2.8", sensor="rtde", connect_s=2.0))
     begun = time.monotonic()
     with pytest.raises(LinkError, match="refused"):
-        driver.connect()
+        RtdeDriver(RtdeOptions(host="127.0.2.8", sensor="rtde", connect_s=1.5)).connect()
     assert time.monotonic() - begun < 4.0
-    with server(states.PORT, lambda link: time.sleep(3.0)):
-        driver = RtdeDriver(RtdeOptions(host=HOST, sensor="rtde", connect_s=2.5))
-        with pytest.raises(LinkError, match="does not answer"):
-            driver.connect()
+    silent = server(states.PORT, lambda link: time.sleep(0.6))
+    with silent, pytest.raises(LinkError, match="does not answer"):
+        states.Outputs(HOST, ["timestamp"], 0.2)

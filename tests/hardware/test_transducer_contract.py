@@ -27,7 +27,7 @@ def check_it_refuses_to_read_while_it_is_closed(make):
     opened.close()
 
 
-def check_readings_are_six_finite_numbers_with_their_age(make):
+def check_readings_are_six_finite_numbers_with_their_age_and_fresh_once(make):
     with make() as sensor:
         time.sleep(0.05)
         sequences = []
@@ -41,10 +41,6 @@ def check_readings_are_six_finite_numbers_with_their_age(make):
             sequences.append(sample.sequence)
             time.sleep(0.01)
         assert sequences == sorted(sequences) and sequences[-1] > sequences[0]
-
-
-def check_a_reading_without_news_is_not_fresh(make):
-    with make() as sensor:
         seen, fresh = set(), 0
         for _ in range(50):
             sample = sensor.read()
@@ -53,6 +49,9 @@ def check_a_reading_without_news_is_not_fresh(make):
             fresh += sample.fresh
             time.sleep(0.002)
         assert fresh > 1
+        health = sensor.health()
+        assert health.ok, health
+        assert health.counters and all(np.isfinite(v) for v in health.counters.values())
 
 
 def check_the_past_is_known_and_the_future_is_not(make):
@@ -65,14 +64,6 @@ def check_the_past_is_known_and_the_future_is_not(make):
         assert known.wrench.shape == (6,) and 0.0 <= known.age < 0.05
         assert sensor.at(time.monotonic() + 1.0) is None
         assert sensor.at(newest.t - 100.0) is None
-
-
-def check_health_is_ok_and_counts(make):
-    with make() as sensor:
-        time.sleep(0.05)
-        health = sensor.health()
-        assert health.ok, health
-        assert health.counters and all(np.isfinite(v) for v in health.counters.values())
 
 
 CHECKS = [f for name, f in sorted(globals().items()) if name.startswith("check_")]
