@@ -48,23 +48,20 @@ def test_frames_by_hand(can_id, raw, reply):
     assert parse(can_id, bytes.fromhex(raw), 0x68) == reply
 
 
-@given(st.integers(0, 0x1FFFFFFF), st.binary(max_size=64), st.integers(0, 0x7F))
-def test_anything_a_bus_may_carry_is_parsed_or_refused(can_id, data, base):
-    reply = parse(can_id, data, base)
-    assert reply is None or can_id >> 4 == base
-
-
 def test_words_of_a_status():
     assert faults(0x8000 | 1 << 4 | 1 << 11) == ("supply high", "temperature high")
     assert faults(0x8000) == ("error without a name",) and faults(0) == ()
 
 
-def test_a_pair_is_put_together_in_the_gauges_order():
+def test_a_pair_is_put_together_in_the_gauges_order_and_a_swapped_one_is_no_reading():
     pairs = Pairs()
     assert pairs.poll(0.0)
     assert pairs.take(0.001, EVEN) is None
     assert pairs.take(0.0011, ODD).gauges == (1, 2, 3, 4, 5, 6)
     assert (pairs.lost, pairs.odd) == (0, 0)
+    assert pairs.poll(0.004)
+    assert pairs.take(0.005, ODD) is None and pairs.take(0.0051, EVEN) is None
+    assert pairs.odd == 1
 
 
 def test_a_second_frame_lost_never_mixes_two_requests():
@@ -77,13 +74,6 @@ def test_a_second_frame_lost_never_mixes_two_requests():
     assert pairs.poll(PATIENCE_S + 0.009)
     assert pairs.take(PATIENCE_S + 0.010, Reply(1, (9, 9, 9))) is None
     assert pairs.lost == 1 and pairs.odd == 2
-
-
-def test_swapped_frames_are_no_reading():
-    pairs = Pairs()
-    pairs.poll(0.0)
-    assert pairs.take(0.001, ODD) is None and pairs.take(0.0011, EVEN) is None
-    assert pairs.odd == 1
 
 
 @given(st.lists(st.tuples(st.sampled_from(["poll", "even", "odd", "lose"]), st.integers(0, 40))))
@@ -249,7 +239,7 @@ class Late:
         self.one.take(parse(0x680 | op, raw, 0x68))
 
 
-@pytest.mark.parametrize("late", [(), (5,), (9, 13), (4, 5, 6)])
+@pytest.mark.parametrize("late", [(), (9, 13), (4, 5, 6)])
 def test_late_answers_never_make_a_wrong_matrix(monkeypatch, late):
     monkeypatch.setattr(reader, "ANSWER_S", 0.05)
     link = Late(late)
