@@ -22,6 +22,7 @@ import numpy as np
 from wrenchbed.errors import LinkError
 from wrenchbed.hardware.device import STALE_S
 from wrenchbed.hardware.device import State as HealthState
+from wrenchbed.hardware.drivers.can import options as ids
 from wrenchbed.hardware.drivers.can.bus import CanLink
 from wrenchbed.hardware.drivers.can.cia402 import (
     OPERATIONAL,
@@ -31,14 +32,6 @@ from wrenchbed.hardware.drivers.can.cia402 import (
     Problem,
     Want,
     controlword,
-)
-from wrenchbed.hardware.drivers.can.options import (
-    EMCY,
-    HEARTBEAT,
-    HEARTBEAT_S,
-    MOST_NODE,
-    RPDO1,
-    TPDO1,
 )
 from wrenchbed.hardware.drivers.can.setpoints import Setpoints
 
@@ -169,7 +162,7 @@ class Cycle:
     ) -> None:  # fmt: skip
         self._link, self.drives, self._counts = link, drives, counts
         self._setpoints, self._poll, self._follow, self._period = setpoints, poll, follow, period
-        self._beat_id, self._beat_due = HEARTBEAT + master, 0.0
+        self._beat_id, self._beat_due = ids.HEARTBEAT + master, 0.0
         self.want = Want.NOTHING
         self.latched: Problem | None = None
         self.answers: CycleAnswers | None = None
@@ -223,14 +216,14 @@ class Cycle:
         return all(drive.state in states for drive in self.drives)
 
     def _received(self, _: float, can_id: int, data: bytes) -> None:
-        service, node = can_id & ~MOST_NODE, can_id & MOST_NODE
+        service, node = can_id & ~ids.MOST_NODE, can_id & ids.MOST_NODE
         if (drive := self._by_node.get(node)) is None:
             return
-        if service == TPDO1:
+        if service == ids.TPDO1:
             self._answer(drive, data)
-        elif service == EMCY:
+        elif service == ids.EMCY:
             self._emergency(drive, data)
-        elif service == HEARTBEAT:
+        elif service == ids.HEARTBEAT:
             for other in self.drives:
                 other.others += 1
             drive.take_heartbeat(data)
@@ -288,7 +281,7 @@ class Cycle:
         with contextlib.suppress(Exception):
             for drive in self.drives:
                 word = struct.pack("<Hi", QUICK_STOP, drive.position)
-                self._link.send(RPDO1 + drive.node, word)
+                self._link.send(ids.RPDO1 + drive.node, word)
             self._link.send(SYNC, b"")
 
     def _keep_time(self) -> None:
@@ -333,11 +326,11 @@ class Cycle:
             for drive, target in zip(self.drives, counts, strict=True):
                 failed = self.following and drive.state is not DriveStatus.ENABLED
                 drive.sent = QUICK_STOP if failed else controlword(want, drive.state, drive.sent)
-                self._link.send(RPDO1 + drive.node, struct.pack("<Hi", drive.sent, target))
+                self._link.send(ids.RPDO1 + drive.node, struct.pack("<Hi", drive.sent, target))
         self._poll()
         now = time.monotonic()
         if now >= self._beat_due:
-            self._beat_due = max(self._beat_due + HEARTBEAT_S, now)
+            self._beat_due = max(self._beat_due + ids.HEARTBEAT_S, now)
             self._link.send(self._beat_id, bytes([OPERATIONAL]))
         for drive in self.drives:
             drive.answered = False
