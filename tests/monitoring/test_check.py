@@ -148,7 +148,7 @@ def test_a_zero_that_walks_for_months_is_no_step(plan):
     assert not any(monthly._alarms(History(UR5, checks[:n])) for n in range(2, 25))
 
 
-def test_first_monthlycannot_tell_and_later_ones_are_healthy(healthy):
+def test_first_checks_cannot_tell_and_later_ones_are_healthy(healthy):
     judged = [monthly.judge(UR5, healthy[: k + 1]) for k in range(7)]
     assert [j.verdict for j in judged] == ["cannot tell"] * 3 + ["healthy"] * 4
     assert judged[0].alarms == () and "check 1 since the first check" in headline(judged[0])
@@ -260,46 +260,34 @@ def test_a_damaged_history_is_refused_and_can_be_made_again(folder, damage, capf
     assert (folder / (history.FILE + "~")).read_bytes() == damaged
 
 
-def test_the_same_recording_twice_is_refused(folder):
-    robot = MonthlyRobot(UR5, wb.check_plan(UR5, folder), 7)
-    with pytest.raises(
-        HistoryError, match="holds the readings of row 1 .*: it was checked already"
-    ):
-        wb.check(UR5, folder, robot.recording(1), time=datetime(2021, 1, 1, tzinfo=UTC))
-    assert len(history.read(folder)) == 3 and len(list((folder / "recordings").iterdir())) == 3
-
-
-def test_a_clock_that_was_set_back_is_refused(folder):
-    robot = MonthlyRobot(UR5, wb.check_plan(UR5, folder), 7)
-    with pytest.raises(
-        HistoryError, match=r"the new check is of 2020-02-01 .*, not after row 2 .*"
-    ):
-        wb.check(UR5, folder, robot.recording(3), time=datetime(2020, 2, 1, tzinfo=UTC))
-    checks = history.read(folder)
-    with pytest.raises(
-        HistoryError, match=r"row 2 is of 2020-03-.*clock shows 2020-02-01 .*set back"
-    ):
-        history.in_time(folder, checks, checks[-1].time, datetime(2020, 2, 1, tzinfo=UTC))
-    with pytest.raises(HistoryError, match=r"the new check is of 2999.*set the clock, or state"):
-        wb.check(UR5, folder, robot.recording(3), time=datetime(2999, 1, 1, tzinfo=UTC))
-    assert len(history.read(folder)) == 3
-
-
-def test_recordings_of_other_poses_or_robots_are_refused(folder, plan):
+def test_a_check_that_does_not_continue_its_history_is_refused(folder, plan):
+    """A copy, a clock that was set back, other poses, another robot, no time."""
+    robot = MonthlyRobot(UR5, plan, 7)
+    recording, (*_, last) = robot.recording(5), history.read(folder)
     moved = wb.Plan.of("ur5", plan.q + np.where(np.arange(12) == 4, 0.1, 0.0)[:, None])
-    with pytest.raises(RecordingError, match=r"pose 4 is not that of .*plan.parquet: record that"):
-        wb.check(UR5, folder, MonthlyRobot(UR5, moved, 7).recording(5))
     short = wb.Plan.of("ur5", plan.q[:8])
-    with pytest.raises(RecordingError, match="holds 8 poses; pose 8 is not that of"):
-        wb.check(UR5, folder, MonthlyRobot(UR5, short, 7).recording(5))
-    recording = MonthlyRobot(UR5, plan, 7).recording(5)
-    other = replace(recording, metadata=replace(recording.metadata, robot="medrue"))
-    with pytest.raises(RecordingError, match="is of medrue .static.; a check needs ur5"):
-        wb.check(UR5, folder, other)
-    bare = replace(recording, metadata=replace(recording.metadata, extra={}))
-    with pytest.raises(HistoryError, match="states no time; give --time"):
-        wb.check(UR5, folder, bare)
-    assert len(history.read(folder)) == 3
+    metadata = recording.metadata
+    for given, year, error, match in (
+        (robot.recording(1), 2021, HistoryError, "holds the readings of row 1 .*checked already"),
+        (robot.recording(3), 2019, HistoryError, "new check is of 2019-02-01 .*, not after row 2"),
+        (robot.recording(3), 2999, HistoryError, "new check is of 2999.*set the clock, or state"),
+        (MonthlyRobot(UR5, moved, 7).recording(5), None, RecordingError,
+         r"pose 4 is not that of .*plan.parquet: record that"),
+        (MonthlyRobot(UR5, short, 7).recording(5), None, RecordingError,
+         "holds 8 poses; pose 8 is not that of"),
+        (replace(recording, metadata=replace(metadata, robot="medrue")), None, RecordingError,
+         "is of medrue .static.; a check needs ur5"),
+        (replace(recording, metadata=replace(metadata, extra={})), None, HistoryError,
+         "states no time; give --time"),
+    ):  # fmt: skip
+        time = None if year is None else datetime(year, 2, 1, tzinfo=UTC)
+        with pytest.raises(error, match=match):
+            wb.check(UR5, folder, given, time=time)
+    with pytest.raises(
+        HistoryError, match=r"row 0 is of 2020-03-.*clock shows 2020-02-01 .*set back"
+    ):
+        history.in_time(folder, [last], last.time, datetime(2020, 2, 1, tzinfo=UTC))
+    assert len(history.read(folder)) == 3 and len(list((folder / "recordings").iterdir())) == 3
 
 
 def test_rebuilding_leaves_out_what_does_not_fit(folder):
@@ -312,7 +300,7 @@ def test_rebuilding_leaves_out_what_does_not_fit(folder):
 
 
 @pytest.mark.slow
-def test_the_command_monthlythe_simulated_robot(tmp_path, capfd):
+def test_the_command_checks_the_simulated_robot(tmp_path, capfd):
     folder = str(tmp_path / "cell")
 
     def run(month, *more):

@@ -20,7 +20,7 @@ from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import recordings
 from wrenchbed.viewer.elements import heat, scale_for
 from wrenchbed.viewer.recordings import recording_view
-from wrenchbed.viewer.robot import FRAMES_HZ, bodies, frames, geoms_of, motion, shapes
+from wrenchbed.viewer.robot import FRAMES_HZ, bodies, frames, geoms_of, shapes
 from wrenchbed.viewer.stream import readable
 
 ROBOTS = ("ur5", "medrue")
@@ -146,24 +146,6 @@ def test_a_motion_is_shown_at_thirty_pictures_a_second():
     assert resting.tolist() == [0, 999]
     assert frames(np.array([[0.0], [0.0], [1.0], [1.0]])).tolist() == [0, 2, 3]
     assert frames(np.array([[0.0]])).tolist() == [0]
-
-
-def test_loops_are_closed_in_what_is_shown(recorded):
-    robot, recording, rrd, _ = recorded
-    if robot.name == "medrue":
-        gap = rrd.values("/closure", "Scalars:scalars", "row")
-        poses = len(np.unique(recording.columns["segment"]))
-        assert gap.shape[0] >= poses and (gap >= 0.0).all() and gap.max() < 10.0  # nanometres
-    else:
-        assert "/closure" not in rrd.entities()
-
-
-def test_a_loop_that_is_open_shows():
-    robot = wb.load("robots", "medrue")
-    simulation = Simulation(robot, robot.parameters.nominal)
-    longer = simulation.model
-    longer.site_pos[longer.site("e_b1").id, 1] += 1e-3
-    assert motion(simulation, robot.home[None]).gap[0] == pytest.approx(1e-3, rel=1e-6)
 
 
 @given(st.floats(1e-6, 1e6), st.floats(1e-6, 1e6))

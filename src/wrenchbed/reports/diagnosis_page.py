@@ -39,11 +39,10 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
         "heat": heat,
         "observed": findings.analysis.prepared.observed,
         "places": tables.places(findings),
-        "shared": tables.shared(findings),
-        "unseen": tables.invisible(findings),
+        **tables.unlisted(findings),
         "explanations": tables.explanations(findings),
         "rows": words.row_sentences,
-        "next": tables.steps(words.d.next),
+        "next": words.d.next,
         "record": f"wrenchbed record --robot {shlex.quote(words.d.robot)} --driver DRIVER --plan ",
         "notes": words.notes_besides_rows,
     }

@@ -1,6 +1,5 @@
 """Tables of a report: subsystems, causes, explanations, places, what next."""
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,6 @@ SUBSYSTEMS = (
 """In the order in which a load travels through them."""
 MOST_EXPLANATIONS = 6
 """Largest number of listed explanations; later ones are far less likely."""
-LEAST_GAIN = 0.01
-"""Information per minute [nat] below which no figure is printed."""
 LEAST_SHARE = 0.005
 """Share of the residual below which a place that is seen has no row of its own."""
 
@@ -42,12 +39,6 @@ def subsystems(words: WrenchAnswer) -> list[dict[str, Any]]:
     return result
 
 
-def invisible(findings: Findings) -> str:
-    """Channels, joints and other variables on which the residual is not seen to depend, listed
-    with commas."""
-    return ", ".join(place.variable for place in findings.places if not place.seen)
-
-
 def places(findings: Findings) -> list[dict[str, str]]:
     """What the calibrated residual is seen to lie in, or to vary with, and how much of it."""
     return [
@@ -63,9 +54,11 @@ def places(findings: Findings) -> list[dict[str, str]]:
     ]
 
 
-def shared(findings: Findings) -> str:
-    """Names of the places that show only what others explain."""
-    return ", ".join(f.variable for f in findings.places if f.seen and f.share < LEAST_SHARE)
+def unlisted(findings: Findings) -> dict[str, str]:
+    """Variables that are no places of their own: of too small a share, and not seen at all."""
+    small = (f.variable for f in findings.places if f.seen and f.share < LEAST_SHARE)
+    unseen = (f.variable for f in findings.places if not f.seen)
+    return {"shared": ", ".join(small), "unseen": ", ".join(unseen)}
 
 
 def explanations(findings: Findings) -> list[dict[str, Any]]:
@@ -92,18 +85,6 @@ def explanations(findings: Findings) -> list[dict[str, Any]]:
             }
         )
     return result
-
-
-def steps(proposals: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """What to do next, most informative per minute first."""
-    return [
-        {
-            "sentence": str(n["sentence"]),
-            "plan": n.get("plan"),
-            "gain": f"{float(n['gain']):.2g}" if float(n["gain"]) >= LEAST_GAIN else "< 0.01",
-        }
-        for n in proposals
-    ]
 
 
 def _odds(behind: float) -> str:

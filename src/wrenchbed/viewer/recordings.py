@@ -18,7 +18,6 @@ from wrenchbed.viewer.elements import (
     SIMULATED,
     log_arrows,
     log_channels,
-    log_curves,
     log_joints,
     scale_for,
 )
@@ -47,27 +46,24 @@ def recording_view(
     q, (at, axis) = recording.q.astype(float), _over(recording)
     shown = frames(q, None if axis == ROW else at)
     simulation = Simulation(robot, known[0].theta)
-    real, loops = motion(simulation, q[shown]), simulation.model.neq > 0
-    residual, scale = recording.wrench - best.reading, scale_for(recording.wrench)
+    real, residual = motion(simulation, q[shown]), recording.wrench - best.reading
+    scale = scale_for(recording.wrench)
     tabs = [
         layout.channels("wrench and residual", (axis, at), residual),
         layout.curves("/joints", "joints [°, mm]", (axis, at)),
-        *([layout.curves("/closure", "loop closure [nm]", (axis, at))] if loops else []),
         layout.document("/report", "about"),
     ]
     readings = {"measured": recording.wrench} | {s.name: s.reading for s in known}
-    arrows = (("measured", recording.wrench, MEASURED, -1.0),
-              ("simulated", best.reading, SIMULATED, 1.0))  # fmt: skip
     with to_file(path, layout.page(layout.scene(robot.name), tabs, axis), axis) as canvas:
         log_robot(canvas, robot, at[shown], real)
-        for name, wrench, colour, side in arrows:
+        for name, wrench, colour, side in (
+            ("measured", recording.wrench, MEASURED, -1.0),
+            ("simulated", best.reading, SIMULATED, 1.0),
+        ):
             log_arrows(canvas, name, at[shown], wrench[shown], real, scale, colour, side)
         log_channels(canvas, "wrench", at, readings)
         log_channels(canvas, "residual", at, {"residual": residual}, [RESIDUAL])
         log_joints(canvas, at, q, robot.joints)
-        if loops:
-            gap = 1e9 * real.gap[:, None]
-            log_curves(canvas, "closure", at[shown], gap, ["gap of the loops"], [SIMULATED])
         _log_words(canvas, recording, known, scale.sentence)
 
 

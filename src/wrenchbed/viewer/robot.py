@@ -161,7 +161,6 @@ class BodyMotion:
         quaternion: likewise, x y z w (K, B, 4).
         sensor: position of the sensor's frame (K, 3) [m].
         rotation: R_world_sensor (K, 3, 3).
-        gap: largest distance of the two sides of a loop (K,) [m]; 0 without loops.
     """
 
     names: tuple[str, ...]
@@ -169,7 +168,6 @@ class BodyMotion:
     quaternion: np.ndarray
     sensor: np.ndarray
     rotation: np.ndarray
-    gap: np.ndarray
 
 
 def motion(simulation: Simulation, q: np.ndarray) -> BodyMotion:
@@ -180,15 +178,14 @@ def motion(simulation: Simulation, q: np.ndarray) -> BodyMotion:
     qpos = np.asarray(simulation.robot.qpos(q, simulation.theta))
     count = len(qpos)
     position, quaternion = np.empty((count, len(numbers), 3)), np.empty((count, len(numbers), 4))
-    sensor, rotation, gap = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty(count)
+    sensor, rotation = np.empty((count, 3)), np.empty((count, 3, 3))
     site = model.site("ft").id
     for k, row in enumerate(qpos):
         data.qpos[:] = row
         mujoco.mj_kinematics(model, data)
         position[k], quaternion[k] = data.xpos[numbers], data.xquat[numbers]
         sensor[k], rotation[k] = data.site_xpos[site], data.site_xmat[site].reshape(3, 3)
-        gap[k] = simulation.closure(data)
-    return BodyMotion(tuple(known), position, xyzw(quaternion), sensor, rotation, gap)
+    return BodyMotion(tuple(known), position, xyzw(quaternion), sensor, rotation)
 
 
 def frames(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
