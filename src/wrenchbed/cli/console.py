@@ -37,15 +37,11 @@ from wrenchbed.files.checked import load
 
 _MEAN_OVER_S = 3600.0
 """Time over which the mean rate of steps is taken [s]: one of them may take minutes."""
-_SIMPLE: dict[type, str] = {
-    int: "a whole number", float: "a number", str: "text", bool: "on or off",
+_SIMPLE: dict[type, tuple[str, Callable[[str], Any]]] = {
+    int: ("a whole number", lambda word: int(word, 0)), float: ("a number", float),
+    str: ("text", str), bool: ("on or off", lambda word: {"on": True, "off": False}[word]),
 }  # fmt: skip
-"""Types of settings that a word can give, in words."""
-_READERS: dict[type, Callable[[str], Any]] = {
-    int: lambda word: int(word, 0), float: float, str: str,
-    bool: lambda word: {"on": True, "off": False}[word],
-}  # fmt: skip
-"""How a word becomes a value of each type."""
+"""Types of settings that a word can give, in words, and how the word becomes their value."""
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 """An option without a value."""
 Json = Annotated[
@@ -88,7 +84,7 @@ def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> d
         if name not in known:
             raise ParameterError(f"--set {name}: no such setting. Known: {', '.join(known)}")
         simple, several, optional = known[name]
-        read = _READERS[simple]
+        kind, read = _SIMPLE[simple]
         try:
             if optional and word == "none":
                 values[name] = None
@@ -96,7 +92,7 @@ def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> d
                 values[name] = tuple(map(read, word.split(","))) if several else read(word)
         except (ValueError, KeyError) as error:
             more = ", or several with commas between" if several else " or none" if optional else ""
-            raise ParameterError(f"--set {name}={word}: must be {_SIMPLE[simple]}{more}") from error
+            raise ParameterError(f"--set {name}={word}: must be {kind}{more}") from error
     return values
 
 
@@ -256,12 +252,12 @@ def progress(what: str, total: int | None, *, alike: bool = True) -> Iterator[Ca
     time since its begin, else the time that remains.
     """
     console = Console(stderr=True)
-    columns = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()]
-    time = TimeRemainingColumn() if alike and total is not None else TimeElapsedColumn()
-    with Progress(
-        *columns, time, console=console, disable=not console.is_terminal, transient=True,
-        speed_estimate_period=_MEAN_OVER_S,
-    ) as bar:  # fmt: skip
+    alike = alike and total is not None
+    time = TimeRemainingColumn() if alike else TimeElapsedColumn()
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), time)
+    bar = Progress(*columns, console=console, disable=not console.is_terminal, transient=True)
+    bar.speed_estimate_period = _MEAN_OVER_S
+    with bar:
         task = bar.add_task(what, total=total)
 
         def report(n: int, label: str = "") -> None:

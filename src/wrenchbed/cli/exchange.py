@@ -48,13 +48,13 @@ def import_(
         raise ParameterError("give either --map MAP or --guess")
     guessed: dict[str, list[str]] = {}
     inputs = (*files, map, stated.fit, stated.rest)
-    whole, found = out.with_suffix(".motion.parquet"), out.with_suffix(".map.toml")
+    whole, map_file = out.with_suffix(".motion.parquet"), out.with_suffix(".map.toml")
     console.check_out(out, Kind.RECORDING, *inputs, force=force)
     if map is None:
-        console.check_out(found, Kind.MAP, *files)
+        console.check_out(map_file, Kind.MAP, *files)
         guesses = wb.guess_map(files, stated, mode)
-        write_text(found, guesses.text(found.parent))
-        column_map, guessed = guesses.column_map(), {"guess": [*guesses.lines, f"map → {found}"]}
+        write_text(map_file, guesses.text(map_file.parent))
+        column_map, guessed = guesses.column_map(), {"guess": [*guesses.lines, f"map → {map_file}"]}
     else:
         if flags := [name for name, value in vars(stated).items() if value is not None]:
             flag = flags[0].replace("_", "-")

@@ -173,10 +173,8 @@ def gauge(external: External, frame: str, said: str = "") -> Table:
         "at rest" if external.at_rest else "moving: inertia is not compensated"
     )
     caption = f"{caption}\n{said}" if said else caption
-    table = console.table(
-        "", ">value", ">± noise", "unit", f"−{_FULL:g} σ … {_FULL:g} σ", space=1,
-        title=f"external wrench, {frame} axes",
-    )  # fmt: skip
+    heads = ("", ">value", ">± noise", "unit", f"−{_FULL:g} σ … {_FULL:g} σ")
+    table = console.table(*heads, space=1, title=f"external wrench, {frame} axes")
     table.caption, table.caption_justify = caption, "left"
     table.caption_style = "bold red" if external.alarm else "dim"
     table.columns[1].min_width = 9

@@ -13,8 +13,17 @@ from wrenchbed.cli.console import Flag, Json
 from wrenchbed.data.outputs import Kind, keeping
 from wrenchbed.pages.numbers import quantity
 
-Kinds = Literal["robots", "sensors", "drivers", "transducers", "emulators", "twins", "effects",
-                "exports", "checks"]  # fmt: skip
+Kinds = Literal[
+    "robots",
+    "sensors",
+    "drivers",
+    "transducers",
+    "emulators",
+    "twins",
+    "effects",
+    "exports",
+    "checks",
+]
 _MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "fails": ("FAILS", "bold red")}
 """Word and style of a grade of the doctor."""
 

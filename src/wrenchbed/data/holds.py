@@ -216,7 +216,8 @@ class Split:
         keep = self.hold >= 0
         columns = {k: v[keep] for k, v in recording.columns.items()} | {"segment": self.hold[keep]}
         if not recording.joints:
-            columns |= dict(zip(QUATERNION, _smooth(recording)[keep].T, strict=True))
+            q = _continuous(recording.q[keep])
+            columns |= dict(zip(QUATERNION, q.T, strict=True))
         columns["t"] = columns["t"] - columns["t"][0]
         return Recording(metadata, columns, recording.name)
 
@@ -308,10 +309,8 @@ class _Path:
             [],
         )
         shortest = max(LEAST_HOLD_S - 2.0 * _WINDOW_S, 0.0)
-        return [
-            (a, b) for a, b in zip(begins, ends, strict=True)
-            if self.t[b - 1] - self.t[a] >= shortest
-        ]  # fmt: skip
+        t, both = self.t, zip(begins, ends, strict=True)
+        return [(a, b) for a, b in both if t[b - 1] - t[a] >= shortest]
 
     @property
     def creeps(self) -> bool:
@@ -354,10 +353,13 @@ class _Path:
 
 
 def _smooth(recording: Recording) -> np.ndarray:
-    """Joint values (N, J), or quaternions (N, 4) without changes of sign from row to row."""
+    """Joint values (N, J), or continuous quaternions (N, 4)."""
     q = recording.q.astype(float)
-    if recording.joints:
-        return q
+    return q if recording.joints else _continuous(q)
+
+
+def _continuous(q: np.ndarray) -> np.ndarray:
+    """Quaternions (N, 4) without changes of sign from row to row."""
     flips = np.cumprod(np.where((q[1:] * q[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
     return np.concatenate([q[:1], q[1:] * flips[:, None]])
 

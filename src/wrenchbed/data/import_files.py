@@ -121,9 +121,9 @@ def merged(
     data, inside = {"t": t} | first, np.ones(rows, dtype=bool)
     for part, path in zip(others, names[1:], strict=True):
         if "t" in part:
-            own = (part["t"] - start) / PER_S
-            inside &= (t >= own[0]) & (t <= own[-1])
-            data |= at_times(part | {"t": own}, t)
+            times = (part["t"] - start) / PER_S
+            inside &= (t >= times[0]) & (t <= times[-1])
+            data |= at_times(part | {"t": times}, t)
             continue
         if (count := len(next(iter(part.values())))) != rows:
             raise MapError(

@@ -213,10 +213,9 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
     if rows.seen and columns.num_rows == 0:
         raise MapError(f"{path}: no message of {topic!r} has any of {', '.join(wanted)}")
     if rows.skipped and not topic.endswith(("tf", "tf_static")):
-        warnings.warn(
-            f"{path}: {rows.skipped:,} of {rows.seen:,} messages of {topic!r} have none of "
-            f"{', '.join(wanted)}: another publisher's, left out", WrenchbedWarning, stacklevel=2,
-        )  # fmt: skip
+        others = f"{rows.skipped:,} of {rows.seen:,} messages of {topic!r} have none of "
+        others += f"{', '.join(wanted)}: another publisher's, left out"
+        warnings.warn(f"{path}: {others}", WrenchbedWarning, stacklevel=2)
     if STAMP in columns.column_names and rows.seen and columns[STAMP].to_numpy().max() <= 0:
         raise MapError(f"{path}: messages of {topic!r} have no stamp: map t to column 'logged'")
     times = np.asarray(logged, dtype=np.int64)
@@ -437,6 +436,4 @@ def _topics(
         yield "/joint_states", _JOINTS, lambda row: still | {"position": q[row]}
     if "temperature" in recording.columns:
         warm = recording.columns["temperature"].astype(float).tolist()
-        yield (
-            "/temperature", _TEMPERATURE, lambda row: {"temperature": warm[row], "variance": 0.0}
-        )  # fmt: skip
+        yield "/temperature", _TEMPERATURE, lambda row: {"temperature": warm[row], "variance": 0.0}

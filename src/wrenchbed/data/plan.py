@@ -101,10 +101,8 @@ class Plan:
             return np.stack([data[c].astype(float) for c in names], axis=-1)
 
         touched = stacked(POINT) if points else None
-        return cls(
-            robot, stacked(joints), segment.astype(np.int64), dwell.astype(float), mode, rate,
-            touched, str(path),
-        )  # fmt: skip
+        segment, dwell = segment.astype(np.int64), dwell.astype(float)
+        return cls(robot, stacked(joints), segment, dwell, mode, rate, touched, str(path))
 
     def write(self, path: str | Path) -> None:
         """Write the plan to a Parquet file."""

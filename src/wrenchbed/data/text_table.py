@@ -33,8 +33,7 @@ BLANKS = " "
 """The separator that stands for any number of blanks and tabs."""
 _COMMENT = re.compile(r"^\s*(?:#+|%+|//)\s*")
 _COMMA_NUMBER = re.compile(r"^[+-]?\d+(?:,\d+)?(?:[eE][+-]?\d+)?$")
-_NULLS = ["", "nan", "NaN", "NAN", "null", "NULL", "none", "None", "NA", "N/A", "#N/A", "-nan",
-          "-NaN", "-nan(ind)"]  # fmt: skip
+_NULLS = ["", *"nan NaN NAN null NULL none None NA N/A #N/A -nan -NaN -nan(ind)".split()]
 """Texts that programs write for a missing number."""
 _EMPTY = {text.lower() for text in _NULLS}
 

@@ -114,10 +114,10 @@ def fits(
             design = np.stack([cross(np.broadcast_to(e, load.shape), load) for e in np.eye(3)])
             lever, *_ = np.linalg.lstsq(design.reshape(3, -1).T, torque.ravel(), rcond=1e-6)
             errors = force - load, torque - np.tensordot(lever, design, axes=1)
-            left = [float(np.sqrt((error**2).mean())) for error in errors]
-            rms = [max(e, _FLOOR * size, 1e-12) for e, size in zip(left, sizes, strict=True)]
+            residual = [float(np.sqrt((error**2).mean())) for error in errors]
+            rms = [max(e, _FLOOR * size, 1e-12) for e, size in zip(residual, sizes, strict=True)]
             yield GravityFit(
-                weight, axis, mount, quarter, lever, rms[0], rms[1], left[0] / sizes[0],
+                weight, axis, mount, quarter, lever, rms[0], rms[1], residual[0] / sizes[0],
                 rms[1] / sizes[1], len(wrench),
             )  # fmt: skip
 

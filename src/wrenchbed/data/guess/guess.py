@@ -200,15 +200,13 @@ def _signs_and_units(c: Convention, size: float, mass: float | None) -> Iterator
     down = -1.0 if c.fit.axis == 2 else float(np.sign(c.fit.weight))
     for along in (down, -down):
         gravity = tuple(along * size if axis == c.fit.axis else 0.0 for axis in range(3))
-        rank = 0
+        rank, sign = 0, 1 if along * c.fit.weight > 0 else -1
         for f in forces:
             torques: Sequence[str] = _TORQUES if len(forces) == 1 and f not in _WITH else _WITH[f]
             torques = (torque,) if SIZES[torque][0] == "torque" else torques
             for t in torques:
-                signed = replace(
-                    c, sign=1 if along * c.fit.weight > 0 else -1, gravity=gravity, units=(f, t),
-                    more=0.05 * (along != down) + 0.01 * rank,
-                )  # fmt: skip
+                more = 0.05 * (along != down) + 0.01 * rank
+                signed = replace(c, sign=sign, gravity=gravity, units=(f, t), more=more)
                 reach = float(np.linalg.norm(signed.cog))
                 fits_mass = _MASSES[0] <= signed.mass <= _MASSES[1]
                 if mass is not None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchbed.data.column_map import ROLL_PITCH_YAW, ROTATION, ROTATION_VECTOR, UNITS
+from wrenchbed.data.column_map import ANGLES, ROLL_PITCH_YAW, ROTATION, ROTATION_VECTOR, UNITS
 from wrenchbed.data.recording import QUATERNION
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError
@@ -25,13 +25,17 @@ _NAMED = (
     (re.compile(r"(?:^|_)temp(?:erature)?$"), "temperature"),
     (re.compile(r"^(?:segment|pose|hold)(?:_?(?:id|index|nr|number))?$"), "segment"),
     (re.compile(r"^(?:t|zeit|clock|secs?|seconds|.*time.*|.*stamp.*|elapsed.*)$"), "t"),
-    (re.compile(r"^a$"), "yaw"), (re.compile(r"^b$"), "pitch"), (re.compile(r"^c$"), "roll"),
-)  # fmt: skip
+    (re.compile(r"^a$"), "yaw"),
+    (re.compile(r"^b$"), "pitch"),
+    (re.compile(r"^c$"), "roll"),
+)
 """Names that say what a column is, the first match counts, and its role with the found letters;
 A, B and C are KUKA's angles."""
-_TOGETHER = (CHANNELS, QUATERNION, ROTATION, ROTATION_VECTOR, ROLL_PITCH_YAW, ("ax", "ay", "az"),
-             ("gx", "gy", "gz"))  # fmt: skip
+_TOGETHER = (CHANNELS, QUATERNION, ROTATION, *ANGLES, ("ax", "ay", "az"), ("gx", "gy", "gz"))
 """Roles that count only where all of them are there."""
+_KINDS = {"quaternion": QUATERNION, "matrix": ROTATION, "": ROTATION_VECTOR}
+_KINDS |= {"roll pitch yaw": ROLL_PITCH_YAW}
+"""Groups of roles that are an orientation, by their kind; three angles may be of any."""
 _INDEXED = re.compile(r"^(.*?)_?(\d+)$")
 _WRENCH_STEM = re.compile(r"wrench|force|(?:^|_)ft|f_ext|loadcell|gauge")
 _JOINT_STEM = re.compile(
@@ -285,14 +289,11 @@ def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
 def orientations(sheet: Sheet) -> Iterator[Reading]:
     """Readings of columns as an orientation: by name, else by value, those of most columns."""
     roles, named = sheet.roles, False
-    for kind, group in (("quaternion", QUATERNION), ("matrix", ROTATION), ("", ROTATION_VECTOR),
-                        ("roll pitch yaw", ROLL_PITCH_YAW)):  # fmt: skip
+    for kind, group in _KINDS.items():
         if group[0] in roles:
             columns = {r: roles[r] for r in group}
-            angles = group in (ROTATION_VECTOR, ROLL_PITCH_YAW)
-            yield from (
-                _angles(sheet, columns.values(), kind) if angles else [Reading(kind, columns)]
-            )
+            one = [Reading(kind, columns)]
+            yield from _angles(sheet, columns.values(), kind) if group in ANGLES else one
             named = True
     by_value: Sequence[tuple[int, Callable[[Sheet, Sequence[str]], Iterator[Reading]]]]
     by_value = ((16, _poses), (9, _matrices), (4, _quaternions), (3, _angles))
