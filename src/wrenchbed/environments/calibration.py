@@ -10,7 +10,7 @@ from wrenchbed.environments.information import Knowledge, knowledge
 from wrenchbed.environments.rendering import Rendered, simulated
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.noise import NoiseStream, noise_model
-from wrenchbed.robots.motion_limits import Limits, duration
+from wrenchbed.robots.motion_limits import duration
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
 
@@ -61,23 +61,20 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         self._size, joints = pool, len(self.robot.joints)
         low, high = np.array([(j.lower, j.upper) for j in self.robot.joints]).T
         self._middle, self._reach = 0.5 * (low + high), 0.5 * (high - low)
-        self._share = Limits().speed
         self._ticks = np.arange(-samples, 0) / RATE_HZ
         self.action_space = gymnasium.spaces.Discrete(pool)
         low = np.concatenate([[0.0, -50.0, 0.0], -np.ones(joints), [0.0, 0.0]], dtype=np.float32)
         high = np.concatenate([[1.0, 50.0, 1e3], np.ones(joints), [1.0, 1.0]], dtype=np.float32)
         self.observation_space = gymnasium.spaces.Box(low, high, dtype=np.float32)
         self.pool = np.empty((0, joints))
-        self._drawn: int | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[np.ndarray, dict[str, Any]]:
         """Another robot; with a seed also another pool."""
         super().reset(seed=seed)
-        if seed is not None or self._drawn is None:
+        if seed is not None or not len(self.pool):
             self.pool = self.robot.sample(self._size, self.np_random)
-            self._drawn = seed
             self._unread = knowledge(self.model, self.pool, self._row_std())
         self.theta = self._random_parameters()
         theta = self.robot.robot_theta(self.theta)
@@ -104,7 +101,7 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
 
     def seconds(self, pose: int) -> float:
         """Duration of a step to a pose [s]: the move at half of top speed, settling, reading."""
-        move = duration(self.robot, self.q, self.pool[pose], self._share)
+        move = duration(self.robot, self.q, self.pool[pose])
         return move + SETTLE_S + self.samples / RATE_HZ
 
     def render(self) -> np.ndarray | None:
@@ -124,8 +121,7 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
 
     def _row_std(self) -> np.ndarray:
         """Of a reading's mean (6,): its white part, and the 1/f noise between poses."""
-        hold = self.samples / RATE_HZ
-        octaves = np.log(max(self.budget / hold, np.e))
+        octaves = np.log(max(self.budget * RATE_HZ / self.samples, np.e))
         white, slow = np.asarray(self._noise.white), np.asarray(self._noise.flicker)
         return np.sqrt(white**2 / self.samples + slow**2 * octaves)
 

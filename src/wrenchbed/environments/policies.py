@@ -20,9 +20,8 @@ class GreedyInformation:
     """
 
     def __init__(self, env: Any) -> None:
-        if not isinstance(env.unwrapped, CalibrationEnv):
-            raise ParameterError("the greedy policy is for calibration environments")
-        self._env: CalibrationEnv = env.unwrapped
+        words = "the greedy policy is for calibration"
+        self._env: CalibrationEnv = _unwrapped(env, CalibrationEnv, words)
 
     def __call__(self, observation: np.ndarray) -> int:
         """The number of a pose."""
@@ -43,9 +42,7 @@ class ForceController:
     """
 
     def __init__(self, env: Any, softness: float = 5e-4) -> None:
-        if not isinstance(env.unwrapped, ContactEnv):
-            raise ParameterError("the force controller is for contact environments")
-        self._env: ContactEnv = env.unwrapped
+        self._env: ContactEnv = _unwrapped(env, ContactEnv, "the force controller is for contact")
         self._gain = 0.15 * softness / (SPEED * STEP_S)
 
     def __call__(self, observation: np.ndarray) -> np.ndarray:
@@ -54,3 +51,9 @@ class ForceController:
         wanted, least = float(observation[9]), -0.5
         down = self._gain * (wanted - float(force[2]))
         return np.array([0.0, 0.0, -np.clip(down, least, 1.0)], dtype=np.float32)
+
+
+def _unwrapped(env: Any, kind: type, words: str) -> Any:
+    if not isinstance(env.unwrapped, kind):
+        raise ParameterError(f"{words} environments")
+    return env.unwrapped

@@ -146,15 +146,9 @@ class LoadNumbers:
 
 
 class _Calibrated(NamedTuple):
-    """A simulator, and how well its parameters θ are known.
-
-    Attributes:
-        twin: with θ in which effects are parameters where they can be.
-        free: indices of the parameters that were identified.
-        covariance: of these (K, K); None if it is not known.
-        blind: of the free ones, those of which the data fix only a combination, and with which.
-        left: what no format carries.
-    """
+    """A simulator with θ, in which effects are parameters where they can be; of the identified
+    parameters the indices, their covariance (K, K) if it is known, and those of which the data fix
+    only a combination, and with which; and what no format carries."""
 
     twin: Twin
     free: tuple[int, ...]

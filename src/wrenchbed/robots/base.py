@@ -195,16 +195,13 @@ class Robot(ArmBodies):
         """Parameter values by name from (P,) or (K, 1, P)."""
         return dict(zip(self.parameters.names, np.moveaxis(np.asarray(theta), -1, 0), strict=True))
 
-    def check(self, q: np.ndarray, theta: np.ndarray, where: str) -> None:
-        """Refuse joint values that the robot cannot take.
+    def check(self, q: np.ndarray | Iterable[np.ndarray], theta: np.ndarray, where: str) -> None:
+        """Refuse joint values (N, J), whole or in parts, that the robot cannot take.
 
         Raises:
             PlanError: names the first bad row and the number of bad rows.
         """
-        self.check_parts([q], theta, where)
-
-    def check_parts(self, parts: Iterable[np.ndarray], theta: np.ndarray, where: str) -> None:
-        """`check` of joint values that come in parts (n, J), one after the other."""
+        parts: Iterable[np.ndarray] = [q] if isinstance(q, np.ndarray) else q
         bad, first = dict[int, str](), 0
         for q in parts:
             if q.ndim != 2 or q.shape[1] != len(self.joints):

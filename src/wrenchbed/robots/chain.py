@@ -14,7 +14,6 @@ from abc import abstractmethod
 from collections import deque
 from collections.abc import Iterator, Sequence
 from functools import reduce
-from typing import NamedTuple
 
 import numpy as np
 
@@ -29,16 +28,9 @@ _WRIST = 3
 """Number of joints at the end with small gears."""
 
 
-class Fixed(NamedTuple):
-    """The fixed transforms S_0 … S_J, of one parameter vector or of a batch.
-
-    Attributes:
-        turns: R_k, J + 1 of (3, 3) or (K, 1, 3, 3).
-        shifts: p_k in the axes before the turn [m], J + 1 of (3,) or (K, 1, 3).
-    """
-
-    turns: Sequence[np.ndarray]
-    shifts: Sequence[np.ndarray]
+Fixed = tuple[Sequence[np.ndarray], Sequence[np.ndarray]]
+"""The fixed transforms S_0 … S_J of one parameter vector or a batch: R_k, (3, 3) or (K, 1, 3, 3)
+each, and p_k in the axes before the turn [m], (3,) or (K, 1, 3) each."""
 
 
 class SerialChain(MountedArm):
@@ -76,7 +68,7 @@ class SerialChain(MountedArm):
             last = last + apply(end, offset)
         if turn.any():
             end = end @ mount_turn(turn)
-        return Fixed([*turns[:-1], end], [*shifts[:-1], last])
+        return [*turns[:-1], end], [*shifts[:-1], last]
 
     def flange_pose(self, q: Value, theta: np.ndarray) -> tuple[Value, Value]:
         """R_world_flange (…, N, 3, 3) and the flange's origin in the world (…, N, 3) [m]."""
@@ -123,7 +115,7 @@ class SerialChain(MountedArm):
 
         The twist behind the last hinge is zero: the last turn holds it.
         """
-        hinges, turns = self._hinges, np.stack(self._mounted(theta).turns)
+        hinges, turns = self._hinges, np.stack(self._mounted(theta)[0])
         groups = np.split(turns, hinges + 1)  # the turns between two hinges are one
         between = np.stack([reduce(np.matmul, group) for group in groups])
         if not len(hinges):
@@ -149,7 +141,7 @@ class SerialChain(MountedArm):
         turned = np.zeros((len(columns), 3, len(q)))  # Σ ω in sensor axes
         axes = np.eye(3)[..., None]  # of the frame behind S_k in sensor axes: (component, axis, N)
         at = (q + self.zeros(theta)).T
-        pairs = list(zip(turns, self._mounted(shifted).turns, strict=True))
+        pairs = list(zip(turns, self._mounted(shifted)[0], strict=True))
         for k, (turn, slope) in reversed(list(enumerate(pairs))):
             skew = turn.T @ np.broadcast_to(slope.imag / STEP, (len(columns), 1, 3, 3))[:, 0]
             spin = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=-1)

@@ -8,10 +8,10 @@ and the beginning of the text's SHA-256, so that two descriptions never pass for
 import hashlib
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -78,16 +78,9 @@ cog = {cog}
 _JOINT = {"name", "lower", "upper", "speed", "home", "link", "mass", "cog"}
 
 
-@dataclass(frozen=True)
-class Described:
-    """A robot made from a model file.
-
-    Attributes:
-        robot: what ``my.toml`` gives.
-        text: of ``my.toml``.
-        loading: bodies of the file that load the sensor.
-        notes: what the user should know.
-    """
+class Described(NamedTuple):
+    """A robot made from a model file, the text of ``my.toml``, the bodies of the file that load the
+    sensor, and what the user should know."""
 
     robot: FileArm | LoopArm
     text: str

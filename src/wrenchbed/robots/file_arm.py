@@ -181,7 +181,7 @@ class FileArm(DescribedArm, SerialChain):
         base = self._leaning(arm.base_turn, theta)
         first = apply(base, shifts[..., 0, :]) + arm.base_shift
         middle = range(1, len(self.joints))
-        return Fixed(
+        return (
             [base @ turns[..., 0, :, :], *(turns[..., k, :, :] for k in middle), self._end],
             [first, *(shifts[..., k, :] for k in middle), self._to_z[-1].T @ arm.end_shift],
         )

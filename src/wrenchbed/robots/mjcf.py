@@ -17,8 +17,6 @@ from wrenchbed.robots.base import SimulatedRobot
 POINT = 1e-9
 """Moments of inertia of a point mass [kg·m²], since MuJoCo takes no 0; a hundred thousandth of a
 small tool's."""
-
-
 _FILES = 8
 """Parsed files that are kept: a process works on few robots."""
 _TOUCHING = ("collision", "touched")

@@ -180,7 +180,7 @@ class SerialArm(SerialChain):
         twists, shift = rot_x(alpha), np.stack([a, 0.0 * a, d], axis=-1)
         turns = [twists[..., k, :, :] for k in range(len(self.joints))]
         shifts = [shift[..., k, :] for k in range(len(self.joints))]
-        return Fixed([self._leaning(np.eye(3), theta), *turns], [np.zeros(3), *shifts])
+        return [self._leaning(np.eye(3), theta), *turns], [np.zeros(3), *shifts]
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
         """Random poses (n, J): arm above the table from the elbow on, tool clear of the limbs."""

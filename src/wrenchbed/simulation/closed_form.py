@@ -326,7 +326,7 @@ def robot_of(recording: Recording) -> Robot:
     try:
         where = f"{recording.name}: robot {name!r}"
         parts = (_within_limits(robot, q) for q in recording.parts_of_q())
-        robot.check_parts(parts, robot.parameters.nominal, where)
+        robot.check(parts, robot.parameters.nominal, where)
     except PlanError as error:
         raise RecordingError(
             f"{error}: state joints in rad and m, and in metadata robot = {name!r} the robot that "

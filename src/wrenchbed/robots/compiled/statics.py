@@ -24,13 +24,9 @@ except ImportError:  # built without a compiler
 
 
 class Packed(NamedTuple):
-    """A robot's numbers at rest, of one vector of parameters or of R.
-
-    Attributes:
-        gravity: in the axes before the first joint (…, 3) [m/s²].
-        last: the turn behind the last joint (…, 3, 3).
-        own: what else the robot's function needs (…, K).
-    """
+    """A robot's numbers at rest, of one vector of parameters or of R: gravity in the axes before
+    the first joint (…, 3) [m/s²], the turn behind the last joint (…, 3, 3), and what else the
+    robot's function needs (…, K)."""
 
     gravity: np.ndarray
     last: np.ndarray

@@ -209,17 +209,13 @@ class DriveTrain:
         self.holding = np.abs(holding).max(axis=0)
         self.nominal = DriveParameters.nominal(nominal, self.holding)
         self.parameters = self.nominal.changed(given or {})
+        self.joints = len(robot.joints)
         self.rigid = JointTorques(robot, theta, gravity, self.parameters.inertia)
         self.controller = nominal
         """Parameters of the robot that the controller assumes."""
         self.faults: tuple[ActiveFault, ...] = tuple(
             active_fault(name, values, self.nominal.coulomb) for name, values in faults
         )
-
-    @property
-    def joints(self) -> int:
-        """Number of joints."""
-        return len(self.parameters.coulomb)
 
     def torques(self, t: np.ndarray, q: Jet, rigid: np.ndarray | None = None) -> np.ndarray:
         """Torques of the motors (N, J) [N·m or N], as drives with nominal constants report it.
