@@ -145,20 +145,20 @@ class ArmTree:
         Raises:
             ParameterError: they are a second arm, and that is not ``allowed``.
         """
-        depth, names = 0, dict[str, None]()
+        depth, names = 0, list[str]()
         for body in sorted(set(range(self.model.nbody)) - self.behind):
             series = [
                 j for j in self._above[body]
                 if j not in self.chain and self.model.jnt_type[j] != JOINT.mjJNT_FREE
             ]  # fmt: skip
             depth = max(depth, len(series))
-            names |= dict.fromkeys(self._joint_name(j) for j in series)
+            names += [n for n in map(self._joint_name, series) if n not in names]
         if depth >= _SECOND_ARM and not allowed:
             raise self._refusal(
                 f"holds a second arm: {', '.join(names)} are neither on the way to "
                 "the frame nor behind it; --hold-others keeps them where the file has them"
             )
-        return list(names)
+        return names
 
     def _refusal(self, words: str) -> ParameterError:
         return ParameterError(f"{self.source.path}: {words}")

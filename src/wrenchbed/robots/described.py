@@ -278,8 +278,9 @@ def _robot(
     record = {"toml": text, "arm": arm.to_json()}
     if sensor_record is not None:
         record["sensor"] = {"name": sensor, "record": dict(sensor_record)}
+    kind: type[LoopArm] | type[FileArm] = LoopArm if edited.closures else FileArm
     try:
-        return (LoopArm if edited.closures else FileArm)(description, record)
+        return kind(description, record)
     except ParameterError as cause:
         raise ParameterError(f"{where}: {cause}") from None
 

@@ -212,7 +212,8 @@ class FileArm(DescribedArm, SerialChain):
 
     def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
         """A turn of a joint against its own link, and against the next link or the mount."""
-        directions, arm, following = {}, self.arm_model, [*self.arm_model.links[1:], None]
+        arm, directions = self.arm_model, dict[str, dict[str, float]]()
+        following = [*arm.links[1:], None]
         for k, (link, after) in enumerate(zip(arm.links, following, strict=True)):
             if link.kind != HINGE:
                 continue

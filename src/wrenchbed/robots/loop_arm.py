@@ -63,16 +63,16 @@ class LoopArm(DescribedArm):
         rng, size = np.random.default_rng(1), self.parameters.tolerance
         q = self.sample(_PROBES, rng)
         theta = self.parameters.nominal + 0.1 * size * rng.uniform(-1.0, 1.0, len(size))
-        columns = [k for k, n in enumerate(self.parameters.names) if n not in self.load]
-        unseen = []
-        for k, shifted in zip(columns, complex_steps(theta, columns), strict=True):
-            moved = [x.imag / STEP * size[k] for x in self.sensor_pose(q, shifted[0])]
-            if max(float(np.nanmax(np.abs(x))) for x in moved) < 1e-13:
-                unseen.append(self.parameters.names[k])
-        return tuple(unseen)
+        names = self.parameters.names
+        columns = [k for k, name in enumerate(names) if name not in self.load]
+        poses = self.sensor_pose(q, complex_steps(theta, columns))
+        slopes = [np.nanmax(np.abs(x.imag).reshape(len(columns), -1), axis=1) for x in poses]
+        moved = np.max(slopes, axis=0) / STEP * size[columns]
+        return tuple(names[k] for k, slope in zip(columns, moved, strict=True) if slope < 1e-13)
 
     def at(self, theta: np.ndarray) -> ArmModel:
-        arm, p, closures = super().at(theta), self.values(theta), []
+        arm, p = super().at(theta), self.values(theta)
+        closures = list[Closure]()
         for closure in arm.closures:
             group = f"loop.{closure.name}"
             if closure.kind == COUPLED:

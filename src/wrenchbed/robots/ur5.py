@@ -91,7 +91,7 @@ class URArm(SerialArm):
         height, _, _, step, wrist, end = (link.d for link in self.arm.links)
         _, upper, fore, *_ = (link.a for link in self.arm.links)
         x, y, _ = position - end * rotation[:, 2]
-        reach, candidates = np.hypot(x, y), []
+        reach, candidates = np.hypot(x, y), list[list[float]]()
         if reach < abs(step):
             return np.empty((0, 6))
         for shoulder, flip, elbow in product((1.0, -1.0), (1.0, -1.0), (1.0, -1.0)):
