@@ -18,7 +18,6 @@ Rng = np.random.Generator
 Drawn = TypeVar("Drawn")
 Shake = TypeVar("Shake")
 P = ParamSpec("P")
-
 KINDS = ("none", "single", "pair", "outside")
 """Nothing wrong, one effect of the library, two of different subsystems, a fault of no library."""
 NEEDED = {"none": 0.0, "single": 1.0, "pair": 1.5, "outside": 2.0}

@@ -454,10 +454,8 @@ def channel_parameters(
     units: Sequence[str] = UNITS,
     bounds: tuple[float, float] = (-1e4, 1e4),
 ) -> tuple[Parameter, ...]:
-    """Amplitude parameters ``stem.fx`` … of the channels, with typical sizes of forces and torques.
-
-    The bounds only refuse absurd values: estimates.
-    """
+    """Amplitude parameters ``stem.fx`` … of the channels, with typical sizes of forces and torques;
+    the bounds only refuse absurd values: estimates."""
     return tuple(
         Parameter(f"{stem}.{c}", 0.0, u, force if c[0] == "f" else torque, *bounds, text)
         for c, u in zip(CHANNELS, units, strict=True)
@@ -507,10 +505,8 @@ def warm_variants(
 def joint_parameters(
     robot: Robot, stem: str, rotary: float, linear: float, text: str, units: tuple[str, str]
 ) -> ParameterSet:
-    """Amplitude parameters ``stem.q1`` … of the joints, with sizes and units by joint type.
-
-    The bounds only refuse absurd values: estimates.
-    """
+    """Amplitude parameters ``stem.q1`` … of the joints, with sizes and units by joint type; the
+    bounds only refuse absurd values: estimates."""
     items = []
     for k, joint in enumerate(robot.joints, start=1):
         turns = joint.unit == "rad"

@@ -56,10 +56,8 @@ class BaseCompliance(Effect):
         for axis, name, world in zip("xy", NAMES[1:], np.eye(3), strict=False):
             give = p[NAMES[0]] + p[name]
             if give:
-                in_base = base_axes(spec).T @ world
-                hinge(
-                    self.name, axis, spec.body("base"), [*map(float, in_base)], Spring(1.0 / give)
-                )
+                in_base = [*map(float, base_axes(spec).T @ world)]
+                hinge(self.name, axis, spec.body("base"), in_base, Spring(1.0 / give))
 
 
 EFFECT = BaseCompliance()

@@ -24,7 +24,6 @@ PULL, ANCHOR, POINT = (tuple(f"{stem}.{a}" for a in "xyz") for stem in ("pull", 
 REACHES = (0.6, 1.3)
 """Distances of anchors from the middle of the recorded positions where a search begins [m];
 estimates."""
-
 SCANNED_REACHES, WAYS = (0.4, 0.8, 1.5, 2.5), 40
 """Distances [m] and number of directions of the anchors that a scan tries; estimates."""
 ROWS_AT_ONCE = 20_000

@@ -10,8 +10,6 @@ from wrenchbed.robots.base import Robot
 
 TYPICAL = 3e-4
 """Typical amplitude of 1 arcmin [rad], estimate."""
-
-
 ORDERS = np.arange(5.0, 221.0)
 """Waves a turn that a scan of a residual tries, besides those typical of gears; estimate."""
 

@@ -21,8 +21,6 @@ PEAK_SPEED = 1.875
 10.1523/JNEUROSCI.05-07-01688.1985."""
 _EXAMPLE_ROWS, _EXAMPLE_RISE = 24, 5.0
 """Poses of `examples`, and by how much they warm up [K]; estimates."""
-
-
 ACCELERATION, SPIN, TURNING = "acceleration", "spin", "turning"
 """Names of the tool's motion in a scene's ``extra``, sensor axes (M, 3): a [m/s²], ω [rad/s], ω̇
 [rad/s²]."""
@@ -107,8 +105,7 @@ class Scene:
         return np.asarray(CubicSpline(self.t, rows)(np.clip(t, self.t[0], self.t[-1])))
 
     def tool_force(self, load: np.ndarray) -> np.ndarray:
-        """What pulls on the tool (M, 3) [N] of a load on the sensor (M, 6), without the sensor's
-        own weight."""
+        """Pull on the tool (M, 3) [N] of a load (M, 6): less the sensor's own weight."""
         return np.asarray(load[:, :3] * (self.tool.mass / (self.tool.mass + self.tool.sensor_mass)))
 
     @cached_property

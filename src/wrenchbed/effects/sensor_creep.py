@@ -19,7 +19,6 @@ from wrenchbed.physics.parameters import Parameter
 
 TAUS = (30.0, 150.0, 600.0)
 """Time constants where a search begins [s]; estimates."""
-
 RELAXATIONS_S = (2.0, 6.0, 20.0, 60.0, 200.0, 600.0)
 """Time constants of which a free form is a sum [s]: half a decade apart, estimates."""
 RELAX = free_form.orders("relax", len(RELAXATIONS_S))

@@ -27,7 +27,6 @@ LAWS = ("even", "odd")
 TEXT = "relative error at 20 N, 2 N·m (z: 0.2)"
 BEGIN = {"even": ("even", 2.0), "odd": ("odd", 3.0), "gain by sign": ("even", 1.0)}
 """Laws and powers of the load at which a search begins."""
-
 BENDS = tuple(range(2, 8))
 """Orders of the polynomials of a free form; the least bend, the greatest still shows over 60 poses:
 estimate."""

@@ -26,7 +26,6 @@ SOFT = 0.05
 estimate."""
 GRIP = 0.3
 """Share of the load along the way below which a part that sticks stays where it was; estimate."""
-
 WAYS = 200
 """Ways over a half sphere that a scan tries; estimate."""
 GRIPS, LEANS = (0.0, 0.08, 0.16, 0.24, 0.32), (-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6)

@@ -32,7 +32,6 @@ DRAWS = 2000
 """Draws of the bootstrap: its percentiles are then good to about 1 % of the interval."""
 EDGES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, np.inf)
 """Edges of the gaps that detection is shown against."""
-
 Parts = Callable[[CaseRow, str], Sequence[float] | None]
 """Sums that one case adds for a method, None where it does not count."""
 Test = Callable[[CaseRow, Claim], bool]

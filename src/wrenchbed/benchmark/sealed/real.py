@@ -37,7 +37,6 @@ CAUSES = {"none": 0, "single": 1, "pair": 2, "outside": 1}
 _KEPT = re.compile(
     r"t|segment|status|temperature|f[xyz]|t[xyz]|a[xyz]|q[wxyz]|q\d+|qd\d+|q_target\d+|tau\d+"
 )
-
 """Columns of the contract; others may tell more than they should."""
 _UNSAID = ("source",)
 """Fields of the metadata that tell where a recording is from."""
