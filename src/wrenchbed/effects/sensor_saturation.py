@@ -49,7 +49,7 @@ class SensorSaturation(ReadingEffect):
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
         load = np.abs(wrench(*scene.pose, scene.tool, scene.gravity)[scene.held])
         result = []
-        groups = {c: (c,) for c in CHANNELS}
+        groups: dict[str, tuple[str, ...]] = {c: (c,) for c in CHANNELS}
         groups |= {"forces": CHANNELS[:3], "torques": CHANNELS[3:], "all": CHANNELS}
         for label, group in groups.items():
             for levels in np.quantile(load, QUANTILES, axis=0).tolist():

@@ -120,7 +120,9 @@ def run(job: Job) -> CaseRow:
     """Draw a case and ask every method; what fails is an answer, too: a wrong one."""
     place, case = of_job(job)
     rows = recording(place, case)
-    answers, seconds, errors = {}, {}, []
+    answers = dict.fromkeys((OURS, *BASELINES), Claim("error", (), {}))
+    seconds: dict[str, float] = {}
+    errors: list[str] = []
     results: list[Findings] = []
 
     def asked(name: str, method: Callable[[], Claim]) -> None:
@@ -129,7 +131,6 @@ def run(job: Job) -> CaseRow:
             answers[name] = method()
         except Exception:  # a benchmark goes on, and counts it
             errors.append(traceback.format_exc())
-            answers[name] = Claim("error", (), {})
         seconds[name] = time.perf_counter() - begun
 
     def ours() -> Claim:
@@ -137,8 +138,6 @@ def run(job: Job) -> CaseRow:
         return claim_of(results[0])
 
     asked(OURS, ours)
-    if not results:
-        answers |= {n: Claim("error", (), {}) for n in BASELINES}
     for name, baseline in BASELINES.items() if results else ():
         asked(name, partial(baseline, results[0].analysis.prepared))
     row = CaseRow(

@@ -94,8 +94,7 @@ class RealSetting(RefereeSetting):
     @cached_property
     def tolerance(self) -> tuple[float, float, np.ndarray]:
         """Tolerances as stated, else the contract's: mass [kg], CoG [m] and bias (6,)."""
-        mass = float(self.metadata.tool.mass or 0.0)
-        default = {"tool.mass": 0.005 * mass, "tool.cog": 5e-4, "sensor.bias": 3.0 * self.own}
+        default = {"tool.mass": 0.005 * self.mass, "tool.cog": 5e-4, "sensor.bias": 3.0 * self.own}
         dm, dc, db = (self.metadata.tolerance.get(k, v) for k, v in default.items())
         return float(dm), float(np.max(dc)), np.broadcast_to(np.asarray(db, dtype=float), 6)
 
