@@ -18,7 +18,6 @@ from typing import NamedTuple
 import numpy as np
 
 from wrenchbed.effects.chain import active_effect
-from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.noise import NoiseModel, NoiseStream, noise_model, shown
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.simulation.closed_form import Model
@@ -97,12 +96,6 @@ class SensorRow(NamedTuple):
     load: np.ndarray
 
 
-def scene_of(twin: Twin, q: np.ndarray | Jet, t: np.ndarray) -> Scene:
-    """Joint values (N, J), each held, at times (N,) [s]."""
-    gravity, held = np.asarray(twin.model.gravity), np.ones(len(t), dtype=bool)
-    return Scene(twin.model.robot, twin.robot_theta, gravity, q, t, held)
-
-
 class SensorWithEffects:
     """A sensor with effects, fed one control cycle at a time.
 
@@ -171,7 +164,7 @@ class SensorWithEffects:
         """Compute the readings at rest ahead; a surface pushes as it does now."""
         push = np.zeros(6)
         if self._touching:
-            push = now.load - self._plain.load(scene_of(self._twin, now.q[None], np.zeros(1)))[0]
+            push = now.load - self._plain.load(self._twin.scene(now.q[None], np.zeros(1)))[0]
         self._knots = now.t + _KNOTS
         self._values = self._playback.rest(self._knots, now.q, push)
 
@@ -186,11 +179,11 @@ class SensorWithEffects:
             self._age -= 1
             if self._age <= 0:
                 self._age = _EVERY
-                pair = scene_of(self._twin, q[[-2, -1]], t[[-2, -1]])
+                pair = self._twin.scene(q[[-2, -1]], t[[-2, -1]])
                 self._extra_load = (self._twin.load(pair) - self._plain.load(pair))[-1]
             load = load + self._extra_load
         jets = Jet(q, qd, np.gradient(qd, t[1] - t[0], axis=0))
-        return self._twin.reading(scene_of(self._twin, jets, t), load)[-1]
+        return self._twin.reading(self._twin.scene(jets, t), load)[-1]
 
 
 class ArmSensor:
@@ -239,7 +232,7 @@ class ArmSensor:
         self._at = q.copy()
         twin, plain = self._twins
         now = self._cycles * self._cycle
-        way = scene_of(twin, np.array([before, q]), np.array([now - _EVERY_S, now]))
+        way = twin.scene(np.array([before, q]), np.array([now - _EVERY_S, now]))
         self._extra_load = (twin.load(way) - plain.load(way))[-1]
 
 

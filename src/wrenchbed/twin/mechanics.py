@@ -84,11 +84,8 @@ class Mechanism:
         self._series = np.array(
             [[float(k == a.driven) for k in range(len(self.joints))] for a in self._added]
         ).reshape(len(self._added), len(self.joints))
-        self._twists = [
-            t
-            for t in range(self.model.ntendon)
-            if self.model.wrap_type[self.model.tendon_adr[t]] == mujoco.mjtWrap.mjWRAP_JOINT
-        ]
+        wraps = self.model.wrap_type[self.model.tendon_adr]
+        self._twists = np.flatnonzero(wraps == mujoco.mjtWrap.mjWRAP_JOINT).tolist()
 
     @property
     def smooth(self) -> np.ndarray:

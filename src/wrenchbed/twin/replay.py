@@ -8,10 +8,10 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.holds import MOVING
 from wrenchbed.data.recording import Recording
-from wrenchbed.effects.scene import WAY, Scene
+from wrenchbed.effects.scene import WAY
 from wrenchbed.errors import RecordingError
 from wrenchbed.physics.noise import NoiseStream, noise_model
-from wrenchbed.physics.time_derivatives import Jet, Value
+from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.twin.twin import Twin
 
@@ -96,13 +96,6 @@ def _warmth(recording: Recording) -> np.ndarray | None:
     return None if temperature is None else temperature.astype(float) - float(temperature[0])
 
 
-def _scene(
-    twin: Twin, q: Value, t: np.ndarray, held: np.ndarray, warmth: np.ndarray | None = None
-) -> Scene:
-    gravity = np.asarray(twin.model.gravity)
-    return Scene(twin.model.robot, twin.robot_theta, gravity, q, t, held, warmth)
-
-
 def _in_motion(twin: Twin, recording: Recording) -> np.ndarray:
     t = recording.t.astype(float)
     step = np.diff(t)
@@ -118,7 +111,7 @@ def _in_motion(twin: Twin, recording: Recording) -> np.ndarray:
         savgol_filter(recording.q, window, _ORDER, deriv=k, delta=h, axis=0, mode="interp")
         for k in range(3)
     ]
-    return twin.wrench(_scene(twin, Jet(*jets), t, np.ones(len(t), bool), _warmth(recording)))
+    return twin.wrench(twin.scene(Jet(*jets), t, warmth=_warmth(recording)))
 
 
 def _at_rest(twin: Twin, recording: Recording) -> np.ndarray:
@@ -142,9 +135,8 @@ def _at_rest(twin: Twin, recording: Recording) -> np.ndarray:
     spots = poses[below] + share * (poses[above] - poses[below])
     times = np.interp(knots, slot, t)
     warm = None if warmth is None else np.interp(knots, slot, warmth)
-    brief = _scene(twin, spots, np.arange(len(spots)) * 1.0, np.ones(len(spots), dtype=bool))
-    load = twin.load(brief)[at[1]]
-    scene = _scene(twin, spots[at[1]], times, held, warm)
+    load = twin.load(twin.scene(spots, np.arange(len(spots)) * 1.0))[at[1]]
+    scene = twin.scene(spots[at[1]], times, held, warm)
     return twin.reading(scene, load)[slot]
 
 
@@ -166,11 +158,8 @@ class Playback:
 
     def expect(self, q: np.ndarray) -> None:
         """Poses (N, J) to come: a sensor's hysteresis is known by the range of all its loads."""
-        n = len(q)
         self._ahead = q
-        self._ahead_load = self.twin.load(
-            _scene(self.twin, q, np.arange(n) * 1.0, np.ones(n, dtype=bool))
-        )
+        self._ahead_load = self.twin.load(self.twin.scene(q, np.arange(len(q)) * 1.0))
 
     def way(self, t: tuple[float, float], start: np.ndarray, end: np.ndarray) -> None:
         """The robot moves from one pose (J,) to another in a time from … to [s]."""
@@ -186,11 +175,9 @@ class Playback:
         n, ahead = len(t), len(self._ahead)
         rows = np.r_[np.arange(last), np.full(n, last)]
         later = t[-1] + 1.0 + np.arange(ahead)
-        scene = _scene(
-            self.twin,
+        scene = self.twin.scene(
             np.concatenate([self._q[rows], self._ahead]),
             np.concatenate([self._t[:last], t, later]),
-            np.ones(len(rows) + ahead, dtype=bool),
         )
         load = np.concatenate([self._load[rows], self._ahead_load])
         if n > 1:  # the hold's end: what creeps has crept
@@ -213,7 +200,7 @@ class Playback:
         is (N, 6): what effects of the mechanism change is added to it."""
         h = float(np.mean(np.diff(t)))
         jets = Jet(q, qd, np.gradient(qd, h, axis=0))
-        scene = _scene(self.twin, jets, t, np.ones(len(t), dtype=bool))
+        scene = self.twin.scene(jets, t)
         return self.twin.reading(scene, load + self.twin.load(scene) - self._plain.load(scene))
 
     def corrupt(self, t: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -226,6 +213,5 @@ class Playback:
         before = len(self._q)
         self._q, self._t = np.concatenate([self._q, q]), np.append(self._t, t)
         first = max(0, before - _BACK)
-        held = np.ones(len(self._q), dtype=bool)
-        load = self.twin.load(_scene(self.twin, self._q, self._t, held), first)
+        load = self.twin.load(self.twin.scene(self._q, self._t), first)
         self._load = np.concatenate([self._load, load[before - first :]])

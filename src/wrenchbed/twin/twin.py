@@ -130,6 +130,16 @@ class Twin:
             )
         return self.reading(scene, self.load(scene))
 
+    def scene(
+        self, q: Value, t: np.ndarray, held: np.ndarray | None = None,
+        warmth: np.ndarray | None = None,
+    ) -> Scene:  # fmt: skip
+        """The robot at joint values (N, J), jets in motion, and times (N,) [s]; every row is held
+        unless ``held`` (N,) says which are."""
+        held = np.ones(len(t), dtype=bool) if held is None else held
+        gravity = np.asarray(self.model.gravity)
+        return Scene(self.model.robot, self.robot_theta, gravity, q, t, held, warmth)
+
     @cached_property
     def robot_theta(self) -> np.ndarray:
         """Parameters of the robot alone."""
