@@ -194,14 +194,10 @@ class Mechanism:
             mujoco.mj_fwdVelocity(self.model, data)
             mujoco.mj_rne(self.model, data, 1, asked)
             force = data.qfrc_passive - asked
-            result[i] = force[self._at] + self._through_loops(force)
+            result[i] = force[self._at]
+            if self._passive:  # a loop's own joints turn as an added one does
+                result[i] += force[self._passive] @ self._turns(self._at)
         return result
-
-    def _through_loops(self, force: np.ndarray) -> np.ndarray | float:
-        """The share of the loops' passive joints: they turn as an added one does."""
-        if not self._passive:
-            return 0.0
-        return np.asarray(force[self._passive] @ self._turns(self._at))
 
     def _turns(self, columns: list[int]) -> np.ndarray:
         """How the loops' passive joints turn with those at the columns: −J_p⁺ J, closed."""
