@@ -37,8 +37,7 @@ def import_(
     Args:
         files: CSV files, rosbags (1 or 2), MCAP files; several are merged on time.
         out: Recording to write; of a log of holds and moves, OUT.motion.parquet gets all of it.
-        guess: Find the map: every convention is tried against one rigid load under gravity. Writes
-            OUT.map.toml.
+        guess: Find the map: each convention is tried on one rigid load. Writes OUT.map.toml.
         map: TOML or JSON column map (docs/how-to/import.md), or the name of a ready one.
         mode: static, dynamic, or auto: a log of holds and moves is split into poses by itself. As
             the map says if none.

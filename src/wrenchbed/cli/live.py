@@ -102,7 +102,7 @@ def live_(
         rms = [x if np.isfinite(x) else None for x in done.rms]
         print(json.dumps({"summary": asdict(done) | {"rms": rms}}))
     else:
-        console.say(_told(done))
+        console.say(_sentence(done))
 
 
 def _streams(stack: ExitStack, run: LiveArguments, as_json: bool) -> list[Sink]:
@@ -118,7 +118,7 @@ def _streams(stack: ExitStack, run: LiveArguments, as_json: bool) -> list[Sink]:
     return sinks
 
 
-def _told(done: LiveSummary) -> str:
+def _sentence(done: LiveSummary) -> str:
     rms = ", ".join(f"{c} {x:.3g}" for c, x in zip(CHANNELS, done.rms, strict=True))
     skipped = f", {done.skipped:,} between them left out" if done.skipped else ""
     rest = f"rms at rest {rms} N, N·m" if np.isfinite(done.rms).all() else "the robot never rested"
