@@ -81,27 +81,13 @@ def test_none_says_what_it_could_not_have_seen(tmp_path):
     assert ("joint.offset", "joint 5") not in blind and ("sensor.gain", "fx") not in blind
 
 
-@pytest.mark.parametrize(
-    ("names", "words"),
-    [
-        (["joint 3"], "joint 3"),
-        (["joint 3", "joint 12", "joint 2"], "joints 2, 3 or 12"),
-        (["fx", "fy"], "fx or fy"),
-    ],
-)
-def test_elements_in_words(names, words):
-    assert listed(names) == words
-
-
-def test_a_sum_in_words():
+def test_elements_and_sums_in_words():
+    assert listed(["joint 3"]) == "joint 3" and listed(["fx", "fy"]) == "fx or fy"
+    assert listed(["joint 3", "joint 12", "joint 2"]) == "joints 2, 3 or 12"
     names, parameters = ("joint 3", "joint 2"), ("offset.q3", "offset.q2")
-    assert _sum("joint.offset", parameters, (1.0, 1.01), names) == (
-        "sum of joint.offset of joints 2 and 3"
-    )
+    total = _sum("joint.offset", parameters, (1.0, 1.01), names)
+    assert total == "sum of joint.offset of joints 2 and 3"
     assert _sum("joint.offset", parameters, (1.0, -0.5), names) == "offset.q3 − 0.5 offset.q2"
-
-
-def test_the_element_of_a_variant():
     assert element(Variant("joint 3, side by load", ("x",), detail={"joint": 3})) == "joint 3"
     assert element(Variant("even, fx", ("x",), detail={"law": "even", "channel": "fx"})) == "fx"
     assert element(Variant("about x and y", ("x", "y"))) == "about x and y"

@@ -111,12 +111,6 @@ def test_a_row_effect_says_that_it_lies_between_rows():
     assert stale == "timing.stale acts on single rows of fx, not on their means."
 
 
-def test_a_hint_is_said_to_be_one_once():
-    loud = [where.Finding(f"channel {c}", 0.2, 1e-9, f"{c} is loud.") for c in CHANNELS[:3]]
-    told = [e["sentence"] for e in where.entries((), loud)]
-    assert sum("only a hint" in s for s in told) == 1 and "only a hint" in told[0]
-
-
 def test_what_shows_between_rows_becomes_part_of_the_twin():
     told = {"std.fx": {"value": 0.2, "std": 0.01, "unit": "N"}}
     noisy = RowFinding("sensor.noise", 0.99, 4.0, ("fx",), told, "fx scatters.")

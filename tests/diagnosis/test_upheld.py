@@ -79,13 +79,10 @@ def test_a_claim_stays_if_held_out_rows_show_it(members, closed, kept, verdict):
         assert told.probabilities["unknown"] == pytest.approx(0.1 + (1.0 - REFUTED) * 0.9)
 
 
-def test_what_holds_is_above_zero_and_large_enough():
+def test_a_claim_where_there_is_hardly_a_gap_becomes_none():
     assert surely(Interval(0.5, 0.01, 2.0)) and surely(about(3.0))
     assert not surely(Interval(0.5, 0.0, 2.0)) and not surely(Interval(0.49, 0.4, 0.6))
     assert not surely(None)
-
-
-def test_a_claim_where_there_is_hardly_a_gap_becomes_none():
     told = upheld(claimed(TILT), gap({TILT: -0.2}, 0.1, calibrated=about(0.8)))
     assert (told.verdict, told.causes) == ("none", ())
     assert told.probabilities["none"] == pytest.approx((1.0 - REFUTED) * 0.9)

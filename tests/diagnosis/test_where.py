@@ -209,6 +209,9 @@ def test_hints_come_from_one_split():
     assert [e["detail"] for e in entries([], findings)] == ["time"]
     assert [e["detail"] for e in entries([], findings[:2])] == ["frequency 2–4 Hz"]
     assert entries([], [Finding("time", 0.0, 0.5, "Not seen.")]) == []
+    loud = [Finding(f"channel {c}", 0.2, 1e-9, f"{c} is loud.") for c in CHANNELS[:3]]
+    said = ["only a hint" in e["sentence"] for e in entries([], loud)]
+    assert said == [True, False, False]
 
 
 def test_functions_are_averaged_as_readings_are():
