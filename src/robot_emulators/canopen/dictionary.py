@@ -113,7 +113,6 @@ class Objects:
 
     def __init__(self, entries: dict[Key, Entry]) -> None:
         self._entries = entries
-        self._indices = {index for index, _ in entries}
 
     @classmethod
     def from_eds(cls, text: str, node: int) -> Self:
@@ -155,7 +154,8 @@ class Objects:
         """
         entry = self._entries.get(key)
         if entry is None:
-            raise AbortError(Abort.NO_SUBINDEX if key[0] in self._indices else Abort.NO_OBJECT)
+            known = any(index == key[0] for index, _ in self._entries)
+            raise AbortError(Abort.NO_SUBINDEX if known else Abort.NO_OBJECT)
         return entry
 
     def pack(self, keys: Sequence[Key]) -> bytes:

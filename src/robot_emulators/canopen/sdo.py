@@ -21,13 +21,8 @@ _EXPEDITED = 4
 
 @dataclass
 class _Upload:
-    """A segmented transfer to the client, between its first and its last frame.
-
-    Attributes:
-        key: of the object.
-        data: what is still to send.
-        toggle: bit of the next segment.
-    """
+    """A segmented transfer of an object to the client: data still to send, and the toggle bit of
+    the next segment."""
 
     key: Key
     data: bytes

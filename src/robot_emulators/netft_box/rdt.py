@@ -167,12 +167,10 @@ class Pace:
 
 @dataclass
 class RecordStream:
-    """Stream of records that answers one request.
+    """Records that answer one request, to a client's address.
 
     Attributes:
-        to: address of the client.
-        tick: sample of the next record to send.
-        every: samples from one record to the next.
+        tick: sample of the next record to send, and ``every`` so many follow.
         buffered: several records a datagram.
         left: records still to send, None for endless.
         sequence: rdt_sequence of the next record to make.

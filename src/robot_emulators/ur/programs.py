@@ -9,8 +9,9 @@ when it plays.
 
 import xml.etree.ElementTree as ET
 import zlib
-from dataclasses import dataclass
+from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
+from typing import NamedTuple
 
 from robot_emulators.ur.urscript.machine import LONGEST
 
@@ -25,14 +26,9 @@ class ProgramFileError(Exception):
     """A file that holds no program, or none that is understood here."""
 
 
-@dataclass(frozen=True)
-class Loaded:
-    """A program that can be played.
-
-    Attributes:
-        name: of its file.
-        text: URScript; empty where it is asked for over the network.
-    """
+class Loaded(NamedTuple):
+    """A program that can be played: its file's name, and URScript, which is empty where it is asked
+    for over the network."""
 
     name: str
     text: str
@@ -86,7 +82,6 @@ class _Converter:
     def __init__(self, root: ET.Element, name: str) -> None:
         self._root, self._name = root, name
         self._parents = {child: parent for parent in root.iter() for child in parent}
-        self._lines: list[str] = []
 
     def text(self) -> str:
         """The whole program; empty where its only node asks a computer for it."""
@@ -99,72 +94,64 @@ class _Converter:
             if others or len(contributed) > 1 or not external:
                 raise self._unknown((others or contributed)[0])
             return ""
-        self._write(0, f"def {_word(self._root.get('name', 'program'))}():")
+        return "\n".join(self._program(nodes)) + "\n"
+
+    def _program(self, nodes: list[ET.Element]) -> Iterator[str]:
+        yield f"def {_word(self._root.get('name', 'program'))}():"
         for node in nodes:
             if node.tag == "SpecialSequence":
-                self._block(node, 1)
+                yield from self._block(node)
         for k, node in enumerate([node for node in nodes if node.tag == "Thread"], 1):
-            self._write(1, f"thread Thread_{k}():")
-            self._repeated(node, 2)
-            self._write(1, "end")
-            self._write(1, f"threadId_Thread_{k} = run Thread_{k}()")
+            yield f"thread Thread_{k}():"
+            yield from self._repeated(node)
+            yield from ("end", f"threadId_Thread_{k} = run Thread_{k}()")
         for node in nodes:
             if node.tag == "MainProgram":
-                self._repeated(node, 1)
-        self._write(0, "end")
-        return "\n".join(self._lines) + "\n"
+                yield from self._repeated(node)
+        yield "end"
 
-    def _repeated(self, node: ET.Element, depth: int) -> None:
+    def _repeated(self, node: ET.Element) -> Iterator[str]:
         if node.get("runOnlyOnce") == "true":
-            self._block(node, depth)
-            return
-        self._write(depth, "while True:")
-        self._block(node, depth + 1)
-        self._write(depth + 1, "sync()")
-        self._write(depth, "end")
+            yield from self._block(node)
+        else:
+            yield "while True:"
+            yield from self._block(node)
+            yield from ("sync()", "end")
 
-    def _block(self, node: ET.Element, depth: int) -> None:
+    def _block(self, node: ET.Element) -> Iterator[str]:
         for child in _children(node):
-            self._node(child, depth)
+            yield from self._node(child)
 
-    def _node(self, node: ET.Element, depth: int) -> None:
+    def _node(self, node: ET.Element) -> Iterator[str]:
         kind = node.get("type")
         match node.tag:
             case "Comment" | "InitVariablesNode":
                 pass
             case "Folder":
-                self._block(node, depth)
+                yield from self._block(node)
             case "Halt":
-                self._write(depth, "halt")
+                yield "halt"
             case "Assignment":
                 name = self._variable(self._needed(node, "variable"))
-                self._write(depth, f"global {name} = {self._expression(node)}")
+                yield f"global {name} = {self._expression(node)}"
             case "Script" if kind == "Line":
-                self._write(depth, self._expression(node))
+                yield self._expression(node)
             case "Script" if content := node.findtext("cachedContents"):
-                for line in content.splitlines():
-                    self._write(depth, line)
+                yield from content.splitlines()
             case "If":
-                self._enclosed(node, depth, f"if {self._expression(node)}:")
+                yield f"if {self._expression(node)}:"
+                yield from (*self._block(node), "end")
             case "Loop" if kind in ("While", "Forever"):
-                condition = self._expression(node) if kind == "While" else "True"
-                self._enclosed(node, depth, f"while {condition}:")
+                yield f"while {self._expression(node) if kind == 'While' else 'True'}:"
+                yield from (*self._block(node), "end")
             case "Wait" if kind == "Sleep" and (seconds := node.findtext("waitTime")):
-                self._write(depth, f"sleep({float(seconds)})")
+                yield f"sleep({float(seconds)})"
             case "Move" if move := _MOVES.get(node.get("motionType", "")):
-                self._move(move, node, depth)
+                a, v = float(node.get("acceleration", "1.2")), float(node.get("speed", "0.25"))
+                for point in _children(node):
+                    yield f"{move}({self._goal(point)}, a={a}, v={v})"
             case _:
                 raise self._unknown(node)
-
-    def _enclosed(self, node: ET.Element, depth: int, head: str) -> None:
-        self._write(depth, head)
-        self._block(node, depth + 1)
-        self._write(depth, "end")
-
-    def _move(self, move: str, node: ET.Element, depth: int) -> None:
-        a, v = float(node.get("acceleration", "1.2")), float(node.get("speed", "0.25"))
-        for point in _children(node):
-            self._write(depth, f"{move}({self._goal(point)}, a={a}, v={v})")
 
     def _goal(self, point: ET.Element) -> str:
         kind, angles = point.get("type"), point.find("position/JointAngles")
@@ -209,9 +196,6 @@ class _Converter:
     def _unknown(self, node: ET.Element) -> ProgramFileError:
         kind = node.get("type") or node.get("strategyURCapName") or ""
         return ProgramFileError(f"{self._name}: a node {node.tag} {kind} is not known here".strip())
-
-    def _write(self, depth: int, line: str) -> None:
-        self._lines.append("  " * depth + line)
 
 
 def _children(node: ET.Element) -> list[ET.Element]:
