@@ -124,16 +124,17 @@ def pages(tmp_path_factory):
 
 def _campaign(folder) -> Document:
     fleet = Fleet("ur5", 30, ("noise", "effects"), 24, 8, diagnose=True)
-    kept = CampaignRows(folder, fleet)
+    kept, rows = CampaignRows(folder, fleet), []
     for k in range(30):
         claimed = ("sensor.bias", "base.tilt", "")[k % 3]
-        kept.add(
+        rows.append(
             empty(fleet, k)
             | {"effect": "base.tilt" if k % 2 else "", "added": 10.0 ** (k % 5 - 1), "size": 1.0,
                "verdict": "identified" if claimed else "none", "claimed": claimed,
                "named": claimed, "right": float(k % 3 == k % 2), "force.before": 1.0 + k,
                "force.after": 0.1 + 0.01 * k, "inside95": 0.9}
         )  # fmt: skip
+    kept.add(rows)
     return summary.page(fleet, kept.finish(), folder)
 
 

@@ -8,8 +8,7 @@ from typing import Any
 from wrenchbed import registry
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
-from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.pages import ReportPage, numbers
+from wrenchbed.pages import ReportPage
 from wrenchbed.pages.chart import Chart
 from wrenchbed.pages.draw import Drawn, draw
 from wrenchbed.pages.provenance import Facts, provenance
@@ -121,31 +120,10 @@ def _of_causes(words: WrenchAnswer, e: Evidence) -> list[Chart]:
 
 def _data(findings: Findings) -> list[tuple[str, str]]:
     """What was diagnosed, by what."""
-    every = (findings.analysis, *findings.analysis.others)
     names = (findings.diagnosis.recording, *findings.diagnosis.others)
-    robot = findings.analysis.prepared.robot
-    return [
-        ("robot", f"{findings.diagnosis.robot}: {robot.title}"),
-        *(line for n, a in zip(names, every, strict=True) for line in _recorded(n, a.prepared)),
-        *provenance(names, seed=findings.seed),
-    ]
-
-
-def _recorded(name: str, p: Prepared) -> list[tuple[str, str]]:
-    """What one recording states and holds."""
-    stated = p.recording.metadata
-    tool = []
-    if stated.tool.mass is not None:
-        tool.append(f"{stated.tool.mass:.4g} kg")
-    if stated.tool.cog is not None:
-        cog = ", ".join(f"{1e3 * x:.4g}" for x in stated.tool.cog)
-        tool.append(numbers.minus(f"centre of gravity ({cog}) mm"))
-    rate = "" if stated.rate_hz is None else f" at {stated.rate_hz:g} Hz"
-    rows = f"{len(p.y):,} {p.observed}, {len(p.recording):,} rows{rate}"
-    return [
-        ("recording", name),
-        ("sensor", stated.sensor.model or "not stated"),
-        ("stated tool", ", ".join(tool) or "not stated"),
-        ("data", f"{rows}, source: {stated.source or 'not stated'}"),
-        ("noise of a row", p.noise_source),
-    ]
+    every = [findings.analysis.prepared, *(a.prepared for a in findings.analysis.others)]
+    facts = [("robot", f"{findings.diagnosis.robot}: {every[0].robot.title}")]
+    for name, p in zip(names, every, strict=True):
+        facts += tables.recorded(p.recording, name, f"{len(p.y):,} {p.observed}, ")
+        facts.append(("noise of a row", p.noise_source))
+    return [*facts, *provenance(names, seed=findings.seed)]

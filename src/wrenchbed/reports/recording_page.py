@@ -17,6 +17,7 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports import figures
 from wrenchbed.reports.agreement import AGREES, Agreement, agreements, best
 from wrenchbed.reports.simulators import joint_axis
+from wrenchbed.reports.tables import recorded
 from wrenchbed.twin.comparison import Simulator, noise_of, order_of, robot_of, simulators
 
 _SIMULATED: tuple[Role, ...] = ("before", "after", "box")
@@ -65,7 +66,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "heat": drawn[0],
         "series": drawn[1:],
         "next": _next(nearest, bool(fits), name),
-        "data": _data(recording) + provenance([recording.name]),
+        "data": [*recorded(recording, recording.name), *provenance([recording.name])],
         "command": command,
     }
     return ReportPage(context, "recording", drawn)
@@ -151,15 +152,3 @@ def _next(nearest: Agreement, fitted: bool, name: str) -> list[str]:
     if not fitted:
         return [f"wrenchbed calibrate {name} --out fit.json fits mass, centre of gravity and bias."]
     return [f"{diagnose} locates the residual and names its cause."]
-
-
-def _data(recording: Recording) -> list[tuple[str, str]]:
-    stated = recording.metadata
-    rate = "" if stated.rate_hz is None else f" at {stated.rate_hz:g} Hz"
-    mass = "not stated" if stated.tool.mass is None else f"{stated.tool.mass:.4g} kg"
-    return [
-        ("recording", recording.name),
-        ("sensor", stated.sensor.model or "not stated"),
-        ("stated tool", mass),
-        ("rows", f"{len(recording):,}{rate}"),
-    ]

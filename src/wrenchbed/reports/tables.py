@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import width
@@ -85,6 +86,29 @@ def explanations(findings: Findings) -> list[dict[str, Any]]:
             }
         )
     return result
+
+
+def recorded(recording: Recording, name: str, observed: str = "") -> list[tuple[str, str]]:
+    """Label and text of what a recording states and holds.
+
+    Args:
+        name: under which it was given.
+        observed: what was made of its rows, before a comma.
+    """
+    stated, tool = recording.metadata, []
+    if stated.tool.mass is not None:
+        tool.append(f"{stated.tool.mass:.4g} kg")
+    if stated.tool.cog is not None:
+        cog = ", ".join(f"{1e3 * x:.4g}" for x in stated.tool.cog)
+        tool.append(numbers.minus(f"centre of gravity ({cog}) mm"))
+    rate = "" if stated.rate_hz is None else f" at {stated.rate_hz:g} Hz"
+    rows = f"{observed}{len(recording):,} rows{rate}, source: {stated.source or 'not stated'}"
+    return [
+        ("recording", name),
+        ("sensor", stated.sensor.model or "not stated"),
+        ("stated tool", ", ".join(tool) or "not stated"),
+        ("data", rows),
+    ]
 
 
 def _odds(behind: float) -> str:

@@ -92,7 +92,8 @@ def test_the_verb_writes_all_files(tmp_path, capsys):
     shown = capsys.readouterr().out
     raw = json.loads((out / "diagnosis.json").read_text())
     assert raw["verdict"] == "identified" and "drive.coulomb" in shown
-    assert (out / "report.html").exists() and (out / "twin.json").exists()
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert '"joint 2, residual [noise]"' in page and (out / "twin.json").exists()
     made = json.loads((out / "drives.json").read_text())["configured"]
     size = 8.0 * 0.9
     assert made["drive.coulomb.2"] == pytest.approx(9.0 + size, abs=1.0)
