@@ -21,42 +21,35 @@ def file_of(name):
     return models() / name / f"{name}.xml"
 
 
-def opened(model, key):
-    """As ``python -m mujoco.viewer`` opens it, or from its first keyframe."""
-    data = mujoco.MjData(model)
-    if key and model.nkey:
-        mujoco.mj_resetDataKeyframe(model, data, 0)
-    else:
-        mujoco.mj_resetData(model, data)
-    return data
+class Opened:
+    """A model as ``python -m mujoco.viewer`` opens it, or from its first keyframe, and run."""
 
-
-def run(model, data, seconds, force=None):
-    """Highest speed of a joint, and widest gap of a loop [m]."""
-    names = [model.body(b).name for b in range(model.nbody)]
-    tool = next(names.index(n) for n in ("tool", "probe", "gripper") if n in names)
-    fastest, gap = 0.0, 0.0
-    closed = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
-    for _ in range(round(seconds / model.opt.timestep)):
-        if force is not None:
-            data.xfrc_applied[tool, :3] = force
-        mujoco.mj_step(model, data)
-        fastest = max(fastest, float(np.abs(data.qvel).max()))
-        of_loops = data.efc_pos[: data.nefc][data.efc_type[: data.nefc] == closed]
-        gap = max(gap, float(np.abs(of_loops).max(initial=0.0)))
-    return fastest, gap
+    def __init__(self, file, seconds, key=False, force=None):
+        self.model = model = mujoco.MjModel.from_xml_path(str(file))
+        self.data = data = mujoco.MjData(model)
+        if key and model.nkey:
+            mujoco.mj_resetDataKeyframe(model, data, 0)
+        self.start = data.qpos.copy()
+        self.fastest = self.gap = 0.0  # speed of a joint, width of a loop [m]
+        names = [model.body(b).name for b in range(model.nbody)]
+        tool = next(names.index(n) for n in ("tool", "probe", "gripper") if n in names)
+        for _ in range(round(seconds / model.opt.timestep)):
+            if force is not None:
+                data.xfrc_applied[tool, :3] = force
+            mujoco.mj_step(model, data)
+            self.fastest = max(self.fastest, float(np.abs(data.qvel).max()))
+            loops = data.efc_type[: data.nefc] == int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+            gaps = np.abs(data.efc_pos[: data.nefc][loops])
+            self.gap = max(self.gap, float(gaps.max(initial=0.0)))
+        self.moved = float(np.abs(data.qpos - self.start).max())
 
 
 @pytest.mark.parametrize("key", [False, True])
 @pytest.mark.parametrize("name", NAMES)
 def test_a_model_stays_as_it_opens_by_servos_with_limits(name, key):
-    model = mujoco.MjModel.from_xml_path(str(file_of(name)))
-    data = opened(model, key)
-    before = data.qpos.copy()
-    fastest, gap = run(model, data, SECONDS)
-    assert fastest < STILL
-    assert np.abs(data.qpos - before).max() < 1e-6
-    assert gap < CLOSED
+    run = Opened(file_of(name), SECONDS, key)
+    assert run.fastest < STILL and run.moved < 1e-6 and run.gap < CLOSED
+    model = run.model
     assert model.actuator_forcelimited.all()
     assert (model.actuator_forcerange[:, 1] > 0.0).all()
     driven = model.jnt_dofadr[model.actuator_trnid[:, 0]]
@@ -67,13 +60,9 @@ def test_a_model_stays_as_it_opens_by_servos_with_limits(name, key):
 @pytest.mark.parametrize("force", [[PUSH, 0.0, PUSH], [0.0, PUSH, -PUSH]])
 @pytest.mark.parametrize("name", NAMES)
 def test_loops_stay_closed_and_servos_hold_while_the_tool_is_pushed(name, force):
-    model = mujoco.MjModel.from_xml_path(str(file_of(name)))
-    data = opened(model, False)
-    before = data.qpos.copy()
-    _, gap = run(model, data, SECONDS, force)
-    assert gap < CLOSED
-    assert np.abs(data.qvel).max() < STILL
-    assert np.abs(data.qpos - before).max() < 0.02
+    run = Opened(file_of(name), SECONDS, force=force)
+    assert run.gap < CLOSED and run.moved < 0.02
+    assert np.abs(run.data.qvel).max() < STILL
 
 
 @pytest.mark.parametrize(
@@ -90,7 +79,7 @@ def test_the_tool_does_not_pass_through_what_stands_there(name, point, top):
         model = mujoco.MjModel.from_xml_path(str(file_of(name)))
         if not touching:
             model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-        data = opened(model, False)
+        data = mujoco.MjData(model)
         for k in range(1500):
             data.ctrl[:] = (inside - robot.home) * min(1.0, k / 1000)
             mujoco.mj_step(model, data)
@@ -127,10 +116,7 @@ def test_what_is_computed_knows_none_of_it(name):
 def test_an_exported_model_stays_as_it_opens(make, tmp_path):
     robot = make(tmp_path)
     mjcf, _ = export(nominal(robot), tmp_path / "out")
-    model = mujoco.MjModel.from_xml_path(str(mjcf))
-    data = opened(model, False)
-    at = [int(model.joint(j.name).qposadr[0]) for j in robot.joints]
-    assert np.abs(data.qpos[at] - robot.home).max() < 1e-5  # MuJoCo writes six digits
-    fastest, gap = run(model, data, 0.5)
-    assert fastest < STILL
-    assert gap < CLOSED
+    run = Opened(mjcf, 0.5)
+    at = [int(run.model.joint(j.name).qposadr[0]) for j in robot.joints]
+    assert np.abs(run.start[at] - robot.home).max() < 1e-5  # MuJoCo writes six digits
+    assert run.fastest < STILL and run.gap < CLOSED
