@@ -56,7 +56,7 @@ def euler_rates(alpha: float, beta: float, gamma: float) -> np.ndarray:
 def exp(x: Value, y: Value, z: Value) -> Value:
     """Rotation by the vector (x, y, z) [rad] (Rodrigues), analytic also at zero."""
     square = x * x + y * y + z * z
-    a, b = _sinc(square), _cosc(square)
+    a, b = _series(square, 0), _series(square, 1)
     return reshape_matrix(
         stack_jets(
             [
@@ -81,21 +81,12 @@ def exp_rates(vector: np.ndarray) -> np.ndarray:
     return np.array(columns).T
 
 
-def _sinc(square: Value) -> Value:
-    """sin(φ)/φ as a series in φ²; exact to rounding for |φ| ≤ π."""
-    return _series(square, first=1.0, step=lambda k: 1.0 / ((2 * k) * (2 * k + 1)))
-
-
-def _cosc(square: Value) -> Value:
-    """(1 − cos φ)/φ² as a series in φ²."""
-    return _series(square, first=0.5, step=lambda k: 1.0 / ((2 * k + 1) * (2 * k + 2)))
-
-
-def _series(square: Value, first: float, step) -> Value:  # type: ignore[no-untyped-def]
-    total: Value = first + 0.0 * square
-    term: Value = first + 0.0 * square
+def _series(square: Value, odd: int) -> Value:
+    """sin(φ)/φ (0) or (1 − cos φ)/φ² (1) as a series in φ²; exact to rounding for |φ| ≤ π."""
+    total: Value = 1.0 / (1 + odd) + 0.0 * square
+    term: Value = total
     for k in range(1, _TERMS):
-        term = term * square * (-step(k))
+        term = term * square * (-1.0 / ((2 * k + odd) * (2 * k + odd + 1)))
         total = total + term
     return total
 

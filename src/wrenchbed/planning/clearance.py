@@ -42,8 +42,6 @@ class Clearance:
             geom.margin = MARGIN / 2
         self.model = compiled(spec)
         self._data = mujoco.MjData(self.model)
-        self._built = frozenset[tuple[int, int, int, int]]()
-        self._built = self._drawn_so()
 
     def hit(self, q: np.ndarray) -> str:
         """Contact at joint values (J,), in words; empty if there is none."""
@@ -86,12 +84,13 @@ class Clearance:
                 return [nodes[leg[1]] for leg in way]
         raise PlanError(f"{where}: {why}, and no way around was found: leave this pose out")
 
-    def _drawn_so(self) -> frozenset[tuple[int, int, int, int]]:
+    @cached_property
+    def _built(self) -> set[tuple[int, int, int, int]]:
         """Pairs that touch at home or in many poses: the drawing, not a danger."""
         drawn = self.robot.sample(_DETOURS, np.random.default_rng(1))
         often = Counter(pair for q in drawn for pair in self._touching(q))
         usual = {pair for pair, n in often.items() if n > _OFTEN * len(drawn)}
-        return frozenset(usual | self._touching(self.robot.home))
+        return usual | self._touching(self.robot.home)
 
     @cached_property
     def _free(self) -> list[np.ndarray]:

@@ -136,17 +136,17 @@ class _Search:
         trial = list(chosen)
         information = self.pool.information(trial) + self.base
         for add in steps if add_first else reversed(steps):
-            i = self._best_to_add(information, trial) if add else self._worst(information, trial)
+            if add:
+                i = self._best_to_add(information, trial)
+            else:
+                without = self.criterion.changed(information, self.pool.blocks[trial], -1.0)
+                i = trial[int(np.argmax(without))]
             rows = self.pool.blocks[i]
             information = information + (1.0 if add else -1.0) * rows.T @ rows
             if not add and np.linalg.cond(information) > _SINGULAR:
                 return list(chosen)
             trial = [*trial, i] if add else [j for j in trial if j != i]
         return trial
-
-    def _worst(self, information: np.ndarray, chosen: list[int]) -> int:
-        left = self.criterion.changed(information, self.pool.blocks[chosen], -1.0)
-        return chosen[int(np.argmax(left))]
 
     def _best_to_add(self, information: np.ndarray, chosen: list[int]) -> int:
         slope = self.pool.slopes(self.criterion.screen(information))
