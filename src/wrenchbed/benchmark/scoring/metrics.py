@@ -370,10 +370,11 @@ def by_size(rows: Sequence[CaseRow], methods: Sequence[str] = (OURS,)) -> str:
     return markdown(size_cells(rows, methods))
 
 
-def size_cells(rows: Sequence[CaseRow], methods: Sequence[str]) -> Cells:
+def size_cells(rows: Sequence[CaseRow], methods: Sequence[str], main: str = OURS) -> Cells:
     """Table cells of the shares of single effects that show in means, by the gap that they add:
-    noticed (any answer but none) and isolated."""
-    heads = [f"{m}: {what}" for m in methods for what in ("noticed", "isolated")]
+    noticed (any answer but none) and isolated; ``main`` is the name of the diagnosis."""
+    names = [main if m == OURS else m for m in methods]
+    heads = [f"{name}: {what}" for name in names for what in ("noticed", "isolated")]
     singles = [r for r in rows if r.kind == "single" and not r.between]
     lines = []
     for low, high in pairwise(EDGES):

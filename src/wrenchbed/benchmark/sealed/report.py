@@ -61,7 +61,8 @@ def page(score: Score, command: str = "") -> Document:
     what = "cases of a real recording" if score.is_semi_real else "robots"
     title = f"Sealed benchmark: {score.main} on {len(rows)} {what} ({some.robot}, {some.mode})"
     about = _SEMI_REAL.format(gap=some.real_gap) if score.is_semi_real else _ORACLE
-    head, lines = metrics.figure_cells(rows, [OURS, *score.beside], score.metrics, score.main)
+    methods = [OURS, *score.beside]
+    head, lines = metrics.figure_cells(rows, methods, score.metrics, score.main)
     judged = [(m, metrics.figure(m, rows, OURS)) for m in score.metrics.values()]
     marks = ["" if scored is None else marked(m, scored) for m, scored in judged]
     for cells, mark in zip(lines, marks, strict=True):
@@ -80,9 +81,7 @@ def page(score: Score, command: str = "") -> Document:
             "single effects are noticed and isolated, against the gap that they add.",
             (
                 _reliability(rows),
-                Table.of(
-                    "Detection against size", *metrics.size_cells(rows, [OURS, *score.beside])
-                ),
+                Table.of("Detection against size", *metrics.size_cells(rows, methods, score.main)),
             ),
         ),
         Section(
