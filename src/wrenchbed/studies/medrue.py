@@ -132,7 +132,7 @@ def _summary(
         "bound_mm_by_design": bounds,
         "bound_mm_certificate": 1e3 * setting.bound(o1.chosen, MINI40.std),
         "attained_mm": attained,
-        "published_mm": published.rms_after(),
+        "published_mm": published.RMS_AFTER,
         "certificate_noise_mm": dict(zip(("mean", "max", "std"), mini40[:3].tolist(), strict=True)),
         "O1": o1.value / np.sqrt(len(o1.chosen)),
         "O1_certified": None if certificate is None else o1.value / certificate.bound,

@@ -171,16 +171,6 @@ class SharedDesigns:
     seed: int
 
 
-def truth(setting: StudySetting, rng: np.random.Generator) -> np.ndarray:
-    """Parameters (P,) of a random robot; the mass stays nominal, as in Table 1."""
-    theta = setting.theta.copy()
-    for c in setting.columns:
-        parameter = setting.model.parameters[c]
-        if parameter.unit != "kg":
-            theta[c] += rng.uniform(-parameter.tolerance, parameter.tolerance)
-    return theta
-
-
 def one_robot(shared: SharedDesigns, number: int) -> list[Row]:
     """Rows of one robot before calibration, without noise, by design and by noise.
 
@@ -188,7 +178,11 @@ def one_robot(shared: SharedDesigns, number: int) -> list[Row]:
     """
     setting = shared.setting
     rng = np.random.default_rng([shared.seed, number])
-    theta = truth(setting, rng)
+    theta = setting.theta.copy()
+    for c in setting.columns:
+        parameter = setting.model.parameters[c]
+        if parameter.unit != "kg":  # the mass stays nominal, as in Table 1
+            theta[c] += rng.uniform(-parameter.tolerance, parameter.tolerance)
     simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     judge = Judge(setting, theta, simulation)
     rows = judge.rows(setting.theta, robot=number, design="", noise="", method="before", steps=0)

@@ -257,7 +257,10 @@ def run(scenario: Scenario, seed: int) -> Trial:
     recording, exact = scene.measure(q)
     first, last = 1, 1 + len(fitting)
     holds = gather(recording, np.ones(len(recording), dtype=bool))
-    fit = calibrate(_part(recording, first, last), CalibrationOptions(free=FREE))
+    keep = slice(first * SAMPLES, last * SAMPLES)
+    columns = {k: v[keep] for k, v in recording.columns.items()}
+    calibrating = Recording(recording.metadata, columns, recording.name)
+    fit = calibrate(calibrating, CalibrationOptions(free=FREE))
     predict, stated = scene.model.predict, scene.stated()
     parameters = scene.model.parameters
     known = predict(holds.q[first:last], stated)
@@ -272,10 +275,3 @@ def run(scenario: Scenario, seed: int) -> Trial:
     }
     residual = {name: holds.wrench[last:] - reading for name, reading in predicted.items()}
     return Trial(scene, residual, np.repeat(DIRECTIONS, POSITIONS), fit, q[first:last])
-
-
-def _part(recording: Recording, first: int, last: int) -> Recording:
-    """Recording of the holds first … last − 1."""
-    keep = slice(first * SAMPLES, last * SAMPLES)
-    columns = {k: v[keep] for k, v in recording.columns.items()}
-    return Recording(recording.metadata, columns, recording.name)
