@@ -137,24 +137,22 @@ def recorded(
     """
     model = Model.of(fleet.model_robot())
     results: dict[int, tuple[Recording, Truth] | WrenchbedError] = {}
-    paths, twins, truths, clean = {}, {}, {}, {}
+    ready: dict[int, tuple[Recording, Truth, Twin, np.ndarray]] = {}
     for k in numbers:
         try:
             path = course(fleet, k) if "poses" in fleet.vary else _shared_course(fleet)
             truth = draw(fleet, k, model, _visited(path), path.metadata.mode)
             twin = Twin(model, truth.theta, truth.active)
-            clean[k] = readings(twin, path)
-            paths[k], twins[k], truths[k] = path, twin, truth
+            ready[k] = path, truth, twin, readings(twin, path)
         except WrenchbedError as error:
             results[k] = error
-    groups = [[k] for k in clean] if "poses" in fleet.vary else [list(clean)] if clean else []
-    for group in groups:
+    for group in [[k] for k in ready] if "poses" in fleet.vary else [list(ready)] if ready else []:
         recordings = recorded_together(
-            [twins[k] for k in group], paths[group[0]], [clean[k] for k in group], "real",
+            [ready[k][2] for k in group], ready[group[0]][0], [ready[k][3] for k in group], "real",
             [_seed(fleet, k) for k in group],
         )  # fmt: skip
         for k, recording in zip(group, recordings, strict=True):
-            results[k] = recording, truths[k]
+            results[k] = recording, ready[k][1]
     return [results[k] for k in numbers]
 
 

@@ -62,7 +62,8 @@ def certify(
         gradient = power * value ** (power - 1.0) * criterion.gradient(rows.T @ rows)
         return value**power, ((of @ gradient) * of).sum(axis=(1, 2))
 
-    support, best = np.asarray(start, dtype=int), None
+    support = np.asarray(start, dtype=int)
+    best: Certificate | None = None
     weight = np.full(len(support), 1.0 / len(support))
     exponent = 1.0 if criterion.name == "O1" else 0.5
     for _ in range(_ROUNDS):

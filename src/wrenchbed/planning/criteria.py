@@ -171,8 +171,8 @@ class InverseTrace(Criterion):
         return 1 / (np.trace(self.weight @ inverse) - sign * lost)
 
 
-_CRITERIA = (O1(), *(Weakest(n, x) for n, x in _EXPONENTS.items()), O5())
-INDICES: dict[str, Criterion] = {c.name: c for c in _CRITERIA}
+_CRITERIA: list[Criterion] = [O1(), *(Weakest(n, x) for n, x in _EXPONENTS.items()), O5()]
+INDICES = {c.name: c for c in _CRITERIA}
 
 
 def a_optimality(m: int) -> Criterion:

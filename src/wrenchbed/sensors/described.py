@@ -169,18 +169,21 @@ def text(sensor: Sensor, notes: tuple[str, ...] = ()) -> str:
         title = "[[calibration]]  # fx fy fz tx ty tz [N, N·m]"
         lines += ["", title, f"name = {quoted(c.name)}", *_lines(values, c.source)]
     face = "from the face on the robot's side to the origin of the wrench, sensor axes [m]"
-    for name, comment, value in (
+    tables = [
         ("mass", "kg", repr(float(sensor.mass))),
         ("plate_offset", face, listed(sensor.plate_offset)),
-        ("counts", "of the digital output, per N and N·m", sensor.counts),
-        ("accuracy", "± [N, N·m]", sensor.accuracy),
-        ("gauges", "matrix from gauge voltages [V] to the wrench [N, N·m]", sensor.gauges),
-    ):
-        if value is not None:
-            key = "matrix" if name == "gauges" else "value"
-            shown = value if isinstance(value, str) else _numbers(value)
-            source = str(getattr(sensor, f"{name}_source"))
-            lines += ["", f"[{name}]  # {comment}", *_lines({key: shown}, source)]
+        ("counts", "of the digital output, per N and N·m", _numbers(sensor.counts)),
+        ("accuracy", "± [N, N·m]", _numbers(sensor.accuracy)),
+        (
+            "gauges",
+            "matrix from gauge voltages [V] to the wrench [N, N·m]",
+            _numbers(sensor.gauges),
+        ),
+    ]
+    for name, comment, value in tables:
+        if value:
+            key, source = "matrix" if name == "gauges" else "value", f"{name}_source"
+            lines += ["", f"[{name}]  # {comment}", *_lines({key: value}, getattr(sensor, source))]
     numbers = {
         "white": listed(noise.white),
         "flicker": f"{listed(noise.flicker)}  # 1/f: root of the density at 1 Hz",
@@ -204,7 +207,9 @@ def _lines(values: Mapping[str, str], source: str) -> list[str]:
     return [*(f"{key} = {value}" for key, value in values.items()), f"source = {quoted(source)}"]
 
 
-def _numbers(values: Array) -> str:
-    """Six numbers, or six rows of them."""
+def _numbers(values: Array | None) -> str:
+    """Six numbers, or six rows of them; empty if there are none."""
+    if values is None:
+        return ""
     rows = [f"  {listed(row)}," for row in values] if values.ndim == 2 else []
     return "\n".join(["[", *rows, "]"]) if rows else listed(values)
