@@ -133,10 +133,11 @@ class Scale:
 
     def bar(self, steps: int = 40) -> dict[str, Any]:
         """The scale's bar: colours of equal steps, and its marks as (share, text)."""
-        space = np.geomspace if self.log else np.linspace
+        ends = self.low, self.high
+        values = np.geomspace(*ends, steps) if self.log else np.linspace(*ends, steps)
         return {
             "label": self.label,
-            "colours": [self.colour(float(v)) for v in space(self.low, self.high, steps)],
+            "colours": [self.colour(float(v)) for v in values],
             "ticks": [[self.share(t), f"{t:g}"] for t in self.ticks],
         }
 
