@@ -167,12 +167,10 @@ class SimDriver(Driver):
         """Model of the efforts that simulated drives report; None if ``options.effort`` is off."""
         if options.effort not in ("torque", "current", "off"):
             raise ParameterError(f"effort {options.effort!r}: give torque, current or off")
-        if options.effort == "off" and (drives or faults):
-            first = next(iter((*drives, *faults)))
-            raise ParameterError(
-                f"{first} shows in joint efforts alone: record with --effort torque or current"
-            )
         if options.effort == "off":
+            for first in (*drives, *faults):
+                alone = f"{first} shows in joint efforts alone"
+                raise ParameterError(f"{alone}: record with --effort torque or current")
             return None
         theta = EffectChain(active).theta(self.robot, self.robot.robot_theta(self.theta))
         named = [parse_effect(text) for text in faults]
@@ -292,7 +290,7 @@ class SimDriver(Driver):
             if self._playback is not None:
                 readings = self._playback.motion(t, q, qd, load)
             if self._efforts is not None:
-                efforts = self._in_motion(self._efforts, t, q, targets, rate)
+                efforts = self._efforts.columns(t, _moving(t, q), targets, rate)
         done = 0
         for t, q, qd, reading in moved:
             part = slice(done, done + len(t))
@@ -301,22 +299,6 @@ class SimDriver(Driver):
             columns |= {f"qd{j + 1}": qd[:, j] for j in range(qd.shape[1])}
             columns |= {f"q_target{j + 1}": v for j, v in enumerate(targets[part].T)}
             yield columns | {name: values[part] for name, values in efforts.items()}
-
-    @staticmethod
-    def _in_motion(
-        efforts: ReportedEfforts, t: np.ndarray, q: np.ndarray, targets: np.ndarray, rate: float
-    ) -> dict[str, np.ndarray]:
-        """Columns of a complete motion; speeds and accelerations are those of a spline through it.
-
-        MuJoCo's speeds are those of half a step before (semi-implicit Euler).
-        """
-        if len(t) < _LEAST_ROWS:
-            raise ParameterError(f"--effort: {len(t)} rows of motion are too few, {_LEAST_ROWS} do")
-        from scipy.interpolate import make_interp_spline  # slow to load: only when it is used
-
-        path = make_interp_spline(t, q, k=5)
-        moving = Jet(q, path.derivative(1)(t), path.derivative(2)(t))
-        return efforts.columns(t, moving, targets, rate)
 
     def _moved(self, targets: np.ndarray, rate: float) -> Iterator[Samples]:
         """Rows of a motion, block by block: readings, or loads where effects make them."""
@@ -341,6 +323,17 @@ class SimDriver(Driver):
         joints = {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
         channels = {c: reading[:, k] for k, c in enumerate(CHANNELS)}
         return {"t": t} | joints | channels | {"status": status}
+
+
+def _moving(t: np.ndarray, q: np.ndarray) -> Jet:
+    """A complete motion (n, J) with the speeds and accelerations of a spline through it: MuJoCo's
+    own are those of half a step before (semi-implicit Euler)."""
+    if len(t) < _LEAST_ROWS:
+        raise ParameterError(f"--effort: {len(t)} rows of motion are too few, {_LEAST_ROWS} do")
+    from scipy.interpolate import make_interp_spline  # slow to load: only when it is used
+
+    path = make_interp_spline(t, q, k=5)
+    return Jet(q, path.derivative(1)(t), path.derivative(2)(t))
 
 
 DRIVER = SimDriver

@@ -46,7 +46,10 @@ class CanLink:
         self._listeners: tuple[Listener, ...] = ()
         self._lock = threading.Lock()
         self._running = True
-        self._socket = _bounded(getattr(bus, "_SocketCanDaemonBus__socket", None))
+        self._socket: socket.socket | None = getattr(bus, "_SocketCanDaemonBus__socket", None)
+        if self._socket is not None:
+            limit = struct.pack("ll", 0, int(_SEND_S * 1e6))
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
         self._thread = threading.Thread(target=self._run, name="can reader", daemon=True)
         self._thread.start()
 
@@ -154,15 +157,6 @@ def _check_server(host: str, port: int, channel: str) -> None:
         raise LinkError(f"{where} answers {greeting[:20]!r}: it does not speak socketcand")
     if answer != b"< ok >":
         raise LinkError(f"{where} has no bus {channel!r}: give the channel that it serves")
-
-
-def _bounded(connection: Any) -> socket.socket | None:
-    """The connection, with a deadline on sending where it is one."""
-    if not isinstance(connection, socket.socket):
-        return None
-    limit = struct.pack("ll", 0, int(_SEND_S * 1e6))
-    connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, limit)
-    return connection
 
 
 def _ended(connection: socket.socket | None) -> bool:

@@ -77,7 +77,12 @@ class CanDriver(LiveDriver):
         self._link = link = open_bus(s.interface, s.channel, s.host, s.port, s.bitrate)
         self._network = network = Drives(link, s)
         network.configure(s.nodes)
-        self._setpoints = self._make_setpoints(network)
+        lower, upper = np.transpose([(j.lower, j.upper) for j in self.robot.joints])
+        for k, node in enumerate(s.nodes):
+            if (in_drive := network.limits(node)) is not None:
+                ends = sorted(count / self._counts[k] for count in in_drive)
+                lower[k], upper[k] = max(lower[k], ends[0]), min(upper[k], ends[1])
+        self._setpoints = Setpoints(1.0 / s.rate, lower, upper, self._top)
         if s.torque:
             self._rated = np.array([network.rated(node) for node in s.nodes])
         self.transducer.use(link)
@@ -90,15 +95,6 @@ class CanDriver(LiveDriver):
         if not self._until(lambda: cycle.answers is not None, FIRST_S):
             silent = [d.node for d in cycle.drives if not d.answers]
             raise LinkError(f"drives {silent} do not answer SYNC: are their PDOs switched on?")
-
-    def _make_setpoints(self, network: Drives) -> Setpoints:
-        lower, upper = np.transpose([(j.lower, j.upper) for j in self.robot.joints])
-        for k, node in enumerate(self.setting.nodes):
-            in_drive = network.limits(node)
-            if in_drive is not None:
-                ends = sorted(count / self._counts[k] for count in in_drive)
-                lower[k], upper[k] = max(lower[k], ends[0]), min(upper[k], ends[1])
-        return Setpoints(1.0 / self.setting.rate, lower, upper, self._top)
 
     def _shut(self) -> None:
         if self._network is not None:

@@ -83,7 +83,11 @@ class NetftTransducer(Transducer):
         self._last: Received | None = None
 
     def _connect(self) -> None:
-        options, host = self._options, _resolve(self._options.host)
+        options = self._options
+        try:
+            host = socket.gethostbyname(options.host)
+        except (OSError, UnicodeError) as error:
+            raise LinkError(f"{options.host}: no such address: {error}") from error
         port, page = self._look(host, (options.http_port,) if options.http_port else (80, 8080))
         if not page.enabled:
             raise DriverError(
@@ -225,10 +229,3 @@ def _restarted(last: Received, first: Received, rate: float) -> bool:
     due, counted = (first.t - last.t) * rate, first.ft - last.ft
     off = abs(signed(round(due) - counted))
     return (signed(counted) < 0 and due < 2**31) or off > _LATE_S * rate + _DRIFT * due
-
-
-def _resolve(host: str) -> str:
-    try:
-        return socket.gethostbyname(host)
-    except (OSError, UnicodeError) as error:
-        raise LinkError(f"{host}: no such address: {error}") from error
