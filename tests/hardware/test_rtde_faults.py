@@ -120,9 +120,7 @@ def test_what_does_no_harm_stops_nothing(bench, link, where, kind, values):
         ("burst", 1.4, "lost"),
     ],
 )
-def test_silence_is_stale_then_survived_stopped_by_the_watchdog_or_lost(
-    bench, link, kind, seconds, state
-):
+def test_silence_is_stale_and_survived_or_ends_the_move(bench, link, kind, seconds, state):
     """While it stalls nothing that is written reaches the robot: its watchdog stops the program."""
     rest_from = 1.9 if seconds > GONE_S else rtde_moves.AT_REST_S
     seen = disturbed(bench, lambda: bench.emulator.fault("rtde", kind, seconds=seconds), rest_from)
