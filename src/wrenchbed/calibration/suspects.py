@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy import special
+from scipy.linalg import solve_triangular
 
 from wrenchbed.calibration.fit_problem import Outcome, Problem
 from wrenchbed.calibration.least_squares import BLIND
@@ -202,16 +203,18 @@ def _sizes(S: np.ndarray, left: np.ndarray, family: list[str]) -> np.ndarray:
     groups = {f: np.array([g == f for g in family]) for f in dict.fromkeys(family)}
     size = np.full(len(family), _SIZES[0])
 
-    def best(trials: np.ndarray) -> np.ndarray:
-        """The likeliest of trials (T, S); of none that noise is less than rounding beside."""
-        inner = np.eye(len(R)) + (R * trials[:, None] ** 2) @ R.T
-        cost = np.linalg.slogdet(inner)[1] + np.linalg.solve(inner, y[:, None])[..., 0] @ y
-        seen = np.trace(inner, axis1=1, axis2=2) * np.finfo(float).eps < 1.0
-        return np.asarray(trials[np.argmin(np.where(seen, cost, np.inf))])
+    def cost(trial: np.ndarray) -> float:
+        try:
+            lower = np.linalg.cholesky(np.eye(len(R)) + (R * trial**2) @ R.T)
+        except np.linalg.LinAlgError:  # beside such sizes, noise is less than rounding
+            return np.inf
+        white = solve_triangular(lower, y, lower=True, check_finite=False)
+        return float(2.0 * np.log(np.diagonal(lower)).sum() + white @ white)
 
     for _ in range(_SWEEPS):
         for of in groups.values():
-            size = best(np.where(of, _SIZES[:, None], size))
+            trials = [np.where(of, s, size) for s in _SIZES]
+            size = min(trials, key=cost)
     return size
 
 
