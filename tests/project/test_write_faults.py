@@ -199,7 +199,6 @@ def quick():
         patch.setattr(scenario, "POSES", (12, 13))
         patch.setattr(scenario, "SAMPLES", 6)
         patch.setattr("wrenchbed.jobs.workers.workers", inline)
-        patch.setattr("wrenchbed.campaigns.simulated_robots.worker_pool", inline)
         patch.setattr(make.Family, "case", cache(make.Family.case))
         patch.setattr("wrenchbed.diagnosis.diagnose.diagnose", lambda data, **_: found(data.name))
         patch.setattr("wrenchbed.reports.diagnosis_page.draw", undrawn)
