@@ -19,7 +19,7 @@ from wrenchbed.diagnosis.explain.contributions import (
 )
 from wrenchbed.diagnosis.explain.contributions import share as share_of
 from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
-from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 
 REST = 0.55
 """Gap that normal imperfections may make together."""
@@ -243,6 +243,18 @@ def stated_errors_beside(refitter: Refitter, f: Finalist) -> np.ndarray:
     d = refitter.d
     spread = np.full(len(d.stated), LARGEST)
     return _fitted(_exact(refitter, f.rung), d.E[:, d.stated], f.residual, spread)[0]
+
+
+def corrected(refitter: Refitter, f: Finalist, stated: Configuration) -> Configuration:
+    """A configured simulator with bias, mass and CoG as they come out beside a finalist."""
+    return moved_by(refitter, stated_errors_beside(refitter, f), stated)
+
+
+def moved_by(refitter: Refitter, error: np.ndarray, stated: Configuration) -> Configuration:
+    """A simulator whose stated numbers are wrong by ``error`` (S,), in typical sizes."""
+    d = refitter.d
+    bias, mass, cog = (error[d.of_stated(e)] * d.size[d.stated][d.of_stated(e)] for e in STATED)
+    return stated.with_nearest_load(stated.mass + float(mass[0]), stated.cog + cog, bias)
 
 
 def _fitted(

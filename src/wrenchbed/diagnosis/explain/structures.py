@@ -15,7 +15,7 @@ model both are exact: with the precision P of all rows and w = P y, log p(y_b | 
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
@@ -23,13 +23,14 @@ from scipy.special import logsumexp
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, build
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import PRIOR, UNKNOWN, Searcher, SingleEvidence
-from wrenchbed.diagnosis.explain.claims import Explanation, explained
+from wrenchbed.diagnosis.explain.claims import Explanation, corrected, explained
 from wrenchbed.diagnosis.explain.contributions import claimable, doubled
 from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
 from wrenchbed.diagnosis.prepare.accelerometer import TILT
 from wrenchbed.diagnosis.prepare.baseline import Baseline, calibrate
-from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 from wrenchbed.diagnosis.prepare.prepared import Prepared
+from wrenchbed.effects.chain import respond
 
 MARGIN = 3.0
 """Difference of two scores (natural logarithm) from which one explanation predicts better."""
@@ -56,6 +57,13 @@ not."""
 NEAR = 12.0
 """A rival is refitted if its linear evidence is so near that of the part it replaces (natural
 logarithm)."""
+LINEAR = 0.01
+"""Gap [noise variances of a row] by which a cause's readings may depend on the tool at which slopes
+were taken: half of the smallest background of every robot, the first of `LADDER`."""
+LEAST_LOAD = 1.0
+"""Least variance of a channel's load, in noise variances of a row, over which a change counts."""
+_PASSES = 2
+"""Times that slopes are taken again: the error falls by the cause's relative size each time."""
 MOST = 3
 """Largest number of rivals refitted for each part, best first: each costs a nonlinear fit; with
 fewer a rival that is worse in the linear model but better when refitted is missed."""
@@ -386,14 +394,36 @@ class Analysis:
 
 def analyse(prepared: Prepared) -> Analysis:
     """Calibrate the prepared recording, build the dictionary of effects at the calibrated robot,
-    and rank the explanations of the residual."""
+    and rank the explanations of the residual; again at the tool that the best of these leaves,
+    where that changes what it adds."""
     coarse = prepared.coarse
     baseline = calibrate(coarse)
+    result = _ranked(prepared, coarse, baseline, baseline)
+    for _ in range(_PASSES):
+        best = result.ranking.explanations[0].finalist
+        beside = corrected(result.refitter, best, prepared.configuration)
+        if _moves(result.ranking, result.dictionary.prepared, beside) < LINEAR:
+            break
+        result = _ranked(prepared, coarse, baseline, baseline.at(prepared.configuration, beside))
+    return result
+
+
+def _ranked(prepared: Prepared, coarse: Prepared, baseline: Baseline, at: Baseline) -> Analysis:
+    """The analysis with slopes at the tool of ``at``."""
     t = prepared.testimony
     odds = {} if t is None else {TILT: t.log_bayes}
-    searcher = Searcher(build(coarse, baseline.robot_theta, baseline.tolerance), odds)
-    refitter = Refitter(searcher, case(searcher.d, coarse, baseline))
+    searcher = Searcher(build(coarse, at.robot_theta, baseline.tolerance), odds)
+    refitter = Refitter(searcher, case(searcher.d, coarse, at))
     return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter))
+
+
+def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
+    """Gap by which what causes add may change with the tool: as the load on the sensor does."""
+    here, there = (
+        p.rows(respond(replace(p.scene, theta=theta))) for theta in (p.scene.theta, to.robot_theta)
+    )
+    change = ((there - here) ** 2).mean(axis=0) / np.maximum(here.var(axis=0), LEAST_LOAD)
+    return ranking.gap * float(change.max())
 
 
 def case(d: EffectDictionary, prepared: Prepared, baseline: Baseline) -> np.ndarray:

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import variables
+from wrenchbed.diagnosis.explain.claims import corrected
 from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut, corrected
+from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.physics.wrench import CHANNELS

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.diagnosis.explain.claims import stated_errors_beside
+from wrenchbed.diagnosis.explain.claims import corrected, moved_by
 from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.prepare.baseline import Baseline
@@ -68,18 +68,6 @@ class HeldOut:
         return np.asarray(np.where(self.count > 1, repeated, 0.0))
 
 
-def corrected(refitter: Refitter, f: Finalist, stated: Configuration) -> Configuration:
-    """A configured simulator with bias, mass and CoG as they come out beside a finalist."""
-    return _moved(refitter, stated_errors_beside(refitter, f), stated)
-
-
-def _moved(refitter: Refitter, error: np.ndarray, stated: Configuration) -> Configuration:
-    """A simulator whose stated numbers are wrong by ``error`` (S,), in typical sizes."""
-    d = refitter.d
-    bias, mass, cog = (error[d.of_stated(e)] * d.size[d.stated][d.of_stated(e)] for e in STATED)
-    return stated.with_nearest_load(stated.mass + float(mass[0]), stated.cog + cog, bias)
-
-
 def _errors(baseline: Baseline, refitter: Refitter) -> np.ndarray:
     """Errors of the stated numbers (S,) that a baseline found, in typical sizes."""
     d = refitter.d
@@ -113,7 +101,7 @@ class CrossFit:
         at_all = self._read(a.baseline.configuration, ())
         for k, refitter in self._fits.items():
             moved = error + refitter.d.fitted(refitter.y) - all_rows
-            configuration = _moved(refitter, moved, a.prepared.configuration)
+            configuration = moved_by(refitter, moved, a.prepared.configuration)
             self._add(result, k, self._read(configuration, ()) - at_all)
         return result
 

@@ -40,6 +40,12 @@ class Baseline:
         """Parameters of the robot alone, with its tool but without the sensor."""
         return self.configuration.robot_theta
 
+    def at(self, stated: Configuration, beside: Configuration) -> "Baseline":
+        """The same with the tool as it comes out beside a cause."""
+        mass = np.array([beside.mass - stated.mass])
+        moved = {STATED[1]: mass, STATED[2]: beside.cog - stated.cog}
+        return Baseline(beside, moved, self.tolerance)
+
 
 def calibrate(prepared: Prepared) -> Baseline:
     """Fit bias, mass and CoG by least squares in units of the noise, on the rows of the fit.
