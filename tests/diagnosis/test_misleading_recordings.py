@@ -16,6 +16,7 @@ from wrenchbed.campaigns.recording.run import record
 from wrenchbed.data.metadata import ToolInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning import choose
@@ -52,7 +53,7 @@ def test_twelve_poses_of_a_sensor_that_bends_are_no_three_causes(seed):
     assert len(sure) <= 1
     for w in sure:
         assert told.gap.closed.low > 0.0
-        assert {w["effect"], *w["rivals"]} & {"sensor.nonlinearity", "sensor.gain"}
+        assert set(named_by(w)) & {"sensor.nonlinearity", "sensor.gain"}
 
 
 @pytest.mark.sampled
@@ -119,7 +120,7 @@ def test_rivals_without_a_stated_tool_have_a_next_experiment():
     assert told.verdict in ("identified", "ambiguous")
     if told.verdict == "ambiguous":
         assert told.next
-    assert "sensor.drift" in {n for w in told.which for n in (w["effect"], *w["rivals"])}
+    assert "sensor.drift" in {n for w in told.which for n in named_by(w)}
 
 
 # ---- a tool that changes with time: named as such, never as a temperature ----------------------

@@ -10,6 +10,7 @@ from mutated import turning
 from wrenchbed import registry
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect, respond
@@ -78,7 +79,7 @@ def test_a_delay_is_told_from_a_filter_in_a_motion_that_jerks(tmp_path):
     told = diagnose(recorded(tmp_path, 60)).diagnosis
     assert told.which[0]["effect"] == "timing.delay"
     assert told.which[0]["probability"] > 0.8
-    assert "timing.lowpass" not in told.which[0]["rivals"]
+    assert "timing.lowpass" not in named_by(told.which[0])
     assert told.which[0]["parameters"]["delay"]["value"] == pytest.approx(0.03, abs=1e-3)
 
 

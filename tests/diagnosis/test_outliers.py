@@ -14,6 +14,7 @@ from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
 from wrenchbed.benchmark.lookalikes import recording as look_alike
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.explain.outliers import Outlier
+from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.planning import choose
 
 POSES, ROWS = 60, 10
@@ -123,7 +124,7 @@ def test_a_contact_in_many_poses_is_no_outlier():
     case = draw(design, 7, "single", "environment.contact", 3.0)
     told = diagnose(look_alike(design, case)).diagnosis
     assert not told.outliers
-    assert "environment.contact" in {n for w in told.which for n in (w["effect"], *w["rivals"])}
+    assert "environment.contact" in {n for w in told.which for n in named_by(w)}
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import analyse
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, complete, widened
 from wrenchbed.diagnosis.gap.closure import Interval
+from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
 
@@ -35,7 +36,7 @@ def real():
 
 
 def named(found):
-    return {n for w in found.diagnosis.which for n in (w["effect"], *w["rivals"])}
+    return {n for w in found.diagnosis.which for n in named_by(w)}
 
 
 def first(host, draw, least):

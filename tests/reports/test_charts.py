@@ -9,6 +9,7 @@ from test_report import found
 
 import wrenchbed as wb
 from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.pages.chart import (
     NOISE,
     Axis,
@@ -127,7 +128,7 @@ def test_a_delay_shows_as_the_shift_at_which_readings_fit_best(tmp_path):
     with wb.SimDriver(options) as driver:
         wb.record(driver, plan, tmp_path / "rec.parquet")
     told = diagnose(wb.Recording.read(tmp_path / "rec.parquet"))
-    assert "timing.delay" in {n for w in told.diagnosis.which for n in (w["effect"], *w["rivals"])}
+    assert "timing.delay" in {n for w in told.diagnosis.which for n in named_by(w)}
     charts = _of_causes(WrenchAnswer(told), Evidence(told))
     lag = next(c for c in charts if c.name == "cause-0")
     for panel, best in zip(lag.panels, (np.argmax, np.argmin), strict=True):

@@ -19,6 +19,7 @@ from rich.console import Console
 from wrenchbed.cli.diagnose import answer_display
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
 from wrenchbed.diagnosis.gap.closure import Interval
+from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.errors import CalibrationError, DiagnosisError, RecordingError
 from wrenchbed.pages import numbers
 from wrenchbed.pages.draw import Drawn
@@ -153,7 +154,7 @@ def _finite(told: Told) -> bool:
 
 
 def _names(entry: Told) -> tuple[str, ...]:
-    return entry["effect"], *entry["rivals"]
+    return named_by(entry)
 
 
 # ---- JSON ---------------------------------------------------------------------------------------

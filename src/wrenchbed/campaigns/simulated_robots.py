@@ -248,11 +248,12 @@ def judged(name: str) -> tuple[np.ndarray, np.ndarray | None]:
 
 def _diagnosed(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
     from wrenchbed.diagnosis.diagnose import diagnose
+    from wrenchbed.diagnosis.gap.result import named_by
 
     d = diagnose(recording).diagnosis
     after, closed = d.gap.with_effects, d.gap.closed
     claimed = [str(w["effect"]) for w in d.which]
-    named = claimed + [str(r) for w in d.which for r in w["rivals"]]
+    named = claimed + [n for w in d.which for n in named_by(w)[1:]]
     row: dict[str, Any] = {
         "verdict": d.verdict,
         "claimed": " ".join(claimed),

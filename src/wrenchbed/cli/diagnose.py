@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from wrenchbed.diagnosis.diagnose import Findings
     from wrenchbed.diagnosis.explain.reliability import Reliability
     from wrenchbed.diagnosis.next.dry_run import DryRun
+    from wrenchbed.diagnosis.prepare.prepared import Material
     from wrenchbed.reports.answer import Answer
 
 _PAGE, _PICTURE, _DRIVES = "report.html", "diagnosis.rrd", "drives.json"
@@ -34,6 +37,8 @@ _FILES = {
 _BY_ITSELF = 100
 """Look-alikes of a recording from a robot, or of a kind, that nothing was learnt on: five times the
 fewest from which anything is learnt, in minutes."""
+_MATERIAL = re.compile(r"([0-9.]+(?:e-?[0-9]+)?)N,([0-9.]+(?:e-?[0-9]+)?)N[·.*]?m")
+"""A force and a torque."""
 _MOST_SIZES = 6
 """Parameters of a cause that are printed."""
 _COLOURS = {
@@ -71,6 +76,8 @@ class EffortOptions:
     # Of joint efforts: what calibrate wrote of a healthy recording of this robot, in place of the
     # drive values that the recording states.
     drives: Path | None = None
+    # Of a wrench: the residual that counts as a gap of 1, as 0.2N,0.01N·m; one row's noise if none.
+    material: str | None = None
 
 
 def diagnose(
@@ -110,11 +117,13 @@ def diagnose(
     console.check_folder(out, _FILES)
     data = [wb.Recording.read(path) for path in recordings]
     if _of_efforts(data, efforts.channels):
+        if efforts.material is not None:
+            raise ParameterError("--material goes with a wrench: efforts count by their own noise")
         written, answer = _diagnose_efforts(data, efforts, seed, out)
     elif efforts.drives is not None:
         raise ParameterError("--drives goes with joint efforts: add --channels effort")
     else:
-        written, answer = _diagnose_wrench(data, learning, seed, out)
+        written, answer = _diagnose_wrench(data, learning, seed, out, efforts.material)
     files = f"{', '.join(written)} → {out}"
     console.answer(answer.d.to_json(), as_json, answer_display(answer), files)
 
@@ -151,15 +160,16 @@ def _diagnose_efforts(
 
 
 def _diagnose_wrench(
-    data: list[wb.Recording], learning: LearningOptions, seed: int, out: Path
-) -> tuple[list[str], Answer]:
+    data: list[wb.Recording], learning: LearningOptions, seed: int, out: Path,
+    material: str | None,
+) -> tuple[list[str], Answer]:  # fmt: skip
     """Diagnose the wrench of recordings; names of files, without plans, and the words."""
     from wrenchbed.diagnosis.diagnose import diagnose as one
     from wrenchbed.diagnosis.several import diagnose_several as several
     from wrenchbed.reports.diagnosis_page import diagnosis_page
     from wrenchbed.reports.wrench_answer import WrenchAnswer
 
-    learnt = None
+    counts, learnt = None if material is None else _counts(material), None
     if not learning.fast and len(data) == 1:
         learnt = _learnt(data[0], learning.look_alikes, seed)
     steps = 7 if len(data) == 1 else 3 * len(data) + 3
@@ -169,9 +179,9 @@ def _diagnose_wrench(
             report(1, name)
 
         if len(data) == 1:
-            findings = one(data[0], seed=seed, reliability=learnt, progress=step)
+            findings = one(data[0], seed=seed, reliability=learnt, material=counts, progress=step)
         else:
-            findings = several(data, seed=seed, reliability=learnt, progress=step)
+            findings = several(data, seed=seed, reliability=learnt, material=counts, progress=step)
     for name in findings.plans:
         console.check_out(out / name, Kind.PLAN, lock=False)
     with atomic_folder(out) as folder:
@@ -179,6 +189,21 @@ def _diagnose_wrench(
         _tried(_PAGE, lambda: diagnosis_page(findings, console.command()).write(folder / _PAGE))
         _tried(_PICTURE, lambda: _draw(findings, folder / _PICTURE))
         return _names(folder), WrenchAnswer(findings)
+
+
+def _counts(text: str) -> Material:
+    """What is material, of ``0.2N,0.01N·m``.
+
+    Raises:
+        ParameterError: it is not a force and a torque above 0.
+    """
+    from wrenchbed.diagnosis.prepare.prepared import Material
+
+    match = _MATERIAL.fullmatch(text.replace(" ", ""))
+    values = [] if match is None else [float(x) for x in match.groups()]
+    if not values or min(values) <= 0.0 or not all(map(math.isfinite, values)):
+        raise ParameterError(f"--material {text!r}: give a force and a torque, as 0.2N,0.01N·m")
+    return Material(*values)
 
 
 def _names(folder: Path) -> list[str]:
@@ -260,6 +285,7 @@ def answer_display(a: Answer) -> Group:
         head, verdict, *console.section("", aside)[2:],
         *console.section("where", [f"{a.place}.", *a.where]),
         *console.section("which", [causes, a.leading]),
+        *console.section("detected, below what counts", a.minor),
         *console.section("how far", [a.distance, gaps, a.measure]),
         *console.section("what this data cannot tell", d.cannot_tell),
         *console.section("what this data could not have shown", a.blind),

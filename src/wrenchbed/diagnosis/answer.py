@@ -9,19 +9,26 @@ import numpy as np
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.claims import stated
-from wrenchbed.diagnosis.explain.elements import Elements, combination, elements, listed
+from wrenchbed.diagnosis.explain.elements import (
+    Elements,
+    combination,
+    element,
+    elements,
+    listed,
+)
 from wrenchbed.diagnosis.explain.joint import View
 from wrenchbed.diagnosis.explain.refit import Finalist
 from wrenchbed.diagnosis.explain.reliability import Reliability, credible
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, named
 from wrenchbed.diagnosis.gap.closure import Closure
-from wrenchbed.diagnosis.gap.result import Diagnosis
+from wrenchbed.diagnosis.gap.result import Diagnosis, Scale, cause, families, named_by
 from wrenchbed.diagnosis.gap.upheld import PARTIAL, only, small, withdrawn
 from wrenchbed.diagnosis.prepare.contact import CONTACT
-from wrenchbed.diagnosis.prepare.prepared import Touch
+from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 from wrenchbed.effects.base import Curve, Effect, Values, Variant
 from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 Place = tuple[str, str, float, float]
 """Effect, detail, share and p-value of an entry of ``where``."""
@@ -40,32 +47,18 @@ LEAST = 0.8
 below what is believed of robots that nothing was learnt on. Estimate."""
 
 
-def _cause(
-    effect: str, probability: float, parameters: Mapping[str, Any], rivals: Sequence[str] = (),
-    closed_share: float | None = None, elements: Sequence[str] = (),
-) -> dict[str, Any]:  # fmt: skip
-    return {
-        "effect": effect,
-        "elements": list(elements),
-        "combination": None,
-        "probability": probability,
-        "rivals": list(rivals),
-        "parameters": parameters,
-        "closed_share": closed_share,
-    }
-
-
 def causes(
     a: Analysis, verdict: Verdict, gap: Closure, spread: float, between: Iterable[RowFinding]
 ) -> list[dict[str, Any]]:
     """``which``; ``spread`` multiplies standard uncertainties, see `Reliability`."""
     result = []
     for c in verdict.causes:
-        name, *rivals = c.names
-        entry = _cause(name, c.probability, {}, rivals, gap.shares.get(name))
+        name, rivals = c.names[0], _rivals(a, verdict, c, spread)
+        entry = cause(name, c.probability, {}, rivals, gap.shares.get(name))
+        entry["channels"] = families(gap)
         result.append(entry | _numbers(a, verdict, c, spread))
     return result + [
-        _cause(r.effect, r.probability, r.parameters, elements=r.channels) for r in between
+        cause(r.effect, r.probability, r.parameters, elements=r.channels) for r in between
     ]
 
 
@@ -93,18 +86,6 @@ def with_elements(a: Analysis, verdict: Verdict) -> Verdict:
     return replace(verdict, verdict=word, causes=causes)
 
 
-def _elements(a: Analysis, cause: Cause, spread: float) -> dict[str, Any]:
-    """Keys ``elements`` and ``combination`` of a cause's entry in ``which``: the joints, links or
-    axes that explain the recording equally well, and the sum of their sizes that it determines,
-    with a standard uncertainty multiplied by ``spread``; None where it determines none."""
-    of_effect = cause.elements[cause.names[0]]
-    total = combination(a.refitter, of_effect, spread)
-    return {
-        "elements": list(of_effect.names),
-        "combination": None if total is None else total._asdict(),
-    }
-
-
 def _with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
     """Parameters whose number of a joint or link has those that the data cannot rule out."""
     for key in ("joint", "link"):
@@ -114,14 +95,54 @@ def _with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, 
     return parameters
 
 
+def _rivals(a: Analysis, verdict: Verdict, c: Cause, spread: float) -> list[dict[str, Any]]:
+    """Entries of ``rivals``: each with its probability, its elements and its own parameters, as
+    they come out with it in the cause's place."""
+    beside = verdict.explanation.names - {c.part.name}
+    shares = c.shares or (1.0 / len(c.names),) * len(c.names)
+    result = []
+    for name, fraction in zip(c.names[1:], shares[1:], strict=True):
+        of, numbers = c.elements.get(name), dict[str, Any]()
+        if of is None:
+            fits = [e for e in a.ranking.explanations if e.names == beside | {name}]
+            of = next((_alone(e.finalist, name) for e in fits if name in e.finalist.names), None)
+        if of is not None:
+            numbers = numbers_of(a, of.fits[0], of.parts[0], of, spread)
+        result.append({
+            "effect": name,
+            "elements": numbers.get("elements", []),
+            "probability": c.probability * fraction,
+            "parameters": numbers.get("parameters", {}),
+        })  # fmt: skip
+    return result
+
+
+def _alone(f: Finalist, name: str) -> Elements:
+    """The element that a finalist has of an effect."""
+    k = f.names.index(name)
+    return Elements((element(f.parts[k].variant),), (f,), (k,))
+
+
 def _numbers(a: Analysis, verdict: Verdict, cause: Cause, spread: float) -> dict[str, Any]:
-    """``elements``, ``combination`` and ``parameters`` of an entry; of a form-free cause also
-    ``form`` and ``curve``."""
+    """Keys of an entry of ``which`` that `numbers_of` makes; of a stated number its error."""
     f, k = verdict.explanation.finalist, cause.part.index
     if k is None:
         wrong = _wrong_numbers(a, f, cause.names[0], spread)
         return {"elements": _off(wrong), "parameters": wrong}
-    of_elements = _elements(a, cause, spread)
+    return numbers_of(a, f, k, cause.elements[cause.names[0]], spread)
+
+
+def numbers_of(a: Analysis, f: Finalist, k: int, of: Elements, spread: float) -> dict[str, Any]:
+    """``elements``, ``combination`` and ``parameters`` of part k of a finalist; of a form-free part
+    also ``form`` and ``curve``.
+
+    ``combination`` is the sum of the elements' sizes that the recording determines, None where it
+    determines none; standard uncertainties are multiplied by ``spread``.
+    """
+    total = combination(a.refitter, of, spread)
+    of_elements = {
+        "elements": list(of.names), "combination": None if total is None else total._asdict(),
+    }  # fmt: skip
     part, values = f.parts[k], a.refitter.values(f.parts, f.x)[k]
     scene = a.dictionary.prepared.scene
     if part.variant.free_form and part.effect.curves(scene, part.variant):
@@ -130,11 +151,11 @@ def _numbers(a: Analysis, verdict: Verdict, cause: Cause, spread: float) -> dict
         scale = spread * np.array([size[n] for n in part.variant.free])
         covariance = f.covariance[np.ix_(at, at)] * np.outer(scale, scale)
         curve = _free_curve(part.effect, part.variant, scene, values, covariance)
-        _with_rivals(curve["parameters"], of_elements["elements"])
+        _with_rivals(curve["parameters"], of.names)
         return of_elements | curve
     std = _uncertainty(a, f, k, spread)
     parameters = part.effect.publish(a.prepared.robot, part.variant, values, std)
-    return of_elements | {"parameters": _with_rivals(parameters, of_elements["elements"])}
+    return of_elements | {"parameters": _with_rivals(parameters, of.names)}
 
 
 def _off(wrong: Mapping[str, Mapping[str, Any]]) -> list[str]:
@@ -295,6 +316,12 @@ def set90(
     return tuple(dict.fromkeys((*names, *(n for c in verdict.causes for n in c.names))))
 
 
+def scales(prepared: Prepared) -> dict[str, Scale]:
+    """Noise of a row, and what counts, of each channel."""
+    noise, counts = prepared.row_sigma.tolist(), prepared.sigma.tolist()
+    return {c: Scale(*s) for c, *s in zip(CHANNELS, noise, counts, UNITS, strict=True)}
+
+
 def of_data(a: Analysis, folds: int) -> tuple[str, ...]:
     """Notes for the reader on a recording's data."""
     p = a.prepared
@@ -361,13 +388,13 @@ def with_contact(d: Diagnosis, touch: Touch | None) -> Diagnosis:
     verdict = "identified" if d.verdict in (NONE, UNKNOWN) else d.verdict
     if d.verdict == UNKNOWN and not small(d.gap):
         verdict = PARTIAL
-    names = [n for w in d.which for n in (w["effect"], *w["rivals"])]
+    names = [n for w in d.which for n in named_by(w)]
     entry = _touched(touch, f"lies in the environment: {CONTACT} ({touch.detail}).")
     return replace(
         d,
         verdict=verdict,
         which=[
-            _cause(CONTACT, touch.probability, touch.parameters, elements=[touch.detail]),
+            cause(CONTACT, touch.probability, touch.parameters, elements=[touch.detail]),
             *d.which,
         ],
         where=[entry, *map(_untouched, d.where)],

@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis import answer
+from wrenchbed.diagnosis import answer, beside_claims
 from wrenchbed.diagnosis.between_rows import row_effects
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
@@ -34,7 +34,7 @@ from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, PARTIAL, upheld, withdr
 from wrenchbed.diagnosis.next import experiments, isolability
 from wrenchbed.diagnosis.next.blind import blind_spots
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
-from wrenchbed.diagnosis.prepare.prepared import Prepared
+from wrenchbed.diagnosis.prepare.prepared import Material, Prepared
 from wrenchbed.jobs.workers import one_thread
 from wrenchbed.twin.twin import Twin
 
@@ -54,6 +54,8 @@ ELSEWHERE = (
     "this one (--look-alikes 200) give probabilities for this recording"
 )
 """Note on probabilities of a robot that nothing was learnt on."""
+FAMILIAR = "the probabilities were learnt on robots of this kind and such sets of poses or motions"
+"""Sentence on probabilities that were learnt for such a recording."""
 Progress = Callable[[str], None]
 """Called with the name of each step as it begins."""
 
@@ -98,6 +100,7 @@ def diagnose(
     *,
     seed: int = 0,
     reliability: Reliability | None = None,
+    material: Material | None = None,
     progress: Progress = lambda _: None,
 ) -> Findings:
     """Diagnosis of one recording: where the residual lies, which causes, how far, and what next.
@@ -107,13 +110,15 @@ def diagnose(
         seed: of the split into blocks and of all permutations.
         reliability: how often claims are right, learnt at this recording's own design; the one
             that comes with the package if None.
+        material: residual that counts as a gap of 1; one row's noise if None.
         progress: called with the step that begins.
 
     Raises:
         DiagnosisError: the data cannot answer, whatever the cause.
     """
     begun = time.perf_counter()
-    return findings_of(examine(recording, seed, reliability, progress), seed, progress, begun)
+    examined = examine(recording, seed, reliability, progress, material)
+    return findings_of(examined, seed, progress, begun)
 
 
 class Examined(NamedTuple):
@@ -133,11 +138,15 @@ class Examined(NamedTuple):
 
 
 def examine(
-    recording: Recording, seed: int, reliability: Reliability | None, progress: Progress
+    recording: Recording,
+    seed: int,
+    reliability: Reliability | None,
+    progress: Progress,
+    material: Material | None = None,
 ) -> Examined:
     """Analysis of a recording on its own; arguments and errors are those of `diagnose`."""
     progress("noise and blocks")
-    prepared = prepare(recording, seed)
+    prepared = prepare(recording, seed, material)
     progress("effects and their evidence")
     known = reliability or _shipped(prepared)
     weighed, outliers = _without_outliers(prepared, weigh(prepared, known, seed), known, seed)
@@ -197,6 +206,10 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
         seconds=time.perf_counter() - begun,
         set90=answer.set90(verdict, probabilities, known),
+        minor=beside_claims.minor(analysis, verdict, spread),
+        fitted=beside_claims.fitted(analysis, verdict, spread),
+        scale=answer.scales(prepared),
+        familiar=" ".join(_learnt(known)) or FAMILIAR,
         outliers=[o.entry(touch if prepared.touch is None else None) for o in outliers],
         notes=(
             *of_data,

@@ -37,6 +37,7 @@ from wrenchbed.diagnosis.explain.joint import (
 from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import AT_ONCE, MINOR, NEGLIGIBLE, Analysis, Ranking
 from wrenchbed.diagnosis.next.isolability import listed
+from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.workers import one_thread
 
@@ -53,6 +54,7 @@ def diagnose_several(
     *,
     seed: int = 0,
     reliability: Reliability | None = None,
+    material: Material | None = None,
     progress: Progress = lambda _: None,
 ) -> Findings:
     """Diagnosis of one robot from several recordings: where, which, how far, and what next.
@@ -64,6 +66,7 @@ def diagnose_several(
         recordings: two or more, with tool, payload, temperature and poses alike or not.
         seed: of the split into blocks and of all permutations.
         reliability: how often claims are right; the one that comes with the package if None.
+        material: residual that counts as a gap of 1; one row's noise if None.
         progress: called with the step that begins.
 
     Raises:
@@ -74,7 +77,7 @@ def diagnose_several(
     names = [named(r) for r in recordings]
 
     def examined(r: Recording) -> Examined:
-        return examine(r, seed, reliability, lambda step: progress(f"{named(r)}: {step}"))
+        return examine(r, seed, reliability, lambda step: progress(f"{named(r)}: {step}"), material)
 
     each = [examined(r) for r in recordings]
     progress("all recordings together")

@@ -1,8 +1,9 @@
 """The words of a diagnosis, for page, terminal and rerun: what wrenches and joint efforts share."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.gap.result import Diagnosis
@@ -90,9 +91,11 @@ class Answer(ABC):
     @property
     def measure(self) -> str:
         """What a gap is, and what the calibrated simulator has."""
+        own = all(s.material == s.noise for s in self.d.scale.values())
+        unit, noise = ("the noise of one row", "that") if own else ("what counts", "one row's")
         return (
-            "gap: mean square of measured minus simulated in units of the noise of one row, minus "
-            f"that noise; calibrated: {self.fitted}"
+            f"gap: mean square of measured minus simulated in units of {unit}, minus {noise} "
+            f"noise; calibrated: {self.fitted}"
         )
 
     @property
@@ -125,6 +128,30 @@ class Answer(ABC):
     def blind(self) -> tuple[str, ...]:
         """Sentences on what the recording could not have shown."""
         return sentences(self.d.blind)
+
+    @abstractmethod
+    def claimed(self, entry: Mapping[str, Any]) -> Claim:
+        """The words of an entry of ``minor``."""
+
+    @property
+    def minor(self) -> list[str]:
+        """Sentences on what was detected and is too small to count."""
+        return [
+            f"{self.claimed(e).sentence} Gap {numbers.gap(float(e['gap']))}, probability "
+            f"{numbers.chance(float(e['probability']))}."
+            for e in self.d.minor
+        ]
+
+    @property
+    def fitted_load(self) -> list[str]:
+        """That a load was fitted, in a sentence; none where no fit takes one up."""
+        for number in self.d.fitted:
+            if number["name"] == "tool.mass":
+                value = numbers.quantity("mass", number)
+                known = number["stated"]
+                told = "none is stated" if known is None else f"{known:.4g} kg is stated"
+                return [f"a load of {value} was fitted; {told}"]
+        return []
 
     @property
     def black_box(self) -> str:

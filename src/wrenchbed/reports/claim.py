@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from wrenchbed import registry
+from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.base import Effect
 from wrenchbed.pages import numbers
@@ -127,7 +128,7 @@ def claim(
         against=name in STATED,
         probability=numbers.chance(float(entry["probability"])),
         closed="–" if closed is None else f"{numbers.percent(float(closed))} %",
-        rivals=tuple([(str(r), title(str(r))) for r in entry["rivals"]] if rivals is None
+        rivals=tuple([(n, title(n)) for n in named_by(entry)[1:]] if rivals is None
                      else rivals),
     )  # fmt: skip
 

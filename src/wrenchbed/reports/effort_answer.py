@@ -1,7 +1,8 @@
 """The words of a diagnosis of joint efforts."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 from wrenchbed.diagnosis.efforts.answer import place as place_of
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
@@ -28,6 +29,7 @@ class EffortAnswer(Answer):
     def __init__(self, findings: EffortFindings) -> None:
         super().__init__(findings.diagnosis)
         self.findings = findings
+        self.notes = [*self.notes, *self.fitted_load]
         alone = findings.d.scene.wrench is None
         self.channels = "joint efforts" if alone else "joint efforts and wrench"
 
@@ -43,6 +45,11 @@ class EffortAnswer(Answer):
             rivals = [(k[0] if k[0] != effect else place_of(k)[1], title(*k)) for k in cause.rivals]
             claims.append(claim(entry, title(*cause.key), rivals))
         return claims
+
+    def claimed(self, entry: Mapping[str, Any]) -> Claim:
+        return claim(
+            entry, title(entry["effect"], entry["parameters"].get("joint", {}).get("value"))
+        )
 
     @property
     def no_claim(self) -> str:

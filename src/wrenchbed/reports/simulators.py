@@ -55,7 +55,7 @@ class Evidence:
         self.findings, self.prepared, self.twin = findings, a.prepared, findings.diagnosis.twin
         p = a.prepared
         self.ids = np.arange(len(p.y)) if p.moving or p.averaged else pose_numbers(p)
-        self.std = np.sqrt(np.diagonal(p.covariance))
+        self.std = p.row_sigma
         wrong_only = gap.with_effects is not None and not self.twin.active
         self.first = "as configured" if wrong_only else "calibrated"
         self.start = Twin(p.model, p.theta) if wrong_only else calibrated(a)

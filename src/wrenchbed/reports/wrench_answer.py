@@ -1,10 +1,12 @@
 """The words of a diagnosis of a wrench."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Any
 
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, small
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import Answer
@@ -41,7 +43,7 @@ class WrenchAnswer(Answer):
         self.findings = findings
         self.row_effects = frozenset(r.effect for r in findings.rows)
         self.row_sentences = [r.sentence for r in findings.rows]
-        self.notes = [*self.row_sentences, *self.notes_besides_rows]
+        self.notes = [*self.row_sentences, *self.notes_besides_rows, *self.fitted_load]
         self._kernel = findings.analysis.ranking.kernel
         self.variable = _KERNELS.get(self._kernel, self._kernel)
 
@@ -59,6 +61,9 @@ class WrenchAnswer(Answer):
     def causes(self) -> Sequence[Claim]:
         return [claim(w) for w in self.d.which]
 
+    def claimed(self, entry: Mapping[str, Any]) -> Claim:
+        return claim(entry)
+
     @property
     def only_rows(self) -> bool:
         """Whether all claimed causes show between rows only."""
@@ -71,7 +76,9 @@ class WrenchAnswer(Answer):
             text = "No cause found: the residual is within normal imperfections"
             effects = "1 effect" if count == 1 else f"{count} effects"
             blind = f"; {effects} could not be seen, or not in every joint or channel"
-            return f"{text}{blind if count else ''}."
+            small = ", ".join(str(e["effect"]) for e in self.d.minor)
+            seen = f"; detected, but below what counts: {small}" if small else ""
+            return f"{text}{seen}{blind if count else ''}."
         if self._crowd:
             return "Too many effects explain the gap equally well."
         varies = f": it varies with {self.variable}" if self._varies else ""
@@ -95,7 +102,7 @@ class WrenchAnswer(Answer):
             return self._hint
         phrases = []
         for w in self.d.which:
-            others = (str(n).split(".")[0] for n in w["rivals"])
+            others = (n.split(".")[0] for n in named_by(w)[1:])
             phrases.append(
                 " or ".join(f"in {_the(n)}" for n in dict.fromkeys((place_of(w), *others)))
             )

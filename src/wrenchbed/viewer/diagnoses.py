@@ -9,6 +9,7 @@ import numpy as np
 import rerun as rr
 
 from wrenchbed.diagnosis.diagnose import Findings
+from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.pages import numbers
 from wrenchbed.pages.provenance import markdown, provenance
 from wrenchbed.reports.claim import Claim, joints, joints_or
@@ -32,7 +33,7 @@ def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
     shares: dict[str, float] = {}
     known = diagnosis["probabilities"]
     for cause in diagnosis["which"]:
-        names = [cause["effect"], *cause["rivals"]]
+        names = named_by(cause)
         weights = [max(float(known.get(n, 0.0)), 1e-9) for n in names]
         for name, weight in zip(names, weights, strict=True):
             share = float(cause["probability"]) * weight / sum(weights)
@@ -127,6 +128,8 @@ def answers(findings: Findings, shares: Mapping[str, float], command: str = "") 
     if shares:
         colours = ", ".join(f"{part} {numbers.chance(p)}" for part, p in shares.items())
         rows += ["", f"Painted by probability: {colours}. Grey: not named."]
+    if words.minor:
+        rows += ["", "**Detected, below what counts**", "", *(f"- {x}" for x in words.minor)]
     if d.cannot_tell:
         rows += ["", "**What this recording cannot tell**", "", *(f"- {x}" for x in d.cannot_tell)]
     rows += ["", "**What to do next**", "", *(f"- {step}" for step in words.steps)]

@@ -10,6 +10,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark.efforts import case
 from wrenchbed.benchmark.efforts.case import EffortTruth, name_of
 from wrenchbed.benchmark.scoring.case_rows import Claim
+from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.errors import ParameterError, WrenchbedError
 from wrenchbed.files import write_text
 from wrenchbed.robots.base import SimulatedRobot
@@ -81,7 +82,7 @@ def _class(entry: Mapping[str, Any]) -> tuple[str, ...]:
         at = joint if isinstance(joint, int) else joint["value"]
         others = [] if isinstance(joint, int) else joint.get("rivals", [])
         joints = [int(at), *(int(j) for j in others)]
-    effects = [str(e) for e in (entry["effect"], *entry.get("rivals", []))]
+    effects = list(named_by(entry))
     if len(effects) > MOST:
         raise ValueError(f"the class of {effects[0]} has more than {MOST} members")
     return tuple(_named(e, j) for e in effects for j in joints)

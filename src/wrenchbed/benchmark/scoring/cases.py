@@ -28,6 +28,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import Findings, diagnose, weigh
 from wrenchbed.diagnosis.explain import reliability
 from wrenchbed.diagnosis.explain.reliability import Reliability, learnt, of_package, revision
+from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered
 from wrenchbed.errors import DiagnosisError, ParameterError
 from wrenchbed.jobs.parts import Journal, Row
@@ -179,7 +180,7 @@ def _with_findings(row: CaseRow, case: LookalikeCase, findings: Findings) -> Cas
 def claim_of(findings: Findings) -> Claim:
     """Diagnosis as a claim, the form that all methods share."""
     diagnosis = findings.diagnosis
-    causes = tuple((w["effect"], *w["rivals"]) for w in diagnosis.which)
+    causes = tuple(named_by(w) for w in diagnosis.which)
     presence = tuple(float(w["probability"]) for w in diagnosis.which)
     return Claim(diagnosis.verdict, causes, dict(diagnosis.probabilities), presence)
 

@@ -18,6 +18,7 @@ from wrenchbed.benchmark.scoring.metrics import METRICS, Metric, share
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import MOST, Answer, Fact, Oracle
 from wrenchbed.benchmark.sealed.run import CLAIM, RESERVED, RUN
+from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.errors import BenchmarkError
 from wrenchbed.files.checked import is_number, load
 
@@ -122,7 +123,7 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> EntrantClaim:
     which = raw["which"]
     if bool(which) != (verdict in ("identified", "ambiguous", "partial")):
         raise ValueError(f"verdict {verdict!r} with {len(which)} causes")
-    causes = tuple((str(w["effect"]), *map(str, w.get("rivals", ()))) for w in which)
+    causes = tuple(named_by(w) for w in which)
     presence = tuple(_probability(w["probability"]) for w in which)
     odds = {str(k): _probability(v) for k, v in raw["probabilities"].items()}
     crowded = [c for c in (*causes, *(k.split("|") for k in odds)) if len(c) > MOST]

@@ -42,7 +42,7 @@ def find_tool_vibration(prepared: Prepared) -> tuple[RowFinding, ...]:
         for x in (rough[:, :3], shaken)
     )
     slope, share, std = _follows(force, moved)
-    sigma = prepared.sigma
+    sigma = prepared.row_sigma
     rise = rough.var(axis=0) / sigma**2 - 1.0
     k = int(rise.argmax())
     if rise[k] < COUNTS or slope >= 0.0 or share < FOLLOWS:

@@ -9,8 +9,11 @@ from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.names import title
 from wrenchbed.diagnosis.efforts.signs import Sign
 from wrenchbed.diagnosis.efforts.sizes import Folds, parameters
-from wrenchbed.diagnosis.efforts.verdict import Cause, Key, Verdict
+from wrenchbed.diagnosis.efforts.twin_fit import TwinFit
+from wrenchbed.diagnosis.efforts.verdict import COUNTS, Cause, Key, Verdict, Weighed
+from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.gap.closure import Closure
+from wrenchbed.diagnosis.gap.result import DETECTED, Scale, cause, families
 from wrenchbed.physics.wrench import UNITS
 
 _NEXT: Mapping[str, str] = {
@@ -33,6 +36,8 @@ _NEXT: Mapping[str, str] = {
     "base.tilt": "put a level on the base, or record with joint 1 in several directions",
 }
 """A recording or a look that separates a cause from its usual rivals."""
+_UNITS = {"coulomb": "N·m", "viscous": "N·m·s/rad", "offset": "N·m", "inertia": "kg·m²"}
+"""Units of the values that every drive has, of hinges."""
 
 
 def place(key: Key) -> tuple[str, str]:
@@ -56,14 +61,98 @@ def which(d: Dictionary, v: Verdict, gap: Closure) -> list[dict[str, Any]]:
         same = [k[1] for k in c.rivals if k[0] == c.key[0] and k[1] is not None]
         if same and "joint" in numbers:
             numbers["joint"] = {"value": c.key[1], "rivals": same}
-        names = dict.fromkeys(k[0] for k in c.rivals if k[0] != c.key[0])
         elements = [place(k)[1] for k in (c.key, *c.rivals) if k[0] == c.key[0]]
+        others = [x.block for x in v.causes if x is not c]
+        entry = cause(c.key[0], c.probability, numbers, _rivals(d, c, others), closed * c.share,
+                      elements)  # fmt: skip
+        result.append(entry | {"channels": families(gap)})
+    return result
+
+
+def _rivals(d: Dictionary, c: Cause, beside: Sequence[int]) -> list[dict[str, Any]]:
+    """Entries of ``rivals``, by effect: each with the parameters of its likeliest joint, as they
+    come out with it in the cause's place."""
+    found: dict[str, list[tuple[Key, float]]] = {}
+    for key, share in zip(c.rivals, c.shares[1:], strict=True):
+        if key[0] != c.key[0]:
+            found.setdefault(key[0], []).append((key, share))
+    result = []
+    for effect, keys in found.items():
+        block = next(k for k, b in enumerate(d.blocks) if b.key == keys[0][0])
+        folds = Folds.of(d, tuple(sorted((*beside, block))))
         result.append({
-            "effect": c.key[0], "elements": elements, "combination": None,
-            "probability": c.probability, "rivals": list(names),
-            "parameters": numbers, "closed_share": closed * c.share,
+            "effect": effect, "elements": [place(key)[1] for key, _ in keys],
+            "probability": c.probability * sum(share for _, share in keys),
+            "parameters": parameters(d, folds, block),
         })  # fmt: skip
     return result
+
+
+def minor(d: Dictionary, w: Weighed, v: Verdict) -> list[dict[str, Any]]:
+    """Entries of ``minor``: causes that are there and add less than what counts."""
+    present: dict[int, float] = {}
+    gaps: dict[int, float] = {}
+    for _, p, added in w.structures:
+        for block, gap in added.items():
+            if gap < COUNTS and not d.blocks[block].outside:
+                present[block] = present.get(block, 0.0) + p
+                gaps.setdefault(block, gap)
+    claimed = {key for c in v.causes for key in (c.key, *c.rivals)}
+    result = []
+    for block, p in present.items():
+        key = d.blocks[block].key
+        if v.word != UNKNOWN and p >= DETECTED and key not in claimed:
+            folds = Folds.of(d, tuple(sorted((*(c.block for c in v.causes), block))))
+            entry = cause(
+                key[0], min(p, 1.0), parameters(d, folds, block), elements=[place(key)[1]]
+            )
+            del entry["closed_share"]
+            result.append(entry | {"gap": gaps[block]})
+    return sorted(result, key=lambda entry: -entry["gap"])
+
+
+def fitted(d: Dictionary, fit: TwinFit) -> list[dict[str, Any]]:
+    """Entries of ``fitted``: friction, drive constants and tool, as far as nobody states them."""
+    scene, std = d.scene, np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
+    tool = scene.model.robot.tool(scene.theta)
+    mass, cog = float(tool.mass), np.asarray(tool.cog, dtype=float)
+    result = []
+    for column, spread in zip(fit.used, std, strict=True):
+        kind, _, which = d.names[column].partition(".")
+        value = float(fit.x[column])
+        if not d.free[column]:
+            continue
+        if kind == "tool":
+            name, unit = f"tool.{which}", "kg" if which == "mass" else "m"
+            if unit == "m":  # a moment [kg·m]
+                value, spread = value / mass, spread / mass
+            value += mass if unit == "kg" else float(cog["xyz".index(which[-1])])
+        elif kind in ("coulomb", "viscous", "offset", "inertia"):
+            joint = scene.robot.joints[int(which) - 1]
+            name, unit = f"drive.{kind}.{which}", joint.own(_UNITS[kind])
+            value += _start(d, kind, int(which) - 1)
+        else:
+            continue
+        result.append(
+            {"name": name, "value": value, "std": float(spread), "unit": unit, "stated": None}
+        )
+    return result
+
+
+def _start(d: Dictionary, kind: str, j: int) -> float:
+    """Value of a drive's parameter to which a fit's amplitude adds."""
+    if kind == "inertia":
+        return float(d.scene.inertias.rotor[j])
+    return float(d.scene.levels[("coulomb", "viscous", "offset").index(kind), j])
+
+
+def scales(d: Dictionary, prefix: str) -> dict[str, Scale]:
+    """Noise of a row, and what counts, of each channel."""
+    joints = [joint.own("N·m") for joint in d.scene.robot.joints]
+    names = [f"{prefix}{j + 1}" for j in range(d.scene.joints)]
+    names += d.scene.channels[d.scene.joints :]
+    both = zip(names, d.noise, [*joints, *UNITS], strict=False)
+    return {name: Scale(n.std, n.std, unit) for name, n, unit in both}
 
 
 def where(
@@ -184,12 +273,10 @@ def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]
     at = {n: k for k, n in enumerate(d.names)}
     values: dict[str, float] = {}
     for j in range(d.scene.joints):
-        for kind in ("coulomb", "viscous", "offset", "inertia"):
-            stated = d.scene.drives.of(f"drive.{kind}")[j]
-            if kind == "inertia":
-                stated = float(d.scene.inertias.rotor[j])
+        for kind in _UNITS:
             if f"{kind}.{j + 1}" in at:
-                values[f"drive.{kind}.{j + 1}"] = float(stated + x[at[f"{kind}.{j + 1}"]])
+                amplitude = float(x[at[f"{kind}.{j + 1}"]])
+                values[f"drive.{kind}.{j + 1}"] = _start(d, kind, j) + amplitude
     for entry in entries:
         if entry["effect"] == "drive.hysteresis":  # it slides at the level that friction gained
             figures = entry["parameters"]

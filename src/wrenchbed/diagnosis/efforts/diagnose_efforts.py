@@ -95,7 +95,8 @@ def diagnose_efforts(
     d = dictionary(scene)
     progress("structures and their evidence")
     structures = search(d, seed)
-    verdict = decide(d, weighed(structures))
+    likely = weighed(structures)
+    verdict = decide(d, likely)
     progress("held-out rows")
     seen, final = signs(d), verdict
     while True:  # causes only become fewer
@@ -119,6 +120,9 @@ def diagnose_efforts(
         answer.where(d, final, gap, seen), answer.which(d, final, gap), dict(final.probabilities),
         answer.cannot_tell(final), answer.next_steps(final), twin,
         time.perf_counter() - begun, answer.notes(d, final, gap, seen), set90=final.set90(),
+        minor=answer.minor(d, likely, final), fitted=answer.fitted(d, judged.fit),
+        scale=answer.scales(d, str(recording.effort)),
+        familiar="the probabilities were chosen on simulated arms of six and seven joints",
     )  # fmt: skip
     return EffortFindings(diagnosis, d, structures, final, judged, seed)
 

@@ -48,6 +48,7 @@ class EffortScene:
         signals: kinematics (N, J) and effort, as torques.
         body: torque of the rigid body (N, J) [N·m, of slides N].
         friction: torque of stated friction, or of ordinary friction fitted (N, J) [N·m or N].
+        levels: Coulomb friction, viscous friction and offset behind it (3, J).
         regressor: of the links' inertial parameters (N, J, 10 L).
         drives: what is stated of the drives.
         currents: whether currents were recorded and turned into torques.
@@ -63,6 +64,7 @@ class EffortScene:
     signals: DriveSignals
     body: np.ndarray
     friction: np.ndarray
+    levels: np.ndarray
     regressor: np.ndarray
     drives: Drives
     currents: bool
@@ -174,13 +176,14 @@ def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) 
     y = torque_regressor(robot, theta, signals.q, np.asarray(model.gravity))
     body = y @ inertias.phi.ravel() + rotor_torque(robot, theta, inertias, signals.q)
     scene = EffortScene(
-        recording, robot, model, theta, inertias, signals, body, np.zeros_like(body), y, drives,
-        currents, step,
+        recording, robot, model, theta, inertias, signals, body, np.zeros_like(body),
+        np.zeros((3, body.shape[1])), y, drives, currents, step,
     )  # fmt: skip
     if sensor is not None:
         predicted_wrench = predicted(model, recording, theta, signals.q, np.asarray(model.gravity))
         scene = replace(scene, wrench=(sensor, predicted_wrench))
-    return replace(scene, friction=_friction(scene))
+    friction, levels = _friction(scene)
+    return replace(scene, friction=friction, levels=levels)
 
 
 def _constants(recording: Recording, drives: Drives) -> np.ndarray:
@@ -200,15 +203,18 @@ def _constants(recording: Recording, drives: Drives) -> np.ndarray:
     return np.where(known, drives.of("drive.constant"), constants)
 
 
-def _friction(scene: EffortScene) -> np.ndarray:
-    """Stated friction (N, J); what is not stated is fitted by least squares."""
-    drives, residual, friction = scene.drives, scene.signals.effort - scene.body, []
+def _friction(scene: EffortScene) -> tuple[np.ndarray, np.ndarray]:
+    """Stated friction (N, J) and its levels (3, J); what is not stated is fitted by least
+    squares."""
+    drives, residual = scene.drives, scene.signals.effort - scene.body
+    friction, levels = list[np.ndarray](), list[np.ndarray]()
     for j in range(scene.joints):
         speed = scene.q.d[:, j]
         columns = np.column_stack([direction(speed), speed, np.ones_like(speed)])
         stated = [drives.value[k][j] for k in ("drive.coulomb", "drive.viscous", "drive.offset")]
         if np.isfinite(stated[0]):
-            friction.append(columns @ np.nan_to_num(stated))
+            levels.append(np.nan_to_num(stated))
         else:
-            friction.append(columns @ np.linalg.lstsq(columns, residual[:, j], rcond=None)[0])
-    return np.stack(friction, axis=-1)
+            levels.append(np.linalg.lstsq(columns, residual[:, j], rcond=None)[0])
+        friction.append(columns @ levels[-1])
+    return np.stack(friction, axis=-1), np.stack(levels, axis=-1)

@@ -64,6 +64,7 @@ class Cause:
         rivals: causes that may be present instead, likeliest first.
         probability: that the cause or one of its rivals is present.
         share: of the gap that it adds.
+        weights: of the cause and each rival in that probability; alike where there are none.
     """
 
     block: int
@@ -71,6 +72,13 @@ class Cause:
     rivals: tuple[Key, ...]
     probability: float
     share: float
+    weights: tuple[float, ...] = ()
+
+    @property
+    def shares(self) -> tuple[float, ...]:
+        """Share of the cause and of each rival in the probability."""
+        each = self.weights or (1.0,) * (1 + len(self.rivals))
+        return tuple(p / sum(each) for p in each)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +202,8 @@ def _causes(d: Dictionary, w: Weighed, mass: Mapping[Structure, float]) -> tuple
         rivals = sorted((k for k, p in instead.items() if p >= _RIVAL * present),
                         key=lambda k: -instead[k])[:_MOST_RIVALS]  # fmt: skip
         any_of = sum(p for keys, p in keyed.items() if keys & {key, *rivals})
-        causes.append(Cause(b, key, tuple(rivals), min(any_of, 1.0), gap / total))
+        each = [present, *(instead[k] for k in rivals)]
+        causes.append(Cause(b, key, tuple(rivals), min(any_of, 1.0), gap / total, tuple(each)))
     return tuple(causes)
 
 
@@ -295,7 +304,9 @@ def _beside(first: Cause, other: Cause) -> Cause:
     known = (first.key, *first.rivals)
     more = [k for k in (other.key, *other.rivals) if k not in known]
     rivals = (*first.rivals, *more)[:_MOST_RIVALS]
-    return replace(first, rivals=rivals, probability=max(first.probability, other.probability))
+    each = [*first.shares, *(min(first.shares) for _ in more)][: 1 + len(rivals)]
+    probability = max(first.probability, other.probability)
+    return replace(first, rivals=rivals, probability=probability, weights=tuple(each))
 
 
 def _closed(gap: Closure, cause: Cause) -> float:

@@ -372,6 +372,8 @@ class Analysis:
         searcher: dictionary and background of the design.
         refitter: of this recording's readings.
         ranking: explanations, best first.
+        at_baseline: of the same readings, with slopes at the calibrated tool; those of ``refitter``
+            are at the tool that the best explanation leaves.
         others: of further recordings of the robot that the ranking explains too.
     """
 
@@ -380,6 +382,7 @@ class Analysis:
     searcher: Searcher
     refitter: Refitter
     ranking: Ranking
+    at_baseline: Refitter
     others: tuple["Analysis", ...] = ()
 
     @property
@@ -389,7 +392,7 @@ class Analysis:
     @property
     def calibrated(self) -> np.ndarray:
         """Whitened residual (R, 6) after bias, mass and CoG."""
-        return self.dictionary.without_stated(self.refitter.y).reshape(-1, 6)
+        return self.at_baseline.d.without_stated(self.at_baseline.y).reshape(-1, 6)
 
 
 def analyse(prepared: Prepared) -> Analysis:
@@ -404,7 +407,8 @@ def analyse(prepared: Prepared) -> Analysis:
         beside = corrected(result.refitter, best, prepared.configuration)
         if _moves(result.ranking, result.dictionary.prepared, beside) < LINEAR:
             break
-        result = _ranked(prepared, coarse, baseline, baseline.at(prepared.configuration, beside))
+        again = _ranked(prepared, coarse, baseline, baseline.at(prepared.configuration, beside))
+        result = replace(again, at_baseline=result.at_baseline)
     return result
 
 
@@ -414,7 +418,7 @@ def _ranked(prepared: Prepared, coarse: Prepared, baseline: Baseline, at: Baseli
     odds = {} if t is None else {TILT: t.log_bayes}
     searcher = Searcher(build(coarse, at.robot_theta, baseline.tolerance), odds)
     refitter = Refitter(searcher, case(searcher.d, coarse, at))
-    return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter))
+    return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter), refitter)
 
 
 def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:

@@ -75,17 +75,21 @@ def complete(explanation: Explanation) -> bool:
     return explanation.rest <= allowed(explanation)
 
 
-def decide(ranking: Ranking) -> Verdict:
-    """Verdict of a ranking: which causes may be claimed, with their probabilities."""
-    ranked = ranking.explanations
-    best = ranked[0]
-    unknown = ranking.unknown
+def weights(ranking: Ranking) -> np.ndarray:
+    """Probability of something unknown, then of each explanation (1 + E,)."""
+    best, unknown = ranking.explanations[0], ranking.unknown
     if ranking.gap < CLAIMABLE:  # normal imperfections, whatever they look like
         unknown = -np.inf
     elif not complete(best):
         unknown = float(np.logaddexp(unknown, max(ranking.mixed, best.log_posterior + 3.0)))
-    logs = np.array([unknown, *(e.log_posterior for e in ranked)])
-    weight = np.exp(logs - logsumexp(logs))
+    logs = np.array([unknown, *(e.log_posterior for e in ranking.explanations)])
+    return np.asarray(np.exp(logs - logsumexp(logs)))
+
+
+def decide(ranking: Ranking) -> Verdict:
+    """Verdict of a ranking: which causes may be claimed, with their probabilities."""
+    ranked, weight = ranking.explanations, weights(ranking)
+    best = ranked[0]
     none = float(sum(w for w, e in zip(weight[1:], ranked, strict=True) if not e.parts))
     effects: dict[str, float] = {}
     for w, e in zip(weight[1:], ranked, strict=True):

@@ -27,8 +27,11 @@ class HeldOut:
         self.block = prepared.block[keep]
         scatter = prepared.scatter
         white = np.einsum("ij,hjk,ik->h", self._root, scatter, self._root)
-        self.noise = white[keep] / 6 - 1.0
-        self.channel_noise = np.einsum("hii->hi", scatter)[keep] / prepared.sigma**2 - 1.0
+        of_row = prepared.covariance if prepared.row is None else prepared.row
+        self._of_row = float(np.trace(self._root @ of_row @ self._root.T)) / 6
+        self.noise = white[keep] / 6 - self._of_row
+        scattered = np.einsum("hii->hi", scatter)[keep] / prepared.sigma**2
+        self.channel_noise = scattered - prepared.row_variance
 
     @property
     def rows(self) -> int:
@@ -60,11 +63,11 @@ class HeldOut:
         if p.moving:
             variance, _ = noise_in_motion(p.residual @ self._root.T, p.scene.period, p.stride)
             fresh = np.count_nonzero(p.count) / len(p.count)  # what repeats hardly scatters
-            return np.full(len(self.y), float(variance.mean()) / fresh - 1.0)
+            return np.full(len(self.y), float(variance.mean()) / fresh - self._of_row)
         if p.averaged:
             return np.asarray(self.noise + float(p.noise.mean()))
         n = np.maximum(self.count, 2)
-        repeated = (self.noise + 1.0) * n / (n - 1) - 1.0
+        repeated = (self.noise + self._of_row) * n / (n - 1) - self._of_row
         return np.asarray(np.where(self.count > 1, repeated, 0.0))
 
 
@@ -95,11 +98,12 @@ class CrossFit:
 
     def calibrated(self, baseline: Twin) -> np.ndarray:
         """Readings (M, 6) of the simulator after bias, mass and CoG were fitted."""
-        a, error = self._a, _errors(self._a.baseline, self._a.refitter)
-        all_rows = a.dictionary.fitted(a.refitter.y)
+        a, whole = self._a, self._a.at_baseline
+        error, all_rows = _errors(a.baseline, whole), whole.d.fitted(whole.y)
         result = baseline.wrench(a.prepared.scene)
         at_all = self._read(a.baseline.configuration, ())
-        for k, refitter in self._fits.items():
+        for k in self._fits:
+            refitter = whole.without(k)
             moved = error + refitter.d.fitted(refitter.y) - all_rows
             configuration = moved_by(refitter, moved, a.prepared.configuration)
             self._add(result, k, self._read(configuration, ()) - at_all)

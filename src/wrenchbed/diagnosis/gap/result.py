@@ -3,16 +3,72 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePath
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from wrenchbed.data.parquet import FORMAT
 from wrenchbed.diagnosis.gap.closure import Closure, Interval
 from wrenchbed.diagnosis.next.blind import BlindSpot
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.files import write_json
+from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.twin.twin import Twin
+
+DETECTED = 0.9
+"""Probability from which an effect is there: of ten such entries nine or more are right."""
+
+
+class Scale(NamedTuple):
+    """Scale of one channel.
+
+    Attributes:
+        noise: standard deviation of a row's noise.
+        material: residual that counts: a gap of 1.
+        unit: of both.
+    """
+
+    noise: float
+    material: float
+    unit: str
+
+
+def named_by(entry: Mapping[str, Any]) -> tuple[str, ...]:
+    """Effect of an entry of ``which``, then its rivals: of format 2, or of 1, which has names."""
+    rivals = (r["effect"] if isinstance(r, Mapping) else r for r in entry.get("rivals", ()))
+    return (str(entry["effect"]), *map(str, rivals))
+
+
+def cause(
+    effect: str, probability: float, parameters: Mapping[str, Any],
+    rivals: Sequence[Mapping[str, Any]] = (), closed_share: float | None = None,
+    elements: Sequence[str] = (),
+) -> dict[str, Any]:  # fmt: skip
+    """An entry of ``which``."""
+    return {
+        "effect": effect,
+        "elements": list(elements),
+        "combination": None,
+        "probability": probability,
+        "rivals": list(rivals),
+        "parameters": parameters,
+        "closed_share": closed_share,
+    }
+
+
+def families(gap: Closure) -> dict[str, float]:
+    """Share of the closed gap by family of channels: ``force``, ``torque``, ``effort``."""
+    closed = dict.fromkeys((family(c) for c in gap.per_channel), 0.0)
+    for channel, gaps in gap.per_channel.items():
+        closed[family(channel)] += max(gaps["before"] - gaps.get("after", gaps["before"]), 0.0)
+    total = sum(closed.values())
+    return {k: v / total if total > 0.0 else 0.0 for k, v in closed.items()}
+
+
+def family(channel: str) -> str:
+    """Family of a channel: ``force`` of fx, ``torque`` of tx, ``effort`` of tau1 and i1."""
+    if channel in CHANNELS:
+        return "force" if channel.startswith("f") else "torque"
+    return "effort"
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +92,10 @@ class Diagnosis:
         between: effects that show between rows only, which the written twin has besides.
         set90: names, `none` and `unknown` among them, that hold the truth in 90 % of cases.
         others: names of further recordings of the robot that took part.
+        minor: detected effects that add less than what counts, as the contract has them.
+        fitted: numbers that the fit takes up whatever is claimed, as the contract has them.
+        scale: of each channel.
+        familiar: whether recordings like this one taught the probabilities, a sentence.
         outliers: poses or stretches that were set aside, as the contract has them.
     """
 
@@ -56,13 +116,17 @@ class Diagnosis:
     outliers: Sequence[Mapping[str, Any]] = ()
     blind: Sequence[BlindSpot] = ()
     others: Sequence[str] = ()
+    minor: Sequence[Mapping[str, Any]] = ()
+    fitted: Sequence[Mapping[str, Any]] = ()
+    scale: Mapping[str, Scale] = field(default_factory=dict)
+    familiar: str = ""
 
     def to_json(self) -> dict[str, Any]:
         """Contents of ``diagnosis.json`` as the contract defines them."""
         g = self.gap
         return plain(
             {
-                "format": FORMAT,
+                "format": 2,
                 "recording": PurePath(self.recording).name,
                 "robot": self.robot,
                 "verdict": self.verdict,
@@ -78,11 +142,17 @@ class Diagnosis:
                     "closed_by_black_box": g.black_box,
                     "held_out_rows": g.rows,
                     "per_channel": {c: dict(v) for c, v in g.per_channel.items()},
+                    "unit": {c: s.noise for c, s in self.scale.items()},
+                    "material": {c: s.material for c, s in self.scale.items()},
+                    "rms": self.rms,
                 },
                 "where": list(self.where),
                 "which": list(self.which),
                 "probabilities": dict(self.probabilities),
                 "cannot_tell": list(self.cannot_tell),
+                "minor": list(self.minor),
+                "fitted": list(self.fitted),
+                "familiar": {"p_value": None, "sentence": self.familiar},
                 "blind": [spot.to_json() for spot in self.blind],
                 "next": list(self.next),
                 "recordings": [PurePath(r).name for r in (self.recording, *self.others)],
@@ -91,6 +161,17 @@ class Diagnosis:
                 "outliers": list(self.outliers),
             }
         )
+
+    @property
+    def rms(self) -> dict[str, dict[str, Any]]:
+        """Residual of each channel beyond its noise, root mean square, ``before`` and ``after`` the
+        claimed effects, in ``unit``."""
+        return {
+            c: {k: s.material * float(np.sqrt(max(v, 0.0))) for k, v in gaps.items()}
+            | {"unit": s.unit}
+            for c, gaps in self.gap.per_channel.items()
+            if (s := self.scale.get(c)) is not None
+        }
 
     def write(self, folder: str | Path) -> None:
         """Write ``diagnosis.json`` and ``twin.json`` to a folder."""

@@ -160,7 +160,7 @@ def autocovariance(prepared: Prepared) -> np.ndarray:
         at = np.abs(lag * s + np.arange(1 - s, s))
         result[lag] = weight @ np.where(at[:, None] < _LAGS * s, rho[at % len(rho)], 0.0) / s**2
     result[0] = np.clip(result[0], 0.5 / s, 1.0)
-    return result
+    return result * prepared.row_variance
 
 
 def _exceeding(ratio: np.ndarray, relative: np.ndarray) -> np.ndarray:

@@ -113,7 +113,7 @@ def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
     given, tool_mass = stated.tool, prepared.configuration.mass
     most = MOST_ROUNDED[0] * tool_mass, MOST_ROUNDED[1]
     default = {
-        bias: BIAS_SIGMAS * prepared.sigma,
+        bias: BIAS_SIGMAS * prepared.row_sigma,
         mass: np.array([max(MASS_SHARE * tool_mass, min(_rounding(given.mass), most[0]))]),
         cog: np.full(3, max(COG_M, min(_rounding(*(given.cog or ())), most[1]))),
     }

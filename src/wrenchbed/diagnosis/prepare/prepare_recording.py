@@ -10,7 +10,14 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import checks, contact, orientations, scenes
 from wrenchbed.diagnosis.prepare.configuration import configured
 from wrenchbed.diagnosis.prepare.noise import correlation_time, noise_in_motion, not_systematic
-from wrenchbed.diagnosis.prepare.prepared import RATES_HZ, Prepared, inner_stride, sensor_of, split
+from wrenchbed.diagnosis.prepare.prepared import (
+    RATES_HZ,
+    Material,
+    Prepared,
+    inner_stride,
+    sensor_of,
+    split,
+)
 from wrenchbed.diagnosis.prepare.repeated_rows import repeats
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.robots.base import Robot
@@ -21,12 +28,13 @@ COUNTS = 0.999
 """Share of the expected wrench's power below the frequency that sets the rate of rows."""
 
 
-def prepare(recording: Recording, seed: int = 0) -> Prepared:
+def prepare(recording: Recording, seed: int = 0, material: Material | None = None) -> Prepared:
     """Check, whiten and split a recording, without rows in which something touches a bare tool.
 
     Args:
         recording: at rest or in motion; of a long motion the middle is taken.
         seed: of the split into blocks.
+        material: residual that counts; one row's noise if None.
 
     Raises:
         DiagnosisError: the data cannot answer, and why.
@@ -35,7 +43,8 @@ def prepare(recording: Recording, seed: int = 0) -> Prepared:
     recording = restored(recording)
     used = scenes.stretch(recording)
     prepared = replace(gathered(used, seed), given=recording)
-    return contact.without_touch(prepared) if prepared.averaged else prepared
+    prepared = contact.without_touch(prepared) if prepared.averaged else prepared
+    return prepared if material is None else prepared.counting(material)
 
 
 def gathered(recording: Recording, seed: int = 0) -> Prepared:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,13 @@ RATES_HZ = (10.0, 25.0)
 """Range of rates to which a motion's rows are averaged before the linear analysis [Hz]."""
 PIECES = 4
 """Parts of an average at least: what happens within them is simulated."""
+
+
+class Material(NamedTuple):
+    """Residual that counts, root mean square: of a force [N] and of a torque [N·m]."""
+
+    force: float
+    torque: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,9 +71,11 @@ class Prepared:
         y: measured (H, 6) [N, N·m]; where a motion's row repeats the one before, an estimate from
             the rows around it.
         count: rows behind each (H,), 0 where it repeats.
-        covariance: of one row (6, 6).
-        noise: variance of an observation over that of a row (6,): below 1 where rows were averaged
-            at rest; in motion of the averages of ``stride`` rows, times that, as they scatter.
+        covariance: of what counts (6, 6): of one row's noise, unless the user says what is
+            material. Its roots are the units of whitened readings, and a gap of 1.
+        noise: variance of an observation over that (6,): of one row's noise below 1 where rows were
+            averaged at rest; in motion of the averages of ``stride`` rows, times that, as they
+            scatter.
         source: where the noise of a row comes from, ``repeats`` or ``stated``.
         block: number of the block of each observation (H,).
         fold: fold of each observation (H,), −1 where it is set aside: then it takes no part.
@@ -77,6 +86,7 @@ class Prepared:
         given: the recording before a long motion was cut, None if it was not.
         noise_note: for people, where rows at rest scatter far beyond the stated noise; else empty.
         held_out: the fold that fits do not see at present, None if they see all.
+        row: covariance of one row's noise (6, 6) where that is not what counts.
     """
 
     recording: Recording
@@ -96,6 +106,7 @@ class Prepared:
     given: Recording | None = None
     held_out: int | None = None
     noise_note: str = ""
+    row: np.ndarray | None = None
 
     @property
     def model(self) -> Model:
@@ -133,11 +144,30 @@ class Prepared:
 
     @cached_property
     def sigma(self) -> np.ndarray:
-        """Standard deviation of a row (6,), the unit of whitened readings, channel by channel.
+        """What counts in each channel (6,), the unit of whitened readings: a row's noise, unless
+        the user says otherwise.
 
         The analysis leaves out how channels scatter together: imperfections do not share it.
         """
         return np.sqrt(np.diagonal(self.covariance))
+
+    @cached_property
+    def row_sigma(self) -> np.ndarray:
+        """Standard deviation of one row's noise (6,) [N, N·m]."""
+        return self.sigma if self.row is None else np.sqrt(np.diagonal(self.row))
+
+    @cached_property
+    def row_variance(self) -> np.ndarray:
+        """Variance of one row's noise over that of what counts (6,)."""
+        return np.asarray((self.row_sigma / self.sigma) ** 2)
+
+    def counting(self, material: Material) -> "Prepared":
+        """The same with gaps in units of what a user calls material."""
+        unit = np.repeat([material.force, material.torque], 3)
+        return replace(
+            self, covariance=np.diag(unit**2), noise=self.noise * (self.row_sigma / unit) ** 2,
+            row=self.covariance if self.row is None else self.row,
+        )  # fmt: skip
 
     @property
     def expected(self) -> np.ndarray:

@@ -1,0 +1,74 @@
+"""What a fit holds beside its claims: effects too small to count, and numbers that it takes up.
+
+Detection is not size. An effect whose presence the evidence leaves no doubt about is reported with
+its value although its gap is below 1, and so are bias, mass and CoG, which every fit leaves free.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.diagnosis.answer import numbers_of
+from wrenchbed.diagnosis.explain.claims import stated
+from wrenchbed.diagnosis.explain.contributions import share
+from wrenchbed.diagnosis.explain.elements import elements
+from wrenchbed.diagnosis.explain.structures import Analysis
+from wrenchbed.diagnosis.explain.verdict import Verdict, weights
+from wrenchbed.diagnosis.gap.result import DETECTED, cause
+from wrenchbed.diagnosis.prepare.configuration import BIAS, LOAD, STATED
+
+
+def minor(a: Analysis, verdict: Verdict, spread: float) -> list[dict[str, Any]]:
+    """Entries of ``minor``: effects that are there, and add less than what counts as a cause.
+
+    Args:
+        a: the analysis.
+        verdict: the claims, of which none is listed again; nothing is listed beside `unknown`.
+        spread: factor on standard uncertainties, see `Reliability`.
+    """
+    if verdict.verdict == "unknown":
+        return []
+    ranked, weight = a.ranking.explanations, weights(a.ranking)[1:]
+    claimed = {n for c in verdict.causes for n in c.names}
+    present: dict[str, float] = {}
+    for w, e in zip(weight, ranked, strict=True):
+        for name in {e.finalist.names[k] for k in e.finalist.effects} - e.names - claimed:
+            present[name] = present.get(name, 0.0) + float(w)
+    result = []
+    for name, probability in present.items():
+        if probability < DETECTED:
+            continue
+        f = next(e.finalist for e in ranked if name in set(e.finalist.names) - e.names)
+        k = f.names.index(name)
+        of = elements(a.refitter, f, k, [name])[name]
+        entry = cause(name, min(probability, 1.0), {}) | numbers_of(a, f, k, of, spread)
+        del entry["closed_share"]
+        result.append(entry | {"gap": share(a.refitter, f, k)})
+    return sorted(result, key=lambda entry: -entry["gap"])
+
+
+def fitted(a: Analysis, verdict: Verdict, spread: float) -> list[dict[str, Any]]:
+    """Entries of ``fitted``: bias, mass and CoG as they come out beside the explanation.
+
+    ``stated`` is null where the metadata state no such number.
+    """
+    d, configuration = a.dictionary, a.prepared.configuration
+    estimate = stated(a.refitter, verdict.explanation.finalist)
+    size = d.size[d.stated]
+    told = a.prepared.recording.metadata.tool
+    start = np.concatenate([np.zeros(6), [configuration.mass], configuration.cog])
+    known = [True] * 6 + [told.mass is not None] + [told.cog is not None] * 3
+    units = ["N"] * 3 + ["N·m"] * 3 + ["kg"] + ["m"] * 3
+    order = np.concatenate([np.flatnonzero(d.of_stated(effect)) for effect in STATED])
+    return [
+        {
+            "name": name,
+            "value": float(value + estimate.mean[k] * size[k]),
+            "std": float(estimate.std[k] * size[k]) * spread,
+            "unit": unit,
+            "stated": float(value) if is_stated else None,
+        }
+        for name, k, value, is_stated, unit in zip(
+            (*BIAS, *LOAD), order, start, known, units, strict=True
+        )
+    ]

@@ -1,0 +1,108 @@
+"""What is there and small is reported with its value; what counts is the user's to say."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from test_elements import poses, simulated
+
+import wrenchbed as wb
+from wrenchbed.diagnosis.gap.result import named_by
+from wrenchbed.diagnosis.prepare.prepared import Material
+
+STIFFNESS = 25_000.0
+"""Stiffness of joint 2 [N·m/rad] that adds a third of what counts to 60 poses of 50 rows."""
+ROWS = 50
+
+
+def averaged(recording):
+    """The mean of each pose as one row, with the noise of a mean."""
+    segment = recording.columns["segment"]
+    at = [np.flatnonzero(segment == k) for k in np.unique(segment)]
+    columns = {
+        name: np.array([x[i[0]] if x.dtype.kind in "biu" else x[i].mean() for i in at])
+        for name, x in recording.columns.items()
+    }
+    sensor = recording.metadata.sensor
+    noise = tuple(np.array(sensor.noise_std) / np.sqrt(ROWS))
+    metadata = replace(recording.metadata, sensor=replace(sensor, noise_std=noise))
+    return replace(recording, columns=columns, metadata=metadata)
+
+
+@pytest.fixture(scope="module")
+def spring(tmp_path_factory):
+    path = tmp_path_factory.mktemp("spring") / "rec.parquet"
+    effect = f"joint.compliance:joint=2,stiffness={STIFFNESS}"
+    return simulated(path, effect, poses(60), 3, ROWS)
+
+
+@pytest.fixture(scope="module")
+def answer(spring):
+    return wb.diagnose(spring).diagnosis.to_json()
+
+
+def stiffness(entry):
+    assert entry["effect"] == "joint.compliance" and entry["elements"] == ["joint 2"]
+    return entry["parameters"]["stiffness"]
+
+
+def test_a_small_cause_is_detected_below_what_counts(answer):
+    assert answer["verdict"] == "none" and answer["format"] == 2
+    (small,) = [m for m in answer["minor"] if m["effect"] == "joint.compliance"]
+    assert small["probability"] > 0.9 and 0.1 < small["gap"] < 0.75
+    value = stiffness(small)
+    assert abs(value["value"] - STIFFNESS) < 3 * value["std"] < 0.5 * STIFFNESS
+
+
+def test_averaging_first_changes_no_answer_where_what_counts_is_stated(spring):
+    material = Material(0.04, 0.001)
+    each = [
+        wb.diagnose(r, material=material).diagnosis.to_json() for r in (spring, averaged(spring))
+    ]
+    raw, mean = ([m for m in a["minor"] if m["effect"] == "joint.compliance"] for a in each)
+    assert each[0]["verdict"] == each[1]["verdict"] == "none"
+    assert raw[0]["gap"] == pytest.approx(mean[0]["gap"], rel=0.05)
+    a, b = stiffness(raw[0]), stiffness(mean[0])
+    assert abs(a["value"] - b["value"]) < 0.2 * a["std"]
+    assert each[0]["gap"]["material"]["fx"] == 0.04
+    assert each[0]["gap"]["calibrated"] == pytest.approx(each[1]["gap"]["calibrated"], abs=0.1)
+
+
+def test_what_counts_decides_whether_it_is_a_cause(spring):
+    answer = wb.diagnose(spring, material=Material(0.01, 3e-4)).diagnosis.to_json()
+    assert answer["verdict"] == "identified"
+    value = stiffness(answer["which"][0])
+    assert abs(value["value"] - STIFFNESS) < 3 * value["std"]
+
+
+def test_every_fit_says_what_it_took_up(spring, answer):
+    fitted = {f["name"]: f for f in answer["fitted"]}
+    assert len(fitted) == 10 and fitted["tool.mass"]["stated"] == spring.metadata.tool.mass
+    assert abs(fitted["tool.mass"]["value"] - 1.35) < 3 * fitted["tool.mass"]["std"]
+    assert fitted["sensor.bias.tz"]["unit"] == "N·m"
+
+
+def test_residuals_are_given_in_newtons(answer):
+    gap = answer["gap"]
+    for channel, rms in gap["rms"].items():
+        square = gap["per_channel"][channel]["before"] * gap["unit"][channel] ** 2
+        assert rms["before"] == pytest.approx(np.sqrt(max(square, 0.0)))
+        assert rms["unit"] == ("N" if channel.startswith("f") else "N·m")
+
+
+def test_rivals_of_both_formats_are_read():
+    old = {"effect": "a", "rivals": ["b", "c"]}
+    new = {"effect": "a", "rivals": [{"effect": "b"}, {"effect": "c"}]}
+    assert named_by(old) == named_by(new) == ("a", "b", "c")
+
+
+@pytest.mark.parametrize("degrees", [2.0, 5.0])
+def test_a_tilt_is_named_whatever_its_size(tmp_path, degrees):
+    """A pull that goes with gravity imitates it, and the tool that beside it comes out differs."""
+    angle = np.deg2rad(degrees)
+    recording = simulated(tmp_path / "r.parquet", f"base.tilt:x={angle}", poses(60), 1, ROWS)
+    answer = wb.diagnose(recording).diagnosis.to_json()
+    tilt = answer["which"][0]
+    assert tilt["effect"] == "base.tilt"
+    x = tilt["parameters"]["x"]
+    assert abs(x["value"] - angle) < 4 * x["std"]
