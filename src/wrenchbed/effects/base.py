@@ -162,12 +162,14 @@ class Residual(NamedTuple):
         value: in units of ``noise``, after bias, mass and CoG (R, 6).
         noise: standard deviation of a row (6,) [N, N·m].
         tangent: change of all readings (M, 6) per typical size of a parameter, shapes given.
+        fitted: orthonormal basis of what the fit of bias, mass and CoG takes (R, 6, k).
     """
 
     rows: np.ndarray
     value: np.ndarray
     noise: np.ndarray
     tangent: Callable[[str, Mapping[str, float]], np.ndarray]
+    fitted: np.ndarray | None = None
 
 
 class Pose(NamedTuple):

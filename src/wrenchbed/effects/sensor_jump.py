@@ -1,9 +1,12 @@
-"""The sensor's zero jumps once."""
+"""The sensor's zero jumps, once or a few times."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from wrenchbed.effects.base import (
     ReadingEffect,
+    Residual,
     Values,
     Variant,
     channel_parameters,
@@ -14,27 +17,48 @@ from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 
 MOMENTS = 24
-"""Largest number of moments at which a search begins; estimate."""
+"""Largest number of moments at which a search for one jump begins; estimate."""
 STEPS = per_channel("step")
+MOST = 3
+"""Largest number of jumps: of more, each has few rows, and a drift is as good."""
+SCANNED = 200
+"""Largest number of moments between which a scan chooses those of several jumps."""
+LEAST_FIRST = 0.1
+"""Share of the squared residual that one jump explains at least where there are several."""
+EXPLAINED = 0.5
+"""Share of what the jumps before it leave that a further one explains at least."""
+
+
+def _named(k: int) -> tuple[str, tuple[str, ...]]:
+    """Parameters of the k-th jump (from 1): its moment, and its steps (6,)."""
+    return ("time", STEPS) if k == 1 else (f"time{k}", per_channel(f"step{k}"))
+
+
+JUMPS = tuple(_named(k) for k in range(1, MOST + 1))
 
 
 class SensorJump(ReadingEffect):
-    """y_i → y_i + s_i from ``time`` [s] on, a moment of the recording's clock.
+    """y_i → y_i + s_i from ``time`` [s] on, a moment of the recording's clock; further jumps have
+    ``step2.fx``, ``time2``, and so on.
 
     Seen in: varied orientations before and after its moment.
     """
 
     name = "sensor.jump"
-    title = "the sensor's zero jumps once"
+    title = "the sensor's zero jumps"
     channelwise = True
     rough = True
     zero_is_convention = True
     shown = "time"
     once = True
-    source = "overload or a slipped bolt, 0.2–5 N: estimate"
-    numbers = (
-        *channel_parameters("step", 0.5, 0.02, "jump of the zero"),
-        Parameter("time", 0.0, "s", 60.0, text="of the jump, as the recording's"),
+    source = "overload, a slipped bolt, or zeroed again, 0.2–5 N: estimate"
+    numbers = tuple(
+        p
+        for time, steps in JUMPS
+        for p in (
+            *channel_parameters(steps[0].partition(".")[0], 0.5, 0.02, "jump of the zero"),
+            Parameter(time, 0.0, "s", 60.0, text="of the jump, as the recording's"),
+        )
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
@@ -52,9 +76,76 @@ class SensorJump(ReadingEffect):
             )
         )
 
+    def scan(self, scene: Scene, residual: Residual) -> tuple[Variant, ...]:
+        """Two jumps or more, where each further one explains half of what those before it leave."""
+        t = scene.t[residual.rows]
+        if residual.fitted is None or len(t) < 2 * (MOST + 1):
+            return ()
+        after = np.unique(np.linspace(1, len(t) - 1, min(SCANNED, len(t) - 1)).astype(int))
+        first = _explained(residual.value, residual.fitted, after)
+        if first.max() < LEAST_FIRST * float((residual.value**2).sum()):
+            return ()
+        rows, chosen = [int(after[int(first.argmax())])], list[int]()
+        energy = float((residual.value**2).sum() - first.max())
+        for _ in range(MOST - 1):
+            rows, left = _placed(residual.value, residual.fitted, after, rows)
+            if left < EXPLAINED * energy:
+                chosen = rows
+            energy = left
+        if not chosen:
+            return ()
+        at = {JUMPS[k][0]: float(t[i - 1] + t[i]) / 2.0 for k, i in enumerate(sorted(chosen))}
+        free = tuple(name for _, steps in JUMPS[: len(chosen)] for name in steps)
+        return (Variant(f"{len(chosen)} times, all channels", free, at, tuple(at)),)
+
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
-        after = scene.t >= p["time"]
-        return reading + after[:, None] * vector(p, STEPS)
+        for time, steps in JUMPS:
+            if any(p[name] for name in steps):
+                reading = reading + (scene.t >= p[time])[:, None] * vector(p, steps)
+        return reading
+
+
+def _placed(
+    value: np.ndarray, fitted: np.ndarray, after: np.ndarray, chosen: Sequence[int]
+) -> tuple[list[int], float]:
+    """First rows after some jumps and one more, each again at its best place beside the others;
+    and the squared residual that they leave."""
+    rows, left = [*chosen, 0], np.inf
+    for k in [len(chosen), *range(len(chosen)), len(chosen)]:
+        rest, basis = value, fitted
+        for other in (row for i, row in enumerate(rows) if i != k and row):
+            rest, basis = _without(rest, basis, other)
+        gains = _explained(rest, basis, after)
+        rows[k] = int(after[int(gains.argmax())])
+        left = float((rest**2).sum() - gains.max())
+    return rows, left
+
+
+def _explained(rest: np.ndarray, basis: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Squared residual (M,) that a jump at each of M rows explains beside a basis.
+
+    Args:
+        rest: residual (R, 6), which the basis has nothing of.
+        basis: orthonormal columns (R, 6, k).
+        after: first row after each jump (M,).
+    """
+    inside = np.cumsum(basis[::-1], axis=0)[::-1][after]  # (M, 6, k)
+    along = np.cumsum(rest[::-1], axis=0)[::-1][after]  # (M, 6)
+    count = (len(rest) - after)[:, None, None] * np.eye(6)
+    normal = count - inside @ np.swapaxes(inside, 1, 2) + 1e-9 * count
+    return np.asarray(
+        np.einsum("mi,mi->m", along, np.linalg.solve(normal, along[..., None])[..., 0])
+    )
+
+
+def _without(rest: np.ndarray, basis: np.ndarray, row: int) -> tuple[np.ndarray, np.ndarray]:
+    """Residual (R, 6) without a jump at a row, and the basis (R, 6, k + 6) with that jump."""
+    step = np.zeros((*rest.shape, 6))
+    step[row:] = np.eye(6)
+    known, step = basis.reshape(rest.size, -1), step.reshape(rest.size, 6)
+    more = np.linalg.qr(step - known @ (known.T @ step))[0]
+    left = rest.ravel() - more @ (more.T @ rest.ravel())
+    return left.reshape(rest.shape), np.column_stack([known, more]).reshape(*rest.shape, -1)
 
 
 EFFECT = SensorJump()

@@ -388,6 +388,7 @@ class FittedResidual:
         ]
         basis = np.linalg.qr(np.stack([c.ravel() for c in stated], axis=1))[0]
         self._value = (measured - basis @ (basis.T @ measured)).reshape(-1, 6)
+        self._fitted = basis.reshape(len(self._value), 6, -1)
 
     def suggests(self, effect: Effect) -> tuple[Variant, ...]:
         """Variants that a scan of the residual suggests."""
@@ -396,4 +397,5 @@ class FittedResidual:
         def tangent(name: str, at: Mapping[str, float]) -> np.ndarray:
             return self.response.tangent(effect, known[name], Variant(effect.name, (name,), at))
 
-        return effect.scan(self.scene, Residual(self._rows, self._value, self._noise, tangent))
+        residual = Residual(self._rows, self._value, self._noise, tangent, self._fitted)
+        return effect.scan(self.scene, residual)
