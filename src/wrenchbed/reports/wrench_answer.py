@@ -44,7 +44,8 @@ class WrenchAnswer(Answer):
         self.row_effects = frozenset(r.effect for r in findings.rows)
         self.row_sentences = [r.sentence for r in findings.rows]
         self.notes = [*self.row_sentences, *self.notes_besides_rows, *self.fitted_load]
-        self._kernel = findings.analysis.ranking.kernel
+        local = [f.variable for f in findings.places if f.seen and " between " in f.variable]
+        self._kernel = local[0] if local else findings.analysis.ranking.kernel
         self.variable = _KERNELS.get(self._kernel, self._kernel)
 
     @property

@@ -62,6 +62,8 @@ LINEAR = 0.01
 were taken: half of the smallest background of every robot, the first of `LADDER`."""
 LEAST_LOAD = 1.0
 """Least variance of a channel's load, in noise variances of a row, over which a change counts."""
+UNEXPLAINED = 0.1
+"""Share of the gap that the best cause may leave for its tool to be taken for the true one."""
 _PASSES = 2
 """Times that slopes are taken again: the error falls by the cause's relative size each time."""
 MOST = 3
@@ -403,8 +405,10 @@ def analyse(prepared: Prepared) -> Analysis:
     baseline = calibrate(coarse)
     result = _ranked(prepared, coarse, baseline, baseline)
     for _ in range(_PASSES):
-        best = result.ranking.explanations[0].finalist
-        beside = corrected(result.refitter, best, prepared.configuration)
+        best, gap = result.ranking.explanations[0], result.ranking.gap
+        if best.rest > UNEXPLAINED * gap:  # its tool is not the true one either
+            break
+        beside = corrected(result.refitter, best.finalist, prepared.configuration)
         if _moves(result.ranking, result.dictionary.prepared, beside) < LINEAR:
             break
         again = _ranked(prepared, coarse, baseline, baseline.at(prepared.configuration, beside))

@@ -8,7 +8,7 @@ freedom of an energy (Satterthwaite 1946, doi 10.2307/3002019), whatever the tai
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from scipy.special import chdtrc
 
 from wrenchbed.diagnosis.gap.dependence import family_wise, partitions, shares
+from wrenchbed.diagnosis.gap.locality import locality
 from wrenchbed.diagnosis.prepare.noise import HANN
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.physics.wrench import CHANNELS, UNITS
@@ -222,7 +223,11 @@ def locate(
     findings = _channels(prepared, residual, covariance, splits)
     if prepared.moving:
         findings += _bands(prepared, residual, covariance, splits)
-    findings += _variables(prepared, residual, covariance, permutations, seed, splits)
+    varying = _variables(prepared, residual, covariance, permutations, seed, splits)
+    local = _local(prepared, residual, covariance, permutations, seed, splits)
+    if local:  # what varies elsewhere shares the rest
+        varying = [replace(f, share=f.share * (1.0 - local[0].share)) for f in varying]
+    findings += [*local, *varying]
     return tuple(sorted(findings, key=lambda f: (not f.seen, -f.share, f.p_value)))
 
 
@@ -304,6 +309,23 @@ def _variables(
     split = shares(parts, residual, p_value < SEEN, gap) if gap > 0 else np.zeros(len(p_value))
     both = zip(parts.names, split, p_value, strict=True)
     return [Finding(n, float(s), float(p), _sentence(n, float(s), float(p))) for n, s, p in both]
+
+
+def _local(
+    prepared: Prepared, residual: np.ndarray, covariance: np.ndarray, permutations: int, seed: int,
+    splits: int,
+) -> list[Finding]:  # fmt: skip
+    """A narrow range of one joint in which the residual lies, if that is seen."""
+    local = locality(prepared, residual, covariance[0], permutations, seed)
+    if local is None or local.p_value * splits >= SEEN:
+        return []
+    turns = prepared.robot.joints[local.joint - 1].unit == "rad"
+    scale, unit = (180.0 / np.pi, "°") if turns else (1e3, " mm")
+    low, high = (f"{scale * x:.1f}".replace("-", "−") for x in (local.low, local.high))
+    text = f"{100 * local.share:.0f} % of the residual lies where joint {local.joint} is between "
+    text += f"{low} and {high}{unit}: in {100 * local.rows:.2g} % of the rows."
+    name = f"joint {local.joint} between {low} and {high}{unit}"
+    return [Finding(name, local.share, local.p_value * splits, text)]
 
 
 def _sentence(name: str, share: float, p_value: float) -> str:
