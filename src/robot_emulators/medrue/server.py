@@ -24,6 +24,7 @@ from robot_emulators.base.arguments import (
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.real_time import CycleThread
 from robot_emulators.can_bus.hub import Hub
+from robot_emulators.can_bus.socketcand import Frame
 from robot_emulators.canopen.dictionary import Key
 from robot_emulators.medrue.board import BoardEmulator
 from robot_emulators.medrue.drive import DriveEmulator
@@ -151,7 +152,7 @@ class MedrueEmulator(Emulator):
         self.plant = RealTimePlant(body, counts, lock, self.fail)
         self.drives: list[DriveEmulator] = []
         for j, node in enumerate(setting.nodes):
-            send = hub.attach(lambda t, frame, j=j: self.drives[j].hear(t, frame))
+            send = hub.attach(partial(self._heard_by, j))
             values, position = self._rated(body.arm, j, counts[j]), body.q[j] * counts[j]
             self.drives.append(DriveEmulator(node, send, values, position, setting.watchdog, lock))
         self.plant.drives = self.drives
@@ -174,6 +175,9 @@ class MedrueEmulator(Emulator):
     def stop(self) -> None:
         self.plant.stop()
         self.hub.stop()
+
+    def _heard_by(self, j: int, t: float, frame: Frame) -> None:
+        self.drives[j].hear(t, frame)
 
     def _rated(self, arm: Arm, j: int, counts: float) -> dict[Key, int]:
         """Limits and ratings of axis ``j`` of the arm, with ``counts`` per m or rad."""

@@ -1,7 +1,7 @@
 """Functions of URScript that move the arm. Moves stop at their goals: there are no blends."""
 
 from collections.abc import Iterator
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -120,7 +120,7 @@ def optimovel(
 def _kept(program: ScriptProgram, new: M) -> M:
     """The motion of the same kind that moves the arm already, else the new one."""
     motion = program.arm.motion
-    return cast(M, motion) if type(motion) is type(new) else new
+    return motion if type(motion) is type(new) else new
 
 
 @TABLE.add()

@@ -221,11 +221,11 @@ class Response:
                 yield names, high - down.late_response(self.scene, self.reading)
                 continue
             shift = up.displacement(self.scene) - down.displacement(self.scene)
-            by_joint = {n: self._by_joint(shift, j) for j, n in enumerate(names_of_joints)}
+            change = {n: self._by_joint(shift, j) for j, n in enumerate(names_of_joints)}
             if len(group) > 1:
-                yield from (((n,), by_joint[n.rpartition(".")[2]]) for n in names)
+                yield from (((n,), change[n.rpartition(".")[2]]) for n in names)
             else:
-                yield names, sum(by_joint.values(), np.zeros(6))
+                yield names, np.asarray(sum(change.values(), np.zeros(6)))
 
     def _about(
         self, effect: Effect, at: Values, parameters: Sequence[Parameter]

@@ -69,7 +69,7 @@ class SensorCreep(ReadingEffect):
         )
 
     def free_forms(self, scene: Scene) -> tuple[Variant, ...]:
-        result = []
+        result = list[Variant]()
         for late, when in ((0.0, "right at first"), (1.0, "right in the end")):
             at, text = {"late": late}, f"any creep, {when}"
             result += free_form.free_variants(RELAX, text, at)

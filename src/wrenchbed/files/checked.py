@@ -226,7 +226,8 @@ class Fields:
         self, key: str, n: int, rule: str = "", most: float = inf, not_in: str = ""
     ) -> tuple[float, ...]:
         """So many finite numbers within ± ``most``; beyond it may be ``not_in`` another unit."""
-        values, rule = self.raw.get(key), rule or f"must be {n} finite numbers"
+        values: Any = self.raw.get(key)
+        rule = rule or f"must be {n} finite numbers"
         count = len(values) if isinstance(values, list | tuple) else 0
         if count != n or not all(map(is_number, values)):
             raise self.error(key, rule)
@@ -236,7 +237,7 @@ class Fields:
 
     def square(self, key: str, size: int) -> list[list[float]]:
         """A matrix (size, size) of finite numbers."""
-        rows = self.raw.get(key)
+        rows: Any = self.raw.get(key)
         right = isinstance(rows, list) and len(rows) == size
         if not right or not all(
             isinstance(r, list) and len(r) == size and all(map(is_number, r)) for r in rows

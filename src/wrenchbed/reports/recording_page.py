@@ -131,9 +131,9 @@ def _tool(name: str, fit: Mapping[str, Any]) -> list[tuple[str, str]]:
         ParameterError: the field is not as `calibrate` writes it.
     """
     try:
-        mass, *cog = fit["tool"]["mass"], *fit["tool"]["cog"]
+        mass, cog = fit["tool"]["mass"], list[Any](fit["tool"]["cog"])
     except (LookupError, TypeError):
-        mass, cog = None, []
+        mass, cog = None, list[Any]()
     if len(cog) != 3 or not all(map(checked.is_number, (mass, *cog))):
         raise ParameterError(
             f"{name}: field 'tool' is not as `calibrate` writes it; calibrate again"

@@ -136,8 +136,9 @@ class WrenchAnswer(Answer):
             text = f"Of all recorded variables, the residual follows {self.variable} best"
             phrases.insert(0, f"{text}{'' if self._follows else ', but not significantly'}.")
         if self._seen and not phrases:
-            seen = listed(self._seen)
-            phrases.append(f"What is left beyond noise is too small for a cause: {seen}.")
+            phrases.append(
+                f"What is left beyond noise is too small for a cause: {listed(self._seen)}."
+            )
         return phrases or ["No channel, joint or variable carries more than noise."]
 
     @cached_property

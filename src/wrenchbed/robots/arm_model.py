@@ -150,7 +150,7 @@ class ArmModel:
         load, count = raw["load"], len(raw["links"])
         chain = {"parents": [*range(-1, count - 1)], "end": count - 1, "driven": [*range(count)]}
         rest = {key: value for key, value in raw.items() if key != "loops"}
-        tree = raw.get("loops") or chain | {"closures": []}
+        tree: Any = raw.get("loops") or chain | {"closures": []}
         return _made(
             cls, rest | tree, load=None if load is None else _made(Load, load),
             base_shapes=tuple(_made(Shape, shape) for shape in raw["base_shapes"]),

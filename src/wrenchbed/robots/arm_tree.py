@@ -366,7 +366,7 @@ class ArmTree:
                 pos = turn.T @ (data.xpos[body] + axes @ model.geom_pos[g] - origin)
                 quat = quaternion(turn.T @ axes @ matrix(model.geom_quat[g]))
                 size, colour = model.geom_size[g], _colour(model, int(g))
-                shape = Shape(kind, *map(_floats, (size, pos, quat, colour)))
+                shape = Shape(kind, _floats(size), _floats(pos), _floats(quat), _floats(colour))
                 shapes.append(shape if kind != "mesh" else self._with_mesh(shape, int(g)))
         return tuple(shapes)
 

@@ -186,7 +186,7 @@ class ClosedLoops:
         return at
 
     def _named(self, links: Sequence[int], which: np.ndarray) -> str:
-        return ", ".join(self.arm.links[links[n]].joint for n in np.flatnonzero(which))
+        return ", ".join(self.arm.links[links[n]].joint for n in np.flatnonzero(which).tolist())
 
     def _check_left_out(self, home: np.ndarray) -> None:
         """Refuse equations that hold by themselves at home and not elsewhere."""

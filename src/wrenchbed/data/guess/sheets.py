@@ -315,7 +315,7 @@ def _poses(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
 
         if sheet.obeys(names, is_pose):
             place = np.arange(16).reshape(1, 4, 4).transpose(order)[0, :3, :3].ravel()
-            columns = {r: names[p] for r, p in zip(ROTATION, place, strict=True)}
+            columns = {r: names[p] for r, p in zip(ROTATION, place.tolist(), strict=True)}
             yield Reading(f"pose {what}", columns)
 
 

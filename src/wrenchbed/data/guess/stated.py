@@ -75,7 +75,7 @@ class Stated:
         Raises:
             MapError: the fit or the rows at rest cannot be read.
         """
-        sensor = {} if self.sensor is None else {"model": self.sensor}
+        sensor: dict[str, Any] = {} if self.sensor is None else {"model": self.sensor}
         if self.rest is not None:
             sensor["noise_std"] = _noise(self.rest, wrench)
         if sensor:
