@@ -2,6 +2,7 @@
 # Everything stays inside the clone; pip's cache too. Usage: . scripts/environment.sh LOCK
 cd "$(dirname "${BASH_SOURCE[0]}")/.." || exit 1
 lock="requirements/$1.txt"
+unset PYTHONDONTWRITEBYTECODE  # compiled code is kept: every process here imports a lot
 export PIP_CACHE_DIR="$PWD/.cache/pip" PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_NO_WARN_SCRIPT_LOCATION=1
 
 python=""
@@ -31,7 +32,7 @@ if [ ! -f "$stamp" ]; then
   else
     pip=(.venv/bin/python -m pip)
   fi
-  "${pip[@]}" install --quiet --no-deps --require-hashes -r "$lock" || exit 1  # the lock is complete
+  "${pip[@]}" install --quiet --no-compile --no-deps --require-hashes -r "$lock" || exit 1  # the lock is complete
   "${pip[@]}" install --quiet --no-deps --no-build-isolation --editable . || exit 1
   rm -f .venv/."$1"-*
   touch "$stamp"

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
+from wrenchbed.diagnosis.explain.claims import moved_by
 from wrenchbed.diagnosis.gap.closure import Bootstrap, Closure, Interval
-from wrenchbed.diagnosis.gap.held_out import HeldOut, _moved, restored
+from wrenchbed.diagnosis.gap.held_out import HeldOut, restored
 from wrenchbed.diagnosis.prepare.configuration import BIAS, Configuration
 from wrenchbed.simulation.closed_form import Model
 
@@ -182,7 +183,7 @@ def test_a_tool_beside_a_cause_is_never_lighter_than_nothing(robot):
     of = {"sensor.bias": slice(0, 6), "tool.mass": slice(6, 7), "tool.cog": slice(7, 10)}
     d = SimpleNamespace(of_stated=of.get, size=np.ones(10), stated=np.arange(10))
     error = np.array([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, -stated.mass - 0.37, 0.0, 0.0, 0.3])
-    moved = _moved(SimpleNamespace(d=d), error, stated)
+    moved = moved_by(SimpleNamespace(d=d), error, stated)
     assert 0.0 < moved.mass < 1e-3
     assert moved.bias == pytest.approx([1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
     assert moved.cog == pytest.approx(stated.cog + np.array([0.0, 0.0, 0.3]))

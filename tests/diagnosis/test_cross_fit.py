@@ -83,7 +83,7 @@ def analysed(prepared) -> Analysis:
     baseline = calibrate(prepared)
     d = build_dictionary(prepared, baseline.robot_theta, baseline.tolerance)
     r = Refitter(Searcher(d), case(d, prepared, baseline))
-    return Analysis(prepared, baseline, r.searcher, r, None)
+    return Analysis(prepared, baseline, r.searcher, r, None, r)
 
 
 def tilted(prepared, size=0.01):

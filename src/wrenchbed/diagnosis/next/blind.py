@@ -146,9 +146,11 @@ def _element_of(parameter: str) -> str:
 
 
 def _quantity(value: float, unit: str) -> str:
-    """A size with its unit; angles in degrees, ratios in per cent."""
+    """A size with its unit; angles in degrees, ratios in per cent, lengths in mm."""
     if unit.startswith("rad"):
         return f"{np.degrees(value):.2g}{unit.replace('rad', '°', 1)}"
+    if unit == "m" or unit.startswith("m/"):
+        return f"{1e3 * value:.2g} m{unit}"
     return f"{100 * value:.2g} %" if unit == "1" else f"{value:.2g} {unit}"
 
 
