@@ -102,11 +102,14 @@ def _tool(scene: EffortScene) -> tuple[list[Column], list[Block]]:
     def both(form: np.ndarray, moved: np.ndarray, more: float) -> np.ndarray:
         return np.concatenate([y @ form, sensed(_STEP * moved, _STEP * more) / _STEP], axis=1)
 
-    std = _MASS_TOLERANCE * mass if known[0] else None
+    fit = scene.drives.tool
+    mass_std, cog_std = (0.0, (0.0,) * 3) if fit is None else (fit.mass_std, fit.cog_std)
+    std = float(np.hypot(_MASS_TOLERANCE * mass, mass_std)) if known[0] else None
     columns = [Column("tool.mass", both(along, np.zeros(3), 1.0), std, not known[0])]
     for axis in range(3):
         form = np.concatenate([[0.0], np.eye(3)[axis], _six(2.0 * _second(cog, np.eye(3)[axis]))])
-        std = _COG_TOLERANCE * max(mass, 1.0) if known[1] else None
+        within = float(np.hypot(_COG_TOLERANCE, cog_std[axis])) * max(mass, 1.0)
+        std = within if known[1] else None
         data = both(form, np.eye(3)[axis], 0.0)
         columns.append(Column(f"tool.cog.{'xyz'[axis]}", data, std, not known[1]))
     blocks = []

@@ -9,7 +9,7 @@ import numpy as np
 
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts import answer
-from wrenchbed.diagnosis.efforts.configured import stated_drives
+from wrenchbed.diagnosis.efforts.configured import stated_drives, with_tool
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
 from wrenchbed.diagnosis.efforts.held_out import (
     HeldOut,
@@ -84,7 +84,8 @@ def diagnose_efforts(
     """
     begun = time.perf_counter()
     progress("motion and stated robot")
-    scene = effort_scene(recording, stated_drives(recording, drives), wrench=wrench)
+    known = stated_drives(recording, drives)
+    scene = effort_scene(with_tool(recording, known), known, wrench=wrench)
     if scene.loops and not loops:
         raise DiagnosisError(
             f"{recording.name}: robot {recording.metadata.robot!r} has closed loops: of drive "
