@@ -22,6 +22,8 @@ def prepared(y=ZERO[:4], scatter=ZERO[:4], averaged=False, noise=ONES, count=(1,
     return SimpleNamespace(
         covariance=np.diag(STD**2),
         sigma=STD,
+        row=None,
+        row_variance=np.ones(6),
         judged=np.array([False, True, False, True]),
         y=np.array(y),
         count=np.array(count),

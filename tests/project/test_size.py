@@ -12,9 +12,9 @@ WRENCHBED = {
     "campaigns": 1651,
     "cli": 2726,
     "data": 4419,
-    "diagnosis": 14218,
+    "diagnosis": 14270,
     "drives": 972,
-    "effects": 4193,
+    "effects": 4195,
     "environments": 623,
     "exports": 970,
     "files": 607,
@@ -35,11 +35,11 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 81601,
-    "src/wrenchbed": 71755,
+    "src": 81655,
+    "src/wrenchbed": 71809,
     "src/robot_emulators": 9846,
-    "tests": 40902,
-    "scripts": 3477,
+    "tests": 40939,
+    "scripts": 3478,
 }
 """Lines of Python below a folder at most; of scripts every line."""
 MOST_FILES = 478
