@@ -28,7 +28,9 @@ def link(bench):
 
 @pytest.fixture(scope="session")
 def medrue():
-    with running("medrue", medrue_bench.HOST, "--noise", "off") as emulator:
+    with running(
+        "medrue", medrue_bench.HOST, "--set", f"slot={medrue_bench.SLOT}", "--noise", "off"
+    ) as emulator:
         yield emulator
 
 

@@ -38,7 +38,7 @@ IN_ALL = {
     "src": 81655,
     "src/wrenchbed": 71809,
     "src/robot_emulators": 9846,
-    "tests": 40939,
+    "tests": 40944,
     "scripts": 3478,
 }
 """Lines of Python below a folder at most; of scripts every line."""

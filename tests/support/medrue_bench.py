@@ -9,12 +9,15 @@ import numpy as np
 
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 
-HOST = "127.0.4.3"
+HOST, SLOT = "127.0.4.3", 2
+"""Address of the emulator that all tests share, and the calibration of its board: another one than a
+restarted board selects."""
 
 
 def options(host: str = HOST, **more: Any) -> CanOptions:
     """A patient watchdog: other processes may keep this machine busy for a tenth of a second."""
-    return CanOptions(**({"host": host, "watchdog": 0.3} | more))
+    slot = SLOT if host == HOST else 0
+    return CanOptions(**({"host": host, "watchdog": 0.3, "slot": slot} | more))
 
 
 @contextmanager
