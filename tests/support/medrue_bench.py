@@ -10,8 +10,8 @@ import numpy as np
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 
 HOST, SLOT = "127.0.4.3", 2
-"""Address of the emulator that all tests share, and the calibration of its board: another one than a
-restarted board selects."""
+"""Address of the emulator that all tests share, and the calibration of its board: another one than
+a restarted board selects."""
 
 
 def options(host: str = HOST, **more: Any) -> CanOptions:
