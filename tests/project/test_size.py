@@ -12,7 +12,7 @@ WRENCHBED = {
     "campaigns": 1651,
     "cli": 2726,
     "data": 4419,
-    "diagnosis": 14270,
+    "diagnosis": 14283,
     "drives": 972,
     "effects": 4195,
     "environments": 623,
@@ -35,8 +35,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 81655,
-    "src/wrenchbed": 71809,
+    "src": 81668,
+    "src/wrenchbed": 71822,
     "src/robot_emulators": 9846,
     "tests": 40944,
     "scripts": 3478,

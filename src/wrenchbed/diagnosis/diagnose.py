@@ -206,7 +206,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
         seconds=time.perf_counter() - begun,
         set90=answer.set90(verdict, probabilities, known),
-        minor=beside_claims.minor(analysis, verdict, spread),
+        minor=beside_claims.minor(analysis, verdict, spread, 1.0 if known is None else known.right),
         fitted=beside_claims.fitted(analysis, verdict, spread),
         scale=answer.scales(prepared),
         familiar=" ".join(_learnt(known)) or FAMILIAR,

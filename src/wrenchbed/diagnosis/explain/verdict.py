@@ -63,11 +63,16 @@ class Verdict:
 
 def allowed(explanation: Explanation) -> float:
     """Gap that an explanation may leave: normal imperfections, and what its form misses."""
+    return REST + missed(explanation)
+
+
+def missed(explanation: Explanation) -> float:
+    """Gap that the forms of an explanation's causes, only nearly right, may miss."""
     parts = explanation.finalist.parts
     named = [(p.index, p.share) for p in explanation.parts]
-    missed = sum(parts[k].effect.form_error * share for k, share in named if k is not None)
+    total = sum(parts[k].effect.form_error * share for k, share in named if k is not None)
     alone = sum(share for k, share in named if k is not None)
-    return REST + missed * max(1.0, explanation.closed / max(alone, 1e-12))
+    return total * max(1.0, explanation.closed / max(alone, 1e-12))
 
 
 def complete(explanation: Explanation) -> bool:
