@@ -63,7 +63,8 @@ def test_no_state_of_a_fast_robot_is_lost_however_late_the_loop_is(monkeypatch):
 
     class Fast(Arm):
         def _states(self, after):
-            ticks = np.arange(np.floor(after * 500.0) + 1, np.floor(time.monotonic() * 500.0) + 1)
+            ends = (np.floor(t * 500.0 + 1e-6) + 1 for t in (after, time.monotonic()))  # rounding
+            ticks = np.arange(*ends)
             return [ArmSample(t, None, 0.0, self.q, np.zeros(6)) for t in ticks / 500.0]
 
     taken, add = [], live.Resampler.add

@@ -38,7 +38,7 @@ IN_ALL = {
     "src": 81668,
     "src/wrenchbed": 71822,
     "src/robot_emulators": 9846,
-    "tests": 40944,
+    "tests": 40945,
     "scripts": 3478,
 }
 """Lines of Python below a folder at most; of scripts every line."""
