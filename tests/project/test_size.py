@@ -12,9 +12,9 @@ WRENCHBED = {
     "campaigns": 1651,
     "cli": 2726,
     "data": 4419,
-    "diagnosis": 14283,
+    "diagnosis": 14310,
     "drives": 972,
-    "effects": 4195,
+    "effects": 4196,
     "environments": 623,
     "exports": 970,
     "files": 607,
@@ -35,8 +35,8 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 81668,
-    "src/wrenchbed": 71822,
+    "src": 81696,
+    "src/wrenchbed": 71850,
     "src/robot_emulators": 9846,
     "tests": 40945,
     "scripts": 3478,

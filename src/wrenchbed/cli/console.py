@@ -78,13 +78,13 @@ def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> d
     """
     hints = get_type_hints(options)
     names = (f.name for f in fields(options) if f.name not in excluded)
-    known = {name: found for name in names if (found := _simple_type(hints[name])) is not None}
+    known = {name: kind for name in names if (kind := _simple_type(hints[name])) is not None}
     values: dict[str, Any] = {}
     for name, word in words.items():
         if name not in known:
             raise ParameterError(f"--set {name}: no such setting. Known: {', '.join(known)}")
         type_, several, optional = known[name]
-        kind, read = _SIMPLE[type_]
+        words_of_type, read = _SIMPLE[type_]
         try:
             if optional and word == "none":
                 values[name] = None
@@ -92,7 +92,7 @@ def typed(options: type, words: Mapping[str, str], excluded: Sequence[str]) -> d
                 values[name] = tuple(map(read, word.split(","))) if several else read(word)
         except (ValueError, KeyError) as error:
             more = ", or several with commas between" if several else " or none" if optional else ""
-            raise ParameterError(f"--set {name}={word}: must be {kind}{more}") from error
+            raise ParameterError(f"--set {name}={word}: must be {words_of_type}{more}") from error
     return values
 
 

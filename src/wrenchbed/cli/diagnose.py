@@ -37,7 +37,7 @@ _FILES = {
 _BY_ITSELF = 100
 """Look-alikes of a recording from a robot, or of a kind, that nothing was learnt on: five times the
 fewest from which anything is learnt, in minutes."""
-_MATERIAL = re.compile(r"([0-9.]+(?:e-?[0-9]+)?)N,([0-9.]+(?:e-?[0-9]+)?)N[·.*]?m")
+_MATERIAL = re.compile(r"(\d+\.?\d*(?:e-?\d+)?)N,(\d+\.?\d*(?:e-?\d+)?)N[·.*]?m")
 """A force and a torque."""
 _MOST_SIZES = 6
 """Parameters of a cause that are printed."""

@@ -14,12 +14,8 @@ from wrenchbed.diagnosis.explain.contributions import share
 from wrenchbed.diagnosis.explain.elements import elements
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Verdict, missed, weights
-from wrenchbed.diagnosis.gap.result import DETECTED, cause
+from wrenchbed.diagnosis.gap.result import DETECTED, LEAST_MINOR, cause
 from wrenchbed.diagnosis.prepare.configuration import BIAS, LOAD, STATED
-
-LEAST = 0.1
-"""Gap from which a small effect is listed: a tenth of what counts. Below it, in 59 sealed cases,
-what was listed were mostly corrections of a claimed cause's form."""
 
 
 def minor(a: Analysis, verdict: Verdict, spread: float, right: float = 1.0) -> list[dict[str, Any]]:
@@ -46,11 +42,11 @@ def minor(a: Analysis, verdict: Verdict, spread: float, right: float = 1.0) -> l
         f = next(e.finalist for e in ranked if name in set(e.finalist.names) - e.names)
         k = f.names.index(name)
         gap = share(a.refitter, f, k)
-        if gap < max(LEAST, missed(verdict.explanation) if verdict.causes else 0.0):
+        if gap < max(LEAST_MINOR, missed(verdict.explanation) if verdict.causes else 0.0):
             continue
         of = elements(a.refitter, f, k, [name])[name]
         entry = cause(name, min(probability, right), {}) | numbers_of(a, f, k, of, spread)
-        del entry["closed_share"]
+        del entry["closed_share"], entry["channels"]
         result.append(entry | {"gap": gap})
     return sorted(result, key=lambda entry: -entry["gap"])
 
@@ -63,9 +59,9 @@ def fitted(a: Analysis, verdict: Verdict, spread: float) -> list[dict[str, Any]]
     d, configuration = a.dictionary, a.prepared.configuration
     estimate = stated(a.refitter, verdict.explanation.finalist)
     size = d.size[d.stated]
-    told = a.prepared.recording.metadata.tool
+    tool = a.prepared.recording.metadata.tool
     start = np.concatenate([np.zeros(6), [configuration.mass], configuration.cog])
-    known = [True] * 6 + [told.mass is not None] + [told.cog is not None] * 3
+    known = [True] * 6 + [tool.mass is not None] + [tool.cog is not None] * 3
     units = ["N"] * 3 + ["N·m"] * 3 + ["kg"] + ["m"] * 3
     order = np.concatenate([np.flatnonzero(d.of_stated(effect)) for effect in STATED])
     return [

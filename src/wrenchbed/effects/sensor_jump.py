@@ -98,7 +98,8 @@ class SensorJump(ReadingEffect):
             return ()
         at = {JUMPS[k][0]: float(t[i - 1] + t[i]) / 2.0 for k, i in enumerate(sorted(chosen))}
         free = tuple(name for _, steps in JUMPS[: len(chosen)] for name in steps)
-        return (Variant(f"{len(chosen)} times, all channels", free, at, tuple(at)),)
+        moments = ", ".join(f"{x:.0f}" for x in at.values())
+        return (Variant(f"near {moments} s, all channels", free, at, tuple(at)),)
 
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         for time, steps in JUMPS:

@@ -5,15 +5,23 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed.diagnosis.efforts.arm_columns import LIGHT
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.names import title
 from wrenchbed.diagnosis.efforts.signs import Sign
-from wrenchbed.diagnosis.efforts.sizes import Folds, parameters
+from wrenchbed.diagnosis.efforts.sizes import Folds, jackknife, parameters
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit
-from wrenchbed.diagnosis.efforts.verdict import COUNTS, Cause, Key, Verdict, Weighed
+from wrenchbed.diagnosis.efforts.verdict import (
+    COUNTS,
+    DOUBTFUL,
+    Cause,
+    Key,
+    Verdict,
+    Weighed,
+)
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.gap.closure import Closure
-from wrenchbed.diagnosis.gap.result import DETECTED, Scale, cause, families
+from wrenchbed.diagnosis.gap.result import DETECTED, LEAST_MINOR, Scale, cause, families
 from wrenchbed.physics.wrench import UNITS
 
 _NEXT: Mapping[str, str] = {
@@ -72,12 +80,12 @@ def which(d: Dictionary, v: Verdict, gap: Closure) -> list[dict[str, Any]]:
 def _rivals(d: Dictionary, c: Cause, beside: Sequence[int]) -> list[dict[str, Any]]:
     """Entries of ``rivals``, by effect: each with the parameters of its likeliest joint, as they
     come out with it in the cause's place."""
-    found: dict[str, list[tuple[Key, float]]] = {}
+    by_effect: dict[str, list[tuple[Key, float]]] = {}
     for key, share in zip(c.rivals, c.shares[1:], strict=True):
         if key[0] != c.key[0]:
-            found.setdefault(key[0], []).append((key, share))
+            by_effect.setdefault(key[0], []).append((key, share))
     result = []
-    for effect, keys in found.items():
+    for effect, keys in by_effect.items():
         block = next(k for k, b in enumerate(d.blocks) if b.key == keys[0][0])
         folds = Folds.of(d, tuple(sorted((*beside, block))))
         result.append({
@@ -94,7 +102,7 @@ def minor(d: Dictionary, w: Weighed, v: Verdict) -> list[dict[str, Any]]:
     gaps: dict[int, float] = {}
     for _, p, added in w.structures:
         for block, gap in added.items():
-            if gap < COUNTS and not d.blocks[block].outside:
+            if LEAST_MINOR <= gap < COUNTS and not d.blocks[block].outside:
                 present[block] = present.get(block, 0.0) + p
                 gaps.setdefault(block, gap)
     claimed = {key for c in v.causes for key in (c.key, *c.rivals)}
@@ -104,39 +112,51 @@ def minor(d: Dictionary, w: Weighed, v: Verdict) -> list[dict[str, Any]]:
         if v.word != UNKNOWN and p >= DETECTED and key not in claimed:
             folds = Folds.of(d, tuple(sorted((*(c.block for c in v.causes), block))))
             entry = cause(
-                key[0], min(p, 1.0), parameters(d, folds, block), elements=[place(key)[1]]
+                key[0], min(p, DOUBTFUL), parameters(d, folds, block), elements=[place(key)[1]]
             )
-            del entry["closed_share"]
+            del entry["closed_share"], entry["channels"]
             result.append(entry | {"gap": gaps[block]})
     return sorted(result, key=lambda entry: -entry["gap"])
 
 
-def fitted(d: Dictionary, fit: TwinFit) -> list[dict[str, Any]]:
-    """Entries of ``fitted``: friction, drive constants and tool, as far as nobody states them."""
-    scene, std = d.scene, np.sqrt(np.maximum(np.diagonal(fit.covariance), 0.0))
-    tool = scene.model.robot.tool(scene.theta)
-    mass, cog = float(tool.mass), np.asarray(tool.cog, dtype=float)
+def fitted(d: Dictionary, fit: TwinFit, causes: Sequence[int]) -> list[dict[str, Any]]:
+    """Entries of ``fitted``: friction, rotor inertia and tool, as far as nobody states them.
+
+    Args:
+        d: columns.
+        fit: beside the causes, on all rows.
+        causes: numbers of the claimed causes.
+    """
+    folds = Folds.of(d, tuple(causes))
     result = []
-    for column, spread in zip(fit.used, std, strict=True):
+    for column in (int(k) for k in fit.used if d.free[k]):
         kind, _, which = d.names[column].partition(".")
-        value = float(fit.x[column])
-        if not d.free[column]:
-            continue
         if kind == "tool":
             name, unit = f"tool.{which}", "kg" if which == "mass" else "m"
-            if unit == "m":  # a moment [kg·m]
-                value, spread = value / mass, spread / mass
-            value += mass if unit == "kg" else float(cog["xyz".index(which[-1])])
-        elif kind in ("coulomb", "viscous", "offset", "inertia"):
-            joint = scene.robot.joints[int(which) - 1]
+        elif kind in _UNITS:
+            joint = d.scene.robot.joints[int(which) - 1]
             name, unit = f"drive.{kind}.{which}", joint.own(_UNITS[kind])
-            value += _start(d, kind, int(which) - 1)
         else:
             continue
-        result.append(
-            {"name": name, "value": value, "std": float(spread), "unit": unit, "stated": None}
-        )
+        each = np.array([_value(d, x, column) for x in folds.each])
+        result.append({
+            "name": name, "value": _value(d, folds.whole, column), "std": jackknife(each),
+            "unit": unit, "stated": None,
+        })  # fmt: skip
     return result
+
+
+def _value(d: Dictionary, x: np.ndarray, column: int) -> float:
+    """Value of a free number at the amplitudes x (P,): of a drive, or the tool's mass or CoG."""
+    kind, _, which = d.names[column].partition(".")
+    if kind != "tool":
+        return _start(d, kind, int(which) - 1) + float(x[column])
+    tool = d.scene.model.robot.tool(d.scene.theta)
+    mass = float(tool.mass) + float(x[d.names.index("tool.mass")])
+    if which == "mass":
+        return mass
+    moment = float(x[column])  # beside that of the mass at the model's centre of gravity [kg·m]
+    return float(np.asarray(tool.cog)["xyz".index(which[-1])]) + moment / max(mass, LIGHT)
 
 
 def _start(d: Dictionary, kind: str, j: int) -> float:

@@ -23,7 +23,7 @@ _GYRATION = 0.02
 _STEP = 0.01
 """Steps in mass [kg] and first moment [kg·m] at which the wrench's columns are made; estimate: the
 wrench is linear in both but for the square of the centre of gravity."""
-_LIGHT = 0.01
+LIGHT = 0.01
 """Least mass of a tool whose centre of gravity moves [kg]; estimate."""
 _COMMON = 4e-3
 """Delay at which the column of a common one is made [s]; estimate."""
@@ -93,7 +93,7 @@ def _tool(scene: EffortScene) -> tuple[list[Column], list[Block]]:
         """Change of the wrench (N, 6) by a mass [kg] and a moment (3,) [kg·m]."""
         ends = list[np.ndarray]()
         for half in (0.5, -0.5):
-            place = [float(c) for c in cog + half * moved / max(mass, _LIGHT)]
+            place = [float(c) for c in cog + half * moved / max(mass, LIGHT)]
             heavy = max(mass, more) + half * more  # no tool weighs less than nothing
             theta = scene.model.robot.theta_of_tool(scene.theta, heavy, place)
             ends.append(scene.sensed(theta, gravity))

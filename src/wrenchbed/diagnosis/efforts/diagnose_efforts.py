@@ -121,7 +121,8 @@ def diagnose_efforts(
         answer.where(d, final, gap, seen), answer.which(d, final, gap), dict(final.probabilities),
         answer.cannot_tell(final), answer.next_steps(final), twin,
         time.perf_counter() - begun, answer.notes(d, final, gap, seen), set90=final.set90(),
-        minor=answer.minor(d, likely, final), fitted=answer.fitted(d, judged.fit),
+        minor=answer.minor(d, likely, final),
+        fitted=answer.fitted(d, judged.fit, kept(final.causes)),
         scale=answer.scales(d, str(recording.effort)),
         familiar="the probabilities were chosen on simulated arms of six and seven joints",
     )  # fmt: skip

@@ -39,7 +39,7 @@ def parameters(d: Dictionary, folds: Folds, block: int) -> dict[str, Any]:
     named = EFFECTS[b.effect]
     value = _size(b, folds.whole[at], d, at)
     each = np.array([_size(b, x[at], d, at) for x in folds.each])
-    std = float(np.sqrt((BLOCKS - 1) / BLOCKS * ((each - each.mean()) ** 2).sum()))
+    std = jackknife(each)
     unit = named.unit
     if b.joint is not None and (d.joint[at] >= 0).all():
         unit = d.scene.robot.joints[b.joint - 1].own(unit)
@@ -48,6 +48,11 @@ def parameters(d: Dictionary, folds: Folds, block: int) -> dict[str, Any]:
     if b.joint is not None:
         result["joint"] = {"value": b.joint}
     return result
+
+
+def jackknife(each: np.ndarray) -> float:
+    """Standard uncertainty of a number from its values without each block of time (B,)."""
+    return float(np.sqrt((BLOCKS - 1) / BLOCKS * ((each - each.mean()) ** 2).sum()))
 
 
 def _size(block: Block, x: np.ndarray, d: Dictionary, at: np.ndarray) -> float:

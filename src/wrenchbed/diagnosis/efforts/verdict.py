@@ -37,7 +37,7 @@ _NORMAL = 3.92
 """Standard errors in a 95 % interval."""
 _LARGEST_JOINT = 2.0
 """Gap of one joint up to which there may be no cause: ordinary arms reach 1.5; estimate."""
-_DOUBTFUL = 0.85
+DOUBTFUL = 0.85
 """Largest probability of `none`, which ordinary errors may imitate, and of an answer that leaves a
 gap that counts; estimate: 79 % of `none` were right on the development seeds, half of all arms
 having a cause."""
@@ -265,9 +265,9 @@ def _by_evidence(v: Verdict, gap: Closure, stated: Interval | None) -> Verdict |
     of_configured = gap.closed.low <= 0.0
     if of_configured and (gap.closed.high < 0.0 or stated is None or stated.low <= 0.0):
         return None
-    causes = tuple(replace(c, probability=min(c.probability, _DOUBTFUL)) for c in v.causes)
+    causes = tuple(replace(c, probability=min(c.probability, DOUBTFUL)) for c in v.causes)
     probability = {
-        n: p if n in (NONE, UNKNOWN) else _DOUBTFUL * p for n, p in v.probabilities.items()
+        n: p if n in (NONE, UNKNOWN) else DOUBTFUL * p for n, p in v.probabilities.items()
     }
     probability[NONE] = (
         probability.get(NONE, 0.0) + sum(v.probabilities.values()) - sum(probability.values())
@@ -330,14 +330,14 @@ def _doubted_cause(gap: Closure, cause: Cause) -> Cause:
     of_joint = [c for n, c in gap.per_channel.items() if n.lstrip("taui") == str(joint)]
     little = gap.closed is not None and gap.closed.value < _MOSTLY
     if little or (of_joint and of_joint[0].get("after", 0.0) > LARGEST_NONE):
-        return replace(cause, probability=min(cause.probability, _DOUBTFUL))
+        return replace(cause, probability=min(cause.probability, DOUBTFUL))
     return cause
 
 
 def _doubted(v: Verdict) -> Verdict:
     """`none` less probable: ordinary errors may imitate a cause."""
     probability = dict(v.probabilities)
-    more = max(probability.get(NONE, 0.0) - _DOUBTFUL, 0.0)
+    more = max(probability.get(NONE, 0.0) - DOUBTFUL, 0.0)
     probability[NONE] = probability.get(NONE, 0.0) - more
     probability[UNKNOWN] = probability.get(UNKNOWN, 0.0) + more
     return replace(v, probabilities=probability)
