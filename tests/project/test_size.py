@@ -12,7 +12,7 @@ WRENCHBED = {
     "campaigns": 1651,
     "cli": 2726,
     "data": 4419,
-    "diagnosis": 14310,
+    "diagnosis": 14340,
     "drives": 972,
     "effects": 4196,
     "environments": 623,

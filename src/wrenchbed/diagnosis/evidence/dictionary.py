@@ -31,7 +31,7 @@ _Shape = tuple[tuple[str, float], ...]
 
 
 def features(prepared: Prepared) -> dict[str, np.ndarray]:
-    """Columns (6 R, k) by variable; each group adds a gap of 1 at unit coefficients."""
+    """Columns (C R, k) by variable; each group adds a gap of 1 at unit coefficients."""
     groups: dict[str, np.ndarray] = {}
     for name, base in variables(prepared).items():
         columns = [_per_channel(prepared, base[:, k]) for k in range(base.shape[1])]
@@ -101,12 +101,10 @@ def _scaled(x: np.ndarray) -> np.ndarray:
 
 
 def _per_channel(prepared: Prepared, x: np.ndarray) -> np.ndarray:
-    """A function (H,) in each whitened channel: columns (6 R, 6)."""
-    fit = prepared.averages(np.repeat(x[:, None], 6, axis=1))
-    columns = np.zeros((*fit.shape, 6))
-    for c in range(6):
-        columns[:, c, c] = fit[:, c]
-    return columns.reshape(-1, 6)
+    """A function (H,) in each whitened channel: columns (C R, C)."""
+    count = len(prepared.variance)
+    fit = prepared.averages(x[:, None])
+    return np.asarray((fit[:, :, None] * np.eye(count)).reshape(-1, count))
 
 
 @dataclass(frozen=True)
@@ -129,8 +127,8 @@ class EffectDictionary:
 
     Attributes:
         prepared: the design and the noise, its scene at the baseline's parameters.
-        baseline: readings there (6 R,), whitened.
-        E: columns (6 R, n).
+        baseline: readings there (C R,), whitened.
+        E: columns (C R, n).
         size: typical size of each column's parameter (n,), SI.
         label: (effect, parameter) of each column, or (kernel, '') of a feature.
         hypotheses: what may be claimed.
@@ -157,14 +155,20 @@ class EffectDictionary:
     def gram(self) -> np.ndarray:
         """Gram matrix EᵀE (n, n) of the columns."""
         tall = len(self.E) > self.E.shape[1]
-        return self.weighed(np.ones(6)) if tall else self.E.T @ self.E
+        return self.weighed(np.ones(self.channels)) if tall else self.E.T @ self.E
+
+    @property
+    def channels(self) -> int:
+        """Number C of measured columns, all channels together."""
+        return len(self.prepared.variance)
 
     @cached_property
     def grams(self) -> np.ndarray:
-        """Gram matrix EᵀE of each channel's rows (6, n, n)."""
+        """Gram matrix EᵀE of each column's rows (C, n, n)."""
         n = self.E.shape[1]
-        result = np.empty((6, n, n))
-        for c, of_channel in enumerate(np.swapaxes(self.E.reshape(-1, 6, n), 0, 1)):
+        result = np.empty((self.channels, n, n))
+        rows = np.swapaxes(self.E.reshape(-1, self.channels, n), 0, 1)
+        for c, of_channel in enumerate(rows):
             np.matmul(of_channel.T, of_channel, out=result[c])
         return result
 
@@ -173,29 +177,33 @@ class EffectDictionary:
         return {}
 
     def weighed(self, weights: np.ndarray) -> np.ndarray:
-        """Weighted Gram matrix Eᵀ W E (n, n) for weights (6,) of the channels."""
+        """Weighted Gram matrix Eᵀ W E (n, n) for weights (C,) of the measured columns."""
         key = tuple(weights.tolist())
         if key not in self._weighed:
             if self.of_all is None:
                 self._weighed[key] = np.tensordot(weights, self.grams, 1)
             else:
-                held_out = np.repeat(self.of_all.prepared.fold_rows == self.prepared.held_out, 6)
-                root = np.tile(np.sqrt(weights), np.count_nonzero(held_out) // 6)
-                part = self.of_all.E[held_out] * root[:, None]
+                held_out = self.of_all.prepared.fold_rows == self.prepared.held_out
+                root = np.tile(np.sqrt(weights), np.count_nonzero(held_out))
+                part = self.of_all.E[np.repeat(held_out, self.channels)] * root[:, None]
                 self._weighed[key] = self.of_all.weighed(weights) - part.T @ part
         return self._weighed[key]
 
+    def weighed_by(self, noise: np.ndarray) -> np.ndarray:
+        """Gram matrix Eᵀ v₀⁻¹ E (n, n) for a noise variance (C R,) the same in all rows."""
+        return self.weighed(1.0 / noise[: self.channels])
+
     @property
     def rows(self) -> int:
-        return len(self.E) // 6
+        return len(self.E) // self.channels
 
     @cached_property
     def fitted_away(self) -> np.ndarray:
-        """Orthonormal basis of what a fit of bias, mass and CoG takes from any signal (6 R, 10)."""
+        """Orthonormal basis of what a fit of bias, mass and CoG takes from any signal (C R, S)."""
         return np.linalg.qr(self.E[:, self.stated])[0]
 
     def gap(self, signal: np.ndarray, *, configured: bool = False) -> float:
-        """Gap of a signal (6 R,), after that fit unless it counts as configured."""
+        """Gap of a signal (C R,), after that fit unless it counts as configured."""
         if not configured:
             signal = self.without_stated(signal)
         return float((signal**2).mean())
@@ -216,16 +224,16 @@ class EffectDictionary:
         return np.array([self.label[k][0] == effect for k in self.stated])
 
     def fitted(self, signal: np.ndarray) -> np.ndarray:
-        """Stated numbers (S,), in typical sizes, that fit a signal (6 R,) best."""
+        """Stated numbers (S,), in typical sizes, that fit a signal (C R,) best."""
         return np.asarray(np.linalg.lstsq(self.E[:, self.stated], signal, rcond=None)[0])
 
     def without_stated(self, signal: np.ndarray) -> np.ndarray:
-        """Remove from a signal (6 R, …) its least-squares fit by bias, mass and CoG."""
+        """Remove from a signal (C R, …) its least-squares fit by bias, mass and CoG."""
         return np.asarray(signal - self.fitted_away @ (self.fitted_away.T @ signal))
 
     def without(self, fold: int) -> "EffectDictionary":
         """Dictionary of the same columns on rows outside a fold."""
-        keep = np.repeat(self.prepared.fold_rows != fold, 6)
+        keep = np.repeat(self.prepared.fold_rows != fold, self.channels)
         return replace(
             self,
             prepared=self.prepared.without(fold),
@@ -335,7 +343,7 @@ def _shape(variant: Variant) -> _Shape:
 def _columns(
     prepared: Prepared, response: Response, effect: Effect, variants: Sequence[Variant]
 ) -> dict[tuple[str, _Shape], np.ndarray]:
-    """Columns (6 R,) of an effect, by amplitude's name and shape."""
+    """Columns (C R,) of an effect, by amplitude's name and shape."""
     known = {p.name: p for p in effect.parameters(response.scene.robot)}
     wanted: dict[_Shape, dict[str, Parameter]] = {}
     for variant in variants:
@@ -387,8 +395,8 @@ class FittedResidual:
             for p in e.parameters(self.scene.robot)
         ]
         basis = np.linalg.qr(np.stack([c.ravel() for c in stated], axis=1))[0]
-        self._value = (measured - basis @ (basis.T @ measured)).reshape(-1, 6)
-        self._fitted = basis.reshape(len(self._value), 6, -1)
+        self._value = (measured - basis @ (basis.T @ measured)).reshape(-1, len(self._noise))
+        self._fitted = basis.reshape(*self._value.shape, -1)
 
     def suggests(self, effect: Effect) -> tuple[Variant, ...]:
         """Variants that a scan of the residual suggests."""

@@ -44,13 +44,13 @@ class BackgroundLevel:
     """One level of background: K₀ = v₀ I + E V Eᵀ with diagonal V (n,).
 
     Attributes:
-        E: columns (6 R, n).
-        v0: noise variance (6 R,), may differ from row to row.
+        E: columns (C R, n).
+        v0: noise variance (C R,), may differ from row to row.
         V: variance of each column's coefficient (n,).
-        weighed: Eᵀ W E (n, n) for weights (6,) of the channels, where v₀ is the same in all rows of
-            a channel; without it the product is made from E.
+        weighed: Eᵀ v₀⁻¹ E (n, n) for v₀ (C R,), where it is the same in all rows of a measured
+            column; without it the product is made from E.
         few: whether few systems are solved, so that none of what makes many quick is worth it.
-        spread: E V Eᵀ (6 R, 6 R) of few rows, where levels share the work; made from E if None.
+        spread: E V Eᵀ (C R, C R) of few rows, where levels share the work; made from E if None.
     """
 
     E: np.ndarray
@@ -70,7 +70,7 @@ class BackgroundLevel:
         return replace(self, V=variance, spread=self.spread + more)
 
     def of_rows(self, rows: np.ndarray) -> "BackgroundLevel":
-        """Background level of a selection of rows (6 R,), boolean."""
+        """Background level of a selection of rows (C R,), boolean."""
         spread = None if self.spread is None else self.spread[np.ix_(rows, rows)]
         return replace(self, E=self.E[rows], v0=self.v0[rows], weighed=None, spread=spread)
 
@@ -109,7 +109,7 @@ class BackgroundLevel:
         """Gram matrix Eᵀ v₀⁻¹ E (n, n), weighted by the noise."""
         if self.weighed is None:
             return np.asarray(self.E.T @ (self.E / self.v0[:, None]))
-        return self.weighed(1.0 / self.v0[:6])
+        return self.weighed(self.v0)
 
     def make(self, directions: bool) -> None:
         """Factor the level now, and find its main directions, beside other levels' threads.
@@ -158,7 +158,7 @@ class BackgroundLevel:
         return self._main_directions()
 
     def _main_directions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Orthonormal directions (6 R, r) in which the background exceeds `FAINT` of the noise, and
+        """Orthonormal directions (C R, r) in which the background exceeds `FAINT` of the noise, and
         the share λ/(1 + λ) that it takes there (r,)."""
         values, vectors = above(self._inner(), FAINT)
         inside = np.zeros((len(self.V), len(values)))
@@ -168,7 +168,7 @@ class BackgroundLevel:
         return ways, values / (1.0 + values)
 
     def solve(self, x: np.ndarray) -> np.ndarray:
-        """K₀⁻¹ x for x (6 R, k); of many rows, without what is faint of the background."""
+        """K₀⁻¹ x for x (C R, k); of many rows, without what is faint of the background."""
         root = np.sqrt(self.v0)[:, None]
         z = x / root
         if self.tall and self.few:
@@ -180,7 +180,7 @@ class BackgroundLevel:
         return np.asarray(cho_solve(self._factor, z, check_finite=False) / root)
 
     def whitened(self, x: np.ndarray) -> "Whitened":
-        """Factors of x (6 R, k) from which products x'ᵀ K₀⁻¹ x follow; half the work of `solve`."""
+        """Factors of x (C R, k) from which products x'ᵀ K₀⁻¹ x follow; half the work of `solve`."""
         root = np.sqrt(self.v0)[:, None]
         z = x / root
         if not self.tall:
@@ -195,7 +195,7 @@ class BackgroundLevel:
         return Whitened(z, np.sqrt(share)[:, None] * (ways.T @ z))
 
     def products(self, x: np.ndarray) -> np.ndarray:
-        """Product xᵀ K₀⁻¹ x (k, k) for x (6 R, k)."""
+        """Product xᵀ K₀⁻¹ x (k, k) for x (C R, k)."""
         white = self.whitened(x)
         return white.products(white)
 
@@ -240,7 +240,7 @@ class BackgroundLevel:
         ]
 
     def scored(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """w = Eᵀ K₀⁻¹ y (n, C) of cases y (6 R, C), and log N(y; 0, K₀) (C,) of each, without the
+        """w = Eᵀ K₀⁻¹ y (n, c) of cases y (C R, c), and log N(y; 0, K₀) (c,) of each, without the
         constant in 2π."""
         if not self.tall:
             solved = self.solve(y)
@@ -331,7 +331,7 @@ class Moments(NamedTuple):
 
     @classmethod
     def of(cls, level: BackgroundLevel, y: np.ndarray, columns: np.ndarray) -> "Moments":
-        """Moments of readings y (6 R,) and columns (6 R, k) on a background level."""
+        """Moments of readings y (C R,) and columns (C R, k) on a background level."""
         every = level.products(np.column_stack([columns, y]))
         return cls(every[:-1, :-1], every[:-1, -1], -0.5 * float(every[-1, -1] + level.log_det))
 
@@ -398,7 +398,7 @@ class Background:
 def ladder(d: EffectDictionary) -> tuple[Background, ...]:
     """All background rungs of a dictionary."""
     variances = [_variance(d, g) for g in LADDER]
-    tall = d.rows * 6 > len(d.label)
+    tall = len(d.E) > len(d.label)
     few = d.prepared.held_out is not None
     alone = tall or few
     spreads = [None] * len(LADDER) if alone else _spreads(d.E, np.array(variances))
@@ -407,7 +407,7 @@ def ladder(d: EffectDictionary) -> tuple[Background, ...]:
             gap,
             BackgroundLevel(
                 d.E, row_variance(d.prepared, SHARES["rows"] * gap), variance,
-                d.weighed if tall else None, few, spread,
+                d.weighed_by if tall else None, few, spread,
             ),
         )
         for gap, variance, spread in zip(LADDER, variances, spreads, strict=True)
@@ -415,7 +415,7 @@ def ladder(d: EffectDictionary) -> tuple[Background, ...]:
 
 
 def _spreads(E: np.ndarray, variances: np.ndarray) -> list[np.ndarray | None]:
-    """E V Eᵀ (6 R, 6 R) of the variances (L, n) of all rungs.
+    """E V Eᵀ (C R, C R) of the variances (L, n) of all rungs.
 
     A column's variance grows with the rung's gap up to a limit: columns that reach theirs at the
     same rung share two products.
@@ -449,7 +449,7 @@ def _variance(d: EffectDictionary, gap: float) -> np.ndarray:
 
 
 def row_variance(prepared: Prepared, gap: float) -> np.ndarray:
-    """Variance of each row of the fit (6 R,): its noise, and a gap of rows without a model."""
+    """Variance of each row of the fit (C R,): its noise, and a gap of rows without a model."""
     if prepared.moving:
         gap *= max(1.0, CORRELATION_S / (prepared.scene.period * prepared.stride))
     return np.tile(prepared.variance + gap, len(prepared.block_rows))

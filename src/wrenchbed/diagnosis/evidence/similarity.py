@@ -60,7 +60,7 @@ class Fitted:
 
     Args:
         gram: of all columns (n, n).
-        E: columns (6 R, n).
+        E: columns (C R, n).
         fitted: numbers of those that are fitted.
     """
 
@@ -94,7 +94,8 @@ class Similarity:
         self.named = max(int(w.columns.max()) for w in self.signatures) + 1
         self._E = dictionary.E[:, : self.named]
         if len(dictionary.E) > dictionary.E.shape[1]:
-            self._gram = dictionary.weighed(np.ones(6))[: self.named, : self.named]
+            weight = np.ones(dictionary.channels)
+            self._gram = dictionary.weighed(weight)[: self.named, : self.named]
         else:
             self._gram = self._E.T @ self._E
 

@@ -162,7 +162,8 @@ def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
     """
     d, estimate = refitter.d, stated(refitter, f)
     zero = d.of_stated(STATED[0])
-    row = 1.0 / np.sqrt(np.maximum(d.configured_gap[d.stated] * 6.0, 1e-300))  # σ, typical sizes
+    own_gap = d.configured_gap[d.stated] * d.channels  # of a bias, in its own column alone
+    row = 1.0 / np.sqrt(np.maximum(own_gap, 1e-300))  # σ, typical sizes
     std = np.where(zero, np.hypot(estimate.std, ZERO_SIGMAS * row), estimate.std)
     odds = wrong_odds(estimate.mean, std, d.tolerance, zero_offset(refitter, f))
     parts = []
@@ -212,15 +213,15 @@ def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
         signal = made_by(refitter, f, [k])
         result += np.abs(d.fitted(signal))
         if conventional:
-            result += _range(d, np.ptp(signal.reshape(-1, 6), axis=0))
+            result += _range(d, np.ptp(signal.reshape(-1, d.channels), axis=0))
     return result
 
 
 def _range(d: EffectDictionary, extent: np.ndarray) -> np.ndarray:
-    """Extent (6,) of a signal as biases among the stated numbers (S,), in typical sizes."""
+    """Extent (C,) of a signal as biases among the stated numbers (S,), in typical sizes."""
     result = np.zeros(len(d.stated))
     for i in np.flatnonzero(d.of_stated(STATED[0])):
-        column = np.abs(d.E[:, d.stated[i]].reshape(-1, 6)).max(axis=0)
+        column = np.abs(d.E[:, d.stated[i]].reshape(-1, d.channels)).max(axis=0)
         channel = int(column.argmax())
         result[i] = extent[channel] / column[channel]
     return result
@@ -260,7 +261,7 @@ def moved_by(refitter: Refitter, error: np.ndarray, stated: Configuration) -> Co
 def _fitted(
     level: BackgroundLevel, columns: np.ndarray, y: np.ndarray, spread: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Mean (k,) and covariance (k, k) of coefficients of columns (6 R, k), given their prior."""
+    """Mean (k,) and covariance (k, k) of coefficients of columns (C R, k), given their prior."""
     every = level.products(np.column_stack([columns, y]))
     covariance = np.linalg.inv(every[:-1, :-1] + np.diag(1.0 / spread**2))
     return covariance @ every[:-1, -1], covariance

@@ -19,7 +19,7 @@ SAME, EXCUSED = 0.02, 0.1
 
 
 def made_by(refitter: Refitter, f: Finalist, parts: Collection[int]) -> np.ndarray:
-    """Whitened readings (6 R,) that some parts add to those of all other parts of a finalist."""
+    """Whitened readings (C R,) that some parts add to those of all other parts of a finalist."""
     amplitudes = np.isin(f.variables.part, list(parts)) & ~f.variables.shape
     without = np.where(amplitudes, 0.0, f.x)
     return np.asarray(refitter.response(f.parts, f.x) - refitter.response(f.parts, without))

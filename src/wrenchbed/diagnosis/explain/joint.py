@@ -298,7 +298,7 @@ class JointRefitter:
         return self._kept[id(f), keep][1]
 
     def response(self, parts: Structure, x: np.ndarray) -> np.ndarray:
-        """Whitened readings (6 R,) of all recordings that the parts add."""
+        """Whitened readings (C R,) of all recordings that the parts add."""
         at = Layout.of(parts).at
         return np.concatenate([
             each.response(tuple(p.of[r] for p in parts), x[at[r]])
@@ -308,7 +308,7 @@ class JointRefitter:
     def _design(
         self, parts: Structure, x: np.ndarray, f: np.ndarray, which: Sequence[int]
     ) -> np.ndarray:
-        """Derivatives (6 R, m) of the response by some variables at x, where the response is f."""
+        """Derivatives (C R, m) of the response by some variables at x, where the response is f."""
         at = Layout.of(parts).at
         result = np.zeros((len(self.y), len(x)))
         for r, each in enumerate(self.each):
@@ -397,7 +397,7 @@ class JointRefitter:
         return tuple(best), top + more, at(best)
 
     def _blamed(self, parts: Structure, layout: Layout) -> np.ndarray:
-        """Columns (6 R, m) of the stated numbers that a structure blames."""
+        """Columns (C R, m) of the stated numbers that a structure blames."""
         columns = [np.zeros((len(self.y), 0))]
         for p, r in layout.sets[len(set(layout.owner.tolist())) :]:
             block = self.each[r].d.E[:, parts[p].of[r].columns]

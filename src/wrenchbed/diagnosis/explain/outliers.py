@@ -104,7 +104,7 @@ def suspects(a: Analysis, claimed: Finalist | None = None) -> np.ndarray:
     p, blocks = a.prepared, a.dictionary.prepared.block_rows
     made = np.zeros(len(np.unique(blocks)))
     if claimed is not None:
-        response = a.refitter.response(claimed.parts, claimed.x).reshape(-1, 6)
+        response = a.refitter.response(claimed.parts, claimed.x).reshape(len(blocks), -1)
         made = _of_blocks((response**2).mean(axis=1), blocks)
     best, far_by = made > np.inf, 0.0
     tried = (a.ranking.explanations[0].finalist, a.refitter.nothing())
@@ -127,10 +127,10 @@ def _contradicted(
     far, energy, contrast = none.copy(), np.zeros(len(numbers)), 0.0
     while True:
         kept = np.isin(blocks, numbers[~far])
-        every = np.repeat(kept, 6)
+        every = np.repeat(kept, len(f.y) // len(blocks))
         less = level.of_rows(every)
         of_rest = replace(f, y=f.y[every], design=f.design[every])
-        error = prediction_errors(less, of_rest, blocks[kept]).reshape(-1, 6)
+        error = prediction_errors(less, of_rest, blocks[kept]).reshape(len(blocks[kept]), -1)
         each = np.zeros(len(numbers))
         each[~far] = _of_blocks((error**2).mean(axis=1), blocks[kept])
         typical = max(float(np.median(each[~far])), float(p.variance.mean()))

@@ -53,9 +53,9 @@ def weighed_again(a: Analysis) -> Analysis:
 
 
 def rest_variance(a: Analysis, f: Finalist) -> np.ndarray:
-    """Residual variance of an explanation in each channel (6,), over that of one row's noise."""
+    """Residual variance of an explanation in each channel (C,), over that of one row's noise."""
     d = a.dictionary
-    rest = d.without_stated(f.residual).reshape(-1, 6)
+    rest = d.without_stated(f.residual).reshape(-1, d.channels)
     variance = (rest**2).mean(axis=0)
     root = np.tile(np.sqrt(np.maximum(variance, d.prepared.variance)), len(rest))
     design = np.column_stack([d.E[:, d.stated], f.design]) / root[:, None]

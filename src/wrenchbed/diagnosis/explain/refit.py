@@ -86,8 +86,8 @@ class Finalist:
         rung: background rung that fits best.
         x: fitted variables (k,) in typical sizes: amplitudes and shapes, no stated numbers.
         covariance: of ``design``'s columns (m, m), background and stated numbers included.
-        residual: measured less fitted (6 R,), whitened, the stated numbers' part still in it.
-        y: the data as linearised at x (6 R,).
+        residual: measured less fitted (C R,), whitened, the stated numbers' part still in it.
+        y: the data as linearised at x (C R,).
         design: derivatives of the response by x, then the columns of blamed stated numbers.
         spread: prior standard deviation of each (m,).
         log_posterior: summed over rungs and sizes.
@@ -124,10 +124,10 @@ class Problem(NamedTuple):
     """Nonlinear least-squares problem: readings y, and functions of the variables.
 
     Attributes:
-        y: (6 R,).
-        response: of variables (k,), (6 R,).
-        design: slopes (6 R, m) of some variables at (k,), where the response is (6 R,).
-        whitened: columns (6 R, m) as the background weighs them.
+        y: (C R,).
+        response: of variables (k,), (C R,).
+        design: slopes (C R, m) of some variables at (k,), where the response is (C R,).
+        whitened: columns (C R, m) as the background weighs them.
         shapes: variables that are shapes.
     """
 
@@ -183,7 +183,7 @@ class Refitter:
 
     Args:
         searcher: of the design.
-        y: the case (6 R,), relative to the baseline, stated numbers as stated.
+        y: the case (C R,), relative to the baseline, stated numbers as stated.
 
     Attributes:
         exact: rungs with exact stated numbers, made when first asked for.
@@ -205,7 +205,7 @@ class Refitter:
 
     def without(self, fold: int) -> "Refitter":
         """Refitter of the same case that leaves out a fold."""
-        keep = np.repeat(self.d.prepared.fold_rows != fold, 6)
+        keep = np.repeat(self.d.prepared.fold_rows != fold, self.d.channels)
         return Refitter(Searcher(self.d.without(fold), self.searcher.odds), self.y[keep])
 
     def again(self, f: Finalist) -> Finalist:
@@ -235,7 +235,7 @@ class Refitter:
         return [ActiveEffect(h.effect, v) for h, v in both if not h.effect.stated]
 
     def response(self, parts: Sequence[Hypothesis], x: np.ndarray) -> np.ndarray:
-        """Whitened readings (6 R,) that the parts add to the baseline's."""
+        """Whitened readings (C R,) that the parts add to the baseline's."""
         active = self.active(parts, x)
         if not active:
             return np.zeros_like(self._zero)
@@ -432,7 +432,7 @@ class Refitter:
     def design(
         self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray, which: Iterable[int]
     ) -> np.ndarray:
-        """Derivatives (6 R, k) of the response by the variables ``which`` at x, where the response
+        """Derivatives (C R, k) of the response by the variables ``which`` at x, where the response
         is f.
 
         For effects without shapes they are the columns of the dictionary, which hardly change.
@@ -455,7 +455,7 @@ class Refitter:
         self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray | float,
         which: Sequence[int], step: np.ndarray,
     ) -> np.ndarray:  # fmt: skip
-        """Slopes (6 R, m) of some variables by steps (k,) from x, where the response is f.
+        """Slopes (C R, m) of some variables by steps (k,) from x, where the response is f.
 
         Amplitudes that act on different channels are changed at once.
         """
@@ -475,7 +475,8 @@ class Refitter:
             for k, i in zip(places, of_part, strict=True):
                 only = slice(None)
                 if len(places) > 1:
-                    only = slice(CHANNELS.index(v.name[i].rpartition(".")[2]), None, 6)
+                    channel = CHANNELS.index(v.name[i].rpartition(".")[2])
+                    only = slice(channel, None, self.d.channels)
                 result[only, k] = change[only] / step[i]
         return result
 

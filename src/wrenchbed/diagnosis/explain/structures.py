@@ -80,21 +80,22 @@ def predictive_score(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray
         block_rows: block of each row of the fit (R,).
     """
     half, w = _weighed(level, f)
-    return sum(_of_block(level, rows, half[:, rows], w[rows]) for rows in _of_blocks(block_rows))
+    blocks = _of_blocks(block_rows, len(w))
+    return sum(_of_block(level, rows, half[:, rows], w[rows]) for rows in blocks)
 
 
 def prediction_errors(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> np.ndarray:
-    """Errors (6 R,) of predicting each block of whitened rows from all other blocks: P_bb⁻¹ w_b."""
+    """Errors (C R,) of predicting each block of whitened rows from all other blocks: P_bb⁻¹ w_b."""
     half, w = _weighed(level, f)
     result = np.empty_like(w)
-    for rows in _of_blocks(block_rows):
+    for rows in _of_blocks(block_rows, len(w)):
         precision = level.precision(rows) - half[:, rows].T @ half[:, rows]
         result[rows] = np.linalg.solve(precision, w[rows])
     return result
 
 
 def _weighed(level: BackgroundLevel, f: Finalist) -> tuple[np.ndarray, np.ndarray]:
-    """H (k, 6 R) of the precision P = K₀⁻¹ − HᵀH of all rows, and w = P y (6 R,)."""
+    """H (k, C R) of the precision P = K₀⁻¹ − HᵀH of all rows, and w = P y (C R,)."""
     k = f.design.shape[1]
     solved = level.solve(np.column_stack([f.design, f.y]))
     normal = f.design.T @ solved[:, :k] + np.diag(1.0 / f.spread**2)
@@ -102,9 +103,9 @@ def _weighed(level: BackgroundLevel, f: Finalist) -> tuple[np.ndarray, np.ndarra
     return half, solved[:, k] - half.T @ (half @ f.y)
 
 
-def _of_blocks(block_rows: np.ndarray) -> Iterator[np.ndarray]:
-    """Indices among 6 R values of each block's rows."""
-    block = np.repeat(block_rows, 6)
+def _of_blocks(block_rows: np.ndarray, values: int) -> Iterator[np.ndarray]:
+    """Indices among C R values of each block's rows."""
+    block = np.repeat(block_rows, values // len(block_rows))
     for b in np.unique(block):
         yield np.flatnonzero(block == b)
 
@@ -393,8 +394,9 @@ class Analysis:
 
     @property
     def calibrated(self) -> np.ndarray:
-        """Whitened residual (R, 6) after bias, mass and CoG."""
-        return self.at_baseline.d.without_stated(self.at_baseline.y).reshape(-1, 6)
+        """Whitened residual (R, C) after bias, mass and CoG."""
+        d = self.at_baseline.d
+        return d.without_stated(self.at_baseline.y).reshape(-1, d.channels)
 
 
 def analyse(prepared: Prepared) -> Analysis:
@@ -435,7 +437,7 @@ def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
 
 
 def case(d: EffectDictionary, prepared: Prepared, baseline: Baseline) -> np.ndarray:
-    """Readings (6 R,) against the dictionary's baseline, the stated numbers as stated."""
+    """Readings (C R,) against the dictionary's baseline, the stated numbers as stated."""
     moved = stated_vector(d, baseline)
     return prepared.rows(prepared.y).ravel() - d.baseline + d.E[:, d.stated] @ moved
 

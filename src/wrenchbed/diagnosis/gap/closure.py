@@ -47,7 +47,7 @@ def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
 
 
 def _ridge(x: np.ndarray, y: np.ndarray, fit: np.ndarray, stride: int, noise: float) -> np.ndarray:
-    """Predictions (H, 6) of whitened y (H, 6) from x (H, k), learnt where ``fit`` (H,)."""
+    """Predictions (H, C) of whitened y (H, C) from x (H, k), learnt where ``fit`` (H,)."""
     x = (x - x[fit].mean(axis=0)) / np.maximum(x[fit].std(axis=0), 1e-9)
     x = np.column_stack([np.ones(len(x)), x])
     use = np.flatnonzero(fit)[::stride]
@@ -58,7 +58,7 @@ def _ridge(x: np.ndarray, y: np.ndarray, fit: np.ndarray, stride: int, noise: fl
 
     def evidence(prior: float, level: float) -> float:
         k = (s**2 * prior + level)[:, None]
-        fitted = (inside**2 / k).sum() + 6 * np.log(k).sum()
+        fitted = (inside**2 / k).sum() + y.shape[1] * np.log(k).sum()
         return -0.5 * float(fitted + outside / level + free * np.log(level))
 
     prior, level = max(((p, v) for p in RIDGES for v in noise * NOISES), key=lambda t: evidence(*t))

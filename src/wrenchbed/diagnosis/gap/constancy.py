@@ -65,9 +65,10 @@ def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Chang
     block = d.prepared.block_rows
     basis = _basis(np.column_stack([d.E[:, d.stated], f.design]) / scale[:, None])
     order = orders(block, PERMUTATIONS, np.random.default_rng([seed, 31]))
-    rest = _without(basis, (f.residual / scale)[None])[0].reshape(-1, 6)
-    permuted = _without(basis, rest[order].reshape(len(order), -1)).reshape(len(order), -1, 6)
-    made = [(made_by(a.refitter, f, [k]) / scale).reshape(-1, 6) for k in parts]
+    rest = _without(basis, (f.residual / scale)[None])[0].reshape(d.rows, -1)
+    permuted = _without(basis, rest[order].reshape(len(order), -1))
+    permuted = permuted.reshape(len(order), *rest.shape)
+    made = [(made_by(a.refitter, f, [k]) / scale).reshape(rest.shape) for k in parts]
     sure = np.stack([_studentised(permuted, m, block) for m in made])  # (parts, n)
     p_value = float((sure.max(axis=0) >= sure[:, 0].max()).mean())
     if p_value >= CHANGES:
@@ -80,7 +81,7 @@ def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Chang
 
 
 def _studentised(rest: np.ndarray, made: np.ndarray, block: np.ndarray) -> np.ndarray:
-    """The larger of both statistics (n,) of residuals (n, R, 6) and a cause's readings (R, 6)."""
+    """The larger of both statistics (n,) of residuals (n, R, C) and a cause's readings (R, C)."""
     first = np.flatnonzero(np.diff(block, prepend=-1))
     score = np.add.reduceat(np.einsum("nrc,rc->nr", rest, made), first, axis=1)
     squares = [(score**2).sum(axis=1), (np.cumsum(score, axis=1) ** 2).sum(axis=1)]
@@ -90,12 +91,12 @@ def _studentised(rest: np.ndarray, made: np.ndarray, block: np.ndarray) -> np.nd
 
 
 def _basis(columns: np.ndarray) -> np.ndarray:
-    """Orthonormal basis of columns (6 R, k); a shape of a small part may have a column of 0."""
+    """Orthonormal basis of columns (C R, k); a shape of a small part may have a column of 0."""
     norm = np.linalg.norm(columns, axis=0)
     u, s, _ = np.linalg.svd(columns / np.where(norm > 0.0, norm, 1.0), full_matrices=False)
     return np.asarray(u[:, s > _RANK * s[0]])
 
 
 def _without(basis: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Residuals (n, 6 R) less what a fit of the explanation and of the stated numbers takes."""
+    """Residuals (n, C R) less what a fit of the explanation and of the stated numbers takes."""
     return np.asarray(x - (x @ basis) @ basis.T)

@@ -1,6 +1,6 @@
 """What a residual may vary with: an orthonormal basis for each variable, and a test of them all.
 
-The test permutes whole poses, or stretches of a motion, of all six channels together; what every
+The test permutes whole poses, or stretches of a motion, of all channels together; what every
 user fits (bias, mass, CoG) is taken from each permuted residual again (Freedman & Lane 1983,
 doi 10.2307/1391660). The largest studentised likelihood ratio over all variables
 gives family-wise p-values (Westfall & Young 1993).
@@ -33,9 +33,9 @@ class Partitions:
 
     Attributes:
         names: of the variables (V,).
-        bases: orthonormal in each whitened channel, without a mean (6, R, k) each; columns of 0
+        bases: orthonormal in each whitened channel, without a mean (C, R, k) each; columns of 0
             where the functions depend on each other.
-        fitted: orthonormal basis of what every user fits (6 R, 10), rows of six channels.
+        fitted: orthonormal basis of what every user fits (C R, 10).
     """
 
     names: tuple[str, ...]
@@ -43,22 +43,22 @@ class Partitions:
     fitted: np.ndarray
 
     def explained(self, y: np.ndarray) -> np.ndarray:
-        """Log likelihood ratio per row (V, n) of each variable in residuals (6, R, n).
+        """Log likelihood ratio per row (V, n) of each variable in residuals (C, R, n).
 
         Each channel has its own level: −Σ log(1 − share of the channel's energy explained).
         """
         stacked = np.concatenate(self.bases, axis=2)
-        parts = (np.swapaxes(stacked, 1, 2) @ y) ** 2  # (6, K, n)
+        parts = (np.swapaxes(stacked, 1, 2) @ y) ** 2  # (C, K, n)
         first = np.cumsum([0, *(b.shape[2] for b in self.bases[:-1])])
         total = np.maximum(np.einsum("crn,crn->cn", y, y), 1e-300)[:, None]
         share = np.add.reduceat(parts, first, axis=1) / total
         return np.asarray(-np.log(np.maximum(1.0 - share, 1e-9)).sum(axis=0))
 
     def without_fitted(self, y: np.ndarray) -> np.ndarray:
-        """Residuals (6, R, n) less what a fit of bias, mass and CoG takes."""
+        """Residuals (C, R, n) less what a fit of bias, mass and CoG takes."""
         flat = np.swapaxes(y, 0, 1).reshape(-1, y.shape[2])
         flat = flat - self.fitted @ (self.fitted.T @ flat)
-        return np.asarray(np.swapaxes(flat.reshape(y.shape[1], 6, -1), 0, 1))
+        return np.asarray(np.swapaxes(flat.reshape(y.shape[1], len(y), -1), 0, 1))
 
 
 def partitions(prepared: Prepared) -> Partitions:
@@ -78,7 +78,7 @@ def family_wise(
 
     Args:
         parts: the variables.
-        residual: (R, 6), whitened.
+        residual: (R, C), whitened.
         block: of each row (R,); blocks of one row are poses.
         permutations: how often.
         seed: of the permutations.
@@ -95,7 +95,7 @@ def family_wise(
 
 
 def shares(parts: Partitions, residual: np.ndarray, chosen: np.ndarray, gap: float) -> np.ndarray:
-    """Split of a residual's energy (R, 6) above its noise over the chosen variables → (V,).
+    """Split of a residual's energy (R, C) above its noise over the chosen variables → (V,).
 
     Forward selection: each step takes the variable that explains most of what is left beyond what
     as many random columns would, and counts only what those before it did not explain. The shares
@@ -103,8 +103,8 @@ def shares(parts: Partitions, residual: np.ndarray, chosen: np.ndarray, gap: flo
     that adds nothing to the others has 0, and so do those that are not chosen.
     """
     result = np.zeros(len(parts.names))
-    y = parts.without_fitted(residual.T[:, :, None])[:, :, 0]  # (6, R)
-    taken = np.zeros((6, y.shape[1], 0))
+    y = parts.without_fitted(residual.T[:, :, None])[:, :, 0]  # (C, R)
+    taken = np.zeros((*y.shape, 0))
     open_ = [int(k) for k in np.flatnonzero(chosen)]
     freedom, total = float(y.size), max(gap * y.size, 1e-300)
     while open_:
@@ -131,12 +131,12 @@ def shares(parts: Partitions, residual: np.ndarray, chosen: np.ndarray, gap: flo
 
 
 def _functions(prepared: Prepared) -> dict[str, np.ndarray]:
-    """Functions of each variable: (H, k), or (6, H, k) where each channel has its own."""
+    """Functions of each variable: (H, k), or (C, H, k) where each channel has its own."""
     scene, held = prepared.scene, prepared.scene.held
     known = variables(prepared)
     rotation = value(scene.pose[0])[held]
     down = scene.gravity @ rotation / np.linalg.norm(scene.gravity)
-    across = rotation[:, :2].reshape(len(rotation), 6)
+    across = rotation[:, :2].reshape(len(rotation), -1)
     wide = harmonics(down)
     result = {"orientation": np.concatenate([wide[:, :3], across, wide[:, 3:_DEGREE_2]], axis=1)}
     if "position" in known:
@@ -161,14 +161,14 @@ def _functions(prepared: Prepared) -> dict[str, np.ndarray]:
         rate = np.gradient(load, scene.period, axis=0)[held]
         # no single joint's speed or acceleration: in sums of sines they look like other angles
         pace = np.sqrt((scene.q.d**2).sum(axis=1))[held]
-        shared = np.broadcast_to(np.stack([pace, pace**2], axis=1), (6, len(pace), 2))
+        shared = np.broadcast_to(np.stack([pace, pace**2], axis=1), (*rate.T.shape, 2))
         each = rate.T[:, :, None]
         result["speed"] = np.concatenate([each, np.abs(each), shared], axis=2)
     return result
 
 
 def _of_load(prepared: Prepared, load: np.ndarray) -> dict[str, np.ndarray]:
-    """Functions of each channel's own load (6, H, k), of |F| and |T|, and of how the load came."""
+    """Functions of each channel's own load (C, H, k), of |F| and |T|, and of how the load came."""
     held = prepared.scene.held
     scaled = load / np.maximum(np.abs(load).max(axis=0), 1e-9)
     x = scaled[held].T[:, :, None]
@@ -177,7 +177,7 @@ def _of_load(prepared: Prepared, load: np.ndarray) -> dict[str, np.ndarray]:
     lengths = np.linalg.norm(prepared.expected[held].reshape(-1, 2, 3), axis=2)
     varied = lengths[:, np.ptp(lengths, axis=0) > 0.05 * lengths.max(axis=0)]
     bins = [(v > np.quantile(v, s)).astype(float) for v in varied.T for s in (0.25, 0.5, 0.75)]
-    shared = np.broadcast_to(np.reshape(bins, (-1, x.shape[1])).T, (6, x.shape[1], len(bins)))
+    shared = np.broadcast_to(np.reshape(bins, (-1, x.shape[1])).T, (*x.shape[:2], len(bins)))
     return {
         "load": np.concatenate([x, x**2, np.abs(x), x**3, shared], axis=2),
         "direction of load": np.concatenate([sign, sign * np.abs(x), sign * x**2], axis=2),
@@ -198,14 +198,14 @@ def _turned(prepared: Prepared, joint: int) -> np.ndarray:
 def _on_rows(prepared: Prepared, functions: np.ndarray) -> np.ndarray:
     if functions.ndim == 2:
         rows = prepared.averages(functions)
-        return np.broadcast_to(rows, (6, *rows.shape))
+        return np.broadcast_to(rows, (len(prepared.variance), *rows.shape))
     flat = np.moveaxis(functions, 0, 1).reshape(functions.shape[1], -1)
     rows = prepared.averages(flat)
-    return np.moveaxis(rows.reshape(len(rows), 6, -1), 1, 0)
+    return np.moveaxis(rows.reshape(len(rows), len(functions), -1), 1, 0)
 
 
 def _orthonormal(columns: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
-    """Per channel (6, R, k) → orthonormal (6, R, k'), without a mean, no more than rows allow.
+    """Per channel (C, R, k) → orthonormal (C, R, k'), without a mean, no more than rows allow.
 
     Args:
         columns: functions at the rows.
@@ -227,7 +227,7 @@ def _orthonormal(columns: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
 
 
 def _fitted(prepared: Prepared) -> np.ndarray:
-    """Orthonormal basis (6 R, 10) of the readings of bias, mass and CoG."""
+    """Orthonormal basis (C R, 10) of the readings of bias, mass and CoG."""
     scene = prepared.scene
 
     def load(cog: np.ndarray) -> np.ndarray:
@@ -236,7 +236,7 @@ def _fitted(prepared: Prepared) -> np.ndarray:
 
     at_origin = load(np.zeros(3))
     away = [(load(1e-3 * axis) - at_origin) * 1e3 for axis in np.eye(3)]
-    bias = [np.tile(axis, (len(at_origin), 1)) for axis in np.eye(6)]
+    bias = [np.tile(axis, (len(at_origin), 1)) for axis in np.eye(at_origin.shape[1])]
     columns = np.stack([x.ravel() for x in (at_origin, *away, *bias)], axis=1)
     columns = columns / np.maximum(np.sqrt((columns**2).sum(axis=0)), 1e-300)
     return np.asarray(np.linalg.qr(columns)[0])

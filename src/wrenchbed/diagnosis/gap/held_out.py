@@ -28,8 +28,8 @@ class HeldOut:
         scatter = prepared.scatter
         white = np.einsum("ij,hjk,ik->h", self._root, scatter, self._root)
         of_row = prepared.covariance if prepared.row is None else prepared.row
-        self._of_row = float(np.trace(self._root @ of_row @ self._root.T)) / 6
-        self.noise = white[keep] / 6 - self._of_row
+        self._of_row = float(np.trace(self._root @ of_row @ self._root.T)) / len(of_row)
+        self.noise = white[keep] / len(of_row) - self._of_row
         scattered = np.einsum("hii->hi", scatter)[keep] / prepared.sigma**2
         self.channel_noise = scattered - prepared.row_variance
 
@@ -46,7 +46,7 @@ class HeldOut:
         return np.asarray((white**2).mean(axis=1) + self.noise)
 
     def channels(self, reading: np.ndarray) -> np.ndarray:
-        """Gap of each channel (6,)."""
+        """Gap of each channel (C,)."""
         gaps = (self._residual(reading) / self.prepared.sigma) ** 2 + self.channel_noise
         return np.asarray((gaps * self.count[:, None]).sum(axis=0) / self.count.sum())
 

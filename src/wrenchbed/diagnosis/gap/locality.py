@@ -48,8 +48,8 @@ def locality(
 
     Args:
         prepared: the recording.
-        residual: whitened rows of the fit (R, 6).
-        noise: variance of such a row (6,).
+        residual: whitened rows of the fit (R, C).
+        noise: variance of such a row (C,).
         permutations: how often stretches of time are permuted.
         seed: of these.
     """

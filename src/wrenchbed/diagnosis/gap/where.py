@@ -78,10 +78,10 @@ def holm(p_value: np.ndarray) -> np.ndarray:
 def channels(
     prepared: Prepared, residual: np.ndarray, covariance: np.ndarray, names: tuple[str, ...]
 ) -> ChannelLevel:
-    """Energy of each channel of a whitened residual (R, 6).
+    """Energy of each channel of a whitened residual (R, C).
 
     Args:
-        covariance: of the fit's rows at lags 0 … (lags, 6), whitened, from ``autocovariance``.
+        covariance: of the fit's rows at lags 0 … (lags, C), whitened, from ``autocovariance``.
     """
     square = residual**2 / covariance[0]
     rows = len(square)
@@ -94,16 +94,16 @@ def channels(
     relative = 2.0 * relative - 2.0 / rows  # heavy tails are heavier than a few blocks show
     if prepared.moving:
         relative = relative + _SCALE_VARIANCE / rows
-    ratio = mean * rows / max(rows - FITTED / 6, 1.0)
+    ratio = mean * rows / max(rows - FITTED / residual.shape[1], 1.0)
     return ChannelLevel(names, ratio, _exceeding(ratio, relative), _excess(ratio - 1.0))
 
 
 def bands(prepared: Prepared, residual: np.ndarray, covariance: np.ndarray) -> ChannelLevel:
-    """Energy of octaves of a motion's whitened residual (R, 6), by Welch's periodogram."""
+    """Energy of octaves of a motion's whitened residual (R, C), by Welch's periodogram."""
     block = prepared.block_rows
     first = np.flatnonzero(np.diff(block, prepend=-1))
     length = int(np.diff(np.append(first, len(block))).min())
-    pieces = residual[first[:, None] + np.arange(length)]  # (B, L, 6)
+    pieces = residual[first[:, None] + np.arange(length)]  # (B, L, C)
     window = np.hanning(length + 2)[1:-1]
     centred = (pieces - pieces.mean(axis=1, keepdims=True)) * window[:, None]
     power = np.abs(np.fft.rfft(centred, axis=1)) ** 2 / (window**2).sum()
@@ -124,31 +124,32 @@ def bands(prepared: Prepared, residual: np.ndarray, covariance: np.ndarray) -> C
         names.append(f"frequency {low:g}–{high:.3g} Hz")
         ratio.append(float(each.mean()))
         overlap = 1.0 + 2.0 * sum(c * max(0.0, 1 - (i + 1) / n) for i, c in enumerate(HANN))
-        theory.append(overlap / (6 * n * len(each)))
+        theory.append(overlap / (residual.shape[1] * n * len(each)))
         spread = float(each.var(ddof=1)) / len(each) / max(ratio[-1], 1e-100) ** 2
         inflated.append(spread / theory[-1])
         excess.append((power[:, inside] - noise[inside]).sum())
     pooled = np.maximum(inflated, max(1.0, float(np.mean(inflated))))
-    variance = np.array(theory) * pooled + _SCALE_VARIANCE / (6 * len(residual))
+    variance = np.array(theory) * pooled + _SCALE_VARIANCE / residual.size
     level = np.array(ratio)
     return ChannelLevel(tuple(names), level, _exceeding(level, variance), _excess(np.array(excess)))
 
 
 def autocovariance(prepared: Prepared) -> np.ndarray:
-    """Noise of the fit's rows in whitened units at lags 0 … 3 (4, 6).
+    """Noise of the fit's rows in whitened units at lags 0 … 3 (4, C).
 
     At rest rows are poses, without memory. In motion the variogram of raw rows holds their memory
     and little of a slow gap: var(mean of s) = Σ (s − |k|) ρ(k) / s². The variance of a raw
     row is 1 as stated; a slow gap that does show makes the noise larger, not smaller.
     """
-    result = np.zeros((_LAGS, 6))
+    channels = len(prepared.variance)
+    result = np.zeros((_LAGS, channels))
     result[0] = prepared.variance
     if not prepared.moving:
         return result
     s = prepared.stride
     raw = prepared.residual / prepared.sigma
     block = np.where(prepared.fitted, prepared.block, -1 - np.arange(len(raw)))
-    vario = np.zeros(((_LAGS + 1) * s, 6))
+    vario = np.zeros(((_LAGS + 1) * s, channels))
     for k in range(1, len(vario)):
         inside = block[k:] == block[:-k]
         vario[k] = 0.5 * np.mean((raw[k:] - raw[:-k])[inside] ** 2, axis=0)
@@ -214,7 +215,7 @@ def locate(
 
     Args:
         prepared: the recording.
-        residual: whitened rows of the fit's part (R, 6), bias, mass and CoG fitted away.
+        residual: whitened rows of the fit's part (R, C), bias, mass and CoG fitted away.
         permutations: how often blocks are permuted.
         seed: of the permutations.
     """

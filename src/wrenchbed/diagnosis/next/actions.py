@@ -71,7 +71,7 @@ def posed(
     """Poses at rest (N, J) at times (N,) [s], after the recorded ones or by themselves.
 
     Args:
-        noise: variance of a pose over that of a row (6,).
+        noise: variance of a pose over that of a row (C,).
     """
     old = prepared.poses if after else q[:0]
     kept = prepared.fold if after else np.zeros(0, dtype=int)
@@ -85,7 +85,8 @@ def posed(
     n = len(every)
     fold = np.concatenate([kept, np.zeros(len(q), dtype=int)])
     return replace(
-        prepared, scene=scene, y=np.zeros((n, 6)), count=np.ones(n, dtype=int), noise=noise,
+        prepared, scene=scene, y=np.zeros((n, len(noise))), count=np.ones(n, dtype=int),
+        noise=noise,
         block=np.arange(n), fold=fold, stride=1,
     )  # fmt: skip
 
@@ -96,8 +97,10 @@ def moved(prepared: Prepared, q: np.ndarray, rate: float) -> Prepared:
     jet = Jet(q, d, np.gradient(d, 1.0 / rate, axis=0))
     n = len(q)
     scene = scenes.of_motion(prepared.model, prepared.scene.theta, jet, np.arange(n) / rate, None)
+    noise = np.ones_like(prepared.noise)
     return replace(
-        prepared, scene=scene, y=np.zeros((n, 6)), count=np.ones(n, dtype=int), noise=np.ones(6),
+        prepared, scene=scene, y=np.zeros((n, len(noise))), count=np.ones(n, dtype=int),
+        noise=noise,
         block=np.arange(n) * BLOCKS_IN_MOTION // n, fold=np.zeros(n, dtype=int),
         stride=max(1, round(rate / RATES_HZ[1])),
     )  # fmt: skip
@@ -161,8 +164,9 @@ def stay(prepared: Prepared) -> float:
 
 
 def static_noise(prepared: Prepared) -> np.ndarray:
-    """Noise variance of a pose's mean over that of one row (6,)."""
-    return np.full(6, 1.0 / _HOLD_ROWS) if prepared.moving else prepared.noise
+    """Noise variance of a pose's mean over that of one row (C,)."""
+    at_rest = np.full_like(prepared.noise, 1.0 / _HOLD_ROWS)
+    return at_rest if prepared.moving else prepared.noise
 
 
 def _visit(

@@ -68,9 +68,9 @@ class ExperimentRows:
     """Columns and noise of the rows that a proposed recording would have.
 
     Attributes:
-        E: columns (6 R, n), the same as every session's.
-        v0: variance of each row (6 R,).
-        extra: columns (6 R, m) that only this session has: its zero, what only motion shows.
+        E: columns (C R, n), the same as every session's.
+        v0: variance of each row (C R,).
+        extra: columns (C R, m) that only this session has: its zero, what only motion shows.
         extra_variance: prior variance of the coefficients of ``extra`` (m,).
     """
 
@@ -147,8 +147,9 @@ class Comparison:
             result[:, k] = base.rows(change).ravel()
         if session.again:
             return ExperimentRows(result, v0)
-        zero, more = np.tile(np.eye(6), (len(v0) // 6, 1)), self._only_there(base, response)
-        wide = np.concatenate([np.full(6, LARGE), np.ones(sum(x.shape[1] for x in more))])
+        zero, more = _zeros(base, len(v0)), self._only_there(base, response)
+        spread = [np.full(x.shape[1], v) for x, v in ((zero, LARGE), *((m, 1.0) for m in more))]
+        wide = np.concatenate(spread)
         return ExperimentRows(result, v0, np.concatenate([zero, *more], axis=1), wide)
 
     def _only_there(self, base: Prepared, response: Response) -> list[np.ndarray]:
@@ -208,7 +209,7 @@ class Comparison:
         normal = design.T @ design + np.eye(len(free)) / FREE**2
         fitted = np.linalg.solve(normal, design.T @ (known @ x))
         rest = new @ x - new[:, free] @ fitted
-        return np.asarray((rest.reshape(-1, 6) ** 2).sum(axis=1))
+        return np.asarray((rest.reshape(-1, self.d.channels) ** 2).sum(axis=1))
 
 
 def jensen_shannon(d: float) -> float:
@@ -397,7 +398,8 @@ def _chooser(comparison: Comparison) -> Choose:
             score = comparison.contrast(parts, rows)
             score[chosen] = -1.0
             chosen += [int(k) for k in np.argsort(-score)[:_AT_ONCE]]
-            take = (6 * np.array(chosen)[:, None] + np.arange(6)).ravel()
+            count = comparison.d.channels
+            take = (count * np.array(chosen)[:, None] + np.arange(count)).ravel()
             parts = [*comparison.known, ExperimentRows(rows.E[take], rows.v0[take])]
         return np.array(chosen[:POSES])
 
@@ -439,13 +441,20 @@ def _depends(d: EffectDictionary, prepared: Prepared, kernel: str, gap: float) -
     if kernel not in groups:
         return 0.0
     target = groups.pop(kernel)
-    count = len(target)
-    ones = np.tile(np.eye(6), (count // 6, 1))
-    columns = np.concatenate([ones, *groups.values()], axis=1)
-    variance = np.concatenate([np.full(6, LARGE), np.full(columns.shape[1] - 6, gap)])
-    level = BackgroundLevel(columns, np.tile(prepared.variance + GAP, count // 6), variance)
+    zeros = _zeros(prepared, len(target))
+    columns = np.concatenate([zeros, *groups.values()], axis=1)
+    variance = np.full(columns.shape[1], gap)
+    variance[: zeros.shape[1]] = LARGE
+    noise = np.tile(prepared.variance + GAP, len(target) // len(prepared.variance))
+    level = BackgroundLevel(columns, noise, variance)
     square = gap * float((target * level.solve(target)).sum())
     return jensen_shannon(float(np.sqrt(square / target.shape[1])))
+
+
+def _zeros(prepared: Prepared, values: int) -> np.ndarray:
+    """Columns (C R, C) of a zero of each measured column, for C R values."""
+    count = len(prepared.variance)
+    return np.tile(np.eye(count), (values // count, 1))
 
 
 def _capital(text: str) -> str:

@@ -57,13 +57,14 @@ def calibrate(prepared: Prepared) -> Baseline:
     start = np.concatenate([[stated.mass], stated.cog])
     measured = prepared.rows(prepared.y).ravel()
     ones = np.ones((len(prepared.y), 1))
-    biases = np.stack([prepared.rows(ones * axis).ravel() for axis in np.eye(6)], axis=1)
+    channels = np.eye(prepared.y.shape[1])
+    biases = np.stack([prepared.rows(ones * axis).ravel() for axis in channels], axis=1)
 
     def weighed(x: np.ndarray) -> np.ndarray:
         at = _with_load(prepared, x).robot_theta
         return prepared.rows(prepared.at(at).expected).ravel()
 
-    x, bias = start, np.zeros(6)
+    x, bias = start, np.zeros(len(channels))
     for _ in range(_STEPS):
         here = weighed(x)
         moved_by = zip(_DIFFERENCES, np.eye(4), strict=True)

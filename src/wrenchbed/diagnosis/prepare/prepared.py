@@ -68,25 +68,25 @@ class Prepared:
         recording: the rows that are diagnosed.
         configuration: the simulator as the metadata configures it.
         scene: what was done; its held rows are the observations.
-        y: measured (H, 6) [N, N·m]; where a motion's row repeats the one before, an estimate from
+        y: measured (H, C) [N, N·m]; where a motion's row repeats the one before, an estimate from
             the rows around it.
         count: rows behind each (H,), 0 where it repeats.
-        covariance: of what counts (6, 6): of one row's noise, unless the user says what is
+        covariance: of what counts (C, C): of one row's noise, unless the user says what is
             material. Its roots are the units of whitened readings, and a gap of 1.
-        noise: variance of an observation over that (6,): of one row's noise below 1 where rows were
+        noise: variance of an observation over that (C,): of one row's noise below 1 where rows were
             averaged at rest; in motion of the averages of ``stride`` rows, times that, as they
             scatter.
         source: where the noise of a row comes from, ``repeats`` or ``stated``.
         block: number of the block of each observation (H,).
         fold: fold of each observation (H,), −1 where it is set aside: then it takes no part.
-        scatter: mean products of the rows of each observation about their mean (H, 6, 6).
+        scatter: mean products of the rows of each observation about their mean (H, C, C).
         left_out: saturated rows not used.
         stride: rows of a motion that are averaged into one for the linear analysis.
         touch: contact of a tool without joints; its rows are not among the observations.
         given: the recording before a long motion was cut, None if it was not.
         noise_note: for people, where rows at rest scatter far beyond the stated noise; else empty.
         held_out: the fold that fits do not see at present, None if they see all.
-        row: covariance of one row's noise (6, 6) where that is not what counts.
+        row: covariance of one row's noise (C, C) where that is not what counts.
     """
 
     recording: Recording
@@ -144,7 +144,7 @@ class Prepared:
 
     @cached_property
     def sigma(self) -> np.ndarray:
-        """What counts in each channel (6,), the unit of whitened readings: a row's noise, unless
+        """What counts in each channel (C,), the unit of whitened readings: a row's noise, unless
         the user says otherwise.
 
         The analysis leaves out how channels scatter together: imperfections do not share it.
@@ -153,12 +153,12 @@ class Prepared:
 
     @cached_property
     def row_sigma(self) -> np.ndarray:
-        """Standard deviation of one row's noise (6,) [N, N·m]."""
+        """Standard deviation of one row's noise (C,)."""
         return self.sigma if self.row is None else np.sqrt(np.diagonal(self.row))
 
     @cached_property
     def row_variance(self) -> np.ndarray:
-        """Variance of one row's noise over that of what counts (6,)."""
+        """Variance of one row's noise over that of what counts (C,)."""
         return np.asarray((self.row_sigma / self.sigma) ** 2)
 
     def counting(self, material: Material) -> "Prepared":
@@ -171,12 +171,12 @@ class Prepared:
 
     @property
     def expected(self) -> np.ndarray:
-        """Readings (M, 6) of the scene's simulator without effects."""
+        """Readings (M, C) of the scene's simulator without effects."""
         return self.scene.load
 
     @cached_property
     def residual(self) -> np.ndarray:
-        """Measured less expected readings of the observations (H, 6)."""
+        """Measured less expected readings of the observations (H, C)."""
         return np.asarray(self.y - self.expected[self.scene.held])
 
     @cached_property
@@ -235,7 +235,7 @@ class Prepared:
         return replace(self, fold=np.where(rows, -1, self.fold))
 
     def rows(self, x: np.ndarray) -> np.ndarray:
-        """Scene or held rows (M, 6) → whitened rows of the fit (R, 6)."""
+        """Scene or held rows (M, C) → whitened rows of the fit (R, C)."""
         held = x[self.scene.held] if len(x) == len(self.scene) else x
         return self.averages(held / self.sigma)
 
@@ -257,7 +257,7 @@ class Prepared:
 
     @property
     def variance(self) -> np.ndarray:
-        """Noise variance of the rows that `rows` returns (6,), white."""
+        """Noise variance of the rows that `rows` returns (C,), white."""
         return self.noise / self.stride
 
     @cached_property
