@@ -17,6 +17,10 @@ VISCOUS = np.array([5.0, 6.0, 4.0, 1.0, 0.8, 0.7])
 MASS, COG, ROTOR = 1.9, (0.01, -0.006, 0.09), 0.1
 """Load of the UR5 [kg, m], and inertia of each of its motors [kg·m²]; estimates."""
 LOADED = UR5.theta_of_tool(UR5.parameters.nominal.copy(), MASS, COG)
+LINK_MASS, LINK_COG = 0.01, 1e-3
+"""Standard deviations of links: of masses over the model's, of centres from the model's [m]."""
+TOOLS = ("tool", "seat")
+"""Bodies of the load, in the package's models and in those of `arm_files`."""
 SWING, HARMONICS, BASE_HZ = 0.28, 5, 0.1
 """Typical amplitude of a harmonic [rad], their number and the first one's frequency [Hz]."""
 
@@ -31,13 +35,13 @@ def by_joint(**groups):
 
 
 def fourier(rng, seconds=60.0, rate=125.0, home=UR5.home, swing=SWING):
-    """Clock (N,) and a periodic motion (N, 6) about a pose, analytic speeds and accelerations."""
+    """Clock (N,) and a periodic motion (N, J) about a pose, analytic speeds and accelerations."""
     t = np.arange(round(seconds * rate)) / rate
     q = np.tile(np.asarray(home), (len(t), 1))
     qd, qdd = np.zeros_like(q), np.zeros_like(q)
     for k in range(1, HARMONICS + 1):
         w = 2.0 * np.pi * BASE_HZ * k
-        a, b = rng.normal(size=(2, 6)) * swing / np.sqrt(k)
+        a, b = rng.normal(size=(2, len(home))) * swing / np.sqrt(k)
         s, c = np.sin(w * t)[:, None], np.cos(w * t)[:, None]
         q, qd, qdd = q + a * s + b * c, qd + w * (a * c - b * s), qdd - w * w * (a * s + b * c)
     return t, Jet(q, qd, qdd)
@@ -74,6 +78,19 @@ def torques(q, theta=LOADED, armature=ROTOR, edit=lambda model: None):
     return inverse(UR5, theta, q, edit=edited)
 
 
+def castings(rng):
+    """An edit of a compiled model: links off the file's as castings are, the tool as it is."""
+    masses, places = rng.normal(size=40), rng.normal(size=(40, 3))
+
+    def edit(model):
+        for body in range(1, model.nbody):
+            if model.body(body).name not in TOOLS:
+                model.body_mass[body] *= 1.0 + LINK_MASS * masses[body]
+                model.body_ipos[body] += LINK_COG * places[body]
+
+    return edit
+
+
 def bristles(speed, step, coulomb, static, stiffness=3e4, fall=0.05):
     """Friction (N,) of LuGre bristles, levels by row (N,), by an exact step of each row.
 
@@ -100,6 +117,7 @@ def coloured(rng, shape, memory=0.7):
 def recording(t, q, effort, prefix="tau", robot="ur5", **more):
     """Of a robot as stated, with torques or currents alone."""
     raw = {"format": 1, "robot": robot, "source": "test", "mode": "dynamic", "rate_hz": 125.0}
-    columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(6)}
-    columns |= {f"{prefix}{j + 1}": effort[:, j] for j in range(6)}
+    joints = range(q.shape[1])
+    columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in joints}
+    columns |= {f"{prefix}{j + 1}": effort[:, j] for j in joints}
     return Recording(parse(raw | more, "test"), columns, "effort.parquet")

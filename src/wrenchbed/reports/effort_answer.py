@@ -8,6 +8,8 @@ from wrenchbed.diagnosis.efforts.answer import place as place_of
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.diagnosis.efforts.names import title
 from wrenchbed.diagnosis.evidence.search import NONE
+from wrenchbed.diagnosis.explain.elements import listed
+from wrenchbed.diagnosis.gap.upheld import LEAST
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import Answer
 from wrenchbed.reports.claim import Claim, claim
@@ -53,9 +55,25 @@ class EffortAnswer(Answer):
 
     @property
     def no_claim(self) -> str:
-        if self.d.verdict == NONE:
-            return "No cause found: the residual is within normal imperfections."
-        return "No known effect explains the gap."
+        if self.d.verdict != NONE:
+            return "No known effect explains the gap."
+        if self.unstated:
+            return f"No cause found beside what nobody states and was fitted: {self.unstated}."
+        return "No cause found: the residual is within normal imperfections."
+
+    @cached_property
+    def unstated(self) -> str:
+        """What a fit makes up that counts, because nobody states it; empty if that is nothing."""
+        if self.d.gap.configured < LEAST:
+            return ""
+        names, scene = [str(number["name"]) for number in self.d.fitted], self.findings.d.scene
+        joints = [n.rpartition(".")[2] for n in names if n.startswith("drive.coulomb.")]
+        phrases = [f"friction of joints {listed(joints, 'and')}"] if joints else []
+        if "tool.mass" in names:
+            load = numbers.quantity("mass", self.d.fitted[names.index("tool.mass")])
+            mass = float(scene.model.robot.tool(scene.theta).mass)
+            phrases.insert(0, f"a load of {load} (the robot's model has {mass:.4g} kg)")
+        return listed(phrases, "and")
 
     @property
     def no_cause(self) -> str:
@@ -92,6 +110,9 @@ class EffortAnswer(Answer):
 
     @property
     def nothing_more(self) -> str:
+        if self.d.verdict == NONE and self.unstated:
+            gap = numbers.gap(self.d.gap.configured)
+            return f"State tool and drives: what is fitted makes up a gap of {gap} and is no cause."
         if self.d.verdict == NONE:
             return "Nothing: the stated robot predicts these efforts as well as noise allows."
         if self.d.verdict == "identified":

@@ -62,11 +62,15 @@ def _efforts(findings: EffortFindings) -> Chart:
 
 
 def _friction(findings: EffortFindings, j: int) -> Chart:
-    """What speed makes of a joint's effort: measured, stated and with the effects."""
-    scene, std = findings.d.scene, findings.d.noise[j].std
+    """What speed makes of a joint's effort: measured, stated and with the effects.
+
+    What links and load of the whole arm add by the fit is no friction.
+    """
+    d, scene, std = findings.d, findings.d.scene, findings.d.noise[j].std
     speed = scene.q.d[scene.kept(), j]
     stated = scene.thin(scene.friction[:, j])
-    measured = stated + findings.d.y[:, j]
+    body = d.arm[:, j] @ findings.held_out.fit.x[d.joint < 0]
+    measured = stated + d.y[:, j] - body
     efforts = [speed, measured, stated]
     if "with_effects" in findings.held_out.left:
         efforts.append(measured - std * findings.held_out.left["with_effects"][:, j])

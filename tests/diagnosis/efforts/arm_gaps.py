@@ -16,22 +16,29 @@ from arm_torques import (
     VISCOUS,
     bristles,
     by_joint,
+    castings,
     coloured,
     fourier,
     recording,
     torques,
 )
 
+from wrenchbed.data.metadata import ToolInfo
+
 CONFIGURED = by_joint(coulomb=COULOMB, viscous=VISCOUS, inertia=ROTOR)
 
 
 @dataclass(frozen=True)
 class Gap:
-    """A cause with its joint (from 1) and its size in noises of a row (or its own unit)."""
+    """A cause with its joint (from 1) and its size in noises of a row (or its own unit).
+
+    A tool's mass may have its centre elsewhere too, by `moved` [m].
+    """
 
     effect: str | None = None
     joint: int = 2
     size: float = 5.0
+    moved: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -89,14 +96,16 @@ LEVELS = {
 """What a cause adds to the level of friction (N,)."""
 
 
-def case(gap=Gap(), seed=1, seconds=60.0, spread=0.02, configured=True, **more):
-    """A recording of a robot with one cause, everything else ordinary."""
+def case(gap=Gap(), seed=1, seconds=60.0, spread=0.02, configured=True, links=False, **more):
+    """A recording of a robot with one cause, everything else ordinary; ``links`` are castings."""
     rng = np.random.default_rng(seed)
     t, q = fourier(rng, seconds)
     j = gap.joint - 1
     true_c, true_v = (v * (1.0 + spread * rng.normal(size=6)) for v in (COULOMB, VISCOUS))
     heavier = gap.size if gap.effect == "tool.mass" else 0.0
-    body = torques(q, UR5.theta_of_tool(UR5.parameters.nominal.copy(), MASS + heavier, COG))
+    load = MASS + heavier, np.add(COG, gap.moved)
+    edit = castings(rng) if links else lambda model: None
+    body = torques(q, UR5.theta_of_tool(UR5.parameters.nominal.copy(), *load), edit=edit)
     level = np.tile(true_c, (len(t), 1))
     m = Moved(q.v[:, j], q.d[:, j], t[1] - t[0], body[:, j], body[:, j], NOISE[j])
     if gap.effect in LEVELS:
@@ -108,3 +117,8 @@ def case(gap=Gap(), seed=1, seconds=60.0, spread=0.02, configured=True, **more):
     seen = effort + NOISE * coloured(rng, effort.shape)
     stated = {"configured": CONFIGURED} if configured else {}
     return recording(t, q.v, seen, tool={"mass": MASS, "cog": list(COG)}, **stated, **more)
+
+
+def unstated(recording):
+    """The same recording without what it states of the tool."""
+    return replace(recording, metadata=replace(recording.metadata, tool=ToolInfo()))

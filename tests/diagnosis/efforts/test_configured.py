@@ -1,20 +1,13 @@
 """What an earlier fit states of the drives: its tool goes with them."""
 
-from dataclasses import replace
-
 import pytest
-from arm_gaps import Gap, case
+from arm_gaps import Gap, case, unstated
 
-from wrenchbed.data.metadata import ToolInfo
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.drives.identify import calibrate_efforts
 
 LOAD = 0.9
 """Payload that only the second recording has [kg]."""
-
-
-def unstated(recording):
-    return replace(recording, metadata=replace(recording.metadata, tool=ToolInfo()))
 
 
 def test_a_load_that_the_earlier_fit_had_not_is_named(tmp_path):

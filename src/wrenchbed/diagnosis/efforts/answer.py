@@ -1,15 +1,15 @@
 """The entries of ``diagnosis.json`` of joint efforts: causes, places, notes, what next."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from wrenchbed.diagnosis.efforts.arm_columns import LIGHT
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.names import title
 from wrenchbed.diagnosis.efforts.signs import Sign
-from wrenchbed.diagnosis.efforts.sizes import Folds, jackknife, parameters
+from wrenchbed.diagnosis.efforts.sizes import Folds, mass_of_tool, parameters
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit
 from wrenchbed.diagnosis.efforts.verdict import (
     COUNTS,
@@ -138,25 +138,21 @@ def fitted(d: Dictionary, fit: TwinFit, causes: Sequence[int]) -> list[dict[str,
             name, unit = f"drive.{kind}.{which}", joint.own(_UNITS[kind])
         else:
             continue
-        each = np.array([_value(d, x, column) for x in folds.each])
-        result.append({
-            "name": name, "value": _value(d, folds.whole, column), "std": jackknife(each),
-            "unit": unit, "stated": None,
-        })  # fmt: skip
+        number = folds.number(partial(_value, d, column))
+        result.append({"name": name, **number, "unit": unit, "stated": None})
     return result
 
 
-def _value(d: Dictionary, x: np.ndarray, column: int) -> float:
+def _value(d: Dictionary, column: int, x: np.ndarray) -> float:
     """Value of a free number at the amplitudes x (P,): of a drive, or the tool's mass or CoG."""
     kind, _, which = d.names[column].partition(".")
     if kind != "tool":
         return _start(d, kind, int(which) - 1) + float(x[column])
     tool = d.scene.model.robot.tool(d.scene.theta)
-    mass = float(tool.mass) + float(x[d.names.index("tool.mass")])
     if which == "mass":
-        return mass
+        return float(tool.mass) + float(x[column])
     moment = float(x[column])  # beside that of the mass at the model's centre of gravity [kg·m]
-    return float(np.asarray(tool.cog)["xyz".index(which[-1])]) + moment / max(mass, LIGHT)
+    return float(np.asarray(tool.cog)["xyz".index(which[-1])]) + moment / mass_of_tool(d, x)
 
 
 def _start(d: Dictionary, kind: str, j: int) -> float:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wrenchbed import registry
 from wrenchbed.diagnosis.efforts.columns import Block, Column
 from wrenchbed.diagnosis.efforts.operators import late, slow
 from wrenchbed.diagnosis.efforts.scene import EffortScene
@@ -81,12 +82,12 @@ def _links(scene: EffortScene) -> tuple[list[Column], list[Block]]:
 def _tool(scene: EffortScene) -> tuple[list[Column], list[Block]]:
     """Mass and moments of the tool; free where they are not stated."""
     y = scene.regressor[..., carrier_columns(scene.robot)] @ load_columns(scene.robot, scene.theta)
-    stated, cog = scene.recording.metadata.tool, np.zeros(3)
-    tool = scene.model.robot.tool(scene.theta)
+    stated, tool = scene.recording.metadata.tool, scene.model.robot.tool(scene.theta)
     cog = np.asarray(tool.cog, dtype=float)
     mass = float(tool.mass)
     along = np.concatenate([[1.0], cog, _six(_second(cog, cog))])
-    known = stated.mass is not None, stated.cog is not None
+    by_file = registry.record_of("robots", scene.robot.name) is not None  # its [tool] says so
+    known = by_file or stated.mass is not None, by_file or stated.cog is not None
     gravity = np.asarray(scene.model.gravity, dtype=float)
 
     def sensed(moved: np.ndarray, more: float) -> np.ndarray:

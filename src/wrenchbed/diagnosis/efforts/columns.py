@@ -145,6 +145,17 @@ class _Joint:
         own = relative * abs(float(drives.value[kind][self.j]))
         return float(np.sqrt(max(own, least) ** 2 + drives.std[kind][self.j] ** 2))
 
+    @property
+    def gain(self) -> float | None:
+        """Ordinary spread of the gain from what is measured to a torque, relative; None where a
+        drive constant is fitted."""
+        drives, kind = self.scene.drives, "drive.constant"
+        if not self.scene.currents:
+            return CONSTANT_SPREAD
+        if not drives.known(kind)[self.j]:
+            return None
+        return float(np.hypot(CONSTANT_SPREAD, drives.std[kind][self.j] / drives.of(kind)[self.j]))
+
     def stated(self) -> Iterator[Column]:
         """Columns of the stated drive parameters, free or within the spread of their stated
         values."""
@@ -162,8 +173,7 @@ class _Joint:
         if spread is None and self.is_stated:  # a motor without a rotor has none to be wrong
             spread = INERTIA_SPREAD * float(self.scene.inertias.rotor[self.j])
         yield self.column("inertia", self.acceleration, spread, free=spread is None)
-        known = not self.scene.currents or self.scene.drives.known("drive.constant")[self.j]
-        yield self.column("constant", self.total, CONSTANT_SPREAD if known else 1.0, free=not known)
+        yield self.column("constant", self.total, self.gain or 1.0, free=self.gain is None)
 
     def named(self) -> Iterator[Column]:
         """Columns of the drive effects that have a name in the library."""
@@ -219,8 +229,7 @@ class _Joint:
             yield self.block("drive.coulomb", ("coulomb",))
             yield self.block("drive.viscous", ("viscous",))
             yield self.block("drive.inertia", ("inertia",))
-        known = not self.scene.currents or self.scene.drives.known("drive.constant")[self.j]
-        if known:
+        if self.gain is not None:
             yield self.block("drive.constant", ("constant",))
         yield self.block("drive.stribeck", _some("stribeck", len(STRIBECK)))
         yield self.block("drive.load", ("load", "loadspeed"))

@@ -46,7 +46,8 @@ def held_out(d: Dictionary, blocks: Sequence[int]) -> HeldOut:
     if blocks:
         left["with_effects"] = _cross_fitted(d, blocks)
         for k in blocks:
-            left[k] = _cross_fitted(d, [b for b in blocks if b != k])
+            beside = [b for b in blocks if b != k]
+            left[k] = _cross_fitted(d, blocks, k) if _is_tool(d, k) else _cross_fitted(d, beside)
     return HeldOut(d, left, fitted(d, blocks))
 
 
@@ -60,10 +61,20 @@ def _in_noise(d: Dictionary, x: np.ndarray, rows: np.ndarray | None = None) -> n
     return np.asarray((d.y[use] - np.stack(made, axis=-1)) / std)
 
 
-def _cross_fitted(d: Dictionary, blocks: Sequence[int]) -> np.ndarray:
+def _is_tool(d: Dictionary, block: int) -> bool:
+    """Whether a cause is a wrong number of the stated tool: it counts from what is configured
+    (`docs/contracts.md`), so no ordinary error of a link takes its place."""
+    return d.blocks[block].effect.startswith("tool.")
+
+
+def _cross_fitted(d: Dictionary, blocks: Sequence[int], absent: int | None = None) -> np.ndarray:
+    """Held-out residual (M, C) beside causes, in noises of a row; ``absent`` is fitted with the
+    others and then left out."""
     result = np.zeros_like(d.y)
     std = np.array([n.std for n in d.noise])
     x = np.stack([fitted(d, blocks, without=k).x for k in range(BLOCKS)])
+    if absent is not None:
+        x[:, d.at[absent]] = 0.0
     some = np.flatnonzero(np.abs(x).max(axis=0) > 0.0)
     for j in range(d.y.shape[1]):
         at, data = d.columns(j)

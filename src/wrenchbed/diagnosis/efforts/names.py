@@ -55,8 +55,8 @@ EFFECTS: Mapping[str, Named] = {
     "link.spring": Named("the spring that balances gravity at joint {joint} is wrong", "amplitude",
                          "N·m"),
     "tool.mass": Named("the tool's mass differs from its stated value", "mass", "kg"),
-    "tool.cog": Named("the tool's centre of gravity differs from its stated place", "moment",
-                      "kg·m"),
+    "tool.cog": Named("the tool's centre of gravity differs from its stated place", "distance",
+                      "m"),
     "base.tilt": Named("the base is tilted", "angle", "rad"),
 }  # fmt: skip
 

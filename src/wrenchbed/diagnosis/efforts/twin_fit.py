@@ -27,12 +27,12 @@ class TwinFit:
     Attributes:
         x: of all columns (P,), zero where they take no part.
         used: indices of the columns that are free (K,).
-        covariance: of those, for white noise (K, K).
+        errors: of all amplitudes (S, P) where one stated value is off by its ordinary spread.
     """
 
     x: np.ndarray
     used: np.ndarray
-    covariance: np.ndarray
+    errors: np.ndarray
 
 
 def fitted(d: Dictionary, blocks: Sequence[int], without: int | None = None) -> TwinFit:
@@ -58,13 +58,24 @@ def fitted(d: Dictionary, blocks: Sequence[int], without: int | None = None) -> 
         prior = np.where(held, MEMORY / np.maximum(d.std[used], 1e-300) ** 2, 0.0)
         covariance = _inverse(gram[np.ix_(used, used)] + np.diag(prior))
         x[used] = covariance @ (right[used] - gram[used] @ fixed)
+        errors = _errors(d, used, bounded, gram, covariance)
         most = ORDINARY * d.std
         off = [k for k in used if k in set(bounded.tolist()) and abs(x[k]) > most[k]]
         if not off:
             break
         x[off] = np.sign(x[off]) * most[off]
         used = np.setdiff1d(used, off)
-    return TwinFit(x, used, covariance)
+    return TwinFit(x, used, errors)
+
+
+def _errors(
+    d: Dictionary, used: np.ndarray, bounded: np.ndarray, gram: np.ndarray, covariance: np.ndarray
+) -> np.ndarray:
+    """`TwinFit.errors`: what a fit takes for another value, less what was off."""
+    errors = np.zeros((len(bounded), len(d.names)))
+    errors[:, used] = gram[np.ix_(bounded, used)] @ covariance
+    errors[np.arange(len(bounded)), bounded] -= 1.0
+    return d.std[bounded, None] * errors
 
 
 def _inverse(gram: np.ndarray) -> np.ndarray:

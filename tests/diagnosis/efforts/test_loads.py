@@ -1,0 +1,90 @@
+"""A load that nobody states is named with its mass, or what was fitted of it is said."""
+
+import numpy as np
+import pytest
+from arm_gaps import Gap, case, unstated
+from arm_torques import COULOMB, MASS, NOISE, VISCOUS
+from file_arms import IIWA, UR10
+from file_arms import case as by_file
+
+from wrenchbed import registry
+from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
+from wrenchbed.drives.identify import calibrate_efforts
+from wrenchbed.reports.effort_answer import EffortAnswer
+from wrenchbed.reports.effort_charts import charts
+
+TEN = pytest.mark.parametrize("seed", range(10))
+"""Robots, motions and noises."""
+
+
+@pytest.fixture(autouse=True)
+def fresh(monkeypatch):
+    """Nothing is known from another test."""
+    monkeypatch.setattr(registry, "_records", {})
+    monkeypatch.setattr(registry, "_known", {})
+
+
+def claimed(found):
+    """Entries of ``which`` by effect."""
+    return {entry["effect"]: entry for entry in found.diagnosis.which}
+
+
+def holds(number, truth, most):
+    """Whether a published number has the truth within 3 σ, and σ is at most ``most``."""
+    return abs(number["value"] - truth) < 3.0 * number["std"] and number["std"] < most
+
+
+@pytest.mark.sampled
+@TEN
+@pytest.mark.parametrize("load", [0.8, 1.3, 1.8])
+def test_a_payload_of_an_arm_whose_file_states_its_tool_is_named(tmp_path, load, seed):
+    recording = by_file(IIWA, tmp_path, seed, seed, load, configured=IIWA.configured())
+    found = claimed(diagnose_efforts(recording))
+    assert set(found) == {"tool.mass"}
+    assert holds(found["tool.mass"]["parameters"]["mass"], load, 0.15)
+
+
+@pytest.mark.sampled
+@TEN
+def test_a_heavier_tool_whose_centre_has_moved_is_two_wrong_numbers(seed):
+    moved = np.array([0.024, 0.008, 0.0])
+    gap = Gap("tool.mass", size=0.5, moved=tuple(moved))
+    found = claimed(diagnose_efforts(case(gap, seed, links=True)))
+    assert set(found) == {"tool.mass", "tool.cog"}
+    assert holds(found["tool.mass"]["parameters"]["mass"], 0.5, 0.15)
+    places = [found["tool.cog"]["parameters"][a] for a in "xyz"]
+    assert all(holds(p, x, 0.006) and p["unit"] == "m" for p, x in zip(places, moved, strict=True))
+
+
+@pytest.mark.sampled
+@TEN
+def test_a_load_beside_drives_of_a_healthy_fit_is_named_from_currents(tmp_path, seed):
+    healthy = by_file(UR10, tmp_path, seed, 100 + seed, current=True)
+    calibrate_efforts(healthy).write(tmp_path / "healthy.json")
+    loaded = by_file(UR10, tmp_path, seed, seed, 2.8, current=True)
+    found = claimed(diagnose_efforts(loaded, drives=tmp_path / "healthy.json"))
+    assert set(found) == {"tool.mass"}
+    assert holds(found["tool.mass"]["parameters"]["mass"], 2.8, 0.15)
+
+
+def test_what_is_fitted_because_nobody_states_it_is_said():
+    gap = Gap("tool.mass", size=0.9)
+    found = diagnose_efforts(unstated(case(gap, 6, configured=False, links=True)))
+    words = EffortAnswer(found)
+    assert found.diagnosis.verdict == "none" and found.diagnosis.gap.configured > 5.0
+    (load,) = (n for n in found.diagnosis.fitted if n["name"] == "tool.mass")
+    assert holds(load, MASS + gap.size, 0.15)
+    assert "a load of 2.8" in words.headline and "robot's model has 1.35 kg" in words.headline
+    assert "friction of joints 1, 2, 3, 4, 5 and 6" in words.headline
+    assert "as well as noise" not in words.nothing_more and "State tool" in words.nothing_more
+
+
+@pytest.mark.slow
+def test_a_load_that_was_fitted_is_not_drawn_as_friction():
+    found = diagnose_efforts(unstated(case(Gap("drive.coulomb", 2, 8.0), 7)))
+    (chart,) = (c for c in charts(found) if c.name == "friction-2")
+    measured = chart.panels[0].series[0]
+    level = COULOMB[1] + 8.0 * NOISE[1]
+    fast = np.abs(measured.x) > 0.1
+    expected = np.sign(measured.x) * level + VISCOUS[1] * measured.x
+    assert np.abs(measured.y - expected)[fast].max() < 0.15 * level
