@@ -12,6 +12,7 @@ from arm_torques import (
     MASS,
     NOISE,
     ROTOR,
+    SWING,
     UR5,
     VISCOUS,
     bristles,
@@ -96,10 +97,12 @@ LEVELS = {
 """What a cause adds to the level of friction (N,)."""
 
 
-def case(gap=Gap(), seed=1, seconds=60.0, spread=0.02, configured=True, links=False, **more):
+def case(
+    gap=Gap(), seed=1, seconds=60.0, spread=0.02, configured=True, links=False, swing=SWING, **more
+):
     """A recording of a robot with one cause, everything else ordinary; ``links`` are castings."""
     rng = np.random.default_rng(seed)
-    t, q = fourier(rng, seconds)
+    t, q = fourier(rng, seconds, swing=swing)
     j = gap.joint - 1
     true_c, true_v = (v * (1.0 + spread * rng.normal(size=6)) for v in (COULOMB, VISCOUS))
     heavier = gap.size if gap.effect == "tool.mass" else 0.0

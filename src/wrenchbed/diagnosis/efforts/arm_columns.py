@@ -72,7 +72,7 @@ def _links(scene: EffortScene) -> tuple[list[Column], list[Block]]:
         for kind, of_kind in forms.items():
             names = tuple(f"link.{kind}.{k + 1}.{i}" for i in range(len(of_kind)))
             std = {"mass": _LINK_MASS * mass, "cog": _LINK_COG * mass,
-                   "inertia": _LINK_INERTIA * _mean_inertia(phi)}[kind]  # fmt: skip
+                   "inertia": _LINK_INERTIA * mean_inertia(phi)}[kind]  # fmt: skip
             columns += [Column(n, y @ form, std) for n, form in zip(names, of_kind, strict=True)]
             last = k == scene.robot.carrier  # the tool hangs on it, and is the more likely cause
             blocks.append(Block(f"link.{kind}", k + 1, False, names, prior=_LAST * last))
@@ -146,7 +146,7 @@ def _tilt(scene: EffortScene) -> tuple[list[Column], list[Block]]:
     return columns, [Block("base.tilt", None, False, tuple(c.name for c in columns))]
 
 
-def _mean_inertia(phi: np.ndarray) -> float:
+def mean_inertia(phi: np.ndarray) -> float:
     """Mean principal inertia [kg·m²] about the centre of gravity of a link's parameters (10,)."""
     moment = phi[1:4]
     about = float(phi[4:7].sum()) - 2.0 * float(moment @ moment) / phi[0]

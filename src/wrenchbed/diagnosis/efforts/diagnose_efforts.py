@@ -9,6 +9,7 @@ import numpy as np
 
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts import answer
+from wrenchbed.diagnosis.efforts.blind import blind_spots
 from wrenchbed.diagnosis.efforts.configured import stated_drives, with_tool
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
 from wrenchbed.diagnosis.efforts.held_out import (
@@ -123,7 +124,7 @@ def diagnose_efforts(
         time.perf_counter() - begun, answer.notes(d, final, gap, seen), set90=final.set90(),
         minor=answer.minor(d, likely, final),
         fitted=answer.fitted(d, judged.fit, kept(final.causes)),
-        scale=answer.scales(d, str(recording.effort)),
+        scale=answer.scales(d, str(recording.effort)), blind=blind_spots(d, structures.evidence),
         familiar="the probabilities were chosen on simulated arms of six and seven joints",
     )  # fmt: skip
     return EffortFindings(diagnosis, d, structures, final, judged, seed)

@@ -5,20 +5,17 @@ doi 10.1214/aos/1176347265), which grows with noise that remembers and with a la
 and what ordinary errors of all stated values move a fit by: the same in every block of time.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from wrenchbed.diagnosis.efforts.arm_columns import LIGHT
-from wrenchbed.diagnosis.efforts.columns import Block
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
 from wrenchbed.diagnosis.efforts.names import EFFECTS
 from wrenchbed.diagnosis.efforts.twin_fit import fitted
-
-_WAVES = ("drive.cogging", "drive.ripple", "link.spring")
-"""Effects whose size is the amplitude of a wave over the joint's angle."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,61 +45,60 @@ class Folds:
 
 def parameters(d: Dictionary, folds: Folds, block: int) -> dict[str, Any]:
     """``parameters`` of an entry of ``which``: the size, and what else belongs to the cause."""
-    b, at = d.blocks[block], d.at[block]
+    b = d.blocks[block]
     named = EFFECTS[b.effect]
-    unit = named.unit
-    if b.joint is not None and (d.joint[at] >= 0).all():
-        unit = d.scene.robot.joints[b.joint - 1].own(unit)
-    size = folds.number(lambda x: _size(b, _amplitudes(d, b, x, at), d, at))
-    result: dict[str, Any] = {named.size: {**size, "unit": unit}}
-    result |= _more(b, d, folds, at)
+    result: dict[str, Any] = {
+        named.size: {**folds.number(partial(_size, d, block)), "unit": unit_of(d, block)}
+    }
+    if b.effect in ("drive.cogging", "drive.ripple"):
+        assert b.joint is not None
+        slides = d.scene.robot.joints[b.joint - 1].unit == "m"
+        result["periods"] = (
+            {"value": b.value / (2.0 * np.pi), "std": None, "unit": "1/m"} if slides
+            else {"value": b.value, "std": None, "unit": "1"}
+        )  # fmt: skip
+    elif named.vector and not named.columns:
+        for i, k in enumerate(sized(d, block)):
+            number = folds.number(lambda x, i=i: float(_amplitudes(d, block, x)[i]))
+            result[d.names[k].rpartition(".")[2]] = {**number, "unit": named.unit}
     if b.joint is not None:
         result["joint"] = {"value": b.joint}
     return result
 
 
+def unit_of(d: Dictionary, block: int) -> str:
+    """Unit of a cause's size, that of a slide where its joint is one."""
+    b = d.blocks[block]
+    unit = EFFECTS[b.effect].unit
+    if b.joint is None or not (d.joint[d.at[block]] >= 0).all():
+        return unit
+    return d.scene.robot.joints[b.joint - 1].own(unit)
+
+
+def sized(d: Dictionary, block: int) -> list[int]:
+    """Indices of the columns whose amplitudes make a cause's size."""
+    begins = EFFECTS[d.blocks[block].effect].columns or ("",)
+    return [int(k) for k in d.at[block] if d.names[k].startswith(begins)]
+
+
+def scale(d: Dictionary, block: int, x: np.ndarray) -> float:
+    """Size of a cause over the amplitudes of its columns, at amplitudes x (P,) of all."""
+    effect = d.blocks[block].effect
+    if effect == "tool.cog":  # moments
+        return 1.0 / mass_of_tool(d, x)
+    return d.blocks[block].value if effect in ("drive.delay", "drive.bandwidth") else 1.0
+
+
 def mass_of_tool(d: Dictionary, x: np.ndarray) -> float:
-    """Mass of the tool [kg] at amplitudes (P,): a moment over it is a way of its centre."""
+    """Mass of the tool [kg] at amplitudes (P,)."""
     mass = float(d.scene.model.robot.tool(d.scene.theta).mass)
     return max(mass + float(x[d.names.index("tool.mass")]), LIGHT)
 
 
-def _amplitudes(d: Dictionary, block: Block, x: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Amplitudes of a cause's columns, those of a tool's centre as its way [m]."""
-    return x[at] / mass_of_tool(d, x) if block.effect == "tool.cog" else x[at]
+def _amplitudes(d: Dictionary, block: int, x: np.ndarray) -> np.ndarray:
+    return scale(d, block, x) * x[sized(d, block)]
 
 
-def _size(block: Block, x: np.ndarray, d: Dictionary, at: np.ndarray) -> float:
-    names, effect = [d.names[k] for k in at], block.effect
-    if block.resists:
-        return float(x[np.isin(names, block.resists)].sum())
-    if effect in _WAVES:
-        amplitudes = x[-2:] if effect == "link.spring" else x[:2]
-        return float(np.hypot(*amplitudes))
-    if effect in ("drive.delay", "drive.bandwidth"):
-        return float(x[0] * block.value)
-    if effect in ("link.cog", "link.inertia", "tool.cog", "base.tilt"):
-        return float(np.linalg.norm(x))
-    if effect in ("link.cable", "drive.asymmetry"):
-        which = "cable" if effect == "link.cable" else "asymmetry"
-        return float(x[next(k for k, n in enumerate(names) if n.startswith(which))])
-    return float(x[0])
-
-
-def _more(b: Block, d: Dictionary, folds: Folds, at: np.ndarray) -> Mapping[str, Any]:
-    effect = b.effect
-    if effect in ("drive.cogging", "drive.ripple"):
-        assert b.joint is not None
-        slides = d.scene.robot.joints[b.joint - 1].unit == "m"
-        return {"periods": {"value": b.value / (2.0 * np.pi), "std": None, "unit": "1/m"} if slides
-                else {"value": b.value, "std": None, "unit": "1"}}  # fmt: skip
-    if effect in ("link.cog", "tool.cog", "link.inertia", "base.tilt"):
-        unit = EFFECTS[effect].unit
-        return {
-            d.names[k].rpartition(".")[2]: folds.number(
-                lambda x, i=i: float(_amplitudes(d, b, x, at)[i])
-            )
-            | {"unit": unit}
-            for i, k in enumerate(at)
-        }
-    return {}
+def _size(d: Dictionary, block: int, x: np.ndarray) -> float:
+    parts = _amplitudes(d, block, x)
+    return float(np.linalg.norm(parts) if EFFECTS[d.blocks[block].effect].vector else parts.sum())

@@ -1,0 +1,98 @@
+"""Blind spots of joint efforts: what a motion could not have shown, and from which size it would.
+
+A cause is claimed where it adds a gap that counts beside what every fit leaves free, and where it
+stands clear of what ordinary errors of all stated values may make.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from wrenchbed.diagnosis.efforts.answer import place
+from wrenchbed.diagnosis.efforts.arm_columns import mean_inertia
+from wrenchbed.diagnosis.efforts.dictionary import Dictionary
+from wrenchbed.diagnosis.efforts.evidence import Evidence
+from wrenchbed.diagnosis.efforts.names import EFFECTS
+from wrenchbed.diagnosis.efforts.sizes import scale, sized, unit_of
+from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, added
+from wrenchbed.diagnosis.efforts.verdict import COUNTS
+from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot
+
+CLEAR = 5.0
+"""Standard deviations of a cause's amplitude, ordinary errors included, that it is claimed beyond
+in 95 % of recordings: 3.4 for prior odds of one cause in a hundred, 1.6 for the noise."""
+ABSURD = 30.0
+"""Plausible sizes from which a cause has no effect: a link of 30 times its mass is none."""
+FITTED = "fitted, since nobody states it"
+
+
+def blind_spots(d: Dictionary, evidence: Evidence) -> tuple[BlindSpot, ...]:
+    """Effects, by joint or link, that these efforts show at no plausible size.
+
+    Args:
+        d: columns.
+        evidence: of all rows.
+    """
+    spots = []
+    for effect, number in _every(d):
+        blocks = [k for k, b in enumerate(d.blocks) if b.key == (effect, number)]
+        element = "" if number is None else place((effect, number))[1]
+        if not blocks:
+            spots.append(BlindSpot(effect, element, None, "", _why(effect)))
+            continue
+        smallest = min(shows_from(d, evidence, k) for k in blocks)
+        most = _plausible(d, effect, number)
+        if smallest > ABSURD * most:
+            spots.append(BlindSpot(effect, element, None, ""))
+        elif smallest > most:
+            spots.append(BlindSpot(effect, element, smallest, unit_of(d, blocks[0])))
+    return tuple(spots)
+
+
+def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
+    """Size from which a cause is claimed: of several columns the mean in information."""
+    spread = dict(
+        zip(evidence.freed((block,))[0], np.diagonal(evidence.covariance((block,))), strict=True)
+    )
+    nothing, squares = np.zeros(len(d.names)), []
+    for column in sized(d, block):
+        one = nothing.copy()
+        one[column] = 1.0
+        gap = added(d, TwinFit(one, np.zeros(0, int), np.zeros((0, len(one)))), block)
+        squares.append(max(COUNTS / max(gap, 1e-300), CLEAR**2 * spread[column]))
+    return abs(scale(d, block, nothing)) / float(np.sqrt(np.mean(1.0 / np.array(squares))))
+
+
+def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:
+    """Effects with each joint, or link that weighs something."""
+    for effect, named in EFFECTS.items():
+        if "{joint}" not in named.title:
+            yield effect, None
+        elif effect in ("link.mass", "link.cog", "link.inertia"):
+            heavy = np.flatnonzero(d.scene.inertias.phi[:, 0] > 0.0)
+            yield from ((effect, int(k) + 1) for k in heavy)
+        else:
+            for j, joint in enumerate(d.scene.robot.joints, start=1):
+                if effect != "link.spring" or joint.unit == "rad":  # on a slide there is none
+                    yield effect, j
+
+
+def _why(effect: str) -> str:
+    """Why a dictionary has no column of an effect."""
+    if effect == "drive.temperature":
+        return NOT_HERE
+    return NOTHING if effect.startswith("link.") else FITTED
+
+
+def _plausible(d: Dictionary, effect: str, number: int | None) -> float:
+    """Largest size of an effect that a fault in use has."""
+    named, scene = EFFECTS[effect], d.scene
+    level = 1.0
+    if named.of == "friction" and number is not None:
+        level = abs(float(scene.levels[0, number - 1]))
+    elif named.of == "mass" and number is None:
+        level = float(scene.model.robot.tool(scene.theta).mass)
+    elif named.of in ("mass", "inertia") and number is not None:
+        phi = scene.inertias.phi[number - 1]
+        level = float(phi[0]) if named.of == "mass" else mean_inertia(phi)
+    return named.plausible * level

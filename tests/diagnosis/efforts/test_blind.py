@@ -1,0 +1,46 @@
+"""What a motion could not have shown is listed, and what it could from its stated size on."""
+
+import numpy as np
+import pytest
+from arm_gaps import Gap, case
+from arm_torques import NOISE, SWING
+
+from wrenchbed.diagnosis.efforts.blind import shows_from
+from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
+
+
+def test_links_about_the_vertical_and_a_joint_that_hardly_moves_are_blind():
+    swing = np.full(6, SWING)
+    swing[4] = 0.01
+    found = diagnose_efforts(case(seed=3, swing=swing)).diagnosis
+    blind = {(s.effect, s.element): s for s in found.blind}
+    assert found.verdict == "none"
+    assert blind["link.mass", "link 1"].smallest is None  # its axis is vertical
+    assert blind["drive.viscous", "joint 5"].smallest > 3.0
+    assert ("drive.viscous", "joint 4") not in blind and ("link.mass", "link 3") not in blind
+    assert "recording" in blind["drive.temperature", "joint 2"].sentence
+    assert {"effect": "link.mass", "element": "link 1", "smallest": None,
+            "sentence": "link.mass of link 1: no effect on these readings"} in [
+        s.to_json() for s in found.blind
+    ]  # fmt: skip
+
+
+def test_what_nobody_states_is_fitted_and_shows_at_no_size():
+    found = diagnose_efforts(case(seed=4, seconds=30.0, configured=False)).diagnosis
+    blind = {(s.effect, s.element): s for s in found.blind}
+    assert "nobody states" in blind["drive.coulomb", "joint 2"].sentence
+    assert ("drive.load", "joint 2") not in blind
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("effect", "joint"), [("drive.coulomb", 2), ("tool.mass", None)])
+def test_a_cause_is_claimed_from_the_size_that_is_stated(effect, joint, seed):
+    healthy = diagnose_efforts(case(seed=60 + seed))
+    block = next(k for k, b in enumerate(healthy.d.blocks) if b.key == (effect, joint))
+    size = shows_from(healthy.d, healthy.search.evidence, block)
+    unit = 1.0 if joint is None else NOISE[joint - 1]
+    found = diagnose_efforts(case(Gap(effect, joint or 2, size / unit), 60 + seed)).diagnosis
+    assert effect in {w["effect"] for w in found.which}
+    third = diagnose_efforts(case(Gap(effect, joint or 2, size / unit / 4.0), 60 + seed)).diagnosis
+    assert effect not in {w["effect"] for w in third.which}
