@@ -6,6 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 
 
+LEVELS = ("friction", "mass", "inertia", "1")
+"""What a plausible size is relative to: Coulomb friction of the joint [N·m], mass [kg] or mean
+inertia [kg·m²] of the link or the tool; of ``1`` it is absolute."""
+_SINE = ("sine", "cosine")
+
+
 @dataclass(frozen=True)
 class Named:
     """Words and unit of an effect for people.
@@ -30,10 +36,6 @@ class Named:
     vector: bool = False
 
 
-LEVELS = ("friction", "mass", "inertia", "1")
-"""What a plausible size is relative to: Coulomb friction of the joint [N·m], mass [kg] or mean
-inertia [kg·m²] of the link or the tool; of ``1`` it is absolute."""
-_SINE = ("sine", "cosine")
 EFFECTS: Mapping[str, Named] = {
     "drive.coulomb": Named("Coulomb friction of joint {joint} differs from its stated value",
                            "coulomb", "N·m", 3.0),
