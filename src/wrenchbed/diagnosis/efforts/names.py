@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-
 LEVELS = ("friction", "mass", "inertia", "1")
 """What a plausible size is relative to: Coulomb friction of the joint [N·m], mass [kg] or mean
 inertia [kg·m²] of the link or the tool; of ``1`` it is absolute."""
