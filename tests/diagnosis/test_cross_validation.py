@@ -11,7 +11,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.scoring import cases as at_design
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
-from wrenchbed.diagnosis.explain.refit import Finalist
+from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.reliability import (
     NAMES,
     RIGHT_ELSEWHERE,
@@ -34,7 +34,7 @@ def test_the_vote_is_what_each_block_is_given_the_others(columns):
     )
     design, spread = rng.standard_normal((rows, 3)), np.array([1.0, 0.5, 2.0])
     y = rng.standard_normal(rows)
-    f = Finalist((), 0, np.zeros(3), np.eye(3), y, y, design, spread, 0.0, spread)
+    f = Finalist((), 0, np.zeros(3), np.eye(3), y, y, design, spread, 0.0)
     block = np.array([0, 0, 1, 2])
     K = np.diag(level.v0) + (E * level.V) @ E.T + (design * spread**2) @ design.T
     expected, errors = 0.0, np.empty(rows)

@@ -11,7 +11,8 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.search import Searcher
-from wrenchbed.diagnosis.explain.refit import Refitter, Variables
+from wrenchbed.diagnosis.explain.finalist import Variables
+from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import analyse
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.base import Variant

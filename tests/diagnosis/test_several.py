@@ -11,30 +11,23 @@ from test_diagnose import recorded
 
 import wrenchbed as wb
 from altered import with_metadata
-from linear_case import LinearRefitter, dictionary, named, noise, refitter
+from linear_case import dictionary, named, noise, refitter
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
-from wrenchbed.diagnosis.explain.joint import JointRefitter, OneOf
+from wrenchbed.diagnosis.explain.refit import together
 from wrenchbed.diagnosis.several import check, settles
 from wrenchbed.errors import DiagnosisError
 
 TILT, PULL, LOOSE = "base.tilt", "cable.pull", "tool.loose"
 
 
-class LinearOneOf(LinearRefitter, OneOf):
-    """One of several recordings whose response is linear."""
-
-
 def joint(*cases):
-    """What refits structures to linear recordings (dictionary, readings)."""
-    result = JointRefitter([refitter(d, y) for d, y in cases])
-    result.each = tuple(LinearOneOf(r, result, k) for k, r in enumerate(result.each))
-    return result
+    """Refitters of linear recordings (dictionary, readings), fitted together."""
+    return together([refitter(d, y) for d, y in cases])
 
 
 def fit(j, name):
-    parts = (j.part(*named(j.each[0].d, name), 0),)
-    return j.fit(parts, j.nothing().rungs, j.start(parts))
+    return j[0].fit(named(j[0].d, name), j[0].nothing().rung)
 
 
 def signal(d, name, amplitude):
@@ -69,7 +62,7 @@ def test_what_a_first_recording_cannot_tell_a_second_one_tells():
     told = fit(two, TILT)
     assert told.log_posterior > fit(two, PULL).log_posterior + 100.0
     assert told.x[0] == pytest.approx(1.0, abs=0.05) and len(told.x) == 2
-    for view in told.views:
+    for view in told.each:
         assert view.x.tolist() == told.x.tolist()
 
 
@@ -81,10 +74,10 @@ def test_numbers_of_the_robot_are_the_same_in_both_and_those_of_the_tool_are_not
 
     agree, contradict = (fitted(TILT, (0, 1.0), (1, a)) for a in (1.0, -1.0))
     for f in (agree, contradict):
-        assert f.views[0].x.tolist() == f.views[1].x.tolist()
+        assert f.each[0].x.tolist() == f.each[1].x.tolist()
     assert contradict.log_posterior < agree.log_posterior - 50.0
     own = fitted(LOOSE, (0, 1.0), (1, -1.0))
-    assert [float(v.x[0]) for v in own.views] == pytest.approx([1.0, -1.0], abs=0.1)
+    assert [float(v.x[0]) for v in own.each] == pytest.approx([1.0, -1.0], abs=0.1)
     same = fitted(LOOSE, (0, 1.0), (1, 1.0))
     assert own.log_posterior == pytest.approx(same.log_posterior, abs=1.0)
 
@@ -93,10 +86,12 @@ def test_a_fold_of_each_recording_is_held_out_and_the_rest_fitted_again():
     d = dictionary()
     j = joint((d, signal(d, TILT, 1.0) + noise(d)), (d, signal(d, TILT, 1.0) + noise(d, 1)))
     f = fit(j, TILT)
-    assert j.again(f) is j.again(f)
-    assert j.each[1].again(f.views[1]).x == pytest.approx(f.x, abs=0.01)  # another prior
-    kept = j.each[1].keeping(f.views[1], [0])
-    assert kept.joint.parts == f.parts and kept.residual == pytest.approx(f.residuals[1], abs=1e-6)
+    less = j[0].without(1)
+    assert [len(r.y) for r in less.each] == [len(d.E) * 3 // 4] * 2
+    assert less.again(f) is less.each[1].again(f.each[1]).each[0]  # one fit to both
+    again, kept = j[1].again(f.each[1]), j[1].keeping(f.each[1], [0])
+    assert again.x == pytest.approx(f.x, abs=0.01)  # another prior
+    assert kept.names == f.names and kept.residual == pytest.approx(again.residual, abs=1e-6)
 
 
 def test_other_robots_and_the_same_rows_twice_are_refused(tmp_path):

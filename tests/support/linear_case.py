@@ -12,7 +12,8 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
 from wrenchbed.diagnosis.evidence.search import Searcher
-from wrenchbed.diagnosis.explain.refit import Refitter, Variables
+from wrenchbed.diagnosis.explain.finalist import Variables
+from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.effects.base import Effect, Variant
 
 STATED = [("sensor.bias", c) for c in "fx fy fz tx ty tz".split()]
@@ -44,10 +45,6 @@ class Named:
 
 class LinearRefitter(Refitter):
     """Refits structures whose response is linear in their amplitudes."""
-
-    def without(self, fold):
-        less = super().without(fold)
-        return LinearRefitter(less.searcher, less.y)
 
     def response(self, parts, x):
         v = Variables.of(parts)

@@ -16,8 +16,7 @@ from wrenchbed.diagnosis.explain.elements import (
     elements,
     listed,
 )
-from wrenchbed.diagnosis.explain.joint import View
-from wrenchbed.diagnosis.explain.refit import Finalist
+from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.reliability import Reliability, credible
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, named
@@ -66,21 +65,10 @@ def with_elements(a: Analysis, verdict: Verdict) -> Verdict:
     """Add to each cause the joints, links or axes that explain the recordings as well as its
     own."""
     f = verdict.explanation.finalist
-    recordings = (
-        zip((a, *a.others), f.joint.views, strict=True) if isinstance(f, View) else [(a, f)]
-    )
-    each = [(one.refitter, view) for one, view in recordings]
-
-    def of(c: Cause, part: int) -> dict[str, Elements]:
-        first, *more = (elements(refitter, view, part, c.names) for refitter, view in each)
-        return {
-            name: e.within(set(e.names).intersection(*(m[name].names for m in more if name in m)))
-            for name, e in first.items()
-        }
-
+    parts = [c.part.index for c in verdict.causes]
     causes = tuple(
-        c if c.part.index is None else replace(c, elements=of(c, c.part.index))
-        for c in verdict.causes
+        c if k is None else replace(c, elements=elements(a.refitter, f, k, c.names))
+        for c, k in zip(verdict.causes, parts, strict=True)
     )
     word = named(causes) if verdict.verdict in ("identified", "ambiguous") else verdict.verdict
     return replace(verdict, verdict=word, causes=causes)

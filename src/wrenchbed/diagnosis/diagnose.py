@@ -18,7 +18,6 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import own_rest, tilt
-from wrenchbed.diagnosis.explain.joint import View
 from wrenchbed.diagnosis.explain.reliability import (
     RIGHT_ELSEWHERE,
     Reliability,
@@ -373,20 +372,11 @@ def _judged(a: Analysis, verdict: Verdict, seed: int) -> tuple[Twin, closure.Clo
     witnessed = tilt.witnessed(a, verdict)
     while True:
         claim = _claimed(a, verdict)
-        others = [(o, _claimed(o, _seen(verdict, k))) for k, o in enumerate(a.others, start=1)]
-        gap = closure.measure(a, claim, seed, others)
+        gap = closure.measure(a, claim, seed)
         held = upheld(verdict, gap, witnessed)
         if len(held.causes) == len(verdict.causes):
             return closure.calibrated(a) if claim is None else claim.twin, gap, held
         verdict = held
-
-
-def _seen(verdict: Verdict, recording: int) -> Verdict:
-    """A verdict on several recordings with the numbers of another one than the first."""
-    e = verdict.explanation
-    if not isinstance(e.finalist, View):
-        return verdict
-    return replace(verdict, explanation=replace(e, finalist=e.finalist.joint.views[recording]))
 
 
 def _claimed(a: Analysis, verdict: Verdict) -> closure.Claimed | None:
@@ -398,7 +388,7 @@ def _claimed(a: Analysis, verdict: Verdict) -> closure.Claimed | None:
     wrong = [c.names[0] for c in verdict.causes if c.part.index is None]
     if len(keep) < len(f.effects):  # what is not claimed is fitted away
         f, keep = a.refitter.keeping(f, keep), list(range(len(keep)))
-    return closure.Claimed(closure.twin_of(a, f, keep), f, tuple(keep), tuple(wrong))
+    return closure.Claimed.of(a, f, keep, wrong)
 
 
 def _cannot_tell(designs: Sequence[Similarity], named: Collection[str]) -> list[str]:

@@ -1,14 +1,16 @@
 """Diagnose several recordings of one robot together: what belongs to the robot is in all of them.
 
 Every recording is analysed by itself. Each structure that explains one of them is then fitted to
-all (`explain.joint`), and the joint evidence goes the way of a single recording's: verdict,
+all (`explain.refit`), and the joint evidence goes the way of a single recording's: verdict,
 held-out rows, reliability. Held-out rows of all recordings count alike.
 """
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import combinations, product
 from pathlib import PurePath
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import logsumexp
@@ -25,15 +27,14 @@ from wrenchbed.diagnosis.diagnose import (
     findings_of,
     settle,
 )
+from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN
+from wrenchbed.diagnosis.explain import refit
 from wrenchbed.diagnosis.explain.claims import Explanation, Part, explained
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE, EXCUSED, SAME, made_by, rest
 from wrenchbed.diagnosis.explain.contributions import share as share_of
-from wrenchbed.diagnosis.explain.joint import (
-    JointFinalist,
-    JointRefitter,
-    Structure,
-)
+from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import AT_ONCE, MINOR, NEGLIGIBLE, Analysis, Ranking
 from wrenchbed.diagnosis.next.isolability import listed
@@ -45,7 +46,7 @@ MOST = 10
 """Explanations of each recording that are fitted to all; estimate."""
 LEADING = 2
 """Explanations of each recording whose effects are also combined with another recording's."""
-Draft = tuple[Structure, tuple[int, ...], np.ndarray]
+_Key = frozenset[tuple[object, ...]]
 
 
 @one_thread
@@ -157,169 +158,145 @@ def _must_agree(a: Recording, b: Recording) -> list[tuple[str, object, object]]:
 def together(analyses: Sequence[Analysis]) -> Analysis:
     """The first recording's analysis with a ranking by the joint evidence of all."""
     known = [[e.finalist for e in a.ranking.explanations] for a in analyses]
-    refitter = JointRefitter([a.refitter for a in analyses], known)
-    ranking = rank(refitter, analyses)
+    refitters = refit.together([a.refitter for a in analyses], known)
+    ranking = rank(refitters, analyses)
     one, *others = (
-        replace(a, refitter=each, ranking=ranking)
-        for a, each in zip(analyses, refitter.each, strict=True)
+        replace(a, refitter=r, ranking=ranking) for a, r in zip(analyses, refitters, strict=True)
     )
     return replace(one, others=tuple(others))
 
 
-def rank(joint: JointRefitter, analyses: Sequence[Analysis]) -> Ranking:
-    """Ranking of every structure that explains one recording, fitted to all recordings."""
-    nothing = joint.nothing()
-    fitted = [joint.fit(*c) for c in _candidates(joint, analyses, nothing)]
-    best = max(fitted, key=lambda f: f.log_posterior, default=nothing)
-    once: dict[frozenset[object], JointFinalist] = {}
+def rank(refitters: Sequence[Refitter], analyses: Sequence[Analysis]) -> Ranking:
+    """Ranking of every structure that explains one recording, fitted to all recordings.
+
+    Args:
+        refitters: of the recordings together.
+        analyses: of each recording alone.
+    """
+    nothing = refitters[0].nothing()
+    drafts = _drafts(refitters, [a.ranking for a in analyses])
+    fitted = [d.refitter.fit(d.parts, d.rung, d.x).each[0] for d in drafts]
+    once: dict[_Key, Finalist] = {}
     for f in sorted([nothing, *fitted], key=lambda f: -f.log_posterior):
         once.setdefault(_key(f.parts), f)  # begun at other shapes, it is the same structure
     finalists = list(once.values())
     least = finalists[0].log_posterior - NEGLIGIBLE
-    pooled = Pooled(joint)
-    kept = tuple(pooled.explained(f) for f in finalists if f.log_posterior > least)
+    kept = tuple(_explained(refitters, f) for f in finalists if f.log_posterior > least)
     unknown = float(np.log(PRIOR[UNKNOWN]))
     for a in analyses:  # where there is a gap; elsewhere nothing is as good
-        alone = [e.log_posterior for e in a.ranking.explanations if not e.finalist.parts]
-        null = a.refitter.nothing().log_posterior if not alone else alone[0]
+        null = a.refitter.nothing().log_posterior
         what = a.ranking.unknown - np.log(PRIOR[UNKNOWN])
         unknown += float(np.logaddexp(what, null - np.log(PRIOR[NONE])) - np.log(2.0))
-    gap = pooled.mean([each.d.gap(each.y) - each.d.row_noise for each in joint.each])
-    return Ranking(kept, unknown, _mixed(joint, best), analyses[0].ranking.kernel, gap)
+    gap = _mean(refitters, [r.d.gap(r.y) - r.d.row_noise for r in refitters])
+    best = max(fitted, key=lambda f: f.log_posterior, default=nothing)
+    return Ranking(kept, unknown, _mixed(refitters, best), analyses[0].ranking.kernel, gap)
 
 
-def _mixed(joint: JointRefitter, best: JointFinalist) -> float:
+def _mixed(refitters: Sequence[Refitter], best: Finalist) -> float:
     """Log posterior of something unknown beside a finalist, in every recording that asks for it."""
     base = best.log_posterior + float(np.log(MORE / PRIOR["one"]))
     more = [
-        float(logsumexp([s.log_posterior for s in each.added(view) if s.index < 0])) - base
-        for each, view in zip(joint.each, best.views, strict=True)
+        float(logsumexp([s.log_posterior for s in r.added(f) if s.index < 0])) - base
+        for r, f in zip(refitters, best.each, strict=True)
     ]
     return base + sum(max(m, 0.0) for m in more)
 
 
-def _candidates(
-    joint: JointRefitter, analyses: Sequence[Analysis], nothing: JointFinalist
-) -> list[Draft]:
-    """Structures of all recordings with rungs and variables to begin with, alike ones once."""
-    drafts: dict[object, Draft] = {}
-    leading: list[list[Draft]] = []
-    for r, a in enumerate(analyses):
-        found = []
-        for e in a.ranking.explanations[: MOST + 1]:
-            f = e.finalist
-            if not f.parts:
-                continue
-            parts = tuple(joint.part(h, r) for h in f.parts)
-            rungs = (*nothing.rungs[:r], f.rung, *nothing.rungs[r + 1 :])
-            found.append((parts, rungs, joint.start(parts, r, f.x)))
-            shaped = r if any(h.variant.shape for h in f.parts) else None
-            drafts.setdefault((shaped, _key(parts)), found[-1])
-        leading.append(found[:LEADING])
-    for k, some in enumerate(leading):
-        for others in leading[k + 1 :]:
-            for one in some:
-                for other in others:
-                    both = _both(joint, one, other)
-                    if both is not None:
-                        drafts.setdefault((None, _key(both[0])), both)
-    return list(drafts.values())
+class _Draft(NamedTuple):
+    """Structure as one recording has it, with a rung and variables (k,) to begin with."""
+
+    refitter: Refitter
+    parts: tuple[Hypothesis, ...]
+    rung: int
+    x: np.ndarray
+
+    def beside(self, other: "_Draft") -> "_Draft | None":
+        """Both structures' effects, if the other has more and their number allows it."""
+        names = {h.name for h in self.parts}
+        more = [h for h in other.parts if h.name not in names]
+        if not more or len(names) + len(more) > AT_ONCE + MINOR:
+            return None
+        here = tuple(self.refitter.like(h, other.refitter) for h in more)
+        x = np.concatenate([self.x, self.refitter.start(here)])
+        return self._replace(parts=(*self.parts, *here), x=x)
 
 
-def _key(parts: Structure) -> frozenset[object]:
-    return frozenset(
-        (h.name, h.variant.free, tuple(sorted(h.variant.at.items())))
-        for h in (p.of[0] for p in parts)
-    )
+def _drafts(refitters: Sequence[Refitter], rankings: Sequence[Ranking]) -> list[_Draft]:
+    """Structures that explain one recording, and those of two recordings at once, alike ones
+    once."""
+    every: dict[tuple[Refitter | None, _Key], _Draft] = {}
+    leading: list[list[_Draft]] = []
+
+    def add(draft: _Draft | None, shaped: bool = False) -> None:
+        if draft is not None:
+            r = draft.refitter
+            key = _key([refitters[0].like(h, r) for h in draft.parts])
+            every.setdefault((r if shaped else None, key), draft)
+
+    for r, ranking in zip(refitters, rankings, strict=True):
+        some = [e.finalist for e in ranking.explanations[: MOST + 1] if e.finalist.parts]
+        drafts = [_Draft(r, f.parts, f.rung, f.x) for f in some]
+        for draft in drafts:
+            add(draft, any(h.variant.shape for h in draft.parts))
+        leading.append(drafts[:LEADING])
+    for few, others in combinations(leading, 2):
+        for one, other in product(few, others):
+            add(one.beside(other))
+    return list(every.values())
 
 
-def _both(joint: JointRefitter, one: Draft, other: Draft) -> Draft | None:
-    """Union of two structures, if each has an effect that the other lacks and their size allows
-    it."""
-    names = {p.effect_name for p in one[0]}
-    more = tuple(p for p in other[0] if p.effect_name not in names)
-    if not more or len(more) == len(other[0]) == len(one[0]) + len(more):
-        return None
-    if len(one[0]) + len(more) > AT_ONCE + MINOR:
-        return None
-    return (*one[0], *more), one[1], np.concatenate([one[2], joint.start(more)])
+def _key(parts: Sequence[Hypothesis]) -> _Key:
+    return frozenset((h.name, h.variant.free, *sorted(h.variant.at.items())) for h in parts)
 
 
-@dataclass(frozen=True, eq=False)
-class Pooled:
-    """Claims of a finalist over all recordings: gaps are means over all rows of the fits."""
+def _mean(refitters: Sequence[Refitter], gaps: Sequence[float]) -> float:
+    """Mean gap over the rows of all recordings."""
+    return float(np.average(gaps, weights=[len(r.y) for r in refitters]))
 
-    joint: JointRefitter
 
-    def mean(self, gaps: Sequence[float]) -> float:
-        """Mean gap over the rows of all recordings."""
-        return float(np.average(gaps, weights=[len(each.y) for each in self.joint.each]))
+def _explained(refitters: Sequence[Refitter], f: Finalist) -> Explanation:
+    """Parts that count over the rows of all recordings, and what remains in these."""
+    each = [explained(r, g) for r, g in zip(refitters, f.each, strict=True)]
+    parts = list[Part]()
+    for k in sorted({p.index for e in each for p in e.parts if p.index is not None}):
+        own = [next((p for p in e.parts if p.index == k), None) for e in each]
+        every = zip(refitters, f.each, own, strict=True)
+        shares = [share_of(r, g, k) if p is None else p.share for r, g, p in every]
+        share = _mean(refitters, shares)
+        if share < CLAIMABLE:
+            continue
+        alike = set.intersection(*(set(p.twins) for p in own if p is not None))
+        same = tuple(n for n in sorted(alike) if _same(refitters, f, k, n, share))
+        parts.append(Part(f.parts[k].name, share, index=k, twins=same))
+    large = {p.index for p in parts}
+    every_one = zip(refitters, f.each, each, strict=True)
+    remaining = _mean(refitters, [min(e.rest, rest(r, g, large)) for r, g, e in every_one])
+    for name in dict.fromkeys(p.name for e in each for p in e.parts if p.index is None):
+        wrong = [[p for p in e.parts if p.index is None and p.name == name] for e in each]
+        share = _mean(refitters, [sum(p.share for p in of) for of in wrong])
+        if share >= CLAIMABLE:
+            parts.append(Part(name, share, max(p.probability for of in wrong for p in of)))
+    return Explanation(f, tuple(sorted(parts, key=lambda p: -p.share)), remaining)
 
-    def explained(self, f: JointFinalist) -> Explanation:
-        """Parts that count over all recordings, and what remains in these."""
-        each = [explained(r, v) for r, v in zip(self.joint.each, f.views, strict=True)]
-        parts = [self._part(f, k, each) for k in self._claimed(f, each)]
-        parts = [p for p in parts if p.share >= CLAIMABLE]
-        large = {p.index for p in parts}
-        both = zip(self.joint.each, f.views, each, strict=True)
-        remaining = self.mean([min(e.rest, rest(r, v, large)) for r, v, e in both])
-        parts += self._wrong(each)
-        return Explanation(f.views[0], tuple(sorted(parts, key=lambda p: -p.share)), remaining)
 
-    def _claimed(self, f: JointFinalist, each: Sequence[Explanation]) -> list[int]:
-        """Numbers of the parts that count in one recording at least."""
-        claimed = {p.index for e in each for p in e.parts}
-        return [k for k in range(len(f.parts)) if k in claimed]
-
-    def _part(self, f: JointFinalist, k: int, each: Sequence[Explanation]) -> Part:
-        shares, twins = [], list[frozenset[str]]()
-        for refitter, view, e in zip(self.joint.each, f.views, each, strict=True):
-            own = next((p for p in e.parts if p.index == k), None)
-            shares.append(share_of(refitter, view, k) if own is None else own.share)
-            if own is not None:
-                twins.append(frozenset(own.twins))
-        alike = sorted(frozenset.intersection(*twins))
-        share = self.mean(shares)
-        still = tuple(name for name in alike if self._same(f, k, name, share))
-        return Part(f.parts[k].effect_name, share, index=k, twins=still)
-
-    def _same(self, f: JointFinalist, k: int, name: str, share: float) -> bool:
-        """Whether an effect makes a part's readings with the same parameter values in all
-        recordings."""
-        target = np.concatenate([
-            each.d.without_stated(made_by(each, view, [k]))
-            for each, view in zip(self.joint.each, f.views, strict=True)
-        ])  # fmt: skip
-        count = len(f.parts[k].of[0].variant.free)
-        for h in self.joint.each[0].d.hypotheses:
-            if h.name != name or len(h.variant.free) != count:
-                continue
-            part = self.joint.part(h, 0)
-            if h.effect.of_recording or any(not len(o.columns) for o in part.of):
-                return True
-            made = np.concatenate([
-                each.d.without_stated(each.d.E[:, o.columns])
-                for each, o in zip(self.joint.each, part.of, strict=True)
-            ])  # fmt: skip
-            residual = target - made @ np.linalg.lstsq(made, target, rcond=None)[0]
-            if residual @ residual < min(SAME, EXCUSED / share) * (target @ target):
-                return True
-        return False
-
-    def _wrong(self, each: Sequence[Explanation]) -> list[Part]:
-        """Stated numbers that are wrong in one of the recordings."""
-        result = []
-        for name in dict.fromkeys(p.name for e in each for p in e.parts if p.index is None):
-            own = [
-                next(
-                    (p for p in e.parts if p.index is None and p.name == name), Part(name, 0.0, 0.0)
-                )
-                for e in each
-            ]
-            share = self.mean([p.share for p in own])
-            if share >= CLAIMABLE:
-                result.append(Part(name, share, max(p.probability for p in own)))
-        return result
+def _same(refitters: Sequence[Refitter], f: Finalist, k: int, name: str, share: float) -> bool:
+    """Whether an effect makes a part's readings with the same parameter values in all
+    recordings."""
+    both = zip(refitters, f.each, strict=True)
+    target = np.concatenate([r.d.without_stated(made_by(r, g, [k])) for r, g in both])
+    first = refitters[0]
+    for h in first.d.hypotheses:
+        if h.name != name or len(h.variant.free) != len(f.parts[k].variant.free):
+            continue
+        columns = [r.like(h, first).columns for r in refitters]
+        if h.effect.of_recording or any(not len(c) for c in columns):
+            return True
+        every = zip(refitters, columns, strict=True)
+        made = np.concatenate([r.d.without_stated(r.d.E[:, c]) for r, c in every])
+        residual = target - made @ np.linalg.lstsq(made, target, rcond=None)[0]
+        if residual @ residual < min(SAME, EXCUSED / share) * (target @ target):
+            return True
+    return False
 
 
 def _between(each: Sequence[Examined], names: Sequence[str]) -> tuple[RowFinding, ...]:

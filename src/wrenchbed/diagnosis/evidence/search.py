@@ -1,6 +1,6 @@
 """Every hypothesis alone: its exact evidence in the linear model, over all rungs and sizes."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -111,6 +111,11 @@ class Searcher:
         fraction = h.variant.weight / self._weights[h.name]
         prior = float(np.log(PRIOR["one"] / len(self._weights) * fraction * rare))
         return prior + self.odds.get(h.name, 0.0)
+
+    @property
+    def names(self) -> Collection[str]:
+        """Names of the hypotheses' effects."""
+        return self._weights.keys()
 
     @cached_property
     def _weights(self) -> dict[str, float]:

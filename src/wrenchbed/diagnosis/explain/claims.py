@@ -18,7 +18,8 @@ from wrenchbed.diagnosis.explain.contributions import (
     twins,
 )
 from wrenchbed.diagnosis.explain.contributions import share as share_of
-from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
+from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 
 REST = 0.55

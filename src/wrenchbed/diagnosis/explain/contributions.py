@@ -8,7 +8,8 @@ from collections.abc import Collection
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
-from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
+from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.refit import Refitter
 
 CLAIMABLE = 0.75
 """Gap that a cause must add, as estimated: 1 by definition, less its uncertainty."""

@@ -13,7 +13,8 @@ import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.explain.contributions import made_by
-from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
+from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.effects.base import Variant
 
 NAMING = ("joint", "parameter", "channel", "axis", "axes", "link")

@@ -13,7 +13,7 @@ import numpy as np
 
 from wrenchbed.calibration.observations import usable
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
-from wrenchbed.diagnosis.explain.refit import Finalist
+from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis, prediction_errors
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN, Searcher
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
-from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
+from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import MARGIN, Analysis, Ranking, rank
 from wrenchbed.diagnosis.explain.verdict import Verdict, complete, decide, widened
 

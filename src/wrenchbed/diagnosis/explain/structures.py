@@ -25,7 +25,8 @@ from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import PRIOR, UNKNOWN, Searcher, SingleEvidence
 from wrenchbed.diagnosis.explain.claims import Explanation, corrected, explained
 from wrenchbed.diagnosis.explain.contributions import claimable, doubled
-from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
+from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.prepare.accelerometer import TILT
 from wrenchbed.diagnosis.prepare.baseline import Baseline, calibrate
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
@@ -243,7 +244,11 @@ def beside(refitter: Refitter, f: Finalist, singles: Sequence[SingleEvidence]) -
     result = []
     for h in chosen:
         start = np.concatenate([kept, refitter.start((h,)), 0.0 * f.x[of_broad]])
-        result.append(refitter.shrunk(refitter.fit((*others, h, broad), f.rung, start)))
+        result.append(
+            refitter.keeping(
+                g := refitter.fit((*others, h, broad), f.rung, start), range(len(g.parts))
+            )
+        )
     return result
 
 
@@ -271,8 +276,7 @@ def with_rivals(
         more: Sequence[SingleEvidence] = singles
         base = None
         if rest:
-            keep = np.flatnonzero(f.variables.part != k)
-            base = refitter.at(rest, f.rung, f.x[keep], f.spread[keep])
+            base = refitter.keeping(f, [i for i in range(len(f.parts)) if i != k])
             more = refitter.added(base)
         for s in _near(refitter, more, f, k):
             h = refitter.searcher.hypotheses[s.index]

@@ -13,7 +13,7 @@ from scipy.special import chdtrc, logsumexp
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.claims import Explanation, Part
 from wrenchbed.diagnosis.explain.contributions import rest
-from wrenchbed.diagnosis.explain.refit import Finalist
+from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Cause, Verdict
 from wrenchbed.diagnosis.prepare.accelerometer import TILT, Testimony

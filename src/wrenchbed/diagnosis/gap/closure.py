@@ -10,7 +10,8 @@ import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import variables
 from wrenchbed.diagnosis.explain.claims import corrected
-from wrenchbed.diagnosis.explain.refit import Finalist
+from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
 from wrenchbed.diagnosis.prepare.prepared import Prepared
@@ -158,6 +159,15 @@ class Claimed:
     keep: tuple[int, ...]
     wrong: tuple[str, ...]
 
+    @classmethod
+    def of(cls, a: Analysis, f: Finalist, keep: Sequence[int], wrong: Sequence[str]) -> "Claimed":
+        """The simulator with some parts of a finalist and some corrected numbers."""
+        return cls(twin_of(a, f, keep), f, tuple(keep), tuple(wrong))
+
+    def in_recording(self, a: Analysis, k: int) -> "Claimed":
+        """The same claim in the recording k of several."""
+        return Claimed.of(a, self.finalist.each[k], self.keep, self.wrong)
+
 
 @dataclass(frozen=True, eq=False)
 class Judged:
@@ -179,10 +189,12 @@ class Judged:
     readings: Mapping[str, np.ndarray]
 
     @classmethod
-    def of(cls, a: Analysis, claim: Claimed | None) -> "Judged":
-        """Configured, calibrated and diagnosed simulators on held-out rows."""
-        p, held_out, fits = a.prepared, HeldOut(a.prepared), CrossFit(a)
-        before = fits.calibrated(calibrated(a))
+    def of(
+        cls, a: Analysis, claim: Claimed | None, fits: Mapping[int, Refitter] | None = None
+    ) -> "Judged":
+        """Configured, calibrated and diagnosed simulators on held-out rows; see `CrossFit`."""
+        p, held_out, crossed = a.prepared, HeldOut(a.prepared), CrossFit(a, fits)
+        before = crossed.calibrated(calibrated(a))
         readings = {"calibrated": before}
         every = {
             "configured": Twin(p.model, p.theta).wrench(p.scene),
@@ -191,7 +203,7 @@ class Judged:
         }
         channels, without = {"before": held_out.channels(before)}, dict[str, np.ndarray]()
         if claim is not None:
-            after, others = fits.explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
+            after, others = crossed.explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
             every |= {"with_effects": after, "in_sample": claim.twin.wrench(p.scene)}
             without = {name: held_out.of(r) for name, r in others.items()}
             channels["after"], readings["with_effects"] = held_out.channels(after), after
@@ -199,21 +211,24 @@ class Judged:
         return cls(held_out, gaps, without, channels, readings)
 
 
-def measure(
-    a: Analysis,
-    claim: Claimed | None,
-    seed: int = 0,
-    others: Sequence[tuple[Analysis, Claimed | None]] = (),
-) -> Closure:
+def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
     """Configured, calibrated and diagnosed simulators on rows that their fits did not see.
 
     Args:
-        a: the analysis of all rows.
+        a: the analysis of all rows; gaps are means over those of all its recordings.
         claim: the diagnosed simulator, None where no cause is claimed.
         seed: of the bootstrap.
-        others: the same of further recordings of the robot; gaps are means over all rows.
     """
-    each = [Judged.of(*one) for one in ((a, claim), *others)]
+    every = (a, *a.others)
+    claims = [
+        claim if k == 0 or claim is None else claim.in_recording(other, k)
+        for k, other in enumerate(every)
+    ]
+    fits = {k: a.refitter.without(k) for k in sorted({k for o in every for k in o.prepared.folds})}
+    each = [
+        Judged.of(one, of, {fold: less.each[r] for fold, less in fits.items()})
+        for r, (one, of) in enumerate(zip(every, claims, strict=True))
+    ]
     rows = np.array([j.held_out.rows for j in each])
     drawn = Bootstrap([j.held_out for j in each], seed)
     gaps = {s: np.concatenate([j.gaps[s] for j in each]) for s in each[0].gaps}

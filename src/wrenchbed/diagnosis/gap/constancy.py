@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.diagnosis.explain.contributions import made_by
-from wrenchbed.diagnosis.explain.refit import Finalist
+from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.gap.dependence import orders
 

@@ -1,12 +1,13 @@
 """Gaps of simulators on held-out rows: every row is judged by a fit that did not see it."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from wrenchbed.diagnosis.explain.claims import corrected, moved_by
-from wrenchbed.diagnosis.explain.refit import Finalist, Refitter
+from wrenchbed.diagnosis.explain.finalist import Finalist
+from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.prepare.baseline import Baseline
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
@@ -89,12 +90,14 @@ class CrossFit:
 
     Args:
         a: the analysis of all rows.
+        fits: refitter without each fold, made if None.
     """
 
-    def __init__(self, a: Analysis) -> None:
+    def __init__(self, a: Analysis, fits: Mapping[int, Refitter] | None = None) -> None:
         self._a = a
         self._held = {k: self._rows(k) for k in a.prepared.folds}
-        self._fits = {k: a.refitter.without(k) for k in a.prepared.folds}
+        without = a.refitter.without
+        self._fits = {k: without(k) if fits is None else fits[k] for k in a.prepared.folds}
 
     def calibrated(self, baseline: Twin) -> np.ndarray:
         """Readings (M, 6) of the simulator after bias, mass and CoG were fitted."""

@@ -1,0 +1,231 @@
+"""One recording, and what effects of any size add to its readings."""
+
+from collections.abc import Iterable, Sequence
+from functools import cache, cached_property
+
+import numpy as np
+
+from wrenchbed.diagnosis.evidence.dictionary import LARGEST, Hypothesis
+from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
+from wrenchbed.diagnosis.evidence.search import MORE, PRIOR, Searcher, SingleEvidence
+from wrenchbed.diagnosis.explain.finalist import Finalist, Variables
+from wrenchbed.effects.base import Effect
+from wrenchbed.effects.chain import ActiveEffect, Responses
+from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.base import Robot
+
+_STEP, _SHAPE_STEP = 0.1, 0.02
+"""Steps of finite differences for amplitudes and shapes, in typical sizes."""
+_TRIALS = 160
+"""Shapes that the random search tries, from steps of 3 typical sizes to 0.1: 32 for each halving,
+enough for the few shapes of one effect. Fewer end in a side minimum, more only cost time."""
+_RIDGE = 1e-3
+"""Precision that keeps an amplitude bounded whose shape shows nothing."""
+
+
+class Case:
+    """One recording's readings, and those that structures make.
+
+    Args:
+        searcher: of the recording's design.
+        y: its readings (C R,), relative to the baseline, stated numbers as stated.
+
+    Attributes:
+        exact: rungs with exact stated numbers, made when first asked for.
+    """
+
+    def __init__(self, searcher: Searcher, y: np.ndarray) -> None:
+        self.searcher, self.y = searcher, y
+        self.d = searcher.d
+        self.scene = self.d.prepared.scene
+        self._responses = Responses(self.scene)
+        self._zero = self.d.baseline
+        self.exact: dict[int, BackgroundLevel] = {}
+        self._freed: dict[tuple[int, frozenset[int]], BackgroundLevel] = {}
+
+    @cached_property
+    def rung_prior(self) -> np.ndarray:
+        """Log prior of each background rung for this case (L,)."""
+        return self.searcher.rung_prior(self.y)
+
+    @cached_property
+    def normal(self) -> np.ndarray:
+        """Indices of the rungs that a robot without a fault may be on."""
+        return np.flatnonzero([rung.normal for rung in self.searcher.rungs])
+
+    @property
+    def nothing_alone(self) -> int:
+        """Normal rung on which no effect at all fits this recording best."""
+        return int(self.normal[self.searcher.nulls(self.y)[self.normal].argmax()])
+
+    @cached_property
+    def shown(self) -> frozenset[str]:
+        """Names of the effects that can show in this recording."""
+        return frozenset(effect for effect, parameter in self.d.label if parameter)
+
+    def values(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[dict[str, float]]:
+        """All parameters of each part at x (k,), SI; shapes within their bounds."""
+        given, result = iter(x.tolist()), []
+        for h in parts:
+            known = _parameters(h.effect, self.scene.robot)
+            values = {**_nominal(h.effect, self.scene.robot), **h.variant.at}
+            if not h.effect.stated:
+                for name in h.variant.free:
+                    values[name] = next(given) * known[name].tolerance
+                for name in h.variant.shape:
+                    p = known[name]
+                    values[name] = min(max(next(given) * p.tolerance, p.lower), p.upper)
+            result.append(values)
+        return result
+
+    def active(self, parts: Sequence[Hypothesis], x: np.ndarray) -> list[ActiveEffect]:
+        """Active effects of the simulated chain at variables x (k,), as far as they can show."""
+        shown = [not h.effect.stated and h.name in self.shown for h in parts]
+        both = zip(parts, self.values(parts, x), shown, strict=True)
+        return [ActiveEffect(h.effect, v) for h, v, here in both if here]
+
+    def response(self, parts: Sequence[Hypothesis], x: np.ndarray) -> np.ndarray:
+        """Whitened readings (C R,) that the parts add to the baseline's."""
+        active = self.active(parts, x)
+        if not active:
+            return np.zeros_like(self._zero)
+        return self.d.prepared.rows(self._responses.of(active)).ravel() - self._zero
+
+    def searched(self, parts: Sequence[Hypothesis], rung: int, x: np.ndarray) -> np.ndarray:
+        """Shapes of the last part after a random search, its amplitudes fitted along (k,)."""
+        level, v, last = self.searcher.rungs[rung].level, Variables.of(parts), len(parts) - 1
+        moves, free = v.shape & (v.part == last), ~v.shape & (v.part == last)
+        rng = np.random.default_rng(0)
+        others = self.y - self.response(parts, np.where(free, 0.0, x))  # parts hardly interact
+        solved_others = level.solve(others[:, None])[:, 0]
+        first = len(x) - int((free | moves).sum())
+        amplitudes = (np.flatnonzero(free) - first).tolist()
+
+        def fitted(at: np.ndarray) -> tuple[float, np.ndarray]:
+            """Squared residual with the best amplitudes of the part, and these."""
+            bare = np.where(free, 0.0, at)[first:]
+            design = self._changes(parts[last:], bare, 0.0, amplitudes, np.ones(len(bare)))
+            normal = level.products(design) + _RIDGE * np.eye(design.shape[1])
+            score = design.T @ solved_others
+            best = np.linalg.solve(normal, score)
+            result = at.copy()
+            result[free] = best
+            return float(others @ solved_others - score @ best), result
+
+        now, x = fitted(x)
+        for k in range(_TRIALS):
+            spread = 3.0 * 0.5 ** (5.0 * k / _TRIALS)
+            then, trial = fitted(x + np.where(moves, spread * rng.standard_normal(len(x)), 0.0))
+            if then < now:
+                now, x = then, trial
+        return x
+
+    def added(self, finalist: Finalist) -> list[SingleEvidence]:
+        """Evidence of every further hypothesis beside a finalist, on its rung."""
+        level = self.searcher.rungs[finalist.rung].level
+        solved = level.solve(np.column_stack([finalist.design, finalist.y]))
+        side = self.d.E.T @ solved[:, :-1]
+        normal = finalist.design.T @ solved[:, :-1] + np.diag(1.0 / finalist.spread**2)
+        half = np.linalg.solve(np.linalg.cholesky(normal), side.T)
+        known = np.linalg.solve(normal, finalist.design.T @ solved[:, -1])
+        score = self.d.E.T @ solved[:, -1] - side @ known
+        base = finalist.log_posterior + float(np.log(MORE / PRIOR["one"]))
+        taken = set(finalist.names)
+        return [
+            s
+            for s in self.searcher.added(finalist.rung, base, score, half)
+            if s.index < 0 or self.searcher.hypotheses[s.index].name not in taken
+        ]
+
+    def level_of(self, f: Finalist) -> BackgroundLevel:
+        """Background level that a finalist is compared with."""
+        return self.level((), f.rung)
+
+    def level(self, parts: Sequence[Hypothesis], rung: int) -> BackgroundLevel:
+        """The rung's background with the stated numbers that a structure blames set free."""
+        blamed = frozenset(int(c) for h in parts if h.effect.stated for c in h.columns)
+        if not blamed:
+            return self.searcher.rungs[rung].level
+        if (rung, blamed) not in self._freed:
+            level = self.searcher.rungs[rung].level
+            variance = level.V.copy()
+            variance[list(blamed)] += LARGEST**2
+            self._freed[rung, blamed] = level.varied(variance)
+        return self._freed[rung, blamed]
+
+    def start(self, parts: Sequence[Hypothesis]) -> np.ndarray:
+        """Starting point of a fit (k,): amplitudes 0, shapes at the values of their variants."""
+
+        def at(h: Hypothesis, name: str) -> float:
+            return h.variant.at[name] / _parameters(h.effect, self.scene.robot)[name].tolerance
+
+        v = Variables.of(parts)
+        both = zip(v.part, v.name, v.shape, strict=True)
+        return np.array([at(parts[k], name) if shape else 0.0 for k, name, shape in both])
+
+    def design(
+        self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray, which: Iterable[int]
+    ) -> np.ndarray:
+        """Derivatives (C R, k) of the response by the variables ``which`` at x, where the response
+        is f.
+
+        For effects without shapes they are the columns of the dictionary, which hardly change.
+        """
+        v, which = Variables.of(parts), list(which)
+        result = np.empty((len(self.y), len(which)))
+        moved = list[int]()
+        for place, i in enumerate(which):
+            part = parts[v.part[i]]
+            if len(part.columns) and not part.variant.shape:
+                first = v.of_parts([v.part[i]])[0]
+                result[:, place] = self.d.E[:, part.columns[i - first]]
+            else:
+                moved.append(place)
+        step = np.where(v.shape, _SHAPE_STEP, _STEP)
+        result[:, moved] = self._changes(parts, x, f, [which[k] for k in moved], step)
+        return result
+
+    def _changes(
+        self, parts: Sequence[Hypothesis], x: np.ndarray, f: np.ndarray | float,
+        which: Sequence[int], step: np.ndarray,
+    ) -> np.ndarray:  # fmt: skip
+        """Slopes (C R, m) of some variables by steps (k,) from x, where the response is f.
+
+        Amplitudes that act on different channels are changed at once.
+        """
+        v, groups = Variables.of(parts), dict[tuple[int, str], list[int]]()
+        apart = all(_channel_by_channel(h.effect) for h in parts if not h.effect.stated)
+        for place, i in enumerate(which):
+            stem, _, end = v.name[i].rpartition(".")
+            channelwise = apart and parts[v.part[i]].effect.channelwise
+            together = channelwise and end in CHANNELS and not v.shape[i]
+            groups.setdefault((v.part[i], stem if together else v.name[i]), []).append(place)
+        result = np.zeros((len(self.y), len(which)))
+        for places in groups.values():
+            of_part = [which[k] for k in places]
+            moved = np.zeros(len(x))
+            moved[of_part] = step[of_part]
+            change = self.response(parts, x + moved) - f
+            for k, i in zip(places, of_part, strict=True):
+                only = slice(None)
+                if len(places) > 1:
+                    channel = CHANNELS.index(v.name[i].rpartition(".")[2])
+                    only = slice(channel, None, self.d.channels)
+                result[only, k] = change[only] / step[i]
+        return result
+
+
+def _channel_by_channel(effect: Effect) -> bool:
+    """Whether an effect's change of a channel's reading depends on that channel alone."""
+    return effect.channelwise or not effect.in_sensor
+
+
+@cache
+def _nominal(effect: Effect, robot: Robot) -> dict[str, float]:
+    return {name: p.nominal for name, p in _parameters(effect, robot).items()}
+
+
+@cache
+def _parameters(effect: Effect, robot: Robot) -> dict[str, Parameter]:
+    return {p.name: p for p in effect.parameters(robot)}

@@ -1,0 +1,86 @@
+"""A structure after its refit: its parts, their variables, and what it leaves of the readings."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
+
+
+@dataclass(frozen=True, eq=False)
+class Variables:
+    """Part, parameter and kind of each free variable ``x`` (k,) of a structure in one recording.
+
+    Attributes:
+        part: number of the part that each belongs to (k,).
+        name: parameter of the effect (k,).
+        shape: whether it is a shape, not an amplitude (k,), boolean.
+    """
+
+    part: np.ndarray
+    name: tuple[str, ...]
+    shape: np.ndarray
+
+    @classmethod
+    def of(cls, parts: Sequence[Hypothesis]) -> "Variables":
+        """The variables of a structure: of each part its amplitudes, then its shapes."""
+        every = [
+            (k, name, name in h.variant.shape)
+            for k, h in enumerate(parts)
+            if not h.effect.stated
+            for name in (*h.variant.free, *h.variant.shape)
+        ]
+        part, shape = (np.array([v[i] for v in every], dtype=t) for i, t in ((0, int), (2, bool)))
+        return cls(part, tuple(name for _, name, _ in every), shape)
+
+    def __len__(self) -> int:
+        return len(self.name)
+
+    def of_parts(self, parts: Collection[int]) -> np.ndarray:
+        """Indices of the variables that belong to some parts."""
+        return np.flatnonzero(np.isin(self.part, list(parts)))
+
+
+@dataclass(frozen=True, eq=False)
+class Finalist:
+    """A structure after its refit, as it is in one recording.
+
+    Attributes:
+        parts: its hypotheses.
+        rung: background rung that fits best.
+        x: fitted variables (k,) in typical sizes: amplitudes and shapes, no stated numbers.
+        covariance: of ``design``'s columns (m, m), background and stated numbers included.
+        residual: measured less fitted (C R,), whitened, the stated numbers' part still in it.
+        y: the data as linearised at x (C R,).
+        design: derivatives of the response by x, then the columns of blamed stated numbers.
+        spread: prior standard deviation of each (m,).
+        log_posterior: summed over rungs and sizes, of all recordings that were fitted together.
+        each: the same fit in each of these recordings; empty if it is of one.
+    """
+
+    parts: tuple[Hypothesis, ...]
+    rung: int
+    x: np.ndarray
+    covariance: np.ndarray
+    residual: np.ndarray
+    y: np.ndarray
+    design: np.ndarray
+    spread: np.ndarray
+    log_posterior: float
+    each: Sequence["Finalist"] = field(default=(), repr=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(h.name for h in self.parts)
+
+    @cached_property
+    def variables(self) -> Variables:
+        """Description of each free variable ``x``."""
+        return Variables.of(self.parts)
+
+    @cached_property
+    def effects(self) -> tuple[int, ...]:
+        """Indices of the parts that are effects, not stated numbers."""
+        return tuple(k for k, h in enumerate(self.parts) if not h.effect.stated)

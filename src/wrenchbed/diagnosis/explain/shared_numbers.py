@@ -1,0 +1,163 @@
+"""Effects in one or several recordings of a robot: which numbers are shared, what they add.
+
+Of the linear Gaussian model the posterior of one recording is the prior of the next, whatever their
+order: log p(y_A, y_B | S) = log p(y_A | S) + log p(y_B | S, y_A), and information and scores of the
+recordings add up. So a structure has one set of numbers for what belongs to the robot, and one for
+each recording of what belongs to that (`Effect.of_recording`); background and stated numbers are
+each recording's own.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
+from wrenchbed.diagnosis.evidence.search import MORE, PRIOR
+from wrenchbed.diagnosis.explain.case import Case
+from wrenchbed.diagnosis.explain.finalist import Variables
+
+SHAPE_SPREAD = 2.0
+"""Prior standard deviation of a shape over its typical size."""
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Effects in N recordings, and which of all their numbers (m,) each recording uses.
+
+    The numbers are k variables, then the stated numbers that the structure blames.
+
+    Attributes:
+        cases: the recordings (N).
+        parts: its hypotheses in each of them (N).
+        at: places of each recording's `Variables` among the variables (N).
+        blamed: places of the stated numbers that are blamed in each recording (N).
+        shape: whether each number is a shape (m,).
+        owner: set that each number belongs to (m,).
+        sets: part and recording of each set of numbers that have one prior size.
+    """
+
+    cases: Sequence[Case]
+    parts: Sequence[tuple[Hypothesis, ...]]
+    at: tuple[np.ndarray, ...]
+    blamed: tuple[np.ndarray, ...]
+    shape: np.ndarray
+    owner: np.ndarray
+    sets: tuple[tuple[int, int], ...]
+
+    @classmethod
+    def of(cls, cases: Sequence[Case], parts: Sequence[tuple[Hypothesis, ...]]) -> "Structure":
+        """Structure of the parts' hypotheses in each recording."""
+        every = enumerate(zip(*parts, strict=True))
+        sets = [(p, r) for p, same in every for r in _homes(cases, same)]
+        stated = [bool(parts[r][p].effect.stated) for p, r in sets]
+        order = np.argsort(stated, kind="stable").tolist()
+        shape = [_shape(parts[r][p]) for p, r in sets]
+        owner = np.repeat(np.array(order, dtype=int), [len(shape[s]) for s in order])
+        place = {sets[s]: np.flatnonzero(owner == s) for s in order}
+        first = {p: place[p, r] for p, r in reversed(sets)}
+        at, blamed = [], []
+        for r, own in enumerate(parts):
+            free = [place.get((p, r), first[p]) for p, h in enumerate(own) if not h.effect.stated]
+            wrong = [place[s] for s, of in zip(sets, stated, strict=True) if of and s[1] == r]
+            at.append(_joined(free).astype(int))
+            blamed.append(_joined(wrong).astype(int))
+        kinds = _joined([shape[s] for s in order]).astype(bool)
+        return cls(cases, parts, tuple(at), tuple(blamed), kinds, owner, tuple(sets))
+
+    @property
+    def free(self) -> int:
+        """Count k of the variables: of all numbers without the stated ones."""
+        return len(self.shape) - sum(map(len, self.blamed))
+
+    @property
+    def rows(self) -> list[slice]:
+        """Rows of each recording among those of all."""
+        ends = np.cumsum([0, *(len(c.y) for c in self.cases)])
+        return [slice(a, b) for a, b in pairwise(ends.tolist())]
+
+    @property
+    def y(self) -> np.ndarray:
+        """Readings (C R,) of all recordings."""
+        return np.concatenate([c.y for c in self.cases])
+
+    def merged(self, each: Sequence[np.ndarray], last: int = 0) -> np.ndarray:
+        """Values of all variables (k,) from those of each recording; of what recordings share,
+        recording ``last`` has the last word."""
+        result = np.zeros(self.free)
+        for r in [*reversed(range(len(each))), last]:
+            result[self.at[r]] = each[r]
+        return result
+
+    @property
+    def start(self) -> np.ndarray:
+        """Starting point of a fit (k,): amplitudes 0, shapes at the values of their variants."""
+        return self.merged([c.start(of) for c, of in zip(self.cases, self.parts, strict=True)])
+
+    @property
+    def widest(self) -> np.ndarray:
+        """Widest prior standard deviation of each variable (k,)."""
+        return np.where(self.shape, SHAPE_SPREAD, self.scales[self.owner, -1])[: self.free]
+
+    @property
+    def scales(self) -> np.ndarray:
+        """Prior standard deviations (sets, s) that are tried of each set of numbers: what is shared
+        may be small as soon as one recording shows it."""
+        result = []
+        for p, home in self.sets:
+            own = self.parts[home][p]
+            of = [own] if own.effect.of_recording else [parts[p] for parts in self.parts]
+            most = max(of, key=lambda h: h.typical_gap)
+            result.append(self.cases[home].searcher.scales(most))
+        return np.stack(result)
+
+    @property
+    def log_prior(self) -> float:
+        """Log prior, counted once: each part where it is least rare."""
+        result = (len(self.parts[0]) - 1) * float(np.log(MORE / PRIOR["one"]))
+        for same in zip(*self.parts, strict=True):
+            both = zip(self.cases, same, strict=True)
+            result += max(c.searcher.prior(h) for c, h in both if h.name in c.searcher.names)
+        return result
+
+    def response(self, x: np.ndarray) -> np.ndarray:
+        """Whitened readings (C R,) of all recordings that the parts add at variables x (k,)."""
+        every = zip(self.cases, self.parts, self.at, strict=True)
+        return np.concatenate([c.response(parts, x[at]) for c, parts, at in every])
+
+    def design(self, x: np.ndarray, f: np.ndarray, which: Iterable[int]) -> np.ndarray:
+        """Derivatives (C R, m) of the response by some variables at x, where the response is f."""
+        some = list(which)
+        result = np.zeros((len(f), len(x)))
+        for c, parts, at, rows in zip(self.cases, self.parts, self.at, self.rows, strict=True):
+            own = np.flatnonzero(np.isin(at, some))
+            result[rows, at[own]] = c.design(parts, x[at], f[rows], own.tolist())
+        return result[:, some]
+
+    @property
+    def blamed_columns(self) -> np.ndarray:
+        """Columns (C R, m − k) of the stated numbers that are blamed."""
+        result = np.zeros((len(self.y), len(self.shape)))
+        for c, parts, at, rows in zip(self.cases, self.parts, self.blamed, self.rows, strict=True):
+            of = [h.columns for h in parts if h.effect.stated]
+            result[rows, at] = c.d.E[:, _joined(of).astype(int)]
+        return result[:, self.free :]
+
+
+def _homes(cases: Sequence[Case], same: Sequence[Hypothesis]) -> list[int]:
+    """Recordings that hold a set of a part's numbers: one of the robot's, every one of its own."""
+    shows = [r for r, (c, h) in enumerate(zip(cases, same, strict=True)) if h.name in c.shown]
+    if same[0].effect.stated:
+        return [r for r in shows if len(same[r].columns)]
+    return shows if same[0].effect.of_recording else shows[:1]
+
+
+def _shape(h: Hypothesis) -> np.ndarray:
+    """Whether each number of a hypothesis is a shape."""
+    stated = np.zeros(len(h.columns), dtype=bool)
+    return stated if h.effect.stated else Variables.of((h,)).shape
+
+
+def _joined(some: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate([np.zeros(0), *some])
