@@ -136,7 +136,7 @@ def test_two_recordings_of_a_tilted_base_are_one_answer(two):
     assert told["gap"]["held_out_rows"] == 30 * (30 + 24)
     assert told["gap"]["closed"] > 0.95 and cause["probability"] > 0.9
     assert told["where"][0]["subsystem"] == "base"
-    assert [a.effect.name for a in found.twin.active] == ["base.tilt"]
+    assert [a.effect.name for a in found.diagnosis.twin.active] == ["base.tilt"]
     assert any(n.startswith("b.parquet: 24 poses") for n in found.diagnosis.notes)
 
 
