@@ -1,7 +1,10 @@
 """Which element of the robot a cause is of: as many as the readings allow, and what they fix."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
 from wrenchbed import registry
@@ -63,6 +66,24 @@ def test_the_proposed_motion_tells_parallel_joints_apart(tmp_path, joint):
     (cause,) = findings.diagnosis.to_json()["which"]
     assert cause["elements"] == [f"joint {joint}"] and cause["combination"] is None
     assert "rivals" not in cause["parameters"]["joint"]
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("degrees", [5.0, 2.0, 8.0])
+def test_a_tilt_of_any_size_is_one_class_with_a_pull(tmp_path, degrees):
+    """Gravity in another direction is a constant force at the centre of gravity."""
+    recording = simulated(tmp_path / "rec.parquet", "base.tilt:x=0,y=0", poses(60), 2)
+    gravity = Rotation.from_euler("x", degrees, degrees=True).apply([0.0, 0.0, -9.80665])
+    stated = replace(recording.metadata, gravity=tuple(gravity.tolist()))
+    answer = wb.diagnose(replace(recording, metadata=stated)).diagnosis.to_json()
+    (cause,) = answer["which"]
+    assert answer["verdict"] == "ambiguous" and cause["effect"] == "base.tilt"
+    assert abs(cause["parameters"]["x"]["value"] + np.deg2rad(degrees)) < 1e-3
+    assert [r["effect"] for r in cause["rivals"]] == ["cable.pull"]
+    assert 0.01 < cause["rivals"][0]["probability"] < 0.2
+    assert answer["cannot_tell"] == [
+        "cable.pull (always taut) can reproduce base.tilt about x and y"
+    ]
 
 
 def test_none_says_what_it_could_not_have_seen(tmp_path):

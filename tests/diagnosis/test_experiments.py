@@ -93,7 +93,7 @@ def test_mass_hides_in_a_gain_of_forces_and_cog_in_a_shifted_origin(wide):
 def test_offsets_of_parallel_joints_enter_as_their_sum(wide):
     d, similarity = wide
     assert within(similarity, ("joint.offset", "joint 2"), ("joint.offset", "joint 4"))
-    told = cannot_tell(d, similarity, among={"joint.offset"})
+    told = cannot_tell(d, similarity, classes=[{"joint.offset"}])
     assert "joint.offset of joints 2, 3 and 4 are identifiable only as a sum" in told
     assert "joint.offset of joint 1 has no effect on these readings" in told
     assert not any("tool.cog" in text for text in told)

@@ -10,6 +10,7 @@ from linear_case import Named, dictionary, noise
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
+from wrenchbed.diagnosis.evidence.likelihood import Whitened
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.explain.finalist import Variables
 from wrenchbed.diagnosis.explain.refit import Refitter
@@ -160,3 +161,20 @@ def test_slopes_of_several_channels(monkeypatch, analysis, names):
     assert r.design(parts, x, f, range(len(x))) == pytest.approx(alone)
     moved = sum(len(h.variant.free) + len(h.variant.shape) for h in parts if h.variant.shape)
     assert (len(asked) < moved) is ("sensor.crosstalk" not in names)
+
+
+class Jumping(Waving):
+    """A wave of one lag, and far away with any other, whatever the slope promises."""
+
+    def response(self, parts, x):
+        if not parts:
+            return np.zeros(len(self.y))
+        (given,) = self.values(parts, x)
+        jump = 30.0 * (given["lag"] != 2.0)
+        return given["span"] / 0.2 * wave(len(self.y), 2.0) + jump * wave(len(self.y), 3.0)
+
+
+def test_a_shape_that_acts_by_jumps_does_not_stop_the_amplitudes():
+    r, h = case(3.0, 2.0)
+    f = Jumping(r.searcher, r.y).fit((h,), 0)
+    np.testing.assert_allclose(f.x, [3.0, 4.0], atol=0.1)

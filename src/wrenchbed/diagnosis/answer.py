@@ -272,9 +272,10 @@ def row_place(r: RowFinding) -> Place:
 def _detail(verdict: Verdict, cause: Cause) -> str:
     if cause.part.index is None:
         return "a number that the metadata states"
-    if cause.open_elements:
-        return listed(cause.open_elements)
-    return verdict.explanation.finalist.parts[cause.part.index].variant.label
+    f, of = verdict.explanation.finalist, cause.elements[cause.names[0]]
+    if len(of.names) > 1 or of.fits[0] is not f:
+        return listed(of.names)
+    return f.parts[cause.part.index].variant.label
 
 
 def probabilities(verdict: Verdict, between: Sequence[RowFinding]) -> dict[str, float]:

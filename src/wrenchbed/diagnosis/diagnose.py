@@ -178,7 +178,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     progress("what next")
     named = {n for c in verdict.causes for n in c.names}
     similarities = [Similarity(x.dictionary, named) for x in (analysis, *analysis.others)]
-    cannot_tell = _cannot_tell(similarities, named) if named else []
+    cannot_tell = _cannot_tell(similarities, [c.names for c in verdict.causes])
     said = (scattered, OFTEN if often else "", refuted)
     of_data = [*prepared.notes, *(sentence for sentence in said if sentence)]
     plans, proposed = _next(analysis, verdict, seed)
@@ -391,9 +391,9 @@ def _claimed(a: Analysis, verdict: Verdict) -> closure.Claimed | None:
     return closure.Claimed.of(a, f, keep, wrong)
 
 
-def _cannot_tell(designs: Sequence[Similarity], named: Collection[str]) -> list[str]:
-    """Sentences on named effects that none of the recordings distinguishes."""
-    first, *others = [isolability.cannot_tell(s.d, s, named) for s in designs]
+def _cannot_tell(designs: Sequence[Similarity], classes: Collection[Collection[str]]) -> list[str]:
+    """Sentences on classes of effects that none of the recordings distinguishes."""
+    first, *others = [isolability.cannot_tell(s.d, s, classes) for s in designs]
     return [text for text in first if all(text in other for other in others)]
 
 

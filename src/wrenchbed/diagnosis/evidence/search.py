@@ -169,6 +169,28 @@ class Searcher:
             ]
         return result
 
+    def remainders(
+        self, rung: int, energy: float, score: np.ndarray, known: np.ndarray
+    ) -> np.ndarray:
+        """What each hypothesis at plausible sizes leaves of a signal at best (H,): its square over
+        background and noise, and that of the sizes over their largest ones.
+
+        Args:
+            rung: of the background.
+            energy: square of the whole signal.
+            score: w of all columns (n,), with the signal in the place of readings.
+            known: H (m, n), as of `added`.
+        """
+        result = np.full(len(self.hypotheses), np.inf)
+        for batch, alone in zip(self.batches, self._information(rung), strict=True):
+            if batch.index[0] < 0:
+                continue
+            precision = np.eye(batch.columns.shape[1]) / batch.scales[:, -1, None, None] ** 2
+            w = score[batch.columns]
+            x = np.linalg.solve(alone - squares(known, batch.columns) + precision, w[:, :, None])
+            result[batch.index] = energy - (w * x[:, :, 0]).sum(axis=1)
+        return result
+
     def _make(self) -> None:
         """Weigh all columns on the rungs where they are not, rungs beside each other."""
         missing = [r for r in range(len(self.rungs)) if r not in self._known]

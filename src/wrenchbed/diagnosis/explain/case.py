@@ -123,20 +123,45 @@ class Case:
 
     def added(self, finalist: Finalist) -> list[SingleEvidence]:
         """Evidence of every further hypothesis beside a finalist, on its rung."""
-        level = self.searcher.rungs[finalist.rung].level
-        solved = level.solve(np.column_stack([finalist.design, finalist.y]))
-        side = self.d.E.T @ solved[:, :-1]
-        normal = finalist.design.T @ solved[:, :-1] + np.diag(1.0 / finalist.spread**2)
-        half = np.linalg.solve(np.linalg.cholesky(normal), side.T)
-        known = np.linalg.solve(normal, finalist.design.T @ solved[:, -1])
-        score = self.d.E.T @ solved[:, -1] - side @ known
-        base = finalist.log_posterior + float(np.log(MORE / PRIOR["one"]))
-        taken = set(finalist.names)
+        f = finalist
+        score, half = self._beside(f.rung, f.design, f.spread, f.y)[1:]
+        base = f.log_posterior + float(np.log(MORE / PRIOR["one"]))
+        taken = set(f.names)
         return [
             s
-            for s in self.searcher.added(finalist.rung, base, score, half)
+            for s in self.searcher.added(f.rung, base, score, half)
             if s.index < 0 or self.searcher.hypotheses[s.index].name not in taken
         ]
+
+    def remainders(
+        self, f: Finalist, part: int, signal: np.ndarray, least: float = 0.0
+    ) -> tuple[float, np.ndarray]:
+        """Square of a part's readings (C R,), and what each hypothesis in its place leaves of them
+        at best (H,), over noise and background.
+
+        All other parts give way. So does the part itself up to ``least`` of its typical sizes.
+        """
+        own = np.isin(np.arange(len(f.spread)), f.variables.of_parts([part]))
+        spread = np.where(own, np.minimum(f.spread, least), f.spread)
+        gives_way = spread > 0.0
+        design = f.design[:, gives_way]
+        energy, score, half = self._beside(f.rung, design, spread[gives_way], signal)
+        return energy, self.searcher.remainders(f.rung, energy, score, half)
+
+    def _beside(
+        self, rung: int, design: np.ndarray, spread: np.ndarray, y: np.ndarray
+    ) -> tuple[float, np.ndarray, np.ndarray]:
+        """Square of y (C R,) over a background and columns (C R, k) of sizes (k,); w of all columns
+        (n,), and H (k, n): HᵀH is what the columns take from the information of all."""
+        level = self.searcher.rungs[rung].level
+        solved = level.solve(np.column_stack([design, y]))
+        side = self.d.E.T @ solved[:, :-1]
+        normal = design.T @ solved[:, :-1] + np.diag(1.0 / spread**2)
+        along = design.T @ solved[:, -1]
+        known = np.linalg.solve(normal, along)
+        half = np.linalg.solve(np.linalg.cholesky(normal), side.T)
+        energy = float(y @ solved[:, -1] - along @ known)
+        return energy, self.d.E.T @ solved[:, -1] - side @ known, half
 
     def level_of(self, f: Finalist) -> BackgroundLevel:
         """Background level that a finalist is compared with."""

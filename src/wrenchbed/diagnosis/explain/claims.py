@@ -13,6 +13,7 @@ from wrenchbed.diagnosis.explain.contributions import (
     CLAIMABLE,
     any_free_form,
     claimable,
+    imitators,
     made_by,
     rest,
     twins,
@@ -47,6 +48,7 @@ class Part:
         probability: that a stated number is wrong; 1 for other effects.
         index: number of the part in the finalist, None for a wrong stated number.
         twins: effects that might as well be this one, whatever their evidence.
+        imitators: effects that make its readings, if perhaps with numbers that happen to fit.
     """
 
     name: str
@@ -54,6 +56,7 @@ class Part:
     probability: float = 1.0
     index: int | None = None
     twins: tuple[str, ...] = ()
+    imitators: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +113,19 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
     parts += wrong_numbers(refitter, f)
     parts.sort(key=lambda p: -p.share)
     return Explanation(f, tuple(parts), remaining, max(total - remaining, 0.0))
+
+
+def with_imitators(refitter: Refitter, e: Explanation) -> Explanation:
+    """An explanation with the effects that make the readings of each part as well; none of one that
+    another sensor than the wrench's measured."""
+    odds = refitter.searcher.odds
+    parts = (
+        p
+        if p.index is None or odds.get(p.name, 0.0) > 0.0
+        else replace(p, imitators=imitators(refitter, e.finalist, p.index))
+        for p in e.parts
+    )
+    return replace(e, parts=tuple(parts))
 
 
 def _standing_in(

@@ -15,6 +15,9 @@ CLAIMABLE = 0.75
 """Gap that a cause must add, as estimated: 1 by definition, less its uncertainty."""
 ALIKE = 0.85
 """Correlation of two effects' readings from which either may be the large one."""
+APART = 6.0
+"""Square, over noise and background, by which readings differ that count as different: 3 in the
+logarithm of a likelihood, as `MARGIN` of explanations."""
 SAME, EXCUSED = 0.02, 0.1
 """Share of a part's gap, and gap, that a twin may leave: small imperfections make as much."""
 
@@ -75,6 +78,29 @@ def twins(
     claimed = {f.parts[k].name for k in named if k is not None}
     others = _as_many_numbers(refitter, f, part, added, share)
     return tuple(dict.fromkeys([*names, *(n for n in others if n not in claimed)]))
+
+
+def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
+    """Names of effects that make a part's readings at plausible sizes, however many numbers that
+    takes; with finite angles where slopes come near."""
+    hypotheses, own = refitter.searcher.hypotheses, f.parts[part]
+    signal = made_by(refitter, f, [part])
+    energy, remainders = refitter.remainders(f, part, signal)
+    nearest: dict[str, int] = {}
+    for k in np.argsort(remainders).tolist():
+        if remainders[k] > max(APART, SAME * energy):
+            break
+        h = hypotheses[k]
+        if h.name != own.name and not h.effect.stated:
+            nearest.setdefault(h.name, k)
+    alone = Refitter(refitter.searcher, signal)
+
+    def away(k: int) -> float:
+        if remainders[k] <= APART:
+            return float(remainders[k])
+        return refitter.remainders(f, part, alone.fit((hypotheses[k],), f.rung).residual)[0]
+
+    return tuple(name for name, k in nearest.items() if away(k) <= APART)
 
 
 def doubled(refitter: Refitter, f: Finalist) -> bool:

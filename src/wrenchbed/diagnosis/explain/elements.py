@@ -12,7 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
-from wrenchbed.diagnosis.explain.contributions import made_by
+from wrenchbed.diagnosis.evidence.likelihood import MOST
+from wrenchbed.diagnosis.explain.claims import REST
+from wrenchbed.diagnosis.explain.contributions import APART, made_by
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.effects.base import Variant
@@ -102,77 +104,77 @@ def elements(
         effects: names, the part's own among them.
 
     Returns:
-        Elements by the effect's name; of the part's own effect, the part is always one.
+        Elements by the effect's name; of the part's own effect, the part is always one, unless it
+        is of several elements together and one of them alone makes all that counts.
     """
-    others = [k for k in range(len(f.parts)) if k != part]
-    replaced = f.parts[part]
-    imitating = {name: _imitating(refitter, f, part, name) for name in effects}
-    if not any(imitating.values()):
-        return {replaced.name: Elements((element(replaced.variant),), (f,), (part,))}
-    base = refitter.keeping(f, others)
+    replaced, signal = f.parts[part], made_by(refitter, f, [part])
+    result = {replaced.name: Elements((element(replaced.variant),), (f,), (part,))}
+    imitating = _imitating(refitter, f, part, signal, effects)
+    if not imitating:
+        return result
+    base = refitter.keeping(f, [k for k in range(len(f.parts)) if k != part])
 
     def fitted(h: Hypothesis) -> Finalist:
         return refitter.extended(base, h) if base.parts else refitter.fit((h,), f.rung)
 
-    again = fitted(replaced).log_posterior  # on the same terms as the others
-    result = {}
     for name, hypotheses in imitating.items():
         fits = [fitted(h) for h in hypotheses]
-        logs = np.array([g.log_posterior for g in fits])
-        if name == replaced.name:
-            likely = _likely(np.array([again, *logs]))
-            every, parts = [f, *fits], [part, *(len(g.parts) - 1 for g in fits)]
-        elif fits:
-            likely = _likely(logs)
-            every, parts = fits, [len(g.parts) - 1 for g in fits]
+        parts = [len(g.parts) - 1 for g in fits]
+        if name != replaced.name:
+            likely = _likely([g.log_posterior for g in fits])
+        elif of_element(replaced.variant):
+            again = fitted(replaced)  # on the same terms as the others
+            likely = _likely([g.log_posterior for g in (again, *fits)])
+            fits, parts = [f, *fits], [part, *parts]
         else:
-            continue
-        result[name] = Elements(
-            tuple(element(every[k].parts[parts[k]].variant) for k in likely),
-            tuple(every[k] for k in likely),
-            tuple(parts[k] for k in likely),
-        )
+            made = (made_by(refitter, g, [k]) for g, k in zip(fits, parts, strict=True))
+            most = min(REST, UNLIKE * refitter.d.gap(signal))
+            likely = [k for k, m in enumerate(made) if refitter.d.gap(signal - m) <= most]
+        if likely:
+            result[name] = Elements(
+                tuple(element(fits[k].parts[parts[k]].variant) for k in likely),
+                tuple(fits[k] for k in likely),
+                tuple(parts[k] for k in likely),
+            )
     return result
 
 
-def _imitating(refitter: Refitter, f: Finalist, part: int, effect: str) -> list[Hypothesis]:
-    """Hypotheses of an effect, one an element, that make nearly the readings of a part."""
-    own, names = element(f.parts[part].variant), set(f.parts[part].variant.free)
-    same = effect == f.parts[part].name
-    if same and not of_element(f.parts[part].variant):
-        return []  # all channels or axes together
-    candidates = [
-        h
-        for h in refitter.searcher.hypotheses
-        if h.name == effect
-        and len(h.columns)
-        and of_element(h.variant)
-        and not (same and (element(h.variant) == own or names & set(h.variant.free)))
-    ]
-    if not candidates:
-        return []
-    columns = np.unique(np.concatenate([h.columns for h in candidates]))
-    signal = made_by(refitter, f, [part])
-    every = refitter.level_of(f).products(np.column_stack([refitter.d.E[:, columns], signal]))
-    gram, along, energy = every[:-1, :-1], every[:-1, -1], float(every[-1, -1])
-    rest: dict[str, tuple[float, Hypothesis]] = {}
-    for h in candidates:
-        at = np.searchsorted(columns, h.columns)
-        solved = np.linalg.lstsq(gram[np.ix_(at, at)], along[at], rcond=1e-10)[0]
-        residual = energy - float(along[at] @ solved)
-        name = element(h.variant)
-        if residual <= UNLIKE * energy and residual < rest.get(name, (np.inf, h))[0]:
-            rest[name] = residual, h
-    nearest = sorted(rest, key=lambda name: rest[name][0])[:TRIED]
-    return [h for name, (_, h) in rest.items() if name in nearest]
+def _imitating(
+    refitter: Refitter, f: Finalist, part: int, signal: np.ndarray, effects: Collection[str]
+) -> dict[str, list[Hypothesis]]:
+    """Hypotheses, one an element, that make nearly the readings (6 R,) of a part, by effect.
 
-
-def _likely(logs: np.ndarray) -> list[int]:
-    """Indices of the first fit, and of those that evidence leaves beside it, likeliest first.
-
-    Args:
-        logs: log posteriors (fits,).
+    Where the part is of several elements, what one of them leaves may be as large as ordinary
+    imperfections of the others.
     """
+    replaced, hypotheses = f.parts[part], refitter.searcher.hypotheses
+    own, of_one = element(replaced.variant), of_element(replaced.variant)
+    energy, each = refitter.remainders(f, part, signal)
+    result = {}
+    for effect in effects:
+        remainders, most = each, UNLIKE * energy
+        named = [k for k, h in enumerate(hypotheses) if h.name == effect and len(h.columns)]
+        local = [k for k in named if of_element(hypotheses[k].variant)]
+        if effect != replaced.name:
+            local = local or named
+        elif of_one:
+            local = [k for k in local if element(hypotheses[k].variant) != own]
+        elif local:
+            remainders = refitter.remainders(f, part, signal, MOST)[1]
+            most = float(remainders[local].min()) + APART
+        columns = {k: set(hypotheses[k].columns.tolist()) for k in local if remainders[k] <= most}
+        best: dict[str, int] = {}
+        for k in sorted(columns, key=lambda k: float(remainders[k])):
+            if not any(fewer < columns[k] for fewer in columns.values()):
+                best.setdefault(element(hypotheses[k].variant), k)
+        if best:
+            result[effect] = [hypotheses[k] for k in list(best.values())[:TRIED]]
+    return result
+
+
+def _likely(log_posteriors: Sequence[float]) -> list[int]:
+    """Indices of the first fit, and of those that evidence leaves beside it, likeliest first."""
+    logs = np.array(log_posteriors)
     worse = logs.max() - logs
     score = np.exp(-worse / DOUBT)
     likely = [k for k in range(1, len(logs)) if score[k] > RIVAL * score.sum()]

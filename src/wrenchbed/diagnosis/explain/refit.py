@@ -167,7 +167,9 @@ class Refitter(Case):
             return x
         y, centre, precision = s.y, s.start, 1.0 / spread**2
         levels = [r.level(of, k) for r, of, k in zip(self.each, s.parts, rungs, strict=True)]
-        shapes = np.flatnonzero(s.shape[: s.free]).tolist()
+        shaped = s.shape[: s.free]
+        shapes = np.flatnonzero(shaped).tolist()
+        amplitudes = ~shaped  # alone where shapes that act by jumps stop a step
 
         def whitened(z: np.ndarray) -> Whitened:
             both = zip(levels, s.rows, strict=True)
@@ -187,17 +189,21 @@ class Refitter(Case):
                 design.put(fresh, whitened(s.design(x, y - r, fresh)))
             normal = design.products(design) + np.diag(precision)
             score = design.products(white)[:, 0] - precision * (x - centre)
-            step = np.linalg.solve(normal, score)
-            size, fraction = float(np.sqrt(max(step @ normal @ step, 0.0))), 1.0
-            while fraction > _LEAST_SHARE:
-                trial = x + fraction * step
-                residual = y - s.response(trial)
-                whiter = whitened(residual[:, None])
-                then = cost(trial, whiter)
-                if then < now:
-                    x, r, white, now = trial, residual, whiter, then
+            for free in (amplitudes | shaped, amplitudes) if shapes else (amplitudes,):
+                step = np.zeros(len(x))
+                step[free] = np.linalg.solve(normal[np.ix_(free, free)], score[free])
+                size, fraction = float(np.sqrt(max(step @ normal @ step, 0.0))), 1.0
+                while fraction > _LEAST_SHARE:
+                    trial = x + fraction * step
+                    residual = y - s.response(trial)
+                    whiter = whitened(residual[:, None])
+                    then = cost(trial, whiter)
+                    if then < now:
+                        x, r, white, now = trial, residual, whiter, then
+                        break
+                    fraction /= 3.0
+                if fraction > _LEAST_SHARE:
                     break
-                fraction /= 3.0
             if fraction <= _LEAST_SHARE or size * fraction < _DONE:
                 break
         return x

@@ -23,7 +23,7 @@ from scipy.special import logsumexp
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, build
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import PRIOR, UNKNOWN, Searcher, SingleEvidence
-from wrenchbed.diagnosis.explain.claims import Explanation, corrected, explained
+from wrenchbed.diagnosis.explain.claims import Explanation, corrected, explained, with_imitators
 from wrenchbed.diagnosis.explain.contributions import claimable, doubled
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
@@ -171,6 +171,8 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
     kernel = mixed_kernel if beside_best else _kernel(searcher, kernels)
     least = finalists[0].log_posterior - NEGLIGIBLE
     kept = [explained(refitter, f) for f in finalists if f.log_posterior > least]
+    claim = next((k for k, e in enumerate(kept) if e.parts), 0)
+    kept[claim] = with_imitators(refitter, kept[claim])
     gap = searcher.d.gap(y) - searcher.d.row_noise
     blocks = searcher.d.prepared.block_rows
     voters = [e.finalist for e in kept[:VOTERS]]

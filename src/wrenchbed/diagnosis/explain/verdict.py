@@ -15,6 +15,9 @@ from wrenchbed.diagnosis.explain.structures import MARGIN, Ranking
 MOST_RIVALS = 4
 """Most rivals of a named cause: a reader who gets more than five candidates learns nothing, so the
 verdict is unknown; with fewer, pairs of look-alike effects and their mixtures would be unknown."""
+CONTRIVED = 0.05
+"""Least weight, beside 1, of an effect that makes a cause's readings with numbers that happen to
+fit: evidence against it is as good as what is taken for its likely sizes. Estimate."""
 INSEPARABLE = tuple(frozenset({"mount.rotation", n}) for n in ("joint.offset", "sensor.crosstalk"))
 """Pairs of effects that no data without contact distinguishes."""
 
@@ -117,10 +120,14 @@ def decide(ranking: Ranking) -> Verdict:
 def named(causes: Sequence[Cause]) -> str:
     """The verdict of claimed causes: ambiguous where one has a rival that other data separates."""
     plain = all(
-        not c.open_elements and (len(c.names) == 1 or frozenset(c.names) in INSEPARABLE)
-        for c in causes
+        not c.open_elements and any(_inseparable(c.names, name) for name in c.names) for c in causes
     )
     return "identified" if plain else "ambiguous"
+
+
+def _inseparable(names: Sequence[str], name: str) -> bool:
+    """Whether no data without contact distinguishes an effect from each of some others."""
+    return all(n == name or frozenset({n, name}) in INSEPARABLE for n in names)
 
 
 def widened(verdict: Verdict, rivals: Sequence[str]) -> Verdict:
@@ -183,7 +190,8 @@ def _causes(
     causes = []
     for part in claim.parts:
         rest = claim.names - {part.name}
-        score = {part.name: 0.0} | {n: 1.0 for n in part.twins if n not in rest}
+        score = {part.name: 0.0} | {n: CONTRIVED for n in part.imitators if n not in rest}
+        score |= {n: 1.0 for n in part.twins if n not in rest}
         for k, (w, e) in enumerate(zip(weight, ranked, strict=True)):
             if rest <= e.names and len(e.names - rest) == 1:
                 (name,) = e.names - rest

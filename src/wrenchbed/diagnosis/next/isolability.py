@@ -106,17 +106,20 @@ def classes(showings: Sequence[VisibleSize]) -> tuple[frozenset[str], ...]:
 def cannot_tell(
     dictionary: EffectDictionary,
     similarity: Similarity | None = None,
-    among: Collection[str] | None = None,
+    classes: Collection[Collection[str]] | None = None,
 ) -> tuple[str, ...]:
     """Sentences on the effects that a design leaves open.
 
     Args:
-        among: only what concerns one of these effects; everything if None.
+        classes: of effects that a recording of it leaves open: only what concerns one of them, and
+            of two effects only if both are of one class; everything if None.
     """
+    among = None if classes is None else {name for names in classes for name in names}
     similarity = similarity or Similarity(dictionary, among)
     sentences = [*_never(similarity), *_taken(similarity), *_sums(similarity), *_pairs(similarity)]
-    kept = [text for names, text in sentences if among is None or names & set(among)]
-    return tuple(dict.fromkeys(kept))
+    if classes is not None:
+        sentences = [s for s in sentences if any(s[0] <= set(names) for names in classes)]
+    return tuple(dict.fromkeys(text for _, text in sentences))
 
 
 def _never(similarity: Similarity) -> _Sentences:
