@@ -10,7 +10,6 @@ from linear_case import Named, dictionary, noise
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
-from wrenchbed.diagnosis.evidence.likelihood import Whitened
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.explain.finalist import Variables
 from wrenchbed.diagnosis.explain.refit import Refitter
