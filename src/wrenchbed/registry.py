@@ -27,6 +27,7 @@ KINDS = {
     "transducers": "TRANSDUCER",
     "emulators": "EMULATOR",
     "effects": "EFFECT",
+    "drives": "EFFECT",
     "exports": "EXPORT",
 }
 """Kind (the folder's name) → the constant that a plug-in's module holds."""
@@ -37,6 +38,7 @@ _PACKAGES = {
     "drivers": "wrenchbed.hardware.drivers",
     "transducers": "wrenchbed.hardware.transducers",
     "effects": "wrenchbed.effects",
+    "drives": "wrenchbed.effects.drives",
     "exports": "wrenchbed.exports",
 }
 """Kind → the package whose modules are its plug-ins, but `base` and what its `SUPPORT` names."""
@@ -90,7 +92,10 @@ def plugin_modules(kind: str) -> tuple[str, ...]:
 
 
 def _public(kind: str, module: str) -> str:
-    """``ati_gamma`` is ati-gamma; an effect's module ``joint_gear_error`` is joint.gear_error."""
+    """``ati_gamma`` is ati-gamma; an effect's module ``joint_gear_error`` is joint.gear_error, and
+    that of a drive's effect ``coulomb`` is drive.coulomb."""
+    if kind == "drives":
+        return f"drive.{module}"
     return module.replace("_", ".", 1) if kind == "effects" else module.replace("_", "-")
 
 

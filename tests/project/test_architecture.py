@@ -33,6 +33,7 @@ PLUGINS = {
     "drivers": "hardware/drivers",
     "transducers": "hardware/transducers",
     "effects": "effects",
+    "drives": "effects/drives",
     "exports": "exports",
 }
 ONLY_IN = {

@@ -76,7 +76,8 @@ class EffortOptions:
     # Of joint efforts: what calibrate wrote of a healthy recording of this robot, in place of the
     # drive values that the recording states.
     drives: Path | None = None
-    # Of a wrench: the residual that counts as a gap of 1, as 0.2N,0.01N·m; one row's noise if none.
+    # The residual that counts as a gap of 1, as 0.2N,0.01N·m (the torque of a hinge, the force of a
+    # slide); one row's noise if none.
     material: str | None = None
 
 
@@ -117,8 +118,6 @@ def diagnose(
     console.check_folder(out, _FILES)
     data = [wb.Recording.read(path) for path in recordings]
     if _of_efforts(data, efforts.channels):
-        if efforts.material is not None:
-            raise ParameterError("--material goes with a wrench: efforts count by their own noise")
         written, answer = _diagnose_efforts(data, efforts, seed, out)
     elif efforts.drives is not None:
         raise ParameterError("--drives goes with joint efforts: add --channels effort")
@@ -148,10 +147,11 @@ def _diagnose_efforts(
     if len(data) != 1:
         raise ParameterError("diagnose of joint efforts takes one recording")
     console.check_out(out / _DRIVES, Kind.DRIVES, lock=False)
+    counts = None if efforts.material is None else _counts(efforts.material)
     with console.progress("diagnosing", STEPS, alike=False) as report:
         findings = diagnose_efforts(
             data[0], drives=efforts.drives, seed=seed, wrench=efforts.channels == "both",
-            progress=lambda step: report(1, step),
+            material=counts, progress=lambda step: report(1, step),
         )  # fmt: skip
     with atomic_folder(out) as folder:
         findings.write(folder)

@@ -4,5 +4,5 @@ Read first: `base` (the contract), then `chain` (how effects act together).
 Used by: benchmark, campaigns, diagnosis, hardware, monitoring, plant, reports, twin.
 """
 
-SUPPORT = ("scene", "chain", "free_form")
+SUPPORT = ("scene", "chain", "drives", "free_form")
 """Modules of this package that are no plug-ins."""

@@ -7,6 +7,7 @@ from arm_torques import NOISE, SWING
 
 from wrenchbed.diagnosis.efforts.blind import shows_from
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
+from wrenchbed.diagnosis.prepare.prepared import Material
 
 
 def test_links_about_the_vertical_and_a_joint_that_hardly_moves_are_blind():
@@ -44,3 +45,21 @@ def test_a_cause_is_claimed_from_the_size_that_is_stated(effect, joint, seed):
     assert effect in {w["effect"] for w in found.which}
     third = diagnose_efforts(case(Gap(effect, joint or 2, size / unit / 4.0), 60 + seed)).diagnosis
     assert effect not in {w["effect"] for w in third.which}
+
+
+@pytest.mark.slow
+def test_what_is_material_decides_what_counts_not_what_is_there():
+    recording = case(Gap("drive.coulomb", 2, 3.0), seed=9)
+    by_noise = diagnose_efforts(recording).diagnosis
+    assert [w["effect"] for w in by_noise.which] == ["drive.coulomb"]
+    limit = 2.0 * 3.0 * NOISE[1]
+    coarse = diagnose_efforts(recording, material=Material(1.0, limit)).diagnosis
+    assert coarse.verdict == "none" and coarse.scale["tau2"].material == limit
+    (small,) = coarse.minor
+    before, after = by_noise.which[0], small
+    assert small["effect"] == "drive.coulomb" and small["elements"] == ["joint 2"]
+    assert before["parameters"]["coulomb"]["value"] == pytest.approx(
+        after["parameters"]["coulomb"]["value"], rel=0.05
+    )
+    fine = diagnose_efforts(recording, material=Material(1.0, 0.1 * NOISE.min())).diagnosis
+    assert fine.verdict != "none" and fine.gap.configured > 50.0 * by_noise.gap.configured

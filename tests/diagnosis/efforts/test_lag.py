@@ -6,8 +6,8 @@ from scipy.signal import butter, sosfiltfilt
 
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.efforts.lag import closest
 from wrenchbed.drives.signals import drive_signals
+from wrenchbed.effects.drives.lag import closest
 
 RATE = 100.0
 T = np.arange(4000) / RATE

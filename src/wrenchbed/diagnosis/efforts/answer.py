@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.names import title
+from wrenchbed.diagnosis.efforts.names import drive_effects, title
 from wrenchbed.diagnosis.efforts.signs import Sign
 from wrenchbed.diagnosis.efforts.sizes import Folds, mass_of_tool, parameters
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit
@@ -25,16 +25,6 @@ from wrenchbed.diagnosis.gap.result import DETECTED, LEAST_MINOR, Scale, cause, 
 from wrenchbed.physics.wrench import UNITS
 
 _NEXT: Mapping[str, str] = {
-    "drive.delay": "record a motion with faster reversals, which tells a delay from a filter",
-    "drive.bandwidth": "record a motion with faster reversals, which tells a delay from a filter",
-    "drive.inertia": "record a faster motion of this joint alone, with and without a payload",
-    "drive.stribeck": "record slow motion at several steady speeds in both directions",
-    "drive.stiction": "record slow motion with many reversals",
-    "drive.hysteresis": "record slow motion with reversals after short and long ways",
-    "drive.coulomb": "record the same motion again after an hour of running: friction warms",
-    "drive.viscous": "record the same motion again after an hour of running: friction warms",
-    "drive.load": "record the same motion with a known payload: such friction grows",
-    "drive.constant": "record the same motion with a known payload, which tells the drive constant",
     "link.cable": "record the joint over its whole range, which tells a cable from a spring",
     "link.spring": "record the joint over its whole range, which tells a cable from a spring",
     "link.mass": "record poses with the arm stretched and folded, at rest in both directions",
@@ -43,7 +33,7 @@ _NEXT: Mapping[str, str] = {
     "tool.cog": "record the same motion without the tool",
     "base.tilt": "put a level on the base, or record with joint 1 in several directions",
 }
-"""A recording or a look that separates a cause from its usual rivals."""
+"""A recording or a look that separates a cause from its usual rivals; drive effects have theirs."""
 _UNITS = {"coulomb": "N·m", "viscous": "N·m·s/rad", "offset": "N·m", "inertia": "kg·m²"}
 """Units of the values that every drive has, of hinges."""
 
@@ -167,8 +157,8 @@ def scales(d: Dictionary, prefix: str) -> dict[str, Scale]:
     joints = [joint.own("N·m") for joint in d.scene.robot.joints]
     names = [f"{prefix}{j + 1}" for j in range(d.scene.joints)]
     names += d.scene.channels[d.scene.joints :]
-    both = zip(names, d.noise, [*joints, *UNITS], strict=False)
-    return {name: Scale(n.std, n.std, unit) for name, n, unit in both}
+    both = zip(names, d.noise, d.counts, [*joints, *UNITS], strict=False)
+    return {name: Scale(n.std, float(counts), unit) for name, n, counts, unit in both}
 
 
 def where(
@@ -234,7 +224,9 @@ def next_steps(v: Verdict) -> list[dict[str, Any]]:
     rivals."""
     found: dict[str, dict[str, Any]] = {}
     for c in v.causes:
-        if c.rivals and (text := _NEXT.get(c.key[0])):
+        drive = drive_effects().get(c.key[0])
+        text = _NEXT.get(c.key[0], "") if drive is None else drive.remedy
+        if c.rivals and text:
             both = list(dict.fromkeys((c.key[0], c.rivals[0][0])))
             sentence = f"{text[:1].upper()}{text[1:]}."
             found[text] = {"action": text, "separates": both, "gain": 0.0, "sentence": sentence}

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.diagnosis.efforts.columns import Block, Column
-from wrenchbed.diagnosis.efforts.operators import late, slow
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.drives.identify import carrier_columns, load_columns
 from wrenchbed.drives.inverse_dynamics import torque_regressor
+from wrenchbed.effects.drives.base import Block, Column
+from wrenchbed.effects.drives.operators import late, slow
 from wrenchbed.physics.newton_euler import INERTIAL
 
 _TILT = np.deg2rad(0.1)

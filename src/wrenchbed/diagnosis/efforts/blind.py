@@ -12,7 +12,7 @@ from wrenchbed.diagnosis.efforts.answer import place
 from wrenchbed.diagnosis.efforts.arm_columns import mean_inertia
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.evidence import Evidence
-from wrenchbed.diagnosis.efforts.names import EFFECTS
+from wrenchbed.diagnosis.efforts.names import size_of, titles
 from wrenchbed.diagnosis.efforts.sizes import scale, sized, unit_of
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, added
 from wrenchbed.diagnosis.efforts.verdict import COUNTS
@@ -65,8 +65,8 @@ def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
 
 def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:
     """Effects with each joint, or link that weighs something."""
-    for effect, named in EFFECTS.items():
-        if "{joint}" not in named.title:
+    for effect, title in titles().items():
+        if "{joint}" not in title:
             yield effect, None
         elif effect in ("link.mass", "link.cog", "link.inertia"):
             heavy = np.flatnonzero(d.scene.inertias.phi[:, 0] > 0.0)
@@ -86,13 +86,13 @@ def _why(effect: str) -> str:
 
 def _plausible(d: Dictionary, effect: str, number: int | None) -> float:
     """Largest size of an effect that a fault in use has."""
-    named, scene = EFFECTS[effect], d.scene
+    size, scene = size_of(effect), d.scene
     level = 1.0
-    if named.of == "friction" and number is not None:
+    if size.of == "friction" and number is not None:
         level = abs(float(scene.levels[0, number - 1]))
-    elif named.of == "mass" and number is None:
+    elif size.of == "mass" and number is None:
         level = float(scene.model.robot.tool(scene.theta).mass)
-    elif named.of in ("mass", "inertia") and number is not None:
+    elif size.of in ("mass", "inertia") and number is not None:
         phi = scene.inertias.phi[number - 1]
-        level = float(phi[0]) if named.of == "mass" else mean_inertia(phi)
-    return named.plausible * level
+        level = float(phi[0]) if size.of == "mass" else mean_inertia(phi)
+    return size.plausible * level

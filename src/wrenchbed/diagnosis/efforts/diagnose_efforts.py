@@ -23,6 +23,7 @@ from wrenchbed.diagnosis.efforts.search import Search, search
 from wrenchbed.diagnosis.efforts.signs import signs
 from wrenchbed.diagnosis.efforts.verdict import Verdict, decide, kept, upheld, weighed
 from wrenchbed.diagnosis.gap.result import Diagnosis, plain
+from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.files import write_json
 from wrenchbed.jobs.workers import one_thread
@@ -68,6 +69,7 @@ def diagnose_efforts(
     seed: int = 0,
     loops: bool = False,
     wrench: bool = False,
+    material: Material | None = None,
     progress: Progress = lambda _: None,
 ) -> EffortFindings:
     """Diagnosis of an arm's motion from joint torques or motor currents.
@@ -78,6 +80,7 @@ def diagnose_efforts(
         seed: of the resampled blocks.
         loops: answer for a robot with closed loops too; over CAN too few faults are named yet.
         wrench: the recording's wrench testifies too.
+        material: residual of a torque, and of a force, that counts; a row's noise if None.
         progress: called with the step that begins.
 
     Raises:
@@ -94,7 +97,7 @@ def diagnose_efforts(
             "given; calibrate --channels effort fits them"
         )
     progress("effects and noise")
-    d = dictionary(scene)
+    d = dictionary(scene, material)
     progress("structures and their evidence")
     structures = search(d, seed)
     likely = weighed(structures)

@@ -3,21 +3,22 @@
 Structures are compared on these products alone; rows are needed again only for figures.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from wrenchbed.diagnosis.efforts.arm_columns import of_arm
-from wrenchbed.diagnosis.efforts.columns import BACKGROUND, FREE, Block, Column, of_joint
-from wrenchbed.diagnosis.efforts.lag import TIMES, closest
+from wrenchbed.diagnosis.efforts.columns import BACKGROUND, FREE, of_joint, rows_of
+from wrenchbed.diagnosis.efforts.names import drive_effects
 from wrenchbed.diagnosis.efforts.noise import JointNoise, joint_noise, remains
-from wrenchbed.diagnosis.efforts.operators import REST, late, slow
-from wrenchbed.diagnosis.efforts.period import FASTEST, GEAR_MOST, SLOWEST, fitting, strongest
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.efforts.wrench_channels import of_channel
+from wrenchbed.diagnosis.prepare.prepared import Material
+from wrenchbed.effects.drives.base import Block, Column, DriveResidual
+from wrenchbed.effects.drives.operators import REST
 from wrenchbed.errors import DiagnosisError
+from wrenchbed.physics.wrench import UNITS
 
 BLOCKS = 20
 """Blocks of time, each of which is held out once; estimate."""
@@ -40,6 +41,8 @@ class Dictionary:
         names: of all columns (P,): joint by joint, then the arm's.
         joint: channel of each column (P,), −1 of the arm's.
         noise: of each channel.
+        counts: residual that counts in each channel (C,), a gap of 1: a row's noise unless the user
+            says otherwise [N·m, of slides N].
         std: prior standard deviation of each amplitude (P,) unless a cause sets it free.
         free, stated: which amplitudes (P,) every fit leaves free, or free within `std`.
         size: rms that an amplitude of 1 adds, in noises of a row (P,): of its joint, or of the
@@ -59,6 +62,7 @@ class Dictionary:
     names: tuple[str, ...]
     joint: np.ndarray
     noise: tuple[JointNoise, ...]
+    counts: np.ndarray
     std: np.ndarray
     free: np.ndarray
     stated: np.ndarray
@@ -80,24 +84,24 @@ class Dictionary:
     def by_joint(self, j: int) -> tuple[np.ndarray, np.ndarray]:
         """Indices (K,) of the columns that act on joint j and their mean products (K, K).
 
-        In noises of a row, over all rows in which the joint moves, those next to reversals too: a
-        delay acts there most.
+        In units of what counts, over all rows in which the joint moves, those next to reversals
+        too: a delay acts there most.
         """
         if j not in self._by_joint:
             at, data = self.columns(j)
             speed = np.abs(self.scene.speeds[:, j])
-            seen = data[speed > REST * speed.max()] / self.noise[j].std
+            seen = data[speed > REST * speed.max()] / self.counts[j]
             self._by_joint[j] = at, seen.T @ seen / len(seen)
         return self._by_joint[j]
+
+    @property
+    def noise_counts(self) -> np.ndarray:
+        """Variance of a row's noise in each channel (C,) over the square of what counts."""
+        return np.asarray((np.array([n.std for n in self.noise]) / self.counts) ** 2)
 
     @cached_property
     def _by_joint(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
         return {}
-
-    def gap(self, x: np.ndarray) -> float:
-        """Mean square that amplitudes (P,) leave, in noises of a row, less that noise."""
-        gram, right, square = self.plain_sums
-        return float(square - 2.0 * x @ right + x @ gram @ x) / self.use.sum() - 1.0
 
     def columns(self, j: int) -> tuple[np.ndarray, np.ndarray]:
         """Indices (K,) and data (M, K) of all columns that act on joint j, from 0."""
@@ -113,8 +117,12 @@ class Dictionary:
         return np.stack(result, axis=-1)
 
 
-def dictionary(scene: EffortScene) -> Dictionary:
-    """Dictionary of all columns of a scene."""
+def dictionary(scene: EffortScene, material: Material | None = None) -> Dictionary:
+    """Dictionary of all columns of a scene.
+
+    Args:
+        material: residual of a torque, and of a slide's force, that counts; a row's noise if None.
+    """
     y = scene.thin(scene.residual)
     speed, rows, use = scene.speeds, len(y), scene.moving()
     if (lazy := np.flatnonzero(use.sum(axis=0) < BLOCKS)).size:
@@ -128,14 +136,14 @@ def dictionary(scene: EffortScene) -> Dictionary:
     for j in range(scene.joints):
         columns, more = of_joint(scene, j)
         data = scene.thin(np.column_stack([c.data for c in columns]))
-        ordinary = data[:, [k for k, c in enumerate(columns) if c.free or c.std is not None]]
-        periodic, found_blocks = _periods(scene, j, y[:, j], ordinary, data, arm[:, j], use[:, j])
-        whole = np.concatenate([data, arm[:, j]], axis=1)
-        for column, block in _lags(scene, j, y[:, j], [*columns, *arm_columns], whole, use[:, j]):
-            periodic.append(column)
-            found_blocks.append(block)
-        columns, more = [*columns, *periodic], [*more, *found_blocks]
-        data = np.column_stack([data, scene.thin(np.column_stack([c.data for c in periodic]))])
+        residual = _residual(scene, j, y[:, j], use[:, j], columns, arm_columns, data, arm[:, j])
+        shaped = list[Column]()
+        for effect in drive_effects().values():
+            if (scanned := effect.scan(rows_of(scene, j), residual)) is not None:
+                shaped += scanned[0]
+                more.append(scanned[1])
+        columns = [*columns, *shaped]
+        data = np.column_stack([data, scene.thin(np.column_stack([c.data for c in shaped]))])
         noise.append(
             joint_noise(y[:, j], np.concatenate([data, arm[:, j]], axis=1), speed[:, j], use[:, j])
         )
@@ -167,7 +175,8 @@ def dictionary(scene: EffortScene) -> Dictionary:
     ])  # fmt: skip
     fold = np.arange(rows) * BLOCKS // rows
     bare = Dictionary(
-        scene, y, use, tuple(of_joints), arm, names, joint, tuple(noise), std,
+        scene, y, use, tuple(of_joints), arm, names, joint, tuple(noise),
+        _counts(scene, std_rows, material), std,
         np.array([c.free for c in flat]),
         np.array([c.std is not None and not c.free for c in flat]),
         size, tuple(blocks),
@@ -178,6 +187,15 @@ def dictionary(scene: EffortScene) -> Dictionary:
          np.zeros(BLOCKS)),
     )  # fmt: skip
     return _with_products(bare)
+
+
+def _counts(scene: EffortScene, noise: np.ndarray, material: Material | None) -> np.ndarray:
+    """`Dictionary.counts` (C,)."""
+    if material is None:
+        return noise
+    units = [joint.own("N·m") for joint in scene.robot.joints[: scene.joints]]
+    units += UNITS[: len(noise) - scene.joints]
+    return np.array([material.force if unit == "N" else material.torque for unit in units])
 
 
 def _of_wrench(scene: EffortScene, j: int) -> tuple[list[Column], list[Block]]:
@@ -194,57 +212,24 @@ def _prior(column: Column, size: float, unnamed: bool) -> float:
     return BACKGROUND * (_UNNAMED if unnamed else 1.0) / size
 
 
-def _periods(
-    scene: EffortScene, j: int, y: np.ndarray, ordinary: np.ndarray, data: np.ndarray,
-    arm: np.ndarray, use: np.ndarray,
-) -> tuple[list[Column], list[Block]]:  # fmt: skip
-    """Ripple of the gear and cogging of the motor at the periods that a joint's torque (M,) shows.
-
-    Slow periods look like other causes: they are searched beside what every fit leaves free.
-    """
-    angle, columns, blocks = scene.q.v[:, j], list[Column](), list[Block]()
-    kept = angle[scene.kept()]
-    residual = np.where(use, remains(y, np.concatenate([data, arm], axis=1), use), 0.0)
-    fast = strongest(residual, kept)
-    for effect, turn, many in (
-        ("drive.ripple", fitting(y[use], ordinary[use], kept[use]), GEAR_MOST - SLOWEST),
-        ("drive.cogging", fast, FASTEST - GEAR_MOST),
-    ):
-        names = []
-        for k in (1, 2):
-            for word, wave in (("sine", np.sin), ("cosine", np.cos)):
-                name = f"{effect}.{word}{k}.{j + 1}"
-                columns.append(Column(name, wave(k * turn * angle)))
-                names.append(name)
-        blocks.append(Block(effect, j + 1, False, tuple(names), turn, -float(np.log(many))))
-    return columns, blocks
-
-
-def _lags(
-    scene: EffortScene, j: int, y: np.ndarray, known: list[Column], data: np.ndarray,
-    use: np.ndarray,
-) -> Iterator[tuple[Column, Block]]:  # fmt: skip
-    """Delay and filter of the length that a joint's torque (M,) shows beside what is ordinary."""
-    total, t, rate = scene.total[:, j], scene.signals.t, scene.signals.rate
-
-    def delayed(time: float) -> np.ndarray:
-        return late(total, t, time)
-
-    def filtered(time: float) -> np.ndarray:
-        return slow(total, rate, time)
-
+def _residual(
+    scene: EffortScene, j: int, y: np.ndarray, use: np.ndarray, columns: list[Column],
+    arm_columns: list[Column], data: np.ndarray, arm: np.ndarray,
+) -> DriveResidual:  # fmt: skip
+    """What is left of the effort of joint j (M,) [N·m], beside its columns (M, K) and the arm's
+    (M, A)."""
+    whole = np.concatenate([data, arm], axis=1)
+    own = [k for k, c in enumerate(columns) if c.free or c.std is not None]
+    known = [*columns, *arm_columns]
     ordinary = [
         k for k, c in enumerate(known)
         if (c.free or c.std is not None) and not c.name.startswith(("late", "common"))
     ]  # fmt: skip
-    std = np.array([np.inf if known[k].free else known[k].std for k in ordinary])
-    noise = float(np.std(remains(y, data, use)[use]))
-    beside = data[use][:, ordinary]
-    for effect, change in (("drive.delay", delayed), ("drive.bandwidth", filtered)):
-        time = closest(change, lambda x: scene.thin(x)[use], y[use], beside, std, noise)
-        name = f"{effect}.{j + 1}"
-        prior = -float(np.log(len(TIMES)))
-        yield Column(name, change(time)), Block(effect, j + 1, False, (name,), time, prior)
+    stds = [np.inf if known[k].free else known[k].std for k in ordinary]
+    return DriveResidual(
+        y, use, scene.q.v[scene.kept(), j], np.where(use, remains(y, whole, use), 0.0),
+        data[:, own], whole[:, ordinary], np.array(stds, dtype=float), scene.thin,
+    )  # fmt: skip
 
 
 def _with_products(d: Dictionary) -> Dictionary:

@@ -33,8 +33,12 @@ class HeldOut:
 
     def gaps(self, which: str | int) -> np.ndarray:
         """Gap of a simulator at each row (M,), averaged over the joints that count there."""
+        return self.gaps_of(self.left[which])
+
+    def gaps_of(self, left: np.ndarray) -> np.ndarray:
+        """The same (M,) of a residual (M, C) in noises of a row."""
         use = self.d.use * (self.d.y.size / self.d.use.sum())
-        return np.asarray(((self.left[which] ** 2 - 1.0) * use).mean(axis=1))
+        return np.asarray(((left**2 - 1.0) * self.d.noise_counts * use).mean(axis=1))
 
 
 def held_out(d: Dictionary, blocks: Sequence[int]) -> HeldOut:
@@ -139,9 +143,10 @@ def closure(h: HeldOut, blocks: Sequence[int], prefix: str, seed: int = 0) -> Cl
     last = h.left["with_effects"] if blocks else None
     channels = {}
     for j, name in enumerate(_names(h.d, prefix)):
-        own = {"before": float((h.left["calibrated"][h.d.use[:, j], j] ** 2).mean() - 1.0)}
+        use, scale = h.d.use[:, j], h.d.noise_counts[j]
+        own = {"before": float(scale * ((h.left["calibrated"][use, j] ** 2).mean() - 1.0))}
         if last is not None:
-            own["after"] = float((last[h.d.use[:, j], j] ** 2).mean() - 1.0)
+            own["after"] = float(scale * ((last[use, j] ** 2).mean() - 1.0))
         channels[name] = own
     return Closure(
         configured=float(h.gaps("configured").mean()),
@@ -154,6 +159,6 @@ def closure(h: HeldOut, blocks: Sequence[int], prefix: str, seed: int = 0) -> Cl
         folds=BLOCKS,
         per_channel=channels,
         members={str(k): mean(h.gaps(k) - h.gaps("with_effects")) for k in blocks},
-        in_sample=None if after is None else h.d.gap(h.fit.x),
+        in_sample=None if after is None else float(h.gaps_of(_in_noise(h.d, h.fit.x)).mean()),
         readings={},
     )

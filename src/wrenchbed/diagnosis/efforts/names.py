@@ -1,88 +1,52 @@
-"""Effects that joint torques show, with their words and the units of their parameters."""
+"""Effects that joint efforts show: those of the drives by the registry, and of what they carry."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-LEVELS = ("friction", "mass", "inertia", "1")
-"""What a plausible size is relative to: Coulomb friction of the joint [N·m], mass [kg] or mean
-inertia [kg·m²] of the link or the tool; of ``1`` it is absolute."""
-_SINE = ("sine", "cosine")
+from wrenchbed import registry
+from wrenchbed.effects.drives.base import DriveEffect, Size
 
-
-@dataclass(frozen=True)
-class Named:
-    """Words and unit of an effect for people.
-
-    Attributes:
-        title: what it is, ``{joint}`` in the place of the joint's number; begins small.
-        size: name of the parameter that is its size.
-        unit: of that parameter, SI.
-        plausible: largest size that a fault in use has, in ``of`` [`LEVELS`]; estimate.
-        of: what that size is relative to.
-        columns: beginnings of the names of the columns whose amplitudes make the size; all of the
-            cause if empty.
-        vector: whether the size is their length, not their sum.
-    """
-
-    title: str
-    size: str
-    unit: str
-    plausible: float
-    of: str = "friction"
-    columns: tuple[str, ...] = ()
-    vector: bool = False
-
-
-EFFECTS: Mapping[str, Named] = {
-    "drive.coulomb": Named("Coulomb friction of joint {joint} differs from its stated value",
-                           "coulomb", "N·m", 3.0),
-    "drive.viscous": Named("viscous friction of joint {joint} differs from its stated value",
-                           "viscous", "N·m·s/rad", 3.0),
-    "drive.stribeck": Named("friction of joint {joint} rises at low speed (Stribeck)", "rise",
-                            "N·m", 2.0, columns=("stribeck",)),
-    "drive.load": Named("friction of joint {joint} grows with its load", "share", "1", 0.6, "1",
-                        ("load.",)),
-    "drive.temperature": Named("friction of joint {joint} changes with its temperature", "slope",
-                               "N·m/K", 0.05, columns=("warmcoulomb",)),
-    "drive.constant": Named("the drive constant of joint {joint} differs from its stated value",
-                            "gain", "1", 0.3, "1"),
-    "drive.cogging": Named("the motor of joint {joint} cogs: its torque repeats with the motor's "
-                           "angle", "amplitude", "N·m", 1.0,
-                           columns=("drive.cogging.sine1", "drive.cogging.cosine1"), vector=True),
-    "drive.ripple": Named("the gear of joint {joint} has a torque ripple per turn", "amplitude",
-                          "N·m", 1.0, columns=("drive.ripple.sine1", "drive.ripple.cosine1"),
-                          vector=True),
-    "drive.inertia": Named("the rotor inertia of joint {joint} differs from its stated value",
-                           "inertia", "kg·m²", 0.5, "1"),
-    "drive.hysteresis": Named("the gear of joint {joint} has hysteresis after reversals", "size",
-                              "N·m", 2.0, columns=("stop",)),
-    "drive.delay": Named("the effort of joint {joint} is reported late", "delay", "s", 0.1, "1"),
-    "drive.bandwidth": Named("the effort of joint {joint} is low-pass filtered", "time", "s", 0.1,
-                             "1"),
-    "drive.asymmetry": Named("friction of joint {joint} differs by direction", "difference",
-                             "N·m·s/rad", 2.0, columns=("asymmetry",)),
-    "drive.stiction": Named("joint {joint} sticks at reversals", "size", "N·m", 2.0,
-                            columns=("since",)),
-    "link.mass": Named("the mass of link {joint} differs from the model", "mass", "kg", 0.5,
-                       "mass"),
-    "link.cog": Named("the centre of gravity of link {joint} differs from the model", "moment",
-                      "kg·m", 0.05, "mass", vector=True),
-    "link.inertia": Named("the inertia of link {joint} differs from the model", "inertia", "kg·m²",
-                          1.0, "inertia", vector=True),
-    "link.cable": Named("a cable bundle pulls at joint {joint} like a spring", "stiffness",
-                        "N·m/rad", 2.0, columns=("cable",)),
-    "link.spring": Named("the spring that balances gravity at joint {joint} is wrong", "amplitude",
-                         "N·m", 2.0, columns=_SINE, vector=True),
-    "tool.mass": Named("the tool's mass differs from its stated value", "mass", "kg", 1.0, "mass"),
-    "tool.cog": Named("the tool's centre of gravity differs from its stated place", "distance",
-                      "m", 0.05, "1", vector=True),
-    "base.tilt": Named("the base is tilted", "angle", "rad", float(np.deg2rad(5.0)), "1",
-                       vector=True),
+OTHERS: Mapping[str, tuple[str, Size]] = {
+    "link.mass": ("the mass of link {joint} differs from the model",
+                  Size("mass", "kg", 0.5, "mass")),
+    "link.cog": ("the centre of gravity of link {joint} differs from the model",
+                 Size("moment", "kg·m", 0.05, "mass", vector=True)),
+    "link.inertia": ("the inertia of link {joint} differs from the model",
+                     Size("inertia", "kg·m²", 1.0, "inertia", vector=True)),
+    "link.cable": ("a cable bundle pulls at joint {joint} like a spring",
+                   Size("stiffness", "N·m/rad", 2.0, columns=("cable",))),
+    "link.spring": ("the spring that balances gravity at joint {joint} is wrong",
+                    Size("amplitude", "N·m", 2.0, columns=("sine", "cosine"), vector=True)),
+    "tool.mass": ("the tool's mass differs from its stated value",
+                  Size("mass", "kg", 1.0, "mass")),
+    "tool.cog": ("the tool's centre of gravity differs from its stated place",
+                 Size("distance", "m", 0.05, "1", vector=True)),
+    "base.tilt": ("the base is tilted",
+                  Size("angle", "rad", float(np.deg2rad(5.0)), "1", vector=True)),
 }  # fmt: skip
+"""Title, ``{joint}`` in the place of its number, and size; plausible sizes are estimates."""
+
+
+@cache
+def drive_effects() -> Mapping[str, DriveEffect]:
+    """All drive effects by name."""
+    return {name: registry.load("drives", name) for name in registry.names("drives")}
+
+
+def titles() -> dict[str, str]:
+    """Title of every effect by name, ``{joint}`` in the place of the joint's or link's number."""
+    drives = {name: effect.title for name, effect in drive_effects().items()}
+    return drives | {name: text for name, (text, _) in OTHERS.items()}
 
 
 def title(effect: str, joint: int | None) -> str:
     """Description of an effect with its joint, beginning in lower case."""
-    return EFFECTS[effect].title.format(joint=joint)
+    return titles()[effect].format(joint=joint)
+
+
+def size_of(effect: str) -> Size:
+    """What the size of an effect is."""
+    drive = drive_effects().get(effect)
+    return OTHERS[effect][1] if drive is None else drive.size

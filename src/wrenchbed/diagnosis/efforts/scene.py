@@ -10,11 +10,11 @@ from scipy import signal
 
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.configured import Drives
-from wrenchbed.diagnosis.efforts.operators import direction, moving
 from wrenchbed.diagnosis.efforts.sensed_wrench import measured, predicted
 from wrenchbed.drives.identify import CONSTANT, FRICTION, arm_of, calibrate_efforts
 from wrenchbed.drives.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.drives.signals import DriveSignals, drive_signals
+from wrenchbed.effects.drives.operators import direction, moving
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS

@@ -14,8 +14,10 @@ import numpy as np
 
 from wrenchbed.diagnosis.efforts.arm_columns import LIGHT
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
-from wrenchbed.diagnosis.efforts.names import EFFECTS
+from wrenchbed.diagnosis.efforts.names import drive_effects, size_of
 from wrenchbed.diagnosis.efforts.twin_fit import fitted
+from wrenchbed.effects.drives.lag import Lag
+from wrenchbed.effects.drives.wave import Wave
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,21 +48,20 @@ class Folds:
 def parameters(d: Dictionary, folds: Folds, block: int) -> dict[str, Any]:
     """``parameters`` of an entry of ``which``: the size, and what else belongs to the cause."""
     b = d.blocks[block]
-    named = EFFECTS[b.effect]
+    size = size_of(b.effect)
     result: dict[str, Any] = {
-        named.size: {**folds.number(partial(_size, d, block)), "unit": unit_of(d, block)}
+        size.name: {**folds.number(partial(_size, d, block)), "unit": unit_of(d, block)}
     }
-    if b.effect in ("drive.cogging", "drive.ripple"):
-        assert b.joint is not None
+    if b.joint is not None and isinstance(drive_effects().get(b.effect), Wave):
         slides = d.scene.robot.joints[b.joint - 1].unit == "m"
         result["periods"] = (
             {"value": b.value / (2.0 * np.pi), "std": None, "unit": "1/m"} if slides
             else {"value": b.value, "std": None, "unit": "1"}
         )  # fmt: skip
-    elif named.vector and not named.columns:
+    elif size.vector and not size.columns:
         for i, k in enumerate(sized(d, block)):
             number = folds.number(lambda x, i=i: float(_amplitudes(d, block, x)[i]))
-            result[d.names[k].rpartition(".")[2]] = {**number, "unit": named.unit}
+            result[d.names[k].rpartition(".")[2]] = {**number, "unit": size.unit}
     if b.joint is not None:
         result["joint"] = {"value": b.joint}
     return result
@@ -69,7 +70,7 @@ def parameters(d: Dictionary, folds: Folds, block: int) -> dict[str, Any]:
 def unit_of(d: Dictionary, block: int) -> str:
     """Unit of a cause's size, that of a slide where its joint is one."""
     b = d.blocks[block]
-    unit = EFFECTS[b.effect].unit
+    unit = size_of(b.effect).unit
     if b.joint is None or not (d.joint[d.at[block]] >= 0).all():
         return unit
     return d.scene.robot.joints[b.joint - 1].own(unit)
@@ -77,7 +78,7 @@ def unit_of(d: Dictionary, block: int) -> str:
 
 def sized(d: Dictionary, block: int) -> list[int]:
     """Indices of the columns whose amplitudes make a cause's size."""
-    begins = EFFECTS[d.blocks[block].effect].columns or ("",)
+    begins = size_of(d.blocks[block].effect).columns or ("",)
     return [int(k) for k in d.at[block] if d.names[k].startswith(begins)]
 
 
@@ -86,7 +87,7 @@ def scale(d: Dictionary, block: int, x: np.ndarray) -> float:
     effect = d.blocks[block].effect
     if effect == "tool.cog":  # moments
         return 1.0 / mass_of_tool(d, x)
-    return d.blocks[block].value if effect in ("drive.delay", "drive.bandwidth") else 1.0
+    return d.blocks[block].value if isinstance(drive_effects().get(effect), Lag) else 1.0
 
 
 def mass_of_tool(d: Dictionary, x: np.ndarray) -> float:
@@ -101,4 +102,4 @@ def _amplitudes(d: Dictionary, block: int, x: np.ndarray) -> np.ndarray:
 
 def _size(d: Dictionary, block: int, x: np.ndarray) -> float:
     parts = _amplitudes(d, block, x)
-    return float(np.linalg.norm(parts) if EFFECTS[d.blocks[block].effect].vector else parts.sum())
+    return float(np.linalg.norm(parts) if size_of(d.blocks[block].effect).vector else parts.sum())

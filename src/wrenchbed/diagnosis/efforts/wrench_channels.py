@@ -6,8 +6,9 @@ What only the sensor sees is ordinary, or has no name here: ``diagnose`` of the 
 
 import numpy as np
 
-from wrenchbed.diagnosis.efforts.columns import STRETCHES, Block, Column
-from wrenchbed.diagnosis.efforts.operators import late
+from wrenchbed.diagnosis.efforts.columns import STRETCHES
+from wrenchbed.effects.drives.base import Block, Column
+from wrenchbed.effects.drives.operators import late
 from wrenchbed.physics.wrench import CHANNELS
 
 _GAIN = 0.01

@@ -1,10 +1,13 @@
 """Delay or time constant at which a torque that is late, or filtered, fits best."""
 
+from abc import abstractmethod
 from collections.abc import Callable
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize_scalar
+
+from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveResidual, DriveRows
 
 TIMES = np.geomspace(4e-3, 0.15, 16)
 """Delays and time constants from which the search starts [s]; estimate, steps of 1.27."""
@@ -41,3 +44,23 @@ def closest(
     low, high = TIMES[max(best - 1, 0)], TIMES[min(best + 1, len(TIMES) - 1)]
     minimum = minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": _CLOSE})
     return float(minimum.x)
+
+
+class Lag(DriveEffect):
+    """An effect whose block's value is the time by which the effort lags [s]."""
+
+    scaled = True
+
+    @abstractmethod
+    def change(self, rows: DriveRows, time: float) -> np.ndarray:
+        """What a lag of a time [s] adds (N,)."""
+
+    def scan(self, rows: DriveRows, residual: DriveResidual) -> tuple[tuple[Column, ...], Block]:
+        use, noise = residual.use, float(np.std(residual.remains[residual.use]))
+        time = closest(
+            lambda x: self.change(rows, x), lambda x: residual.thin(x)[use], residual.y[use],
+            residual.ordinary[use], residual.std, noise,
+        )  # fmt: skip
+        column = rows.column(self.name, self.change(rows, time))
+        prior = -float(np.log(len(TIMES)))
+        return (column,), Block(self.name, rows.joint, False, (column.name,), time, prior)

@@ -1,0 +1,8 @@
+"""Effects of drives, one file each: what a diagnosis of joint efforts fits in one joint.
+
+The registry lists the folder (kind ``drives``). Read first: `base` (the contract).
+Used by: diagnosis and reports.
+"""
+
+SUPPORT = ("lag", "operators", "period", "wave")
+"""Modules of this package that are no plug-ins."""

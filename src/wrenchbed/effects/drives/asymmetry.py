@@ -1,0 +1,23 @@
+"""Friction of a joint differs by direction."""
+
+import numpy as np
+
+from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
+
+
+class DriveAsymmetry(DriveEffect):
+    """τ + a |q̇| + b.
+
+    Seen in: motion in both directions at several speeds.
+    """
+
+    name = "drive.asymmetry"
+    title = "friction of joint {joint} differs by direction"
+    size = Size("difference", "N·m·s/rad", 2.0, columns=("asymmetry",))
+    beside = ("offset",)
+
+    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
+        return (rows.column("asymmetry", np.abs(rows.speed)),)
+
+
+EFFECT = DriveAsymmetry()

@@ -1,0 +1,28 @@
+"""The effort of a joint is low-pass filtered."""
+
+import numpy as np
+
+from wrenchbed.effects.drives.base import Column, DriveRows, Size
+from wrenchbed.effects.drives.lag import Lag
+from wrenchbed.effects.drives.operators import slow
+
+
+class DriveBandwidth(Lag):
+    """τ/(1 + T s).
+
+    Seen in: motion with fast reversals.
+    """
+
+    name = "drive.bandwidth"
+    title = "the effort of joint {joint} is low-pass filtered"
+    size = Size("time", "s", 0.1, "1")
+    remedy = "record a motion with faster reversals, which tells a delay from a filter"
+
+    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
+        return ()
+
+    def change(self, rows: DriveRows, time: float) -> np.ndarray:
+        return slow(rows.total, rows.rate, time)
+
+
+EFFECT = DriveBandwidth()

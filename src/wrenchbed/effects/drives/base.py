@@ -1,0 +1,218 @@
+"""The contract of a drive effect: what it adds to the effort of its own joint, as columns.
+
+Forms are bases rather than laws: friction against speed, load, angle and what happened since the
+last reversal, so that a cause is found whose law is another one.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+
+from wrenchbed.effects.drives.operators import direction, since_reversal
+
+
+class Size(NamedTuple):
+    """Size of an effect as people read it.
+
+    Attributes:
+        name: of the parameter.
+        unit: of a hinge, SI.
+        plausible: largest one that a fault in use has, in ``of``; estimate.
+        of: ``friction`` (the joint's Coulomb friction [N·m]), ``mass`` [kg] or ``inertia`` [kg·m²]
+            of the link or the tool; of ``1`` it is absolute.
+        columns: beginnings of the names of the columns whose amplitudes make it; all of the cause
+            if empty.
+        vector: whether it is their length, not their sum.
+    """
+
+    name: str
+    unit: str
+    plausible: float
+    of: str = "friction"
+    columns: tuple[str, ...] = ()
+    vector: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """One column of a channel (N,), or of all channels (N, C).
+
+    Attributes:
+        name: unique.
+        data: at all rows.
+        std: of its amplitude where it is not part of a named cause; None: small.
+        free: whether every fit leaves it free.
+    """
+
+    name: str
+    data: np.ndarray
+    std: float | None = None
+    free: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Columns that one cause sets free together.
+
+    Attributes:
+        effect: its name; for what has none, a word of what it does.
+        joint: from 1; None of the whole arm.
+        outside: whether it has no name.
+        columns: names of its columns.
+        value: at which its columns were made: a time, or periods a turn.
+        prior: log odds beside other variants of the same effect.
+        resists: columns whose amplitudes add up to more friction, not less; of most effects none.
+    """
+
+    effect: str
+    joint: int | None
+    outside: bool
+    columns: tuple[str, ...]
+    value: float = 1.0
+    prior: float = 0.0
+    resists: tuple[str, ...] = ()
+
+    @property
+    def key(self) -> tuple[str, int | None]:
+        """Effect and joint of the cause that a block is a variant of."""
+        return self.effect, self.joint
+
+
+@dataclass(frozen=True, eq=False)
+class DriveRows:
+    """Motion and predicted effort of one joint in time (N,), SI; on slides forces are torques.
+
+    Attributes:
+        joint: from 1.
+        t, rate: times [s], and rows a second [Hz].
+        angle, speed, acceleration: of the joint.
+        total, body: predicted effort, and that of the rigid body alone.
+        hinge: whether the joint turns.
+        level: Coulomb friction, stated or fitted.
+        is_stated: whether that is stated.
+        spread: ordinary spread of stated numbers, by effect; None where nobody knows it.
+        free: effects whose number nobody states, so that every fit leaves it free.
+        warm: temperature of the drive [°C], if it was recorded and changes.
+    """
+
+    joint: int
+    t: np.ndarray
+    rate: float
+    angle: np.ndarray
+    speed: np.ndarray
+    acceleration: np.ndarray
+    total: np.ndarray
+    body: np.ndarray
+    hinge: bool
+    level: float
+    is_stated: bool
+    spread: Mapping[str, float | None]
+    free: frozenset[str]
+    warm: np.ndarray | None = None
+
+    @cached_property
+    def sign(self) -> np.ndarray:
+        """Direction of motion (N,), that of before at rest."""
+        return direction(self.speed)
+
+    @cached_property
+    def since(self) -> np.ndarray:
+        """Way since the last reversal (N,)."""
+        return since_reversal(self.angle, self.sign)
+
+    def column(
+        self, word: str, data: np.ndarray, std: float | None = None, *, free: bool = False
+    ) -> Column:
+        """A column of this joint."""
+        return Column(f"{word}.{self.joint}", data, std or None, free)
+
+
+@dataclass(frozen=True, eq=False)
+class DriveResidual:
+    """What the prediction of one joint leaves at the kept rows (M,), for effects with a shape.
+
+    Attributes:
+        y: measured less predicted effort.
+        use: which rows count.
+        angle: of the joint.
+        remains: of y beside all columns, zero where no row counts.
+        own: ordinary columns of the joint (M, K).
+        ordinary: the same without delays, with those of the arm (M, L).
+        std: of the amplitudes of ``ordinary`` (L,), infinite where free.
+        thin: takes a column (N,) to the kept rows.
+    """
+
+    y: np.ndarray
+    use: np.ndarray
+    angle: np.ndarray
+    remains: np.ndarray
+    own: np.ndarray
+    ordinary: np.ndarray
+    std: np.ndarray
+    thin: Callable[[np.ndarray], np.ndarray]
+
+
+class DriveEffect(ABC):
+    """One effect of a drive; the instance of a module is its constant ``EFFECT``."""
+
+    name: ClassVar[str]
+    title: ClassVar[str]
+    """What happens, ``{joint}`` in the place of the joint's number; begins small."""
+    size: ClassVar[Size]
+    remedy: ClassVar[str] = ""
+    """A recording that separates it from its usual rivals."""
+    beside: ClassVar[tuple[str, ...]] = ()
+    """Words of stated numbers that it sets free too, where they are stated."""
+    resists: ClassVar[bool] = False
+    """Whether it can only add to friction."""
+    scaled: ClassVar[bool] = False
+    """Whether its size is an amplitude times its block's value."""
+
+    @abstractmethod
+    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
+        """Columns that it adds; those with a standard deviation are ordinary, no part of it."""
+
+    def block(self, rows: DriveRows, columns: tuple[Column, ...]) -> Block | None:
+        """The cause made of its columns; None where these rows have none."""
+        names = tuple(c.name for c in columns if c.std is None)
+        if not names:
+            return None
+        with_stated = tuple(f"{word}.{rows.joint}" for word in self.beside if rows.is_stated)
+        resists = names if self.resists else ()
+        return Block(self.name, rows.joint, False, (*with_stated, *names), resists=resists)
+
+    def scan(
+        self, rows: DriveRows, residual: DriveResidual
+    ) -> tuple[tuple[Column, ...], Block] | None:
+        """Columns and cause of the shape that a residual suggests; None of effects without one."""
+        return None
+
+
+class StatedNumber(DriveEffect):
+    """A number of the drive that is stated, or that every fit leaves free."""
+
+    word: ClassVar[str]
+    """Name of its column, before the joint's number."""
+    relative: ClassVar[float]
+    """Standard deviation of ordinary errors of the stated value, relative."""
+
+    @abstractmethod
+    def shape(self, rows: DriveRows) -> np.ndarray:
+        """What one unit of it adds (N,)."""
+
+    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
+        free = self.name in rows.free
+        return (rows.column(self.word, self.shape(rows), rows.spread[self.name], free=free),)
+
+    def block(self, rows: DriveRows, columns: tuple[Column, ...]) -> Block | None:
+        if not self.judged(rows):
+            return None
+        return Block(self.name, rows.joint, False, tuple(c.name for c in columns))
+
+    def judged(self, rows: DriveRows) -> bool:
+        """Whether another value is a cause."""
+        return rows.is_stated

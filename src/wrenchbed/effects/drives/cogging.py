@@ -1,0 +1,23 @@
+"""The motor of a joint cogs: its torque repeats with the motor's angle."""
+
+from wrenchbed.effects.drives.base import DriveResidual, Size
+from wrenchbed.effects.drives.period import FASTEST, GEAR_MOST, strongest
+from wrenchbed.effects.drives.wave import Wave, first_of
+
+
+class DriveCogging(Wave):
+    """τ + Σ a sin(k n q) + b cos(k n q), n many periods a turn.
+
+    Seen in: slow motion over a wide range.
+    """
+
+    name = "drive.cogging"
+    title = "the motor of joint {joint} cogs: its torque repeats with the motor's angle"
+    size = Size("amplitude", "N·m", 1.0, columns=first_of("drive.cogging"), vector=True)
+    tried = FASTEST - GEAR_MOST
+
+    def periods(self, residual: DriveResidual) -> float:
+        return strongest(residual.remains, residual.angle)
+
+
+EFFECT = DriveCogging()

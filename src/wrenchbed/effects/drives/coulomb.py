@@ -1,0 +1,25 @@
+"""Coulomb friction of a joint differs from its stated value."""
+
+import numpy as np
+
+from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
+
+
+class DriveCoulomb(StatedNumber):
+    """τ + δ sign q̇.
+
+    Seen in: motion in both directions.
+    """
+
+    name = "drive.coulomb"
+    title = "Coulomb friction of joint {joint} differs from its stated value"
+    size = Size("coulomb", "N·m", 3.0)
+    remedy = "record the same motion again after an hour of running: friction warms"
+    word, relative = "coulomb", 0.05
+    """Ordinary changes of friction: estimate; warming apart."""
+
+    def shape(self, rows: DriveRows) -> np.ndarray:
+        return rows.sign
+
+
+EFFECT = DriveCoulomb()

@@ -1,0 +1,32 @@
+"""The effort of a joint is reported late."""
+
+import numpy as np
+
+from wrenchbed.effects.drives.base import Column, DriveRows, Size
+from wrenchbed.effects.drives.lag import Lag
+from wrenchbed.effects.drives.operators import late
+
+LATE = 2e-3
+"""Ordinary delay of one joint's effort beside the others', one standard deviation [s]: estimate,
+controllers report within 2 to 8 ms."""
+
+
+class DriveDelay(Lag):
+    """τ(t − T).
+
+    Seen in: motion with fast reversals.
+    """
+
+    name = "drive.delay"
+    title = "the effort of joint {joint} is reported late"
+    size = Size("delay", "s", 0.1, "1")
+    remedy = "record a motion with faster reversals, which tells a delay from a filter"
+
+    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
+        return (rows.column("late", late(rows.total, rows.t, LATE), 1.0),)
+
+    def change(self, rows: DriveRows, time: float) -> np.ndarray:
+        return late(rows.total, rows.t, time)
+
+
+EFFECT = DriveDelay()

@@ -1,0 +1,30 @@
+"""The gear of a joint has hysteresis after reversals."""
+
+from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
+from wrenchbed.effects.drives.operators import stop
+
+WIDTHS = (1e-2, 3e-2, 1e-1)
+"""Half widths of a gear's hysteresis that are tried [rad, m]; estimate."""
+
+
+class DriveHysteresis(DriveEffect):
+    """τ + Σ a z_w(q): stop operators of several half widths w (Prandtl–Ishlinskii).
+
+    Seen in: slow motion with reversals after short and long ways.
+    """
+
+    name = "drive.hysteresis"
+    title = "the gear of joint {joint} has hysteresis after reversals"
+    size = Size("size", "N·m", 2.0, columns=("stop",))
+    remedy = "record slow motion with reversals after short and long ways"
+    beside = ("coulomb",)
+    resists = True
+
+    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
+        return tuple(
+            rows.column(f"stop{k}", stop(rows.angle, width) - rows.sign)
+            for k, width in enumerate(WIDTHS)
+        )
+
+
+EFFECT = DriveHysteresis()

@@ -1,0 +1,25 @@
+"""The rotor inertia of a joint differs from its stated value."""
+
+import numpy as np
+
+from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
+
+
+class DriveInertia(StatedNumber):
+    """τ + δ q̈.
+
+    Seen in: fast motion.
+    """
+
+    name = "drive.inertia"
+    title = "the rotor inertia of joint {joint} differs from its stated value"
+    size = Size("inertia", "kg·m²", 0.5, "1")
+    remedy = "record a faster motion of this joint alone, with and without a payload"
+    word, relative = "inertia", 0.05
+    """Ordinary errors of a stated rotor: estimate."""
+
+    def shape(self, rows: DriveRows) -> np.ndarray:
+        return rows.acceleration
+
+
+EFFECT = DriveInertia()

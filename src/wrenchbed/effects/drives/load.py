@@ -1,0 +1,24 @@
+"""Friction of a joint grows with its load."""
+
+import numpy as np
+
+from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
+
+
+class DriveLoad(DriveEffect):
+    """τ + |τ_body| (a sign q̇ + b q̇).
+
+    Seen in: motion under gravity of both signs, or two payloads.
+    """
+
+    name = "drive.load"
+    title = "friction of joint {joint} grows with its load"
+    size = Size("share", "1", 0.6, "1", ("load.",))
+    remedy = "record the same motion with a known payload: such friction grows"
+
+    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
+        load = np.abs(rows.body)
+        return rows.column("load", rows.sign * load), rows.column("loadspeed", rows.speed * load)
+
+
+EFFECT = DriveLoad()

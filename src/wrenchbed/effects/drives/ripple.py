@@ -1,0 +1,26 @@
+"""The gear of a joint has a torque ripple per turn."""
+
+from wrenchbed.effects.drives.base import DriveResidual, Size
+from wrenchbed.effects.drives.period import GEAR_MOST, SLOWEST, fitting
+from wrenchbed.effects.drives.wave import Wave, first_of
+
+
+class DriveRipple(Wave):
+    """τ + Σ a sin(k n q) + b cos(k n q), n few periods a turn.
+
+    Such slow periods look like other causes: they are searched beside what every fit leaves free.
+
+    Seen in: motion over more than a turn.
+    """
+
+    name = "drive.ripple"
+    title = "the gear of joint {joint} has a torque ripple per turn"
+    size = Size("amplitude", "N·m", 1.0, columns=first_of("drive.ripple"), vector=True)
+    tried = GEAR_MOST - SLOWEST
+
+    def periods(self, residual: DriveResidual) -> float:
+        use = residual.use
+        return fitting(residual.y[use], residual.own[use], residual.angle[use])
+
+
+EFFECT = DriveRipple()

@@ -1,0 +1,30 @@
+"""Friction of a joint rises at low speed."""
+
+import numpy as np
+
+from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
+
+SPEEDS = (0.02, 0.06, 0.15)
+"""Speeds over which friction falls [rad/s, m/s]; estimate, UR joints fall within 0.02 to 0.1."""
+
+
+class DriveStribeck(DriveEffect):
+    """τ + Σ a sign q̇ exp(−|q̇|/v): Stribeck's curve over several speeds v.
+
+    Seen in: slow motion at several speeds.
+    """
+
+    name = "drive.stribeck"
+    title = "friction of joint {joint} rises at low speed (Stribeck)"
+    size = Size("rise", "N·m", 2.0)
+    remedy = "record slow motion at several steady speeds in both directions"
+    resists = True
+
+    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
+        return tuple(
+            rows.column(f"stribeck{k}", rows.sign * np.exp(-np.abs(rows.speed) / speed))
+            for k, speed in enumerate(SPEEDS)
+        )
+
+
+EFFECT = DriveStribeck()

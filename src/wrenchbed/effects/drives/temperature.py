@@ -1,0 +1,26 @@
+"""Friction of a joint changes with its temperature."""
+
+from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
+
+
+class DriveTemperature(DriveEffect):
+    """τ + (θ − θ₀) (a sign q̇ + b q̇).
+
+    Seen in: a recording in which the drive warms up.
+    """
+
+    name = "drive.temperature"
+    title = "friction of joint {joint} changes with its temperature"
+    size = Size("slope", "N·m/K", 0.05, columns=("warmcoulomb",))
+
+    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
+        if rows.warm is None:
+            return ()
+        above = rows.warm - rows.warm[0]
+        return (
+            rows.column("warmcoulomb", rows.sign * above),
+            rows.column("warmviscous", rows.speed * above),
+        )
+
+
+EFFECT = DriveTemperature()
