@@ -92,5 +92,5 @@ def test_a_floor_that_sinks_is_a_tilt_that_grows_and_a_tilt_is_constant():
     elsewhere = shipped("nobody", moving=False)
     assert elsewhere is not None and elsewhere.elsewhere
     weighed = settle(sinking, elsewhere, 0)
-    assert (weighed.verdict.verdict, weighed.verdict.causes) == ("unknown", ())
+    assert (weighed.decision.verdict.word, weighed.decision.verdict.causes) == ("unknown", ())
     assert weighed.refuted.startswith("base.tilt comes nearest")

@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 
 from linear_case import dictionary, named, readings, refitter
+from wrenchbed.diagnosis.decide import leading
+from wrenchbed.diagnosis.explain.options import facts_of
 from wrenchbed.diagnosis.explain.structures import rank
-from wrenchbed.diagnosis.explain.verdict import decide
 
 
 def diagnosed(gaps, **options):
     d = dictionary(**options)
     r = refitter(d, readings(d, gaps))
     ranking = rank(r.searcher, r)
-    return ranking, decide(ranking)
+    return ranking, leading(facts_of(ranking, None, None))
 
 
 def causes(verdict):
@@ -22,7 +23,7 @@ def causes(verdict):
 @pytest.mark.parametrize("effect", ["base.tilt", "joint.offset", "timing.delay", "tool.loose"])
 def test_one_effect_is_named_with_the_gap_that_it_adds(effect):
     ranking, verdict = diagnosed({effect: 3.0})
-    assert (verdict.verdict, causes(verdict)) == ("identified", [(effect,)])
+    assert (verdict.word, causes(verdict)) == ("identified", [(effect,)])
     assert verdict.causes[0].probability > 0.99
     assert verdict.causes[0].part.share == pytest.approx(3.0, abs=0.02)
     assert verdict.explanation.rest == pytest.approx(0.0, abs=0.02)
@@ -32,7 +33,7 @@ def test_one_effect_is_named_with_the_gap_that_it_adds(effect):
 @pytest.mark.parametrize(("gap", "verdict"), [(0.5, "none"), (0.7, "none"), (0.85, "identified")])
 def test_an_effect_counts_from_three_quarters_of_a_gap(gap, verdict):
     ranking, found = diagnosed({"base.tilt": gap})
-    assert found.verdict == verdict
+    assert found.word == verdict
     assert causes(found) == ([("base.tilt",)] if gap > 0.75 else [])
     assert ranking.explanations[0].finalist.names == ("base.tilt",)  # seen it is all the same
 
@@ -47,7 +48,7 @@ def test_an_effect_counts_from_three_quarters_of_a_gap(gap, verdict):
 )
 def test_several_effects_are_named_together_largest_first(gaps):
     _, verdict = diagnosed(gaps)
-    assert verdict.verdict == "identified"
+    assert verdict.word == "identified"
     assert causes(verdict) == [(n,) for n in gaps]
     assert [c.part.share for c in verdict.causes] == pytest.approx([*gaps.values()], abs=0.05)
     assert min(c.probability for c in verdict.causes) > 0.99
@@ -58,7 +59,7 @@ FOUR = {"base.tilt": 3.0, "cable.pull": 2.0, "joint.offset": 1.5, "tool.loose": 
 
 def test_four_effects_at_once_are_more_than_is_named():
     ranking, verdict = diagnosed(FOUR)
-    assert verdict.verdict == "unknown"
+    assert verdict.word == "unknown"
     assert max(len(e.parts) for e in ranking.explanations) == 3
     small = FOUR | {"tool.loose": 0.3}  # stands beside three without being named
     ranking, verdict = diagnosed(small)
@@ -71,7 +72,7 @@ def test_four_effects_at_once_are_more_than_is_named():
 def test_effects_that_look_the_same_are_rivals_and_those_that_do_not_are_none():
     pair = ("joint.offset", "sensor.temperature")
     _, same = diagnosed({"joint.offset": 3.0}, alike={pair: 0.9999})
-    assert same.verdict == "ambiguous"
+    assert same.word == "ambiguous"
     assert [set(c) for c in causes(same)] == [set(pair)]
     _, other = diagnosed({"joint.offset": 3.0}, alike={pair: 0.9})
     assert (other.verdict, causes(other)) == ("identified", [("joint.offset",)])
@@ -83,7 +84,7 @@ def test_effects_that_look_the_same_are_rivals_and_those_that_do_not_are_none():
 )
 def test_what_no_effect_makes_is_unknown_and_depends_on_what_it_depends(gaps, kernel):
     ranking, verdict = diagnosed(gaps)
-    assert (verdict.verdict, verdict.causes, ranking.kernel) == ("unknown", (), kernel)
+    assert (verdict.word, verdict.causes, ranking.kernel) == ("unknown", (), kernel)
     assert ranking.gap == pytest.approx(sum(gaps.values()), rel=0.01)
     if "base.tilt" in gaps:  # something unknown beside an effect is seen
         assert ranking.mixed > ranking.unknown
@@ -105,7 +106,7 @@ def test_every_explanation_is_better_than_negligible_and_one_says_nothing():
     ranking, verdict = diagnosed({})
     assert any(not e.finalist.names for e in ranking.explanations)
     assert len(ranking.votes) == min(6, len(ranking.explanations))
-    assert (verdict.verdict, verdict.causes) == ("none", ())  # noise alone is no gap
+    assert (verdict.word, verdict.causes) == ("none", ())  # noise alone is no gap
     assert verdict.probabilities["none"] > 0.99
     assert ranking.gap == pytest.approx(0.0, abs=1e-9)
 

@@ -14,15 +14,16 @@ from ntnu import static
 from wrenchbed.benchmark.sealed.real import FAMILIES, HostRecording
 from wrenchbed.benchmark.sealed.real_setting import setting_of
 from wrenchbed.diagnosis import diagnose as diagnose_
+from wrenchbed.diagnosis.decide import widened
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.explain.claims import Part
+from wrenchbed.diagnosis.explain.claims import complete
 from wrenchbed.diagnosis.explain.own_rest import is_left, rest_variance, weighed_again
 from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import analyse
-from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, complete, widened
-from wrenchbed.diagnosis.gap.closure import Interval
+from wrenchbed.diagnosis.gap.gaps import Interval
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.diagnosis.verdict import Cause, Part, Verdict
 
 
 @pytest.fixture(scope="module")
@@ -79,12 +80,12 @@ def test_with_its_rest_as_noise_the_best_explanation_is_complete(real):
 
 
 def test_more_rivals_take_their_probability_along_and_too_many_end_the_claim():
-    lead = Cause(("sensor.drift",), 0.6, Part("sensor.drift", 3.0, index=0), (1.0,))
+    lead = Cause((("sensor.drift", None),), 0.6, Part("sensor.drift", 3.0, index=0), (1.0,))
     share = {"sensor.drift": 0.6, "sensor.jump": 0.3, "unknown": 0.1}
     verdict = Verdict("identified", (lead,), SimpleNamespace(), share)
     assert widened(verdict, ("sensor.drift",)) is verdict
     told = widened(verdict, ("sensor.jump",))
-    assert (told.verdict, told.causes[0].names) == ("ambiguous", ("sensor.drift", "sensor.jump"))
+    assert (told.word, told.causes[0].names) == ("ambiguous", ("sensor.drift", "sensor.jump"))
     assert told.causes[0].probability == pytest.approx(0.9)
     assert dict(told.probabilities) == {
         "sensor.drift|sensor.jump": pytest.approx(0.9),
@@ -92,7 +93,7 @@ def test_more_rivals_take_their_probability_along_and_too_many_end_the_claim():
     }
     assert told.causes[0].shares == pytest.approx((0.5, 0.5))
     many = widened(verdict, tuple("abcde"))
-    assert (many.verdict, many.causes) == ("unknown", ())
+    assert (many.word, many.causes) == ("unknown", ())
 
 
 @pytest.mark.parametrize(
@@ -105,7 +106,7 @@ def test_a_cause_that_surely_leaves_a_gap_is_believed_as_beside_a_real_rest(
     """A gap beyond the floor of more than 1 counts, with its whole interval."""
     monkeypatch.setattr(diagnose_, "features", lambda *_: (1.0,))
     known = Reliability((float(logit(0.98)),), 0.9, 0.9, 200, "", elsewhere=elsewhere, own=True)
-    cause = Cause(("sensor.gain",), 1.0, Part("sensor.gain", 9.0, index=0))
+    cause = Cause((("sensor.gain", None),), 1.0, Part("sensor.gain", 9.0, index=0))
     claim = {"sensor.gain": 1.0, "unknown": 0.0}
     verdict = Verdict("identified", (cause,), SimpleNamespace(), claim)
     after = Interval(low + 1.0, low, low + 2.0)

@@ -8,10 +8,10 @@ import pytest
 
 from linear_case import dictionary, named, readings, refitter
 from ntnu import GRAVITY, static
-from wrenchbed.diagnosis.explain.claims import Explanation, Part, explained
+from wrenchbed.diagnosis.explain.claims import Explanation, explained
 from wrenchbed.diagnosis.explain.tilt import agreement, sentences, with_accelerometer
-from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.prepare import accelerometer
+from wrenchbed.diagnosis.verdict import Part, Verdict
 from wrenchbed.physics.rotations import cross
 
 TILT = "base.tilt"
@@ -76,7 +76,7 @@ def test_both_sensors_together_are_their_weighted_mean():
 def test_a_small_tilt_that_both_see_is_claimed():
     a = analysed({TILT: 0.4}, [SEEN, 0.0])
     told = with_accelerometer(a, verdict_of(a, "none"))
-    assert told.verdict == "identified"
+    assert told.word == "identified"
     (cause,) = told.causes
     assert (cause.names, cause.part.name, cause.part.index) == ((TILT,), TILT, 0)
     assert cause.probability == pytest.approx(0.95)

@@ -17,7 +17,7 @@ from wrenchbed.campaigns.recording.run import record
 from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
-from wrenchbed.diagnosis.gap.closure import Interval
+from wrenchbed.diagnosis.gap.gaps import Interval
 from wrenchbed.errors import MissingExtraError
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.pages import numbers

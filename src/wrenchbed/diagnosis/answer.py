@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
-from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
-from wrenchbed.diagnosis.explain.claims import stated
+from wrenchbed.diagnosis.explain.claims import Explanation, stated
 from wrenchbed.diagnosis.explain.elements import (
     Elements,
     combination,
@@ -19,12 +18,11 @@ from wrenchbed.diagnosis.explain.elements import (
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.reliability import Reliability, credible
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, named
-from wrenchbed.diagnosis.gap.closure import Closure
+from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis, Scale, cause, families, named_by
-from wrenchbed.diagnosis.gap.upheld import PARTIAL, only, small, withdrawn
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
+from wrenchbed.diagnosis.verdict import Cause, Verdict
 from wrenchbed.effects.base import Curve, Effect, Values, Variant
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.wrench import CHANNELS, UNITS
@@ -41,13 +39,14 @@ WRONG_SIGMAS = 3.0
 """Standard uncertainties by which a stated number of several is off to be listed as wrong."""
 LEVEL = 0.9
 """Probability that a set of causes holds where nothing was learnt."""
-LEAST = 0.8
-"""Probability that another cause needs beside a contact, which leaves few rows to separate them;
-below what is believed of robots that nothing was learnt on. Estimate."""
 
 
 def causes(
-    a: Analysis, verdict: Verdict, gap: Closure, spread: float, between: Iterable[RowFinding]
+    a: Analysis,
+    verdict: Verdict[Explanation],
+    gap: Closure,
+    spread: float,
+    between: Iterable[RowFinding],
 ) -> list[dict[str, Any]]:
     """``which``; ``spread`` multiplies standard uncertainties, see `Reliability`."""
     result = []
@@ -61,17 +60,13 @@ def causes(
     ]
 
 
-def with_elements(a: Analysis, verdict: Verdict) -> Verdict:
-    """Add to each cause the joints, links or axes that explain the recordings as well as its
-    own."""
+def elements_of(a: Analysis, verdict: Verdict[Explanation]) -> list[Mapping[str, Elements]]:
+    """Joints, links or axes that explain the recordings as well as those of each cause."""
     f = verdict.explanation.finalist
-    parts = [c.part.index for c in verdict.causes]
-    causes = tuple(
-        c if k is None else replace(c, elements=elements(a.refitter, f, k, c.names))
-        for c, k in zip(verdict.causes, parts, strict=True)
-    )
-    word = named(causes) if verdict.verdict in ("identified", "ambiguous") else verdict.verdict
-    return replace(verdict, verdict=word, causes=causes)
+    return [
+        {} if c.part.index is None else elements(a.refitter, f, c.part.index, c.names)
+        for c in verdict.causes
+    ]
 
 
 def _with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
@@ -83,7 +78,9 @@ def _with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, 
     return parameters
 
 
-def _rivals(a: Analysis, verdict: Verdict, c: Cause, spread: float) -> list[dict[str, Any]]:
+def _rivals(
+    a: Analysis, verdict: Verdict[Explanation], c: Cause, spread: float
+) -> list[dict[str, Any]]:
     """Entries of ``rivals``: each with its probability, its elements and its own parameters, as
     they come out with it in the cause's place."""
     beside = verdict.explanation.names - {c.part.name}
@@ -111,7 +108,9 @@ def _alone(f: Finalist, name: str) -> Elements:
     return Elements((element(f.parts[k].variant),), (f,), (k,))
 
 
-def _numbers(a: Analysis, verdict: Verdict, cause: Cause, spread: float) -> dict[str, Any]:
+def _numbers(
+    a: Analysis, verdict: Verdict[Explanation], cause: Cause, spread: float
+) -> dict[str, Any]:
     """Keys of an entry of ``which`` that `numbers_of` makes; of a stated number its error."""
     f, k = verdict.explanation.finalist, cause.part.index
     if k is None:
@@ -251,7 +250,7 @@ def _wrong_numbers(a: Analysis, f: Finalist, name: str, factor: float) -> dict[s
     return result
 
 
-def places(a: Analysis, verdict: Verdict, gap: Closure) -> list[Place]:
+def places(a: Analysis, verdict: Verdict[Explanation], gap: Closure) -> list[Place]:
     """Effect, detail, share and p-value of each claimed cause, for ``where``."""
     result, best = [], verdict.explanation.log_posterior
     for c in verdict.causes:
@@ -269,7 +268,7 @@ def row_place(r: RowFinding) -> Place:
     return r.effect, ", ".join(r.channels), r.rise / (1.0 + r.rise), 1.0 - r.probability
 
 
-def _detail(verdict: Verdict, cause: Cause) -> str:
+def _detail(verdict: Verdict[Explanation], cause: Cause) -> str:
     if cause.part.index is None:
         return "a number that the metadata states"
     f, of = verdict.explanation.finalist, cause.elements[cause.names[0]]
@@ -278,30 +277,9 @@ def _detail(verdict: Verdict, cause: Cause) -> str:
     return f.parts[cause.part.index].variant.label
 
 
-def probabilities(verdict: Verdict, between: Sequence[RowFinding]) -> dict[str, float]:
-    """Probability of each answer; an effect between rows leads where the means name no cause."""
-    probability = dict(verdict.probabilities)
-    if between and not verdict.causes:
-        best = between[0]
-        spare = probability.get(NONE, 0.0) * best.probability
-        probability[NONE] = probability.get(NONE, 0.0) - spare
-        probability[best.effect] = probability.get(best.effect, 0.0) + spare
-    total = sum(probability.values())
-    probability = {k: v / total for k, v in probability.items()}
-    for lead in verdict.causes[:1]:  # it leads no more often than it is there
-        name = "|".join(lead.names)
-        more = max(probability.get(name, 0.0) - lead.probability, 0.0)
-        if more > 0.0:
-            probability[name] -= more
-            probability[UNKNOWN] = probability.get(UNKNOWN, 0.0) + more
-    return probability
-
-
-def set90(
-    verdict: Verdict, shares: Mapping[str, float], known: Reliability | None
-) -> tuple[str, ...]:
+def set90(verdict: Verdict[Explanation], known: Reliability | None) -> tuple[str, ...]:
     """Names that hold the truth in 90 % of such cases: the likeliest answers, and all claims."""
-    names = credible(shares, LEVEL if known is None else known.set90)
+    names = credible(verdict.probabilities, LEVEL if known is None else known.set90)
     return tuple(dict.fromkeys((*names, *(n for c in verdict.causes for n in c.names))))
 
 
@@ -343,55 +321,31 @@ def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tupl
     return (*result, *(r.sentence for r in between))
 
 
-def beside_contact(verdict: Verdict, touch: Touch | None) -> Verdict:
-    """The verdict on the rows that nothing touched, as far as these few can tell."""
-    sure = touch is None or touch.parameters is not None
-    kept = tuple(c for c in verdict.causes if touch is None or (sure and c.probability >= LEAST))
-    if len(kept) == len(verdict.causes):
-        return verdict
-    return only(verdict, kept) if kept else withdrawn(verdict, UNKNOWN)
+def with_contact(d: Diagnosis, verdict: Verdict[Explanation], touch: Touch) -> Diagnosis:
+    """The diagnosis of the rows that nothing touched, with the contact.
 
-
-def rows_beside_contact(
-    between: Sequence[RowFinding], touch: Touch | None
-) -> tuple[RowFinding, ...]:
-    """Effects between rows that remain credible beside a contact; all of them without one."""
-    if touch is None:
-        return tuple(between)
-    return tuple(r for r in between if touch.parameters is not None and r.probability >= LEAST)
-
-
-def with_contact(d: Diagnosis, touch: Touch | None) -> Diagnosis:
-    """The diagnosis of the rows that nothing touched, with the contact."""
-    if touch is None:
-        return d
+    Args:
+        d: the diagnosis.
+        verdict: with the contact.
+        touch: what touches.
+    """
     rest = f"the other answers are of the {int((~touch.rows).sum())} {touch.what} without it"
-    notes = (*d.notes, touch.sentence, rest)
+    d = replace(
+        d, verdict=verdict.word, probabilities=verdict.probabilities,
+        notes=(*d.notes, touch.sentence, rest),
+    )  # fmt: skip
     if touch.parameters is None:
-        sure, hint = {UNKNOWN: 1.0}, "comes while something touches the tool"
+        hint = "comes while something touches the tool"
         hint += ". This is only a hint at the environment: no cause is claimed."
-        return replace(
-            d, verdict=UNKNOWN, which=[], where=[_touched(touch, hint)], probabilities=sure,
-            set90=tuple(sure), notes=notes,
-        )  # fmt: skip
-    verdict = "identified" if d.verdict in (NONE, UNKNOWN) else d.verdict
-    if d.verdict == UNKNOWN and not small(d.gap):
-        verdict = PARTIAL
+        entry = _touched(touch, hint)
+        return replace(d, which=[], where=[entry], set90=tuple(verdict.probabilities))
     names = [n for w in d.which for n in named_by(w)]
+    contact = cause(CONTACT, touch.probability, touch.parameters, elements=[touch.detail])
     entry = _touched(touch, f"lies in the environment: {CONTACT} ({touch.detail}).")
     return replace(
-        d,
-        verdict=verdict,
-        which=[
-            cause(CONTACT, touch.probability, touch.parameters, elements=[touch.detail]),
-            *d.which,
-        ],
-        where=[entry, *map(_untouched, d.where)],
-        probabilities={CONTACT: touch.probability}
-        | {k: (1.0 - touch.probability) * v for k, v in d.probabilities.items()},
+        d, which=[contact, *d.which], where=[entry, *map(_untouched, d.where)],
         set90=tuple(dict.fromkeys((CONTACT, *names))),
-        notes=notes,
-    )
+    )  # fmt: skip
 
 
 def _touched(touch: Touch, text: str) -> dict[str, Any]:

@@ -9,16 +9,19 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.answer import numbers_of
-from wrenchbed.diagnosis.explain.claims import stated
+from wrenchbed.diagnosis.explain.claims import Explanation, missed, stated
 from wrenchbed.diagnosis.explain.contributions import share
 from wrenchbed.diagnosis.explain.elements import elements
+from wrenchbed.diagnosis.explain.options import weights
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.explain.verdict import Verdict, missed, weights
 from wrenchbed.diagnosis.gap.result import DETECTED, LEAST_MINOR, cause
 from wrenchbed.diagnosis.prepare.configuration import BIAS, LOAD, STATED
+from wrenchbed.diagnosis.verdict import Verdict
 
 
-def minor(a: Analysis, verdict: Verdict, spread: float, right: float = 1.0) -> list[dict[str, Any]]:
+def minor(
+    a: Analysis, verdict: Verdict[Explanation], spread: float, right: float = 1.0
+) -> list[dict[str, Any]]:
     """Entries of ``minor``: effects that are there, and add less than what counts as a cause.
 
     Args:
@@ -27,7 +30,7 @@ def minor(a: Analysis, verdict: Verdict, spread: float, right: float = 1.0) -> l
         spread: factor on standard uncertainties, see `Reliability`.
         right: share of claims that are right: no entry is surer.
     """
-    if verdict.verdict == "unknown":
+    if verdict.word == "unknown":
         return []
     ranked, weight = a.ranking.explanations, weights(a.ranking)[1:]
     claimed = {n for c in verdict.causes for n in c.names}
@@ -51,7 +54,7 @@ def minor(a: Analysis, verdict: Verdict, spread: float, right: float = 1.0) -> l
     return sorted(result, key=lambda entry: -entry["gap"])
 
 
-def fitted(a: Analysis, verdict: Verdict, spread: float) -> list[dict[str, Any]]:
+def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[dict[str, Any]]:
     """Entries of ``fitted``: bias, mass and CoG as they come out beside the explanation.
 
     ``stated`` is null where the metadata state no such number.

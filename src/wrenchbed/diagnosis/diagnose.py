@@ -14,10 +14,21 @@ from wrenchbed.diagnosis import answer, beside_claims
 from wrenchbed.diagnosis.between_rows import row_effects
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
+from wrenchbed.diagnosis.decide import (
+    LARGEST_NONE,
+    PARTIAL,
+    Decision,
+    beside_contact,
+    beside_own_rest,
+    conclude,
+    decide,
+)
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import own_rest, tilt
+from wrenchbed.diagnosis.explain.claims import Explanation
+from wrenchbed.diagnosis.explain.options import facts_of
 from wrenchbed.diagnosis.explain.reliability import (
     RIGHT_ELSEWHERE,
     Reliability,
@@ -26,14 +37,16 @@ from wrenchbed.diagnosis.explain.reliability import (
 )
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.touched_poses import contact_of
-from wrenchbed.diagnosis.explain.verdict import Verdict, decide, tempered
-from wrenchbed.diagnosis.gap import closure, constancy, rivals, where
+from wrenchbed.diagnosis.gap import constancy, rivals, where
+from wrenchbed.diagnosis.gap.closure import Claims
+from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
-from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, PARTIAL, upheld, withdrawn
 from wrenchbed.diagnosis.next import experiments, isolability
 from wrenchbed.diagnosis.next.blind import blind_spots
+from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
-from wrenchbed.diagnosis.prepare.prepared import Material, Prepared
+from wrenchbed.diagnosis.prepare.prepared import Material, Prepared, Touch
+from wrenchbed.diagnosis.verdict import Verdict
 from wrenchbed.jobs.workers import one_thread
 from wrenchbed.twin.twin import Twin
 
@@ -46,6 +59,11 @@ MOST_SPELLS = 3
 is a fault of its own; estimate."""
 OFTEN = "the rows set aside disagree at many times, each differently: an intermittent fault"
 """Note on a recording in which rows disagree at more times than a cause explains."""
+LOUD = "there is a gap beyond the noise that no effect between rows explains"
+"""Sign of a gap where no cause is named."""
+PROBABLE = 0.8
+"""Probability that another cause needs beside a contact, which leaves few rows to separate them;
+below what is believed of robots that nothing was learnt on. Estimate."""
 CLEARER = 0.3
 """Rows are set aside where the answer without them leaves less than this part of the gap."""
 ELSEWHERE = (
@@ -78,11 +96,11 @@ class Findings:
 
     diagnosis: Diagnosis
     analysis: Analysis
-    verdict: Verdict
+    verdict: Verdict[Explanation]
     rows: tuple[RowFinding, ...]
     places: tuple[where.Finding, ...]
     plans: Mapping[str, Plan]
-    untempered: Verdict
+    untempered: Verdict[Explanation]
     scattered: str = ""
     seed: int = 0
 
@@ -155,7 +173,7 @@ def examine(
         *find_row_effects(prepared.excerpt, prepared.configuration),
         *find_tool_vibration(prepared),
     )
-    between = answer.rows_beside_contact(rows, prepared.touch)
+    between = tuple(r for r in rows if r.probability >= least_beside(prepared.touch))
     scattered = row_effects.unexplained(prepared.excerpt, prepared.configuration, between)
     return Examined(weighed, known, outliers, between, scattered)
 
@@ -164,47 +182,45 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     """Findings of a diagnosis from an examined recording; ``begun`` is the clock at its start
     [s]."""
     weighed, known, outliers, between, scattered = examined
-    analysis, untempered, verdict, twin, gap, refuted = weighed
-    prepared = analysis.prepared
+    analysis, decision = weighed.analysis, weighed.decision
+    gap, twin, prepared = decision.gap, weighed.twin, analysis.prepared
     reading = twin.wrench(prepared.scene) if outliers else prepared.expected
     touch = prepared.touch or contact_of(prepared, outliers, reading)
-    loud = bool(scattered) or (not between and gap.calibrated.low > LARGEST_NONE)
-    often = touch is None and outliers_.spells(outliers) > MOST_SPELLS
-    if (loud or often) and verdict.verdict == NONE:
-        verdict = withdrawn(verdict, UNKNOWN)
-    verdict = answer.with_elements(analysis, verdict)
+    often = OFTEN if touch is None and outliers_.spells(outliers) > MOST_SPELLS else ""
+    loud = scattered or (LOUD if not between and gap.calibrated.low > LARGEST_NONE else "")
+    signs = [sentence for sentence in (loud, often) if sentence]
+    elements = answer.elements_of(analysis, decision.verdict)
+    verdict = conclude(decision, elements, signs, between)
     progress("where")
     places = where.locate(prepared, analysis.calibrated, seed=seed)
     progress("what next")
     named = {n for c in verdict.causes for n in c.names}
     similarities = [Similarity(x.dictionary, named) for x in (analysis, *analysis.others)]
     cannot_tell = _cannot_tell(similarities, [c.names for c in verdict.causes])
-    said = (scattered, OFTEN if often else "", refuted)
+    said = (scattered, often, weighed.refuted)
     of_data = [*prepared.notes, *(sentence for sentence in said if sentence)]
     plans, proposed = _next(analysis, verdict, seed)
-    outcome = "identified" if between and verdict.verdict == NONE else verdict.verdict
     spread = 1.0 if known is None else known.spread
     which = answer.causes(analysis, verdict, gap, spread, between)
-    probabilities = answer.probabilities(verdict, between)
     diagnosis = Diagnosis(
         recording=prepared.recording.name,
         robot=prepared.recording.metadata.robot,
-        verdict=outcome,
+        verdict=verdict.word,
         gap=gap,
         where=where.entries(
             answer.places(analysis, verdict, gap),
-            places if outcome == UNKNOWN else (),
+            places if verdict.word == UNKNOWN else (),
             [answer.row_place(r) for r in between],
         ),
-        which=which if outcome in ("identified", "ambiguous", PARTIAL) else [],
-        probabilities=probabilities,
+        which=which if verdict.word in ("identified", "ambiguous", PARTIAL) else [],
+        probabilities=verdict.probabilities,
         cannot_tell=cannot_tell,
         blind=blind_spots(similarities),
         next=proposed,
         twin=twin,
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
         seconds=time.perf_counter() - begun,
-        set90=answer.set90(verdict, probabilities, known),
+        set90=answer.set90(verdict, known),
         minor=beside_claims.minor(analysis, verdict, spread, 1.0 if known is None else known.right),
         fitted=beside_claims.fitted(analysis, verdict, spread),
         scale=answer.scales(prepared),
@@ -214,39 +230,31 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
             *of_data,
             *answer.of_data(analysis, gap.folds),
             *_learnt(known),
-            *answer.notes(gap, between, unknown=outcome == UNKNOWN),
+            *answer.notes(gap, between, unknown=verdict.word == UNKNOWN),
             *tilt.sentences(analysis, verdict),
         ),
     )
-    diagnosis = answer.with_contact(diagnosis, touch)
+    if touch is not None:
+        at_a_point = touch.parameters is not None
+        both = beside_contact(verdict, CONTACT, touch.probability, gap, at_a_point=at_a_point)
+        diagnosis = answer.with_contact(diagnosis, both, touch)
     return Findings(
-        diagnosis, analysis, verdict, between, places, plans, untempered, scattered, seed
+        diagnosis, analysis, verdict, between, places, plans, decision.upheld, scattered, seed
     )
 
 
 class Weighed(NamedTuple):
-    """Everything that a verdict on the means of readings rests on.
+    """An analysis, and what was decided on the means of its readings.
 
     Attributes:
+        twin: the better simulator.
         refuted: what comes nearest and yet cannot be it, a sentence; empty if there is no such.
     """
 
     analysis: Analysis
-    untempered: Verdict
-    verdict: Verdict
+    decision: Decision[Explanation]
     twin: Twin
-    gap: closure.Closure
     refuted: str = ""
-
-    @property
-    def settled(self) -> bool:
-        """Whether held-out rows uphold an answer that leaves no cause open."""
-        return self.verdict.verdict in (NONE, "identified", "ambiguous")
-
-    @property
-    def rest(self) -> float:
-        """Gap above the noise floor that the answer leaves on held-out rows."""
-        return (self.gap.with_effects or self.gap.calibrated).value - max(self.gap.floor, 0.0)
 
 
 def weigh(prepared: Prepared, known: Reliability | None, seed: int) -> Weighed:
@@ -259,44 +267,57 @@ def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
 
     A robot that the package knows nothing of may leave a rest of its own. Of the others look-alikes
     taught how often something unknown leaves one. No look-alike has such a rest, so that those of
-    the recording do not say how often a cause beside one is right. A cause whose readings the rest
-    goes with is not named.
+    the recording do not say how often a cause beside one is right.
     """
-    first = _settled(analysis, decide(analysis.ranking), known, seed)
+    claims = Claims(analysis, seed)
+    first = _decided(claims, known)
     if known is None or not known.elsewhere or not own_rest.is_left(analysis):
-        return first
-    again = own_rest.weighed_again(analysis)
-    if first.settled:
-        return first._replace(verdict=rivals.with_rivals(again, first.verdict, seed))
-    second = _settled(again, own_rest.decided(again.ranking), known.plain(), seed)
-    before, now = ({c.part.name for c in w.verdict.causes} for w in (first, second))
-    if now <= before:
-        return first
-    change = _changing(again, second.verdict, now - before, seed)
-    if change is not None:
-        return first._replace(refuted=change.sentence)
-    return second._replace(verdict=rivals.with_rivals(again, second.verdict, seed))
+        return Weighed(analysis, first, claims.twin(first.verdict))
+    again = Claims(own_rest.weighed_again(analysis), seed)
+
+    def changing(verdict: Verdict[Explanation], names: Collection[str]) -> str:
+        change = _changing(again.analysis, verdict, names, seed)
+        return "" if change is None else change.sentence
+
+    decision, refuted = beside_own_rest(
+        first, lambda: _decided(again, known.plain(), own_rest=True),
+        lambda verdict: rivals.as_good(again.analysis, verdict, seed), changing,
+    )  # fmt: skip
+    first_stands = first.settled or decision is first
+    used = claims if first_stands else again
+    return Weighed(used.analysis, decision, used.twin(decision.verdict), refuted)
+
+
+def _decided(
+    claims: Claims, known: Reliability | None, *, own_rest: bool = False
+) -> Decision[Explanation]:
+    a, least = claims.analysis, least_beside(claims.analysis.prepared.touch)
+    facts = facts_of(
+        a.ranking, claims.gap, lambda verdict, gap: _right(a, verdict, known, gap),
+        least=least, own_rest=own_rest,
+    )  # fmt: skip
+    return decide(replace(
+        facts, testify=lambda verdict: tilt.with_accelerometer(a, verdict),
+        witnessed=lambda verdict: tilt.witnessed(a, verdict),
+    ))  # fmt: skip
+
+
+def least_beside(touch: Touch | None) -> float:
+    """Probability that a cause needs beside a contact; none stands beside an unknown one."""
+    if touch is None:
+        return 0.0
+    return PROBABLE if touch.parameters is not None else np.inf
 
 
 def _changing(
-    a: Analysis, verdict: Verdict, names: Collection[str], seed: int
+    a: Analysis, verdict: Verdict[Explanation], names: Collection[str], seed: int
 ) -> constancy.Change | None:
     """Change of a named cause's size during the recording; None if all are constant."""
-    claim = _claimed(a, verdict)
-    assert claim is not None
+    f = verdict.explanation.finalist
     asked = set(names) - set(tilt.witnessed(a, verdict))  # that another sensor measured, stands
-    parts = [k for k in claim.keep if claim.finalist.parts[k].name in asked]
-    return constancy.changing(a, claim.finalist, parts, seed) if parts else None
-
-
-def _settled(analysis: Analysis, decided: Verdict, known: Reliability | None, seed: int) -> Weighed:
-    decided = tilt.with_accelerometer(analysis, decided)
-    twin, gap, untempered = _judged(analysis, decided, seed)
-    verdict = _tempered(analysis, untempered, known, gap)
-    verdict = answer.beside_contact(verdict, analysis.prepared.touch)
-    if len(verdict.causes) != len(untempered.causes):
-        twin, gap, verdict = _judged(analysis, verdict, seed)
-    return Weighed(analysis, untempered, verdict, twin, gap)
+    claimed = [c.part.index for c in verdict.causes if c.part.name in asked]
+    parts = [k for k in claimed if k is not None]
+    return constancy.changing(a, f, parts, seed) if parts else None
 
 
 def _without_outliers(
@@ -305,16 +326,18 @@ def _without_outliers(
     """The answer without a few blocks that all others contradict, where that settles it."""
     weighed, outliers = first, tuple[outliers_.Outlier, ...]()
     for _ in range(MOST_ROUNDS):
-        if weighed.settled and weighed.rest < LEFT:
+        decision = weighed.decision
+        if decision.settled and decision.rest < LEFT:
             break
-        claim = _claimed(weighed.analysis, weighed.verdict) if weighed.settled else None
+        claims = Claims(weighed.analysis, seed)
+        claim = claims.claimed(decision.verdict) if decision.settled else None
         named = None if claim is None else claim.finalist
         rows = outliers_.suspects(weighed.analysis, named) | ~weighed.analysis.prepared.judged
         if np.array_equal(rows, ~weighed.analysis.prepared.judged):
             break
         again = weigh(prepared.aside(rows), known, seed)
         described = outliers_.described(prepared, rows, again.twin.wrench(prepared.scene))
-        if not described or again.rest > CLEARER * weighed.rest:
+        if not described or again.decision.rest > CLEARER * decision.rest:
             break
         outliers, all_rows = described, np.any([o.rows for o in described], axis=0)
         weighed = again
@@ -336,59 +359,22 @@ def _shipped(prepared: Prepared) -> Reliability | None:
     return shipped(prepared.robot.name, prepared.moving, prepared.scene.jointed)
 
 
-def _tempered(
-    a: Analysis, verdict: Verdict, known: Reliability | None, gap: closure.Closure
-) -> Verdict:
-    """The verdict with probabilities that hold on look-alike cases.
+def _right(
+    a: Analysis, verdict: Verdict[Explanation], known: Reliability | None, gap: Closure
+) -> float:
+    """Fraction of answers like this verdict that are right; 1 where nothing was learnt.
 
-    What a second sensor measured does not hang on how often wrenches alone are read rightly.
-    """
-    witnessed = tilt.witnessed(a, verdict)
-    lead = verdict.causes[0].names if verdict.causes else witnessed
-    if known is None or (witnessed and set(witnessed) & set(lead)):
-        return verdict
-    if verdict.causes:
-        weighed_verdict = tempered(verdict, _right(a, verdict, known, gap))
-        both = zip(weighed_verdict.causes, verdict.causes, strict=False)
-        causes = (was if set(was.names) & set(witnessed) else c for c, was in both)
-        return replace(weighed_verdict, causes=tuple(causes))
-    return tempered(verdict, known.none if verdict.verdict == NONE else known.unknown)
-
-
-def _right(a: Analysis, verdict: Verdict, known: Reliability, gap: closure.Closure) -> float:
-    """Fraction of claims like this verdict's that are right.
-
-    Where they surely leave a gap that counts, on a robot that the package knows nothing of, not
+    Where causes surely leave a gap that counts, on a robot that the package knows nothing of, not
     more often than causes beside the rest of a real recording: few look-alikes leave one.
     """
+    if known is None:
+        return 1.0
+    if not verdict.causes:
+        return known.none if verdict.word == NONE else known.unknown
     closed = 0.0 if gap.closed is None else gap.closed.value
     right = known.of(features(a.ranking, verdict, closed))
     left = 0.0 if gap.with_effects is None else gap.with_effects.low - max(gap.floor, 0.0)
     return min(right, RIGHT_ELSEWHERE) if known.elsewhere and left > LARGEST_NONE else right
-
-
-def _judged(a: Analysis, verdict: Verdict, seed: int) -> tuple[Twin, closure.Closure, Verdict]:
-    """The better simulator, how far it gets on held-out rows, and the verdict that these uphold."""
-    witnessed = tilt.witnessed(a, verdict)
-    while True:
-        claim = _claimed(a, verdict)
-        gap = closure.measure(a, claim, seed)
-        held = upheld(verdict, gap, witnessed)
-        if len(held.causes) == len(verdict.causes):
-            return closure.calibrated(a) if claim is None else claim.twin, gap, held
-        verdict = held
-
-
-def _claimed(a: Analysis, verdict: Verdict) -> closure.Claimed | None:
-    """Simulator with the causes of a verdict, None if it has none."""
-    if not verdict.causes:
-        return None
-    f = verdict.explanation.finalist
-    keep = [c.part.index for c in verdict.causes if c.part.index is not None]
-    wrong = [c.names[0] for c in verdict.causes if c.part.index is None]
-    if len(keep) < len(f.effects):  # what is not claimed is fitted away
-        f, keep = a.refitter.keeping(f, keep), list(range(len(keep)))
-    return closure.Claimed.of(a, f, keep, wrong)
 
 
 def _cannot_tell(designs: Sequence[Similarity], classes: Collection[Collection[str]]) -> list[str]:
@@ -397,9 +383,11 @@ def _cannot_tell(designs: Sequence[Similarity], classes: Collection[Collection[s
     return [text for text in first if all(text in other for other in others)]
 
 
-def _next(a: Analysis, verdict: Verdict, seed: int) -> tuple[dict[str, Plan], list[dict[str, Any]]]:
+def _next(
+    a: Analysis, verdict: Verdict[Explanation], seed: int
+) -> tuple[dict[str, Plan], list[dict[str, Any]]]:
     """Plans of the proposed experiments by file name, and the entries of ``next``."""
-    unknown = verdict.verdict == UNKNOWN
+    unknown = verdict.word == UNKNOWN
     rivals = [n for c in verdict.causes if len(c.names) > 1 for n in c.names]
     several = [c.elements[c.names[0]] for c in verdict.causes if c.open_elements]
     if not unknown and not rivals and not several:

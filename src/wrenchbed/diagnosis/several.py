@@ -30,7 +30,7 @@ from wrenchbed.diagnosis.diagnose import (
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN
 from wrenchbed.diagnosis.explain import refit
-from wrenchbed.diagnosis.explain.claims import Explanation, Part, explained
+from wrenchbed.diagnosis.explain.claims import Explanation, explained
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE, EXCUSED, SAME, made_by, rest
 from wrenchbed.diagnosis.explain.contributions import share as share_of
 from wrenchbed.diagnosis.explain.finalist import Finalist
@@ -39,6 +39,7 @@ from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import AT_ONCE, MINOR, NEGLIGIBLE, Analysis, Ranking
 from wrenchbed.diagnosis.next.isolability import listed
 from wrenchbed.diagnosis.prepare.prepared import Material
+from wrenchbed.diagnosis.verdict import Part
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.workers import one_thread
 
@@ -319,11 +320,11 @@ def settles(alone: Weighed, joint: Weighed, names: Sequence[str]) -> list[str]:
     """Sentences on causes that further recordings distinguish and the first one does not."""
     result = []
     verb = "tells" if len(names) == 2 else "tell"
-    for cause in alone.verdict.causes:
+    for cause in alone.decision.verdict.causes:
         rivals = set(cause.names)
         if len(rivals) == 1:
             continue
-        now = next((c for c in joint.verdict.causes if c.names[0] in rivals), None)
+        now = next((c for c in joint.decision.verdict.causes if c.names[0] in rivals), None)
         if now is None:
             continue
         gone = sorted(rivals - set(now.names))

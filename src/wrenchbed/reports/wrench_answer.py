@@ -4,10 +4,10 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+from wrenchbed.diagnosis.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.gap.result import named_by
-from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, small
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import Answer
 from wrenchbed.reports.claim import Claim, capital, claim, listed

@@ -13,7 +13,7 @@ from wrenchbed.diagnosis.efforts.configured import stated_drives
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.verdict import Cause, Verdict, upheld
-from wrenchbed.diagnosis.gap.closure import Closure, Interval
+from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 
 
 def case(seed, effect=None, joint=1, size=0.0, seconds=40.0):

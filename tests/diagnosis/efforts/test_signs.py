@@ -10,7 +10,7 @@ from altered import with_columns
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.diagnosis.efforts.signs import episode, held, outliers, peak
 from wrenchbed.diagnosis.efforts.verdict import Cause, Verdict, upheld
-from wrenchbed.diagnosis.gap.closure import Closure, Interval
+from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 
 RATE, ROWS = 125.0, 5000
 T = np.arange(ROWS) / RATE

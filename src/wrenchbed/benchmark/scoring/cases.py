@@ -171,7 +171,7 @@ def _with_findings(row: CaseRow, case: LookalikeCase, findings: Findings) -> Cas
         row,
         where=diagnosis.where[0]["subsystem"] if diagnosis.where else None,
         numbers=tuple(parameters),
-        raw=raw.verdict,
+        raw=raw.word,
         lead=raw.causes[0].names if raw.causes else (),
         features=reliability.features(findings.analysis.ranking, raw, closed_share),
     )
@@ -265,14 +265,14 @@ def _row_of(index: int) -> dict[str, Any]:
         weighed = weigh(gathered(rows), None, 0)
     except (ParameterError, DiagnosisError):  # no such case at this design, or refused data
         return row
-    verdict, closed = weighed.verdict, weighed.gap.closed
+    verdict, closed = weighed.decision.verdict, weighed.decision.gap.closed
     if verdict.causes:
         right = bool(set(verdict.causes[0].names) & set(case.causes))
-    elif verdict.verdict == "none":
+    elif verdict.word == "none":
         right = case.outside is None and set(case.causes) <= set(case.rows)
     else:
         right = case.outside is not None
-    answer = {"raw": verdict.verdict, "named": bool(verdict.causes), "right": right}
+    answer = {"raw": verdict.word, "named": bool(verdict.causes), "right": right}
     closed_share = 0.0 if closed is None else closed.value
     known = reliability.features(weighed.analysis.ranking, verdict, closed_share)
     return row | answer | {"features": list(known)}

@@ -20,7 +20,7 @@ from wrenchbed.diagnosis.efforts.verdict import (
     Weighed,
 )
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
-from wrenchbed.diagnosis.gap.closure import Closure
+from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import DETECTED, LEAST_MINOR, Scale, cause, families
 from wrenchbed.physics.wrench import UNITS
 

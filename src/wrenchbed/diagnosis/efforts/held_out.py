@@ -8,7 +8,7 @@ import numpy as np
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
 from wrenchbed.diagnosis.efforts.evidence import Evidence
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, fitted
-from wrenchbed.diagnosis.gap.closure import Closure, Interval
+from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 
 DRAWS = 500
 """Resamples of the bootstrap over blocks of time."""

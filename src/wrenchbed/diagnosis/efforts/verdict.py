@@ -6,14 +6,14 @@ A cause counts from a gap of 1 (`docs/contracts.md`); held-out rows have the las
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from wrenchbed.diagnosis.decide import LARGEST_NONE, LEAST, MOST, PARTIAL
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.search import Search, Structure
 from wrenchbed.diagnosis.efforts.signs import HELD, Sign
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, added, fitted
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.reliability import credible
-from wrenchbed.diagnosis.gap.closure import Closure, Interval
-from wrenchbed.diagnosis.gap.upheld import LARGEST_NONE, LEAST, MOST, PARTIAL
+from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 
 COUNTS = 0.75
 """Gap from which a part counts: it estimates what adds 1 with an error; estimate."""

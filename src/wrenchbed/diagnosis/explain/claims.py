@@ -22,6 +22,7 @@ from wrenchbed.diagnosis.explain.contributions import share as share_of
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
+from wrenchbed.diagnosis.verdict import Part
 
 REST = 0.55
 """Gap that normal imperfections may make together."""
@@ -36,27 +37,6 @@ HOLDS = 0.1
 a part that makes nothing cannot be what the others stand in for."""
 MANY = 9
 """Columns of an effect that may imitate stated numbers: torques from forces, for instance."""
-
-
-@dataclass(frozen=True)
-class Part:
-    """An effect of an explanation.
-
-    Attributes:
-        name: of the effect.
-        share: gap that it adds.
-        probability: that a stated number is wrong; 1 for other effects.
-        index: number of the part in the finalist, None for a wrong stated number.
-        twins: effects that might as well be this one, whatever their evidence.
-        imitators: effects that make its readings, if perhaps with numbers that happen to fit.
-    """
-
-    name: str
-    share: float
-    probability: float = 1.0
-    index: int | None = None
-    twins: tuple[str, ...] = ()
-    imitators: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +61,25 @@ class Explanation:
     @property
     def names(self) -> frozenset[str]:
         return frozenset(p.name for p in self.parts)
+
+
+def allowed(explanation: Explanation) -> float:
+    """Gap that an explanation may leave: normal imperfections, and what its form misses."""
+    return REST + missed(explanation)
+
+
+def missed(explanation: Explanation) -> float:
+    """Gap that the forms of an explanation's causes, only nearly right, may miss."""
+    parts = explanation.finalist.parts
+    named = [(p.index, p.share) for p in explanation.parts]
+    total = sum(parts[k].effect.form_error * share for k, share in named if k is not None)
+    alone = sum(share for k, share in named if k is not None)
+    return total * max(1.0, explanation.closed / max(alone, 1e-12))
+
+
+def complete(explanation: Explanation) -> bool:
+    """Whether an explanation leaves no more residual than is normal."""
+    return explanation.rest <= allowed(explanation)
 
 
 class Stated(NamedTuple):

@@ -11,12 +11,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN, Searcher
+from wrenchbed.diagnosis.evidence.search import Searcher
+from wrenchbed.diagnosis.explain.claims import complete
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
-from wrenchbed.diagnosis.explain.structures import MARGIN, Analysis, Ranking, rank
-from wrenchbed.diagnosis.explain.verdict import Verdict, complete, decide, widened
+from wrenchbed.diagnosis.explain.structures import MARGIN, Analysis, rank
 
 PASSES = 2
 """Number of passes that estimate the remaining residual: the first explanation ignored it."""
@@ -64,27 +64,3 @@ def rest_variance(a: Analysis, f: Finalist) -> np.ndarray:
     gram = design.T @ design
     free = float(np.trace(np.linalg.solve(gram + np.diag(precision), gram)))
     return np.asarray(variance / (1.0 - min(free / rest.size, MOST_FREE)))
-
-
-def decided(ranking: Ranking) -> Verdict:
-    """Verdict on what may be claimed beside a remaining residual; a residual alone is unknown.
-
-    The leading cause has as rivals all that predict left-out blocks no worse than it does: the rest
-    is no white noise, so that evidence alone tells them apart too surely.
-    """
-    verdict = decide(ranking)
-    if not verdict.causes:
-        probability = {NONE: 0.0} | {n: p for n, p in verdict.probabilities.items() if n != NONE}
-        probability[UNKNOWN] = probability.get(UNKNOWN, 0.0) + verdict.probabilities.get(NONE, 0.0)
-        return replace(verdict, verdict=UNKNOWN, probabilities=probability)
-    return widened(verdict, _as_predictive(ranking, verdict))
-
-
-def _as_predictive(ranking: Ranking, verdict: Verdict) -> tuple[str, ...]:
-    """Leading causes of other explanations that left-out blocks do not tell from the claim."""
-    claim = verdict.explanation
-    votes = dict(zip(map(id, ranking.explanations), ranking.votes, strict=False))
-    least = votes.get(id(claim), np.inf) - MARGIN
-    near = (e for e in ranking.explanations if e.parts and votes.get(id(e), -np.inf) >= least)
-    leads = (e.parts[0].name for e in near)
-    return tuple(dict.fromkeys(n for n in leads if n not in claim.names))

@@ -17,8 +17,9 @@ import numpy as np
 from scipy.special import expit, logit
 
 from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.explain.claims import Explanation, allowed
 from wrenchbed.diagnosis.explain.structures import Ranking
-from wrenchbed.diagnosis.explain.verdict import Verdict, allowed
+from wrenchbed.diagnosis.verdict import Verdict
 from wrenchbed.errors import DiagnosisError
 
 NAMES = (
@@ -78,7 +79,7 @@ class Reliability:
         return float(expit(np.dot(self.claim, features)))
 
 
-def features(ranking: Ranking, verdict: Verdict, closed: float) -> tuple[float, ...]:
+def features(ranking: Ranking, verdict: Verdict[Explanation], closed: float) -> tuple[float, ...]:
     """Features of a verdict's leading claim; all zero if no cause is named.
 
     Args:

@@ -11,12 +11,12 @@ import numpy as np
 from scipy.special import chdtrc, logsumexp
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
-from wrenchbed.diagnosis.explain.claims import Explanation, Part
+from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.explain.contributions import rest
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.explain.verdict import Cause, Verdict
 from wrenchbed.diagnosis.prepare.accelerometer import TILT, Testimony
+from wrenchbed.diagnosis.verdict import Cause, Part, Verdict
 
 SURE = 0.9
 """Least probability of a tilt that is claimed although its gap alone would not count: below, one
@@ -27,7 +27,7 @@ DISAGREE = 0.01
 """P-value below which wrench and accelerometer contradict each other; neither is then used."""
 
 
-def with_accelerometer(a: Analysis, verdict: Verdict) -> Verdict:
+def with_accelerometer(a: Analysis, verdict: Verdict[Explanation]) -> Verdict[Explanation]:
     """The verdict with the tilt that the accelerometer sees, where wrench and it agree."""
     t, tilted, claimed = a.prepared.testimony, _tilted(a), verdict.explanation
     if t is None or not tilted:
@@ -41,8 +41,8 @@ def with_accelerometer(a: Analysis, verdict: Verdict) -> Verdict:
     part = _part(a, joint)
     if present < SURE or part.share < LEAST:
         return verdict
-    cause = Cause((TILT,), present, part)
-    if verdict.causes and verdict.verdict not in (NONE, UNKNOWN):
+    cause = Cause(((TILT, None),), present, part)
+    if verdict.causes and verdict.word not in (NONE, UNKNOWN):
         both = (*verdict.causes, cause)
         return replace(verdict, causes=both, explanation=joint) if e is claimed else verdict
     total = sum(verdict.probabilities.values())
@@ -51,7 +51,7 @@ def with_accelerometer(a: Analysis, verdict: Verdict) -> Verdict:
     return Verdict("identified", (cause,), joint, {TILT: present} | others)
 
 
-def witnessed(a: Analysis, verdict: Verdict) -> tuple[str, ...]:
+def witnessed(a: Analysis, verdict: Verdict[Explanation]) -> tuple[str, ...]:
     """Claimed effects that the accelerometer measured too: the tilt, where it and wrench agree."""
     t, e = a.prepared.testimony, verdict.explanation
     if t is None or t.log_bayes <= 0.0 or TILT not in e.finalist.names:
@@ -59,7 +59,7 @@ def witnessed(a: Analysis, verdict: Verdict) -> tuple[str, ...]:
     return (TILT,) if agreement(a, e, t) >= DISAGREE else ()
 
 
-def sentences(a: Analysis, verdict: Verdict) -> tuple[str, ...]:
+def sentences(a: Analysis, verdict: Verdict[Explanation]) -> tuple[str, ...]:
     """Sentences on the tilt that the accelerometer measures, and its agreement with the wrench."""
     t = a.prepared.testimony
     if t is None:

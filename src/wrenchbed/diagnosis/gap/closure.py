@@ -9,12 +9,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import variables
-from wrenchbed.diagnosis.explain.claims import corrected
+from wrenchbed.diagnosis.explain.claims import Explanation, corrected
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis
+from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
 from wrenchbed.diagnosis.prepare.prepared import Prepared
+from wrenchbed.diagnosis.verdict import Verdict
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.twin.twin import Twin
@@ -65,68 +67,6 @@ def _ridge(x: np.ndarray, y: np.ndarray, fit: np.ndarray, stride: int, noise: fl
     prior, level = max(((p, v) for p in RIDGES for v in noise * NOISES), key=lambda t: evidence(*t))
     shrunk = (s * prior / (s**2 * prior + level))[:, None] * inside
     return np.asarray(x @ (vt.T @ shrunk))
-
-
-@dataclass(frozen=True)
-class Interval:
-    """An estimate with its 95 % interval, from blocks drawn anew."""
-
-    value: float
-    low: float
-    high: float
-
-
-@dataclass(frozen=True, eq=False)
-class Closure:
-    """Gaps on held-out rows (`docs/nomenclature.md`: 0 when only noise is left).
-
-    Attributes:
-        configured, floor: of the simulator as stated, and of noise alone.
-        calibrated: after bias, mass and CoG.
-        with_effects: with the claimed effects too.
-        closed: share of the gap that the effects close.
-        black_box: share that a flexible model of the residual closes.
-        rows: held-out rows.
-        folds: parts of the recording, each of which was held out once.
-        per_channel: gap per channel before and after.
-        members: gap that each cause closes, by name: what comes back without it.
-        in_sample: gap with the claimed effects on rows that the fit did see.
-        readings: (M, 6) of the scene's rows by simulator: ``calibrated``, ``with_effects``.
-    """
-
-    configured: float
-    calibrated: Interval
-    with_effects: Interval | None
-    floor: float
-    closed: Interval | None
-    black_box: float | None
-    rows: int
-    folds: int
-    per_channel: Mapping[str, Mapping[str, float]]
-    members: Mapping[str, Interval]
-    in_sample: float | None
-    readings: Mapping[str, np.ndarray]
-
-    @property
-    def excess(self) -> float:
-        """Calibrated gap beyond the noise floor."""
-        return self.calibrated.value - max(self.floor, 0.0)
-
-    @property
-    def channels(self) -> float:
-        """Calibrated gap where noise of a channel is taken to be its own, mean of all."""
-        return float(np.mean([c["before"] for c in self.per_channel.values()]))
-
-    @property
-    def shares(self) -> dict[str, float]:
-        """The closed share among the causes, by how much of the gap comes back without each.
-
-        Each lies within 0 … 1: noise may let a twin end below the floor, or add to the gap.
-        """
-        back = {k: max(m.value, 0.0) for k, m in self.members.items()}
-        total, closed = sum(back.values()), 0.0 if self.closed is None else self.closed.value
-        closed = min(1.0, max(0.0, closed))
-        return {k: closed * v / total if total > 0 else 0.0 for k, v in back.items()}
 
 
 def calibrated(a: Analysis) -> Twin:
@@ -305,3 +245,41 @@ class Bootstrap:
 
     def _sums(self, gaps: np.ndarray) -> np.ndarray:
         return np.bincount(self._at, gaps * self._weight, self._count)
+
+
+class Claims:
+    """Simulators with the causes of a verdict, and gaps on held-out rows; each is made once.
+
+    Args:
+        analysis: of the recording, or of the first of several.
+        seed: of the split into folds and of the bootstrap.
+    """
+
+    def __init__(self, analysis: Analysis, seed: int) -> None:
+        self.analysis = analysis
+        self._seed = seed
+        self._gaps: dict[tuple[int, tuple[str, ...]], tuple[object, Closure]] = {}
+
+    def gap(self, verdict: Verdict[Explanation]) -> Closure:
+        """Gaps on held-out rows with the causes of a verdict."""
+        key = (id(verdict.explanation), tuple(sorted(c.part.name for c in verdict.causes)))
+        if key not in self._gaps:
+            measured = measure(self.analysis, self.claimed(verdict), self._seed)
+            self._gaps[key] = verdict.explanation, measured  # kept, so that its id stays its own
+        return self._gaps[key][1]
+
+    def claimed(self, verdict: Verdict[Explanation]) -> Claimed | None:
+        """Simulator with the causes of a verdict, None if it has none."""
+        if not verdict.causes:
+            return None
+        f = verdict.explanation.finalist
+        keep = [c.part.index for c in verdict.causes if c.part.index is not None]
+        wrong = [c.names[0] for c in verdict.causes if c.part.index is None]
+        if len(keep) < len(f.effects):  # what is not claimed is fitted away
+            f, keep = self.analysis.refitter.keeping(f, keep), list(range(len(keep)))
+        return Claimed.of(self.analysis, f, keep, wrong)
+
+    def twin(self, verdict: Verdict[Explanation]) -> Twin:
+        """The better simulator: with the causes, or after the usual fit."""
+        claim = self.claimed(verdict)
+        return calibrated(self.analysis) if claim is None else claim.twin

@@ -10,16 +10,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from wrenchbed.diagnosis.decide import DOUBTFUL, MOST_RIVALS
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.search import SingleEvidence
 from wrenchbed.diagnosis.explain import tilt
+from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.explain.verdict import MOST_RIVALS, Verdict, widened
 from wrenchbed.diagnosis.gap.closure import Bootstrap, twin_of
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
-from wrenchbed.diagnosis.gap.upheld import DOUBTFUL
 from wrenchbed.diagnosis.prepare.configuration import STATED
+from wrenchbed.diagnosis.verdict import Verdict
 
 TRIED = 5
 """Number of rivals that are fitted, the likeliest first."""
@@ -31,21 +32,21 @@ APART = 0.5
 two causes and no rivals. Estimate."""
 
 
-def with_rivals(a: Analysis, verdict: Verdict, seed: int) -> Verdict:
-    """The verdict, its leading cause with all rivals that held-out rows leave it.
+def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str, ...]:
+    """Rivals of the leading cause that held-out rows leave it, best first.
 
     A cause that another sensor measured has none, nor has a number that the metadata states.
     """
     if not verdict.causes or verdict.causes[0].part.index is None:
-        return verdict
+        return ()
     lead = verdict.causes[0]
     if set(lead.names) & set(tilt.witnessed(a, verdict)):
-        return verdict
+        return ()
     more = [n for n in _as_good(a, verdict, seed) if n not in lead.names]
-    return widened(verdict, more[: 1 + MOST_RIVALS - len(lead.names)])
+    return tuple(more[: 1 + MOST_RIVALS - len(lead.names)])
 
 
-def _as_good(a: Analysis, verdict: Verdict, seed: int) -> tuple[str, ...]:
+def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str, ...]:
     """Names of effects that close as much as the leading cause in its place, best first."""
     f = verdict.explanation.finalist
     lead, *others = verdict.causes

@@ -7,10 +7,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchbed.diagnosis.explain.claims import Part
-from wrenchbed.diagnosis.explain.verdict import Cause, Verdict
-from wrenchbed.diagnosis.gap.closure import Interval
-from wrenchbed.diagnosis.gap.upheld import DOUBTFUL, REFUTED, small, surely, upheld, withdrawn
+from wrenchbed.diagnosis.decide import (
+    DOUBTFUL,
+    WITHDRAWN,
+    held_out,
+    partial,
+    size,
+    small,
+    surely,
+    withdrawn,
+)
+from wrenchbed.diagnosis.gap.gaps import Interval
+from wrenchbed.diagnosis.verdict import Cause, Part, Verdict
 
 TILT, GAIN, PULL = "base.tilt", "sensor.gain", "cable.pull"
 GAIN_OR_MASS = "sensor.gain|tool.mass"
@@ -38,10 +46,22 @@ def gap(members=None, closed=None, calibrated=LARGE, floor=0.0, channels=None):
     )
 
 
+def keys_of(names):
+    return tuple((n, None) for n in names)
+
+
+def upheld(verdict, measured, witnessed=()):
+    """The verdict after the rules of held-out rows."""
+    facts = SimpleNamespace(measure=lambda _: measured, witnessed=lambda _: witnessed)
+    for rule in (held_out, size, partial):
+        verdict = rule(facts, verdict, measured)
+    return verdict
+
+
 def claimed(*names, verdict="identified", lead=0.9, **others):
     """A verdict with these causes, each a name or a class "a|b"; the first leads."""
     of = [tuple(n.split("|")) for n in names]
-    causes = tuple(Cause(n, lead, Part(n[0], 2.0, index=k)) for k, n in enumerate(of))
+    causes = tuple(Cause(keys_of(n), lead, Part(n[0], 2.0, index=k)) for k, n in enumerate(of))
     rest = {"none": 0.0, "unknown": 1.0 - lead} | others
     return Verdict(verdict, causes, None, {names[0]: lead} | rest)
 
@@ -71,12 +91,12 @@ def names(verdict):
 def test_a_claim_stays_if_held_out_rows_show_it(members, closed, kept, verdict):
     claim = claimed(TILT)
     told = upheld(claim, gap(members, closed))
-    assert (told.verdict, names(told)) == (verdict, kept)
+    assert (told.word, names(told)) == (verdict, kept)
     if kept:
         assert (told.causes, told.probabilities) == (claim.causes, claim.probabilities)
     else:
-        assert told.probabilities[TILT] == pytest.approx(REFUTED * 0.9)
-        assert told.probabilities["unknown"] == pytest.approx(0.1 + (1.0 - REFUTED) * 0.9)
+        assert told.probabilities[TILT] == pytest.approx(WITHDRAWN * 0.9)
+        assert told.probabilities["unknown"] == pytest.approx(0.1 + (1.0 - WITHDRAWN) * 0.9)
 
 
 def test_a_claim_where_there_is_hardly_a_gap_becomes_none():
@@ -84,18 +104,18 @@ def test_a_claim_where_there_is_hardly_a_gap_becomes_none():
     assert not surely(Interval(0.5, 0.0, 2.0)) and not surely(Interval(0.49, 0.4, 0.6))
     assert not surely(None)
     told = upheld(claimed(TILT), gap({TILT: -0.2}, 0.1, calibrated=about(0.8)))
-    assert (told.verdict, told.causes) == ("none", ())
-    assert told.probabilities["none"] == pytest.approx((1.0 - REFUTED) * 0.9)
+    assert (told.word, told.causes) == ("none", ())
+    assert told.probabilities["none"] == pytest.approx((1.0 - WITHDRAWN) * 0.9)
     assert told.probabilities["unknown"] == pytest.approx(0.1)
 
 
 def test_only_what_is_refuted_goes_and_all_together_must_close_something():
     told = upheld(claimed(TILT, GAIN), gap({TILT: 4.0, GAIN: Interval(0.4, -1.0, 3.0)}, 0.7))
-    assert told.verdict == "identified" and names(told) == [TILT]
+    assert told.word == "identified" and names(told) == [TILT]
     assert told.probabilities == claimed(TILT, GAIN).probabilities
     # each stands in for the other: without one nothing is lost, and both close nothing
     both = upheld(claimed(TILT, GAIN), gap({TILT: 5.0, GAIN: 5.0}, Interval(0.2, -0.1, 0.4)))
-    assert (both.verdict, both.causes) == ("unknown", ())
+    assert (both.word, both.causes) == ("unknown", ())
 
 
 def test_a_cause_that_few_poses_show_is_doubtful_beside_a_sure_one():
@@ -105,7 +125,7 @@ def test_a_cause_that_few_poses_show_is_doubtful_beside_a_sure_one():
     assert [c.probability for c in rare.causes] == [0.3, 0.3]
     swapped = upheld(claimed(GAIN, TILT), gap({TILT: 4.0, GAIN: FEW}, 0.7))
     assert names(swapped) == [TILT, GAIN] and swapped.probabilities[TILT] == pytest.approx(0.9)
-    assert upheld(claimed(GAIN), gap({GAIN: FEW}, 0.7)).verdict == "unknown"
+    assert upheld(claimed(GAIN), gap({GAIN: FEW}, 0.7)).word == "unknown"
     # nor does it lead in the place of one that another sensor measured, which closes nothing here
     members = {TILT: Interval(0.0, 0.0, 0.0), PULL: Interval(1.0, 0.0, 1.0)}
     told = upheld(claimed(TILT, PULL), gap(members, 1.0), [TILT])
@@ -115,22 +135,22 @@ def test_a_cause_that_few_poses_show_is_doubtful_beside_a_sure_one():
 def test_where_a_cause_goes_the_next_one_leads_with_its_rivals():
     verdict = claimed(TILT, GAIN_OR_MASS, verdict="ambiguous", **{GAIN: 0.0})
     told = upheld(verdict, gap({TILT: 0.1, GAIN: 4.0}, 0.7))
-    assert told.verdict == "ambiguous" and names(told) == [GAIN]
+    assert told.word == "ambiguous" and names(told) == [GAIN]
     assert TILT not in told.probabilities
     assert told.probabilities[GAIN_OR_MASS] == pytest.approx(0.9)
     other = upheld(claimed(TILT, GAIN_OR_MASS, verdict="ambiguous"), gap({TILT: 4, GAIN: 0.1}, 0.7))
-    assert other.verdict == "identified" and names(other) == [TILT]
+    assert other.word == "identified" and names(other) == [TILT]
 
 
 def test_what_another_sensor_measured_stays_but_explains_no_gap():
     told = upheld(claimed(TILT), gap({TILT: -0.3}, -0.2), witnessed=(TILT,))
-    assert told.verdict == "partial" and names(told) == [TILT]
-    assert upheld(claimed(GAIN), gap({GAIN: -0.3}, -0.2), (TILT,)).verdict == "unknown"
+    assert told.word == "partial" and names(told) == [TILT]
+    assert upheld(claimed(GAIN), gap({GAIN: -0.3}, -0.2), (TILT,)).word == "unknown"
     both = upheld(claimed(GAIN, TILT), gap({GAIN: -0.3, TILT: 0.0}, -0.2), (TILT,))
     assert names(both) == [TILT]
     either = claimed("cable.pull|base.tilt", verdict="ambiguous")
     told = upheld(either, gap({PULL: -0.3}, -0.2), (TILT,))
-    assert told.verdict == "partial" and names(told) == [PULL]
+    assert told.word == "partial" and names(told) == [PULL]
 
 
 @pytest.mark.parametrize(
@@ -147,11 +167,11 @@ def test_what_another_sensor_measured_stays_but_explains_no_gap():
 def test_none_needs_a_small_gap_and_unknown_a_gap(said, none, calibrated, floor, becomes):
     verdict = without(said, none)
     told = upheld(verdict, gap(calibrated=calibrated, floor=floor))
-    assert told.verdict == becomes
+    assert told.word == becomes
     if said == becomes:
         assert told is verdict
     else:
-        expected = REFUTED * verdict.probabilities[said]
+        expected = WITHDRAWN * verdict.probabilities[said]
         assert told.probabilities[said] == pytest.approx(expected)
 
 
@@ -204,7 +224,7 @@ def verdicts(draw):
     keys = [*classes[:1], *others, "none", "unknown"]
     weight = [draw(PROBABILITY) for _ in keys]
     each = [(tuple(c.split("|")), draw(PROBABILITY)) for c in classes]
-    causes = tuple(Cause(n, p, Part(n[0], 2.0, index=k)) for k, (n, p) in enumerate(each))
+    causes = tuple(Cause(keys_of(n), p, Part(n[0], 2.0, index=k)) for k, (n, p) in enumerate(each))
     kind = "identified" if classes else draw(st.sampled_from(("none", "unknown")))
     if any("|" in c for c in classes):
         kind = "ambiguous"
@@ -226,10 +246,10 @@ def test_whatever_is_refuted_probabilities_sum_to_1_and_nothing_is_claimed_that_
     for c in told.causes:
         sure = surely(measured.members[c.names[0]]) or set(c.names) & set(witnessed)
         assert sure or (c.probability <= DOUBTFUL and c is not told.causes[0])
-    assert bool(told.causes) == (told.verdict in ("identified", "ambiguous", "partial"))
+    assert bool(told.causes) == (told.word in ("identified", "ambiguous", "partial"))
     if told.causes:
         assert "|".join(told.causes[0].names) in told.probabilities
-    if told.verdict == "none":
+    if told.word == "none":
         assert small(measured) or measured.calibrated.high - max(measured.floor, 0.0) < 1.0
     # once more changes no cause, so measuring again with what remains comes to an end
     assert upheld(told, measured, witnessed).causes == told.causes

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from linear_case import Named
-from wrenchbed.diagnosis.explain.claims import Explanation, Part
+from wrenchbed.diagnosis.decide import leading, reliable
+from wrenchbed.diagnosis.explain.claims import Explanation, allowed, complete
+from wrenchbed.diagnosis.explain.options import facts_of
 from wrenchbed.diagnosis.explain.structures import Ranking
-from wrenchbed.diagnosis.explain.verdict import Cause, Verdict, allowed, complete, decide, tempered
+from wrenchbed.diagnosis.verdict import Cause, Part, Verdict
 
 TILT, PULL, GAIN, OFFSET = "base.tilt", "cable.pull", "sensor.gain", "joint.offset"
 
@@ -25,9 +27,10 @@ def explanation(weight, *named, rest=0.0, shares=None, twins=(), probability=1.0
     return Explanation(finalist, parts, rest)
 
 
-def decided(*explanations, unknown=1e-9, mixed=1e-12, gap=4.0, votes=()):
+def decided(*explanations, unknown=1e-9, mixed=1e-12, gap=4.0, votes=(), without=()):
     ranked = tuple(sorted(explanations, key=lambda e: -e.log_posterior))
-    return decide(Ranking(ranked, float(np.log(unknown)), float(np.log(mixed)), "time", gap, votes))
+    ranking = Ranking(ranked, float(np.log(unknown)), float(np.log(mixed)), "time", gap, votes)
+    return leading(facts_of(ranking, None, None), without)
 
 
 def names(verdict):
@@ -48,7 +51,7 @@ def test_what_an_explanation_may_leave_is_imperfections_and_what_its_forms_miss(
 def test_probabilities_are_weights_and_rivals_share_a_class():
     told = [explanation(0.6, TILT), explanation(0.2, PULL), explanation(0.15)]
     verdict = decided(*told, unknown=0.05)
-    assert (verdict.verdict, names(verdict)) == ("ambiguous", [(TILT, PULL)])
+    assert (verdict.word, names(verdict)) == ("ambiguous", [(TILT, PULL)])
     assert verdict.causes[0].probability == pytest.approx(0.8)
     assert verdict.explanation is told[0]
     expected = {f"{TILT}|{PULL}": 0.8, "none": 0.15, "unknown": 0.05}
@@ -59,7 +62,7 @@ def test_probabilities_are_weights_and_rivals_share_a_class():
 def test_a_rival_has_a_fiftieth_of_its_class_with_odds_halved_in_logarithm(fraction, rivals):
     odds = (fraction / (1.0 - fraction)) ** 2
     found = decided(explanation(1.0, TILT), explanation(odds, PULL), unknown=1e-6)
-    assert found.verdict == ("ambiguous" if rivals else "identified")
+    assert found.word == ("ambiguous" if rivals else "identified")
     assert names(found) == [(TILT, PULL) if rivals else (TILT,)]
     shares = (1.0 - fraction, fraction) if rivals else (1.0,)
     assert found.causes[0].shares == pytest.approx(shares, rel=1e-3)
@@ -73,9 +76,9 @@ def test_every_part_that_counts_is_a_cause_with_rivals_of_its_own():
     verdict = decided(first, in_the_place_of_the_pull, explanation(0.1, TILT, PULL))
     assert names(verdict) == [(TILT,), (PULL, OFFSET), (GAIN,)]
     assert [c.probability for c in verdict.causes] == pytest.approx([1.0, 1.0, 0.9])
-    assert verdict.verdict == "ambiguous"
+    assert verdict.word == "ambiguous"
     alone = decided(first)
-    assert (alone.verdict, names(alone)) == ("identified", [(TILT,), (PULL,), (GAIN,)])
+    assert (alone.word, names(alone)) == ("identified", [(TILT,), (PULL,), (GAIN,)])
 
 
 def test_an_explanation_that_says_more_is_no_rival_and_adds_to_what_leads_it():
@@ -96,16 +99,16 @@ def test_an_explanation_that_says_more_is_no_rival_and_adds_to_what_leads_it():
 )
 def test_only_what_no_data_could_tell_apart_is_identified_with_a_rival(pair, verdict):
     found = decided(explanation(0.6, pair[0]), explanation(0.4, pair[1]))
-    assert (found.verdict, names(found)) == (verdict, [pair])
+    assert (found.word, names(found)) == (verdict, [pair])
 
 
 @pytest.mark.parametrize(("gap", "verdict"), [(0.7, "none"), (0.8, "unknown")])
 def test_a_small_gap_is_nothing_unknown(gap, verdict):
     found = decided(explanation(0.1), unknown=0.9, gap=gap)
-    assert found.verdict == verdict
+    assert found.word == verdict
     assert found.probabilities["unknown"] == pytest.approx(0.0 if gap < 0.75 else 0.9)
     claimed = decided(explanation(0.3), explanation(0.1, TILT), unknown=0.6, gap=gap)
-    assert claimed.verdict == verdict and not claimed.causes
+    assert claimed.word == verdict and not claimed.causes
 
 
 def test_what_leaves_too_much_competes_with_something_unknown():
@@ -113,21 +116,21 @@ def test_what_leaves_too_much_competes_with_something_unknown():
     likely = np.exp(3.0) / (1.0 + np.exp(3.0))
     found = decided(left)
     assert found.probabilities["unknown"] == pytest.approx(likely, rel=1e-6)
-    assert (found.verdict, found.causes, found.explanation) == ("unknown", (), left)
+    assert (found.word, found.causes, found.explanation) == ("unknown", (), left)
     beside = decided(left, mixed=100.0)
     assert beside.probabilities["unknown"] == pytest.approx(100.0 / 101.0, rel=1e-6)
-    assert decided(explanation(1.0, TILT)).verdict == "identified"
+    assert decided(explanation(1.0, TILT)).word == "identified"
 
 
 @pytest.mark.parametrize(("rivals", "verdict"), [(4, "ambiguous"), (5, "unknown")])
 def test_more_than_four_rivals_are_no_answer(rivals, verdict):
     told = [explanation(0.5, TILT), *(explanation(0.05, f"a.{k}") for k in range(rivals))]
-    assert decided(*told).verdict == verdict
+    assert decided(*told).word == verdict
 
 
 def test_a_twin_is_a_rival_whatever_its_evidence():
     verdict = decided(explanation(1.0, TILT, PULL, twins=(GAIN, PULL)))
-    assert (verdict.verdict, names(verdict)) == ("ambiguous", [(TILT, GAIN), (PULL,)])
+    assert (verdict.word, names(verdict)) == ("ambiguous", [(TILT, GAIN), (PULL,)])
 
 
 @pytest.mark.parametrize(("ahead", "named"), [(3.5, [(TILT, PULL)]), (2.5, [(TILT,)])])
@@ -139,12 +142,12 @@ def test_who_foretells_blocks_clearly_better_is_a_rival(ahead, named):
 
 def test_the_most_probable_of_none_unknown_and_claims_is_the_verdict():
     none = decided(explanation(0.5), explanation(0.4, TILT), unknown=0.1)
-    assert (none.verdict, none.causes, none.explanation.parts) == ("none", (), ())
+    assert (none.word, none.causes, none.explanation.parts) == ("none", (), ())
     unknown = decided(explanation(0.1), explanation(0.4, TILT), unknown=0.5)
-    assert (unknown.verdict, unknown.causes) == ("unknown", ())
+    assert (unknown.word, unknown.causes) == ("unknown", ())
     assert unknown.explanation.names == {TILT}
     claim = decided(explanation(0.3), explanation(0.4, TILT), unknown=0.3)
-    assert (claim.verdict, names(claim)) == ("identified", [(TILT,)])
+    assert (claim.word, names(claim)) == ("identified", [(TILT,)])
     number = decided(explanation(0.9, "tool.mass", probability=0.6), explanation(0.1))
     assert number.causes[0].probability == pytest.approx(0.54)  # as sure as its part
 
@@ -162,9 +165,11 @@ def test_the_most_probable_of_none_unknown_and_claims_is_the_verdict():
 def test_doubt_goes_to_unknown_and_about_unknown_to_all_others(verdict, before, right, after):
     given = {k: p for k, p in zip((TILT, "none", "unknown"), before, strict=True) if p}
     claims = verdict not in ("none", "unknown")
-    causes = (Cause((TILT,), 1.0, part=None),) if claims else ()
-    told = tempered(Verdict("identified" if claims else verdict, causes, None, given), right)
-    assert told.verdict == verdict.partition(" ")[0]
+    causes = (Cause(((TILT, None),), 1.0, part=None),) if claims else ()
+    facts = SimpleNamespace(right=lambda *_: right, witnessed=lambda _: ())
+    said = Verdict("identified" if claims else verdict, causes, None, given)
+    told = reliable(facts, said, None)
+    assert told.word == verdict.partition(" ")[0]
     assert [c.probability for c in told.causes] == pytest.approx([right] * (right > 0.5) * claims)
     assert {TILT: 0.0} | dict(told.probabilities) == pytest.approx(
         dict(zip((TILT, "none", "unknown"), after, strict=True))

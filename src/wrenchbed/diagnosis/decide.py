@@ -1,0 +1,468 @@
+"""The decision: what may be said of a recording. Nothing else makes or changes a verdict.
+
+`decide` is a pure function of what the evidence says of every structure of causes, of gaps on rows
+that no fit saw, and of how often such claims were right. Its rules stand in `RULES`, in the order
+in which they act. What each of them changes is measured by ``scripts/ablations`` and stands in
+``docs/explanation/decision.md``.
+"""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Generic, Protocol
+
+import numpy as np
+
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.explain.elements import Elements
+from wrenchbed.diagnosis.gap.gaps import Closure, Interval
+from wrenchbed.diagnosis.verdict import Cause, Key, Option, Part, S, Verdict
+
+PARTIAL = "partial"
+LARGEST_NONE = 1.0
+"""Calibrated gap beyond the noise up to which there may be no cause: the contract's."""
+LEAST = 0.5
+"""Gap that a cause must close at least: below it small imperfections are none (the contract's)."""
+HARDLY = 0.75
+"""Upper end of a gap beyond the noise below which nothing unknown is there: a cause needs as much
+by evidence."""
+MOST = 0.5
+"""Share of the gap from which causes explain most of it: the word ``partial`` of the contract."""
+DOUBTFUL = 0.5
+"""Largest probability of a cause beside a sure one whose interval holds 0: few poses show it."""
+WITHDRAWN = 0.05
+"""Share of a withdrawn answer's probability that it keeps, so that none is impossible; estimate."""
+MOST_RIVALS = 4
+"""Most rivals of a named cause: a reader who gets more than five candidates learns nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Decision(Generic[S]):
+    """A verdict with what it rests on.
+
+    Attributes:
+        verdict: final.
+        upheld: what held-out rows leave, before the reliability of such claims is weighed in.
+        gap: on held-out rows, with the causes of ``verdict``.
+    """
+
+    verdict: Verdict[S]
+    upheld: Verdict[S]
+    gap: Closure
+
+    @property
+    def settled(self) -> bool:
+        """Whether held-out rows uphold an answer that leaves no cause open."""
+        return self.verdict.word in (NONE, "identified", "ambiguous")
+
+    @property
+    def rest(self) -> float:
+        """Gap above the noise floor that the answer leaves on held-out rows."""
+        return (self.gap.with_effects or self.gap.calibrated).value - max(self.gap.floor, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Facts(Generic[S]):
+    """All that a decision rests on.
+
+    Attributes:
+        options: structures that may explain the recording, best first.
+        unknown: probability of something that no effect of the library makes.
+        measure: gaps on held-out rows with the causes of a verdict.
+        right: fraction of such verdicts that are right.
+        doubt: factor by which the evidence overstates log odds.
+        rival: share of a class from which another effect is a rival: below, the evidence does not
+            resolve it.
+        ahead: log score by which a structure predicts left-out blocks better than the claim, from
+            which its cause is a rival whatever the evidence.
+        least: probability that every cause needs: more where few rows are left to tell causes
+            apart.
+        own_rest: whether what no effect explains counts as noise: without a cause it is unknown.
+        testify: the verdict with what another sensor measured.
+        witnessed: names of claimed effects that this sensor measured too.
+    """
+
+    options: Sequence[Option[S]]
+    unknown: float
+    measure: Callable[[Verdict[S]], Closure]
+    right: Callable[[Verdict[S], Closure], float]
+    doubt: float
+    rival: float
+    ahead: float
+    least: float = 0.0
+    own_rest: bool = False
+    testify: Callable[[Verdict[S]], Verdict[S]] = lambda verdict: verdict
+    witnessed: Callable[[Verdict[S]], Collection[str]] = lambda _: ()
+
+
+class Finding(Protocol):
+    """An effect that is found outside of the structures."""
+
+    @property
+    def effect(self) -> str:
+        """Name of the effect."""
+        ...
+
+    @property
+    def probability(self) -> float:
+        """Probability that it is present and counts."""
+        ...
+
+
+Rule = Callable[[Facts[S], Verdict[S], Closure], Verdict[S]]
+
+
+def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
+    """What may be said: a word, causes with their rivals, and probabilities.
+
+    Args:
+        facts: of the recording.
+        without: names of rules that do not act, to measure what they change.
+    """
+    verdict = facts.testify(leading(facts, without))
+    gap = facts.measure(verdict)
+    upheld = verdict
+    for name, rule in RULES.items():
+        if name in without:
+            continue
+        parts = [c.part for c in verdict.causes]
+        verdict = rule(facts, verdict, gap)
+        if [c.part for c in verdict.causes] != parts:
+            gap = facts.measure(verdict)
+        upheld = verdict if name in _OF_HELD_OUT else upheld
+    return Decision(verdict, upheld, gap)
+
+
+def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
+    """The most probable of none, something unknown and the leading class of causes, by evidence.
+
+    Structures that claim the same are one claim. An effect that explains the recording in a
+    cause's place is a rival of that cause (rule ``rivals``), and so is one whose structure predicts
+    left-out blocks clearly better (rule ``ahead``).
+    """
+    mass: dict[frozenset[Key], float] = {}
+    first: dict[frozenset[Key], Option[S]] = {}
+    leads: dict[str, float] = {}
+    for o in facts.options:
+        mass[o.keys] = mass.get(o.keys, 0.0) + o.probability
+        first.setdefault(o.keys, o)
+        if o.parts:
+            leads[o.parts[0].name] = leads.get(o.parts[0].name, 0.0) + o.probability
+    others = {NONE: mass.pop(frozenset(), 0.0), UNKNOWN: facts.unknown}
+    if not mass:
+        word = max(others, key=lambda n: others[n])
+        return _unknown_rest(facts, Verdict(word, (), facts.options[0].explanation, others))
+    claim = first[max(mass, key=lambda keys: mass[keys])]
+    causes = tuple(_cause(facts, mass, claim, part, without) for part in claim.parts)
+    names = causes[0].names
+    probability = {"|".join(names): sum(leads.get(n, 0.0) for n in names)}
+    probability |= {n: p for n, p in leads.items() if n not in names} | others
+    lead = causes[0].probability
+    if others[NONE] >= max(others[UNKNOWN], lead):
+        verdict = Verdict(NONE, (), facts.options[0].explanation, probability)
+        return _unknown_rest(facts, verdict)
+    if others[UNKNOWN] >= lead or len(names) > 1 + MOST_RIVALS:
+        return _unknown_rest(facts, Verdict(UNKNOWN, (), claim.explanation, probability))
+    return Verdict(_word(causes), causes, claim.explanation, probability)
+
+
+def _unknown_rest(facts: Facts[S], verdict: Verdict[S]) -> Verdict[S]:
+    """A verdict without causes; where a rest counts as noise, ``none`` is something unknown."""
+    if not facts.own_rest:
+        return verdict
+    probability = dict(verdict.probabilities)
+    probability[UNKNOWN] += probability[NONE]
+    return replace(verdict, word=UNKNOWN, probabilities=probability | {NONE: 0.0})
+
+
+def _cause(
+    facts: Facts[S], mass: Mapping[frozenset[Key], float], claim: Option[S], part: Part,
+    without: Collection[str],
+) -> Cause:  # fmt: skip
+    """One part of the claimed structure with its rivals."""
+    beside = claim.keys - {part.key}
+    score = {part.key: 0.0} | {(n, None): CONTRIVED for n in part.imitators}
+    score |= {(n, None): 1.0 for n in part.twins}
+    score = {key: weight for key, weight in score.items() if key not in beside}
+    for keys, p in mass.items():
+        if "rivals" not in without and beside <= keys and len(keys - beside) == 1:
+            (key,) = keys - beside
+            score[key] = max(score.get(key, 0.0), p ** (1.0 / facts.doubt))
+    for o in facts.options if "ahead" not in without else ():
+        if o.vote is None or claim.vote is None or o.vote <= claim.vote + facts.ahead:
+            continue
+        score |= {key: 1.0 for key in o.keys - beside if len(o.keys - beside) == 1}
+    total = max(sum(score.values()), 1e-300)
+    rivals = sorted((k for k in score if k != part.key), key=lambda k: -score[k])
+    members = (part.key, *(k for k in rivals if score[k] > facts.rival * total))
+    present = sum(p for keys, p in mass.items() if keys & set(members))
+    within = np.array([score[k] for k in members])
+    shares = tuple((within / max(float(within.sum()), 1e-300)).tolist())
+    return Cause(members, min(present, 1.0) * part.probability, part, shares)
+
+
+def _word(causes: Iterable[Cause]) -> str:
+    """The word for claimed causes: ambiguous where one has a rival that other data separates."""
+    return "identified" if all(c.plain for c in causes) else "ambiguous"
+
+
+def small(gap: Closure) -> bool:
+    """Whether the gap is so small that there may be no cause.
+
+    This holds for the mean gap of single channels, as the analysis weighs it, since imperfections
+    do not share the correlation of the noise, and for the lower end of the gap's interval.
+    """
+    floor = max(gap.floor, 0.0)
+    return max(gap.channels, gap.calibrated.low) - floor <= LARGEST_NONE
+
+
+def closes(member: Interval | None) -> bool:
+    """Whether a cause closes at least `LEAST` of the gap on held-out rows."""
+    return member is not None and member.value >= LEAST
+
+
+def surely(member: Interval | None) -> bool:
+    """Whether a cause closes at least `LEAST` and its interval lies above zero."""
+    return member is not None and closes(member) and member.low > 0.0
+
+
+def held_out(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
+    """Held-out rows have the last word: each cause must close a part of the gap on rows that no
+    fit saw. Of what remains, the one that closes most leads.
+
+    A cause whose interval holds zero beside a sure one is doubtful: few poses show it. A wrong
+    stated number closes nothing after the fit, which takes it; its own gap decides.
+    """
+    while verdict.causes:
+        shown = _shown(verdict, gap, facts.witnessed(verdict))
+        if not shown:
+            return withdrawn(verdict, NONE if small(gap) else UNKNOWN)
+        fewer = len(shown) < len(verdict.causes)
+        verdict = only(verdict, shown)
+        if not fewer:
+            break
+        gap = facts.measure(verdict)
+    return verdict
+
+
+def _shown(verdict: Verdict[S], gap: Closure, seen: Collection[str]) -> tuple[Cause, ...]:
+    """Causes that held-out rows show, largest first; a doubtful one after all sure ones."""
+    together = gap.closed is not None and gap.closed.low > 0.0
+    members = {c.part.label: gap.members.get(c.part.label) for c in verdict.causes}
+    back = {n: 0.0 if m is None else max(m.value, 0.0) for n, m in members.items()}
+
+    def sure(c: Cause) -> bool:
+        shown = (together or c.part.index is None) and surely(members[c.part.label])
+        return bool(set(c.names) & set(seen)) or shown
+
+    in_order = sorted(verdict.causes, key=lambda c: -back[c.part.label])
+    certain = [c for c in in_order if sure(c)]
+    if not certain or not together:
+        return tuple(certain)
+    doubtful = [c for c in in_order if not sure(c) and closes(members[c.part.label])]
+    capped = (replace(c, probability=min(c.probability, DOUBTFUL)) for c in doubtful)
+    return (*certain, *capped)
+
+
+def size(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
+    """``none`` needs a small gap, something unknown a gap."""
+    if verdict.word == NONE and not small(gap):
+        return withdrawn(verdict, UNKNOWN)
+    hardly = gap.calibrated.high - max(gap.floor, 0.0) < HARDLY and small(gap)
+    return withdrawn(verdict, NONE) if verdict.word == UNKNOWN and hardly else verdict
+
+
+def partial(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
+    """Causes that close less than half of the gap are a part of the answer."""
+    most = gap.closed is not None and gap.closed.low > 0.0 and gap.closed.value >= MOST
+    return replace(verdict, word=PARTIAL) if verdict.causes and not most else verdict
+
+
+def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
+    """Probabilities are how often such answers are right; a claim that is more likely wrong goes.
+
+    What is taken from the leading answer goes to ``unknown``, from that to all others alike.
+    """
+    seen = set(facts.witnessed(verdict))
+    if seen and (not verdict.causes or seen & set(verdict.causes[0].names)):
+        return verdict
+    right = facts.right(verdict, gap)
+    probability = dict(verdict.probabilities)
+    lead = "|".join(verdict.causes[0].names) if verdict.causes else verdict.word
+    spare = probability[lead] * (1.0 - right)
+    probability[lead] -= spare
+    others = [UNKNOWN] if lead != UNKNOWN else [n for n in probability if n != UNKNOWN] or [NONE]
+    for name in others:
+        probability[name] = probability.get(name, 0.0) + spare / len(others)
+    causes = tuple(
+        c if seen & set(c.names) else replace(c, probability=c.probability * right)
+        for c in verdict.causes
+    )
+    if causes and probability[lead] <= probability[UNKNOWN]:
+        return replace(verdict, word=UNKNOWN, causes=(), probabilities=probability)
+    return replace(verdict, causes=causes, probabilities=probability)
+
+
+def probable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
+    """Beside a contact only probable causes stand: few rows are left to separate them."""
+    kept = tuple(c for c in verdict.causes if c.probability >= facts.least)
+    if len(kept) == len(verdict.causes):
+        return verdict
+    return only(verdict, kept) if kept else withdrawn(verdict, UNKNOWN)
+
+
+RULES: Mapping[str, Rule[Any]] = {
+    "held out": held_out,
+    "size": size,
+    "partial": partial,
+    "reliability": reliable,
+    "contact": probable,
+}
+"""Rules between `leading`, whose own are ``rivals`` and ``ahead``, and `conclude`, in the order in
+which they act."""
+CONTRIVED = 0.05
+"""Least weight, beside 1, of an effect that makes a cause's readings with numbers that happen to
+fit: evidence against it is as good as what is taken for its likely sizes. Estimate."""
+_OF_HELD_OUT = ("held out", "size", "partial")
+
+
+def beside_own_rest(
+    first: Decision[S],
+    again: Callable[[], Decision[S]],
+    rivals: Callable[[Verdict[S]], Sequence[str]],
+    changing: Callable[[Verdict[S], Collection[str]], str],
+) -> tuple[Decision[S], str]:
+    """A real robot leaves a rest that no effect explains: the decision beside it, and a sentence on
+    what comes nearest and yet cannot be it.
+
+    Evidence takes the rest for white noise, so rivals are what held-out rows do not tell from the
+    leading cause. What is named only once the rest counts as noise must have one size throughout.
+
+    Args:
+        first: decision without regard to the rest.
+        again: the decision with the rest as noise.
+        rivals: effects that close as much as the leading cause on held-out rows.
+        changing: a sentence on one of some causes whose size changes; empty if none does.
+    """
+    if first.settled:
+        return replace(first, verdict=widened(first.verdict, rivals(first.verdict))), ""
+    second = again()
+    before, now = ({c.part.name for c in d.verdict.causes} for d in (first, second))
+    if now <= before:
+        return first, ""
+    if sentence := changing(second.verdict, now - before):
+        return first, sentence
+    return replace(second, verdict=widened(second.verdict, rivals(second.verdict))), ""
+
+
+def conclude(
+    decision: Decision[S],
+    elements: Sequence[Mapping[str, Elements]],
+    signs: Sequence[str] = (),
+    between: Sequence[Finding] = (),
+) -> Verdict[S]:
+    """The last word, with what only shows beside the means of readings.
+
+    Args:
+        decision: on the means.
+        elements: joints, links or axes that explain as well as the claimed one, by cause.
+        signs: of trouble that ordinary noise does not show: with one of them nothing is ``none``.
+        between: effects that show between rows only, surest first.
+    """
+    verdict = decision.verdict
+    if signs and verdict.word == NONE:
+        verdict = withdrawn(verdict, UNKNOWN)
+    both = zip(verdict.causes, elements, strict=True)
+    causes = tuple(replace(c, elements=e) for c, e in both)
+    word = _word(causes) if causes and verdict.word != PARTIAL else verdict.word
+    probability = dict(verdict.probabilities)
+    if between and not causes:
+        word = "identified" if word == NONE else word
+        spare = probability.get(NONE, 0.0) * between[0].probability
+        probability[NONE] = probability.get(NONE, 0.0) - spare
+        probability[between[0].effect] = probability.get(between[0].effect, 0.0) + spare
+    total = sum(probability.values())
+    probability = {k: v / total for k, v in probability.items()}
+    for lead in causes[:1]:  # it leads no more often than it is there
+        name = "|".join(lead.names)
+        more = max(probability.get(name, 0.0) - lead.probability, 0.0)
+        probability[name] = probability.get(name, 0.0) - more
+        probability[UNKNOWN] = probability.get(UNKNOWN, 0.0) + more
+    return replace(verdict, word=word, causes=causes, probabilities=probability)
+
+
+def beside_contact(
+    verdict: Verdict[S], name: str, probability: float, gap: Closure, *, at_a_point: bool
+) -> Verdict[S]:
+    """The verdict with a contact, of which all other rows are free.
+
+    A force that acts at no one point is something unknown, and then nothing else can be told.
+
+    Args:
+        verdict: on the rows that nothing touched.
+        name: of the effect that the contact is.
+        probability: that there is one.
+        gap: on held-out rows.
+        at_a_point: whether its force acts at one point.
+    """
+    if not at_a_point:
+        return replace(verdict, word=UNKNOWN, causes=(), probabilities={UNKNOWN: 1.0})
+    word = "identified" if verdict.word in (NONE, UNKNOWN) else verdict.word
+    if verdict.word == UNKNOWN and not small(gap):
+        word = PARTIAL
+    rest = {k: (1.0 - probability) * v for k, v in verdict.probabilities.items()}
+    return replace(verdict, word=word, probabilities={name: probability} | rest)
+
+
+def withdrawn(verdict: Verdict[S], instead: str) -> Verdict[S]:
+    """The verdict without its answer, of which a little probability remains.
+
+    Where causes give way to `unknown` there is a gap, so that `none` falls with them; where an
+    unknown gap gives way to `none`, so do all causes of one.
+    """
+    probability = {NONE: 0.0, UNKNOWN: 0.0} | dict(verdict.probabilities)
+    fallen = {NONE} if verdict.word == NONE else set(probability) - {instead}
+    if verdict.causes and instead == NONE:
+        fallen -= {UNKNOWN}
+    probability[instead] += (1.0 - WITHDRAWN) * sum(probability[n] for n in fallen)
+    probability |= {n: WITHDRAWN * probability[n] for n in fallen}
+    return replace(verdict, word=instead, causes=(), probabilities=probability)
+
+
+def only(verdict: Verdict[S], kept: tuple[Cause, ...]) -> Verdict[S]:
+    """The verdict with some of its causes, the probability of the leading one with the first.
+
+    That one leads with no more than the probability that it is there; the rest is unknown.
+    """
+    probability = dict(verdict.probabilities)
+    before, now = ("|".join(c[0].names) for c in (verdict.causes, kept))
+    if before != now:
+        together = probability.get(now, 0.0) + probability.pop(before, 0.0)
+        probability[now] = min(together, kept[0].probability)
+        probability[UNKNOWN] = probability.get(UNKNOWN, 0.0) + together - probability[now]
+    return replace(verdict, word=_word(kept), causes=kept, probabilities=probability)
+
+
+def widened(verdict: Verdict[S], rivals: Sequence[str]) -> Verdict[S]:
+    """The verdict with more rivals of its leading cause; of too many nothing is claimed."""
+    if not verdict.causes:
+        return verdict
+    lead, *others = verdict.causes
+    more = [n for n in rivals if n not in lead.names]
+    if not more:
+        return verdict
+    keys = (*lead.keys, *((n, None) for n in more))
+    probability = dict(verdict.probabilities)
+    key = "|".join((*lead.names, *more))
+    probability[key] = probability.pop("|".join(lead.names), lead.probability)
+    probability[key] += sum(probability.pop(n, 0.0) for n in more)
+    if len(keys) > 1 + MOST_RIVALS:
+        return replace(verdict, word=UNKNOWN, causes=(), probabilities=probability)
+    shares = lead.shares or (1.0,) * len(lead.keys)
+    each = np.array([*shares, *(min(shares) for _ in more)])
+    wider = replace(
+        lead, keys=keys, shares=tuple((each / each.sum()).tolist()),
+        probability=max(lead.probability, probability[key]),
+    )  # fmt: skip
+    causes = (wider, *others)
+    word = _word(causes) if verdict.word != PARTIAL else PARTIAL
+    return replace(verdict, word=word, causes=causes, probabilities=probability)
