@@ -75,7 +75,7 @@ def test_effects_that_look_the_same_are_rivals_and_those_that_do_not_are_none():
     assert same.word == "ambiguous"
     assert [set(c) for c in causes(same)] == [set(pair)]
     _, other = diagnosed({"joint.offset": 3.0}, alike={pair: 0.9})
-    assert (other.verdict, causes(other)) == ("identified", [("joint.offset",)])
+    assert (other.word, causes(other)) == ("identified", [("joint.offset",)])
 
 
 @pytest.mark.parametrize(

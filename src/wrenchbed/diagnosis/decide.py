@@ -33,6 +33,11 @@ WITHDRAWN = 0.05
 """Share of a withdrawn answer's probability that it keeps, so that none is impossible; estimate."""
 MOST_RIVALS = 4
 """Most rivals of a named cause: a reader who gets more than five candidates learns nothing."""
+CONTRIVED = 0.05
+"""Least weight, beside 1, of an effect that makes a cause's readings with numbers that happen to
+fit: evidence against it is as good as what is taken for its likely sizes. Estimate."""
+_OF_HELD_OUT = ("held out", "size", "partial")
+"""Rules after which a verdict is what held-out rows uphold."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,10 +324,6 @@ RULES: Mapping[str, Rule[Any]] = {
 }
 """Rules between `leading`, whose own are ``rivals`` and ``ahead``, and `conclude`, in the order in
 which they act."""
-CONTRIVED = 0.05
-"""Least weight, beside 1, of an effect that makes a cause's readings with numbers that happen to
-fit: evidence against it is as good as what is taken for its likely sizes. Estimate."""
-_OF_HELD_OUT = ("held out", "size", "partial")
 
 
 def beside_own_rest(

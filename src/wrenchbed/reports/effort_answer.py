@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+from wrenchbed.diagnosis.decide import LEAST
 from wrenchbed.diagnosis.efforts.answer import place as place_of
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.diagnosis.efforts.names import title
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.elements import listed
-from wrenchbed.diagnosis.gap.upheld import LEAST
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import Answer
 from wrenchbed.reports.claim import Claim, claim
