@@ -152,10 +152,10 @@ def test_the_command_line_takes_several(two, capsys):
 
 def test_what_the_second_recording_settles_is_said():
     cause = SimpleNamespace(names=(TILT, PULL), probability=0.9, shares=(0.5, 0.5))
-    alone = SimpleNamespace(verdict=SimpleNamespace(causes=(cause,)))
+    alone = SimpleNamespace(causes=(cause,))
     now = SimpleNamespace(names=(TILT,), probability=0.97)
-    both = SimpleNamespace(verdict=SimpleNamespace(causes=(now,)))
+    both = SimpleNamespace(causes=(now,))
     (text,) = settles(alone, both, ["a.parquet", "b.parquet"])
     assert text == "b.parquet tells base.tilt from cable.pull: probability 0.45 → 0.97"
-    still = SimpleNamespace(verdict=SimpleNamespace(causes=(cause,)))
+    still = SimpleNamespace(causes=(cause,))
     assert settles(alone, still, ["a.parquet", "b.parquet"]) == []

@@ -22,7 +22,6 @@ from wrenchbed.diagnosis.diagnose import (
     Examined,
     Findings,
     Progress,
-    Weighed,
     examine,
     findings_of,
     settle,
@@ -39,7 +38,7 @@ from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import AT_ONCE, MINOR, NEGLIGIBLE, Analysis, Ranking
 from wrenchbed.diagnosis.next.isolability import listed
 from wrenchbed.diagnosis.prepare.prepared import Material
-from wrenchbed.diagnosis.verdict import Part
+from wrenchbed.diagnosis.verdict import Part, Verdict
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.workers import one_thread
 
@@ -102,7 +101,7 @@ def diagnose_several(
         for entry in of_one
     ]
     notes = (
-        *settles(first.weighed, settled, names),
+        *settles(first.weighed.decision.verdict, settled.decision.verdict, names),
         *(n for n in d.notes if n not in own),
         *prefixed,
         f"the twin has the tool of {names[0]}, which figures and places are of too",
@@ -316,15 +315,17 @@ def _of_data(e: Examined, folds: int) -> list[str]:
     return [*notes, *answer.of_data(e.weighed.analysis, folds)]
 
 
-def settles(alone: Weighed, joint: Weighed, names: Sequence[str]) -> list[str]:
+def settles(
+    alone: Verdict[Explanation], joint: Verdict[Explanation], names: Sequence[str]
+) -> list[str]:
     """Sentences on causes that further recordings distinguish and the first one does not."""
     result = []
     verb = "tells" if len(names) == 2 else "tell"
-    for cause in alone.decision.verdict.causes:
+    for cause in alone.causes:
         rivals = set(cause.names)
         if len(rivals) == 1:
             continue
-        now = next((c for c in joint.decision.verdict.causes if c.names[0] in rivals), None)
+        now = next((c for c in joint.causes if c.names[0] in rivals), None)
         if now is None:
             continue
         gone = sorted(rivals - set(now.names))
