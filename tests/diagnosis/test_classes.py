@@ -15,6 +15,7 @@ from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectR
 from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis import answer
+from wrenchbed.diagnosis.decide import conclude
 from wrenchbed.diagnosis.diagnose import examine
 
 FILE = Path(__file__).parents[1] / "data" / "robots" / "iiwa.xml"
@@ -89,7 +90,9 @@ def recordings(robot, members, seed):
 def answered(rows):
     """Each cause as (effect, element) pairs, and its probability."""
     weighed = examine(rows, 0, None, lambda _: None).weighed
-    verdict = answer.with_elements(weighed.analysis, weighed.verdict)
+    verdict = conclude(
+        weighed.decision, answer.elements_of(weighed.analysis, weighed.decision.verdict)
+    )
     return [
         ({(n, e) for n in c.names for e in (c.elements[n].names if n in c.elements else [""])},
          c.probability)

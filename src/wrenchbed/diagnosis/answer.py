@@ -9,7 +9,6 @@ import numpy as np
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
 from wrenchbed.diagnosis.explain.claims import Explanation, stated
 from wrenchbed.diagnosis.explain.elements import (
-    Elements,
     combination,
     element,
     elements,
@@ -22,7 +21,7 @@ from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis, Scale, cause, families, named_by
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
-from wrenchbed.diagnosis.verdict import Cause, Verdict
+from wrenchbed.diagnosis.verdict import Cause, Elements, Verdict
 from wrenchbed.effects.base import Curve, Effect, Values, Variant
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.wrench import CHANNELS, UNITS

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Generic, TypeVar
 
-from wrenchbed.diagnosis.explain.elements import Elements
+from wrenchbed.diagnosis.explain.finalist import Finalist
 
 NONE, UNKNOWN, PARTIAL = "none", "unknown", "partial"
 INSEPARABLE = tuple(frozenset({"mount.rotation", n}) for n in ("joint.offset", "sensor.crosstalk"))
@@ -66,6 +66,21 @@ class Option(Generic[S]):
     @property
     def keys(self) -> frozenset[Key]:
         return frozenset(p.key for p in self.parts)
+
+
+@dataclass(frozen=True)
+class Elements:
+    """Elements of an effect of which one is the cause.
+
+    Attributes:
+        names: that of the explanation first, then the likeliest.
+        fits: a fit with each of them in the cause's place.
+        parts: number of the part of that fit that is of the element.
+    """
+
+    names: tuple[str, ...]
+    fits: tuple[Finalist, ...]
+    parts: tuple[int, ...]
 
 
 @dataclass(frozen=True)

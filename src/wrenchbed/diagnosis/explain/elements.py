@@ -6,7 +6,6 @@ the readings determine.
 """
 
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +16,7 @@ from wrenchbed.diagnosis.explain.claims import REST
 from wrenchbed.diagnosis.explain.contributions import APART, made_by
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
+from wrenchbed.diagnosis.verdict import Elements
 from wrenchbed.effects.base import Variant
 
 NAMING = ("joint", "parameter", "channel", "axis", "axes", "link")
@@ -52,30 +52,6 @@ class Combination(NamedTuple):
     value: float
     std: float
     unit: str
-
-
-@dataclass(frozen=True)
-class Elements:
-    """Elements of an effect of which one is the cause.
-
-    Attributes:
-        names: that of the explanation first, then the likeliest.
-        fits: a fit with each of them in the cause's place.
-        parts: number of the part of that fit that is of the element.
-    """
-
-    names: tuple[str, ...]
-    fits: tuple[Finalist, ...]
-    parts: tuple[int, ...]
-
-    def within(self, names: Collection[str]) -> "Elements":
-        """Keep the elements with some names, and always the first, which the explanation has."""
-        keep = [k for k, name in enumerate(self.names) if k == 0 or name in names]
-        return Elements(
-            tuple(self.names[k] for k in keep),
-            tuple(self.fits[k] for k in keep),
-            tuple(self.parts[k] for k in keep),
-        )
 
 
 def of_element(variant: Variant) -> bool:
