@@ -15,7 +15,7 @@ from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectR
 from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis import answer
-from wrenchbed.diagnosis.decide import conclude
+from wrenchbed.diagnosis.decision.decide import conclude
 from wrenchbed.diagnosis.diagnose import examine
 
 FILE = Path(__file__).parents[1] / "data" / "robots" / "iiwa.xml"

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from wrenchbed.diagnosis.decide import (
+from wrenchbed.diagnosis.decision.decide import (
     DOUBTFUL,
     WITHDRAWN,
     held_out,
@@ -17,8 +17,8 @@ from wrenchbed.diagnosis.decide import (
     surely,
     withdrawn,
 )
+from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.gaps import Interval
-from wrenchbed.diagnosis.verdict import Cause, Part, Verdict
 
 TILT, GAIN, PULL = "base.tilt", "sensor.gain", "cable.pull"
 GAIN_OR_MASS = "sensor.gain|tool.mass"

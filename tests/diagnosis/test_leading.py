@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from linear_case import Named
-from wrenchbed.diagnosis.decide import leading, reliable
+from wrenchbed.diagnosis.decision.decide import leading, reliable
+from wrenchbed.diagnosis.decision.options import facts_of
 from wrenchbed.diagnosis.explain.claims import Explanation, allowed, complete
-from wrenchbed.diagnosis.explain.options import facts_of
 from wrenchbed.diagnosis.explain.structures import Ranking
-from wrenchbed.diagnosis.verdict import Cause, Part, Verdict
+from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 
 TILT, PULL, GAIN, OFFSET = "base.tilt", "cable.pull", "sensor.gain", "joint.offset"
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from linear_case import dictionary, named, readings, refitter
-from wrenchbed.diagnosis.decide import leading
-from wrenchbed.diagnosis.explain.options import facts_of
+from wrenchbed.diagnosis.decision.decide import leading
+from wrenchbed.diagnosis.decision.options import facts_of
 from wrenchbed.diagnosis.explain.structures import rank
 
 

@@ -14,16 +14,16 @@ from ntnu import static
 from wrenchbed.benchmark.sealed.real import FAMILIES, HostRecording
 from wrenchbed.benchmark.sealed.real_setting import setting_of
 from wrenchbed.diagnosis import diagnose as diagnose_
-from wrenchbed.diagnosis.decide import widened
+from wrenchbed.diagnosis.decision.decide import widened
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.explain.claims import complete
 from wrenchbed.diagnosis.explain.own_rest import is_left, rest_variance, weighed_again
 from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import analyse
+from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.gaps import Interval
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
-from wrenchbed.diagnosis.verdict import Cause, Part, Verdict
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ from linear_case import dictionary, named, readings, refitter
 from ntnu import GRAVITY, static
 from wrenchbed.diagnosis.explain.claims import Explanation, explained
 from wrenchbed.diagnosis.explain.tilt import agreement, sentences, with_accelerometer
+from wrenchbed.diagnosis.explain.verdict import Part, Verdict
 from wrenchbed.diagnosis.prepare import accelerometer
-from wrenchbed.diagnosis.verdict import Part, Verdict
 from wrenchbed.physics.rotations import cross
 
 TILT = "base.tilt"

@@ -3,7 +3,7 @@
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.diagnosis.verdict import INSEPARABLE
+from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
 from wrenchbed.effects.base import SHOWN, STAGES
 from wrenchbed.reports.effects_page import PAGE, render, seen_in
 

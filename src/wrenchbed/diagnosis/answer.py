@@ -17,11 +17,11 @@ from wrenchbed.diagnosis.explain.elements import (
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.reliability import Reliability, credible
 from wrenchbed.diagnosis.explain.structures import Analysis
+from wrenchbed.diagnosis.explain.verdict import Cause, Elements, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis, Scale, cause, families, named_by
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
-from wrenchbed.diagnosis.verdict import Cause, Elements, Verdict
 from wrenchbed.effects.base import Curve, Effect, Values, Variant
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.wrench import CHANNELS, UNITS

@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.answer import numbers_of
+from wrenchbed.diagnosis.decision.options import weights
 from wrenchbed.diagnosis.explain.claims import Explanation, missed, stated
 from wrenchbed.diagnosis.explain.contributions import share
 from wrenchbed.diagnosis.explain.elements import elements
-from wrenchbed.diagnosis.explain.options import weights
 from wrenchbed.diagnosis.explain.structures import Analysis
+from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap.result import DETECTED, LEAST_MINOR, cause
 from wrenchbed.diagnosis.prepare.configuration import BIAS, LOAD, STATED
-from wrenchbed.diagnosis.verdict import Verdict
 
 
 def minor(

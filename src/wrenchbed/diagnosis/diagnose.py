@@ -14,7 +14,8 @@ from wrenchbed.diagnosis import answer, beside_claims
 from wrenchbed.diagnosis.between_rows import row_effects
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
-from wrenchbed.diagnosis.decide import (
+from wrenchbed.diagnosis.decision import rivals
+from wrenchbed.diagnosis.decision.decide import (
     LARGEST_NONE,
     PARTIAL,
     Decision,
@@ -23,12 +24,12 @@ from wrenchbed.diagnosis.decide import (
     conclude,
     decide,
 )
+from wrenchbed.diagnosis.decision.options import facts_of
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import own_rest, tilt
 from wrenchbed.diagnosis.explain.claims import Explanation
-from wrenchbed.diagnosis.explain.options import facts_of
 from wrenchbed.diagnosis.explain.reliability import (
     RIGHT_ELSEWHERE,
     Reliability,
@@ -37,7 +38,8 @@ from wrenchbed.diagnosis.explain.reliability import (
 )
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.touched_poses import contact_of
-from wrenchbed.diagnosis.gap import constancy, rivals, where
+from wrenchbed.diagnosis.explain.verdict import Verdict
+from wrenchbed.diagnosis.gap import constancy, where
 from wrenchbed.diagnosis.gap.closure import Claims
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
@@ -46,7 +48,6 @@ from wrenchbed.diagnosis.next.blind import blind_spots
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Material, Prepared, Touch
-from wrenchbed.diagnosis.verdict import Verdict
 from wrenchbed.jobs.workers import one_thread
 from wrenchbed.twin.twin import Twin
 

@@ -36,9 +36,9 @@ from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import AT_ONCE, MINOR, NEGLIGIBLE, Analysis, Ranking
+from wrenchbed.diagnosis.explain.verdict import Part, Verdict
 from wrenchbed.diagnosis.next.isolability import listed
 from wrenchbed.diagnosis.prepare.prepared import Material
-from wrenchbed.diagnosis.verdict import Part, Verdict
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.workers import one_thread
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.diagnosis.verdict import INSEPARABLE
+from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
 from wrenchbed.effects.base import STAGES, Effect
 from wrenchbed.effects.chain import effects
 from wrenchbed.effects.scene import examples

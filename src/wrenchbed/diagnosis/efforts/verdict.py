@@ -6,7 +6,7 @@ A cause counts from a gap of 1 (`docs/contracts.md`); held-out rows have the las
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from wrenchbed.diagnosis.decide import LARGEST_NONE, LEAST, MOST, PARTIAL
+from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, LEAST, MOST, PARTIAL
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.search import Search, Structure
 from wrenchbed.diagnosis.efforts.signs import HELD, Sign

@@ -21,8 +21,8 @@ from wrenchbed.diagnosis.explain.contributions import (
 from wrenchbed.diagnosis.explain.contributions import share as share_of
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
+from wrenchbed.diagnosis.explain.verdict import Part
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
-from wrenchbed.diagnosis.verdict import Part
 
 REST = 0.55
 """Gap that normal imperfections may make together."""

@@ -16,7 +16,7 @@ from wrenchbed.diagnosis.explain.claims import REST
 from wrenchbed.diagnosis.explain.contributions import APART, made_by
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
-from wrenchbed.diagnosis.verdict import Elements
+from wrenchbed.diagnosis.explain.verdict import Elements
 from wrenchbed.effects.base import Variant
 
 NAMING = ("joint", "parameter", "channel", "axis", "axes", "link")

@@ -19,7 +19,7 @@ from scipy.special import expit, logit
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.explain.claims import Explanation, allowed
 from wrenchbed.diagnosis.explain.structures import Ranking
-from wrenchbed.diagnosis.verdict import Verdict
+from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.errors import DiagnosisError
 
 NAMES = (

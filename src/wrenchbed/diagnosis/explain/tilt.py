@@ -15,8 +15,8 @@ from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.explain.contributions import rest
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
+from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.prepare.accelerometer import TILT, Testimony
-from wrenchbed.diagnosis.verdict import Cause, Part, Verdict
 
 SURE = 0.9
 """Least probability of a tilt that is claimed although its gap alone would not count: below, one

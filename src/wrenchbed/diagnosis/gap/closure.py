@@ -13,10 +13,10 @@ from wrenchbed.diagnosis.explain.claims import Explanation, corrected
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis
+from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.diagnosis.verdict import Verdict
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.twin.twin import Twin

@@ -7,8 +7,8 @@ import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
 from wrenchbed.diagnosis.evidence.similarity import ALIKE, PLAUSIBLE, Similarity
+from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
 from wrenchbed.diagnosis.prepare.configuration import STATED
-from wrenchbed.diagnosis.verdict import INSEPARABLE
 from wrenchbed.effects.chain import effects
 
 _Sentences = list[tuple[frozenset[str], str]]

@@ -10,17 +10,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from wrenchbed.diagnosis.decide import DOUBTFUL, MOST_RIVALS
+from wrenchbed.diagnosis.decision.decide import DOUBTFUL, MOST_RIVALS
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.search import SingleEvidence
 from wrenchbed.diagnosis.explain import tilt
 from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
+from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap.closure import Bootstrap, twin_of
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
 from wrenchbed.diagnosis.prepare.configuration import STATED
-from wrenchbed.diagnosis.verdict import Verdict
 
 TRIED = 5
 """Number of rivals that are fitted, the likeliest first."""

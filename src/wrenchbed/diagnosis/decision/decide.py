@@ -13,8 +13,8 @@ from typing import Any, Generic, Protocol
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.explain.verdict import Cause, Elements, Key, Option, Part, S, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure, Interval
-from wrenchbed.diagnosis.verdict import Cause, Elements, Key, Option, Part, S, Verdict
 
 PARTIAL = "partial"
 LARGEST_NONE = 1.0

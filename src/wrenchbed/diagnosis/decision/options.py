@@ -5,13 +5,13 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import logsumexp
 
-from wrenchbed.diagnosis.decide import Facts
+from wrenchbed.diagnosis.decision.decide import Facts
 from wrenchbed.diagnosis.explain.claims import Explanation, complete
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.elements import DOUBT, RIVAL
 from wrenchbed.diagnosis.explain.structures import MARGIN, Ranking
+from wrenchbed.diagnosis.explain.verdict import Option, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
-from wrenchbed.diagnosis.verdict import Option, Verdict
 
 
 def weights(ranking: Ranking) -> np.ndarray:
