@@ -29,6 +29,7 @@ KINDS = {
     "effects": "EFFECT",
     "drives": "EFFECT",
     "exports": "EXPORT",
+    "channels": "CHANNEL",
 }
 """Kind (the folder's name) → the constant that a plug-in's module holds."""
 
@@ -40,6 +41,7 @@ _PACKAGES = {
     "effects": "wrenchbed.effects",
     "drives": "wrenchbed.effects.drives",
     "exports": "wrenchbed.exports",
+    "channels": "wrenchbed.channels",
 }
 """Kind → the package whose modules are its plug-ins, but `base` and what its `SUPPORT` names."""
 

@@ -19,7 +19,8 @@ ONES, ZERO = np.ones(6), np.zeros((5, 6))
 
 def prepared(y=ZERO[:4], scatter=ZERO[:4], averaged=False, noise=ONES, count=(1, 4, 4, 10)):
     """Four poses, the first and the third set aside; their rows scatter by variances (4, 6)."""
-    return SimpleNamespace(
+    alone = SimpleNamespace(
+        families=(slice(0, 6),),
         covariance=np.diag(STD**2),
         sigma=STD,
         row=None,
@@ -34,6 +35,8 @@ def prepared(y=ZERO[:4], scatter=ZERO[:4], averaged=False, noise=ONES, count=(1,
         scene=SimpleNamespace(held=np.array([True, True, False, True, True])),
         averaged=averaged,
     )
+    alone.leading = alone
+    return alone
 
 
 def test_a_gap_is_the_mean_square_over_noise_less_one():

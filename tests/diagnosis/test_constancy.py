@@ -27,7 +27,7 @@ def made_up(factor, rest):
     design = np.column_stack([stated, column.ravel()])
     x = np.linalg.lstsq(design, y, rcond=None)[0]
     prepared = SimpleNamespace(variance=np.ones(6), block_rows=np.arange(ROWS))
-    d = SimpleNamespace(E=stated, stated=np.arange(6), prepared=prepared, rows=ROWS)
+    d = SimpleNamespace(E=stated, always=np.arange(6), prepared=prepared, rows=ROWS)
     variables = SimpleNamespace(part=np.zeros(1, dtype=int), shape=np.zeros(1, dtype=bool))
     part = SimpleNamespace(name="base.tilt")
     f = SimpleNamespace(parts=(part,), x=x[6:], variables=variables, residual=y - design @ x)

@@ -165,10 +165,10 @@ def test_the_most_probable_of_none_unknown_and_claims_is_the_verdict():
 def test_doubt_goes_to_unknown_and_about_unknown_to_all_others(verdict, before, right, after):
     given = {k: p for k, p in zip((TILT, "none", "unknown"), before, strict=True) if p}
     claims = verdict not in ("none", "unknown")
-    causes = (Cause(((TILT, None),), 1.0, part=None),) if claims else ()
-    facts = SimpleNamespace(right=lambda *_: right, witnessed=lambda _: ())
+    causes = (Cause(((TILT, None),), 1.0, Part(TILT, 2.0)),) if claims else ()
+    facts = SimpleNamespace(right=lambda *_: right)
     said = Verdict("identified" if claims else verdict, causes, None, given)
-    told = reliable(facts, said, None)
+    told = reliable(facts, said, SimpleNamespace(further={}))
     assert told.word == verdict.partition(" ")[0]
     assert [c.probability for c in told.causes] == pytest.approx([right] * (right > 0.5) * claims)
     assert {TILT: 0.0} | dict(told.probabilities) == pytest.approx(

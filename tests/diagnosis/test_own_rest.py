@@ -63,11 +63,13 @@ def test_a_fault_that_the_library_lacks_is_not_named(host, family):
 
 
 def test_the_rest_is_measured_channel_by_channel(real):
-    """Alone, bias, mass and CoG leave their residual over the rows less the numbers fitted."""
+    """Alone, bias, mass, CoG and an accelerometer's mounting leave their residual over the rows,
+    less the numbers fitted."""
     nothing = real.refitter.nothing()
-    left = (real.calibrated**2).sum(axis=0)
-    rows, free = len(real.calibrated), 10
-    by_hand = left / (rows - free / 6)
+    d = real.at_baseline.d
+    left = (d.without_stated(real.at_baseline.y).reshape(-1, 9) ** 2).sum(axis=0)
+    rows, free = len(real.calibrated), 10 + 12
+    by_hand = left / (rows - free / 9)
     assert rest_variance(real, nothing) == pytest.approx(by_hand, rel=1e-3)
 
 
@@ -110,6 +112,6 @@ def test_a_cause_that_surely_leaves_a_gap_is_believed_as_beside_a_real_rest(
     claim = {"sensor.gain": 1.0, "unknown": 0.0}
     verdict = Verdict("identified", (cause,), SimpleNamespace(), claim)
     after = Interval(low + 1.0, low, low + 2.0)
-    gap = SimpleNamespace(closed=None, with_effects=after, floor=floor)
+    gap = SimpleNamespace(closed=None, with_effects=after, floor=floor, further={})
     found = diagnose_._right(SimpleNamespace(ranking=None), verdict, known, gap)
     assert found == pytest.approx(believed)

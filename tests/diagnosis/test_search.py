@@ -22,9 +22,9 @@ def hypothesis(d, name, typical=4.0, weight=1.0):
 def test_effects_share_their_prior_and_variants_that_of_an_effect():
     d = dictionary()
     count = len(EFFECTS) + 3  # and the stated numbers
-    s = Searcher(d, {"base.tilt": 2.5})
+    s = Searcher(d)
     assert s.prior(hypothesis(d, "cable.pull")) == pytest.approx(np.log(0.45 / count))
-    assert s.prior(hypothesis(d, "base.tilt")) == pytest.approx(np.log(0.45 / count) + 2.5)
+    assert s.prior(hypothesis(d, "base.tilt")) == pytest.approx(np.log(0.45 / count))
     more = (hypothesis(d, "cable.pull", weight=3.0),)
     wide = Searcher(replace(d, hypotheses=d.hypotheses + more))
     assert wide.prior(more[0]) == pytest.approx(np.log(0.45 / count * 0.75))

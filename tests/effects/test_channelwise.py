@@ -5,8 +5,10 @@ import pytest
 from effect_scenes import NAMES, SCENES, columns, scene_of
 
 from wrenchbed import registry
+from wrenchbed.channels.response import Response, Responses
+from wrenchbed.channels.wrench import CHANNEL as WRENCH
 from wrenchbed.effects.base import Effect
-from wrenchbed.effects.chain import ActiveEffect, EffectChain, Response, Responses, respond
+from wrenchbed.effects.chain import ActiveEffect, EffectChain, respond
 from wrenchbed.physics.wrench import CHANNELS
 
 
@@ -58,7 +60,7 @@ def test_changed_together_they_are_what_each_is_alone(name, scene):
     effect, rows = registry.load("effects", name), scene_of(scene)
     known = effect.parameters(rows.robot)
     for shape, names in amplitudes(name, scene).items():
-        found = Response(rows, respond(rows)).changes(
+        found = Response(rows, (WRENCH,), respond(rows)).changes(
             effect, [known[known.index(n)] for n in names], dict(shape)
         )
         for group, change in found:
@@ -94,7 +96,7 @@ def sets(scene, count=30):
 @pytest.mark.parametrize("label", SCENES)
 def test_readings_are_those_of_each_set_alone(label):
     scene = scene_of(label)
-    kept = Responses(scene)
+    kept = Responses(scene, (WRENCH,))
     for active in sets(scene):
         assert np.array_equal(kept.of(active), respond(scene, active), equal_nan=True)
 
@@ -106,7 +108,7 @@ def test_a_pose_is_made_once_while_only_later_stages_change(monkeypatch):
     monkeypatch.setattr(
         EffectChain, "placed", lambda self, scene: made.append(1) or placed(self, scene)
     )
-    kept = Responses(scene)
+    kept = Responses(scene, (WRENCH,))
     offset, gain = (registry.load("effects", n) for n in ("joint.offset", "sensor.gain"))
     for k in range(5):
         numbers = gain.values(scene.robot, {"gain.fx": 0.01 * k})

@@ -7,12 +7,13 @@ import pytest
 from effect_scenes import SCENES, motion, plain, scene_of
 
 from wrenchbed import registry
+from wrenchbed.channels.response import Response
+from wrenchbed.channels.wrench import CHANNEL as WRENCH
 from wrenchbed.effects import base, chain
 from wrenchbed.effects.base import STAGES
 from wrenchbed.effects.chain import (
     ActiveEffect,
     EffectChain,
-    Response,
     active_effect,
     effects,
     respond,
@@ -271,7 +272,7 @@ def test_small_errors_of_joints_act_by_the_slopes_of_the_readings(robot, mode):
     """The full chain's central differences, whose third order is what remains."""
     loaded = registry.load("robots", robot)
     (scene,) = (s for s in examples(loaded) if s.mode == mode and s.jointed)
-    response = Response(scene, respond(scene))
+    response = Response(scene, (WRENCH,), respond(scene))
     checked = 0
     for effect in effects().values():
         if effect.stages != ("joint",) or not effect.acts(scene):

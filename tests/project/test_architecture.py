@@ -18,7 +18,7 @@ LAYERS = (
     ("data", "pages", "robots", "sensors"),
     ("simulation",),
     ("calibration", "effects"),
-    ("drives", "planning", "twin"),
+    ("channels", "drives", "planning", "twin"),
     ("diagnosis", "exports", "hardware", "plant"),
     ("benchmark", "campaigns", "monitoring", "reports"),
     ("environments", "studies", "viewer"),
@@ -27,7 +27,7 @@ LAYERS = (
     ("__main__",),
 )
 """Rooms from the ground up. A room imports from layers below its own only."""
-MOST_ROOMS, MOST_ARROWS = 29, 226
+MOST_ROOMS, MOST_ARROWS = 30, 226
 PLUGINS = {
     "robots": "robots",
     "drivers": "hardware/drivers",
@@ -35,6 +35,7 @@ PLUGINS = {
     "effects": "effects",
     "drives": "effects/drives",
     "exports": "exports",
+    "channels": "channels",
 }
 ONLY_IN = {
     "mujoco": ("robots", "simulation", "effects", "twin", "planning/clearance", "benchmark",

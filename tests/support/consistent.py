@@ -199,10 +199,9 @@ def verdict(a: Answer) -> Rules:
     means = [w for w in a.which if w["effect"] not in a.between_rows]
     left = bool(means) and (g["closed"] is None or g["closed"] < 0.5 or g["closed_ci95"][0] <= 0.0)
     yield g["with_effects"] is None or left == (a.verdict == "partial"), a.verdict, g
-    witnessed = a.verdict == "partial" and "accelerometer" in a.notes
     for w in (w for w in means if w["effect"] != "environment.contact" and w["probability"] > 0.5):
         closes = next((d.gap.members[n] for n in _names(w) if n in d.gap.members), None)
-        yield witnessed or (closes or Interval(0.0, 0.0, 0.0)).low > 0.0, w["effect"], closes
+        yield (closes or Interval(0.0, 0.0, 0.0)).low > 0.0, w["effect"], closes
     lead = "|".join(_names(a.which[0])) if a.which else a.verdict
     yield lead in p, lead, "has no probability among", p
     if lead in p:

@@ -65,6 +65,8 @@ class Design:
     held_out: int | None = None
     stride: int = 1
     variance = np.ones(6)
+    channels = ()
+    families = (slice(0, 6),)
     scene = SimpleNamespace(robot=None, period=0.008)
 
     def without(self, fold):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
+from wrenchbed.diagnosis.decision.decide import confirmed
 from wrenchbed.diagnosis.explain.claims import Explanation, stated
 from wrenchbed.diagnosis.explain.elements import (
     combination,
@@ -284,7 +285,8 @@ def set90(verdict: Verdict[Explanation], known: Reliability | None) -> tuple[str
 
 def scales(prepared: Prepared) -> dict[str, Scale]:
     """Noise of a row, and what counts, of each channel."""
-    noise, counts = prepared.row_sigma.tolist(), prepared.sigma.tolist()
+    p = prepared.leading
+    noise, counts = p.row_sigma.tolist(), p.sigma.tolist()
     return {c: Scale(*s) for c, *s in zip(CHANNELS, noise, counts, UNITS, strict=True)}
 
 
@@ -318,6 +320,15 @@ def notes(gap: Closure, between: Sequence[RowFinding], *, unknown: bool) -> tupl
             + ", ".join(f"{r.effect} (probability {r.probability:.2g})" for r in between)
         )
     return (*result, *(r.sentence for r in between))
+
+
+def confirmations(
+    prepared: Prepared, verdict: Verdict[Explanation], gap: Closure
+) -> tuple[str, ...]:
+    """Notes on what further channels uphold of the causes."""
+    names = " and ".join(c.name for c in prepared.channels[1:])
+    held = [c.part.name for c in verdict.causes if confirmed(c, gap)]
+    return tuple(f"{name} is upheld by the {names} alone, on rows that no fit saw" for name in held)
 
 
 def with_contact(d: Diagnosis, verdict: Verdict[Explanation], touch: Touch) -> Diagnosis:

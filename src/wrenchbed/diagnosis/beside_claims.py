@@ -10,8 +10,8 @@ import numpy as np
 
 from wrenchbed.diagnosis.answer import numbers_of
 from wrenchbed.diagnosis.decision.options import weights
-from wrenchbed.diagnosis.explain.claims import Explanation, missed, stated
-from wrenchbed.diagnosis.explain.contributions import share
+from wrenchbed.diagnosis.explain.claims import Explanation, contradicted, missed, stated
+from wrenchbed.diagnosis.explain.contributions import shares
 from wrenchbed.diagnosis.explain.elements import elements
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Verdict
@@ -44,8 +44,11 @@ def minor(
             continue
         f = next(e.finalist for e in ranked if name in set(e.finalist.names) - e.names)
         k = f.names.index(name)
-        gap = share(a.refitter, f, k)
+        each = shares(a.refitter, f, k)
+        gap = float(each.sum())
         if gap < max(LEAST_MINOR, missed(verdict.explanation) if verdict.causes else 0.0):
+            continue
+        if contradicted(each, a.dictionary.gaps(a.refitter.y)):
             continue
         of = elements(a.refitter, f, k, [name])[name]
         entry = cause(name, min(probability, right), {}) | numbers_of(a, f, k, of, spread)

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -28,7 +28,7 @@ from wrenchbed.diagnosis.decision.options import facts_of
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
-from wrenchbed.diagnosis.explain import own_rest, tilt
+from wrenchbed.diagnosis.explain import own_rest
 from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.explain.reliability import (
     RIGHT_ELSEWHERE,
@@ -185,7 +185,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     weighed, known, outliers, between, scattered = examined
     analysis, decision = weighed.analysis, weighed.decision
     gap, twin, prepared = decision.gap, weighed.twin, analysis.prepared
-    reading = twin.wrench(prepared.scene) if outliers else prepared.expected
+    reading = twin.wrench(prepared.scene) if outliers else prepared.scene.load
     touch = prepared.touch or contact_of(prepared, outliers, reading)
     often = OFTEN if touch is None and outliers_.spells(outliers) > MOST_SPELLS else ""
     loud = scattered or (LOUD if not between and gap.calibrated.low > LARGEST_NONE else "")
@@ -193,7 +193,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     elements = answer.elements_of(analysis, decision.verdict)
     verdict = conclude(decision, elements, signs, between)
     progress("where")
-    places = where.locate(prepared, analysis.calibrated, seed=seed)
+    places = where.locate(prepared.leading, analysis.calibrated, seed=seed)
     progress("what next")
     named = {n for c in verdict.causes for n in c.names}
     similarities = [Similarity(x.dictionary, named) for x in (analysis, *analysis.others)]
@@ -232,7 +232,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
             *answer.of_data(analysis, gap.folds),
             *_learnt(known),
             *answer.notes(gap, between, unknown=verdict.word == UNKNOWN),
-            *tilt.sentences(analysis, verdict),
+            *answer.confirmations(prepared, verdict, gap),
         ),
     )
     if touch is not None:
@@ -297,10 +297,7 @@ def _decided(
         a.ranking, claims.gap, lambda verdict, gap: _right(a, verdict, known, gap),
         least=least, own_rest=own_rest,
     )  # fmt: skip
-    return decide(replace(
-        facts, testify=lambda verdict: tilt.with_accelerometer(a, verdict),
-        witnessed=lambda verdict: tilt.witnessed(a, verdict),
-    ))  # fmt: skip
+    return decide(facts)
 
 
 def least_beside(touch: Touch | None) -> float:
@@ -315,8 +312,7 @@ def _changing(
 ) -> constancy.Change | None:
     """Change of a named cause's size during the recording; None if all are constant."""
     f = verdict.explanation.finalist
-    asked = set(names) - set(tilt.witnessed(a, verdict))  # that another sensor measured, stands
-    claimed = [c.part.index for c in verdict.causes if c.part.name in asked]
+    claimed = [c.part.index for c in verdict.causes if c.part.name in names]
     parts = [k for k in claimed if k is not None]
     return constancy.changing(a, f, parts, seed) if parts else None
 

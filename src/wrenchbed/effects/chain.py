@@ -4,10 +4,9 @@
 Effects are named here as on the command line: ``joint.compliance:joint=2,stiffness=1.4e4``.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -17,25 +16,13 @@ from wrenchbed.effects.base import (
     STATED_NUMBERS,
     Effect,
     Pose,
-    Values,
-    Variant,
     unknown_name,
 )
 from wrenchbed.effects.scene import Scene, examples
 from wrenchbed.errors import ParameterError
-from wrenchbed.physics.parameters import Parameter
-from wrenchbed.physics.time_derivatives import Jet, Value
-from wrenchbed.physics.wrench import CHANNELS, wrench
+from wrenchbed.physics.time_derivatives import Value
+from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
-
-_T = TypeVar("_T")
-_KEPT = 4
-"""Results that `Responses` keeps: those of a fit's place and of steps from it; estimate."""
-_Key = tuple[tuple[Any, ...], ...]
-_PLACING = frozenset(("model", "joint", "pose"))
-"""Stages that decide where the sensor is and what it carries."""
-_STEP = 1e-4
-"""Step of central differences by joint values [rad or m], rates and accelerations; estimate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +67,11 @@ class EffectChain:
         for a in active:
             for stage in a.effect.stages:
                 self._at[stage].append(a)
+
+    @property
+    def stages(self) -> frozenset[str]:
+        """Stages at which an effect acts."""
+        return frozenset(s for s, active in self._at.items() if active)
 
     def theta(self, robot: Robot, theta: np.ndarray) -> np.ndarray:
         """The robot's parameters (P,) with the effects of the stage ``model``."""
@@ -142,125 +134,11 @@ class EffectChain:
     def late_response(self, scene: Scene, nominal: np.ndarray) -> np.ndarray:
         """Readings (M, 6) up to a constant, from the first stage at which an effect acts; nominal
         are those without effects (M, 6)."""
-        stages = {s for s, active in self._at.items() if active}
-        if stages <= {"reading", "timing"}:
+        if self.stages <= {"reading", "timing"}:
             return self.read(scene, nominal)
-        if stages == {"load"}:
+        if self.stages == {"load"}:
             return np.asarray(self.pull(scene, Pose(*scene.pose), scene.load))
         return self.respond(scene)
-
-
-class Responses:
-    """Readings of one scene with many sets of effects, as `respond` makes them.
-
-    A fit changes one number after the other: what the stages up to the pose make is kept while the
-    effects that act there stay as they are, and readings are kept while all do.
-    """
-
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
-        self._placed: dict[_Key, tuple[Pose, np.ndarray]] = {}
-        self._readings: dict[_Key, np.ndarray] = {}
-
-    def of(self, active: Sequence[ActiveEffect]) -> np.ndarray:
-        """Mean readings (M, 6) [N, N·m] of every row with effects acting; not to be changed."""
-        return _kept(self._readings, _key(active), lambda: self._made(active))
-
-    def _made(self, active: Sequence[ActiveEffect]) -> np.ndarray:
-        chain = EffectChain(active)
-        early = [a for a in active if not _PLACING.isdisjoint(a.effect.stages)]
-        pose, load = _kept(self._placed, _key(early), lambda: chain.placed(self.scene))
-        return chain.read(self.scene, load + chain.pull(self.scene, pose, load))
-
-
-def _key(active: Sequence[ActiveEffect]) -> _Key:
-    return tuple((a.effect.name, *a.values.items()) for a in active)
-
-
-def _kept(known: dict[_Key, _T], key: _Key, make: Callable[[], _T]) -> _T:
-    """Cached value of a key, or a newly made one; the least recently used is dropped first."""
-    value = known.pop(key) if key in known else make()
-    if len(known) == _KEPT:
-        del known[next(iter(known))]
-    known[key] = value
-    return value
-
-
-@dataclass(frozen=True, eq=False)
-class Response:
-    """Readings (M, 6) of a scene, and how they change with one amplitude of one effect."""
-
-    scene: Scene
-    reading: np.ndarray
-
-    def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
-        """Change of all readings (M, 6) per typical size, by central differences."""
-        ((_, change),) = self.changes(effect, [parameter], variant.at)
-        return change
-
-    def changes(
-        self, effect: Effect, parameters: Sequence[Parameter], at: Values
-    ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
-        """`tangent` of several amplitudes of one shape: their names and the changes (M, 6).
-
-        Amplitudes that act on different channels, or on different joints, are changed at once:
-        where there are several names, each change is that of its own channel.
-        """
-        names_of_joints = [f"q{k + 1}" for k in range(self.scene.joints.shape[1])]
-        groups: dict[str, list[Parameter]] = {}
-        for p in parameters:
-            stem, _, end = p.name.rpartition(".")
-            by_channel = effect.channelwise and end in CHANNELS
-            by_joint = effect.stages == ("joint",) and effect.local and end in names_of_joints
-            groups.setdefault(f"{stem}." if by_channel or by_joint else p.name, []).append(p)
-        for group in groups.values():
-            names = tuple(p.name for p in group)
-            up, down = self._about(effect, at, group)
-            if effect.stages != ("joint",):
-                high = up.late_response(self.scene, self.reading)
-                yield names, high - down.late_response(self.scene, self.reading)
-                continue
-            shift = up.displacement(self.scene) - down.displacement(self.scene)
-            change = {n: self._by_joint(shift, j) for j, n in enumerate(names_of_joints)}
-            if len(group) > 1:
-                yield from (((n,), change[n.rpartition(".")[2]]) for n in names)
-            else:
-                yield names, np.asarray(sum(change.values(), np.zeros(6)))
-
-    def _about(
-        self, effect: Effect, at: Values, parameters: Sequence[Parameter]
-    ) -> tuple[EffectChain, EffectChain]:
-        """Copies of an effect with amplitudes half their typical size above and below zero."""
-        start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(at)
-        steps = ({p.name: s * p.tolerance for p in parameters} for s in (0.5, -0.5))
-        up, down = (EffectChain([ActiveEffect(effect, start | step)]) for step in steps)
-        return up, down
-
-    def _by_joint(self, shift: Value, joint: int) -> np.ndarray:
-        """Change of all readings (M, 6) by one joint's small shift, of those of all (M, J)."""
-        given = (shift.v, shift.d, shift.dd) if isinstance(shift, Jet) else (shift,)
-        total = np.zeros((len(self.scene), 6))
-        for slopes, x in zip(self._slopes, given, strict=False):
-            total += slopes[joint] * x[:, joint, None]
-        return total
-
-    @cached_property
-    def _slopes(self) -> tuple[np.ndarray, ...]:
-        """Slopes of the readings (J, M, 6) by joint values, in motion by their rates and
-        accelerations too."""
-        scene, orders = self.scene, 3 if self.scene.moving else 1
-        tool = scene.robot.tool(scene.theta)
-
-        def load(order: int, shift: np.ndarray) -> np.ndarray:
-            parts = [shift if k == order else np.zeros_like(shift) for k in range(orders)]
-            q = scene.q + (Jet(*parts) if scene.moving else shift)
-            return wrench(*scene.robot.sensor_pose(q, scene.theta), tool, scene.gravity)
-
-        steps = _STEP * np.eye(scene.joints.shape[1])[:, None, :] * np.ones((len(scene), 1))
-        return tuple(
-            np.stack([(load(k, s) - load(k, -s)) / (2.0 * _STEP) for s in steps])
-            for k in range(orders)
-        )
 
 
 def _only_load(scene: Scene, theta: np.ndarray) -> bool:

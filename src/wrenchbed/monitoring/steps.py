@@ -24,7 +24,9 @@ from scipy.special import fdtrc
 from wrenchbed import registry
 from wrenchbed.calibration.calibrate import check_mass, identify
 from wrenchbed.calibration.weighting import kernel
-from wrenchbed.effects.chain import Response, effects
+from wrenchbed.channels.response import Response
+from wrenchbed.channels.wrench import CHANNEL as WRENCH
+from wrenchbed.effects.chain import effects
 from wrenchbed.effects.scene import Scene
 from wrenchbed.monitoring.history import Check
 from wrenchbed.physics.wrench import CHANNELS, UNITS
@@ -129,7 +131,7 @@ def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndar
     Args:
         fitted: names of parameters by the names of their effects.
     """
-    response, known, columns, typical = Response(scene, scene.load), effects(), [], []
+    response, known, columns, typical = Response(scene, (WRENCH,), scene.load), effects(), [], []
     for name, wanted in fitted.items():
         parameters = known[name].parameters(scene.robot)
         variant = known[name].variants(scene)[0]

@@ -52,8 +52,8 @@ class Evidence:
 
     def __init__(self, findings: Findings) -> None:
         a, gap = findings.analysis, findings.diagnosis.gap
-        self.findings, self.prepared, self.twin = findings, a.prepared, findings.diagnosis.twin
-        p = a.prepared
+        p = a.prepared.leading
+        self.findings, self.prepared, self.twin = findings, p, findings.diagnosis.twin
         self.ids = np.arange(len(p.y)) if p.moving or p.averaged else pose_numbers(p)
         self.std = p.row_sigma
         wrong_only = gap.with_effects is not None and not self.twin.active

@@ -29,6 +29,7 @@ def none(prepared: Prepared) -> Claim:
 
 def bic(prepared: Prepared) -> Claim:
     """The single effect, or none, of least BIC; probabilities from exp(−ΔBIC/2)."""
+    prepared = prepared.leading
     baseline = calibrate(prepared)
     d = build(prepared, baseline.robot_theta, baseline.tolerance)
     y = case(d, prepared, baseline)

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.special import ndtr
 
 from wrenchbed.diagnosis.between_rows.row_effects import COUNTS, VIBRATION, RowFinding, quantity
-from wrenchbed.diagnosis.prepare.accelerometer import acceleration_columns
-from wrenchbed.diagnosis.prepare.orientations import averages
+from wrenchbed.diagnosis.prepare.orientations import accelerometer_rows, averages
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
@@ -28,7 +27,7 @@ BURST_S, BURST = 0.1, 3.0
 def find_tool_vibration(prepared: Prepared) -> tuple[RowFinding, ...]:
     """Vibration of the tool in an averaged motion; none without an accelerometer that follows."""
     recording = prepared.recording
-    read = acceleration_columns(recording)
+    read = accelerometer_rows(recording)
     if not prepared.averaged or read is None:
         return ()
     means = averages(recording)

@@ -81,8 +81,6 @@ class Facts(Generic[S]):
         least: probability that every cause needs: more where few rows are left to tell causes
             apart.
         own_rest: whether what no effect explains counts as noise: without a cause it is unknown.
-        testify: the verdict with what another sensor measured.
-        witnessed: names of claimed effects that this sensor measured too.
     """
 
     options: Sequence[Option[S]]
@@ -94,8 +92,6 @@ class Facts(Generic[S]):
     ahead: float
     least: float = 0.0
     own_rest: bool = False
-    testify: Callable[[Verdict[S]], Verdict[S]] = lambda verdict: verdict
-    witnessed: Callable[[Verdict[S]], Collection[str]] = lambda _: ()
 
 
 class Finding(Protocol):
@@ -122,7 +118,7 @@ def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
         facts: of the recording.
         without: names of rules that do not act, to measure what they change.
     """
-    verdict = facts.testify(leading(facts, without))
+    verdict = leading(facts, without)
     gap = facts.measure(verdict)
     upheld = verdict
     for name, rule in RULES.items():
@@ -237,7 +233,7 @@ def held_out(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     stated number closes nothing after the fit, which takes it; its own gap decides.
     """
     while verdict.causes:
-        shown = _shown(verdict, gap, facts.witnessed(verdict))
+        shown = _shown(verdict, gap)
         if not shown:
             return withdrawn(verdict, NONE if small(gap) else UNKNOWN)
         fewer = len(shown) < len(verdict.causes)
@@ -248,15 +244,21 @@ def held_out(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     return verdict
 
 
-def _shown(verdict: Verdict[S], gap: Closure, seen: Collection[str]) -> tuple[Cause, ...]:
+def confirmed(cause: Cause, gap: Closure) -> bool:
+    """Whether other channels than the wrench alone uphold a cause on held-out rows."""
+    return surely(gap.further.get(cause.part.label))
+
+
+def _shown(verdict: Verdict[S], gap: Closure) -> tuple[Cause, ...]:
     """Causes that held-out rows show, largest first; a doubtful one after all sure ones."""
     together = gap.closed is not None and gap.closed.low > 0.0
+    in_all = gap.in_all is not None and gap.in_all.low > 0.0
     members = {c.part.label: gap.members.get(c.part.label) for c in verdict.causes}
     back = {n: 0.0 if m is None else max(m.value, 0.0) for n, m in members.items()}
 
     def sure(c: Cause) -> bool:
-        shown = (together or c.part.index is None) and surely(members[c.part.label])
-        return bool(set(c.names) & set(seen)) or shown
+        shown = together or in_all or c.part.index is None
+        return shown and surely(members[c.part.label])
 
     in_order = sorted(verdict.causes, key=lambda c: -back[c.part.label])
     certain = [c for c in in_order if sure(c)]
@@ -285,9 +287,9 @@ def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     """Probabilities are how often such answers are right; a claim that is more likely wrong goes.
 
     What is taken from the leading answer goes to ``unknown``, from that to all others alike.
+    Reliability is learnt on wrenches alone: what other channels uphold does not hang on it.
     """
-    seen = set(facts.witnessed(verdict))
-    if seen and (not verdict.causes or seen & set(verdict.causes[0].names)):
+    if verdict.causes and confirmed(verdict.causes[0], gap):
         return verdict
     right = facts.right(verdict, gap)
     probability = dict(verdict.probabilities)
@@ -298,7 +300,7 @@ def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     for name in others:
         probability[name] = probability.get(name, 0.0) + spare / len(others)
     causes = tuple(
-        c if seen & set(c.names) else replace(c, probability=c.probability * right)
+        c if confirmed(c, gap) else replace(c, probability=c.probability * right)
         for c in verdict.causes
     )
     if causes and probability[lead] <= probability[UNKNOWN]:

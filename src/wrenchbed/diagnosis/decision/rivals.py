@@ -13,7 +13,6 @@ import numpy as np
 from wrenchbed.diagnosis.decision.decide import DOUBTFUL, MOST_RIVALS
 from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.search import SingleEvidence
-from wrenchbed.diagnosis.explain import tilt
 from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
@@ -35,13 +34,11 @@ two causes and no rivals. Estimate."""
 def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str, ...]:
     """Rivals of the leading cause that held-out rows leave it, best first.
 
-    A cause that another sensor measured has none, nor has a number that the metadata states.
+    A number that the metadata states has none.
     """
     if not verdict.causes or verdict.causes[0].part.index is None:
         return ()
     lead = verdict.causes[0]
-    if set(lead.names) & set(tilt.witnessed(a, verdict)):
-        return ()
     more = [n for n in _as_good(a, verdict, seed) if n not in lead.names]
     return tuple(more[: 1 + MOST_RIVALS - len(lead.names)])
 
@@ -105,5 +102,5 @@ class _Judge:
         keep = tuple(range(len(f.parts)))
         reading = self._fits.explained(twin_of(self._a, f, keep), f, keep, self._wrong)[0]
         p = self._a.prepared
-        away = (self._rows.y - reading[p.scene.held][p.judged]) / self._scale
+        away = (p.y - reading[p.scene.held])[p.judged] / self._scale
         return np.asarray((away**2).mean(axis=1))

@@ -13,10 +13,12 @@ from functools import cached_property
 
 import numpy as np
 
+from wrenchbed.channels.own_noise import orthonormal
+from wrenchbed.channels.response import Response
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.base import Effect, Residual, Variant
-from wrenchbed.effects.chain import Response, effects
+from wrenchbed.effects.chain import effects
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.time_derivatives import Jet, value
 from wrenchbed.physics.wrench import CHANNELS
@@ -134,6 +136,8 @@ class EffectDictionary:
         hypotheses: what may be claimed.
         kernels: columns of the flexible unknown by the variable that they depend on.
         stated: columns of the numbers that every user fits, and their tolerances in typical sizes.
+        nuisance: columns of what a user never knows of a channel, fitted away always.
+        imperfections: columns of what a channel's sensor may lack without a fault.
         of_all: the columns on all rows, where these are without a fold.
         free_form: columns of form-free variants only.
     """
@@ -150,6 +154,8 @@ class EffectDictionary:
     invisible: tuple[str, ...]
     of_all: "EffectDictionary | None" = None
     free_form: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    nuisance: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
+    imperfections: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=int))
 
     @cached_property
     def gram(self) -> np.ndarray:
@@ -198,26 +204,49 @@ class EffectDictionary:
         return len(self.E) // self.channels
 
     @cached_property
+    def always(self) -> np.ndarray:
+        """Columns that every fit takes: nuisance, then the stated numbers."""
+        return np.concatenate([self.nuisance, self.stated])
+
+    @cached_property
     def fitted_away(self) -> np.ndarray:
-        """Orthonormal basis of what a fit of bias, mass and CoG takes from any signal (C R, S)."""
-        return np.linalg.qr(self.E[:, self.stated])[0]
+        """Orthonormal basis of what such a fit takes from any signal (C R, S), each vector from
+        one channel."""
+        return np.linalg.qr(self.E[:, self.always])[0]
+
+    def mean_square(self, x: np.ndarray) -> np.ndarray:
+        """Mean square of each channel's readings (F, …) of signals (C R, …)."""
+        rows = x.reshape(-1, self.channels, *x.shape[1:])
+        of = (rows[:, f] for f in self.prepared.families)
+        squares = [np.einsum("rc...,rc...->...", y, y) / (y.shape[0] * y.shape[1]) for y in of]
+        return np.stack(squares)
 
     def gap(self, signal: np.ndarray, *, configured: bool = False) -> float:
         """Gap of a signal (C R,), after that fit unless it counts as configured."""
         if not configured:
             signal = self.without_stated(signal)
-        return float((signal**2).mean())
+        return float(self.mean_square(signal).sum())
+
+    def gaps(self, signal: np.ndarray) -> np.ndarray:
+        """Gap of a signal (C R,) in each channel (F,), after that fit and less the noise."""
+        return self.mean_square(self.without_stated(signal)) - self.channel_noise
 
     @cached_property
     def configured_gap(self) -> np.ndarray:
         """Gap of each column at its typical size (n,), before any fit."""
-        return np.asarray(np.einsum("rn,rn->n", self.E, self.E) / len(self.E))
+        return np.asarray(self.gap_of_channel.sum(axis=0))
+
+    @cached_property
+    def gap_of_channel(self) -> np.ndarray:
+        """`configured_gap` of each channel alone (F, n)."""
+        return self.mean_square(self.E)
 
     @cached_property
     def column_gap(self) -> np.ndarray:
         """Gap of each column at typical size after bias, mass and CoG are fitted (n,)."""
-        taken = ((self.fitted_away.T @ self.E) ** 2).mean(axis=0) * len(self.fitted_away.T)
-        return np.asarray(np.maximum(self.configured_gap - taken / len(self.E), 0.0))
+        taken = (self.fitted_away.T @ self.E) ** 2
+        of_channel = self.mean_square(self.fitted_away).sum(axis=0)  # of unit vectors
+        return np.asarray(np.maximum(self.configured_gap - of_channel @ taken, 0.0))
 
     def of_stated(self, effect: str) -> np.ndarray:
         """Which of the stated columns are of one effect (S,), boolean."""
@@ -245,7 +274,12 @@ class EffectDictionary:
     @property
     def row_noise(self) -> float:
         """Gap that the noise of the fitted rows makes."""
-        return float(self.prepared.variance.mean())
+        return float(self.channel_noise.sum())
+
+    @property
+    def channel_noise(self) -> np.ndarray:
+        """Gap that the noise of the fitted rows makes in each channel (F,)."""
+        return np.array([self.prepared.variance[f].mean() for f in self.prepared.families])
 
     @cached_property
     def _of_effects(self) -> Mapping[str, np.ndarray]:
@@ -280,11 +314,12 @@ def build(
         tolerance: of the stated numbers by effect, SI; inf where nothing is stated.
     """
     at = prepared.at(robot_theta)
-    response = Response(at.scene, at.expected)
-    residual = FittedResidual(at, response)
-    columns: list[np.ndarray] = []
-    size: list[float] = []
-    label: list[tuple[str, str]] = []
+    response = Response(at.scene, at.channels, at.expected)
+    residual = FittedResidual(at.leading, response)
+    away, lacking = nuisance(at), _of_channels(at, [c.imperfections(at.scene) for c in at.channels])
+    columns: list[np.ndarray] = [*away.T, *lacking.T]
+    first, size = len(columns), [1.0] * len(columns)
+    label: list[tuple[str, str]] = [("sensor", "")] * first
     index: dict[tuple[str, str, _Shape], int] = {}
     drafts: list[tuple[Effect, Variant, list[int]]] = []
     formula: set[int] = set()
@@ -307,9 +342,9 @@ def build(
                 chosen.append(index[key])
             formula |= set(chosen) if k < len(named) else set()
             drafts.append((effect, variant, chosen))
-    free_form = np.array([k for k in range(len(columns)) if k not in formula], dtype=int)
+    free_form = np.array([k for k in range(first, len(columns)) if k not in formula], dtype=int)
     stated = np.array([k for k, (e, _) in enumerate(label) if e in STATED])
-    basis = np.linalg.qr(np.stack([columns[k] for k in stated], axis=1))[0]
+    basis = np.linalg.qr(np.column_stack([away, *(columns[k] for k in stated)]))[0]
     kernels: dict[str, np.ndarray] = {}
     for kernel, full in features(at).items():
         block = full - basis @ (basis.T @ full)  # what every user fits is nothing unknown
@@ -331,8 +366,29 @@ def build(
         tolerance=allowed / np.array(size)[stated],
         invisible=(),
         free_form=free_form,
+        nuisance=np.arange(away.shape[1]),
+        imperfections=np.arange(away.shape[1], first),
     )
     return _with_hypotheses(draft, drafts)
+
+
+def nuisance(prepared: Prepared) -> np.ndarray:
+    """Columns (C R, k) of what is fitted away of each channel, orthogonal, of mean square 1."""
+    slopes = [c.nuisance(prepared.scene) for c in prepared.channels]
+    block = orthonormal(_of_channels(prepared, slopes))
+    return np.asarray(block * np.sqrt(len(block)))
+
+
+def _of_channels(prepared: Prepared, each: Sequence[np.ndarray]) -> np.ndarray:
+    """Whitened columns (C R, k) of slopes (M, …, n) of each channel's own readings."""
+    width, result = prepared.families[-1].stop, list[np.ndarray]()
+    for slopes, of in zip(each, prepared.families, strict=True):
+        for slope in np.moveaxis(slopes, 2, 0):
+            every = np.zeros((len(slope), width))
+            every[:, of] = slope
+            result.append(prepared.rows(every).ravel())
+    rows = len(prepared.block_rows) * width
+    return np.stack(result, axis=1) if result else np.zeros((rows, 0))
 
 
 def _shape(variant: Variant) -> _Shape:
@@ -381,16 +437,17 @@ def _with_hypotheses(
 
 
 class FittedResidual:
-    """Residual of a recording after bias, mass and CoG are fitted, scanned for shapes of
-    effects."""
+    """Residual of a wrench after bias, mass and CoG are fitted, scanned for shapes of effects."""
 
     def __init__(self, prepared: Prepared, response: Response) -> None:
-        self.scene, self.response = prepared.scene, response
+        alone = Response(prepared.scene, prepared.channels, prepared.expected)
+        one = response.channels == prepared.channels
+        self.scene, self.response = prepared.scene, response if one else alone
         self._rows = np.flatnonzero(prepared.scene.held)[prepared.fitted]
         self._noise = prepared.sigma
         measured = (prepared.residual[prepared.fitted] / self._noise).ravel()
         stated = [
-            response.tangent(e, p, Variant(e.name, (p.name,)))[self._rows] / self._noise
+            self.response.tangent(e, p, Variant(e.name, (p.name,)))[self._rows] / self._noise
             for e in (effects()[n] for n in STATED)
             for p in e.parameters(self.scene.robot)
         ]

@@ -435,21 +435,33 @@ def _spreads(E: np.ndarray, variances: np.ndarray) -> list[np.ndarray | None]:
 
 
 def _variance(d: EffectDictionary, gap: float) -> np.ndarray:
-    """Variance of each column's coefficient (n,) in a rung."""
-    variance = np.zeros(len(d.label))
+    """Variance of each column's coefficient (n,) in a rung.
+
+    A gap of the wrench's own says nothing of further channels: what a background adds to them is
+    at most `NORMAL`.
+    """
+    variance, normal = np.zeros(len(d.label)), min(gap, NORMAL)
+    leading, further = d.gap_of_channel[0], d.gap_of_channel[1:].sum(axis=0)
     for columns in d.imperfect.values():
-        share = SHARES["effects"] * gap / (len(d.imperfect) * len(columns))
-        variance[columns] = np.minimum(
-            MOST**2, share / np.maximum(d.configured_gap[columns], 1e-12)
-        )
+        share = SHARES["effects"] / (len(d.imperfect) * len(columns))
+        of_wrench = share * gap / np.maximum(leading[columns], 1e-12)
+        of_others = share * normal / np.maximum(further[columns], 1e-12)
+        variance[columns] = np.minimum(MOST**2, np.minimum(of_wrench, of_others))
     for columns in d.kernels.values():
-        variance[columns] = SHARES["kernels"] * gap / len(d.kernels)
+        of_column = np.where(further[columns] > leading[columns], normal, gap)
+        variance[columns] = SHARES["kernels"] * of_column / len(d.kernels)
+    variance[d.nuisance], variance[d.imperfections] = LARGE, 1.0
     variance[d.stated] = np.minimum((WITHIN * d.tolerance) ** 2, LARGE)
     return variance
 
 
 def row_variance(prepared: Prepared, gap: float) -> np.ndarray:
-    """Variance of each row of the fit (C R,): its noise, and a gap of rows without a model."""
+    """Variance of each row of the fit (C R,): its noise, and a gap of rows without a model.
+
+    The noise of further channels holds what nothing explains of them already.
+    """
     if prepared.moving:
         gap *= max(1.0, CORRELATION_S / (prepared.scene.period * prepared.stride))
-    return np.tile(prepared.variance + gap, len(prepared.block_rows))
+    more = np.zeros_like(prepared.variance)
+    more[prepared.families[0]] = gap
+    return np.tile(prepared.variance + more, len(prepared.block_rows))

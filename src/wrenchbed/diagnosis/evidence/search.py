@@ -1,10 +1,9 @@
 """Every hypothesis alone: its exact evidence in the linear model, over all rungs and sizes."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
-from types import MappingProxyType
 
 import numpy as np
 
@@ -55,14 +54,10 @@ class Searcher:
 
     Args:
         dictionary: of the design.
-        odds: log odds that another sensor than the wrench adds to an effect, by name.
     """
 
-    def __init__(
-        self, dictionary: EffectDictionary, odds: Mapping[str, float] = MappingProxyType({})
-    ) -> None:
+    def __init__(self, dictionary: EffectDictionary) -> None:
         self.d = dictionary
-        self.odds = odds
         self.hypotheses: tuple[Hypothesis, ...] = dictionary.hypotheses
         self.kernels = tuple(dictionary.kernels)
         self._known: dict[int, list[np.ndarray]] = {}
@@ -110,7 +105,7 @@ class Searcher:
         rare = min(1.0, float(np.sqrt(h.typical_gap)) * 2.0)
         fraction = h.variant.weight / self._weights[h.name]
         prior = float(np.log(PRIOR["one"] / len(self._weights) * fraction * rare))
-        return prior + self.odds.get(h.name, 0.0)
+        return prior
 
     @property
     def names(self) -> Collection[str]:
@@ -216,8 +211,8 @@ class Searcher:
 
     def rung_prior(self, y: np.ndarray) -> np.ndarray:
         """Log prior of each level of background (rungs,): equal for normal levels; larger levels
-        are likely only if the gap of the readings y is much larger than theirs."""
-        total = max(self.d.gap(y) - self.d.row_noise, 0.0)
+        are likely only if the wrench's gap of the readings y is much larger than theirs."""
+        total = max(float(self.d.gaps(y)[0]), 0.0)
         gaps = np.array([r.gap for r in self.rungs])
         normal = np.array([r.normal for r in self.rungs])
         prior = np.where(normal, 1.0 / normal.sum(), 0.1)

@@ -102,7 +102,7 @@ class Similarity:
     def remaining(self, name: str = "") -> Fitted:
         """The named columns after the stated numbers, but those of ``name``, are fitted."""
         if name not in self._remaining:
-            fitted = np.array([k for k in self.d.stated if self.d.label[k][0] != name])
+            fitted = np.array([k for k in self.d.always if self.d.label[k][0] != name])
             self._remaining[name] = Fitted(self._gram, self._E, fitted)
         return self._remaining[name]
 

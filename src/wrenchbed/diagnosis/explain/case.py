@@ -5,12 +5,13 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from wrenchbed.channels.response import Responses
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST, Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import MORE, PRIOR, Searcher, SingleEvidence
 from wrenchbed.diagnosis.explain.finalist import Finalist, Variables
 from wrenchbed.effects.base import Effect
-from wrenchbed.effects.chain import ActiveEffect, Responses
+from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
@@ -39,7 +40,7 @@ class Case:
         self.searcher, self.y = searcher, y
         self.d = searcher.d
         self.scene = self.d.prepared.scene
-        self._responses = Responses(self.scene)
+        self._responses = Responses(self.scene, self.d.prepared.channels)
         self._zero = self.d.baseline
         self.exact: dict[int, BackgroundLevel] = {}
         self._freed: dict[tuple[int, frozenset[int]], BackgroundLevel] = {}

@@ -16,9 +16,9 @@ from wrenchbed.diagnosis.explain.contributions import (
     imitators,
     made_by,
     rest,
+    shares,
     twins,
 )
-from wrenchbed.diagnosis.explain.contributions import share as share_of
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.verdict import Part
@@ -26,6 +26,8 @@ from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 
 REST = 0.55
 """Gap that normal imperfections may make together."""
+DENIED = 2.0 * CLAIMABLE
+"""Gap that a cause must add at least to a channel without any to be contradicted by it."""
 WRONG = 5.0
 """A stated number that is wrong is off by this many tolerances, typically."""
 ZERO_SIGMAS = 0.4
@@ -97,34 +99,36 @@ class Stated(NamedTuple):
 def explained(refitter: Refitter, f: Finalist) -> Explanation:
     """Explanation of a finalist: its effects that count, and the stated numbers that are wrong."""
     d = refitter.d
-    total = d.gap(refitter.y) - d.row_noise
+    total, each = d.gaps(refitter.y), {k: shares(refitter, f, k) for k in f.effects}
+    against = {k for k, g in each.items() if contradicted(g, total)}
     # parts that cancel out add nothing
-    added = {k: min(share_of(refitter, f, k), total) for k in f.effects}
+    added = {k: float(np.minimum(g, total).sum()) for k, g in each.items() if k not in against}
     parts = [Part(f.parts[k].name, g, index=k) for k, g in added.items() if g >= CLAIMABLE]
     large = {p.index for p in parts}
     remaining = rest(refitter, f, large)
-    if total >= CLAIMABLE and remaining > REST:
-        more, remaining = _standing_in(refitter, f, large)
+    if total.sum() >= CLAIMABLE and remaining > REST:
+        more, remaining = _standing_in(refitter, f, large | against)
         parts += more
     parts = [p for p in parts if not _form_of_another(p, parts, f)]
     named = {p.index for p in parts}
     parts = [replace(p, twins=twins(refitter, f, p.index, p.share, named)) for p in parts]
     parts += wrong_numbers(refitter, f)
     parts.sort(key=lambda p: -p.share)
-    return Explanation(f, tuple(parts), remaining, max(total - remaining, 0.0))
+    return Explanation(f, tuple(parts), remaining, max(float(total.sum()) - remaining, 0.0))
 
 
 def with_imitators(refitter: Refitter, e: Explanation) -> Explanation:
-    """An explanation with the effects that make the readings of each part as well; none of one that
-    another sensor than the wrench's measured."""
-    odds = refitter.searcher.odds
+    """An explanation with the effects that make the readings of each part as well."""
     parts = (
-        p
-        if p.index is None or odds.get(p.name, 0.0) > 0.0
-        else replace(p, imitators=imitators(refitter, e.finalist, p.index))
+        p if p.index is None else replace(p, imitators=imitators(refitter, e.finalist, p.index))
         for p in e.parts
     )
     return replace(e, parts=tuple(parts))
+
+
+def contradicted(added: np.ndarray, total: np.ndarray) -> bool:
+    """Whether a channel has no gap (F,) although a part adds one to it (F,)."""
+    return bool(((added >= DENIED) & (total < CLAIMABLE)).any())
 
 
 def _standing_in(
@@ -141,12 +145,12 @@ def _standing_in(
     bending = [k for k in f.effects if k in large and any_free_form(f)]
     residual = f.residual + made_by(refitter, f, small)
     if bending:
-        design = np.column_stack([d.E[:, d.stated], f.design[:, f.variables.of_parts(bending)]])
+        design = np.column_stack([d.E[:, d.always], f.design[:, f.variables.of_parts(bending)]])
         residual = residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0]
     while small and d.gap(residual) - d.row_noise > REST:
         without = []
         for k in small:
-            columns = [d.E[:, d.stated], f.design[:, f.variables.of_parts([k, *bending])]]
+            columns = [d.E[:, d.always], f.design[:, f.variables.of_parts([k, *bending])]]
             design = np.column_stack(columns)
             without.append(residual - design @ np.linalg.lstsq(design, residual, rcond=None)[0])
         best = int(np.argmin([d.gap(r) for r in without]))

@@ -35,7 +35,12 @@ def any_free_form(f: Finalist) -> bool:
 
 
 def share(refitter: Refitter, f: Finalist, part: int) -> float:
-    """Reduction of the gap by one part of a finalist while all other parts keep their sizes.
+    """Reduction of the gap by one part of a finalist, in all channels together."""
+    return float(shares(refitter, f, part).sum())
+
+
+def shares(refitter: Refitter, f: Finalist, part: int) -> np.ndarray:
+    """Reduction of each channel's gap (F,) by one part while all other parts keep their sizes.
 
     Beside a form-free part the others take up what they can of it: the two may hold large curves
     against each other.
@@ -45,10 +50,10 @@ def share(refitter: Refitter, f: Finalist, part: int) -> float:
     pair = np.stack([without, f.residual], axis=1)
     if bending:
         design = np.column_stack(
-            [refitter.d.E[:, refitter.d.stated], f.design[:, f.variables.of_parts(bending)]]
+            [refitter.d.E[:, refitter.d.always], f.design[:, f.variables.of_parts(bending)]]
         )
         pair = pair - design @ np.linalg.lstsq(design, pair, rcond=None)[0]
-    return refitter.d.gap(pair[:, 0]) - refitter.d.gap(pair[:, 1])
+    return refitter.d.gaps(pair[:, 0]) - refitter.d.gaps(pair[:, 1])
 
 
 def claimable(refitter: Refitter, f: Finalist) -> list[int]:

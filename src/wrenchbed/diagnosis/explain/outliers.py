@@ -167,6 +167,7 @@ def described(p: Prepared, rows: np.ndarray, reading: np.ndarray) -> tuple[Outli
 
     Rows that agree with it are none.
     """
+    p = p.leading
     error = p.y - reading[p.scene.held]
     large = np.sqrt(((error / p.sigma) ** 2).mean(axis=1)) > LARGE * np.sqrt(p.noise.max())
     t, ends = p.scene.t[p.scene.held], np.cumsum(p.count)

@@ -46,7 +46,7 @@ def weighed_again(a: Analysis) -> Analysis:
         d, best = a.dictionary, again.ranking.explanations[0].finalist
         noise = np.maximum(d.prepared.noise, rest_variance(again, best) * d.prepared.stride)
         noisy = replace(d, prepared=replace(d.prepared, noise=noise))
-        searcher = Searcher(noisy, a.searcher.odds)
+        searcher = Searcher(noisy)
         refitter = Refitter(searcher, a.refitter.y)
         ranking = rank(searcher, refitter)
         again = replace(a, searcher=searcher, refitter=refitter, ranking=ranking)
@@ -59,8 +59,8 @@ def rest_variance(a: Analysis, f: Finalist) -> np.ndarray:
     rest = d.without_stated(f.residual).reshape(-1, d.channels)
     variance = (rest**2).mean(axis=0)
     root = np.tile(np.sqrt(np.maximum(variance, d.prepared.variance)), len(rest))
-    design = np.column_stack([d.E[:, d.stated], f.design]) / root[:, None]
-    precision = np.concatenate([np.full(len(d.stated), FREE), 1.0 / f.spread**2])
+    design = np.column_stack([d.E[:, d.always], f.design]) / root[:, None]
+    precision = np.concatenate([np.full(len(d.always), FREE), 1.0 / f.spread**2])
     gram = design.T @ design
     free = float(np.trace(np.linalg.solve(gram + np.diag(precision), gram)))
     return np.asarray(variance / (1.0 - min(free / rest.size, MOST_FREE)))

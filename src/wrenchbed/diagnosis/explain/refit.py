@@ -58,7 +58,7 @@ class Refitter(Case):
 
     def _less(self, fold: int) -> "Refitter":
         keep = np.repeat(self.d.prepared.fold_rows != fold, self.d.channels)
-        return type(self)(Searcher(self.d.without(fold), self.searcher.odds), self.y[keep])
+        return type(self)(Searcher(self.d.without(fold)), self.y[keep])
 
     def nothing(self) -> Finalist:
         """The structure without any effect, on the rung that fits best."""

@@ -27,7 +27,6 @@ from wrenchbed.diagnosis.explain.claims import Explanation, corrected, explained
 from wrenchbed.diagnosis.explain.contributions import claimable, doubled
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
-from wrenchbed.diagnosis.prepare.accelerometer import TILT
 from wrenchbed.diagnosis.prepare.baseline import Baseline, calibrate
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 from wrenchbed.diagnosis.prepare.prepared import Prepared
@@ -400,9 +399,9 @@ class Analysis:
 
     @property
     def calibrated(self) -> np.ndarray:
-        """Whitened residual (R, C) after bias, mass and CoG."""
-        d = self.at_baseline.d
-        return d.without_stated(self.at_baseline.y).reshape(-1, d.channels)
+        """Whitened residual of the first channel (R, 6) after bias, mass and CoG."""
+        d, of = self.at_baseline.d, self.prepared.families[0]
+        return d.without_stated(self.at_baseline.y).reshape(-1, d.channels)[:, of]
 
 
 def analyse(prepared: Prepared) -> Analysis:
@@ -426,15 +425,14 @@ def analyse(prepared: Prepared) -> Analysis:
 
 def _ranked(prepared: Prepared, coarse: Prepared, baseline: Baseline, at: Baseline) -> Analysis:
     """The analysis with slopes at the tool of ``at``."""
-    t = prepared.testimony
-    odds = {} if t is None else {TILT: t.log_bayes}
-    searcher = Searcher(build(coarse, at.robot_theta, baseline.tolerance), odds)
+    searcher = Searcher(build(coarse, at.robot_theta, baseline.tolerance))
     refitter = Refitter(searcher, case(searcher.d, coarse, at))
     return Analysis(prepared, baseline, searcher, refitter, rank(searcher, refitter), refitter)
 
 
 def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
     """Gap by which what causes add may change with the tool: as the load on the sensor does."""
+    p = p.leading
     here, there = (
         p.rows(respond(replace(p.scene, theta=theta))) for theta in (p.scene.theta, to.robot_theta)
     )

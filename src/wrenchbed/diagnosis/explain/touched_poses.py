@@ -43,6 +43,7 @@ def contact_of(p: Prepared, outliers: Sequence[Outlier], reading: np.ndarray) ->
         outliers: what is set aside.
         reading: of the simulator of all other rows (M, 6) [N, N·m].
     """
+    p = p.leading
     if not outliers or not p.scene.jointed:
         return None
     aside = np.any([o.rows for o in outliers], axis=0)

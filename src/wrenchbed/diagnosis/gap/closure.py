@@ -118,6 +118,8 @@ class Judged:
         gaps: of each observation (S,) by simulator: ``configured``, ``calibrated``, ``box``,
             ``floor``; with a claim also ``with_effects`` and, on rows that it saw, ``in_sample``.
         without: gaps (S,) of the diagnosed simulator without each cause, by its name.
+        further: gaps (S,) of further channels than the first, all together, by simulator:
+            ``calibrated``, ``with_effects``, and without each cause by its name.
         channels: gap of each channel (6,) ``before`` and ``after``.
         readings: see `Closure`.
     """
@@ -127,6 +129,7 @@ class Judged:
     without: Mapping[str, np.ndarray]
     channels: Mapping[str, np.ndarray]
     readings: Mapping[str, np.ndarray]
+    further: Mapping[str, np.ndarray]
 
     @classmethod
     def of(
@@ -134,21 +137,23 @@ class Judged:
     ) -> "Judged":
         """Configured, calibrated and diagnosed simulators on held-out rows; see `CrossFit`."""
         p, held_out, crossed = a.prepared, HeldOut(a.prepared), CrossFit(a, fits)
-        before = crossed.calibrated(calibrated(a))
-        readings = {"calibrated": before}
+        before, of = crossed.calibrated(calibrated(a)), p.families[0]
+        readings, further = {"calibrated": before[:, of]}, {"calibrated": held_out.further(before)}
         every = {
             "configured": Twin(p.model, p.theta).wrench(p.scene),
             "calibrated": before,
-            "box": before + black_box(p, before),
+            "box": before[:, of] + black_box(p.leading, before[:, of]),
         }
         channels, without = {"before": held_out.channels(before)}, dict[str, np.ndarray]()
         if claim is not None:
             after, others = crossed.explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
             every |= {"with_effects": after, "in_sample": claim.twin.wrench(p.scene)}
             without = {name: held_out.of(r) for name, r in others.items()}
-            channels["after"], readings["with_effects"] = held_out.channels(after), after
+            further |= {name: held_out.further(r) for name, r in others.items()}
+            further["with_effects"] = held_out.further(after)
+            channels["after"], readings["with_effects"] = held_out.channels(after), after[:, of]
         gaps = {stage: held_out.of(r) for stage, r in every.items()} | {"floor": held_out.floor()}
-        return cls(held_out, gaps, without, channels, readings)
+        return cls(held_out, gaps, without, channels, readings, further)
 
 
 def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
@@ -175,16 +180,20 @@ def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
     fitted, floor = gaps["calibrated"], gaps["floor"]
     scale = drawn.average(fitted) - drawn.average(floor)
     box = drawn.average(fitted) - drawn.average(gaps["box"])
-    with_effects, closed, in_sample = None, None, None
-    members: dict[str, Interval] = {}
+    with_effects, closed, in_sample, in_all = None, None, None, None
+    members, further = dict[str, Interval](), dict[str, Interval]()
     if claim is not None:
         after = gaps["with_effects"]
         with_effects = drawn.mean(after)
         origin = gaps["configured"] if claim.wrong and not claim.keep else fitted
         closed = drawn.ratio(origin - after, origin - floor)
+        beside = {s: np.concatenate([j.further[s] for j in each]) for s in each[0].further}
+        before, left = origin + beside["calibrated"], after + beside["with_effects"]
+        in_all = drawn.ratio(before - left, before - floor)
         for name in each[0].without:
             without = np.concatenate([j.without[name] for j in each])
-            members[name] = drawn.mean(without - after)
+            members[name] = drawn.mean(without + beside[name] - left)
+            further[name] = drawn.mean(beside[name] - beside["with_effects"])
         in_sample = drawn.average(gaps["in_sample"])
     channels = {
         stage: rows @ np.stack([j.channels[stage] for j in each]) / rows.sum()
@@ -206,6 +215,8 @@ def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
         members=members,
         in_sample=in_sample,
         readings=each[0].readings,
+        in_all=in_all,
+        further=further,
     )
 
 

@@ -63,7 +63,7 @@ def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Chang
     d = a.dictionary
     scale = np.tile(np.sqrt(np.maximum(d.prepared.variance, 1e-300)), d.rows)
     block = d.prepared.block_rows
-    basis = _basis(np.column_stack([d.E[:, d.stated], f.design]) / scale[:, None])
+    basis = _basis(np.column_stack([d.E[:, d.always], f.design]) / scale[:, None])
     order = orders(block, PERMUTATIONS, np.random.default_rng([seed, 31]))
     rest = _without(basis, (f.residual / scale)[None])[0].reshape(d.rows, -1)
     permuted = _without(basis, rest[order].reshape(len(order), -1))

@@ -1,7 +1,7 @@
 """Gaps of simulators on rows that no fit saw, each with its interval."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -28,9 +28,11 @@ class Closure:
         rows: held-out rows.
         folds: parts of the recording, each of which was held out once.
         per_channel: gap per channel before and after.
-        members: gap that each cause closes, by name: what comes back without it.
+        members: gap that each cause closes in all channels, by name: what comes back without it.
         in_sample: gap with the claimed effects on rows that the fit did see.
         readings: (M, 6) of the scene's rows by simulator: ``calibrated``, ``with_effects``.
+        in_all: share of the gaps of all channels together that the effects close.
+        further: gap of further channels than the first that each cause closes, by name.
     """
 
     configured: float
@@ -45,6 +47,8 @@ class Closure:
     members: Mapping[str, Interval]
     in_sample: float | None
     readings: Mapping[str, np.ndarray]
+    in_all: Interval | None = None
+    further: Mapping[str, Interval] = field(default_factory=dict)
 
     @property
     def excess(self) -> float:

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wrenchbed.channels.response import readings
 from wrenchbed.diagnosis.explain.claims import corrected, moved_by
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
@@ -13,15 +14,19 @@ from wrenchbed.diagnosis.prepare.baseline import Baseline
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 from wrenchbed.diagnosis.prepare.noise import noise_in_motion
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.effects.chain import ActiveEffect, respond
+from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.twin.twin import Twin
 
 
 class HeldOut:
-    """Gaps of readings on the observations of a recording that are not set aside (S of them)."""
+    """Gaps of readings on the observations of a recording that are not set aside (S of them).
 
-    def __init__(self, prepared: Prepared) -> None:
-        self.prepared = prepared
+    The published gap is that of the first channel; `further` is of all others.
+    """
+
+    def __init__(self, every: Prepared) -> None:
+        self._every, self._of = every, every.families[0]
+        self.prepared = prepared = every.leading
         self._root = np.linalg.inv(np.linalg.cholesky(prepared.covariance))
         self._keep = keep = prepared.judged
         self.y, self.count = prepared.y[keep], prepared.count[keep]
@@ -39,15 +44,23 @@ class HeldOut:
         return int(self.count.sum())
 
     def _residual(self, reading: np.ndarray) -> np.ndarray:
-        return np.asarray(self.y - reading[self.prepared.scene.held][self._keep])
+        return np.asarray(self.y - reading[self.prepared.scene.held][self._keep, self._of])
 
     def of(self, reading: np.ndarray) -> np.ndarray:
-        """Gap of each observation (S,) for scene readings (M, 6)."""
+        """Gap of each observation (S,) for scene readings (M, C), of its first channel."""
         white = self._residual(reading) @ self._root.T
         return np.asarray((white**2).mean(axis=1) + self.noise)
 
+    def further(self, reading: np.ndarray) -> np.ndarray:
+        """Sum of the gaps of all further channels (S,) for scene readings (M, C)."""
+        p, result = self._every, np.zeros(len(self.y))
+        for of in p.families[1:]:
+            white = (p.y - reading[p.scene.held])[self._keep, of] / p.sigma[of]
+            result += (white**2).mean(axis=1) - float(p.noise[of].mean())
+        return result
+
     def channels(self, reading: np.ndarray) -> np.ndarray:
-        """Gap of each channel (C,)."""
+        """Gap of each column of the first channel."""
         gaps = (self._residual(reading) / self.prepared.sigma) ** 2 + self.channel_noise
         return np.asarray((gaps * self.count[:, None]).sum(axis=0) / self.count.sum())
 
@@ -96,26 +109,27 @@ class CrossFit:
     def __init__(self, a: Analysis, fits: Mapping[int, Refitter] | None = None) -> None:
         self._a = a
         self._held = {k: self._rows(k) for k in a.prepared.folds}
-        without = a.refitter.without
-        self._fits = {k: without(k) if fits is None else fits[k] for k in a.prepared.folds}
+        without, p = a.refitter.without, a.prepared
+        self._fits = {k: without(k) if fits is None else fits[k] for k in p.folds}
+        self._nuisance = [c.nuisance(p.scene) for c in p.channels[1:]]
 
     def calibrated(self, baseline: Twin) -> np.ndarray:
-        """Readings (M, 6) of the simulator after bias, mass and CoG were fitted."""
+        """Readings (M, C) of the simulator after bias, mass and CoG were fitted."""
         a, whole = self._a, self._a.at_baseline
         error, all_rows = _errors(a.baseline, whole), whole.d.fitted(whole.y)
-        result = baseline.wrench(a.prepared.scene)
         at_all = self._read(a.baseline.configuration, ())
+        result = self._beside(baseline.wrench(a.prepared.scene), at_all)
         for k in self._fits:
             refitter = whole.without(k)
             moved = error + refitter.d.fitted(refitter.y) - all_rows
             configuration = moved_by(refitter, moved, a.prepared.configuration)
-            self._add(result, k, self._read(configuration, ()) - at_all)
+            self._add(result, k, self._predicted(k, configuration, ()) - at_all)
         return result
 
     def explained(
         self, twin: Twin, f: Finalist, keep: Sequence[int], wrong: Sequence[str]
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Readings (M, 6) of the diagnosed simulator, and of it without each cause by its name.
+        """Readings (M, C) of the diagnosed simulator, and of it without each cause by its name.
 
         Args:
             twin: fitted on all rows.
@@ -124,8 +138,8 @@ class CrossFit:
             wrong: stated numbers that are claimed to be wrong.
         """
         a = self._a
-        result = twin.wrench(a.prepared.scene)
         at_all = self._read(Configuration(twin.model, twin.theta), twin.active)
+        result = self._beside(twin.wrench(a.prepared.scene), at_all)
         names = [*(f.parts[k].name for k in keep), *wrong]
         without = {name: result.copy() for name in names}
         for fold, refitter in self._fits.items():
@@ -134,11 +148,12 @@ class CrossFit:
             active = tuple(ActiveEffect(f.parts[k].effect, values[k]) for k in keep)
             stated = a.prepared.configuration
             configuration = corrected(refitter, again, stated)
-            self._add(result, fold, self._read(configuration, active) - at_all)
+            self._add(result, fold, self._predicted(fold, configuration, active) - at_all)
             for k, name in enumerate(names):
                 others = tuple(x for i, x in enumerate(active) if i != k)
                 as_stated = restored(configuration, stated, name)
-                self._add(without[name], fold, self._read(as_stated, others) - at_all)
+                change = self._predicted(fold, as_stated, others) - at_all
+                self._add(without[name], fold, change)
         return result, without
 
     def _rows(self, fold: int) -> np.ndarray:
@@ -152,9 +167,27 @@ class CrossFit:
         reading[self._held[fold]] += change[self._held[fold]]
 
     def _read(self, c: Configuration, active: Sequence[ActiveEffect]) -> np.ndarray:
-        """Simulated readings (M, 6) in closed form."""
-        scene = replace(self._a.prepared.scene, theta=c.robot_theta)
-        return np.asarray(c.model.read(respond(scene, active), c.theta))
+        """Simulated readings (M, C) in closed form."""
+        p = self._a.prepared
+        every = readings(p.channels, replace(p.scene, theta=c.robot_theta), active)
+        return self._beside(c.model.read(every[:, p.families[0]], c.theta), every)
+
+    def _beside(self, wrench: np.ndarray, every: np.ndarray) -> np.ndarray:
+        """Readings (M, C) with another wrench (M, 6)."""
+        return np.concatenate([wrench, every[:, self._a.prepared.families[0].stop :]], axis=1)
+
+    def _predicted(self, fold: int, c: Configuration, active: Sequence[ActiveEffect]) -> np.ndarray:
+        """Simulated readings (M, C), nuisance fitted to the rows outside a fold."""
+        p, result = self._a.prepared, self._read(c, active)
+        held, seen = p.scene.held, p.without(fold).fitted
+        for of, slopes in zip(p.families[1:], self._nuisance, strict=True):
+            columns = slopes.reshape(-1, slopes.shape[2])
+            scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+            design = (slopes / scale)[held][seen].reshape(-1, len(scale))
+            residual = (p.y - result[held])[seen, of].ravel()
+            fitted = np.linalg.lstsq(design, residual, rcond=1e-6)[0] / scale
+            result[:, of] += slopes @ fitted
+        return result
 
 
 def restored(now: Configuration, stated: Configuration, name: str) -> Configuration:

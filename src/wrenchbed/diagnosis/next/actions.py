@@ -97,9 +97,10 @@ def moved(prepared: Prepared, q: np.ndarray, rate: float) -> Prepared:
     jet = Jet(q, d, np.gradient(d, 1.0 / rate, axis=0))
     n = len(q)
     scene = scenes.of_motion(prepared.model, prepared.scene.theta, jet, np.arange(n) / rate, None)
-    noise = np.ones_like(prepared.noise)
+    alone = prepared.leading  # what else was measured, was at rest
+    noise = np.ones_like(alone.noise)
     return replace(
-        prepared, scene=scene, y=np.zeros((n, len(noise))), count=np.ones(n, dtype=int),
+        alone, scene=scene, y=np.zeros((n, len(noise))), count=np.ones(n, dtype=int),
         noise=noise,
         block=np.arange(n) * BLOCKS_IN_MOTION // n, fold=np.zeros(n, dtype=int),
         stride=max(1, round(rate / RATES_HZ[1])),

@@ -13,8 +13,14 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy.special import ndtr
 
+from wrenchbed.channels.response import Response
 from wrenchbed.data.plan import Plan
-from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, features
+from wrenchbed.diagnosis.evidence.dictionary import (
+    EffectDictionary,
+    Hypothesis,
+    features,
+    nuisance,
+)
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, MOST, BackgroundLevel, row_variance
 from wrenchbed.diagnosis.explain.claims import stated
 from wrenchbed.diagnosis.explain.elements import element
@@ -34,7 +40,7 @@ from wrenchbed.diagnosis.next.isolability import listed
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.base import Effect, Variant
-from wrenchbed.effects.chain import Response, effects
+from wrenchbed.effects.chain import effects
 
 Candidate = tuple[Hypothesis, np.ndarray]
 """An explanation: a variant and its amplitudes (k,) in typical sizes."""
@@ -97,7 +103,11 @@ class Comparison:
         self._place = {int(k): i for i, k in enumerate(self.chosen)}
         self.stated = np.array([self._place[int(k)] for k in d.stated])
         self.sizes = [self._sizes(c) for c in self.candidates]
-        self.old = ExperimentRows(d.E[:, self.chosen], row_variance(d.prepared, ROWS * GAP))
+        away = d.E[:, d.nuisance]
+        self.old = ExperimentRows(
+            d.E[:, self.chosen], row_variance(d.prepared, ROWS * GAP), away,
+            np.full(away.shape[1], LARGE),
+        )  # fmt: skip
         self.background = self._background()
         self.known = [self.old, *(self.rows(ExperimentRun(o, again=False)) for o in others)]
 
@@ -133,7 +143,7 @@ class Comparison:
         base = session.prepared
         at = base if session.payload is None else base.at(loaded(base, session.payload))
         mode = "dynamic" if base.moving else "static"
-        response, v0 = Response(at.scene, at.expected), row_variance(base, ROWS * GAP)
+        response, v0 = Response(at.scene, at.channels, at.expected), row_variance(base, ROWS * GAP)
         result = np.zeros((len(v0), len(self.chosen)))
         for k, c in enumerate(self._columns):
             if mode not in c.effect.modes:
@@ -145,12 +155,14 @@ class Comparison:
                 known = {p.name: p for p in c.effect.parameters(at.robot)}
                 change = response.tangent(c.effect, known[c.parameter], c.variant)
             result[:, k] = base.rows(change).ravel()
-        if session.again:
-            return ExperimentRows(result, v0)
-        zero, more = _zeros(base, len(v0)), self._only_there(base, response)
-        spread = [np.full(x.shape[1], v) for x, v in ((zero, LARGE), *((m, 1.0) for m in more))]
-        wide = np.concatenate(spread)
-        return ExperimentRows(result, v0, np.concatenate([zero, *more], axis=1), wide)
+        own, more = nuisance(base), list[np.ndarray]()
+        if not session.again:
+            own = np.concatenate([own, _zeros(base, len(v0))], axis=1)
+            more = self._only_there(base, response)
+        wide = [np.full(own.shape[1], LARGE), *(np.ones(x.shape[1]) for x in more)]
+        return ExperimentRows(
+            result, v0, np.concatenate([own, *more], axis=1), np.concatenate(wide)
+        )
 
     def _only_there(self, base: Prepared, response: Response) -> list[np.ndarray]:
         """Columns of effects of which the recording could know nothing, at typical size."""

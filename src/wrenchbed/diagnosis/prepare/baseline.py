@@ -53,7 +53,7 @@ def calibrate(prepared: Prepared) -> Baseline:
     Raises:
         DiagnosisError: the weight comes out upside down.
     """
-    stated = prepared.configuration
+    prepared, stated = prepared.leading, prepared.configuration
     start = np.concatenate([[stated.mass], stated.cog])
     measured = prepared.rows(prepared.y).ravel()
     ones = np.ones((len(prepared.y), 1))
@@ -114,7 +114,7 @@ def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
     given, tool_mass = stated.tool, prepared.configuration.mass
     most = MOST_ROUNDED[0] * tool_mass, MOST_ROUNDED[1]
     default = {
-        bias: BIAS_SIGMAS * prepared.row_sigma,
+        bias: BIAS_SIGMAS * prepared.leading.row_sigma,
         mass: np.array([max(MASS_SHARE * tool_mass, min(_rounding(given.mass), most[0]))]),
         cog: np.full(3, max(COG_M, min(_rounding(*(given.cog or ())), most[1]))),
     }

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from wrenchbed.calibration.observations import Observations
+from wrenchbed.channels.accelerometer import CHANNEL as ACCELEROMETER
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import checks, scenes
-from wrenchbed.diagnosis.prepare.accelerometer import acceleration_columns
 from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.diagnosis.prepare.prepared import Prepared, split
 from wrenchbed.effects.scene import ACCELERATION, SPIN, TURNING
@@ -58,6 +58,13 @@ class Averages(NamedTuple):
         inside = (t >= at[0]) & (t <= at[-1])
         smooth = np.stack([np.interp(t[inside], at, c) for c in course.T], axis=1)
         return np.asarray(x[inside] - smooth)
+
+
+def accelerometer_rows(recording: Recording) -> np.ndarray | None:
+    """Readings (N, 3) of an accelerometer [m/s²], None without one."""
+    if not all(a in recording.columns for a in ACCELEROMETER.columns):
+        return None
+    return np.stack([recording.columns[a] for a in ACCELEROMETER.columns], axis=-1)
 
 
 def applies(recording: Recording) -> bool:
@@ -137,7 +144,7 @@ def variance(recording: Recording, means: Averages, tool: Tool, without: np.ndar
     rough = means.rough(recording.t, recording.wrench)
     leaked, kept = means.of(rough), means.of(use[:, None].astype(float))[:, 0] > 1.0 - 1e-9
     noise = np.maximum(leaked[kept].var(axis=0), variance_ratio * std**2)
-    measured = acceleration_columns(recording)
+    measured = accelerometer_rows(recording)
     if measured is None:
         return np.asarray(noise)
     shaken = means.rough(recording.t, measured)[use]
@@ -155,7 +162,7 @@ def accelerations(
         t: their times (M,) [s].
         gravity: in world axes (3,) [m/s²].
     """
-    measured = acceleration_columns(recording)
+    measured = accelerometer_rows(recording)
     if measured is None:
         return {}
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used

@@ -9,6 +9,7 @@ from wrenchbed.calibration.observations import Observations, observe, scatter
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import checks, contact, orientations, scenes
 from wrenchbed.diagnosis.prepare.configuration import configured
+from wrenchbed.diagnosis.prepare.further_channels import with_further_channels
 from wrenchbed.diagnosis.prepare.noise import correlation_time, noise_in_motion, not_systematic
 from wrenchbed.diagnosis.prepare.prepared import (
     RATES_HZ,
@@ -68,10 +69,11 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
         noise = _noise_at_rest(recording, data)
     dynamic = recording.metadata.mode == "dynamic"
     block, fold = split(len(data), dynamic, seed, stride, None if dynamic else data.q)
-    return Prepared(
+    prepared = Prepared(
         recording, configuration, scene, y, count, covariance, noise, source, block, fold,
         products, data.left_out, stride, noise_note=note,
     )  # fmt: skip
+    return with_further_channels(prepared, data)
 
 
 def _stride(expected: np.ndarray, period: float) -> int:

@@ -7,9 +7,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.channels.base import Channel
+from wrenchbed.channels.response import readings, slices
+from wrenchbed.channels.wrench import CHANNEL as WRENCH
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.prepare import accelerometer, scenes
-from wrenchbed.diagnosis.prepare.accelerometer import Testimony
+from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.time_derivatives import Jet, value
@@ -68,8 +70,8 @@ class Prepared:
         recording: the rows that are diagnosed.
         configuration: the simulator as the metadata configures it.
         scene: what was done; its held rows are the observations.
-        y: measured (H, C) [N, N·m]; where a motion's row repeats the one before, an estimate from
-            the rows around it.
+        y: measured (H, C), the columns of ``channels``, of the wrench [N, N·m]; where a motion's
+            row repeats the one before, an estimate from the rows around it.
         count: rows behind each (H,), 0 where it repeats.
         covariance: of what counts (C, C): of one row's noise, unless the user says what is
             material. Its roots are the units of whitened readings, and a gap of 1.
@@ -79,7 +81,8 @@ class Prepared:
         source: where the noise of a row comes from, ``repeats`` or ``stated``.
         block: number of the block of each observation (H,).
         fold: fold of each observation (H,), −1 where it is set aside: then it takes no part.
-        scatter: mean products of the rows of each observation about their mean (H, C, C).
+        scatter: mean products of the wrench's rows of each observation about their mean
+            (H, 6, 6).
         left_out: saturated rows not used.
         stride: rows of a motion that are averaged into one for the linear analysis.
         touch: contact of a tool without joints; its rows are not among the observations.
@@ -87,6 +90,8 @@ class Prepared:
         noise_note: for people, where rows at rest scatter far beyond the stated noise; else empty.
         held_out: the fold that fits do not see at present, None if they see all.
         row: covariance of one row's noise (C, C) where that is not what counts.
+        channels: what was measured; the first is that on which the published gap is defined.
+        further_notes: for people, on channels that take no part.
     """
 
     recording: Recording
@@ -107,6 +112,8 @@ class Prepared:
     held_out: int | None = None
     noise_note: str = ""
     row: np.ndarray | None = None
+    channels: tuple[Channel, ...] = (WRENCH,)
+    further_notes: tuple[str, ...] = ()
 
     @property
     def model(self) -> Model:
@@ -163,7 +170,8 @@ class Prepared:
 
     def counting(self, material: Material) -> "Prepared":
         """The same with gaps in units of what a user calls material."""
-        unit = np.repeat([material.force, material.torque], 3)
+        own = self.sigma[self.families[0].stop :]
+        unit = np.concatenate([np.repeat([material.force, material.torque], 3), own])
         return replace(
             self, covariance=np.diag(unit**2), noise=self.noise * (self.row_sigma / unit) ** 2,
             row=self.covariance if self.row is None else self.row,
@@ -172,7 +180,23 @@ class Prepared:
     @property
     def expected(self) -> np.ndarray:
         """Readings (M, C) of the scene's simulator without effects."""
-        return self.scene.load
+        return (
+            self.scene.load if self.channels == (WRENCH,) else readings(self.channels, self.scene)
+        )
+
+    @cached_property
+    def families(self) -> tuple[slice, ...]:
+        """Places of each channel's columns among all C."""
+        return slices(self.channels)
+
+    @cached_property
+    def leading(self) -> "Prepared":
+        """The same with its first channel alone, on which the published gap is defined."""
+        of = self.families[0]
+        return self if len(self.channels) == 1 else replace(
+            self, channels=self.channels[:1], y=self.y[:, of], covariance=self.covariance[of, of],
+            noise=self.noise[of], row=None if self.row is None else self.row[of, of],
+        )  # fmt: skip
 
     @cached_property
     def residual(self) -> np.ndarray:
@@ -199,17 +223,12 @@ class Prepared:
         return scenes.excerpt(scenes.longest(self.recording, self.judged[nearest]))
 
     @cached_property
-    def testimony(self) -> Testimony | None:
-        """The base's tilt as an accelerometer sees it."""
-        return accelerometer.testimony(self.recording, self.configuration)
-
-    @cached_property
     def notes(self) -> tuple[str, ...]:
         """Notes on the rows of a long recording that took part, and on noise unlike the stated
         one."""
         given = self.recording if self.given is None else self.given
         rows = scenes.notes(given, self.recording, self.excerpt)
-        return (*rows, self.noise_note) if self.noise_note else tuple(rows)
+        return (*rows, *filter(None, [self.noise_note]), *self.further_notes)
 
     @cached_property
     def fitted(self) -> np.ndarray:

@@ -1,0 +1,72 @@
+"""An accelerometer on the tool or in the sensor: at rest, the direction of gravity."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+import numpy as np
+
+from wrenchbed.channels.base import Channel
+from wrenchbed.effects.base import Pose
+from wrenchbed.effects.chain import EffectChain
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.time_derivatives import value
+
+NONLINEARITY = 0.003
+"""Nonlinearity of an axis over 1 g: data sheets of MEMS sensors give 0.1 to 0.5 % of full scale."""
+_RANK = 1e-6
+"""Smallest over largest singular value of what determines gain and zero, below which the poses
+turn gravity too little in the sensor."""
+
+
+@dataclass(frozen=True, eq=False)
+class Accelerometer(Channel):
+    """a = A Rᵀ g + b, R the sensor's orientation; A (3, 3) and b (3,) are nuisance.
+
+    So neither mounting nor scales, cross-axis sensitivity, sign and zero matter. No accelerometer
+    is linear within its noise: square and cube of what an axis reads are imperfections.
+
+    Attributes:
+        gain: Aᵀ as it fits the recording.
+        zero: b as it fits the recording [m/s²].
+    """
+
+    name = "accelerometer"
+    title = "acceleration of the tool: at rest the direction of gravity"
+    columns: ClassVar[Mapping[str, str]] = dict.fromkeys(("ax", "ay", "az"), "m/s²")
+    floor = 0.005
+    """0.5 mg: bias instability and drift with temperature of MEMS sensors; estimate."""
+
+    gain: np.ndarray = field(default_factory=lambda: np.eye(3))
+    zero: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def fitted(self, read: np.ndarray, scene: Scene) -> "Accelerometer | None":
+        held = scene.held
+        design = np.column_stack([seen(scene, Pose(*scene.pose))[held], np.ones(len(read))])
+        scales = np.linalg.svd(design, compute_uv=False)
+        if scales[-1] < _RANK * scales[0]:
+            return None
+        *gain, zero = np.linalg.lstsq(design, read, rcond=None)[0]
+        return replace(self, gain=np.array(gain), zero=zero)
+
+    def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
+        return np.asarray(seen(scene, pose) @ self.gain + self.zero)
+
+    def nuisance(self, scene: Scene) -> np.ndarray:
+        gravity = seen(scene, Pose(*scene.pose))
+        shared = np.column_stack([gravity, np.ones(len(gravity))])
+        return np.concatenate([shared[:, None, :] * axis[:, None] for axis in np.eye(3)], axis=2)
+
+    def imperfections(self, scene: Scene) -> np.ndarray:
+        size = float(np.linalg.norm(scene.gravity))
+        read = seen(scene, Pose(*scene.pose)) @ self.gain / size
+        curves = np.stack([read**2, read**3], axis=2) * (NONLINEARITY * size)  # (M, 3, 2)
+        return np.concatenate([curves * axis[:, None] for axis in np.eye(3)], axis=2)
+
+
+def seen(scene: Scene, pose: Pose) -> np.ndarray:
+    """Gravity in sensor axes (M, 3) [m/s²]."""
+    return np.asarray(scene.gravity @ value(pose.rotation))
+
+
+CHANNEL = Accelerometer()

@@ -1,0 +1,176 @@
+"""Readings of all channels of a recording with effects acting, and how they change with one effect.
+
+Readings (M, C) hold the columns of one channel after the other, the wrench's first.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, TypeVar
+
+import numpy as np
+
+from wrenchbed.channels.base import PLACING, Channel
+from wrenchbed.effects.base import Effect, Pose, Values, Variant
+from wrenchbed.effects.chain import ActiveEffect, EffectChain
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.time_derivatives import Jet, Value
+from wrenchbed.physics.wrench import CHANNELS, wrench
+
+_T = TypeVar("_T")
+_KEPT = 4
+"""Results that `Responses` keeps: those of a fit's place and of steps from it; estimate."""
+_Key = tuple[tuple[Any, ...], ...]
+_STEP = 1e-4
+"""Step of central differences by joint values [rad or m], rates and accelerations; estimate."""
+_NO_EFFECT = EffectChain(())
+
+
+def readings(
+    channels: Sequence[Channel], scene: Scene, active: Sequence[ActiveEffect] = ()
+) -> np.ndarray:
+    """Mean readings (M, C) of every row of a scene with effects acting."""
+    chain = EffectChain(active)
+    return _predicted(channels, chain, scene, *chain.placed(scene))
+
+
+def slices(channels: Sequence[Channel]) -> tuple[slice, ...]:
+    """Places of each channel's columns among all C."""
+    ends = np.cumsum([0, *(len(c.columns) for c in channels)]).tolist()
+    return tuple(slice(a, b) for a, b in pairwise(ends))
+
+
+def _predicted(
+    channels: Sequence[Channel], chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray
+) -> np.ndarray:
+    return _joined([c.predict(chain, scene, pose, load) for c in channels])
+
+
+def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
+
+
+class Responses:
+    """Readings of one scene with many sets of effects, as `readings` makes them.
+
+    A fit changes one number after the other: what the stages up to the pose make is kept while the
+    effects that act there stay as they are, and readings are kept while all do.
+    """
+
+    def __init__(self, scene: Scene, channels: Sequence[Channel]) -> None:
+        self.scene, self.channels = scene, channels
+        self._placed: dict[_Key, tuple[Pose, np.ndarray]] = {}
+        self._readings: dict[_Key, np.ndarray] = {}
+
+    def of(self, active: Sequence[ActiveEffect]) -> np.ndarray:
+        """Mean readings (M, C) of every row with effects acting; not to be changed."""
+        return _kept(self._readings, _key(active), lambda: self._made(active))
+
+    def _made(self, active: Sequence[ActiveEffect]) -> np.ndarray:
+        chain = EffectChain(active)
+        early = [a for a in active if not PLACING.isdisjoint(a.effect.stages)]
+        pose, load = _kept(self._placed, _key(early), lambda: chain.placed(self.scene))
+        return _predicted(self.channels, chain, self.scene, pose, load)
+
+
+def _key(active: Sequence[ActiveEffect]) -> _Key:
+    return tuple((a.effect.name, *a.values.items()) for a in active)
+
+
+def _kept(known: dict[_Key, _T], key: _Key, make: Callable[[], _T]) -> _T:
+    """Cached value of a key, or a newly made one; the least recently used is dropped first."""
+    value = known.pop(key) if key in known else make()
+    if len(known) == _KEPT:
+        del known[next(iter(known))]
+    known[key] = value
+    return value
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """Readings (M, C) of a scene, and how they change with one amplitude of one effect."""
+
+    scene: Scene
+    channels: tuple[Channel, ...]
+    reading: np.ndarray
+
+    def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
+        """Change of all readings (M, C) per typical size, by central differences."""
+        ((_, change),) = self.changes(effect, [parameter], variant.at)
+        return change
+
+    def changes(
+        self, effect: Effect, parameters: Sequence[Parameter], at: Values
+    ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
+        """`tangent` of several amplitudes of one shape: their names and the changes (M, C).
+
+        Amplitudes that act on different columns of the wrench, or on different joints, are changed
+        at once: where there are several names, each change is that of its own column.
+        """
+        names_of_joints = [f"q{k + 1}" for k in range(self.scene.joints.shape[1])]
+        groups: dict[str, list[Parameter]] = {}
+        for p in parameters:
+            stem, _, end = p.name.rpartition(".")
+            by_column = effect.channelwise and end in CHANNELS
+            by_joint = effect.stages == ("joint",) and effect.local and end in names_of_joints
+            groups.setdefault(f"{stem}." if by_column or by_joint else p.name, []).append(p)
+        for group in groups.values():
+            names = tuple(p.name for p in group)
+            up, down = self._about(effect, at, group)
+            if effect.stages != ("joint",):
+                yield names, self._late(up) - self._late(down)
+                continue
+            shift = up.displacement(self.scene) - down.displacement(self.scene)
+            change = {n: self._by_joint(shift, j) for j, n in enumerate(names_of_joints)}
+            if len(group) > 1:
+                yield from (((n,), change[n.rpartition(".")[2]]) for n in names)
+            else:
+                none = np.zeros(self.reading.shape[1])
+                yield names, np.asarray(sum(change.values(), none))
+
+    def _about(
+        self, effect: Effect, at: Values, parameters: Sequence[Parameter]
+    ) -> tuple[EffectChain, EffectChain]:
+        """Copies of an effect with amplitudes half their typical size above and below zero."""
+        start = {p.name: p.nominal for p in effect.parameters(self.scene.robot)} | dict(at)
+        steps = ({p.name: s * p.tolerance for p in parameters} for s in (0.5, -0.5))
+        up, down = (EffectChain([ActiveEffect(effect, start | step)]) for step in steps)
+        return up, down
+
+    def _late(self, chain: EffectChain) -> np.ndarray:
+        """Readings (M, C) up to a constant, from the first stage at which an effect acts."""
+        if not PLACING.isdisjoint(chain.stages):
+            return _predicted(self.channels, chain, self.scene, *chain.placed(self.scene))
+        nominal = [self.reading[:, of] for of in slices(self.channels)]
+        both = zip(self.channels, nominal, strict=True)
+        return _joined([c.late(chain, self.scene, x) for c, x in both])
+
+    def _by_joint(self, shift: Value, joint: int) -> np.ndarray:
+        """Change of all readings (M, C) by one joint's small shift, of those of all (M, J)."""
+        given = (shift.v, shift.d, shift.dd) if isinstance(shift, Jet) else (shift,)
+        total = np.zeros_like(self.reading)
+        for slopes, x in zip(self._slopes, given, strict=False):
+            total += slopes[joint] * x[:, joint, None]
+        return total
+
+    @cached_property
+    def _slopes(self) -> tuple[np.ndarray, ...]:
+        """Slopes of the readings (J, M, C) by joint values, in motion by their rates and
+        accelerations too."""
+        scene, orders = self.scene, 3 if self.scene.moving else 1
+        tool = scene.robot.tool(scene.theta)
+
+        def read(order: int, shift: np.ndarray) -> np.ndarray:
+            parts = [shift if k == order else np.zeros_like(shift) for k in range(orders)]
+            q = scene.q + (Jet(*parts) if scene.moving else shift)
+            pose = Pose(*scene.robot.sensor_pose(q, scene.theta))
+            load = wrench(*pose, tool, scene.gravity)
+            return _predicted(self.channels, _NO_EFFECT, scene, pose, load)
+
+        steps = _STEP * np.eye(scene.joints.shape[1])[:, None, :] * np.ones((len(scene), 1))
+        return tuple(
+            np.stack([(read(k, s) - read(k, -s)) / (2.0 * _STEP) for s in steps])
+            for k in range(orders)
+        )
