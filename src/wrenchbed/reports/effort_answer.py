@@ -67,13 +67,13 @@ class EffortAnswer(Answer):
         if self.d.gap.configured < LEAST:
             return ""
         names, scene = [str(number["name"]) for number in self.d.fitted], self.findings.d.scene
-        joints = [n.rpartition(".")[2] for n in names if n.startswith("drive.coulomb.")]
-        phrases = [f"friction of joints {listed(joints, 'and')}"] if joints else []
+        joints = [f"joint {n.rpartition('.')[2]}" for n in names if n.startswith("drive.coulomb.")]
+        phrases = [f"friction of {listed(joints, 'and')}"] if joints else []
         if "tool.mass" in names:
             load = numbers.quantity("mass", self.d.fitted[names.index("tool.mass")])
             mass = float(scene.model.robot.tool(scene.theta).mass)
             phrases.insert(0, f"a load of {load} (the robot's model has {mass:.4g} kg)")
-        return listed(phrases, "and")
+        return " and ".join(phrases)
 
     @property
     def no_cause(self) -> str:

@@ -1,5 +1,7 @@
 """A load that nobody states is named with its mass, or what was fitted of it is said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from arm_gaps import Gap, case, unstated
@@ -77,6 +79,8 @@ def test_what_is_fitted_because_nobody_states_it_is_said():
     assert "a load of 2.8" in words.headline and "robot's model has 1.35 kg" in words.headline
     assert "friction of joints 1, 2, 3, 4, 5 and 6" in words.headline
     assert "as well as noise" not in words.nothing_more and "State tool" in words.nothing_more
+    stated = EffortAnswer(replace(found, diagnosis=replace(found.diagnosis, fitted=())))
+    assert "normal imperfections" in stated.headline and "as well as" in stated.nothing_more
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Sizes of causes with standard uncertainty: numbers of amplitudes, and friction as a curve.
+"""Sizes of causes with standard uncertainty.
 
 Uncertainty is the scatter of fits without each block of time (jackknife over blocks, Künsch 1989,
 doi 10.1214/aos/1176347265), which grows with noise that remembers and with a law that is not right,
