@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
@@ -19,13 +18,13 @@ from wrenchbed.diagnosis.explain.reliability import (
     learnt,
     shipped,
 )
-from wrenchbed.diagnosis.explain.structures import prediction_errors, predictive_score
+from wrenchbed.diagnosis.explain.structures import prediction_errors
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.planning import choose
 
 
 @pytest.mark.parametrize("columns", [5, 60], ids=["many rows", "many columns"])
-def test_the_vote_is_what_each_block_is_given_the_others(columns):
+def test_each_block_is_predicted_from_all_others(columns):
     rng = np.random.default_rng(columns)
     rows = 24
     E = rng.standard_normal((rows, columns))
@@ -37,16 +36,12 @@ def test_the_vote_is_what_each_block_is_given_the_others(columns):
     f = Finalist((), 0, np.zeros(3), np.eye(3), y, y, design, spread, 0.0)
     block = np.array([0, 0, 1, 2])
     K = np.diag(level.v0) + (E * level.V) @ E.T + (design * spread**2) @ design.T
-    expected, errors = 0.0, np.empty(rows)
+    errors = np.empty(rows)
     for b in range(3):
         own = np.repeat(block, 6) == b
         gain = K[np.ix_(own, ~own)] @ np.linalg.inv(K[np.ix_(~own, ~own)])
         mean = gain @ y[~own]
-        covariance = K[np.ix_(own, own)] - gain @ K[np.ix_(~own, own)]
-        expected += multivariate_normal(mean, covariance).logpdf(y[own])
         errors[own] = y[own] - mean
-    expected += 0.5 * rows * np.log(2 * np.pi)
-    assert predictive_score(level, f, block) == pytest.approx(expected, rel=1e-6)
     assert prediction_errors(level, f, block) == pytest.approx(errors, rel=1e-6)
 
 

@@ -51,9 +51,9 @@ def keys_of(names):
     return tuple((n, None) for n in names)
 
 
-def upheld(verdict, measured):
+def upheld(verdict, measured, ordinary_fitted=False):
     """The verdict after the rules of held-out rows."""
-    facts = SimpleNamespace(measure=lambda _: measured)
+    facts = SimpleNamespace(measure=lambda _: measured, ordinary_fitted=ordinary_fitted)
     for rule in (held_out, size, partial):
         verdict = rule(facts, verdict, measured)
     return verdict

@@ -27,9 +27,9 @@ def explanation(weight, *named, rest=0.0, shares=None, twins=(), probability=1.0
     return Explanation(finalist, parts, rest)
 
 
-def decided(*explanations, unknown=1e-9, mixed=1e-12, gap=4.0, votes=(), without=()):
+def decided(*explanations, unknown=1e-9, mixed=1e-12, gap=4.0, without=()):
     ranked = tuple(sorted(explanations, key=lambda e: -e.log_posterior))
-    ranking = Ranking(ranked, float(np.log(unknown)), float(np.log(mixed)), "time", gap, votes)
+    ranking = Ranking(ranked, float(np.log(unknown)), float(np.log(mixed)), "time", gap)
     return leading(facts_of(ranking, None, None), without)
 
 
@@ -128,16 +128,14 @@ def test_more_than_four_rivals_are_no_answer(rivals, verdict):
     assert decided(*told).word == verdict
 
 
+def test_without_its_rule_a_claim_has_no_rivals():
+    options = [explanation(0.6, TILT), explanation(0.4, PULL)]
+    assert names(decided(*options, without={"rivals"})) == [(TILT,)]
+
+
 def test_a_twin_is_a_rival_whatever_its_evidence():
     verdict = decided(explanation(1.0, TILT, PULL, twins=(GAIN, PULL)))
     assert (verdict.word, names(verdict)) == ("ambiguous", [(TILT, GAIN), (PULL,)])
-
-
-@pytest.mark.parametrize(("ahead", "named"), [(3.5, [(TILT, PULL)]), (2.5, [(TILT,)])])
-def test_who_foretells_blocks_clearly_better_is_a_rival(ahead, named):
-    told = [explanation(1.0, TILT), explanation(1e-5, PULL)]
-    assert names(decided(*told, votes=(7.0, 7.0 + ahead))) == named
-    assert names(decided(*told, votes=())) == [(TILT,)]
 
 
 def test_the_most_probable_of_none_unknown_and_claims_is_the_verdict():

@@ -105,7 +105,6 @@ def test_every_explanation_is_better_than_negligible_and_one_says_nothing():
     assert told[-1] > told[0] - 30.0
     ranking, verdict = diagnosed({})
     assert any(not e.finalist.names for e in ranking.explanations)
-    assert len(ranking.votes) == min(6, len(ranking.explanations))
     assert (verdict.word, verdict.causes) == ("none", ())  # noise alone is no gap
     assert verdict.probabilities["none"] > 0.99
     assert ranking.gap == pytest.approx(0.0, abs=1e-9)

@@ -12,10 +12,9 @@ from wrenchbed.diagnosis.explain.contributions import claimable
 from wrenchbed.effects.base import Variant
 
 
-def searcher(*names, timing=()):
-    """Hypotheses of effects, some of them of timing."""
-    stages = {n: "timing" if n in timing else "reading" for n in names}
-    of = [(n, Named(n, stage=stages[n]), Variant(n, ())) for n in names]
+def searcher(*names):
+    """Hypotheses of effects."""
+    of = [(n, Named(n), Variant(n, ())) for n in names]
     each = [SimpleNamespace(name=n, effect=effect, variant=v) for n, effect, v in of]
     return SimpleNamespace(hypotheses=each)
 
@@ -43,15 +42,6 @@ def test_of_each_effect_the_best_and_a_second_variant_nearly_as_good():
 def test_what_is_far_behind_the_best_is_left_out(base, far):
     near, beyond = 100 - far + 0.5, 100 - far - 0.5
     assert distinct([(0, 100), (3, near), (5, beyond)], base=base) == [(0, 100.0), (3, near)]
-
-
-def test_beside_one_effect_of_timing_all_are_tried_each_at_its_best():
-    s = searcher("timing.delay", "timing.lowpass", "a.a", timing=("timing.delay", "timing.lowpass"))
-    told = [SingleEvidence(*x) for x in ((0, 0, 50.0), (1, 0, 3.0), (1, 2, 7.0), (2, 0, 40.0))]
-    delay, _, lowpass, other = told
-    assert structures._other_clocks(s, told, [delay]) == [lowpass]
-    assert structures._other_clocks(s, told, [other]) == []
-    assert structures._other_clocks(s, told, [delay, lowpass]) == []
 
 
 def test_the_unknown_beside_an_effect_may_depend_on_something_else_than_the_unknown_alone():

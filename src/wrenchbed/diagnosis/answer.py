@@ -16,7 +16,6 @@ from wrenchbed.diagnosis.explain.elements import (
     listed,
 )
 from wrenchbed.diagnosis.explain.finalist import Finalist
-from wrenchbed.diagnosis.explain.reliability import Reliability, credible
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Cause, Elements, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
@@ -37,8 +36,6 @@ UNEXPLAINED = 0.2
 """Share of the calibrated gap that causes may leave without a note."""
 WRONG_SIGMAS = 3.0
 """Standard uncertainties by which a stated number of several is off to be listed as wrong."""
-LEVEL = 0.9
-"""Probability that a set of causes holds where nothing was learnt."""
 
 
 def causes(
@@ -275,12 +272,6 @@ def _detail(verdict: Verdict[Explanation], cause: Cause) -> str:
     if len(of.names) > 1 or of.fits[0] is not f:
         return listed(of.names)
     return f.parts[cause.part.index].variant.label
-
-
-def set90(verdict: Verdict[Explanation], known: Reliability | None) -> tuple[str, ...]:
-    """Names that hold the truth in 90 % of such cases: the likeliest answers, and all claims."""
-    names = credible(verdict.probabilities, LEVEL if known is None else known.set90)
-    return tuple(dict.fromkeys((*names, *(n for c in verdict.causes for n in c.names))))
 
 
 def scales(prepared: Prepared) -> dict[str, Scale]:

@@ -34,6 +34,7 @@ from wrenchbed.diagnosis.explain.reliability import (
     RIGHT_ELSEWHERE,
     Reliability,
     features,
+    set90,
     shipped,
 )
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
@@ -221,7 +222,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         twin=twin,
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
         seconds=time.perf_counter() - begun,
-        set90=answer.set90(verdict, known),
+        set90=set90(verdict, known),
         minor=beside_claims.minor(analysis, verdict, spread, 1.0 if known is None else known.right),
         fitted=beside_claims.fitted(analysis, verdict, spread),
         scale=answer.scales(prepared),

@@ -43,9 +43,9 @@ class EffortAnswer(Answer):
     def causes(self) -> Sequence[Claim]:
         claims = []
         for cause, entry in zip(self.findings.verdict.causes, self.d.which, strict=True):
-            effect = cause.key[0]
-            rivals = [(k[0] if k[0] != effect else place_of(k)[1], title(*k)) for k in cause.rivals]
-            claims.append(claim(entry, title(*cause.key), rivals))
+            first, *others = cause.keys
+            rivals = [(k[0] if k[0] != first[0] else place_of(k)[1], title(*k)) for k in others]
+            claims.append(claim(entry, title(*first), rivals))
         return claims
 
     def claimed(self, entry: Mapping[str, Any]) -> Claim:
@@ -79,13 +79,13 @@ class EffortAnswer(Answer):
     def no_cause(self) -> str:
         if self.d.verdict == NONE:
             return f"With probability {self.chance_of(NONE)} nothing counts as a cause."
-        outside = self.findings.verdict.outside
+        outside = self.findings.outside
         return self.unknown("the gap", f" It looks most like: {outside}." if outside else "")
 
     @property
     def place(self) -> str:
         if self.findings.verdict.causes:
-            places = dict.fromkeys(place_of(c.key)[1] for c in self.findings.verdict.causes)
+            places = dict.fromkeys(place_of(c.part.key)[1] for c in self.findings.verdict.causes)
             partial = self.d.verdict == "partial"
             return f"{'Mostly not in' if partial else 'In'} {', '.join(places)}"
         if self.d.where:
@@ -105,7 +105,7 @@ class EffortAnswer(Answer):
                 f"Gap {numbers.gap(g.calibrated.value)}",
                 f"{text}. No cause is named; there is nothing to close.",
             )
-        before = g.configured if self.findings.verdict.of_configured else g.calibrated.value
+        before = g.configured if self.findings.of_configured else g.calibrated.value
         return self.shrinks(before)
 
     @property

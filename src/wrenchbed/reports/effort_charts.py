@@ -25,7 +25,7 @@ def charts(findings: EffortFindings) -> list[Chart]:
 
 def _joints(findings: EffortFindings) -> list[int]:
     """Joints whose friction is shown, from 0: named ones, else the one with the largest gap."""
-    keys = (cause.key for cause in findings.verdict.causes)
+    keys = (cause.part.key for cause in findings.verdict.causes)
     named = [j - 1 for name, j in keys if j is not None and name.startswith("drive.")]
     if named or findings.diagnosis.verdict == "none":
         return list(dict.fromkeys(named))[:2]

@@ -32,6 +32,8 @@ WITHDRAWN = 0.05
 """Share of a withdrawn answer's probability that it keeps, so that none is impossible; estimate."""
 MOST_RIVALS = 4
 """Most rivals of a named cause: a reader who gets more than five candidates learns nothing."""
+FIRM = 0.75
+"""Probability from which evidence names a cause that ordinary errors imitate; estimate."""
 CONTRIVED = 0.05
 """Least weight, beside 1, of an effect that makes a cause's readings with numbers that happen to
 fit: evidence against it is as good as what is taken for its likely sizes. Estimate."""
@@ -76,10 +78,10 @@ class Facts(Generic[S]):
         doubt: factor by which the evidence overstates log odds.
         rival: share of a class from which another effect is a rival: below, the evidence does not
             resolve it.
-        ahead: log score by which a structure predicts left-out blocks better than the claim, from
-            which its cause is a rival whatever the evidence.
         least: probability that every cause needs: more where few rows are left to tell causes
             apart.
+        ordinary_fitted: whether the calibrated simulator has all stated values free within their
+            ordinary spread, so that it may imitate causes.
         own_rest: whether what no effect explains counts as noise: without a cause it is unknown.
     """
 
@@ -89,8 +91,8 @@ class Facts(Generic[S]):
     right: Callable[[Verdict[S], Closure], float]
     doubt: float
     rival: float
-    ahead: float
     least: float = 0.0
+    ordinary_fitted: bool = False
     own_rest: bool = False
 
 
@@ -136,8 +138,7 @@ def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
     """The most probable of none, something unknown and the leading class of causes, by evidence.
 
     Structures that claim the same are one claim. An effect that explains the recording in a
-    cause's place is a rival of that cause (rule ``rivals``), and so is one whose structure predicts
-    left-out blocks clearly better (rule ``ahead``).
+    cause's place is a rival of that cause (rule ``rivals``).
     """
     mass: dict[frozenset[Key], float] = {}
     first: dict[frozenset[Key], Option[S]] = {}
@@ -187,10 +188,6 @@ def _cause(
         if "rivals" not in without and beside <= keys and len(keys - beside) == 1:
             (key,) = keys - beside
             score[key] = max(score.get(key, 0.0), p ** (1.0 / facts.doubt))
-    for o in facts.options if "ahead" not in without else ():
-        if o.vote is None or claim.vote is None or o.vote <= claim.vote + facts.ahead:
-            continue
-        score |= {key: 1.0 for key in o.keys - beside if len(o.keys - beside) == 1}
     total = max(sum(score.values()), 1e-300)
     rivals = sorted((k for k in score if k != part.key), key=lambda k: -score[k])
     members = (part.key, *(k for k in rivals if score[k] > facts.rival * total))
@@ -234,6 +231,8 @@ def held_out(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     """
     while verdict.causes:
         shown = _shown(verdict, gap)
+        if not shown and _imitated(facts, verdict, gap):
+            return verdict
         if not shown:
             return withdrawn(verdict, NONE if small(gap) else UNKNOWN)
         fewer = len(shown) < len(verdict.causes)
@@ -267,6 +266,18 @@ def _shown(verdict: Verdict[S], gap: Closure) -> tuple[Cause, ...]:
     doubtful = [c for c in in_order if not sure(c) and closes(members[c.part.label])]
     capped = (replace(c, probability=min(c.probability, DOUBTFUL)) for c in doubtful)
     return (*certain, *capped)
+
+
+def _imitated(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> bool:
+    """Whether evidence names causes that ordinary errors of all stated values together imitate.
+
+    Once these are fitted there is hardly a gap. No held-out row may refute the causes: they close
+    some of what is left, or are wrong numbers that close the configured gap.
+    """
+    sure = min(c.probability for c in verdict.causes) >= FIRM
+    if not (facts.ordinary_fitted and sure and small(gap)) or gap.closed is None:
+        return False
+    return gap.closed.low > 0.0 and all(member.high >= 0.0 for member in gap.members.values())
 
 
 def size(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
@@ -323,8 +334,8 @@ RULES: Mapping[str, Rule[Any]] = {
     "reliability": reliable,
     "contact": probable,
 }
-"""Rules between `leading`, whose own are ``rivals`` and ``ahead``, and `conclude`, in the order in
-which they act."""
+"""Rules between `leading`, whose own is ``rivals``, and `conclude`, in the order in which they
+act."""
 
 
 def beside_own_rest(

@@ -9,7 +9,7 @@ from wrenchbed.diagnosis.decision.decide import Facts
 from wrenchbed.diagnosis.explain.claims import Explanation, complete
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.elements import DOUBT, RIVAL
-from wrenchbed.diagnosis.explain.structures import MARGIN, Ranking
+from wrenchbed.diagnosis.explain.structures import Ranking
 from wrenchbed.diagnosis.explain.verdict import Option, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 
@@ -33,16 +33,10 @@ def facts_of(
     least: float = 0.0,
     own_rest: bool = False,
 ) -> Facts[Explanation]:
-    """What a decision on a ranking rests on; see `Facts`.
-
-    Beside a rest of the recording's own, what predicts left-out blocks no worse than the claim is a
-    rival: the rest is no white noise, so that evidence alone tells them apart too surely.
-    """
+    """What a decision on a ranking rests on; see `Facts`."""
     weight = weights(ranking)
-    votes = (*ranking.votes, *(None for _ in ranking.explanations[len(ranking.votes) :]))
-    options = tuple(
-        Option(e, float(w), e.parts, vote)
-        for w, e, vote in zip(weight[1:], ranking.explanations, votes, strict=True)
+    both = zip(weight[1:], ranking.explanations, strict=True)
+    options = tuple(Option(e, float(w), e.parts) for w, e in both)
+    return Facts(
+        options, float(weight[0]), measure, right, DOUBT, RIVAL, least=least, own_rest=own_rest
     )
-    ahead = -MARGIN if own_rest else MARGIN
-    return Facts(options, float(weight[0]), measure, right, DOUBT, RIVAL, ahead, least, own_rest)

@@ -8,18 +8,13 @@ import numpy as np
 
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.names import drive_effects, title
+from wrenchbed.diagnosis.efforts.options import BELIEVED, COUNTS, Weighed, blocks
+from wrenchbed.diagnosis.efforts.search import Structure
 from wrenchbed.diagnosis.efforts.signs import Sign
 from wrenchbed.diagnosis.efforts.sizes import Folds, mass_of_tool, parameters
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit
-from wrenchbed.diagnosis.efforts.verdict import (
-    COUNTS,
-    DOUBTFUL,
-    Cause,
-    Key,
-    Verdict,
-    Weighed,
-)
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
+from wrenchbed.diagnosis.explain.verdict import Cause, Key, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import DETECTED, LEAST_MINOR, Scale, cause, families
 from wrenchbed.physics.wrench import UNITS
@@ -47,22 +42,25 @@ def place(key: Key) -> tuple[str, str]:
     return ("link", f"link {joint}") if part == "link" else ("drive", f"joint {joint}")
 
 
-def which(d: Dictionary, v: Verdict, gap: Closure) -> list[dict[str, Any]]:
+def which(d: Dictionary, v: Verdict[Structure], gap: Closure) -> list[dict[str, Any]]:
     """Entries of ``which`` of the diagnosis: the claimed causes with sizes and probabilities."""
     if not v.causes:
         return []
-    folds = Folds.of(d, tuple(sorted(c.block for c in v.causes)))
+    folds = Folds.of(d, blocks(v.causes))
     closed = 0.0 if gap.closed is None else min(1.0, max(0.0, gap.closed.value))
+    total = sum(c.part.share for c in v.causes)
     result = []
     for c in v.causes:
-        numbers = parameters(d, folds, c.block)
-        same = [k[1] for k in c.rivals if k[0] == c.key[0] and k[1] is not None]
+        assert c.part.index is not None
+        numbers = parameters(d, folds, c.part.index)
+        same = [k[1] for k in c.keys[1:] if k[0] == c.part.key[0] and k[1] is not None]
         if same and "joint" in numbers:
-            numbers["joint"] = {"value": c.key[1], "rivals": same}
-        elements = [place(k)[1] for k in (c.key, *c.rivals) if k[0] == c.key[0]]
-        others = [x.block for x in v.causes if x is not c]
-        entry = cause(c.key[0], c.probability, numbers, _rivals(d, c, others), closed * c.share,
-                      elements)  # fmt: skip
+            numbers["joint"] = {"value": c.part.key[1], "rivals": same}
+        elements = [place(k)[1] for k in c.keys if k[0] == c.part.key[0]]
+        others = blocks([x for x in v.causes if x is not c])
+        rivals = _rivals(d, c, others)
+        share = closed * c.part.share / total
+        entry = cause(c.part.name, c.probability, numbers, rivals, share, elements)
         result.append(entry | {"channels": families(gap)})
     return result
 
@@ -71,8 +69,8 @@ def _rivals(d: Dictionary, c: Cause, beside: Sequence[int]) -> list[dict[str, An
     """Entries of ``rivals``, by effect: each with the parameters of its likeliest joint, as they
     come out with it in the cause's place."""
     by_effect: dict[str, list[tuple[Key, float]]] = {}
-    for key, share in zip(c.rivals, c.shares[1:], strict=True):
-        if key[0] != c.key[0]:
+    for key, share in zip(c.keys[1:], c.shares[1:], strict=True):
+        if key[0] != c.part.key[0]:
             by_effect.setdefault(key[0], []).append((key, share))
     result = []
     for effect, keys in by_effect.items():
@@ -86,7 +84,7 @@ def _rivals(d: Dictionary, c: Cause, beside: Sequence[int]) -> list[dict[str, An
     return result
 
 
-def minor(d: Dictionary, w: Weighed, v: Verdict) -> list[dict[str, Any]]:
+def minor(d: Dictionary, w: Weighed, v: Verdict[Structure]) -> list[dict[str, Any]]:
     """Entries of ``minor``: causes that are there and add less than what counts."""
     present: dict[int, float] = {}
     gaps: dict[int, float] = {}
@@ -95,14 +93,14 @@ def minor(d: Dictionary, w: Weighed, v: Verdict) -> list[dict[str, Any]]:
             if LEAST_MINOR <= gap < COUNTS and not d.blocks[block].outside:
                 present[block] = present.get(block, 0.0) + p
                 gaps.setdefault(block, gap)
-    claimed = {key for c in v.causes for key in (c.key, *c.rivals)}
+    claimed = {key for c in v.causes for key in c.keys}
     result = []
     for block, p in present.items():
         key = d.blocks[block].key
         if v.word != UNKNOWN and p >= DETECTED and key not in claimed:
-            folds = Folds.of(d, tuple(sorted((*(c.block for c in v.causes), block))))
+            folds = Folds.of(d, tuple(sorted((*blocks(v.causes), block))))
             entry = cause(
-                key[0], min(p, DOUBTFUL), parameters(d, folds, block), elements=[place(key)[1]]
+                key[0], min(p, BELIEVED), parameters(d, folds, block), elements=[place(key)[1]]
             )
             del entry["closed_share"], entry["channels"]
             result.append(entry | {"gap": gaps[block]})
@@ -162,12 +160,13 @@ def scales(d: Dictionary, prefix: str) -> dict[str, Scale]:
 
 
 def where(
-    d: Dictionary, v: Verdict, gap: Closure, seen: Sequence[Sign] = ()
+    d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = ()
 ) -> list[dict[str, Any]]:
     """Places: of each claim, or the joints in which an unknown gap lies."""
     if v.causes:
         closed = 0.0 if gap.closed is None else min(1.0, max(0.0, gap.closed.value))
-        return [_claimed(c, closed) for c in v.causes]
+        total = sum(c.part.share for c in v.causes)
+        return [_claimed(c, closed / total) for c in v.causes]
     before = {c: max(x["before"], 0.0) for c, x in gap.per_channel.items()}
     total = sum(before.values())
     if v.word == "none":
@@ -198,10 +197,10 @@ def _seen(d: Dictionary, sign: Sign) -> dict[str, Any]:
 
 
 def _claimed(c: Cause, closed: float) -> dict[str, Any]:
-    subsystem, detail = place(c.key)
-    share = closed * c.share
-    others = " or ".join(f"{k[0]} of {place(k)[1]}" for k in c.rivals)
-    text = f"{100 * share:.0f} % of the gap is closed by {c.key[0]} of {detail}"
+    subsystem, detail = place(c.part.key)
+    share = closed * c.part.share
+    others = " or ".join(f"{k[0]} of {place(k)[1]}" for k in c.keys[1:])
+    text = f"{100 * share:.0f} % of the gap is closed by {c.part.key[0]} of {detail}"
     return {
         "subsystem": subsystem, "detail": detail, "share": share,
         "p_value": max(1.0 - c.probability, 0.0),
@@ -209,31 +208,33 @@ def _claimed(c: Cause, closed: float) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def cannot_tell(v: Verdict) -> tuple[str, ...]:
+def cannot_tell(v: Verdict[Structure]) -> tuple[str, ...]:
     """Sentences on causes that this recording does not distinguish."""
     result = []
     for c in v.causes:
-        if c.rivals:
-            titles = " or ".join(title(*k) for k in (c.key, *c.rivals))
+        if c.keys[1:]:
+            titles = " or ".join(title(*k) for k in c.keys)
             result.append(f"{titles}: this recording does not distinguish them")
     return tuple(result)
 
 
-def next_steps(v: Verdict) -> list[dict[str, Any]]:
+def next_steps(v: Verdict[Structure]) -> list[dict[str, Any]]:
     """Entries of ``next`` of the diagnosis: actions that would separate causes from their
     rivals."""
     found: dict[str, dict[str, Any]] = {}
     for c in v.causes:
-        drive = drive_effects().get(c.key[0])
-        text = _NEXT.get(c.key[0], "") if drive is None else drive.remedy
-        if c.rivals and text:
-            both = list(dict.fromkeys((c.key[0], c.rivals[0][0])))
+        drive = drive_effects().get(c.part.key[0])
+        text = _NEXT.get(c.part.key[0], "") if drive is None else drive.remedy
+        if c.keys[1:] and text:
+            both = list(dict.fromkeys((c.part.key[0], c.keys[1:][0][0])))
             sentence = f"{text[:1].upper()}{text[1:]}."
             found[text] = {"action": text, "separates": both, "gain": 0.0, "sentence": sentence}
     return list(found.values())
 
 
-def notes(d: Dictionary, v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) -> tuple[str, ...]:
+def notes(
+    d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = (), outside: str = ""
+) -> tuple[str, ...]:
     """Notes for the reader: what the answer rests on and what it leaves open."""
     scene = d.scene
     units = [joint.own("N·m") for joint in scene.robot.joints]
@@ -261,13 +262,13 @@ def notes(d: Dictionary, v: Verdict, gap: Closure, seen: Sequence[Sign] = ()) ->
         result.append(
             "ordinary errors of links and drives together may imitate a cause: none is never surer"
         )
-    if v.imitated:
+    if v.causes and gap.calibrated.high < 1.0:
         result.append(
             "ordinary errors of all stated values together leave hardly a gap either: the cause is "
             "the likelier explanation, and held-out rows do not refute it"
         )
-    if v.outside:
-        result.append(f"what has no name looks most like: {v.outside}")
+    if outside:
+        result.append(f"what has no name looks most like: {outside}")
     if gap.with_effects is not None and gap.with_effects.low > 1.0:
         result.append(
             f"the named causes leave a gap of {gap.with_effects.value:.3g} on held-out rows: there "

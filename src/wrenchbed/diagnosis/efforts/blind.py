@@ -13,9 +13,9 @@ from wrenchbed.diagnosis.efforts.arm_columns import mean_inertia
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.evidence import Evidence
 from wrenchbed.diagnosis.efforts.names import size_of, titles
+from wrenchbed.diagnosis.efforts.options import COUNTS
 from wrenchbed.diagnosis.efforts.sizes import scale, sized, unit_of
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, added
-from wrenchbed.diagnosis.efforts.verdict import COUNTS
 from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot
 
 CLEAR = 5.0

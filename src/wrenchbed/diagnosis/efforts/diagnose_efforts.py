@@ -8,20 +8,20 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.data.recording import Recording
+from wrenchbed.diagnosis.decision.decide import conclude, decide
 from wrenchbed.diagnosis.efforts import answer
 from wrenchbed.diagnosis.efforts.blind import blind_spots
 from wrenchbed.diagnosis.efforts.configured import stated_drives, with_tool
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
 from wrenchbed.diagnosis.efforts.held_out import (
     HeldOut,
-    closed_of_configured,
-    closure,
-    held_out,
 )
+from wrenchbed.diagnosis.efforts.options import Claims, blocks, facts_of, outside, weighed
 from wrenchbed.diagnosis.efforts.scene import effort_scene
-from wrenchbed.diagnosis.efforts.search import Search, search
+from wrenchbed.diagnosis.efforts.search import Search, Structure, search
 from wrenchbed.diagnosis.efforts.signs import signs
-from wrenchbed.diagnosis.efforts.verdict import Verdict, decide, kept, upheld, weighed
+from wrenchbed.diagnosis.explain.reliability import set90
+from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap.result import Diagnosis, plain
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.errors import DiagnosisError
@@ -44,15 +44,26 @@ class EffortFindings:
         search: structures.
         verdict: with joints.
         held_out: residuals on rows that no fit saw.
+        outside: what a gap without a name looks most like, in words.
         seed: of the bootstrap.
     """
 
     diagnosis: Diagnosis
     d: Dictionary
     search: Search
-    verdict: Verdict
+    verdict: Verdict[Structure]
     held_out: HeldOut
+    outside: str = ""
     seed: int = 0
+
+    @property
+    def of_configured(self) -> bool:
+        """Whether closure counts from the configured simulator."""
+        g = self.diagnosis.gap
+        if g.closed is None or g.with_effects is None:
+            return False
+        back = (g.calibrated.value - g.with_effects.value) / max(g.calibrated.value, 1e-300)
+        return abs(g.closed.value - back) > 1e-6
 
     def write(self, folder: str | Path) -> None:
         """Write ``diagnosis.json``, ``twin.json`` and ``drives.json``."""
@@ -101,36 +112,26 @@ def diagnose_efforts(
     progress("structures and their evidence")
     structures = search(d, seed)
     likely = weighed(structures)
-    verdict = decide(d, likely)
     progress("held-out rows")
-    seen, final = signs(d), verdict
-    while True:  # causes only become fewer
-        asked = kept(final.causes)
-        judged = held_out(d, asked)
-        gap = closure(judged, asked, str(recording.effort), seed)
-        stated = closed_of_configured(judged, asked, seed)
-        final = upheld(final, gap, seen, apart=scene.loops, stated=stated)
-        if kept(final.causes) == asked:
-            break
-        if not final.causes:
-            judged = held_out(d, ())
-            gap = closure(judged, (), str(recording.effort), seed)
-            break
-    if final.of_configured:
-        gap = replace(gap, closed=stated)
-    members = {d.blocks[int(k)].effect: m for k, m in gap.members.items()}
+    seen, claims = signs(d), Claims(d, str(recording.effort), seed)
+    decision = decide(facts_of(d, likely, claims))
+    final = conclude(decision, [{} for _ in decision.verdict.causes], [s.text for s in seen])
+    gap, judged = claims.gap(final), claims.held_out(final)
+    unnamed = outside(d, likely)
+    members = {c.part.name: gap.members[c.part.label] for c in final.causes}
     twin = Twin(scene.model, _theta(d), (), recording.name)
     diagnosis = Diagnosis(
         recording.name, recording.metadata.robot, final.word, replace(gap, members=members),
         answer.where(d, final, gap, seen), answer.which(d, final, gap), dict(final.probabilities),
         answer.cannot_tell(final), answer.next_steps(final), twin,
-        time.perf_counter() - begun, answer.notes(d, final, gap, seen), set90=final.set90(),
+        time.perf_counter() - begun, answer.notes(d, final, gap, seen, unnamed),
+        set90=set90(final, None),
         minor=answer.minor(d, likely, final),
-        fitted=answer.fitted(d, judged.fit, kept(final.causes)),
+        fitted=answer.fitted(d, judged.fit, blocks(final.causes)),
         scale=answer.scales(d, str(recording.effort)), blind=blind_spots(d, structures.evidence),
         familiar="the probabilities were chosen on simulated arms of six and seven joints",
     )  # fmt: skip
-    return EffortFindings(diagnosis, d, structures, final, judged, seed)
+    return EffortFindings(diagnosis, d, structures, final, judged, unnamed, seed)
 
 
 def _theta(d: Dictionary) -> np.ndarray:

@@ -8,6 +8,7 @@ import numpy as np
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
 from wrenchbed.diagnosis.efforts.evidence import Evidence
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, fitted
+from wrenchbed.diagnosis.explain.verdict import Part
 from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 
 DRAWS = 500
@@ -123,6 +124,11 @@ def _ratio(h: HeldOut, seed: int, part: np.ndarray, of: np.ndarray) -> Interval 
     return Interval(value, min(value, float(low)), max(value, float(high)))
 
 
+def label(d: Dictionary, block: int) -> str:
+    """Name of a cause with its joint, as `Part.label` has it."""
+    return Part(d.blocks[block].effect, 0.0, joint=d.blocks[block].joint).label
+
+
 def _names(d: Dictionary, prefix: str) -> list[str]:
     """Recording's column of each channel (C,)."""
     joints = [f"{prefix}{j + 1}" for j in range(d.scene.joints)]
@@ -158,7 +164,7 @@ def closure(h: HeldOut, blocks: Sequence[int], prefix: str, seed: int = 0) -> Cl
         rows=len(h.d.y),
         folds=BLOCKS,
         per_channel=channels,
-        members={str(k): mean(h.gaps(k) - h.gaps("with_effects")) for k in blocks},
+        members={label(h.d, k): mean(h.gaps(k) - h.gaps("with_effects")) for k in blocks},
         in_sample=None if after is None else float(h.gaps_of(_in_noise(h.d, h.fit.x)).mean()),
         readings={},
     )

@@ -34,6 +34,8 @@ largest factor by which it widens uncertainties: a larger one would hide that a 
 RIGHT_ELSEWHERE = 0.85
 """Largest share of right claims that is believed of robots that nothing was learnt on: 23 of 27 new
 names were right in faults added to a real recording (docs/explanation/benchmark.md)."""
+LEVEL = 0.9
+"""Probability that a set of causes holds where nothing was learnt."""
 ROUNDING = 1e-9
 """Rounding error by which a sum of probabilities may fall short of 1."""
 
@@ -130,6 +132,12 @@ def credible(probabilities: Mapping[str, float], level: float) -> tuple[str, ...
         if total >= level - ROUNDING:
             break
     return tuple(names)
+
+
+def set90(verdict: Verdict[Any], known: Reliability | None) -> tuple[str, ...]:
+    """Names that hold the truth in 90 % of such cases: the likeliest answers, and all claims."""
+    names = credible(verdict.probabilities, LEVEL if known is None else known.set90)
+    return tuple(dict.fromkeys((*names, *(n for c in verdict.causes for n in c.names))))
 
 
 def learnt(

@@ -1,17 +1,7 @@
 """Which effects, alone or up to three together, explain a case: finalists, ranked.
 
 `analyse` goes from a prepared recording to ranked explanations. `rank` refits the best single
-effects, extends the best of these, and replaces each part of the best explanation by its rivals. A
-broad hypothesis takes the signal of special ones: a crosstalk of all channels can be a rotated
-sensor and five gains as well, at the price of thirty numbers. Alone it fits better than any of them
-as soon as small imperfections matter too. Beside one of them it need only be small, and the
-evidence of both together decides.
-
-A second vote is `predictive_score`: how well an explanation predicts each block of rows from all
-the others. Evidence weighs a prior as a whole; a block's density depends only on what the other
-blocks show (Vehtari, Gelman & Gabry 2017, 10.1007/s11222-016-9696-4). Of the linearised Gaussian
-model both are exact: with the precision P of all rows and w = P y, log p(y_b | others) =
-½ log|P_bb| − ½ w_bᵀ P_bb⁻¹ w_b.
+effects, extends the best of these, and replaces each part of the best explanation by its rivals.
 """
 
 from collections.abc import Iterator, Sequence
@@ -20,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis, build
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, build
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import PRIOR, UNKNOWN, Searcher, SingleEvidence
 from wrenchbed.diagnosis.explain.claims import Explanation, corrected, explained, with_imitators
@@ -42,18 +32,11 @@ AT_ONCE = 3
 MINOR = 1
 """Effects beside them that are too small to be named, but that evidence asks for."""
 SHAPED = 0.5
-"""Effects beside the named ones that are too small to be named, but that evidence asks for."""
-VOTERS = 6
-"""Number of explanations that are cross-validated."""
+"""Share of the log evidence of the best single effect by which a refit may raise another's."""
 WORSE = 3.0
 """A longer structure is refitted unless its linear evidence is this much below the best one's."""
 NEGLIGIBLE = 30.0
 """Explanations so much less likely than the best (natural logarithm) are dropped."""
-BROAD = 6
-"""Least number of columns of a hypothesis that counts as broad."""
-SPECIAL = 5
-"""Number of narrow hypotheses tried beside a broad one; a wrong mass is one of them, a bias is
-not."""
 NEAR = 12.0
 """A rival is refitted if its linear evidence is so near that of the part it replaces (natural
 logarithm)."""
@@ -69,19 +52,6 @@ _PASSES = 2
 MOST = 3
 """Largest number of rivals refitted for each part, best first: each costs a nonlinear fit; with
 fewer a rival that is worse in the linear model but better when refitted is missed."""
-
-
-def predictive_score(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> float:
-    """Sum over blocks of the log predictive density of each, without the constant in 2π.
-
-    Args:
-        level: the background that the finalist is judged against.
-        f: the explanation.
-        block_rows: block of each row of the fit (R,).
-    """
-    half, w = _weighed(level, f)
-    blocks = _of_blocks(block_rows, len(w))
-    return sum(_of_block(level, rows, half[:, rows], w[rows]) for rows in blocks)
 
 
 def prediction_errors(level: BackgroundLevel, f: Finalist, block_rows: np.ndarray) -> np.ndarray:
@@ -110,22 +80,6 @@ def _of_blocks(block_rows: np.ndarray, values: int) -> Iterator[np.ndarray]:
         yield np.flatnonzero(block == b)
 
 
-def _of_block(level: BackgroundLevel, rows: np.ndarray, half: np.ndarray, w: np.ndarray) -> float:
-    """½ log|P_bb| − ½ w_bᵀ P_bb⁻¹ w_b; of many rows, P_bb is the unit matrix less a low rank."""
-    if level.tall:
-        root, ways = level.less(rows)
-        ways = np.column_stack([ways, (half * root).T])
-        if ways.shape[1] < len(rows):
-            z = root * w
-            inner = np.linalg.cholesky(np.eye(ways.shape[1]) - ways.T @ ways)
-            along = np.linalg.solve(inner, ways.T @ z)
-            size = np.log(np.diagonal(inner)).sum() - np.log(root).sum()
-            return float(size - 0.5 * (z @ z + along @ along))
-    lower = np.linalg.cholesky(level.precision(rows) - half.T @ half)
-    away = np.linalg.solve(lower, w)
-    return float(np.log(np.diagonal(lower)).sum() - 0.5 * away @ away)
-
-
 @dataclass(frozen=True, eq=False)
 class Ranking:
     """All explanations of a case with their log posteriors.
@@ -136,7 +90,6 @@ class Ranking:
         mixed: of the best finalist with something unknown beside it.
         kernel: the variable on which the unknown depends, of the best such explanation.
         gap: of the calibrated simulator, beyond the noise.
-        votes: how well the first explanations predict left-out blocks, see `cross_validation`.
     """
 
     explanations: tuple[Explanation, ...]
@@ -144,7 +97,6 @@ class Ranking:
     mixed: float
     kernel: str
     gap: float
-    votes: tuple[float, ...] = ()
 
 
 def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
@@ -156,11 +108,7 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
     alone = [s.log_posterior for s in kernels]
     unknown = float(logsumexp([*alone, *(nulls[~normal] + np.log(PRIOR[UNKNOWN]))]))
     chosen = _distinct(searcher, singles, SINGLES, float(nulls.max()))
-    finalists = [
-        refitter.fit((searcher.hypotheses[s.index],), s.rung)
-        for s in (*chosen, *_other_clocks(searcher, singles, chosen))
-    ]
-    finalists += _beside_broad(refitter, finalists, singles)
+    finalists = [refitter.fit((searcher.hypotheses[s.index],), s.rung) for s in chosen]
     longer, mixed, mixed_kernel = _extended(searcher, refitter, finalists)
     finalists += longer
     best = min(finalists, key=_posterior)
@@ -173,10 +121,7 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
     claim = next((k for k, e in enumerate(kept) if e.parts), 0)
     kept[claim] = with_imitators(refitter, kept[claim])
     gap = searcher.d.gap(y) - searcher.d.row_noise
-    blocks = searcher.d.prepared.block_rows
-    voters = [e.finalist for e in kept[:VOTERS]]
-    votes = tuple(predictive_score(refitter.level_of(f), f, blocks) for f in voters)
-    return Ranking(tuple(kept), unknown, mixed, kernel, gap, votes)
+    return Ranking(tuple(kept), unknown, mixed, kernel, gap)
 
 
 def _extended(
@@ -219,49 +164,6 @@ def _extended(
     return result, mixed, kernel
 
 
-def beside(refitter: Refitter, f: Finalist, singles: Sequence[SingleEvidence]) -> list[Finalist]:
-    """Fit a finalist that has a broad part again with each of the best narrow hypotheses added.
-
-    Returns an empty list where no part is broad.
-
-    Args:
-        singles: evidence of every hypothesis alone; of each effect its best one is tried.
-    """
-    if not any(is_broad(h) for h in f.parts):
-        return []
-    broad = next(h for h in f.parts if is_broad(h))
-    hypotheses = refitter.searcher.hypotheses
-    chosen: list[Hypothesis] = []
-    for s in sorted(singles, key=lambda s: -s.log_posterior):
-        if s.index < 0 or len(chosen) == SPECIAL:
-            continue
-        h = hypotheses[s.index]
-        taken = {*f.names, STATED[0], *(c.name for c in chosen)}
-        if h.name not in taken and not is_broad(h) and not h.effect.rough:
-            chosen.append(h)
-    of_broad = f.variables.of_parts([f.parts.index(broad)])
-    kept = np.delete(f.x, of_broad)
-    others = tuple(p for p in f.parts if p is not broad)
-    result = []
-    for h in chosen:
-        start = np.concatenate([kept, refitter.start((h,)), 0.0 * f.x[of_broad]])
-        result.append(
-            refitter.keeping(
-                g := refitter.fit((*others, h, broad), f.rung, start), range(len(g.parts))
-            )
-        )
-    return result
-
-
-def is_broad(h: Hypothesis) -> bool:
-    """Whether a hypothesis has so many amplitudes that it can pass for others.
-
-    Those of a form-free variant are of one kind and shrink with their order: not so.
-    """
-    plain = not (h.effect.stated or h.variant.shape or h.variant.free_form)
-    return len(h.columns) >= BROAD and plain
-
-
 def with_rivals(
     refitter: Refitter, f: Finalist, parts: Sequence[int], singles: Sequence[SingleEvidence]
 ) -> list[Finalist]:
@@ -301,38 +203,6 @@ def _near(
     others = [s for n, s in best.items() if n not in f.names and n not in STATED]
     others = [s for s in others if s.log_posterior > mark - NEAR]
     return sorted(others, key=lambda s: -s.log_posterior)[:MOST]
-
-
-def _beside_broad(
-    refitter: Refitter, finalists: Sequence[Finalist], singles: Sequence[SingleEvidence]
-) -> list[Finalist]:
-    """Special effects beside the best explanation where it is broad; then one more."""
-    best = min(finalists, key=_posterior)
-    pairs = beside(refitter, best, singles)
-    if not pairs:
-        return []
-    return pairs + beside(refitter, min(pairs, key=_posterior), singles)
-
-
-def _other_clocks(
-    searcher: Searcher, singles: Sequence[SingleEvidence], chosen: Sequence[SingleEvidence]
-) -> list[SingleEvidence]:
-    """All timing effects (delays, filters), if one of them is among the chosen effects.
-
-    Their slopes are alike, and true only while the delay is short beside what moves.
-    """
-
-    def late(s: SingleEvidence) -> bool:
-        return s.index >= 0 and searcher.hypotheses[s.index].effect.stage == "timing"
-
-    taken = {s.index for s in chosen}
-    if not any(map(late, chosen)):
-        return []
-    best: dict[int, SingleEvidence] = {}
-    for s in sorted(filter(late, singles), key=lambda s: -s.log_posterior):
-        if s.index not in taken:
-            best.setdefault(s.index, s)
-    return list(best.values())
 
 
 def _posterior(f: Finalist) -> float:

@@ -55,13 +55,11 @@ class Option(Generic[S]):
         explanation: the structure.
         probability: of it; those of all options and of something unknown sum to 1.
         parts: what may be claimed from it, largest first.
-        vote: log score of left-out blocks that it predicts; None where it was not asked.
     """
 
     explanation: S
     probability: float
     parts: tuple[Part, ...]
-    vote: float | None = None
 
     @property
     def keys(self) -> frozenset[Key]:
