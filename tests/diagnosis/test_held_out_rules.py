@@ -148,6 +148,30 @@ def test_what_another_channel_shows_stays_but_explains_no_gap_of_the_wrench():
     assert names(both) == [TILT]
 
 
+SOME, NEUTRAL = Interval(0.1, 0.05, 0.2), Interval(0.0, -0.1, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("closed", "member", "probability", "stands"),
+    [
+        (SOME, 0.4, 0.9, True),
+        (Interval(0.9, 0.8, 0.95), 0.0, 0.9, True),
+        (NEUTRAL, 0.4, 0.9, False),
+        (SOME, -0.4, 0.9, False),
+        (SOME, 0.4, 0.7, False),
+    ],
+)
+def test_a_cause_that_ordinary_errors_imitate_stands_by_firm_evidence_unless_rows_refute_it(
+    closed, member, probability, stands
+):
+    """Once all stated values are fitted within their spread there is hardly a gap."""
+    measured = gap({TILT: about(member)}, closed, calibrated=about(0.1))
+    said = upheld(claimed(TILT, lead=probability), measured, ordinary_fitted=True)
+    assert bool(said.causes) == stands
+    assert said.word == ("none" if not stands else "partial" if closed is SOME else "identified")
+    assert not upheld(claimed(TILT, lead=probability), measured).causes
+
+
 @pytest.mark.parametrize(
     ("said", "none", "calibrated", "floor", "becomes"),
     [

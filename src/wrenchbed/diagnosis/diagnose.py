@@ -18,12 +18,12 @@ from wrenchbed.diagnosis.decision import rivals
 from wrenchbed.diagnosis.decision.decide import (
     LARGEST_NONE,
     PARTIAL,
-    Decision,
     beside_contact,
     beside_own_rest,
     conclude,
     decide,
 )
+from wrenchbed.diagnosis.decision.facts import Decision, Facts
 from wrenchbed.diagnosis.decision.options import facts_of
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.evidence.similarity import Similarity
@@ -272,7 +272,7 @@ def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
     the recording do not say how often a cause beside one is right.
     """
     claims = Claims(analysis, seed)
-    first = _decided(claims, known)
+    first = decide(facts(claims, known))
     if known is None or not known.elsewhere or not own_rest.is_left(analysis):
         return Weighed(analysis, first, claims.twin(first.verdict))
     again = Claims(own_rest.weighed_again(analysis), seed)
@@ -282,7 +282,7 @@ def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
         return "" if change is None else change.sentence
 
     decision, refuted = beside_own_rest(
-        first, lambda: _decided(again, known.plain(), own_rest=True),
+        first, lambda: decide(facts(again, known.plain(), own_rest=True)),
         lambda verdict: rivals.as_good(again.analysis, verdict, seed), changing,
     )  # fmt: skip
     first_stands = first.settled or decision is first
@@ -290,15 +290,21 @@ def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
     return Weighed(used.analysis, decision, used.twin(decision.verdict), refuted)
 
 
-def _decided(
+def facts(
     claims: Claims, known: Reliability | None, *, own_rest: bool = False
-) -> Decision[Explanation]:
+) -> Facts[Explanation]:
+    """What a decision on the means of readings rests on.
+
+    Args:
+        claims: simulators with causes, of the analysis.
+        known: how often claims are right; None where nothing was learnt.
+        own_rest: whether what no effect explains counts as noise.
+    """
     a, least = claims.analysis, least_beside(claims.analysis.prepared.touch)
-    facts = facts_of(
+    return facts_of(
         a.ranking, claims.gap, lambda verdict, gap: _right(a, verdict, known, gap),
         least=least, own_rest=own_rest,
     )  # fmt: skip
-    return decide(facts)
 
 
 def least_beside(touch: Touch | None) -> float:

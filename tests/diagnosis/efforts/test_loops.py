@@ -12,8 +12,6 @@ from wrenchbed.diagnosis.efforts.columns import of_joint
 from wrenchbed.diagnosis.efforts.configured import stated_drives
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.diagnosis.efforts.scene import effort_scene
-from wrenchbed.diagnosis.efforts.verdict import Cause, Verdict, upheld
-from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 
 
 def case(seed, effect=None, joint=1, size=0.0, seconds=40.0):
@@ -65,22 +63,6 @@ def test_a_slide_has_no_spring_that_turns():
     scene = effort_scene(recording, stated_drives(recording))
     effects = [{b.effect for b in of_joint(scene, j)[1]} for j in range(2)]
     assert effects[1] - effects[0] == {"link.spring"} and not effects[0] - effects[1]
-
-
-def test_a_link_of_the_same_number_is_no_rival_of_a_joint_where_loops_close():
-    clear = Interval(6.0, 5.0, 7.0)
-    gap = Closure(
-        10.0, Interval(10.0, 9.0, 11.0), Interval(1.0, 0.5, 1.5), 0.0, Interval(0.9, 0.8, 0.95),
-        None, 1000, 20, {f"tau{j}": {"before": 10.0, "after": 0.1} for j in (1, 2)},
-        {"0": clear, "1": clear}, None, {},
-    )  # fmt: skip
-    causes = (
-        Cause(0, ("drive.coulomb", 3), (), 1.0, 0.5),
-        Cause(1, ("link.mass", 3), (), 1.0, 0.5),
-    )
-    v = Verdict("identified", causes, {"drive.coulomb": 1.0})
-    assert len(upheld(v, gap, apart=True).causes) == 2
-    assert len(upheld(v, gap).causes) == 1
 
 
 @pytest.mark.slow

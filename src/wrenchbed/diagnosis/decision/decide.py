@@ -7,11 +7,12 @@ in which they act. What each of them changes is measured by ``scripts/ablations`
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Generic, Protocol
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from wrenchbed.diagnosis.decision.facts import Decision, Facts, Finding
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.verdict import Cause, Elements, Key, Option, Part, S, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure, Interval
@@ -41,75 +42,6 @@ _OF_HELD_OUT = ("held out", "size", "partial")
 """Rules after which a verdict is what held-out rows uphold."""
 
 
-@dataclass(frozen=True, eq=False)
-class Decision(Generic[S]):
-    """A verdict with what it rests on.
-
-    Attributes:
-        verdict: final.
-        upheld: what held-out rows leave, before the reliability of such claims is weighed in.
-        gap: on held-out rows, with the causes of ``verdict``.
-    """
-
-    verdict: Verdict[S]
-    upheld: Verdict[S]
-    gap: Closure
-
-    @property
-    def settled(self) -> bool:
-        """Whether held-out rows uphold an answer that leaves no cause open."""
-        return self.verdict.word in (NONE, "identified", "ambiguous")
-
-    @property
-    def rest(self) -> float:
-        """Gap above the noise floor that the answer leaves on held-out rows."""
-        return (self.gap.with_effects or self.gap.calibrated).value - max(self.gap.floor, 0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Facts(Generic[S]):
-    """All that a decision rests on.
-
-    Attributes:
-        options: structures that may explain the recording, best first.
-        unknown: probability of something that no effect of the library makes.
-        measure: gaps on held-out rows with the causes of a verdict.
-        right: fraction of such verdicts that are right.
-        doubt: factor by which the evidence overstates log odds.
-        rival: share of a class from which another effect is a rival: below, the evidence does not
-            resolve it.
-        least: probability that every cause needs: more where few rows are left to tell causes
-            apart.
-        ordinary_fitted: whether the calibrated simulator has all stated values free within their
-            ordinary spread, so that it may imitate causes.
-        own_rest: whether what no effect explains counts as noise: without a cause it is unknown.
-    """
-
-    options: Sequence[Option[S]]
-    unknown: float
-    measure: Callable[[Verdict[S]], Closure]
-    right: Callable[[Verdict[S], Closure], float]
-    doubt: float
-    rival: float
-    least: float = 0.0
-    ordinary_fitted: bool = False
-    own_rest: bool = False
-
-
-class Finding(Protocol):
-    """An effect that is found outside of the structures."""
-
-    @property
-    def effect(self) -> str:
-        """Name of the effect."""
-        ...
-
-    @property
-    def probability(self) -> float:
-        """Probability that it is present and counts."""
-        ...
-
-
 Rule = Callable[[Facts[S], Verdict[S], Closure], Verdict[S]]
 
 
@@ -121,6 +53,11 @@ def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
         without: names of rules that do not act, to measure what they change.
     """
     verdict = leading(facts, without)
+    if facts.own_rest and not verdict.causes:  # a rest alone counts as noise, but is no nothing
+        spare = verdict.probabilities.get(NONE, 0.0)
+        probability = dict(verdict.probabilities) | {NONE: 0.0}
+        probability[UNKNOWN] += spare
+        verdict = replace(verdict, word=UNKNOWN, probabilities=probability)
     gap = facts.measure(verdict)
     upheld = verdict
     for name, rule in RULES.items():
@@ -151,7 +88,7 @@ def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
     others = {NONE: mass.pop(frozenset(), 0.0), UNKNOWN: facts.unknown}
     if not mass:
         word = max(others, key=lambda n: others[n])
-        return _unknown_rest(facts, Verdict(word, (), facts.options[0].explanation, others))
+        return Verdict(word, (), facts.options[0].explanation, others)
     claim = first[max(mass, key=lambda keys: mass[keys])]
     causes = tuple(_cause(facts, mass, claim, part, without) for part in claim.parts)
     names = causes[0].names
@@ -159,20 +96,10 @@ def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:
     probability |= {n: p for n, p in leads.items() if n not in names} | others
     lead = causes[0].probability
     if others[NONE] >= max(others[UNKNOWN], lead):
-        verdict = Verdict(NONE, (), facts.options[0].explanation, probability)
-        return _unknown_rest(facts, verdict)
+        return Verdict(NONE, (), facts.options[0].explanation, probability)
     if others[UNKNOWN] >= lead or len(names) > 1 + MOST_RIVALS:
-        return _unknown_rest(facts, Verdict(UNKNOWN, (), claim.explanation, probability))
+        return Verdict(UNKNOWN, (), claim.explanation, probability)
     return Verdict(_word(causes), causes, claim.explanation, probability)
-
-
-def _unknown_rest(facts: Facts[S], verdict: Verdict[S]) -> Verdict[S]:
-    """A verdict without causes; where a rest counts as noise, ``none`` is something unknown."""
-    if not facts.own_rest:
-        return verdict
-    probability = dict(verdict.probabilities)
-    probability[UNKNOWN] += probability[NONE]
-    return replace(verdict, word=UNKNOWN, probabilities=probability | {NONE: 0.0})
 
 
 def _cause(

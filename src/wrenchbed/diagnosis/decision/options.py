@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import logsumexp
 
-from wrenchbed.diagnosis.decision.decide import Facts
+from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.explain.claims import Explanation, complete
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.elements import DOUBT, RIVAL

@@ -3,7 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, Facts
+from wrenchbed.diagnosis.decision.decide import LARGEST_NONE
+from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.held_out import HeldOut, closed_of_configured, closure, held_out
 from wrenchbed.diagnosis.efforts.search import Search, Structure

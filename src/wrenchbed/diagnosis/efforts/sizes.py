@@ -60,11 +60,15 @@ def parameters(d: Dictionary, folds: Folds, block: int) -> dict[str, Any]:
         )  # fmt: skip
     elif size.vector and not size.columns:
         for i, k in enumerate(sized(d, block)):
-            number = folds.number(lambda x, i=i: float(_amplitudes(d, block, x)[i]))
+            number = folds.number(partial(_amplitude, d, block, i))
             result[d.names[k].rpartition(".")[2]] = {**number, "unit": size.unit}
     if b.joint is not None:
         result["joint"] = {"value": b.joint}
     return result
+
+
+def _amplitude(d: Dictionary, block: int, i: int, x: np.ndarray) -> float:
+    return float(_amplitudes(d, block, x)[i])
 
 
 def unit_of(d: Dictionary, block: int) -> str:
