@@ -13,7 +13,8 @@ ABOVE = {
     "evidence": {"prepare"},
     "explain": {"prepare", "evidence"},
     "gap": {"prepare", "evidence", "explain", "next"},
-    "efforts": {"evidence", "explain", "gap"},
+    "decision": {"prepare", "evidence", "explain", "gap"},
+    "efforts": {"prepare", "evidence", "explain", "gap", "decision", "next"},
     "between_rows": {"prepare"},
     "next": {"prepare", "evidence", "explain"},
 }
