@@ -53,7 +53,9 @@ def keys_of(names):
 
 def upheld(verdict, measured, ordinary_fitted=False):
     """The verdict after the rules of held-out rows."""
-    facts = SimpleNamespace(measure=lambda _: measured, ordinary_fitted=ordinary_fitted)
+    facts = SimpleNamespace(
+        measure=lambda _: measured, ordinary_fitted=ordinary_fitted, own_rest=False
+    )
     for rule in (held_out, size, partial):
         verdict = rule(facts, verdict, measured)
     return verdict

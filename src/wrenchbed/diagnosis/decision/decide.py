@@ -41,7 +41,6 @@ fit: evidence against it is as good as what is taken for its likely sizes. Estim
 _OF_HELD_OUT = ("held out", "size", "partial")
 """Rules after which a verdict is what held-out rows uphold."""
 
-
 Rule = Callable[[Facts[S], Verdict[S], Closure], Verdict[S]]
 
 
@@ -53,11 +52,6 @@ def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
         without: names of rules that do not act, to measure what they change.
     """
     verdict = leading(facts, without)
-    if facts.own_rest and not verdict.causes:  # a rest alone counts as noise, but is no nothing
-        spare = verdict.probabilities.get(NONE, 0.0)
-        probability = dict(verdict.probabilities) | {NONE: 0.0}
-        probability[UNKNOWN] += spare
-        verdict = replace(verdict, word=UNKNOWN, probabilities=probability)
     gap = facts.measure(verdict)
     upheld = verdict
     for name, rule in RULES.items():
@@ -208,8 +202,9 @@ def _imitated(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> bool:
 
 
 def size(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
-    """``none`` needs a small gap, something unknown a gap."""
-    if verdict.word == NONE and not small(gap):
+    """``none`` needs a small gap, and something unknown a gap; a rest that counts as noise is no
+    nothing."""
+    if verdict.word == NONE and (facts.own_rest or not small(gap)):
         return withdrawn(verdict, UNKNOWN)
     hardly = gap.calibrated.high - max(gap.floor, 0.0) < HARDLY and small(gap)
     return withdrawn(verdict, NONE) if verdict.word == UNKNOWN and hardly else verdict
@@ -255,14 +250,10 @@ def probable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 
 
 RULES: Mapping[str, Rule[Any]] = {
-    "held out": held_out,
-    "size": size,
-    "partial": partial,
-    "reliability": reliable,
+    "held out": held_out, "size": size, "partial": partial, "reliability": reliable,
     "contact": probable,
-}
-"""Rules between `leading`, whose own is ``rivals``, and `conclude`, in the order in which they
-act."""
+}  # fmt: skip
+"""Rules after `leading`, whose own is ``rivals``, in the order in which they act."""
 
 
 def beside_own_rest(
