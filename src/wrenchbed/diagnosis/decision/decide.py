@@ -14,6 +14,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.decision.facts import Decision, Facts, Finding
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Elements, Key, Option, Part, S, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 
@@ -22,9 +23,6 @@ LARGEST_NONE = 1.0
 """Calibrated gap beyond the noise up to which there may be no cause: the contract's."""
 LEAST = 0.5
 """Gap that a cause must close at least: below it small imperfections are none (the contract's)."""
-HARDLY = 0.75
-"""Upper end of a gap beyond the noise below which nothing unknown is there: a cause needs as much
-by evidence."""
 MOST = 0.5
 """Share of the gap from which causes explain most of it: the word ``partial`` of the contract."""
 DOUBTFUL = 0.5
@@ -206,7 +204,7 @@ def size(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     nothing."""
     if verdict.word == NONE and (facts.own_rest or not small(gap)):
         return withdrawn(verdict, UNKNOWN)
-    hardly = gap.calibrated.high - max(gap.floor, 0.0) < HARDLY and small(gap)
+    hardly = gap.calibrated.high - max(gap.floor, 0.0) < CLAIMABLE and small(gap)
     return withdrawn(verdict, NONE) if verdict.word == UNKNOWN and hardly else verdict
 
 

@@ -8,12 +8,13 @@ import numpy as np
 
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.names import drive_effects, title
-from wrenchbed.diagnosis.efforts.options import BELIEVED, COUNTS, Weighed, blocks
+from wrenchbed.diagnosis.efforts.options import BELIEVED, Weighed, blocks
 from wrenchbed.diagnosis.efforts.search import Structure
 from wrenchbed.diagnosis.efforts.signs import Sign
 from wrenchbed.diagnosis.efforts.sizes import Folds, mass_of_tool, parameters
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
+from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import DETECTED, LEAST_MINOR, Scale, cause, families
@@ -90,7 +91,7 @@ def minor(d: Dictionary, w: Weighed, v: Verdict[Structure]) -> list[dict[str, An
     gaps: dict[int, float] = {}
     for _, p, added in w.structures:
         for block, gap in added.items():
-            if LEAST_MINOR <= gap < COUNTS and not d.blocks[block].outside:
+            if LEAST_MINOR <= gap < CLAIMABLE and not d.blocks[block].outside:
                 present[block] = present.get(block, 0.0) + p
                 gaps.setdefault(block, gap)
     claimed = {key for c in v.causes for key in c.keys}

@@ -13,9 +13,9 @@ from wrenchbed.diagnosis.efforts.arm_columns import mean_inertia
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.evidence import Evidence
 from wrenchbed.diagnosis.efforts.names import size_of, titles
-from wrenchbed.diagnosis.efforts.options import COUNTS
 from wrenchbed.diagnosis.efforts.sizes import scale, sized, unit_of
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, added
+from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot
 
 CLEAR = 5.0
@@ -59,7 +59,7 @@ def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
         one = nothing.copy()
         one[column] = 1.0
         gap = added(d, TwinFit(one, np.zeros(0, int), np.zeros((0, len(one)))), block)
-        squares.append(max(COUNTS / max(gap, 1e-300), CLEAR**2 * spread[column]))
+        squares.append(max(CLAIMABLE / max(gap, 1e-300), CLEAR**2 * spread[column]))
     return abs(scale(d, block, nothing)) / float(np.sqrt(np.mean(1.0 / np.array(squares))))
 
 

@@ -10,11 +10,10 @@ from wrenchbed.diagnosis.efforts.held_out import HeldOut, closed_of_configured, 
 from wrenchbed.diagnosis.efforts.search import Search, Structure
 from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, added, fitted
 from wrenchbed.diagnosis.evidence.search import NONE
+from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Option, Part, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 
-COUNTS = 0.75
-"""Gap from which a part counts: it estimates what adds 1 with an error; estimate."""
 _SMALL = 1e-3
 """Total probability of the least probable structures, which are not examined."""
 _BESIDE = 0.25
@@ -38,7 +37,7 @@ class Weighed:
 
     def counting(self, k: int) -> dict[int, float]:
         """Gap of each cause of structure k that counts, by block."""
-        return {b: g for b, g in self.structures[k][2].items() if g >= COUNTS}
+        return {b: g for b, g in self.structures[k][2].items() if g >= CLAIMABLE}
 
 
 def weighed(s: Search) -> Weighed:
