@@ -11,6 +11,7 @@ from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.effects.drives.base import Block, Column
 from wrenchbed.effects.drives.operators import late, slow
 from wrenchbed.physics.newton_euler import INERTIAL
+from wrenchbed.robots.base import INERTIA_AXES
 
 _TILT = np.deg2rad(0.1)
 """Ordinary tilt of a base [rad]; estimate: a bubble level."""
@@ -70,7 +71,8 @@ def _links(scene: EffortScene) -> tuple[list[Column], list[Block]]:
         if mass <= 0.0:
             continue
         for kind, of_kind in forms.items():
-            names = tuple(f"link.{kind}.{k + 1}.{i}" for i in range(len(of_kind)))
+            ends = {"mass": ("mass",), "cog": tuple("xyz"), "inertia": INERTIA_AXES}[kind]
+            names = tuple(f"link.{kind}.{k + 1}.{end}" for end in ends)
             std = {"mass": _LINK_MASS * mass, "cog": _LINK_COG * mass,
                    "inertia": _LINK_INERTIA * mean_inertia(phi)}[kind]  # fmt: skip
             columns += [Column(n, y @ form, std) for n, form in zip(names, of_kind, strict=True)]

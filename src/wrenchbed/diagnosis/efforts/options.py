@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from wrenchbed.diagnosis.decision.decide import LARGEST_NONE
+from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.held_out import HeldOut, closed_of_configured, closure, held_out
@@ -109,7 +109,7 @@ class Claims:
         if key not in self._made:
             rows = held_out(self._d, key)
             gap = closure(rows, key, self._prefix, self._seed)
-            if gap.closed is not None and gap.closed.low <= 0.0 <= gap.closed.high:
+            if gap.closed is not None and gap.closed.high >= 0.0 and small(gap):
                 gap = replace(gap, closed=closed_of_configured(rows, key, self._seed) or gap.closed)
             self._made[key] = rows, gap
         return self._made[key]
@@ -119,8 +119,8 @@ class Claims:
         return self._of(verdict)[0]
 
     def gap(self, verdict: Verdict[Structure]) -> Closure:
-        """Gaps there; of wrong stated numbers that the usual fit takes, the share of the configured
-        gap that they close."""
+        """Gaps there; where the usual fit leaves hardly a gap since it takes wrong stated numbers,
+        the share of the configured gap that these close."""
         return self._of(verdict)[1]
 
 
