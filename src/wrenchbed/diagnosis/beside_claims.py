@@ -4,18 +4,23 @@ Detection is not size. An effect whose presence the evidence leaves no doubt abo
 its value although its gap is below 1, and so are bias, mass and CoG, which every fit leaves free.
 """
 
+from collections.abc import Sequence
+from collections.abc import Set as AbstractSet
 from typing import Any
 
 import numpy as np
 
 from wrenchbed.diagnosis.answer import numbers_of
+from wrenchbed.diagnosis.decision.decide import MOST_RIVALS
 from wrenchbed.diagnosis.decision.options import weights
 from wrenchbed.diagnosis.explain.claims import Explanation, contradicted, missed, stated
 from wrenchbed.diagnosis.explain.contributions import shares
-from wrenchbed.diagnosis.explain.elements import elements
+from wrenchbed.diagnosis.explain.elements import RIVAL, elements
+from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Verdict
-from wrenchbed.diagnosis.gap.result import DETECTED, LEAST_MINOR, cause
+from wrenchbed.diagnosis.gap.result import cause, named_by
+from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 from wrenchbed.diagnosis.prepare.configuration import BIAS, LOAD, STATED
 
 
@@ -33,28 +38,69 @@ def minor(
     if verdict.word == "unknown":
         return []
     ranked, weight = a.ranking.explanations, weights(a.ranking)[1:]
+    effects = [{e.finalist.names[k] for k in e.finalist.effects} for e in ranked]
     claimed = {n for c in verdict.causes for n in c.names}
-    present: dict[str, float] = {}
-    for w, e in zip(weight, ranked, strict=True):
-        for name in {e.finalist.names[k] for k in e.finalist.effects} - e.names - claimed:
-            present[name] = present.get(name, 0.0) + float(w)
-    result = []
-    for name, probability in present.items():
-        if probability < DETECTED:
-            continue
-        f = next(e.finalist for e in ranked if name in set(e.finalist.names) - e.names)
-        k = f.names.index(name)
-        each = shares(a.refitter, f, k)
+    small = [of - e.names - claimed for of, e in zip(effects, ranked, strict=True)]
+    least = max(LEAST_MINOR, missed(verdict.explanation) if verdict.causes else 0.0)
+    result = list[dict[str, Any]]()
+    for first, name in [(k, n) for k, names in enumerate(small) for n in sorted(names)]:
+        instead = _instead(name, effects[first], effects, small)
+        chance = {n: float(weight[places].sum()) for n, places in instead.items()}
+        members = [name, *(n for n, w in chance.items() if n != name and w > RIVAL)]
+        members = members[: 1 + MOST_RIVALS]
+        present = float(weight[[bool(names & set(members)) for names in small]].sum())
+        known = {n for entry in result for n in named_by(entry)}
+        f = ranked[first].finalist
+        each = shares(a.refitter, f, f.names.index(name))
         gap = float(each.sum())
-        if gap < max(LEAST_MINOR, missed(verdict.explanation) if verdict.causes else 0.0):
+        if present < DETECTED or gap < least or known & set(members):
             continue
         if contradicted(each, a.dictionary.gaps(a.refitter.y)):
             continue
-        of = elements(a.refitter, f, k, [name])[name]
-        entry = cause(name, min(probability, right), {}) | numbers_of(a, f, k, of, spread)
+        fits = [ranked[instead[n][0]].finalist for n in members]
+        lead, *others = (_numbers(a, g, n, spread) for n, g in zip(members, fits, strict=True))
+        entry = cause(name, min(present, right), {}) | lead | {"gap": gap}
+        entry["rivals"] = [
+            {
+                "effect": n,
+                "elements": numbers["elements"],
+                "probability": min(chance[n], right),
+                "parameters": numbers["parameters"],
+            }
+            for n, numbers in zip(members[1:], others, strict=True)
+        ]
         del entry["closed_share"], entry["channels"]
-        result.append(entry | {"gap": gap})
+        result.append(entry)
     return sorted(result, key=lambda entry: -entry["gap"])
+
+
+def _instead(
+    name: str,
+    beside: AbstractSet[str],
+    effects: Sequence[AbstractSet[str]],
+    small: Sequence[AbstractSet[str]],
+) -> dict[str, list[int]]:
+    """Small effects that stand in the place of one of them, itself included: of each the places of
+    such explanations.
+
+    Args:
+        name: of the effect.
+        beside: effects of the explanation that it is from.
+        effects: of all explanations.
+        small: those of them that add less than what counts.
+    """
+    result = dict[str, list[int]]()
+    for k, (of, names) in enumerate(zip(effects, small, strict=True)):
+        others = of - (beside - {name})
+        if len(others) == 1 and others <= names:
+            result.setdefault(min(others), []).append(k)
+    return result
+
+
+def _numbers(a: Analysis, f: Finalist, name: str, spread: float) -> dict[str, Any]:
+    """Elements, what is known of them together, and parameters of an effect of a finalist."""
+    k = f.names.index(name)
+    return numbers_of(a, f, k, elements(a.refitter, f, k, [name])[name], spread)
 
 
 def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[dict[str, Any]]:

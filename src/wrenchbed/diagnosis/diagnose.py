@@ -45,7 +45,7 @@ from wrenchbed.diagnosis.gap.closure import Claims
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.next import experiments, isolability
-from wrenchbed.diagnosis.next.blind import blind_spots
+from wrenchbed.diagnosis.next.blind import Design, blind_spots
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Material, Prepared, Touch
@@ -217,7 +217,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         which=which if verdict.word in ("identified", "ambiguous", PARTIAL) else [],
         probabilities=verdict.probabilities,
         cannot_tell=cannot_tell,
-        blind=blind_spots(similarities),
+        blind=blind_spots(_designs(analysis, similarities)),
         next=proposed,
         twin=twin,
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
@@ -379,6 +379,13 @@ def _right(
     right = known.of(features(a.ranking, verdict, closed))
     left = 0.0 if gap.with_effects is None else gap.with_effects.low - max(gap.floor, 0.0)
     return min(right, RIGHT_ELSEWHERE) if known.elsewhere and left > LARGEST_NONE else right
+
+
+def _designs(a: Analysis, similarities: Sequence[Similarity]) -> list[Design]:
+    """What each recording can show, beside the background that it has."""
+    best = a.ranking.explanations[0].finalist
+    recordings = zip(similarities, (a, *a.others), best.each or [best], strict=True)
+    return [Design(s, x.searcher, f.rung) for s, x, f in recordings]
 
 
 def _cannot_tell(designs: Sequence[Similarity], classes: Collection[Collection[str]]) -> list[str]:

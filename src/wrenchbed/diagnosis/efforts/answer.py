@@ -17,7 +17,8 @@ from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
-from wrenchbed.diagnosis.gap.result import DETECTED, LEAST_MINOR, Scale, cause, families
+from wrenchbed.diagnosis.gap.result import Scale, cause, families
+from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 from wrenchbed.physics.wrench import UNITS
 
 _NEXT: Mapping[str, str] = {

@@ -14,13 +14,6 @@ from wrenchbed.files import write_json
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.twin.twin import Twin
 
-DETECTED = 0.9
-"""Probability by evidence from which an effect counts as there; how often such entries are right
-was not measured."""
-LEAST_MINOR = 0.1
-"""Gap from which a small effect is listed: a tenth of what counts. Below it, in 59 sealed cases,
-what was listed were mostly corrections of a claimed cause's form."""
-
 
 class Scale(NamedTuple):
     """Scale of one channel.

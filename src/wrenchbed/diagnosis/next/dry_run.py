@@ -13,8 +13,9 @@ from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.diagnosis.evidence.dictionary import build
+from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.evidence.similarity import Similarity
-from wrenchbed.diagnosis.next.blind import BlindSpot, blind_spots
+from wrenchbed.diagnosis.next.blind import BlindSpot, Design, blind_spots
 from wrenchbed.diagnosis.next.isolability import VisibleSize, cannot_tell, isolability
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.baseline import tolerances
@@ -33,6 +34,8 @@ from wrenchbed.simulation.closed_form import Model
 
 SAMPLES, RATE = 60, 100.0
 """Rows at a pose and their rate [Hz]."""
+RUNG = 1
+"""Background of ordinary imperfections that is assumed: the middle one of the normal ones."""
 
 
 def of_plan(
@@ -164,4 +167,5 @@ def dry_run(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> DryRun:
     prepared = of_plan(plan, None, samples, rate)
     d = build(prepared, prepared.configuration.robot_theta, tolerances(prepared))
     similarity = Similarity(d)
-    return DryRun(isolability(d, similarity), cannot_tell(d, similarity), blind_spots([similarity]))
+    blind = blind_spots([Design(similarity, Searcher(d), RUNG)])
+    return DryRun(isolability(d, similarity), cannot_tell(d, similarity), blind)
