@@ -61,6 +61,7 @@ class PlainUr5:
         tilt_of_accelerometer: the same as the accelerometer feels it; None: alike.
         noise: standard deviation of a row of the accelerometer [m/s²].
         bent: size of each of its nonlinearities over 1 g.
+        tracked: standard deviation of a tracker's reading of a target [m]; None: no tracker.
     """
 
     offset: tuple[float, ...] = (0.0,) * 6
@@ -68,12 +69,14 @@ class PlainUr5:
     tilt_of_accelerometer: tuple[float, float] | None = None
     noise: float = 0.02
     bent: float = 0.0
+    tracked: float | None = None
 
     def recording(self, seed: int, count: int = 40) -> Recording:
         """Recording of so many random poses, with wrench and accelerometer."""
         rng = np.random.default_rng(seed)
         q = poses(count, rng)
-        rotation = np.array([flange(x + self.offset)[:3, :3] for x in q])
+        placed = np.array([flange(x + self.offset) for x in q])
+        rotation = placed[:, :3, :3]
         seen = self.tilt if self.tilt_of_accelerometer is None else self.tilt_of_accelerometer
         force = MASS * (turned(np.array([*self.tilt, 0.0])) @ GRAVITY) @ rotation
         wrench = np.concatenate([force, np.cross(COG, force)], axis=1)
@@ -86,6 +89,10 @@ class PlainUr5:
         columns |= {f"q{j + 1}": np.repeat(q[:, j], ROWS) for j in range(6)}
         columns |= dict(zip(names, rows.T, strict=True))
         columns["segment"] = np.repeat(np.arange(count), ROWS)
+        if self.tracked is not None:
+            seen = self.tracker(placed, rng)[np.repeat(np.arange(count), ROWS)]
+            seen += self.tracked * rng.standard_normal(seen.shape)
+            columns |= dict(zip(("mx", "my", "mz"), seen.T, strict=True))
         metadata = Metadata(
             robot="ur5", mode="static", source="import", rate_hz=RATE_HZ,
             tool=ToolInfo(mass=MASS, cog=(0.004, -0.006, 0.071)),
@@ -93,6 +100,12 @@ class PlainUr5:
             gravity=(0.0, 0.0, -9.80665),
         )  # fmt: skip
         return Recording(metadata, columns, "plain.parquet")
+
+    def tracker(self, placed: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """Places (N, 3) [m] of a target on the flange, seen by a tracker somewhere in the room."""
+        target, stand = rng.uniform(-0.1, 0.1, 3), np.array([2.5, -1.0, 0.4])
+        place = placed[:, :3, :3] @ target + placed[:, :3, 3]
+        return place @ turned(rng.standard_normal(3)) + stand
 
     def bend(self, a: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Readings of an accelerometer mounted anyhow for accelerations of the tool (N, 3)."""

@@ -23,6 +23,11 @@ PLACING = frozenset(("model", "joint", "pose"))
 """Stages of `wrenchbed.effects.base.STAGES` that decide where the sensor is."""
 
 
+def flat(slopes: np.ndarray) -> np.ndarray:
+    """Slopes (M, k, n) as columns (M k, n)."""
+    return slopes.reshape(slopes.shape[0] * slopes.shape[1], slopes.shape[2])
+
+
 class Channel(ABC):
     """One kind of observable; the instance of a module is its constant ``CHANNEL``."""
 

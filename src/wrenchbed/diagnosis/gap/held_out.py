@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from wrenchbed.channels.base import flat
 from wrenchbed.channels.response import readings
 from wrenchbed.diagnosis.explain.claims import corrected, moved_by
 from wrenchbed.diagnosis.explain.finalist import Finalist
@@ -181,9 +182,8 @@ class CrossFit:
         p, result = self._a.prepared, self._read(c, active)
         held, seen = p.scene.held, p.without(fold).fitted
         for of, slopes in zip(p.families[1:], self._nuisance, strict=True):
-            columns = slopes.reshape(-1, slopes.shape[2])
-            scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-            design = (slopes / scale)[held][seen].reshape(-1, len(scale))
+            scale = np.maximum(np.linalg.norm(flat(slopes), axis=0), 1e-300)
+            design = flat((slopes / scale)[held][seen])
             residual = (p.y - result[held])[seen, of].ravel()
             fitted = np.linalg.lstsq(design, residual, rcond=1e-6)[0] / scale
             result[:, of] += slopes @ fitted

@@ -11,7 +11,7 @@ from scipy.linalg import block_diag
 
 from wrenchbed import registry
 from wrenchbed.calibration.observations import Observations
-from wrenchbed.channels.base import PLACING, Channel
+from wrenchbed.channels.base import PLACING, Channel, flat
 from wrenchbed.channels.own_noise import own_noise
 from wrenchbed.channels.response import Response, readings
 from wrenchbed.diagnosis.prepare.prepared import Prepared
@@ -38,7 +38,7 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
         return replace(prepared, further_notes=(*prepared.further_notes, text))
     expected = readings((fitted,), scene)
     residual = (y - expected[scene.held]).ravel()
-    nuisance = fitted.nuisance(scene)[scene.held].reshape(len(residual), -1)
+    nuisance = flat(fitted.nuisance(scene)[scene.held])
     unexplained = own_noise(residual, nuisance, _of_effects(fitted, scene, expected))
     scatter = _scatter(fitted, prepared, data, y)
     unit = np.maximum(np.maximum(scatter, unexplained), fitted.floor)
@@ -60,8 +60,7 @@ def _of_effects(channel: Channel, scene: Scene, expected: np.ndarray) -> np.ndar
     """Readings (H k, m) of every effect that the channel may see, at its typical size, and of the
     sensor's own imperfections."""
     response = Response(scene, (channel,), expected)
-    lacking = channel.imperfections(scene)[scene.held]
-    columns = [lacking.reshape(-1, lacking.shape[2])]
+    columns = [flat(channel.imperfections(scene)[scene.held])]
     for effect in effects().values():
         if not effect.acts(scene) or PLACING.isdisjoint(effect.stages):
             continue

@@ -1,0 +1,97 @@
+"""A tracker's view of a target on the flange: where the robot really is, at rest."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import ClassVar
+
+import numpy as np
+
+from wrenchbed.channels.base import Channel, flat
+from wrenchbed.data.recording import Recording
+from wrenchbed.effects.base import Pose
+from wrenchbed.effects.chain import EffectChain
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.rotations import apply, cross, exp
+from wrenchbed.physics.time_derivatives import value
+
+_STEPS, _DONE = 30, 1e-12
+"""Gauss–Newton steps at most, and the change [rad, m] below which they end."""
+_RANK = 1e-6
+"""Smallest over largest singular value of what determines the nuisance parameters, below which the
+poses are too alike."""
+
+
+@dataclass(frozen=True, eq=False)
+class TargetPose(Channel):
+    """m = T (x + R p) + s, x and R the sensor's place and orientation.
+
+    Nuisance is where the tracker stands, T (3, 3) and s (3,), and where the target sits, p (3,) in
+    sensor axes. So zeros of the first joint, a tilt of the base and the like do not show, while
+    all other zeros, lengths and compliances do.
+
+    Attributes:
+        turn: T as it fits the recording.
+        shift: s as it fits the recording [m].
+        target: p as it fits the recording [m].
+    """
+
+    name = "pose"
+    title = "place of a target on the flange as a tracker measures it"
+    columns: ClassVar[Mapping[str, str]] = dict.fromkeys(("mx", "my", "mz"), "m")
+    floor = 2e-5
+    """0.02 mm: a laser tracker over some metres, its target's runout included; estimate."""
+
+    turn: np.ndarray = field(default_factory=lambda: np.eye(3))
+    shift: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    target: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+    def applies(self, recording: Recording) -> bool:
+        return bool(recording.joints) and super().applies(recording)
+
+    def fitted(self, read: np.ndarray, scene: Scene) -> "TargetPose | None":
+        position = _in_world(scene)[1][scene.held]
+        centre, middle = read.mean(axis=0), position.mean(axis=0)
+        u, _, vt = np.linalg.svd((read - centre).T @ (position - middle))  # Kabsch 1976
+        turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+        channel = replace(self, turn=turn, shift=centre - turn @ middle)
+        for _ in range(_STEPS):
+            slopes = flat(channel.nuisance(scene)[scene.held])
+            scales = np.linalg.svd(slopes, compute_uv=False)
+            if scales[-1] < _RANK * scales[0]:
+                return None
+            residual = (read - channel._read(*_in_world(scene))[scene.held]).ravel()
+            change = np.linalg.lstsq(slopes, residual, rcond=None)[0]
+            channel = channel._moved(change)
+            if np.abs(change).max() < _DONE:
+                break
+        return channel
+
+    def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
+        return self._read(value(pose.rotation), value(pose.position))
+
+    def nuisance(self, scene: Scene) -> np.ndarray:
+        rotation, position = _in_world(scene)
+        away = (position + apply(rotation, self.target)) @ self.turn.T
+        about = np.stack([cross(axis, away) for axis in np.eye(3)], axis=2)
+        along = np.broadcast_to(np.eye(3), about.shape)
+        return np.concatenate([about, along, self.turn @ rotation], axis=2)
+
+    def _read(self, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
+        return np.asarray((position + apply(rotation, self.target)) @ self.turn.T + self.shift)
+
+    def _moved(self, change: np.ndarray) -> "TargetPose":
+        """The channel with its nine nuisance parameters changed."""
+        turn = value(exp(*change[:3]))
+        return replace(
+            self, turn=turn @ self.turn, shift=self.shift + change[3:6],
+            target=self.target + change[6:],
+        )  # fmt: skip
+
+
+def _in_world(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Orientation (M, 3, 3) and place (M, 3) [m] of the sensor without effects."""
+    rotation, position = (value(x) for x in scene.pose)
+    return rotation, np.broadcast_to(position, (len(scene), 3))
+
+
+CHANNEL = TargetPose()
