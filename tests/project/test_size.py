@@ -10,7 +10,7 @@ WRENCHBED = {
     "benchmark": 9769,
     "calibration": 5120,
     "campaigns": 1651,
-    "channels": 430,
+    "channels": 530,
     "cli": 2726,
     "data": 4419,
     "diagnosis": 14310,

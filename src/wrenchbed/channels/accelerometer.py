@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -40,7 +40,7 @@ class Accelerometer(Channel):
     gain: np.ndarray = field(default_factory=lambda: np.eye(3))
     zero: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
-    def fitted(self, read: np.ndarray, scene: Scene) -> "Accelerometer | None":
+    def fitted(self, read: np.ndarray, scene: Scene) -> Self | None:
         held = scene.held
         design = np.column_stack([seen(scene, Pose(*scene.pose))[held], np.ones(len(read))])
         scales = np.linalg.svd(design, compute_uv=False)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import ClassVar, Self
 
 import numpy as np
 
@@ -48,7 +48,7 @@ class TargetPose(Channel):
     def applies(self, recording: Recording) -> bool:
         return bool(recording.joints) and super().applies(recording)
 
-    def fitted(self, read: np.ndarray, scene: Scene) -> "TargetPose | None":
+    def fitted(self, read: np.ndarray, scene: Scene) -> Self | None:
         position = _in_world(scene)[1][scene.held]
         centre, middle = read.mean(axis=0), position.mean(axis=0)
         u, _, vt = np.linalg.svd((read - centre).T @ (position - middle))  # Kabsch 1976
@@ -79,7 +79,7 @@ class TargetPose(Channel):
     def _read(self, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
         return np.asarray((position + apply(rotation, self.target)) @ self.turn.T + self.shift)
 
-    def _moved(self, change: np.ndarray) -> "TargetPose":
+    def _moved(self, change: np.ndarray) -> Self:
         """The channel with its nine nuisance parameters changed."""
         turn = value(exp(*change[:3]))
         return replace(
