@@ -9,6 +9,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import combinations, product
+from operator import attrgetter
 from pathlib import PurePath
 from typing import NamedTuple
 
@@ -46,6 +47,8 @@ MOST = 10
 """Explanations of each recording that are fitted to all; estimate."""
 LEADING = 2
 """Explanations of each recording whose effects are also combined with another recording's."""
+MUST_AGREE = ("robot", "sensor.model", "sensor.pose_flange", "gravity")
+"""Metadata that are the same in all recordings of a robot, where they are stated."""
 _Key = frozenset[tuple[object, ...]]
 
 
@@ -90,29 +93,19 @@ def diagnose_several(
     )
     findings = findings_of(all_of_them, seed, progress, begun)
     d = findings.diagnosis
-    own = [n for n in d.notes if n in _of_data(first, d.gap.folds)]
-    prefixed = [f"{names[0]}: {n}" for n in own]
-    for e, name in zip(each[1:], names[1:], strict=True):
-        prefixed += [f"{name}: {n}" for n in _of_data(e, d.gap.folds)]
-    entries = [d.outliers, *([o.entry(None) for o in e.outliers] for e in each[1:])]
-    outliers = [
-        dict(entry) | {"sentence": f"{name}: {entry['sentence']}"}
-        for of_one, name in zip(entries, names, strict=True)
-        for entry in of_one
-    ]
+    of_each = list(zip(names, each, strict=True))
+    entries = [(names[0], o) for o in d.outliers]
+    entries += [(name, o.entry(None)) for name, e in of_each[1:] for o in e.outliers]
+    outliers = [dict(o) | {"sentence": f"{name}: {o['sentence']}"} for name, o in entries]
+    own = set(_of_data(first, d.gap.folds))
     notes = (
         *settles(first.weighed.decision.verdict, settled.decision.verdict, names),
         *(n for n in d.notes if n not in own),
-        *prefixed,
+        *(f"{name}: {n}" for name, e in of_each for n in _of_data(e, d.gap.folds)),
         f"the twin has the tool of {names[0]}, which figures and places are of too",
     )
-    diagnosis = replace(
-        d,
-        notes=notes,
-        outliers=outliers,
-        others=[r.name for r in recordings[1:]],
-        seconds=time.perf_counter() - begun,
-    )
+    others, seconds = [r.name for r in recordings[1:]], time.perf_counter() - begun
+    diagnosis = replace(d, notes=notes, outliers=outliers, others=others, seconds=seconds)
     return replace(findings, diagnosis=diagnosis)
 
 
@@ -131,7 +124,8 @@ def check(recordings: Sequence[Recording]) -> None:
         raise DiagnosisError("diagnose_several needs two or more recordings; one is for diagnose")
     first, *others = recordings
     for k, other in enumerate(others, start=1):
-        for field, here, there in _must_agree(other, first):
+        for field in MUST_AGREE:
+            here, there = (attrgetter(field)(r.metadata) for r in (other, first))
             if here is not None and there is not None and here != there:
                 raise DiagnosisError(
                     f"{other.name}: metadata {field} = {here!r}, but {first.name} has {there!r}: "
@@ -143,16 +137,6 @@ def check(recordings: Sequence[Recording]) -> None:
                     f"{other.name}: the wrench is that of {earlier.name}, row by row: the same "
                     "recording twice says nothing new"
                 )
-
-
-def _must_agree(a: Recording, b: Recording) -> list[tuple[str, object, object]]:
-    x, y = a.metadata, b.metadata
-    return [
-        ("robot", x.robot, y.robot),
-        ("sensor.model", x.sensor.model, y.sensor.model),
-        ("sensor.pose_flange", x.sensor.pose_flange, y.sensor.pose_flange),
-        ("gravity", x.gravity, y.gravity),
-    ]
 
 
 def together(analyses: Sequence[Analysis]) -> Analysis:
@@ -302,11 +286,10 @@ def _same(refitters: Sequence[Refitter], f: Finalist, k: int, name: str, share: 
 def _between(each: Sequence[Examined], names: Sequence[str]) -> tuple[RowFinding, ...]:
     """Findings between rows of all recordings; of each effect the surest."""
     best: dict[str, RowFinding] = {}
-    for e, name in zip(each, names, strict=True):
-        for r in e.between:
-            if r.effect not in best or r.probability > best[r.effect].probability:
-                best[r.effect] = replace(r, sentence=f"{name}: {r.sentence}")
-    return tuple(sorted(best.values(), key=lambda r: -r.probability))
+    every = [(r, name) for e, name in zip(each, names, strict=True) for r in e.between]
+    for r, name in sorted(every, key=lambda of: -of[0].probability):
+        best.setdefault(r.effect, replace(r, sentence=f"{name}: {r.sentence}"))
+    return tuple(best.values())
 
 
 def _of_data(e: Examined, folds: int) -> list[str]:
