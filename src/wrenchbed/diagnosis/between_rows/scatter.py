@@ -12,6 +12,8 @@ import numpy as np
 from wrenchbed.data.holds import gather, parts
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.diagnosis.prepare.noise import noise_in_motion
+from wrenchbed.diagnosis.prepare.prepared import RATES_HZ
 from wrenchbed.physics.wrench import CHANNELS
 
 WINDOW_S, ORDER = 0.6, 5
@@ -23,18 +25,6 @@ LEAST_HOLD, LEAST_GROUPS = 6, 12
 too rough to compare; more leave out short recordings."""
 TAIL = 5.0
 """Rows further out than this many median distances are drawn in to it."""
-FLAT, STRETCH = 1.45, 32
-"""Largest variance over that of white noise with the same second differences, and the number of
-stretches that are compared."""
-SHORT, SHORTER = 1.2, 0.4
-"""Largest variance over that about a smooth course with a window shorter by ``SHORTER``, and this
-factor."""
-EVEN, SPREAD = 1.06, 2.5
-"""Largest variance over that of the quietest tenth of a motion's groups, for groups whose row
-variances have a squared relative spread ``SPREAD`` (2 for normal noise)."""
-TILT = 4.0
-"""Power that falls by more than this towards high frequencies is reversals, jumps or friction of a
-motion, not noise; then only the highest counts."""
 QUIET = 0.4
 """Share of the mean power that the quieter quarter of a motion has at least: play and friction
 make bursts."""
@@ -101,65 +91,18 @@ class Scatter:
         return float((1.0 - course) ** 2 / (1.0 - self.kernel.max()))
 
     def variance(self) -> tuple[np.ndarray, np.ndarray]:
-        """Variance of a row in each channel (6,) and its standard uncertainty (6,)."""
+        """Variance of a row in each channel (6,) and its standard uncertainty (6,).
+
+        In motion that of noise alone: reversals, jumps and friction scatter rows for a part of the
+        time, or just above the smooth course.
+        """
         groups = self.means(self.rows**2)
-        mean = np.minimum(groups.mean(axis=0), STEADY * np.median(groups, axis=0))
         std = groups.std(axis=0, ddof=1) / np.sqrt(len(groups))
         if len(self.kernel):
-            mean = np.minimum(self._with_slow(mean), FLAT * self._rough())
-            mean = np.minimum(mean, SHORT * self._short())
-            quiet = 1.0 - 1.28 * np.sqrt(SPREAD / self.count.mean())
-            mean = np.minimum(mean, EVEN * np.quantile(groups, 0.1, axis=0) / quiet)
-            slow, fast = self._ends()
-            mean = np.where(slow > TILT * fast, np.minimum(mean, fast), mean)
-        return mean, std
-
-    def _ends(self) -> tuple[np.ndarray, np.ndarray]:
-        """Variance (6,) of white noise with the power just above the smooth course, and the
-        highest."""
-        power = np.abs(np.fft.rfft(self.rows, axis=0)) ** 2 / len(self.rows)
-        power *= 1.0 - self.kernel.max()
-        f = np.fft.rfftfreq(len(self.rows), 1.0 / self.rate) * WINDOW_S
-        slow = power[(f > 2.4) & (f < 5.0)].mean(axis=0)
-        return slow, power[2 * len(power) // 3 :].mean(axis=0)
-
-    def _with_slow(self, variance: np.ndarray) -> np.ndarray:
-        """Variance (6,) corrected for noise with memory, whose power below the course's cutoff
-        follows from the correlation at lag one (AR(1))."""
-        same = np.ones(len(self.rows) - 1, dtype=bool)
-        same[self.starts[1:] - 1] = False
-        product = (self.rows[1:] * self.rows[:-1])[same].mean(axis=0)
-        lost = self.kernel.max()
-        rho = np.clip(product / np.maximum(variance, 1e-12) + lost, 0.0, 0.6)
-        return variance * (1.0 + lost * ((1.0 + rho) / (1.0 - rho) - 1.0))
-
-    def _rough(self) -> np.ndarray:
-        """Variance (6,) that white noise with the same second differences would have.
-
-        The median over short stretches: a reversal or a jump spoils one of them only.
-        """
-        second = np.diff(self.rows, 2, axis=0) ** 2 / 6.0
-        return _typical(second) * (1.0 - self.kernel.max())
-
-    def _short(self) -> np.ndarray:
-        """Variance (6,) of white noise with the same scatter about a smooth course of shorter
-        window.
-
-        Reversals and jumps have most of their power just above what the smooth course passes.
-        """
-        from scipy.signal import savgol_coeffs, savgol_filter  # slow to load: only when it is used
-
-        window = max(ORDER + 4, 2 * (round(len(self.kernel) * SHORTER) // 2) + 1)
-        rest = self.rows - savgol_filter(self.rows, window, ORDER, axis=0)
-        white = 1.0 - savgol_coeffs(window, ORDER).max()
-        return _typical(rest**2) * (1.0 - self.kernel.max()) / white
-
-
-def _typical(square: np.ndarray) -> np.ndarray:
-    """Median over short stretches of the mean of squares (N, 6)."""
-    used = len(square) // STRETCH * STRETCH
-    parts = square[:used].reshape(-1, STRETCH, 6).mean(axis=1)
-    return np.asarray(np.median(parts, axis=0))
+            stride = max(1, round(self.rate / RATES_HZ[1]))
+            noise, _ = noise_in_motion(self.rows, 1.0 / self.rate, stride)
+            return noise * (1.0 - self.kernel.max()), std
+        return np.minimum(groups.mean(axis=0), STEADY * np.median(groups, axis=0)), std
 
 
 def scatter(
