@@ -60,6 +60,12 @@ _ENOUGH_ROWS = 50
 """Rows at rest that show the noise of one row, to 10 %."""
 
 
+def runs(marked: np.ndarray) -> list[tuple[int, int]]:
+    """First row and the row after the last of each run of marked rows (N,), boolean."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marked, [False]]).astype(int)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
 @dataclass(frozen=True, eq=False)
 class Holds:
     """Means of a static recording over its H poses at rest.
@@ -303,14 +309,9 @@ class _Path:
         low, high = np.maximum(row - window, 0), np.minimum(row + window, n - 1)
         change = means_of(self.q, row + 1, high + 1) - means_of(self.q, low, row)
         allowed = np.maximum(_SIGMAS * self.noise * np.sqrt(2.0 / window), least)
-        flags = np.concatenate([[False], (np.abs(change) <= allowed).all(axis=1), [False]])
-        begins, ends = np.flatnonzero(np.diff(flags.astype(int))).reshape(-1, 2).T.tolist() or (
-            [],
-            [],
-        )
-        shortest = max(LEAST_HOLD_S - 2.0 * _WINDOW_S, 0.0)
-        t, both = self.t, zip(begins, ends, strict=True)
-        return [(a, b) for a, b in both if t[b - 1] - t[a] >= shortest]
+        t, shortest = self.t, max(LEAST_HOLD_S - 2.0 * _WINDOW_S, 0.0)
+        still = runs((np.abs(change) <= allowed).all(axis=1))
+        return [(a, b) for a, b in still if t[b - 1] - t[a] >= shortest]
 
     @property
     def creeps(self) -> bool:

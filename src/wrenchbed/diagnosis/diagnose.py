@@ -38,7 +38,6 @@ from wrenchbed.diagnosis.explain.reliability import (
     shipped,
 )
 from wrenchbed.diagnosis.explain.structures import Analysis, analyse
-from wrenchbed.diagnosis.explain.touched_poses import contact_of
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap import constancy, where
 from wrenchbed.diagnosis.gap.closure import Claims
@@ -46,7 +45,7 @@ from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.next import experiments, isolability
 from wrenchbed.diagnosis.next.blind import Design, blind_spots
-from wrenchbed.diagnosis.prepare.contact import CONTACT
+from wrenchbed.diagnosis.prepare.contact import CONTACT, contact_of
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Material, Prepared, Touch
 from wrenchbed.jobs.workers import one_thread
@@ -187,7 +186,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     analysis, decision = weighed.analysis, weighed.decision
     gap, twin, prepared = decision.gap, weighed.twin, analysis.prepared
     reading = twin.wrench(prepared.scene) if outliers else prepared.scene.load
-    touch = prepared.touch or contact_of(prepared, outliers, reading)
+    touch = prepared.touch or contact_of(prepared, [o.rows for o in outliers], reading)
     often = OFTEN if touch is None and outliers_.spells(outliers) > MOST_SPELLS else ""
     loud = scattered or (LOUD if not between and gap.calibrated.low > LARGEST_NONE else "")
     signs = [sentence for sentence in (loud, often) if sentence]

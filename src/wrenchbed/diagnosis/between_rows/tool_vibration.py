@@ -8,6 +8,7 @@ acceleration.
 import numpy as np
 from scipy.special import ndtr
 
+from wrenchbed.data.holds import runs
 from wrenchbed.diagnosis.between_rows.row_effects import COUNTS, VIBRATION, RowFinding, quantity
 from wrenchbed.diagnosis.prepare.orientations import accelerometer_rows, averages
 from wrenchbed.diagnosis.prepare.prepared import Prepared
@@ -93,9 +94,7 @@ def _blows(rough: np.ndarray, step: float) -> tuple[int, float]:
     count = len(rough) // size
     loud = np.sqrt((rough[: count * size].reshape(count, size, -1) ** 2).mean(axis=1))
     ratio = (loud / np.maximum(np.median(loud, axis=0), 1e-12)).max(axis=1)
-    high = ratio > BURST
-    starts = int((high[1:] & ~high[:-1]).sum() + high[0])
-    return starts, float(ratio.max())
+    return len(runs(ratio > BURST)), float(ratio.max())
 
 
 def _line(rough: np.ndarray, step: float) -> tuple[float, float]:

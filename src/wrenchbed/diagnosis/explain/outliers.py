@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.calibration.observations import usable
+from wrenchbed.data.holds import runs
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis, prediction_errors
@@ -76,10 +77,7 @@ class Outlier:
 
 def spells(outliers: Sequence[Outlier]) -> int:
     """Number of outliers, neighbours counted once."""
-    if not outliers:
-        return 0
-    away = np.any([o.rows for o in outliers], axis=0).astype(int)
-    return int(away[0] + (np.diff(away) > 0).sum())
+    return len(runs(np.any([o.rows for o in outliers], axis=0))) if outliers else 0
 
 
 def _axis(x: np.ndarray) -> str:
@@ -191,5 +189,4 @@ def _stretches(far: np.ndarray, t: np.ndarray) -> list[np.ndarray]:
     near = far.copy()
     for k in np.flatnonzero(far):
         near[np.searchsorted(t, t[k] - MARGIN_S) : np.searchsorted(t, t[k] + MARGIN_S)] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], near, [False]]).astype(int)))
-    return [np.arange(a, b) for a, b in edges.reshape(-1, 2)]
+    return [np.arange(a, b) for a, b in runs(near)]

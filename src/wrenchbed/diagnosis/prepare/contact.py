@@ -1,18 +1,27 @@
-"""Contact of the tool during a part of a motion that is known by orientations only.
+"""Contact of the tool, during a part of a motion without joint angles or at a few poses.
 
 A contact differs from every free-space cause: its force is far beyond what weight and inertia leave
 as a residual, lasts for a part of the recording only, is explained by no gain and no zero of the
 sensor, and its torque is r × F at one point r. The other causes are diagnosed on the other rows.
+
+A fit to a few poses set aside predicts none of the others, so held-out rows cannot uphold it. Three
+facts that need no such fit do: the torques are those of forces at the tool's tip; the forces push
+one way in the world; and there the tip is deeper, against that way, than at all other poses. A hand
+pushes elsewhere and anywhere; wrong rows have no point in common.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from scipy.special import chdtrc
 
+from wrenchbed.data.holds import runs
 from wrenchbed.diagnosis.prepare.orientations import averages, variance
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
-from wrenchbed.effects.environment_contact import EFFECT
+from wrenchbed.effects.environment_contact import EFFECT, WAYS, tip
+from wrenchbed.physics.rotations import apply, sphere
 from wrenchbed.physics.time_derivatives import value
 
 CONTACT = EFFECT.name
@@ -27,6 +36,22 @@ ONE_POINT = 0.9
 """Share of the torque's variance that one point explains, at least."""
 MARGIN = 3
 """Averaged rows on either side of a touch that are left out with it."""
+CLEAR = 10.0
+"""Force over the other poses' residual from which its direction is used; estimate."""
+FORM = 0.05
+"""Relative error of a torque about the point, for what slides and rolls in contact; estimate."""
+REACH_M, REACH = 0.01, 0.2
+"""Distance of a contact from the tip (1 σ): a length [m] and a fraction of the tip's lever arm;
+estimate."""
+ONE_WAY = float(np.cos(np.radians(45.0)))
+"""Cosine between each push and their mean: friction of up to 0.5 leans both sides; estimate."""
+LEAN = float(np.cos(np.radians(35.0)))
+"""Cosine between the push and a surface's normal, with the same friction; estimate."""
+PROBABLE, ONE_POSE = 0.97, 0.8
+"""Probability of a contact where all three hold, and where but one pose shows them: of pushes and
+wrong rows at one random pose up to 9 % pass, at two 0.3 %."""
+REFUTED = 1e-3
+"""Tail probability of the torques about one point below which they act at no one point."""
 
 
 def find_contact(prepared: Prepared) -> Touch | None:
@@ -55,14 +80,11 @@ def find_contact(prepared: Prepared) -> Touch | None:
             f"{begin}; it acts at no one point (one explains {100 * explained:.0f} % of its torque)"
         )
         return Touch(free, share, None, "", f"{text}.", SURE)
-    x, y, z = 1e3 * point
     text = (
-        f"{begin}; its torque is that of a force at ({x:.0f}, {y:.0f}, {z:.0f}) mm in sensor axes "
-        f"({100 * explained:.1f} % explained)."
+        f"{begin}; its torque is that of a force at {_place(point)} ({100 * explained:.1f} % "
+        "explained)."
     )
-    parameters: dict[str, dict[str, Any]] = {"force": {"value": peak, "std": None, "unit": "N"}}
-    for a, v, e in zip("xyz", point, std, strict=True):
-        parameters[f"point.{a}"] = {"value": float(v), "std": float(e), "unit": "m"}
+    parameters = _parameters(peak, point, std)
     for name, moment in (("begin", first), ("end", last)):
         parameters[name] = {"value": float(moment), "std": None, "unit": "s"}
     detail = f"up to {peak:.3g} N, {first:.1f} to {last:.1f} s"
@@ -93,9 +115,8 @@ def _usual(force: np.ndarray, radius: float) -> np.ndarray:
 
 def _long(rows: np.ndarray, least: int) -> np.ndarray:
     """Which rows (H,) lie within runs of at least ``least`` rows, boolean."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], rows, [False]]).astype(int)))
     result = np.zeros(len(rows), dtype=bool)
-    for start, end in edges.reshape(-1, 2):
+    for start, end in runs(rows):
         result[start:end] = end - start >= least
     return result
 
@@ -120,8 +141,8 @@ def _beyond_gains(prepared: Prepared, force: np.ndarray) -> np.ndarray:
 def _point(left: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Point r (3,) [m] of T = r × F + T₀ over rows (H, 6), its uncertainty (3,), and R²."""
     force, torque = left[:, :3], left[:, 3:]
-    levers = np.cross(np.eye(3)[:, None], force)
-    design = np.stack([(x - x.mean(axis=0)).ravel() for x in levers], axis=1)
+    levers = _levers(force)
+    design = (levers - levers.mean(axis=0)).reshape(-1, 3)
     about = (torque - torque.mean(axis=0)).ravel()
     normal = design.T @ design + 1e-9 * np.eye(3)
     point = np.linalg.solve(normal, design.T @ about)
@@ -131,3 +152,100 @@ def _point(left: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     covariance = inverse @ (scatter.T @ scatter) @ inverse
     explained = 1.0 - float((rest**2).sum() / max((about**2).sum(), 1e-300))
     return point, np.sqrt(np.diagonal(covariance)), explained
+
+
+def _levers(force: np.ndarray) -> np.ndarray:
+    """Torques (H, 3) of forces (H, 3) at a point 1 m along each axis (H, 3, 3), the axis last."""
+    return np.moveaxis(np.cross(np.eye(3)[:, None], force), 0, 2)
+
+
+def contact_of(p: Prepared, outliers: Sequence[np.ndarray], reading: np.ndarray) -> Touch | None:
+    """The contact that outliers show; None where one of the three facts does not hold.
+
+    Args:
+        p: the recording with all its observations.
+        outliers: observations (H,) of each that is set aside.
+        reading: of the simulator of all other rows (M, 6) [N, N·m].
+    """
+    p = p.leading
+    if not outliers or not p.scene.jointed:
+        return None
+    aside = np.any(outliers, axis=0)
+    error = p.y - reading[p.scene.held]
+    usual = np.sqrt((error[~aside] ** 2).mean(axis=0))
+    touched = aside & (np.linalg.norm(error[:, :3], axis=1) > CLEAR * np.linalg.norm(usual[:3]))
+    if not touched.any():
+        return None
+    lever = tip(p.scene)
+    rotation, position = (value(x)[p.scene.held] for x in p.scene.pose)
+    force = apply(rotation, error[:, :3])[touched]
+    way = force.mean(axis=0) / np.linalg.norm(force.mean(axis=0))
+    one_way = (force @ way > ONE_WAY * np.linalg.norm(force, axis=1)).all()
+    at = position + apply(rotation, lever)
+    point, std, likely = _point_near(error[aside], usual, lever)
+    if not (one_way and likely > REFUTED and _deepest(at, touched, aside, way)):
+        return None
+    return _touch(p, error, touched, aside, point, std)
+
+
+def _point_near(
+    error: np.ndarray, usual: np.ndarray, tip: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Point r (3,) of T = r × F over rows (H, 6), near the tip; its std; tail probability of both.
+
+    Args:
+        error: force and torque beside what is expected (H, 6) [N, N·m].
+        usual: rms of such errors elsewhere (6,).
+        tip: where the point should lie (3,) [m].
+    """
+    force, torque = error[:, :3], error[:, 3:]
+    long = float(np.linalg.norm(tip))
+    size = np.linalg.norm(force, axis=1, keepdims=True)
+    of_force = long * np.hypot(np.linalg.norm(usual[:3]), FORM * size)
+    scale = 1.0 / np.hypot(usual[3:], of_force)
+    reach = REACH_M + REACH * long
+    levers = _levers(force)
+    residual = ((torque - levers @ tip) * scale).ravel()
+    design = (levers * scale[:, :, None]).reshape(-1, 3)
+    covariance = np.linalg.inv(design.T @ design + np.eye(3) / reach**2)
+    aside = covariance @ (design.T @ residual)
+    misfit = float(((residual - design @ aside) ** 2).sum() + (aside**2).sum() / reach**2)
+    return tip + aside, np.sqrt(np.diagonal(covariance)), float(chdtrc(len(residual), misfit))
+
+
+def _deepest(at: np.ndarray, touched: np.ndarray, aside: np.ndarray, way: np.ndarray) -> bool:
+    """Whether a plane facing this way separates touched tips (H, 3) from all others."""
+    normals = np.vstack([way, sphere(WAYS)])
+    normals = normals[normals @ way >= LEAN]
+    height = at @ normals.T
+    return bool((height[touched].max(axis=0) < height[~aside].min(axis=0)).any())
+
+
+def _touch(
+    p: Prepared, error: np.ndarray, touched: np.ndarray, aside: np.ndarray, point: np.ndarray,
+    std: np.ndarray,
+) -> Touch:  # fmt: skip
+    peak, count = float(np.linalg.norm(error[touched, :3], axis=1).max()), int(touched.sum())
+    share = float((p.residual[touched, :3] ** 2).sum() / (p.residual[:, :3] ** 2).sum())
+    other = "samples" if p.moving else "poses"
+    what = "pose" if count == 1 and not p.moving else other
+    detail = f"up to {peak:.2g} N at {count} {what}"
+    text = (
+        f"Something touches the tool at {count} {what}: up to {peak:.2g} N at {_place(point)}, all "
+        "one way in the world, where the tip is deeper against that way than at all others."
+    )
+    probable = ONE_POSE if count == 1 else PROBABLE
+    return Touch(aside, share, _parameters(peak, point, std), detail, text, probable, other)
+
+
+def _parameters(peak: float, point: np.ndarray, std: np.ndarray) -> dict[str, dict[str, Any]]:
+    """Largest force [N], and the point at which it acts (3,) [m]."""
+    result: dict[str, dict[str, Any]] = {"force": {"value": peak, "std": None, "unit": "N"}}
+    for axis, v, e in zip("xyz", point, std, strict=True):
+        result[f"point.{axis}"] = {"value": float(v), "std": float(e), "unit": "m"}
+    return result
+
+
+def _place(point: np.ndarray) -> str:
+    """A point (3,) [m] in words."""
+    return "({:.0f}, {:.0f}, {:.0f}) mm in sensor axes".format(*(1e3 * point))

@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed.calibration.observations import Observations
-from wrenchbed.data.holds import gather
+from wrenchbed.data.holds import gather, runs
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.effects.scene import WAY, Scene
@@ -95,8 +95,7 @@ def excerpt(recording: Recording) -> Recording:
 
 def longest(recording: Recording, keep: np.ndarray) -> Recording:
     """Longest run of rows among those to keep (N,), as a recording."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], keep, [False]]).astype(int)))
-    begin, end = max(edges.reshape(-1, 2), key=lambda run: run[1] - run[0])
+    begin, end = max(runs(keep), key=lambda run: run[1] - run[0])
     return _rows(recording, slice(begin, end))
 
 
