@@ -6,6 +6,7 @@ import pytest
 from wrenchbed import registry
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.evidence.dictionary import build
+from wrenchbed.diagnosis.evidence.likelihood import row_variance
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.next.actions import ExperimentRun, actions, feasible, posed
 from wrenchbed.diagnosis.next.dry_run import of_plan
@@ -207,7 +208,7 @@ def test_poses_are_chosen_where_the_explanations_differ(still):
     comparison = Comparison(d, candidates(d, *TILT_OR_OFFSET))
     q = np.concatenate([STILL[:5], STILL[:5] + np.array([2.0, 0, 0, 0, 0, 0])])
     run = ExperimentRun(posed(d.prepared, q, np.arange(10.0), d.prepared.noise, after=False))
-    contrast = comparison.contrast([comparison.old], comparison.rows(run))
+    contrast = comparison.contrast(comparison.known, comparison.columns(run))
     assert contrast[5:].min() > 0.0 and contrast[5:].mean() > 10 * contrast[:5].mean()
 
 
@@ -215,10 +216,18 @@ def test_columns_of_a_contest_are_those_of_the_dictionary(wide):
     d, _ = wide
     pair = candidates(d, ("joint.offset", "joint 2", 1), ("sensor.gain", "all channels", 1))
     comparison = Comparison(d, pair)
-    again = comparison.rows(ExperimentRun(d.prepared))
-    assert np.allclose(again.E, comparison.old.E, atol=1e-9)
-    far = comparison.distance(0, 1, [comparison.old])
-    assert comparison.distance(0, 1, [again, again]) > far > 0
+    again, noise = comparison.columns(ExperimentRun(d.prepared)), row_variance(d.prepared, 0.15)
+    own = d.E[:, comparison.chosen] / np.sqrt(noise)[:, None]
+    assert np.allclose(again, own, atol=1e-9)
+    known = comparison.known
+    assert comparison.after(ExperimentRun(d.prepared)) == pytest.approx(known, rel=1e-6)
+    far = comparison.distance(0, 1, known)
+    assert comparison.distance(0, 1, 2.0 * known) > far > 0
+    free = comparison.columns_of(comparison.candidates[1][0])
+    variance = comparison.background + 64.0 * np.isin(np.arange(len(known)), free)
+    covariance = (own * variance) @ own.T + np.eye(len(own))
+    change = own @ comparison.sizes[0]  # in readings instead of numbers it is the same
+    assert far**2 == pytest.approx(change @ np.linalg.solve(covariance, change), rel=1e-6)
     assert separate(d, pair[:1]) == ()  # one explanation needs no experiment
 
 

@@ -8,7 +8,8 @@ doi 10.1109/18.61115; its use for designs: Vanlier et al. 2014, doi 10.1186/1752
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 from scipy.special import ndtr
@@ -28,7 +29,6 @@ from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.next.actions import (
     POSES,
-    Action,
     Choose,
     ExperimentRun,
     actions,
@@ -69,23 +69,6 @@ class _Column:
     variant: Variant
 
 
-@dataclass(frozen=True, eq=False)
-class ExperimentRows:
-    """Columns and noise of the rows that a proposed recording would have.
-
-    Attributes:
-        E: columns (C R, n), the same as every session's.
-        v0: variance of each row (C R,).
-        extra: columns (C R, m) that only this session has: its zero, what only motion shows.
-        extra_variance: prior variance of the coefficients of ``extra`` (m,).
-    """
-
-    E: np.ndarray
-    v0: np.ndarray
-    extra: np.ndarray | None = None
-    extra_variance: np.ndarray = field(default_factory=lambda: np.zeros(0))
-
-
 class Comparison:
     """Compares explanations in designs made of a recording and of experiments that may follow.
 
@@ -103,13 +86,15 @@ class Comparison:
         self._place = {int(k): i for i, k in enumerate(self.chosen)}
         self.stated = np.array([self._place[int(k)] for k in d.stated])
         self.sizes = [self._sizes(c) for c in self.candidates]
-        away = d.E[:, d.nuisance]
-        self.old = ExperimentRows(
-            d.E[:, self.chosen], row_variance(d.prepared, ROWS * GAP), away,
-            np.full(away.shape[1], LARGE),
-        )  # fmt: skip
         self.background = self._background()
-        self.known = [self.old, *(self.rows(ExperimentRun(o, again=False)) for o in others)]
+        noise = np.sqrt(row_variance(d.prepared, ROWS * GAP))[:, None]
+        away = d.E[:, d.nuisance] / noise
+        self._beside = sum(
+            (self.information(ExperimentRun(o, again=False)) for o in others),
+            start=np.zeros((len(self.chosen),) * 2),
+        )
+        own = _beyond(away, np.full(away.shape[1], LARGE), d.E[:, self.chosen] / noise)
+        self.known = own + self._beside
 
     def _sizes(self, candidate: Candidate) -> np.ndarray:
         x = np.zeros(len(self.chosen))
@@ -138,10 +123,9 @@ class Comparison:
                 result[place] = min(float(self.d.tolerance[k]) ** 2, LARGE)
         return result
 
-    def rows(self, session: ExperimentRun) -> ExperimentRows:
-        """Columns of a session at the recording's baseline."""
-        base = session.prepared
-        at = base if session.payload is None else base.at(loaded(base, session.payload))
+    def columns(self, session: ExperimentRun) -> np.ndarray:
+        """Columns (C R, n) of a session at the recording's baseline, over the noise of its rows."""
+        base, at = session.prepared, _with_payload(session)
         mode = "dynamic" if base.moving else "static"
         response, v0 = Response(at.scene, at.channels, at.expected), row_variance(base, ROWS * GAP)
         result = np.zeros((len(v0), len(self.chosen)))
@@ -155,72 +139,72 @@ class Comparison:
                 known = {p.name: p for p in c.effect.parameters(at.robot)}
                 change = response.tangent(c.effect, known[c.parameter], c.variant)
             result[:, k] = base.rows(change).ravel()
-        own, more = nuisance(base), list[np.ndarray]()
-        if not session.again:
-            own = np.concatenate([own, _zeros(base, len(v0))], axis=1)
-            more = self._only_there(base, response)
-        wide = [np.full(own.shape[1], LARGE), *(np.ones(x.shape[1]) for x in more)]
-        return ExperimentRows(
-            result, v0, np.concatenate([own, *more], axis=1), np.concatenate(wide)
-        )
+        return np.asarray(result / np.sqrt(v0)[:, None])
 
-    def _only_there(self, base: Prepared, response: Response) -> list[np.ndarray]:
+    def information(self, session: ExperimentRun) -> np.ndarray:
+        """Information (n, n) of a session on the columns' sizes, and of the recording where the
+        session continues it; what only the session has, its zero for one, is anything."""
+        columns, at = self.columns(session), _with_payload(session)
+        own, more = nuisance(session.prepared), list[np.ndarray]()
+        if not session.again:
+            own = np.concatenate([own, _zeros(at, len(columns))], axis=1)
+            more = self._only_there(at)
+        wide = [np.full(own.shape[1], LARGE), *(np.ones(x.shape[1]) for x in more)]
+        noise = np.sqrt(row_variance(at, ROWS * GAP))[:, None]
+        return _beyond(np.concatenate([own, *more], axis=1) / noise, np.concatenate(wide), columns)
+
+    def after(self, session: ExperimentRun) -> np.ndarray:
+        """Information (n, n) of all that is known after a session."""
+        known = self._beside if session.again else self.known
+        return np.asarray(known + self.information(session))
+
+    def _only_there(self, base: Prepared) -> list[np.ndarray]:
         """Columns of effects of which the recording could know nothing, at typical size."""
         if base.moving == self.d.prepared.moving:
             return []
         mode, known = ("dynamic", "static") if base.moving else ("static", "dynamic")
-        result = []
+        response, result = Response(base.scene, base.channels, base.expected), []
         for effect in effects().values():
-            if mode in effect.modes and known not in effect.modes:
-                scene = response.scene
-                variants = effect.variants(scene)
-                if not variants:
-                    continue
-                variant = max(variants, key=lambda v: len(v.free))
-                names = {p.name: p for p in effect.parameters(scene.robot)}
-                changes = [
-                    base.rows(response.tangent(effect, names[n], variant)).ravel()
-                    for n in variant.free
-                ]
-                result.append(np.stack(changes, axis=1))
+            variants = effect.variants(base.scene)
+            if mode not in effect.modes or known in effect.modes or not variants:
+                continue
+            variant = max(variants, key=lambda v: len(v.free))
+            names = {p.name: p for p in effect.parameters(base.robot)}
+            changes = [response.tangent(effect, names[n], variant) for n in variant.free]
+            result.append(np.stack([base.rows(c).ravel() for c in changes], axis=1))
         return result
 
-    def distance(self, first: int, rival: int, parts: Sequence[ExperimentRows]) -> float:
-        """Standard deviations between what an explanation predicts and all that a rival can."""
-        extra = [_placed(part.extra, k, parts) for k, part in enumerate(parts)]
-        E = np.concatenate([p.E for p in parts])
-        delta = E @ self.sizes[first]
+    def distance(self, first: int, rival: int, known: np.ndarray) -> float:
+        """Standard deviations between what an explanation predicts and all that a rival can, where
+        the information (n, n) is known."""
         variance = self.background.copy()
         variance[self.columns_of(self.candidates[rival][0])] += FREE**2
-        stack = np.concatenate([E, *extra], axis=1)
-        wide = np.concatenate([variance, *(p.extra_variance for p in parts)])
-        level = BackgroundLevel(stack, np.concatenate([p.v0 for p in parts]), wide)
-        return float(np.sqrt(max(delta @ level.solve(delta[:, None])[:, 0], 0.0)))
+        x, root = self.sizes[first], np.sqrt(variance)
+        along = known @ x
+        inner = np.eye(len(x)) + root[:, None] * known * root
+        taken = (root * along) @ np.linalg.solve(inner, root * along)
+        return float(np.sqrt(max(x @ along - taken, 0.0)))
 
-    def divergence(self, parts: Sequence[ExperimentRows]) -> dict[tuple[int, int], float]:
+    def divergence(self, known: np.ndarray) -> dict[tuple[int, int], float]:
         """Jensen–Shannon divergence [nat] of each pair of explanations; at most log 2."""
-        n = len(self.candidates)
         result = {}
-        for a in range(n):
-            for b in range(a + 1, n):
-                there = jensen_shannon(self.distance(a, b, parts))
-                back = jensen_shannon(self.distance(b, a, parts))
-                result[a, b] = 0.5 * (there + back)
+        for a, b in combinations(range(len(self.candidates)), 2):
+            both = (self.distance(a, b, known), self.distance(b, a, known))
+            result[a, b] = 0.5 * sum(map(jensen_shannon, both))
         return result
 
-    def contrast(self, parts: Sequence[ExperimentRows], pool: ExperimentRows) -> np.ndarray:
+    def contrast(self, known: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Squared difference (P,) that rows of a pool would show between the first two
-        explanations, once the second is fitted to what is known, over their noise."""
+        explanations, once the second is fitted to what is known, over their noise.
+
+        Args:
+            known: information (n, n).
+            columns: of the pool's rows (C P, n), see `columns`.
+        """
         free = np.unique(np.concatenate([self.stated, self.columns_of(self.candidates[1][0])]))
-        known = np.concatenate([p.E for p in parts]) / np.sqrt(
-            np.concatenate([p.v0 for p in parts])
-        )[:, None]  # fmt: skip
-        new = pool.E / np.sqrt(pool.v0)[:, None]
-        x = self.sizes[0]
-        design = known[:, free]
-        normal = design.T @ design + np.eye(len(free)) / FREE**2
-        fitted = np.linalg.solve(normal, design.T @ (known @ x))
-        rest = new @ x - new[:, free] @ fitted
+        x, normal = self.sizes[0], known[np.ix_(free, free)] + np.eye(len(free)) / FREE**2
+        fitted = np.linalg.solve(normal, known[free] @ x)
+        rest = columns @ x - columns[:, free] @ fitted
         return np.asarray((rest.reshape(-1, self.d.channels) ** 2).sum(axis=1))
 
 
@@ -264,14 +248,18 @@ def _columns_of(
     return chosen, [columns[int(k)] for k in chosen]
 
 
-def _placed(extra: np.ndarray | None, at: int, parts: Sequence[ExperimentRows]) -> np.ndarray:
-    """Columns (6 R of all, m) that only one session has, zero in the other sessions' rows."""
-    if extra is None:
-        return np.zeros((sum(len(p.E) for p in parts), 0))
-    start = sum(len(p.E) for p in parts[:at])
-    result = np.zeros((sum(len(p.E) for p in parts), extra.shape[1]))
-    result[start : start + len(extra)] = extra
-    return result
+def _beyond(own: np.ndarray, variance: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Information (n, n) of columns (C R, n) over white noise beside others (C R, m) of a prior
+    variance (m,)."""
+    if not len(variance):
+        return np.asarray(columns.T @ columns)
+    return BackgroundLevel(own, np.ones(len(own)), variance, few=True).products(columns)
+
+
+def _with_payload(session: ExperimentRun) -> Prepared:
+    """The rows of a session, its scene with the payload."""
+    base = session.prepared
+    return base if session.payload is None else base.at(loaded(base, session.payload))
 
 
 def _tool_change(
@@ -371,7 +359,7 @@ def separate(
     labels = [f"{h.name} ({h.variant.label})" for h, _ in comparison.candidates]
     proposed = []
     for action in actions(d.prepared, _chooser(comparison), seed, sweeps=1):
-        after = comparison.divergence(_parts(comparison, action))
+        after = comparison.divergence(comparison.after(action.session))
         added = {pair: after[pair] - before[pair] for pair in before}
         mean = float(np.mean(list(added.values())))
         pairs = [pair for pair, gain in added.items() if gain > SEPARATED]
@@ -392,27 +380,21 @@ def separate(
     return tuple(sorted(proposed, key=lambda e: -e.gain)[:MOST_PROPOSED])
 
 
-def _parts(comparison: Comparison, action: Action) -> list[ExperimentRows]:
-    rows = comparison.rows(action.session)
-    return [rows, *comparison.known[1:]] if action.session.again else [*comparison.known, rows]
-
-
 def _chooser(comparison: Comparison) -> Choose:
     """Poses at which the two leading explanations differ most, in steps."""
 
     def choose(pool: np.ndarray) -> np.ndarray:
         base = comparison.d.prepared
         t = 3.0 * np.arange(len(pool))
-        rows = comparison.rows(ExperimentRun(posed(base, pool, t, static_noise(base), after=False)))
-        chosen: list[int] = []
-        parts = comparison.known
+        run = ExperimentRun(posed(base, pool, t, static_noise(base), after=False))
+        columns, chosen, known = comparison.columns(run), list[int](), comparison.known
+        poses = columns.reshape(len(pool), -1, columns.shape[1])
         while len(chosen) < min(POSES, len(pool)):
-            score = comparison.contrast(parts, rows)
+            score = comparison.contrast(known, columns)
             score[chosen] = -1.0
             chosen += [int(k) for k in np.argsort(-score)[:_AT_ONCE]]
-            count = comparison.d.channels
-            take = (count * np.array(chosen)[:, None] + np.arange(count)).ravel()
-            parts = [*comparison.known, ExperimentRows(rows.E[take], rows.v0[take])]
+            some = poses[chosen].reshape(-1, poses.shape[2])
+            known = comparison.known + some.T @ some
         return np.array(chosen[:POSES])
 
     return choose
