@@ -15,6 +15,7 @@ from linear_case import dictionary, named, noise, refitter
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
 from wrenchbed.diagnosis.explain.refit import together
+from wrenchbed.diagnosis.explain.shared_numbers import Structure
 from wrenchbed.diagnosis.several import check, settles
 from wrenchbed.errors import DiagnosisError
 
@@ -50,6 +51,31 @@ def test_the_evidence_of_two_recordings_is_that_of_both_stacked():
     stacked[12:, 12:] += noise_of[1]
     exact = multivariate_normal(np.zeros(24), stacked).logpdf(np.concatenate(y))
     assert told == pytest.approx(exact + 12.0 * np.log(2.0 * np.pi))
+
+
+def test_what_belongs_to_the_robot_is_one_set_of_numbers_and_to_a_recording_one_for_each():
+    d = dictionary()
+    parts = named(d, TILT, "sensor.bias", LOOSE)
+    cases = [refitter(d, noise(d, k)) for k in range(2)]
+    s = Structure.of(cases, [parts, parts])
+    assert s.sets == ((0, 0), (1, 0), (1, 1), (2, 0), (2, 1))
+    assert s.free == 4 and [at.tolist() for at in s.at] == [[0, 1, 2], [0, 1, 3]]
+    assert s.owner.tolist() == [0, 0, 3, 4, *[1] * 6, *[2] * 6]
+    assert [b.tolist() for b in s.blamed] == [[*range(4, 10)], [*range(10, 16)]]
+    x = np.array([1.0, 2.0, 3.0, 4.0])
+    first, second = s.response(x).reshape(2, -1)
+    assert first == pytest.approx(cases[0].response(parts, x[:3]))
+    assert second == pytest.approx(cases[1].response(parts, x[[0, 1, 3]]))
+    assert s.merged([x[:3] + 1.0, x[[0, 1, 3]]], last=1).tolist() == [1.0, 2.0, 4.0, 4.0]
+
+
+def test_one_recording_is_the_least_of_several():
+    d = dictionary()
+    alone = refitter(d, signal(d, LOOSE, 1.0) + noise(d))
+    (one,) = together([alone])
+    for name in (TILT, LOOSE, "sensor.bias"):
+        f, g = (r.fit(named(d, name), 0) for r in (alone, one))
+        assert (f.x == g.x).all() and f.log_posterior == g.log_posterior
 
 
 def test_what_a_first_recording_cannot_tell_a_second_one_tells():
