@@ -50,8 +50,8 @@ class Dictionary:
         blocks: causes, named and not; ``at`` their columns.
         fold: block of time of each row (M,).
         gram, right, square: whitened products of each block (B, P, P), (B, P), (B, C).
-        plain: products (B, P, P), (B, P), (B,) of rows that are not whitened, in units of one
-            row's noise; the last is summed over channels.
+        plain: products (B, P, P), (B, P) of rows that are not whitened, in units of one row's
+            noise.
     """
 
     scene: EffortScene
@@ -73,13 +73,13 @@ class Dictionary:
     gram: np.ndarray
     right: np.ndarray
     square: np.ndarray
-    plain: tuple[np.ndarray, np.ndarray, np.ndarray]
+    plain: tuple[np.ndarray, np.ndarray]
 
     @cached_property
-    def plain_sums(self) -> tuple[np.ndarray, np.ndarray, float]:
+    def plain_sums(self) -> tuple[np.ndarray, np.ndarray]:
         """Result of `plain` over all rows."""
-        gram, right, square = self.plain
-        return gram.sum(axis=0), right.sum(axis=0), float(square.sum())
+        gram, right = self.plain
+        return gram.sum(axis=0), right.sum(axis=0)
 
     def by_joint(self, j: int) -> tuple[np.ndarray, np.ndarray]:
         """Indices (K,) of the columns that act on joint j and their mean products (K, K).
@@ -183,8 +183,7 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
         tuple(np.array([where[n] for n in b.columns]) for b in blocks), fold,
         np.zeros((BLOCKS, len(names), len(names))), np.zeros((BLOCKS, len(names))),
         np.zeros((BLOCKS, y.shape[1])),
-        (np.zeros((BLOCKS, len(names), len(names))), np.zeros((BLOCKS, len(names))),
-         np.zeros(BLOCKS)),
+        (np.zeros((BLOCKS, len(names), len(names))), np.zeros((BLOCKS, len(names)))),
     )  # fmt: skip
     return _with_products(bare)
 
@@ -233,24 +232,24 @@ def _residual(
 
 
 def _with_products(d: Dictionary) -> Dictionary:
-    gram, right, square = d.gram, d.right, d.square
     for j, noise in enumerate(d.noise):
         at, data = d.columns(j)
-        _add(d, (gram, right, square[:, j]), at, noise.white(data), noise.white(d.y[:, j]))
+        white = noise.white(d.y[:, j])
+        _add(d, (d.gram, d.right), at, noise.white(data), white)
+        d.square[:, j] = np.bincount(d.fold, white**2, BLOCKS)
         some = d.use[:, j] / noise.std
         _add(d, d.plain, at, data * some[:, None], d.y[:, j] * some)
     return d
 
 
 def _add(
-    d: Dictionary, to: tuple[np.ndarray, np.ndarray, np.ndarray], at: np.ndarray,
-    columns: np.ndarray, y: np.ndarray,
+    d: Dictionary, to: tuple[np.ndarray, np.ndarray], at: np.ndarray, columns: np.ndarray,
+    y: np.ndarray,
 ) -> None:  # fmt: skip
-    """Add products of columns (M, K) and of y (M,), block by block."""
-    gram, right, square = to
+    """Add products of columns (M, K) with each other and with y (M,), block by block."""
+    gram, right = to
     for b in range(BLOCKS):
         rows = d.fold == b
         some = columns[rows]
         gram[b][np.ix_(at, at)] += some.T @ some
         right[b][at] += some.T @ y[rows]
-        square[b] += y[rows] @ y[rows]

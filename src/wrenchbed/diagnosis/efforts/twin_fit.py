@@ -43,7 +43,7 @@ def fitted(d: Dictionary, blocks: Sequence[int], without: int | None = None) -> 
         blocks: causes that are free without bounds.
         without: block of time that is held out, if any.
     """
-    gram, right, _ = d.plain_sums
+    gram, right = d.plain_sums
     if without is not None:
         gram, right = gram - d.plain[0][without], right - d.plain[1][without]
     own = np.unique(np.concatenate([np.zeros(0, int), *(d.at[b] for b in blocks)]))
