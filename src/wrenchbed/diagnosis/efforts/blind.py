@@ -18,9 +18,11 @@ from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, added
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot
 
-CLEAR = 5.0
-"""Standard deviations of a cause's amplitude, ordinary errors included, that it is claimed beyond
-in 95 % of recordings: 3.4 for prior odds of one cause in a hundred, 1.6 for the noise."""
+CLEAR = 3.4
+"""Standard deviations of a cause's amplitude from which the evidence has it: prior odds of one
+cause in a hundred."""
+CHANCE = 1.645
+"""Standard deviations by which 95 % of recordings fall short less: of a normal distribution."""
 ABSURD = 30.0
 """Plausible sizes from which a cause has no effect: a link of 30 times its mass is none."""
 FITTED = "fitted, since nobody states it"
@@ -50,17 +52,20 @@ def blind_spots(d: Dictionary, evidence: Evidence) -> tuple[BlindSpot, ...]:
 
 
 def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
-    """Size from which a cause is claimed: of several columns the mean in information."""
+    """Size from which 95 % of such recordings claim a cause: of several columns the mean in
+    information."""
     spread = dict(
         zip(evidence.freed((block,))[0], np.diagonal(evidence.covariance((block,))), strict=True)
     )
-    nothing, squares = np.zeros(len(d.names)), []
+    nothing, each = np.zeros(len(d.names)), []
     for column in sized(d, block):
         one = nothing.copy()
         one[column] = 1.0
         gap = added(d, TwinFit(one, np.zeros(0, int), np.zeros((0, len(one)))), block)
-        squares.append(max(CLAIMABLE / max(gap, 1e-300), CLEAR**2 * spread[column]))
-    return abs(scale(d, block, nothing)) / float(np.sqrt(np.mean(1.0 / np.array(squares))))
+        std = float(np.sqrt(spread[column]))
+        counts = float(np.sqrt(CLAIMABLE / max(gap, 1e-300)))
+        each.append(max(counts, CLEAR * std) + CHANCE * std)
+    return abs(scale(d, block, nothing)) / float(np.sqrt(np.mean(np.array(each) ** -2.0)))
 
 
 def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:
