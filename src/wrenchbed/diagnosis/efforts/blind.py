@@ -19,8 +19,8 @@ from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot
 
 CLEAR = 3.4
-"""Standard deviations of a cause's amplitude from which the evidence has it: prior odds of one
-cause in a hundred."""
+"""Standard deviations of a cause's amplitude, with ordinary errors of the same number, from which
+the evidence has it: prior odds of one cause in a hundred."""
 CHANCE = 1.645
 """Standard deviations by which 95 % of recordings fall short less: of a normal distribution."""
 ABSURD = 30.0
@@ -64,7 +64,8 @@ def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
         gap = added(d, TwinFit(one, np.zeros(0, int), np.zeros((0, len(one)))), block)
         std = float(np.sqrt(spread[column]))
         counts = float(np.sqrt(CLAIMABLE / max(gap, 1e-300)))
-        each.append(max(counts, CLEAR * std) + CHANCE * std)
+        ordinary = float(d.std[column]) if d.stated[column] else 0.0
+        each.append(max(counts, CLEAR * float(np.hypot(std, ordinary))) + CHANCE * std)
     return abs(scale(d, block, nothing)) / float(np.sqrt(np.mean(np.array(each) ** -2.0)))
 
 
