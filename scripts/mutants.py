@@ -8,30 +8,32 @@ import ast
 import hashlib
 import re
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import accumulate
 
-COMPARED = {
-    ast.Lt: ("<", ">="), ast.LtE: ("<=", ">"), ast.Gt: (">", "<="), ast.GtE: (">=", "<"),
-    ast.Eq: ("==", "!="), ast.NotEq: ("!=", "=="), ast.In: ("in", "not in"),
-    ast.NotIn: ("not in", "in"), ast.Is: ("is", "is not"), ast.IsNot: ("is not", "is"),
-}  # fmt: skip
-BOUNDARY = {ast.Lt: "<=", ast.LtE: "<", ast.Gt: ">=", ast.GtE: ">"}
-ARITHMETIC = {
-    ast.Add: ("+", "-"), ast.Sub: ("-", "+"), ast.Mult: ("*", "/"), ast.Div: ("/", "*"),
-    ast.Pow: ("**", "*"), ast.FloorDiv: ("//", "*"), ast.Mod: ("%", "//"),
-    ast.BitOr: ("|", "&"), ast.BitAnd: ("&", "|"),
-}  # fmt: skip
-PAIRS = [
-    ("min", "max"), ("minimum", "maximum"), ("argmin", "argmax"), ("any", "all"),
-    ("floor", "ceil"), ("zeros", "ones"),
-]  # fmt: skip
-CALLED = {a: b for pair in PAIRS for a, b in (pair, pair[::-1])}
-RETURNED = {"bool": "not ({})", "float": "1 + ({})", "int": "1 + ({})", "str": '""'}
-RETURNED |= {"np.ndarray": "1 + ({})"}
+ARITHMETIC = {"+": "-", "-": "+", "*": "/", "/": "*", "**": "*", "//": "*", "%": "//"}
+SWAPPED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "==", "in": "not in"}
+SWAPPED |= {"not in": "in", "is": "is not", "is not": "is", "and": "or", "or": "and"}
+SWAPPED |= ARITHMETIC | {"|": "&", "&": "|"}
+OPERATOR = re.compile(
+    r"not\s+in\b|is\s+not\b|\b(?:is|in|and|or)\b|<<|>>|[<>=!]=|\*\*|//|[<>+*/%|&-]"
+)
+BOUNDARY = {"<": "<=", "<=": "<", ">": ">=", ">=": ">"}
+CALLED = {"min": "max", "minimum": "maximum", "argmin": "argmax", "any": "all"}
+CALLED |= {"floor": "ceil", "zeros": "ones"}
+CALLED |= {other: name for name, other in CALLED.items()}
+RETURNED = {"bool": "not ({})", "float": "1 + ({})", "int": "1 + ({})", "np.ndarray": "1 + ({})"}
+RETURNED |= {"str": '""'}
 QUIET = re.compile(r"^(warnings\.warn|print|cast|TypeVar|NewType|(logging|logger|log)\.\w+)$")
 TRIVIAL = {"strict", "check_finite", "full_matrices", "rcond", "lower", "dtype", "encoding", "copy"}
 """Arguments by name that change nothing that counts."""
 TYPES = {"None", "bool", "bytes", "complex", "float", "int", "list", "np.ndarray", "str", "tuple"}
+LOGICAL = (ast.Compare, ast.BoolOp, ast.UnaryOp)
+"""Conditions that are changed inside, not negated as a whole."""
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+Edit = tuple[int, int, str]
+"""First byte, byte after the last, and the text that replaces them."""
 
 
 @dataclass(frozen=True)
@@ -62,219 +64,177 @@ class Mutant:
         return source[: self.start] + self.new.encode() + source[self.end :]
 
 
-class _Finder:
+def kept(n: ast.AST) -> bool:
+    """Whether a node and all inside it stay as they are."""
+    match n:
+        case ast.Import() | ast.ImportFrom() | ast.Assert() | ast.JoinedStr():
+            return True
+        case ast.Expr(value=value):
+            return isinstance(value, ast.Constant) or kept(value)
+        case ast.Call(func=func):
+            return bool(QUIET.match(ast.unparse(func)))
+        case ast.Assign(targets=[ast.Name(id=name), *_]):
+            return name == "__all__"
+        case ast.ClassDef(bases=bases):
+            return any(ast.unparse(b).startswith("Protocol") for b in bases)
+        case ast.FunctionDef(name=name, decorator_list=decorators):
+            overload = any("overload" in ast.unparse(d) for d in decorators)
+            return overload or name in ("__repr__", "__str__")
+        case ast.If(test=test):
+            return "TYPE_CHECKING" in ast.unparse(test)
+    return False
+
+
+def inside(n: ast.AST) -> list[ast.AST]:
+    """Nodes of a node that may be changed."""
+    match n:
+        case ast.Raise():
+            return []
+        case ast.ClassDef():
+            return list(n.body)
+        case ast.FunctionDef() | ast.AsyncFunctionDef():
+            return [d for d in (*n.args.defaults, *n.args.kw_defaults) if d] + n.body
+        case ast.Assign() | ast.AnnAssign():
+            return [n.value] if n.value else []
+        case ast.Call():
+            named = [k for k in n.keywords if k.arg not in TRIVIAL]
+            shape = ast.unparse(n.func).endswith("reshape")
+            return [n.func] if shape else [n.func, *n.args, *named]
+    return list(ast.iter_child_nodes(n))
+
+
+class Module:
+    """The source of a module, and its mutants."""
+
     def __init__(self, path: str, source: bytes):
         self.path, self.source = path, source
-        self.found: dict[tuple[int, int, str], Mutant] = {}
-        self.starts = [0]
-        for line in source.splitlines(keepends=True):
-            self.starts.append(self.starts[-1] + len(line))
-        self.function: ast.FunctionDef | ast.AsyncFunctionDef | None = None
-        self.statement: ast.stmt | None = None
+        self.starts = [0, *accumulate(map(len, source.splitlines(keepends=True)))]
 
-    def start(self, n) -> int:
-        return self.starts[n.lineno - 1] + n.col_offset
+    def span(self, n) -> tuple[int, int]:
+        """First byte of a node and the byte after its last."""
+        start = self.starts[n.lineno - 1] + n.col_offset
+        return start, self.starts[n.end_lineno - 1] + n.end_col_offset
 
-    def end(self, n) -> int:
-        return self.starts[n.end_lineno - 1] + n.end_col_offset
+    def around(self, n, form: str) -> Edit:
+        """Replace a node; ``{}`` stands for what it was."""
+        start, end = self.span(n)
+        return start, end, form.format(self.source[start:end].decode())
 
-    def add(self, start: int, end: int, new: str) -> None:
+    def operator(self, left, right, swapped: dict[str, str]) -> Iterator[Edit]:
+        """Replace the operator between two nodes."""
+        start, stop = self.span(left)[1], self.span(right)[0]
+        code = re.sub(rb"#.*", lambda comment: b" " * len(comment[0]), self.source[start:stop])
+        at = OPERATOR.search(code.decode())
+        new = swapped.get(" ".join(at[0].split())) if at else None
+        if at and new:
+            yield start + at.start(), start + at.end(), new
+
+    def of_statement(self, n: ast.AST, function: Function | None) -> Iterator[Edit]:
+        """Statements that are left out, returned values that are others, conditions negated."""
+        match n:
+            case ast.Raise() | ast.Break() | ast.Continue() | ast.Expr(value=ast.Call()):
+                yield self.around(n, "pass")
+            case ast.AugAssign():
+                yield self.around(n, "pass")
+                yield from self.operator(n.target, n.value, SWAPPED)
+            case ast.Assign(targets=[ast.Subscript(), *_]):
+                yield self.around(n, "pass")
+            case ast.Assign(targets=[ast.Attribute(), *_]):
+                if function is None or function.name != "__init__":
+                    yield self.around(n, "pass")
+            case ast.Return(value=value) if value and ast.unparse(value) != "None":
+                kind = ast.unparse(function.returns) if function and function.returns else ""
+                if kind != "bool" or not isinstance(value, (*LOGICAL, ast.Constant)):
+                    yield self.around(value, RETURNED.get(kind, "None"))
+            case ast.If(test=test) | ast.IfExp(test=test) if not isinstance(test, LOGICAL):
+                yield self.around(test, "not ({})")
+            case ast.comprehension(ifs=tests):
+                yield from (self.around(t, "not ({})") for t in tests if not isinstance(t, LOGICAL))
+
+    def of_operators(self, n: ast.AST) -> Iterator[Edit]:
+        """Other operators and signs, and other bounds where counts are compared."""
+        match n:
+            case ast.Compare():
+                sides = [n.left, *n.comparators]
+                for a, b in zip(sides, n.comparators, strict=False):
+                    yield from self.operator(a, b, SWAPPED)
+                    if any(re.match(r"\d+$|len\(", ast.unparse(side)) for side in (a, b)):
+                        yield from self.operator(a, b, BOUNDARY)  # changes nothing for reals
+            case ast.BinOp():
+                sides = [
+                    s for s in (n.left, n.right) if isinstance(s, ast.Constant | ast.JoinedStr)
+                ]
+                words = any(not isinstance(getattr(s, "value", ""), int | float) for s in sides)
+                types = isinstance(n.op, ast.BitOr) and ast.unparse(n.right) in TYPES
+                if not words and not types:
+                    yield from self.operator(n.left, n.right, SWAPPED)
+            case ast.BoolOp():
+                for a, b in zip(n.values, n.values[1:], strict=False):
+                    yield from self.operator(a, b, SWAPPED)
+            case ast.UnaryOp(op=ast.Not() | ast.USub()):
+                yield self.span(n)[0], self.span(n.operand)[0], ""
+
+    def of_values(self, n: ast.AST) -> Iterator[Edit]:
+        """Other numbers, slices without an end, other functions, arguments left out."""
+        match n:
+            case ast.Constant(value=bool(v)):
+                yield self.around(n, str(not v))
+            case ast.Constant(value=int(v)):
+                yield self.around(n, str(0 if v == 1 else v + 1))
+            case ast.Constant(value=float(v)):
+                near = [v + 1.0] if v in (0.0, 1.0) else [v * 3, v / 3]
+                if v == 0.0 or 1e-9 < abs(v) < 1e9:
+                    yield from (self.around(n, repr(float(f"{new:.4g}"))) for new in near)
+            case ast.Slice():
+                yield from ((*self.span(bound), "") for bound in (n.lower, n.upper) if bound)
+            case ast.Call(func=ast.Name(id=name) | ast.Attribute(attr=name)):
+                end = self.span(n.func)[1]
+                if name in CALLED:
+                    yield end - len(name), end, CALLED[name]
+                some = len(n.args) + len(n.keywords) > 1 and not name[0].isupper()
+                for k in [k for k in n.keywords if some and k.arg and k.arg not in TRIVIAL]:
+                    start, stop = self.span(k)
+                    comma = re.match(rb"\s*,\s*", self.source[stop:])
+                    yield start, stop + (comma.end() if comma else 0), ""
+
+    def mutant(self, edit: Edit, statement: ast.stmt, function: Function | None) -> Mutant | None:
+        """A change with where it is; None if it's no Python."""
+        start, end, new = edit
         changed = self.source[:start] + new.encode() + self.source[end:]
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 compile(changed, self.path, "exec")
         except SyntaxError:
-            return
+            return None
         line = self.source.count(b"\n", 0, start) + 1
-        own, f, end_of = self.statement, self.function, self.source.find
-        body = getattr(own, "body", None)
-        last = max(own.lineno, body[0].lineno - 1) if body else own.end_lineno
-        target = own.targets[0] if isinstance(own, ast.Assign) else getattr(own, "target", None)
-        defined = target.elts if isinstance(target, ast.Tuple) else [target]
-        names = [t.id for t in defined if f is None and isinstance(t, ast.Name)]
-        before = self.source[self.starts[line - 1] : end_of(b"\n", end)]
+        before = self.source[self.starts[line - 1] : self.source.find(b"\n", end)]
         after = changed[self.starts[line - 1] : changed.find(b"\n", start + len(new.encode()))]
-        self.found.setdefault((start, end, new), Mutant(
-            self.path, line, start, end, new, before.decode(), after.decode(), (own.lineno, last),
-            (f.body[0].lineno, f.end_lineno) if f else None, tuple(names),
-        ))  # fmt: skip
+        body = getattr(statement, "body", None)
+        last = max(statement.lineno, body[0].lineno - 1) if body else statement.end_lineno
+        own = (function.body[0].lineno, function.end_lineno) if function else None
+        targets = getattr(statement, "targets", [getattr(statement, "target", None)])
+        targets = targets[0].elts if isinstance(targets[0], ast.Tuple) else targets
+        names = () if function else tuple(t.id for t in targets if isinstance(t, ast.Name))
+        lines = (statement.lineno, last)
+        return Mutant(
+            self.path, line, start, end, new, before.decode(), after.decode(), lines, own, names
+        )
 
-    def between(self, left, right, old: str, new: str) -> None:
-        """Replace an operator between two nodes."""
-        start, stop = self.end(left), self.start(right)
-        at = re.search(re.escape(old).replace("\\ ", r"\s+"), self.source[start:stop].decode())
-        if at:
-            self.add(start + at.start(), start + at.end(), new)
-
-    def around(self, n, form: str) -> None:
-        start, end = self.start(n), self.end(n)
-        self.add(start, end, form.format(self.source[start:end].decode()))
-
-    def visit(self, n) -> None:
-        """What may be changed in a node, then in those inside it."""
-        kind = type(n).__name__
-        outer = self.function, self.statement
-        if isinstance(n, ast.stmt):
-            self.statement = n
-        inside = getattr(self, f"in_{kind}", self.children)(n)
-        for child in inside:
-            self.visit(child)
-        self.function, self.statement = outer
-
-    @staticmethod
-    def children(n) -> list[ast.AST]:
-        return list(ast.iter_child_nodes(n))
-
-    @staticmethod
-    def nothing(n) -> list[ast.AST]:
-        return []
-
-    in_Import = in_ImportFrom = in_Assert = in_JoinedStr = nothing
-
-    def in_ClassDef(self, n):
-        return [] if any(ast.unparse(b).startswith("Protocol") for b in n.bases) else n.body
-
-    def in_FunctionDef(self, n):
-        if n.name in ("__repr__", "__str__") or any("overload" in ast.unparse(d)
-                                                   for d in n.decorator_list):  # fmt: skip
-            return []
-        self.function = n
-        return [d for d in (*n.args.defaults, *n.args.kw_defaults) if d] + n.body
-
-    in_AsyncFunctionDef = in_FunctionDef
-
-    def removed(self, n) -> None:
-        self.add(self.start(n), self.end(n), "pass")
-
-    def in_Raise(self, n):
-        self.removed(n)
-        return []
-
-    def in_Break(self, n):
-        self.removed(n)
-        return []
-
-    in_Continue = in_Break
-
-    def in_Expr(self, n):
-        if isinstance(n.value, ast.Call) and not QUIET.match(ast.unparse(n.value.func)):
-            self.removed(n)
-        return [] if isinstance(n.value, ast.Constant) else [n.value]
-
-    def in_AugAssign(self, n):
-        self.removed(n)
-        old, new = ARITHMETIC.get(type(n.op), ("", ""))
-        if old:
-            self.between(n.target, n.value, f"{old}=", f"{new}=")
-        return [n.target, n.value]
-
-    def in_Assign(self, n):
-        if any(isinstance(t, ast.Name) and t.id == "__all__" for t in n.targets):
-            return []
-        if isinstance(n.targets[0], ast.Subscript) or (
-            isinstance(n.targets[0], ast.Attribute) and self.function.name != "__init__"
-        ):
-            self.removed(n)
-        return [n.value]
-
-    def in_AnnAssign(self, n):
-        return [n.value] if n.value else []
-
-    def in_Return(self, n):
-        if n.value is None or (isinstance(n.value, ast.Constant) and n.value.value is None):
-            return []
-        told = ast.unparse(self.function.returns) if self.function.returns else ""
-        logical = isinstance(n.value, ast.Compare | ast.BoolOp | ast.UnaryOp | ast.Constant)
-        if not (told == "bool" and logical):
-            self.around(n.value, RETURNED.get(told, "None"))
-        return [n.value]
-
-    def in_If(self, n):
-        if "TYPE_CHECKING" in ast.unparse(n.test):
-            return []
-        self.negated(n.test)
-        return self.children(n)
-
-    def negated(self, test) -> None:
-        if not isinstance(test, ast.Compare | ast.BoolOp | ast.UnaryOp):
-            self.around(test, "not ({})")
-
-    def in_IfExp(self, n):
-        self.negated(n.test)
-        return self.children(n)
-
-    def in_comprehension(self, n):
-        for test in n.ifs:
-            self.negated(test)
-        return self.children(n)
-
-    def in_Compare(self, n):
-        sides = [n.left, *n.comparators]
-        for a, op, b in zip(sides, n.ops, sides[1:], strict=False):
-            old, new = COMPARED[type(op)]
-            self.between(a, b, old, new)
-            counted = any(
-                (isinstance(s, ast.Constant) and type(s.value) is int)
-                or ast.unparse(s).startswith("len(")
-                for s in (a, b)
-            )
-            if type(op) in BOUNDARY and counted:  # for real numbers this changes nothing
-                self.between(a, b, old, BOUNDARY[type(op)])
-        return self.children(n)
-
-    def in_BinOp(self, n):
-        words = any(isinstance(s, ast.Constant | ast.JoinedStr) and not isinstance(
-            getattr(s, "value", ""), int | float) for s in (n.left, n.right))  # fmt: skip
-        types = isinstance(n.op, ast.BitOr) and ast.unparse(n.right) in TYPES
-        if type(n.op) in ARITHMETIC and not words and not types:
-            self.between(n.left, n.right, *ARITHMETIC[type(n.op)])
-        return self.children(n)
-
-    def in_BoolOp(self, n):
-        old, new = ("and", "or") if isinstance(n.op, ast.And) else ("or", "and")
-        for a, b in zip(n.values, n.values[1:], strict=False):
-            self.between(a, b, old, new)
-        return self.children(n)
-
-    def in_UnaryOp(self, n):
-        if isinstance(n.op, ast.Not | ast.USub):
-            self.add(self.start(n), self.start(n.operand), "")
-        return [n.operand]
-
-    def in_Constant(self, n):
-        v = n.value
-        if isinstance(v, bool):
-            self.around(n, str(not v))
-        elif isinstance(v, int):
-            self.around(n, str(0 if v == 1 else v + 1))
-        elif isinstance(v, float) and v in (0.0, 1.0):
-            self.around(n, "1.0" if v == 0.0 else "2.0")
-        elif isinstance(v, float) and 1e-9 < abs(v) < 1e9:
-            for new in (v * 3, v / 3):
-                self.around(n, f"{new:.4g}" if "." in f"{new:.4g}" else repr(float(f"{new:.4g}")))
-        return []
-
-    def in_Call(self, n):
-        name = ast.unparse(n.func)
-        if QUIET.match(name):
-            return []
-        last = name.rsplit(".", 1)[-1]
-        if last in CALLED and name[-1] != ")":
-            self.add(self.end(n.func) - len(last), self.end(n.func), CALLED[last])
-        named = [k for k in n.keywords if k.arg not in TRIVIAL]
-        for k in named:
-            if k.arg and not last[0].isupper() and len(n.args) + len(n.keywords) > 1:
-                stop = self.end(k)
-                after = re.match(rb"\s*,\s*", self.source[stop:])
-                self.add(self.start(k), stop + (after.end() if after else 0), "")
-        return [n.func] if last == "reshape" else [n.func, *n.args, *named]
-
-    def in_Slice(self, n):
-        for bound in (n.lower, n.upper):
-            if bound is not None:
-                self.add(self.start(bound), self.end(bound), "")
-        return self.children(n)
+    def mutants(
+        self, n: ast.AST, statement: ast.stmt | None = None, function: Function | None = None
+    ) -> Iterator[Mutant]:
+        """Mutants of a node and of those inside it."""
+        if kept(n):
+            return
+        statement = n if isinstance(n, ast.stmt) else statement
+        function = n if isinstance(n, Function) else function
+        if statement is not None:
+            edits = [*self.of_statement(n, function), *self.of_operators(n), *self.of_values(n)]
+            changed = (self.mutant(edit, statement, function) for edit in edits)
+            yield from (mutant for mutant in changed if mutant)
+        for child in inside(n):
+            yield from self.mutants(child, statement, function)
 
 
 def drawn(every: list[Mutant], count: int, seed: int) -> list[Mutant]:
@@ -288,8 +248,6 @@ def drawn(every: list[Mutant], count: int, seed: int) -> list[Mutant]:
 
 def mutants(path: str, source: bytes) -> list[Mutant]:
     """Every mutant of a module, in the order of its lines."""
-    finder = _Finder(path, source)
-    tree = ast.parse(source)
-    for node in tree.body:
-        finder.visit(node)
-    return sorted(finder.found.values(), key=lambda m: (m.start, m.end, m.new))
+    found = Module(path, source).mutants(ast.parse(source))
+    unique = {(m.start, m.end, m.new): m for m in found}
+    return [unique[key] for key in sorted(unique)]
