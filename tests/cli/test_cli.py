@@ -11,21 +11,20 @@ import pyarrow.parquet as pq
 import pytest
 
 from commanded import said
+from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
+from wrenchbed.hardware.drivers.sim import SimDriver
 
-DATA = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
 
-
-@pytest.mark.parametrize("kind", ["robots", "sensors", "drivers"])
+@pytest.mark.parametrize("kind", ["robots", "sensors", "drivers", "effects"])
 def test_list_names_every_plug_in(capfd, kind):
-    from wrenchbed import registry
-
+    known = [*registry.names(kind), *(SimDriver.drive_faults() if kind == "effects" else ())]
     assert main(["list", kind, "--json"]) == 0
-    assert list(json.loads(capfd.readouterr().out)) == list(registry.names(kind))
+    assert list(json.loads(capfd.readouterr().out)) == known
     assert main(["list", kind]) == 0
     shown = capfd.readouterr().out
-    assert all(n in shown for n in registry.names(kind))
+    assert all(n in shown for n in known) and max(map(len, shown.splitlines())) <= 80
 
 
 def test_list_names_every_check_of_a_recording(capfd):

@@ -11,8 +11,6 @@ from commanded import names, said
 from wrenchbed.cli import main
 from wrenchbed.data import parquet
 
-DATA = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
-
 
 def spoiled(made: Path, folder: Path, change) -> str:
     """A recording with one thing wrong, written without any check."""

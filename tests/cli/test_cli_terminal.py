@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from wrenchbed.cli import _GROUPS, _VERBS
+from wrenchbed.cli import _GROUPS, _VERBS, console
 
 PLAIN = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 LATIN = {"PYTHONIOENCODING": "iso-8859-1"}
@@ -61,3 +61,9 @@ def test_json_says_the_same_in_every_encoding(made):
     whole = run({"PYTHONUTF8": "1"}, *words, encoding="utf-8").stdout
     assert json.loads(plain) == json.loads(whole)
     assert not whole.isascii() and plain.isascii()
+
+
+def test_a_bar_without_a_terminal_is_silent(capsys):
+    with console.progress("work", 3) as report:
+        report(1, "first")
+    assert capsys.readouterr() == ("", "")

@@ -43,6 +43,9 @@ REFUSED = [
     (["plan", "ur5", "--n", "2", "--out", "r.parquet"], "r.parquet: is a recording, not a plan"),
     (["report", "r.parquet", "--out", "mine.html"], "mine.html: is a file that wrenchbed did not"),
     (["view", "r.parquet", "--rrd", "p.parquet"], "p.parquet: is a plan, not a picture for rerun"),
+    (["view", "r.parquet", "--rrd", "r.parquet"], "r.parquet: is an input too"),
+    (["report", "r.parquet", "--out", "r.parquet"], "r.parquet: is an input too"),
+    (["calibrate", "r.parquet", "--report", "r.parquet"], "r.parquet: is an input too"),
 ]
 
 

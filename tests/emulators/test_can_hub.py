@@ -18,7 +18,7 @@ from robot_emulators.base.faults import TimedFault
 from robot_emulators.can_bus import socketcand as text
 from robot_emulators.can_bus.hub import Hub
 from robot_emulators.can_bus.socketcand import Frame
-from robot_emulators.errors import EmulatorError, FaultError, SettingError
+from robot_emulators.errors import FaultError, SettingError
 from robot_emulators.medrue.server import BusSettings
 from wrenchbed.errors import LinkError
 from wrenchbed.hardware.drivers.can import bus
@@ -51,14 +51,6 @@ def test_frames_as_the_protocol_writes_them():
 )  # fmt: skip
 def test_words_that_are_no_frame(words):
     assert text.frame_of(tuple(words.split())) is None
-
-
-@given(st.binary(max_size=600))
-def test_no_bytes_break_the_reader_and_little_is_kept(raw):
-    commands, rest, rubbish = text.split(raw)
-    assert len(rest) <= text.LONGEST and rubbish >= 0
-    for command in commands:
-        text.frame_of(command.words)
 
 
 @given(st.lists(st.tuples(st.integers(0, 0x7FF), st.binary(max_size=8)), max_size=8), st.data())
@@ -140,11 +132,6 @@ def test_a_client_that_does_not_read_is_disconnected_and_the_others_are_not():
         finally:
             link.close()
             slow.close()
-
-
-def test_a_port_that_is_taken_is_named():
-    with hub() as one, pytest.raises(EmulatorError, match=f"{HOST}:{one.port}.*another host"):
-        Hub(HOST, one.port).start()
 
 
 @pytest.mark.wire

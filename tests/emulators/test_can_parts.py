@@ -136,18 +136,6 @@ def test_ids_that_collide_are_refused_with_the_remedy():
         options.check(base, tuple(range(1, 128)))
 
 
-@pytest.mark.parametrize(
-    "words, named",
-    [({"rate": 600.0}, "tenths"), ({"rate": 500.0, "bitrate": 250_000}, "% of a bus"),
-     ({"nodes": (1, 2, 3)}, "six"), ({"nodes": (1, 1, 2, 3, 4, 5)}, "different"),
-     ({"watchdog": 0.001}, "watchdog"), ({"counts_per_unit": (0.0,) * 6}, "none may be 0"),
-     ({"rate": 0.0}, "rate")],
-)  # fmt: skip
-def test_options_that_cannot_be(words, named):
-    with pytest.raises(ParameterError, match=named):
-        CanOptions(**words)
-
-
 def test_the_interpolation_period_is_what_a_drive_can_hold():
     assert CanOptions(rate=250.0).interpolation == (4, -3)
     assert CanOptions(rate=400.0).interpolation == (25, -4)

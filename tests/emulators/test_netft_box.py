@@ -1,7 +1,6 @@
 """The Net F/T box: requests, streams, settings; pages elsewhere in a browser change nothing."""
 
 import socket
-import time
 import urllib.error
 import urllib.request
 from types import SimpleNamespace
@@ -10,16 +9,14 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-import wrenchbed as wb
-from emulator_process import running
-from netft_scene import StandIn, boxed, plain, until
+from netft_scene import StandIn, boxed, plain
 from robot_emulators.base.faults import Faults
-from robot_emulators.errors import EmulatorError, FaultError, SettingError
+from robot_emulators.errors import EmulatorError, SettingError
 from robot_emulators.netft_box.pages import Pages
 from robot_emulators.netft_box.rdt import Pace
 from robot_emulators.netft_box.sensing import BoxSettings, Sensing
 from robot_emulators.netft_box.web import Web
-from wrenchbed.hardware.transducers.netft import NetftOptions, configuration
+from wrenchbed.hardware.transducers.netft import configuration
 
 
 def page(scene, path="/netftapi2.xml", data=None):
@@ -109,33 +106,6 @@ def test_pages_report_and_take_settings():
 
 
 @pytest.mark.wire
-def test_faults_of_the_page():
-    with boxed("127.0.3.31") as scene:
-        scene.fault("http", "missing_field", 0.3, name="cfgcpt")
-        assert "<cfgcpt>" not in page(scene)
-        scene.fault("http", "unlisten", 0.2)
-        time.sleep(0.1)
-        with pytest.raises(OSError, match="refused"):
-            page(scene)
-        time.sleep(0.2)
-        assert "<cfgcpt>" in page(scene)
-        begun = time.monotonic()
-        scene.fault("http", "stall", 0.3)
-        page(scene)
-        assert 0.2 < time.monotonic() - begun < 1.2
-
-
-@pytest.mark.wire
-def test_what_a_fault_asks_for_is_checked():
-    with boxed("127.0.3.31") as scene:
-        for kind, values in (("drop", {"share": 2}), ("saturate", {"channel": "fx"})):
-            with pytest.raises(FaultError, match="must be"):
-                scene.fault("rdt", kind, 1.0, **values)
-        with pytest.raises(FaultError, match="Known: http garbage"):
-            scene.fault("rdt", "explode")
-
-
-@pytest.mark.wire
 def test_a_taken_port_is_named():
     with boxed("127.0.3.32"):
         for settings, words in (({}, "UDP.*:49152"), ({"rdt_port": 49153}, "TCP.*:80")):
@@ -165,25 +135,6 @@ def test_the_reported_time_has_a_constant_delay():
     body.newest = (20.0, 1.0)  # cycles were lost
     line.observe()
     assert line.simulated(20.0) == pytest.approx(0.990)
-
-
-@pytest.mark.slow
-@pytest.mark.wire
-def test_the_transducer_reads_the_emulator_and_sees_its_faults():
-    with running(
-        "netft", "127.0.3.50", "--set", "rate=1000", "--set", "force_unit=lbf"
-    ) as emulator:
-        transducer = wb.load("transducers", "netft")(NetftOptions("127.0.3.50"))
-        with transducer:
-            sample = transducer.read()
-            assert np.linalg.norm(sample.wrench[:3]) > 2.0
-            assert transducer.health().ok
-            emulator.fault("rdt", "stall", seconds=0.3)
-            until(lambda: transducer.health().state == "stale")
-            until(lambda: transducer.health().ok)
-            emulator.process.terminate()
-            emulator.process.wait(5)
-            until(lambda: transducer.health().state == "lost")
 
 
 PAGES = "127.0.3.33"

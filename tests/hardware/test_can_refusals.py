@@ -68,6 +68,9 @@ BAD = [
     ({"counts_per_unit": (*ONES, 1e9)}, "q6 do not fit"), ({"rate": float("nan")}, "rate"),
     ({"nodes": (1, 2, 3, 4, 5, 6.5)}, "whole"), ({"watchdog": float("nan")}, "watchdog"),
     ({"port": 70000}, "port"), ({"slot": 16}, "slot"), ({"robot": "panda"}, "driver 'sim'"),
+    ({"rate": 600.0}, "tenths"), ({"rate": 500.0, "bitrate": 250_000}, "% of a bus"),
+    ({"nodes": (1, 2, 3)}, "six"), ({"nodes": (1, 1, 2, 3, 4, 5)}, "different"),
+    ({"watchdog": 0.001}, "watchdog"), ({"counts_per_unit": (0.0,) * 6}, "none may be 0"),
 ]  # fmt: skip
 
 

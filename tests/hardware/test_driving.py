@@ -1,4 +1,4 @@
-"""One contract for every driver, and campaigns run through it."""
+"""Campaigns run through the simulated driver: what is recorded, refused and calibrated."""
 
 import json
 from pathlib import Path
@@ -33,16 +33,6 @@ EXAMPLE = json.loads((MODELS / "ur5" / "example.json").read_text())
 
 def sim_driver(robot: str, **options) -> Driver:
     return sim.SimDriver(sim.SimOptions(robot, **options))
-
-
-@pytest.mark.parametrize("robot", ["ur5", "medrue"])
-def test_a_move_arrives_and_says_where(robot):
-    with sim_driver(robot) as driver:
-        q = driver.robot.sample(1, np.random.default_rng(0))[0]
-        reached = driver.move(q).wait()
-        assert np.abs(reached.q - q).max() < 1e-11
-        assert np.array_equal(reached.q, driver.position())
-        assert reached.duration > 0.2
 
 
 def test_what_does_not_exist_is_refused_by_name():
@@ -98,16 +88,6 @@ def test_the_wrench_in_a_motion_is_that_of_its_own_kinematics(tmp_path, robot):
     assert rms < 0.018  # what stepping MuJoCo at 0.1 ms instead of 2 ms changes
 
 
-def test_a_calibration_from_motion_recovers_the_tool(tmp_path):
-    with sim_driver("ur5", parameters=EXAMPLE, noise="white", seed=4) as driver:
-        plan = choose.multisine(driver.robot, 30.0, 125.0, seed=6)
-        recording_run.record(driver, plan, tmp_path / "rec.parquet")
-    fit = calibrate(Recording.read(tmp_path / "rec.parquet"))
-    for name in ("tool.mass", "tool.cog.z", "sensor.bias.fz", "mount.rotation.z"):
-        assert abs(fit[name].value - EXAMPLE[name]) < 4 * fit[name].std, name
-    assert fit["tool.mass"].std < 0.01
-
-
 def motion(tmp_path, rate: float, seconds: float, seed: int, noise: str) -> Recording:
     with sim_driver("ur5", parameters=EXAMPLE, noise=noise, seed=seed) as driver:
         plan = choose.multisine(driver.robot, seconds, rate, seed=seed)
@@ -137,7 +117,7 @@ def test_encoder_noise_in_motion_is_smoothed_or_refused(tmp_path):
     for rate in (125.0, 500.0):
         rec = motion(tmp_path, rate, 12.0, 3, "white")
         fit = calibrate(with_encoder_noise(rec, 2e-6))
-        for name in ("tool.mass", "tool.cog.z"):
+        for name in ("tool.mass", "tool.cog.z", "sensor.bias.fz", "mount.rotation.z"):
             assert abs(fit[name].value - EXAMPLE[name]) < 4.5 * fit[name].std, (rate, name)
         with pytest.raises(CalibrationError, match=r"q\d is rough .* calibrate at rest"):
             calibrate(with_encoder_noise(rec, 2e-4))

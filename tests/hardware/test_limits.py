@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.errors import DriverError, LimitError, ParameterError, PlanError
+from wrenchbed.errors import LimitError, ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Applied, as_designed, block_of
-from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.robots.motion_limits import (
     Limits,
     duration,
@@ -178,19 +177,3 @@ def test_a_robot_as_designed_states_its_tool_and_where_its_sensor_sits(robot):
     on_flange = "mount.position.x" in robot.parameters.names
     assert told.sensor.pose_flange == ((0, 0, 0, 1, 0, 0, 0) if on_flange else None)
     assert told.gravity == (0.0, 0.0, -9.8)
-
-
-def test_a_driver_is_connected_before_it_does_anything_and_active_before_it_moves():
-    driver = SimDriver(SimOptions("ur5"))
-    moves = [lambda: driver.move(HOME), lambda: next(driver.track(HOME[None], 10.0))]
-    acts = [driver.read, driver.read_wrench, driver.settle, driver.stop, driver.recover]
-    acts += [driver.position, lambda: driver.write(HOME), lambda: driver.sample(2, 10.0), *moves]
-    for act in acts:
-        with pytest.raises(DriverError, match="connect"):
-            act()
-    driver.connect()
-    assert "not active" in driver.write(HOME).reason
-    for act in moves:
-        with pytest.raises(DriverError, match="is not active"):
-            act()
-    assert driver.position() == pytest.approx(HOME)

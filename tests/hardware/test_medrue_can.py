@@ -5,41 +5,12 @@ import time
 import numpy as np
 import pytest
 
-from medrue_bench import HOST, away, options, until
-from robot_emulators.medrue.server import MedrueEmulator
-from wrenchbed import registry
+from medrue_bench import away, options, until
 from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
 from wrenchbed.hardware.drivers.can import CanDriver
 from wrenchbed.robots.motion_limits import Limits
-from wrenchbed.simulation.simulation import Simulation
 
 pytestmark = pytest.mark.wire
-
-
-def test_address_and_registry(medrue):
-    assert medrue.addresses == {"can": f"socketcand:{HOST}:29536:can0"}
-    assert registry.load("emulators", "medrue") is MedrueEmulator
-
-
-def test_state_and_wrench_while_connected_only(medrue):
-    driver = CanDriver(options())
-    assert driver.health().state == "closed"
-    driver.connect()
-    try:
-        arm, wrench = driver.read(), driver.read_wrench()
-        assert arm.q.shape == (6,) and arm.mode == "idle" and arm.age < 0.5
-        robot = driver.robot
-        load = Simulation(robot, robot.parameters.nominal).wrench(arm.q[None])[0]
-        assert np.abs(wrench.wrench - load)[:3].max() < 0.1
-        assert np.abs(wrench.wrench - load)[3:].max() < 0.005
-        assert wrench.saturated == 0
-        assert driver.write(arm.q).sent is None
-        counters = driver.health().counters
-        assert counters["arm bus_load"] == pytest.approx(0.439, abs=0.001)
-    finally:
-        driver.close()
-    with pytest.raises(DriverError, match="connect"):
-        driver.read()
 
 
 def test_a_stream_follows_and_none_of_its_targets_is_clipped(driver):

@@ -169,11 +169,3 @@ def test_the_options_that_the_page_names_exist(verb, capsys):
 def test_the_effects_are_those_of_the_page():
     text = section("Effects: names that referees use")
     assert set(re.findall(r"`([a-z]+\.[a-z_]+)`", text)) == {*registry.names("effects")}
-
-
-def test_a_named_error_ends_with_one_and_wrong_usage_with_two(tmp_path, capsys):
-    assert main(["calibrate", str(tmp_path / "none.parquet"), "--out", str(tmp_path / "f")]) == 1
-    assert len(capsys.readouterr().err.strip().splitlines()) == 1
-    with pytest.raises(SystemExit) as stopped:
-        main(["calibrate"])
-    assert stopped.value.code == 2

@@ -12,8 +12,6 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-
-
 TESTED = ("dev", "hil", "logs", "docs", "report", "view")
 """Extras of which tests need the packages."""
 
@@ -56,11 +54,7 @@ def test_every_locked_package_has_hashes(lock):
 def test_the_locks_hold_what_the_project_declares():
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     extra, core = project["optional-dependencies"], project["dependencies"]
-    needs = {
-        "run": ("report", "view"),
-        "test": ("dev", "hil", "logs", "docs", "report", "view"),
-    }
-    for lock, extras in needs.items():
+    for lock, extras in {"run": ("report", "view"), "test": TESTED}.items():
         text = (ROOT / "requirements" / f"{lock}.txt").read_text(encoding="utf-8")
         locked = set(re.findall(r"^([a-z0-9._-]+)==", text, re.MULTILINE))
         declared = [*core, *(x for e in extras for x in extra[e])]

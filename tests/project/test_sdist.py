@@ -18,7 +18,7 @@ NEEDED = (
     "tests/data/ntnu_kuka_ati_gamma/0-calibration_fts-accel.csv", "src/wrenchbed/py.typed",
 )  # fmt: skip
 SAMPLE = ("tests/project/test_dependencies.py", "tests/project/test_scripts.py",
-          "tests/cli/test_flags.py", "tests/robots/test_parameters.py",
+          "tests/cli/test_set_options.py", "tests/robots/test_parameters.py",
           "tests/data/test_conventions.py")  # fmt: skip
 
 

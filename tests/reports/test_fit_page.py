@@ -111,11 +111,6 @@ def test_what_is_fixed_in_sum_only_has_no_interval_and_no_correlation(recorded):
     assert f"rank {fit.observability.rank} of {len(fit.observability.names)}" in words(page.html())
 
 
-def test_a_page_takes_the_place_of_no_input(recorded, capsys):
-    assert main(["calibrate", recorded.name, "--report", recorded.name]) == 1
-    assert "is an input too" in capsys.readouterr().err
-
-
 @pytest.mark.slow
 def test_a_motion_is_drawn_over_time_without_poses(recorded):
     robot = wb.load("robots", "ur5")

@@ -96,12 +96,6 @@ def test_the_verb_writes_a_page_that_needs_nothing_else(folder, capsys):
     assert len(html) < 2_000_000
 
 
-def test_what_is_read_is_not_written_over(folder, capsys):
-    fit = str(folder / "fit.json")
-    assert main(["report", str(folder / "rec.parquet"), fit, "--out", fit]) == 1
-    assert "is an input too" in capsys.readouterr().err
-
-
 def test_a_file_that_is_no_simulator_is_refused(folder):
     wrong = folder / "wrong.json"
     wrong.write_text("[]")

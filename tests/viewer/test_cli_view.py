@@ -74,7 +74,5 @@ def test_refusals_say_what_to_do(folder, capsys, monkeypatch):
     assert "diagnose --out" in refused(capsys, "view", folder)
     assert "picture already" in refused(capsys, "view", folder / "r.rrd", folder / "fit.json")
     assert "picture already" in refused(capsys, "view", folder / "r.rrd", "--rrd", "x.rrd")
-    rec = folder / "rec.parquet"
-    assert "is an input too" in refused(capsys, "view", rec, "--rrd", rec)
     plan = folder / "plan.parquet"
     assert "is a plan" in refused(capsys, "view", plan, folder / "fit.json", "--rrd", "p.rrd")
