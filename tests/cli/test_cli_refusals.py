@@ -82,8 +82,6 @@ def test_a_plan_that_cannot_run_gives_one_line_and_nothing_is_written(
     ("text", "words"),
     [
         ('{"tool.mass": -1}', "tool.mass = -1 kg lies outside"),
-        ('{"tool.mas": 1}', "did you mean 'tool.mass'"),
-        ('{"dq1": 90}', "is it in degrees?"),
         ("[1]", "must be a JSON object"),
         ("{", "not valid JSON"),
         ('{"tool.inertia.xx": 5}', "is that of no body"),

@@ -49,13 +49,11 @@ class Witness:
 
     Attributes:
         heard: (time [s], id, data) of every frame.
-        errors: error frames.
     """
 
     def __init__(self, host: str) -> None:
         self._host, self._running = host, True
         self.heard: list[tuple[float, int, bytes]] = []
-        self.errors = 0
         self._there = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
@@ -114,10 +112,9 @@ class Witness:
             if not got:
                 return
             now, rest = time.monotonic(), rest + got
-            self.errors += rest.count(b"< error ")
             last = 0
             for match in _FRAME.finditer(rest):
                 data = bytes.fromhex(match[2].decode())
                 self.heard.append((now, int(match[1], 16), data))
                 last = match.end()
-            rest = rest[last:][-_LONGEST:].replace(b"< error ", b"")
+            rest = rest[last:][-_LONGEST:]

@@ -237,18 +237,6 @@ def test_a_bad_file_gives_one_line_that_names_file_and_field(tmp_path, change):
     assert "\n" not in str(caught.value)
 
 
-def test_what_is_no_json_is_refused(tmp_path):
-    path = tmp_path / "twin.json"
-    with pytest.raises(TwinError, match="there is no such file"):
-        Twin.read(path)
-    path.write_text("{")
-    with pytest.raises(TwinError, match="not valid JSON"):
-        Twin.read(path)
-    path.write_text("[]")
-    with pytest.raises(TwinError, match="the file is not an object with fields"):
-        Twin.read(path)
-
-
 def test_a_twin_follows_only_its_own_robot():
     with pytest.raises(TwinError, match="a twin of 'ur5' cannot do what 'medrue' did"):
         example().wrench(SCENES["medrue"])
