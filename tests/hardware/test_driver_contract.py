@@ -33,10 +33,10 @@ def check_closed_it_refuses_and_connected_it_waits_for_activate(case, tmp_path):
     link = case.make()
     assert len(link.robot.joints) > 0
     assert link.health().state == "closed"
+    q = np.zeros(len(link.robot.joints))
     for call in (
         link.read, link.read_wrench, link.position, link.settle, link.stop, link.recover,
-        lambda: link.sample(2, 10.0), lambda: link.write(link.robot.home),
-        lambda: link.move(link.robot.home),
+        lambda: link.sample(2, 10.0), lambda: link.write(q), lambda: link.move(q),
     ):  # fmt: skip
         with pytest.raises(DriverError, match=r"call connect\(\) first"):
             call()
