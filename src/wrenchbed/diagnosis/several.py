@@ -33,12 +33,12 @@ from wrenchbed.diagnosis.explain import refit
 from wrenchbed.diagnosis.explain.claims import Explanation, explained
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE, EXCUSED, SAME, made_by, rest
 from wrenchbed.diagnosis.explain.contributions import share as share_of
+from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.reliability import Reliability
 from wrenchbed.diagnosis.explain.structures import AT_ONCE, MINOR, NEGLIGIBLE, Analysis, Ranking
 from wrenchbed.diagnosis.explain.verdict import Part, Verdict
-from wrenchbed.diagnosis.next.isolability import listed
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.jobs.workers import one_thread
@@ -315,8 +315,9 @@ def settles(
         if gone:
             own = zip(cause.names, cause.shares, strict=True)
             before = cause.probability * sum(share for name, share in own if name in now.names)
+            others, still, ruled_out = (listed(n, "and") for n in (names[1:], now.names, gone))
             result.append(
-                f"{listed(list(names[1:]))} {verb} {listed(list(now.names))} from {listed(gone)}: "
+                f"{others} {verb} {still} from {ruled_out}: "
                 f"probability {before:.2f} → {now.probability:.2f}"
             )
     return result

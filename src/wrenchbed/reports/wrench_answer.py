@@ -8,6 +8,7 @@ from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.gap.result import named_by
+from wrenchbed.diagnosis.next.blind import unseen
 from wrenchbed.pages import numbers
 from wrenchbed.reports.answer import Answer
 from wrenchbed.reports.claim import Claim, capital, claim, listed
@@ -73,13 +74,12 @@ class WrenchAnswer(Answer):
     @property
     def no_claim(self) -> str:
         if self.d.verdict == NONE:
-            count = len({spot.effect for spot in self.d.blind})
             text = "No cause found: the residual is within normal imperfections"
-            effects = "1 effect" if count == 1 else f"{count} effects"
-            blind = f"; {effects} could not be seen, or not in every joint or channel"
+            names = unseen(self.d.blind)
+            blind = f". These data cannot show {names}" if names else ""
             small = ", ".join(str(e["effect"]) for e in self.d.minor)
             seen = f"; detected, but below what counts: {small}" if small else ""
-            return f"{text}{seen}{blind if count else ''}."
+            return f"{text}{seen}{blind}."
         if self._crowd:
             return "Too many effects explain the gap equally well."
         varies = f": it varies with {self.variable}" if self._varies else ""

@@ -44,6 +44,8 @@ SQUARES = (1e-2, 1e6)
 a fault makes a gap of hundreds."""
 HALVINGS = 40
 """Halvings of that interval's logarithm: to a part in 10⁹."""
+MOST_NAMED = 4
+"""Elements of an effect that a headline names; of more it names the effect."""
 NOTHING = "no effect on these readings"
 HIDDEN = "hidden by the fit of bias, mass and CoG"
 NOT_HERE = "cannot show in such a recording"
@@ -233,6 +235,23 @@ def _quantity(value: float, unit: str) -> str:
     if unit == "m" or unit.startswith("m/"):
         return f"{1e3 * value:.2g} m{unit}"
     return f"{100 * value:.2g} %" if unit == "1" else f"{value:.2g} {unit}"
+
+
+def unseen(spots: Sequence[BlindSpot]) -> str:
+    """Effects that change no reading, elements together, in words; empty if there is none."""
+    elements: dict[str, list[str]] = {}
+    for s in spots:
+        if s.smallest is None and s.why == NOTHING:
+            elements.setdefault(s.effect, []).append(s.element)
+    effects: dict[tuple[str, ...], list[str]] = {}
+    for effect, names in elements.items():
+        brief = names if all(names) and len(names) <= MOST_NAMED else []
+        effects.setdefault(tuple(brief), []).append(effect)
+    phrases = [
+        listed(some, "and") + (f" of {listed(names, 'and')}" if names else "")
+        for names, some in effects.items()
+    ]
+    return listed(phrases, "and") if phrases else ""
 
 
 def sentences(spots: Sequence[BlindSpot]) -> tuple[str, ...]:

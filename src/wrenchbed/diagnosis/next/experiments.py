@@ -24,7 +24,7 @@ from wrenchbed.diagnosis.evidence.dictionary import (
 )
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, MOST, BackgroundLevel, row_variance
 from wrenchbed.diagnosis.explain.claims import stated
-from wrenchbed.diagnosis.explain.elements import element
+from wrenchbed.diagnosis.explain.elements import element, listed
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.next.actions import (
@@ -36,7 +36,6 @@ from wrenchbed.diagnosis.next.actions import (
     posed,
     static_noise,
 )
-from wrenchbed.diagnosis.next.isolability import listed
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.base import Effect, Variant
@@ -368,7 +367,7 @@ def separate(
         best = max(added, key=lambda p: added[p])
         pairs = pairs or [best]
         apart = tuple(dict.fromkeys(names[k] for pair in pairs for k in pair))
-        what = listed([f"{labels[a]} from {labels[b]}" for a, b in pairs])
+        what = listed([f"{labels[a]} from {labels[b]}" for a, b in pairs], "and")
         now, then = before[best], after[best]
         sentence = (
             f"{_capital(action.text)} ({action.minutes:.1f} min): it separates {what}; the "

@@ -7,6 +7,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
 from wrenchbed.diagnosis.evidence.similarity import ALIKE, PLAUSIBLE, Similarity
+from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.chain import effects
@@ -139,7 +140,7 @@ def _never(similarity: Similarity) -> _Sentences:
         ),
     ):
         if names:
-            result.append((frozenset(names), f"{listed(names)} {why}"))
+            result.append((frozenset(names), f"{listed(names, 'and')} {why}"))
     for name in d.invisible:
         of_effect = [w for w in similarity.signatures if w.name == name]
         if any(d.configured_gap[w.columns].sum() * PLAUSIBLE**2 >= 1.0 for w in of_effect):
@@ -243,10 +244,4 @@ def _cosine(gram: np.ndarray, a: int, b: int) -> float:
 
 
 def _joints(numbers: Sequence[int]) -> str:
-    return ("joint " if len(numbers) == 1 else "joints ") + listed([str(n) for n in numbers])
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names joined as ``a, b and c``."""
-    *most, last = names
-    return f"{', '.join(most)} and {last}" if most else last
+    return ("joint " if len(numbers) == 1 else "joints ") + listed([str(n) for n in numbers], "and")
