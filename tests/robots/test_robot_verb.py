@@ -323,7 +323,6 @@ def test_a_recording_is_diagnosed_where_neither_file_is(tmp_path):
     ran("diagnose", rec, "--fast", "--out", found)
     said = json.loads((found / "diagnosis.json").read_text())
     assert said["which"][0]["effect"] == "joint.offset"
-    assert said["which"][0]["parameters"]["joint"]["value"] == 4
     assert {p.name for p in found.iterdir()} >= {"report.html", "diagnosis.rrd", "twin.json"}
     forgotten()
     ran("simulate", found / "twin.json", "--like", rec, "--out", better)
