@@ -5,20 +5,15 @@ code of the checks. A corruption that changes no value of a fit (a joint that tu
 vertical) may also pass: then the fit must hold the truth.
 """
 
-import tempfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-import wrenchbed as wb
 from altered import (
     QUATERNION,
     at_point,
-    by_name,
     holds,
     in_degrees,
     of_other_holds,
@@ -35,30 +30,16 @@ from altered import (
     with_metadata,
     with_wrench,
 )
-from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
-from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from simulated import WHITE
+from sound import BASES, Random
 from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.medrue.kinematics import PAPER
 
-Random = np.random.Generator
-GRAVITY = np.array([0.0, 0.0, -9.80665])
-TOOL = ("tool.mass", "tool.cog.x", "tool.cog.y", "tool.cog.z")
 KGF, LBF, LBF_IN, GF = 9.80665, 4.4482216, 0.11298483, 1e3 / 9.80665
 """A kilogram-force [N], a pound-force [N], a pound-force inch [N·m]; gram-forces of a newton."""
-BASES = ("ur5", "medrue", "oriented", "motion")
-"""Two robots at rest, orientations only at rest, a UR5 in motion."""
 BROKEN = ("fx", "fz", "ty", "tz")
 """Channels that go wrong one by one."""
 SWAPS = (("fx", "fy"), ("fx", "fz"), ("tx", "ty"), ("ty", "tz"), ("fx", "tx"), ("fy", "tz"))
-
-
-@dataclass(frozen=True, eq=False)
-class Good:
-    """A recording with the values that a fit of it must find, by name."""
-
-    recording: Recording
-    truth: Mapping[str, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,73 +132,6 @@ class Corruption:
     def make(self, recording: Recording, rng: np.random.Generator) -> Recording:
         """A broken recording."""
         return self.change(Dice(recording, rng))
-
-
-# ---- good recordings ----------------------------------------------------------------------------
-
-
-def good(base: str, seed: int) -> Good:
-    """A sound recording of one of `BASES`, its tool stated."""
-    rng = np.random.default_rng([seed, 41])
-    if base == "motion":
-        r, bias = moved(seed % 8, 12.0, 100.0), _bias(rng)
-        truth = dict(zip(TOOL, (r.metadata.tool.mass, *r.metadata.tool.cog), strict=True))
-        return Good(with_added(r, np.tile(list(bias.values()), (len(r), 1))), truth | bias)
-    if base == "medrue":
-        poses, rows = int(rng.integers(40, 90)), int(rng.integers(4, 20))
-        robot = wb.load("robots", "medrue")
-        values = {k: v for k, v in MEDRUE_TRUTH.items() if k in PAPER.names}
-        tool = robot.tool(robot.parameters.vector(values))
-        r = static("medrue", MEDRUE_TRUTH, poses=poses, samples=rows, noise=WHITE, seed=seed)
-        return Good(_stated(r, float(tool.mass), tool.cog), MEDRUE_TRUTH)  # its sensor is tared
-    truth = _tool(rng) | _bias(rng)
-    if base == "ur5":
-        truth |= {k: v for k, v in UR5_TRUTH.items() if k.startswith("mount")}
-    mass, *cog = (truth[n] for n in TOOL)
-    poses, rows = int(rng.integers(24, 70)), int(rng.integers(4, 20))
-    if base == "ur5":
-        r = static("ur5", truth, poses=poses, samples=rows, noise=WHITE, seed=seed)
-        return Good(_stated(r, mass, cog), truth)
-    return Good(_stated(_oriented(rng, truth, poses, rows), mass, cog), truth)
-
-
-@cache
-def moved(seed: int, seconds: float, rate: float) -> Recording:
-    """A multisine of a UR5."""
-    plan = wb.multisine(wb.load("robots", "ur5"), seconds, rate, seed=seed)
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "rec.parquet"
-        with wb.SimDriver(wb.SimOptions("ur5", noise="white", seed=seed)) as driver:
-            wb.record(driver, plan, path)
-        return wb.Recording.read(path)
-
-
-def _tool(rng: Random) -> dict[str, float]:
-    cog = rng.uniform([-0.02, -0.02, 0.03], [0.02, 0.02, 0.12])
-    return dict(zip(TOOL, (float(rng.uniform(0.6, 3.0)), *map(float, cog)), strict=True))
-
-
-def _bias(rng: Random) -> dict[str, float]:
-    values = rng.normal(0.0, [5.0, 5.0, 10.0, 0.2, 0.2, 0.2])
-    return {f"sensor.bias.{c}": float(v) for c, v in zip(CHANNELS, values, strict=True)}
-
-
-def _stated(r: Recording, mass: float, cog: np.ndarray | list[float]) -> Recording:
-    return with_metadata(r, tool=ToolInfo(mass, tuple(map(float, cog))))
-
-
-def _oriented(rng: Random, truth: Mapping[str, float], poses: int, rows: int) -> Recording:
-    turn = Rotation.random(poses, random_state=int(rng.integers(2**31)))
-    segment = np.repeat(np.arange(poses), rows)
-    mass, *cog = (truth[n] for n in TOOL)
-    y = at_point(turn[segment].inv().apply(mass * GRAVITY), cog)
-    y += [truth[f"sensor.bias.{c}"] for c in CHANNELS]
-    y += WHITE * rng.standard_normal((len(segment), 6))
-    columns = {"t": np.arange(1, len(segment) + 1) / 100.0 + 2.0 * segment, "segment": segment}
-    columns |= by_name(QUATERNION, turn[segment].as_quat(scalar_first=True))
-    sensor = SensorInfo(noise_std=tuple(map(float, WHITE)))
-    metadata = Metadata("oriented", "static", "import", 100.0, ToolInfo(), sensor)
-    return Recording(metadata, columns | by_name(CHANNELS, y))
 
 
 # ---- what corruptions are made of ---------------------------------------------------------------
@@ -363,41 +277,9 @@ def _swap(one: str, other: str) -> Mutator:
     return lambda d: swapped(d.r, one, other)
 
 
-def _gain(c: str, relative: float) -> Mutator:
-    """A channel reads too much by a part of its reading."""
-    return lambda d: with_columns(d.r, {c: (1.0 + relative) * d.r.columns[c]})
-
-
-def _crosstalk(to: str, of: str, part: float) -> Mutator:
-    """A channel shows a part of another one."""
-    return lambda d: with_columns(d.r, {to: d.r.columns[to] + part * d.r.columns[of]})
-
-
 def _zero_off(name: str, angle: float) -> Mutator:
     """A joint's zero is off by an angle [rad]."""
     return lambda d: with_columns(d.r, {name: d.r.columns[name] + angle})
-
-
-def _late(rows: int) -> Mutator:
-    """The wrench comes so many rows late."""
-    return reads(lambda d: d.r.wrench[np.maximum(np.arange(len(d.r)) - rows, 0)])
-
-
-def _low_passed(weight: float) -> Mutator:
-    """Each reading keeps a part of the one before: a filter of first order."""
-
-    def smooth(d: Dice) -> np.ndarray:
-        result = np.array(d.r.wrench)
-        for k in range(1, len(result)):
-            result[k] = (1.0 - weight) * result[k - 1] + weight * result[k]
-        return result
-
-    return reads(smooth)
-
-
-def _lost(part: float) -> Mutator:
-    """A part of the rows reads zero."""
-    return reads(lambda d: d.r.wrench * (d.rng.random(len(d.r)) >= part)[:, None])
 
 
 # ---- corruptions: name, reasons that are true of it, how it is made -----------------------------
@@ -486,9 +368,6 @@ AT_REST: dict[str, tuple[str, Mutator]] = {
     ),
     "poses_one_late": ("order of poses", _shifted_poses(-1)),
     "poses_one_early": ("order of poses", _shifted_poses(1)),
-    **{f"wrench_{n}_rows_late": ("order of poses, not one load", _late(n)) for n in (1, 2)},
-    "low_passed": ("order of poses, not one load", _low_passed(0.6)),
-    "rows_lost": ("spike, saturated", _lost(0.05)),
     "poses_shuffled": (
         "another robot, order of poses",
         lambda d: of_other_holds(d.r, d.rng.permutation(d.poses)),
@@ -508,22 +387,11 @@ IN_MOTION: dict[str, tuple[str, Mutator]] = {
     "rate_of_another": ("clock", lambda d: with_metadata(d.r, rate_hz=500.0)),
     "time_too_fast": ("clock", lambda d: with_columns(d.r, {"t": d.r.t / 2.0})),
 }
-MISFIT: dict[str, tuple[str, Mutator]] = {
-    **{
-        f"gain_of_{c}_{100 * g:+.0f}_percent": ("", _gain(c, g))
-        for c in ("fx", "fz", "tx", "ty")
-        for g in (0.01, -0.05, 0.2)
-    },
-    "fx_shows_fz": ("", _crosstalk("fx", "fz", 0.05)),
-    "ty_shows_fz": ("", _crosstalk("ty", "fz", 0.02)),
-}
-"""Faults that no check names: what is published must hold the truth, or a fit is refused."""
 TABLES = {
-    ("ur5", "oriented"): MISFIT,
     BASES: EVERYWHERE,
     ("oriented",): OF_ORIENTATIONS,
-    ("ur5", "medrue", "oriented"): AT_REST,
-    ("ur5", "motion"): OF_ARMS | {"elbow_off_by_1_degree": ("", _zero_off("q3", np.deg2rad(1)))},
+    ("ur5", "medrue", "oriented", "file"): AT_REST,
+    ("ur5", "motion"): OF_ARMS,
     ("motion",): IN_MOTION,
     ("ur5", "medrue", "motion"): {"joints_freeze": ("frozen joint, joints", _stuck(0.6))},
     ("ur5", "medrue"): {"joints_in_degrees": ("joints", lambda d: in_degrees(d.r, d.r.joints[1:]))},

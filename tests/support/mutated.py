@@ -29,8 +29,9 @@ from altered import (
     with_rows,
     with_wrench,
 )
-from corrupted import CORRUPTIONS, GRAVITY, Dice, Mutator, adds, good, reads
+from corrupted import CORRUPTIONS, Dice, Mutator, adds, reads
 from simulated import WHITE
+from sound import GRAVITY, good
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import CHANNELS

@@ -13,7 +13,6 @@ import numpy as np
 from scipy import special
 
 from wrenchbed import registry
-from wrenchbed.calibration import misfit, suspects
 from wrenchbed.calibration.accuracy import Goal, tip_jacobian
 from wrenchbed.calibration.checks.examine import REFUTED, of_load
 from wrenchbed.calibration.checks.finding import Finding
@@ -24,6 +23,7 @@ from wrenchbed.calibration.compensated import restored
 from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue
 from wrenchbed.calibration.fit_problem import LOSSES, Outcome, Problem
 from wrenchbed.calibration.least_squares import BLIND, Solution
+from wrenchbed.calibration.misfit import Fault, allowed_for
 from wrenchbed.calibration.observability import Observability, analyse
 from wrenchbed.calibration.observations import Observations, fallback_covariance, observe, usable
 from wrenchbed.calibration.touches import Agreement, Touches
@@ -302,9 +302,9 @@ def finished(task: Task, outcome: Outcome, options: CalibrationOptions) -> Fit:
     recording, problem = task.recording, task.problem
     theta = problem.at(outcome.solution.x)
     check_mass(float(problem.model.robot.tool(problem.model.robot.robot_theta(theta)).mass))
-    grown, fault = suspects.allowed_for(problem, outcome)
+    grown, fault = allowed_for(problem, outcome)
     fault = None if options.hold else fault  # a held number may be what is wrong
-    refuted = _refuted(problem, outcome, task.finding) or fault
+    refuted = _refuted(problem, outcome, task.finding, fault)
     if refuted is not None and not options.force:
         raise CalibrationError(f"{recording.name}: {refuted}")
     return replace(_result(recording, problem, grown, theta), refuted=refuted)
@@ -340,27 +340,25 @@ def _answered(finding: Finding, options: CalibrationOptions) -> bool:
     return options.force or (options.loss != "linear" and finding.reason in OUTLIERS)
 
 
-def _refuted(problem: Problem, outcome: Outcome, finding: Finding | None) -> str | None:
+def _refuted(
+    problem: Problem, outcome: Outcome, finding: Finding | None, fault: Fault | None
+) -> str | None:
     """Why the values are not to be used; None if they may be."""
     solution = outcome.solution
     if finding is not None and finding.reason not in GENERAL:
         return finding.sentence
+    if fault is not None and (fault.moves or not solution.converged):
+        return fault.sentence
     if not solution.converged:
         return (
             f"not converged after {solution.steps} steps: the data and the model do not fit "
             "together. Free fewer parameters, or check the robot and its joints"
         )
-    residual = problem.residual(solution.x)
-    unexplained = left_of_swing(residual, problem.data.wrench)
-    off = misfit.zero(problem, outcome)
-    if off is not None:
-        values = ", ".join(f"{v:.3g}" for v in off)
-        return (
-            f"the sensor has a zero of ({values}) N, N·m that the model lacks, and the values hang "
-            f"on it. Free sensor.bias too (--free {DEFAULT} sensor.bias), or tare the sensor"
-        )
+    unexplained = left_of_swing(problem.residual(solution.x), problem.data.wrench)
     if unexplained < REFUTED or (finding is None and problem.prior):
         return None
+    if fault is not None:
+        return fault.sentence
     if finding is not None:
         return finding.sentence
     return (

@@ -12,7 +12,6 @@ from typing import Protocol
 import numpy as np
 from scipy import special
 
-from wrenchbed.calibration import misfit
 from wrenchbed.calibration.fit_problem import Outcome, Problem
 from wrenchbed.calibration.least_squares import (
     COST_DONE,
@@ -30,6 +29,7 @@ from wrenchbed.calibration.weighting import (
     REWEIGHTINGS,
     TRUST,
     Wander,
+    at_least,
     levels,
     modes,
     settled,
@@ -48,9 +48,6 @@ class _Together:
         self.thetas = np.stack([p.theta for p in problems])
         self.wrench = np.stack([p.data.wrench for p in problems])
         self.covariance = np.stack([p.data.row_covariance for p in problems])
-        still = [not self.model.moves_pose(c) for c in range(self.thetas.shape[1])]
-        self.alike = ((self.thetas == first.theta) | still).all(axis=1)
-        """Whose sensors stand as the first one's does at the start (R,)."""
 
     @property
     def start(self) -> np.ndarray:
@@ -192,14 +189,12 @@ def fit_each(problems: Sequence[Problem]) -> list[Outcome | None]:
     if len(fits.q) - len(fits.free) < ENOUGH or len(fits.q) > MOST_POSES or not len(wandering):
         return outcomes
     slow, last = _wandering(fits, slopes, solutions, wandering)
-    smooth = misfit.functions(first)
     for a in np.flatnonzero(last.whole).tolist():
         k = int(wandering[a])
         problem = slopes.remembered(problems[k], k)
         own = replace(slow, independent=slow.independent[a, 0], level=slow.level[a, 0])
         outcome = wandered(problem, last.of(a), own)
-        known = smooth if fits.alike[k] else None
-        outcomes[k] = misfit.grown(problem, outcome, solutions.covariance[k], known)
+        outcomes[k] = at_least(outcome, solutions.covariance[k])
     return outcomes
 
 

@@ -9,14 +9,14 @@ Thompson 1971, doi 10.1093/biomet/58.3.545), which knows that the fit has taken 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
 from scipy.fft import next_fast_len
 from scipy.special import sici
 
-from wrenchbed.calibration import least_of_many, misfit
+from wrenchbed.calibration import least_of_many
 from wrenchbed.calibration.fit import FitNoise
 from wrenchbed.calibration.fit_problem import Outcome, Problem, Whitening
 from wrenchbed.calibration.least_squares import Solution
@@ -165,20 +165,27 @@ def fit(problem: Problem) -> Outcome:
     """Fit with the known noise; if the residual denies it, fit again with the residual's own."""
     data = problem.data
     if data.source == "residual" or not data.row_covariance.any():
-        return misfit.grown(problem, _blind(problem), None)
+        return _blind(problem)
     solution = problem.solve(_rows(data.row_covariance, data.count), problem.start)
     chi2 = float((solution.residual[: data.wrench.size] ** 2).sum())
     explained = bool(special.chdtrc(6 * problem.dof, chi2) > TRUST)
     known = solution.covariance
     if isinstance(data.q, Jet):
         outcome = _scattered(problem, solution, inflated=not explained)
-        return outcome if explained else misfit.grown(problem, outcome, known)
+        return outcome if explained else at_least(outcome, known)
     if explained:
         return settled(problem, solution)
     few = len(data) - len(problem.free) < ENOUGH or len(data) > MOST_POSES
     if few or problem.loss != "linear":
-        return misfit.grown(problem, _scattered(problem, solution), known)
-    return misfit.grown(problem, _wandering(problem, solution), known)
+        return at_least(_scattered(problem, solution), known)
+    return at_least(_wandering(problem, solution), known)
+
+
+def at_least(outcome: Outcome, known: np.ndarray) -> Outcome:
+    """An outcome no surer than the known noise alone lets it be, by its covariance (K, K)."""
+    now, least = np.sqrt(np.diagonal(outcome.covariance)), np.sqrt(np.diagonal(known))
+    factor = np.maximum(1.0, np.divide(least, now, out=np.ones_like(now), where=now > 0.0))
+    return replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
 
 
 def settled(problem: Problem, solution: Solution) -> Outcome:
@@ -275,13 +282,16 @@ def _exact(found: np.ndarray, data: Observations) -> bool:
 
 
 def _correlation_time(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Integrated autocorrelation time of a motion's residual (6,) [samples]; 1 for poses.
+    """Integrated autocorrelation time of a motion's residual (6,) [samples]; 1 for poses."""
+    motion = isinstance(problem.data.q, Jet)
+    return correlation_time(problem.residual(x)) if motion else np.ones(6)
+
+
+def correlation_time(r: np.ndarray) -> np.ndarray:
+    """Integrated autocorrelation time (6,) of evenly sampled rows (N, 6) [samples].
 
     Sokal's window: Goodman & Weare 2010, doi 10.2140/camcos.2010.5.65, Section 3.
     """
-    if not isinstance(problem.data.q, Jet):
-        return np.ones(6)
-    r = problem.residual(x)
     r = r - r.mean(axis=0)
     length = next_fast_len(2 * len(r), real=True)
     power = np.abs(np.fft.rfft(r.T, length)) ** 2

@@ -33,6 +33,8 @@ ABSURD = 30.0
 """A spike of so many times the usual swing is no blow of a tool either."""
 FAR = 30.0
 """Least distance of a spike from its neighbours in multiples of the usual step between rows."""
+LEAST_LOST = 3
+"""Fewest rows without a reading that are named: fewer move no fit by much."""
 _USUAL = 0.1
 """Share of the steps from row to row that are larger than the usual one; estimate."""
 ALL = "all joints"
@@ -59,7 +61,12 @@ def of_rows(
         RecordingError: the recording has no wrench.
     """
     recording.require_wrench()
-    groups = (_channels(recording), _spikes(recording), _ranges(recording, keep, sensor))
+    groups = (
+        _channels(recording),
+        _lost(recording),
+        _spikes(recording),
+        _ranges(recording, keep, sensor),
+    )
     for some in (*groups, _clock(recording), standing(recording)):
         for finding in some:
             if finding.blocks or not blocking:
@@ -146,6 +153,27 @@ def _ranges(recording: Recording, keep: np.ndarray, own: str) -> Iterator[Findin
                     f"range {calibration.name} of {model}, in {len(ends)} rows that no status "
                     "marks: it is saturated. Choose a larger range or a lighter tool",
                 )
+
+
+def _lost(recording: Recording) -> Iterator[Finding]:
+    """Rows that are exactly 0 between rows far from it: no reading came."""
+    for c in CHANNELS:
+        y = np.asarray(recording.columns[c], dtype=float)
+        there = np.flatnonzero(y)
+        gone = len(y) - len(there)
+        if gone < LEAST_LOST or len(there) < 2:
+            continue
+        size = np.abs(y[there])
+        gap = np.diff(there) > 1
+        step = max(float(np.median(np.abs(np.diff(y[there])))), 1e-12)
+        if gap.any() and np.median(np.minimum(size[:-1], size[1:])[gap]) > FAR * step:
+            row = int(there[np.argmax(gap)]) + 1
+            yield Finding(
+                "spike",
+                f"column {c!r} is exactly 0 in {gone} rows (the first: row {row}) between rows "
+                "that are far from it: no readings came. Leave them out",
+                blocks=False,
+            )
 
 
 def _spikes(recording: Recording) -> Iterator[Finding]:

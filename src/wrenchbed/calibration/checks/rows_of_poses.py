@@ -16,9 +16,9 @@ SHARE, LEAST = 0.005, 3
 """Share of the rows, and rows, that are far off at least: fewer move no mean by much."""
 MOVED = 3.0
 """Standard uncertainties by which far rows move the poses' means, if they matter."""
-FIRST = 0.8
-"""Share of the far rows among the first third of their poses from which the moves before are in
-them: of rows in any order a third are."""
+ALONG, MOST = 0.2, 0.8
+"""A far row is on its way to a neighbouring pose if it is off that way by less than this part of
+what it is off by; so are this part of the far rows where the wrench is late or early."""
 _MAD = 1.4826
 """Standard deviation of a normal variable over its median absolute deviation."""
 
@@ -31,7 +31,7 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
         keep: rows that are used (N,), boolean.
         count: used rows of each pose, in the order of the recording (M,).
     """
-    if count.mean() < 2 * LEAST:
+    if count.mean() < LEAST:
         return None
     rows, y = np.flatnonzero(keep), recording.wrench[keep]
     pose = np.repeat(np.arange(len(count)), count)
@@ -50,18 +50,37 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
     moved = (mean - middle) / (std / np.sqrt(count)[:, None])
     if np.sqrt((moved**2).mean(axis=0)).max() < MOVED:
         return None
-    place = np.arange(len(y)) - start[pose]
     share, row = 100.0 * far.mean(), int(rows[np.flatnonzero(far)[0]])
-    if (place[far] < count[pose][far] / 3.0).mean() >= FIRST:
-        last = int(np.quantile(place[far], 0.9)) + 1
+    off, at, last = (y - middle[pose])[far] / std, pose[far], len(count) - 1
+    place = (np.arange(len(y)) - start[pose])[far]
+    before, after = (
+        _along(off, (middle[other] - middle[at]) / std) >= MOST
+        for other in (np.maximum(at - 1, 0), np.minimum(at + 1, last))
+    )
+    if before:
         return Finding(
             "order of poses",
             f"the first rows of the poses ({share:.1f} % of all, the first in row {row}) are those "
             f"of the move before: the wrench is late or filtered, or the tool still rings. Leave "
-            f"out the first {last} rows of each pose",
+            f"out the first {int(np.quantile(place, 0.9)) + 1} rows of each pose",
+        )
+    if after:
+        return Finding(
+            "order of poses",
+            f"the last rows of the poses ({share:.1f} % of all, the first in row {row}) are those "
+            "of the move after: the wrench is early, or the joints are late. Leave out the last "
+            f"{int(np.quantile(count[at] - place, 0.9))} rows of each pose",
         )
     return Finding(
         "spike",
         f"{share:.1f} % of the rows lie far from all others of their pose (the first: row {row}): "
         "they are no measurements of it. Leave them out",
     )
+
+
+def _along(off: np.ndarray, way: np.ndarray) -> float:
+    """Part of the rows that are off (F, 6) along ways (F, 6), no farther than these are long."""
+    size = np.maximum((way**2).sum(axis=1), 1e-300)
+    part = np.clip((off * way).sum(axis=1) / size, 0.0, 1.0)
+    beside = ((off - part[:, None] * way) ** 2).sum(axis=1)
+    return float((beside < ALONG * (off**2).sum(axis=1)).mean())

@@ -1,0 +1,305 @@
+"""Faults of many strengths that leave a recording plausible: what is published must hold the truth.
+
+Each way states the words of which one must stand in a refusal. It is made by plain arrays. Where
+the readings of a fault are those of other true values (an offset of the last joint and a turned
+mount), it states these.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from altered import holds, of_other_holds, with_columns, with_metadata, without_noise_stated
+from corrupted import KGF, LBF, Dice, Mutator, adds, reads
+from sound import BASES, Good, Random
+from wrenchbed.data.recording import Recording
+from wrenchbed.physics.wrench import CHANNELS
+
+Values = Mapping[str, float]
+REST = ("ur5", "medrue", "oriented", "file")
+ARMS = ("ur5", "motion", "file")
+MOUNT = tuple(f"mount.rotation.{a}" for a in "xyz")
+LAST = {"ur5": "q6", "motion": "q6", "file": "q7", "medrue": ""}
+"""The joint that turns the flange, which a turned mount replaces exactly."""
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """A fault of one strength.
+
+    Attributes:
+        words: of which one stands in a sentence that names the fault.
+        bases: recordings that it applies to.
+        change: what it does to the rows.
+        truth: values that the broken readings are true of, from those before and the base.
+    """
+
+    words: tuple[str, ...]
+    bases: tuple[str, ...]
+    change: Mutator
+    truth: Callable[[Values, str], Values] = lambda values, base: values
+
+    def make(self, sound: Good, base: str, rng: Random) -> Good:
+        """The broken recording with the values that may be published of it."""
+        truth = self.truth(sound.truth, base)
+        return Good(self.change(Dice(sound.recording, rng)), truth)
+
+
+def gain(*channels: str, by: float) -> Mutator:
+    """Channels read too much by a part of their reading."""
+    return lambda d: with_columns(d.r, {c: (1.0 + by) * d.r.columns[c] for c in channels})
+
+
+def gains(by: float) -> Mutator:
+    """Three channels read too much or too little, by up to so much."""
+
+    def make(d: Dice) -> np.ndarray:
+        some = d.rng.permutation(6)[:3]
+        factor = np.ones(6)
+        factor[some] += by * d.rng.uniform(0.5, 1.0, 3) * d.rng.choice([-1.0, 1.0], 3)
+        return d.r.wrench * factor
+
+    return reads(make)
+
+
+def crosstalk(to: str, of: str, part: float) -> Mutator:
+    """A channel shows a part of another one [1, m, 1/m]."""
+    return lambda d: with_columns(d.r, {to: d.r.columns[to] + part * d.r.columns[of]})
+
+
+def shifted(rows: float) -> Mutator:
+    """The wrench comes so many rows late, a fraction between two."""
+
+    def make(d: Dice) -> np.ndarray:
+        k = np.arange(len(d.r), dtype=float)
+        return np.stack([np.interp(k - rows, k, y) for y in d.r.wrench.T], axis=1)
+
+    return reads(make)
+
+
+def low_passed(weight: float) -> Mutator:
+    """Each reading is the one before and a part of what is new: a filter of first order."""
+
+    def make(d: Dice) -> np.ndarray:
+        result = np.array(d.r.wrench)
+        for k in range(1, len(result)):
+            result[k] = (1.0 - weight) * result[k - 1] + weight * result[k]
+        return result
+
+    return reads(make)
+
+
+def lost(part: float, *channels: str) -> Mutator:
+    """A part of the rows reads zero, in all channels or in some."""
+
+    def make(d: Dice) -> Recording:
+        there = d.rng.random(len(d.r)) >= part
+        return with_columns(d.r, {c: d.r.columns[c] * there for c in channels or CHANNELS})
+
+    return make
+
+
+def lost_at_once(rows: int, times: int) -> Mutator:
+    """The wrench stays at zero for so many rows, several times."""
+
+    def make(d: Dice) -> np.ndarray:
+        there = np.ones(len(d.r))
+        for begin in d.rng.integers(0, len(d.r) - rows, times):
+            there[begin : begin + rows] = 0.0
+        return d.r.wrench * there[:, None]
+
+    return reads(make)
+
+
+def repeated(part: float) -> Mutator:
+    """A part of the rows repeats the reading before."""
+
+    def make(d: Dice) -> np.ndarray:
+        fresh = d.rng.random(len(d.r)) >= part
+        fresh[0] = True
+        return d.r.wrench[np.maximum.accumulate(np.where(fresh, np.arange(len(d.r)), 0))]
+
+    return reads(make)
+
+
+def of_elsewhere(part: float) -> Mutator:
+    """A part of the rows are readings of other rows of the recording."""
+
+    def make(d: Dice) -> np.ndarray:
+        wrong = d.rng.random(len(d.r)) < part
+        return d.r.wrench[
+            np.where(wrong, d.rng.integers(0, len(d.r), len(d.r)), np.arange(len(d.r)))
+        ]
+
+    return reads(make)
+
+
+def exchanged(pairs: int) -> Mutator:
+    """Pairs of poses read what the other one should."""
+
+    def make(d: Dice) -> Recording:
+        order, places = np.arange(d.poses), d.rng.permutation(d.poses)[: 2 * pairs]
+        order[places] = places.reshape(2, -1)[::-1].ravel()
+        return of_other_holds(d.r, order)
+
+    return make
+
+
+def zero_off(name: str, degrees: float) -> Mutator:
+    """A joint's zero is off."""
+    return lambda d: with_columns(d.r, {name: d.r.columns[name] + np.deg2rad(degrees)})
+
+
+def as_if_mounted(name: str, degrees: float) -> Callable[[Values, str], Values]:
+    """True values where a joint's zero is off: a turned mount's, or MedRUE's own of that zero."""
+
+    def truth(values: Values, base: str) -> Values:
+        if f"d{name}" in values:
+            return {**values, f"d{name}": values[f"d{name}"] - float(np.deg2rad(degrees))}
+        if LAST[base] != name:
+            return values
+        stated = Rotation.from_rotvec([values.get(n, 0.0) for n in MOUNT])
+        back = Rotation.from_euler("z", -degrees, degrees=True) * stated
+        return {**values, **dict(zip(MOUNT, map(float, back.as_rotvec()), strict=True))}
+
+    return truth
+
+
+def clock(times: float, stated: bool) -> Mutator:
+    """Time runs faster or slower; whether the stated rate does so too."""
+
+    def make(d: Dice) -> Recording:
+        begin = d.r.t[0]
+        run = with_columns(d.r, {"t": begin + times * (d.r.t - begin)})
+        return with_metadata(run, rate_hz=d.r.metadata.rate_hz / times) if stated else run
+
+    return make
+
+
+def drift(shape: Callable[[Dice], np.ndarray], rows: float, noise_stated: bool = False) -> Mutator:
+    """A zero that wanders about its mean, by so many deviations of a row in all.
+
+    Args:
+        shape: its course (N, 6).
+        rows: how far it wanders, in deviations of a row.
+        noise_stated: whether the recording states its noise.
+    """
+
+    def make(d: Dice) -> Recording:
+        size = rows * d.noise * d.rng.choice([-1.0, 1.0], 6) * d.rng.uniform(0.5, 1.0, 6)
+        course = shape(d)
+        moved = adds(lambda d: size * (course - course.mean(axis=0)))(d)
+        return moved if noise_stated else without_noise_stated(moved)
+
+    return make
+
+
+def walk(d: Dice) -> np.ndarray:
+    """A random walk (N, 6) of unit size at its end."""
+    return np.cumsum(d.white(), axis=0) / np.sqrt(len(d.r))
+
+
+def warm_up(d: Dice) -> np.ndarray:
+    """An exponential (N, 1) that is over after a third of the recording."""
+    return np.exp(-9.0 * d.along)
+
+
+def in_unit(channel: str, factor: float) -> Mutator:
+    """One channel in another unit."""
+    return lambda d: with_columns(d.r, {channel: factor * d.r.columns[channel]})
+
+
+def touched(d: Dice) -> np.ndarray:
+    """A light push (N, 6) of a fifth of the weight in every twentieth hold."""
+    hold = holds(d.r)
+    some = d.rng.permutation(hold.max() + 1)[: max(1, hold.max() // 20)]
+    push = np.concatenate([d.rng.normal(0.0, 1.0, 3), d.rng.normal(0.0, 0.1, 3)])
+    return np.isin(hold, some)[:, None] * push * 0.2 * KGF
+
+
+_LATE = ("is late", "is early", "one pose apart")
+_GONE = ("far from all others", "spike", "no readings", "stays at 0")
+_OTHERS = (*_GONE, *_LATE, "contact", "those of other rows")
+_ZEROS = ("zero of q", "direction of gravity", "outside its limits")
+_DRIFT = ("drift", "zero of the sensor jumps")
+SUBTLE: dict[str, Way] = {
+    **{
+        f"gain of {c} {100 * by:+.0f} %": Way((f"gain of {c}",), BASES, gain(c, by=by))
+        for c in CHANNELS
+        for by in (0.05, 0.1, 0.2, 0.3)
+    },
+    **{
+        f"gains ±{100 * by:.0f} %": Way(("gain of", "unknown"), BASES, gains(by))
+        for by in (0.05, 0.1, 0.3)
+    },
+    **{
+        f"crosstalk of {of} in {to}, {100 * part:g} %": Way(
+            ("crosstalk", f"column {to!r}"), BASES, crosstalk(to, of, part)
+        )
+        for to, of in (
+            ("fx", "fz"),
+            ("fz", "fx"),
+            ("ty", "fz"),
+            ("tx", "fy"),
+            ("tz", "fx"),
+            ("tx", "ty"),
+        )
+        for part in (0.01, 0.03, 0.05)
+    },
+    **{
+        f"wrench {rows:g} rows late": Way(_LATE, BASES, shifted(rows))
+        for rows in (-1.0, 0.3, 0.5, 1.0, 1.5, 2.0, 3.0)
+    },
+    "wrench 10 rows late": Way(_LATE, ("motion",), shifted(10.0)),
+    **{
+        f"low-passed, {w:g}": Way((*_LATE, "filter"), BASES, low_passed(w))
+        for w in (0.8, 0.6, 0.4, 0.2)
+    },
+    **{f"{100 * part:g} % lost": Way(_GONE, BASES, lost(part)) for part in (0.01, 0.05, 0.1)},
+    "5 % of fz lost": Way(_GONE, BASES, lost(0.05, "fz")),
+    "5 % of tx lost": Way(_GONE, BASES, lost(0.05, "tx")),
+    "10 rows lost twice": Way(_GONE, BASES, lost_at_once(10, 2)),
+    **{f"{100 * part:g} % repeated": Way(_LATE, BASES, repeated(part)) for part in (0.05, 0.2)},
+    **{
+        f"{100 * part:g} % of other rows": Way(_OTHERS, BASES, of_elsewhere(part))
+        for part in (0.01, 0.05, 0.1)
+    },
+    "two poses exchanged": Way(_OTHERS, REST, exchanged(1)),
+    "six poses exchanged": Way(_OTHERS, REST, exchanged(3)),
+    **{
+        f"{name} off by {degrees:g}°": Way(
+            _ZEROS,
+            (*ARMS, "medrue") if name in ("q2", "q6") else ARMS,
+            zero_off(name, degrees),
+            as_if_mounted(name, degrees),
+        )
+        for name in ("q2", "q3", "q4", "q5", "q6")
+        for degrees in (0.3, 1.0, 3.0)
+    },
+    **{
+        f"time × {times:g}" + ", rate too" * stated: Way(
+            ("clock", "column 't'", "is late"), ("motion",), clock(times, stated)
+        )
+        for times in (0.8, 0.9, 0.95, 0.98, 1.05, 1.1)
+        for stated in (False, True)
+    },
+    **{
+        f"drift of {rows} rows' noise" + ", stated" * stated: Way(
+            _DRIFT, BASES, drift(lambda d: d.along, rows, stated)
+        )
+        for rows in (10, 30, 100)
+        for stated in (False, True)
+    },
+    "walk of 30 rows' noise": Way(_DRIFT, BASES, drift(walk, 30)),
+    "walk of 100 rows' noise": Way(_DRIFT, BASES, drift(walk, 100)),
+    "warm-up of 30 rows' noise": Way(_DRIFT, BASES, drift(warm_up, 30)),
+    "warm-up of 100 rows' noise": Way(_DRIFT, BASES, drift(warm_up, 100)),
+    "fz in kgf": Way(("fz",), BASES, in_unit("fz", 1.0 / KGF)),
+    "fx in lbf": Way(("fx",), BASES, in_unit("fx", 1.0 / LBF)),
+    "tx in N·mm": Way(("tx",), BASES, in_unit("tx", 1e3)),
+    "ty in N·cm": Way(("ty",), BASES, in_unit("ty", 1e2)),
+    "light touches": Way((*_OTHERS, "zero jumps"), BASES, adds(touched)),
+}
+"""Every fault of one strength by its name."""
