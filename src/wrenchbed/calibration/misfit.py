@@ -22,7 +22,7 @@ ROWS = 4000
 """Most observations that are looked at, evenly spread: half a minute at 125 Hz."""
 SPARE = 20
 """Readings beyond all parameters from which a residual tells its causes."""
-SURE, CLEAR = 1e-6, 5.0
+SURE, CLEAR = 1e-3, 5.0
 """P-value of all suspects together, and standard deviations of one of them, from which they
 explain a part of the residual."""
 LARGE = 8.0
@@ -78,7 +78,7 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
     every = list(suspects(problem, x, some))
     more = list(background(problem, x, some))
     columns = sum(s.change.shape[2] for s in (*every, *more)) + len(problem.free)
-    if 6 * len(some) > 2 * columns:
+    if 6 * len(some) - columns >= SPARE:
         every += more
     seen = _whitened(problem, outcome, every, some)
     if seen is None:
@@ -88,7 +88,7 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
     if not _more_than_noise(seen, alone, left):
         return outcome, None
     groups = _columns(every)
-    shift, spread = _posterior(seen, _sizes(alone, left, groups, every))
+    shift, spread = _posterior(seen, _sizes(alone, left, every))
     std = np.sqrt(np.diagonal(outcome.covariance))
     wide = np.hypot(spread, shift) * problem.scale
     factor = np.maximum(1.0, np.divide(wide, std, out=np.ones_like(std), where=std > 0.0))
@@ -114,7 +114,7 @@ def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
         )
     return (
         "the readings are not those of one load: of the faults that were tried, "
-        f"{' or '.join(names)} explains most, and {moves}. "
+        f"{', or '.join(names)} explains most, and {moves}. "
         "Run `wrenchbed diagnose`, repair what it names, and calibrate again"
     )
 
@@ -195,22 +195,17 @@ def _lengths(seen: _Whitened, alone: np.ndarray) -> np.ndarray:
     return np.maximum(np.linalg.norm(alone, axis=0), 1e-6 * np.linalg.norm(seen.S, axis=0) + 1e-300)
 
 
-def _sizes(
-    alone: np.ndarray, left: np.ndarray, groups: list[slice], every: list[Suspect]
-) -> np.ndarray:
+def _sizes(alone: np.ndarray, left: np.ndarray, every: list[Suspect]) -> np.ndarray:
     """Size of each column's family (C,) that makes the residual likeliest (MacKay's updates).
 
     Args:
         alone: changes by the suspects that no parameter takes up (n, C), in units of noise.
         left: residual that no parameter takes up (n,), in units of noise.
-        groups: columns of each suspect.
         every: the suspects.
     """
     R = np.linalg.qr(np.column_stack([alone, left]), mode="r")
     square, right = R[:, :-1].T @ R[:, :-1], R[:, :-1].T @ R[:, -1]
-    family = np.concatenate(
-        [[s.family] * (g.stop - g.start) for s, g in zip(every, groups, strict=True)]
-    )
+    family = np.array([f for s in every for f in s.families])
     families = [family == f for f in dict.fromkeys(family.tolist())]
     size = np.ones(len(family))
     for _ in range(_ROUNDS):
@@ -248,7 +243,8 @@ def _likeliest(
 ) -> tuple[list[str], np.ndarray]:
     """Names of the suspects that explain the residual best by themselves, and the best one's sizes.
 
-    What k shapes explain counts less by k log n (Schwarz 1978, doi 10.1214/aos/1176344136).
+    What k shapes explain counts less by k log n (Schwarz 1978, doi 10.1214/aos/1176344136); of
+    suspects that explain it alike, those of fewest shapes are named.
     """
     scores = []
     for of in groups:
@@ -257,7 +253,9 @@ def _likeliest(
         along = u[:, keep].T @ left
         sizes = vt[keep].T @ (along / s[keep])
         scores.append((float(along @ along) - keep.sum() * np.log(seen.worth), sizes))
-    order = sorted(range(len(every)), key=lambda k: -scores[k][0])
-    best, sizes = scores[order[0]]
+    best = max(score for score, _ in scores)
     least = best - max(ALIKE, ALIKE_PART * best)
-    return [every[k].name for k in order[:NAMED] if scores[k][0] >= least], sizes
+    alike = [k for k in range(len(every)) if scores[k][0] >= least]
+    alike.sort(key=lambda k: (len(scores[k][1]), -scores[k][0]))
+    few = [k for k in alike if len(scores[k][1]) == len(scores[alike[0]][1])]
+    return [every[k].name for k in few[:NAMED]], scores[few[0]][1]

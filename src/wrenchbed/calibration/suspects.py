@@ -22,7 +22,7 @@ ZERO = {"rad": np.deg2rad(0.2), "m": 2e-4}
 PART = 0.005
 """Ordinary size of a drift, of a dependence on the pose and of what a late wrench keeps of the pose
 before, as a part of the readings' swing."""
-CONSTANT = np.repeat([0.05, 0.0025], 3)
+CONSTANT = np.repeat([0.01, 5e-4], 3)
 """Ordinary zero of a tared sensor [N, N·m]."""
 ARM = 0.1
 """Torque from force of an ordinary crosstalk over that within forces [m]; its inverse back."""
@@ -36,12 +36,12 @@ class Suspect(NamedTuple):
     """A fault with its change of each reading (M, 6, k) at ordinary size, of k shapes.
 
     Attributes:
-        family: faults of one family are of about the same size.
+        families: of each shape (k,); what is of one family is of about the same size.
         name: for people.
         tips: its change of the touches' residuals (3T, k), None if it has none.
     """
 
-    family: str
+    families: tuple[str, ...]
     name: str
     change: np.ndarray
     tips: np.ndarray | None = None
@@ -56,13 +56,13 @@ def suspects(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Susp
     names = {problem.model.parameters.names[i] for i in problem.free}
     if not any(name.startswith("sensor.bias") for name in names):
         constant = np.broadcast_to(np.diag(CONSTANT), (len(some), 6, 6))
-        yield Suspect("constant", "a zero of the sensor", constant)
+        yield Suspect(6 * ("constant",), "a zero of the sensor", constant)
 
 
 def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
     """What no other suspect explains: slow functions of time, smooth ones of gravity's direction.
 
-    Linear functions of the direction are gains and crosstalk.
+    Of these none is linear: linear ones are gains and crosstalk.
     """
     t = problem.data.t[some]
     along = np.pi * (t - t.min()) / max(float(np.ptp(t)), 1e-9)
@@ -74,16 +74,18 @@ def background(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
         value(problem.data.q[some]), robot.robot_theta(problem.at(x)), gravity
     )
     a, b, c = (seen / np.linalg.norm(gravity)).T
-    squares = np.column_stack([a * b, b * c, c * a, a * a - b * b, 3.0 * c * c - 1.0])
-    yield _shapes("pose", "an unknown dependence on the pose", problem, squares)
+    one = np.ones_like(a)
+    smooth = [one, a * b, b * c, c * a, a * a - b * b, 3.0 * c * c - 1.0]
+    yield _shapes("pose", "an unknown dependence on the pose", problem, np.column_stack(smooth))
 
 
 def _shapes(family: str, name: str, problem: Problem, shapes: np.ndarray) -> Suspect:
     """Shapes (M, k) of any channel, by a part of the swing of its kind."""
     size = np.sqrt(problem.data.wrench.var(axis=0).reshape(2, 3).mean(axis=1)).repeat(3) * PART
-    unit = (shapes - shapes.mean(axis=0)) / np.maximum(shapes.std(axis=0), 1e-3)
+    unit = shapes / np.maximum(np.sqrt((shapes**2).mean(axis=0)), 1e-3)
     each = np.einsum("mk,cd->mcdk", unit, np.diag(size))
-    return Suspect(family, name, each.reshape(len(shapes), 6, -1))
+    families = tuple(f"{family} of {c}" for c in CHANNELS for _ in shapes.T)
+    return Suspect(families, name, each.reshape(len(shapes), 6, -1))
 
 
 def _of_channels(read: np.ndarray) -> Iterator[Suspect]:
@@ -94,7 +96,7 @@ def _of_channels(read: np.ndarray) -> Iterator[Suspect]:
             arm = 1.0 if (i < 3) == (j < 3) else ARM if j < 3 else 1.0 / ARM
             change[:, i, 0] = (GAIN if i == j else CROSSTALK * arm) * read[:, j]
             name = f"a wrong gain of {to}" if i == j else f"a crosstalk of {of} in {to}"
-            yield Suspect("gain" if i == j else "crosstalk", name, change)
+            yield Suspect(("gain" if i == j else "crosstalk",), name, change)
 
 
 def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Suspect]:
@@ -106,7 +108,7 @@ def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
         for axis in np.linalg.svd(gravity[None])[2][1:]
     ]
     slopes = (np.stack(tilted, axis=2) - read[..., None]) / STEP
-    yield Suspect("tilt", "another direction of gravity", TILT * slopes)
+    yield Suspect(("tilt", "tilt"), "another direction of gravity", TILT * slopes)
     touches = problem.touches
     for unit, joint in zip(np.eye(len(model.robot.joints)), model.robot.joints, strict=True):
         shifted = Jet(q.v + STEP * unit, q.d, q.dd) if isinstance(q, Jet) else q + STEP * unit
@@ -115,7 +117,7 @@ def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
         if touches is not None:
             moved = replace(touches, q=touches.q + STEP * unit).residual(model.robot, theta)
             tips = size * (touches.residual(model.robot, theta) - moved)[:, None]
-        yield Suspect("zero", f"a wrong zero of {joint.name}", change[..., None], tips)
+        yield Suspect(("zero",), f"a wrong zero of {joint.name}", change[..., None], tips)
 
 
 def _of_time(
@@ -128,10 +130,10 @@ def _of_time(
             ("a wrench that is late or filtered", np.maximum(some - 1, 0)),
             ("a wrench that is early", np.minimum(some + 1, len(read) - 1)),
         ):
-            yield Suspect("late", name, PART * (read[others] - read[some])[..., None])
+            yield Suspect(("late",), name, PART * (read[others] - read[some])[..., None])
         return
     late = -LATE_S * np.gradient(read, problem.data.t, axis=0)[some]
-    yield Suspect("late", "a wrench that is late or filtered", late[..., None])
+    yield Suspect(("late",), "a wrench that is late or filtered", late[..., None])
     faster = Jet(q.v, q.d * (1.0 + STEP), q.dd * (1.0 + STEP) ** 2)[some]
     change = (model.predict(faster, theta) - read[some]) * (CLOCK / STEP)
-    yield Suspect("clock", "a clock of another rate", change[..., None])
+    yield Suspect(("clock",), "a clock of another rate", change[..., None])
