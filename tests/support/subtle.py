@@ -11,7 +11,14 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from altered import holds, of_other_holds, with_columns, with_metadata, without_noise_stated
+from altered import (
+    holds,
+    of_other_holds,
+    with_columns,
+    with_metadata,
+    with_wrench,
+    without_noise_stated,
+)
 from corrupted import KGF, LBF, Dice, Mutator, adds, reads
 from sound import BASES, Good, Random
 from wrenchbed.data.recording import Recording
@@ -20,6 +27,7 @@ from wrenchbed.physics.wrench import CHANNELS
 Values = Mapping[str, float]
 REST = ("ur5", "medrue", "oriented", "file")
 ARMS = ("ur5", "motion", "file")
+BIAS = tuple(f"sensor.bias.{c}" for c in CHANNELS)
 MOUNT = tuple(f"mount.rotation.{a}" for a in "xyz")
 LAST = {"ur5": "q6", "motion": "q6", "file": "q7", "medrue": ""}
 """The joint that turns the flange, which a turned mount replaces exactly."""
@@ -47,26 +55,40 @@ class Way:
         return Good(self.change(Dice(sound.recording, rng)), truth)
 
 
-def gain(*channels: str, by: float) -> Mutator:
-    """Channels read too much by a part of their reading."""
-    return lambda d: with_columns(d.r, {c: (1.0 + by) * d.r.columns[c] for c in channels})
+@dataclass(frozen=True, eq=False)
+class Mixed(Way):
+    """Channels that a matrix (6, 6) mixes; a bias is what the sensor reads without a load."""
+
+    matrix: Callable[[Random], np.ndarray] = lambda rng: np.eye(6)
+
+    def make(self, sound: Good, base: str, rng: Random) -> Good:
+        matrix = self.matrix(rng)
+        read = matrix @ [sound.truth.get(n, 0.0) for n in BIAS]
+        truth = {**sound.truth, **dict(zip(BIAS, map(float, read), strict=True))}
+        return Good(with_wrench(sound.recording, sound.recording.wrench @ matrix.T), truth)
 
 
-def gains(by: float) -> Mutator:
+def mixed(words: tuple[str, ...], matrix: Callable[[Random], np.ndarray]) -> Mixed:
+    """A mixture on all recordings."""
+    return Mixed(words, BASES, lambda d: d.r, matrix=matrix)
+
+
+def entry(to: str, of: str, value: float) -> Callable[[Random], np.ndarray]:
+    """A channel shows a part of another one [1, m, 1/m], or more of itself."""
+    matrix = np.eye(6)
+    matrix[CHANNELS.index(to), CHANNELS.index(of)] += value
+    return lambda rng: matrix
+
+
+def gains(by: float) -> Callable[[Random], np.ndarray]:
     """Three channels read too much or too little, by up to so much."""
 
-    def make(d: Dice) -> np.ndarray:
-        some = d.rng.permutation(6)[:3]
+    def make(rng: Random) -> np.ndarray:
         factor = np.ones(6)
-        factor[some] += by * d.rng.uniform(0.5, 1.0, 3) * d.rng.choice([-1.0, 1.0], 3)
-        return d.r.wrench * factor
+        factor[rng.permutation(6)[:3]] += by * rng.uniform(0.5, 1.0, 3) * rng.choice([-1.0, 1.0], 3)
+        return np.diag(factor)
 
-    return reads(make)
-
-
-def crosstalk(to: str, of: str, part: float) -> Mutator:
-    """A channel shows a part of another one [1, m, 1/m]."""
-    return lambda d: with_columns(d.r, {to: d.r.columns[to] + part * d.r.columns[of]})
+    return make
 
 
 def shifted(rows: float) -> Mutator:
@@ -206,11 +228,6 @@ def warm_up(d: Dice) -> np.ndarray:
     return np.exp(-9.0 * d.along)
 
 
-def in_unit(channel: str, factor: float) -> Mutator:
-    """One channel in another unit."""
-    return lambda d: with_columns(d.r, {channel: factor * d.r.columns[channel]})
-
-
 def touched(d: Dice) -> np.ndarray:
     """A light push (N, 6) of a fifth of the weight in every twentieth hold."""
     hold = holds(d.r)
@@ -226,17 +243,17 @@ _ZEROS = ("zero of q", "direction of gravity", "outside its limits")
 _DRIFT = ("drift", "zero of the sensor jumps")
 SUBTLE: dict[str, Way] = {
     **{
-        f"gain of {c} {100 * by:+.0f} %": Way((f"gain of {c}",), BASES, gain(c, by=by))
+        f"gain of {c} {100 * by:+.0f} %": mixed((f"gain of {c}",), entry(c, c, by))
         for c in CHANNELS
         for by in (0.05, 0.1, 0.2, 0.3)
     },
     **{
-        f"gains ±{100 * by:.0f} %": Way(("gain of", "unknown"), BASES, gains(by))
+        f"gains ±{100 * by:.0f} %": mixed(("gain of", "unknown"), gains(by))
         for by in (0.05, 0.1, 0.3)
     },
     **{
-        f"crosstalk of {of} in {to}, {100 * part:g} %": Way(
-            ("crosstalk", f"column {to!r}"), BASES, crosstalk(to, of, part)
+        f"crosstalk of {of} in {to}, {100 * part:g} %": mixed(
+            ("crosstalk", f"column {to!r}"), entry(to, of, part)
         )
         for to, of in (
             ("fx", "fz"),
@@ -247,6 +264,15 @@ SUBTLE: dict[str, Way] = {
             ("tx", "ty"),
         )
         for part in (0.01, 0.03, 0.05)
+    },
+    **{
+        f"{c} in {unit}": mixed((c,), entry(c, c, factor - 1.0))
+        for c, unit, factor in (
+            ("fz", "kgf", 1.0 / KGF),
+            ("fx", "lbf", 1.0 / LBF),
+            ("tx", "N·mm", 1e3),
+            ("ty", "N·cm", 1e2),
+        )
     },
     **{
         f"wrench {rows:g} rows late": Way(_LATE, BASES, shifted(rows))
@@ -296,10 +322,6 @@ SUBTLE: dict[str, Way] = {
     "walk of 100 rows' noise": Way(_DRIFT, BASES, drift(walk, 100)),
     "warm-up of 30 rows' noise": Way(_DRIFT, BASES, drift(warm_up, 30)),
     "warm-up of 100 rows' noise": Way(_DRIFT, BASES, drift(warm_up, 100)),
-    "fz in kgf": Way(("fz",), BASES, in_unit("fz", 1.0 / KGF)),
-    "fx in lbf": Way(("fx",), BASES, in_unit("fx", 1.0 / LBF)),
-    "tx in N·mm": Way(("tx",), BASES, in_unit("tx", 1e3)),
-    "ty in N·cm": Way(("ty",), BASES, in_unit("ty", 1e2)),
     "light touches": Way((*_OTHERS, "zero jumps"), BASES, adds(touched)),
 }
 """Every fault of one strength by its name."""

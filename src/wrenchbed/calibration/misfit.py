@@ -8,6 +8,7 @@ the name of the fault that explains most by itself.
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import special
@@ -38,6 +39,8 @@ NAMED = 3
 """Most suspects that are named as alike."""
 FINEST = 1e-6
 """Least noise over the largest reading, of a simulation without any: no sensor resolves less."""
+RANK = 1e-10
+"""Least eigenvalue over the largest, of columns of unit length, that counts in a rank."""
 _SMALLEST, _LARGEST = 2.0**-6, 2.0**10
 """Limits of a family's size, in ordinary ones."""
 _ROUNDS = 30
@@ -73,14 +76,15 @@ class _Whitened:
 
 def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | None]:
     """The outcome with an uncertainty that holds what suspects could move, and a large fault."""
-    x = outcome.solution.x
     some = np.unique(np.linspace(0, len(problem.data) - 1, ROWS).astype(int))
-    every = list(suspects(problem, x, some))
-    more = list(background(problem, x, some))
-    columns = sum(s.change.shape[2] for s in (*every, *more)) + len(problem.free)
+    fit = _Rows(problem, outcome, some, list(suspects(problem, outcome.solution.x, some)))
+    if _explained(fit):
+        return outcome, None
+    more = list(background(problem, outcome.solution.x, some))
+    columns = fit.wrenches.shape[2] - 1 + sum(s.change.shape[2] for s in more)
     if 6 * len(some) - columns >= SPARE:
-        every += more
-    seen = _whitened(problem, outcome, every, some)
+        fit = replace(fit, every=fit.every + more)
+    seen, every = _whitened(fit), fit.every
     if seen is None:
         return outcome, None
     q = np.linalg.qr(seen.A)[0]
@@ -125,26 +129,76 @@ def _columns(every: list[Suspect]) -> list[slice]:
     return [slice(end - s.change.shape[2], end) for s, end in zip(every, ends, strict=True)]
 
 
-def _whitened(
-    problem: Problem, outcome: Outcome, every: list[Suspect], some: np.ndarray
-) -> _Whitened | None:
+@dataclass(frozen=True, eq=False)
+class _Rows:
+    """A fit beside suspects, in units of readings: columns of parameters, suspects and residual."""
+
+    problem: Problem
+    outcome: Outcome
+    some: np.ndarray
+    every: list[Suspect]
+
+    @cached_property
+    def wrenches(self) -> np.ndarray:
+        """Of the observations (M, 6, K + C + 1); parameters in tolerances."""
+        problem, x = self.problem, self.outcome.solution.x
+        slopes, changes = problem.jacobian(x)[self.some] * problem.scale, self.every
+        residual = problem.residual(x)[self.some][..., None]
+        return np.concatenate([slopes, *(s.change for s in changes), residual], axis=2)
+
+    @cached_property
+    def others(self) -> np.ndarray:
+        """Of touches and prior (R, K + C + 1), in units of their noise."""
+        problem, x, count = self.problem, self.outcome.solution.x, len(self.problem.free)
+        blocks, columns = [], self.wrenches.shape[2] - count - 1
+        touches, robot, theta = problem.touches, problem.model.robot, problem.at(x)
+        if touches is not None:
+            residual = touches.residual(robot, theta)[:, None]
+            slopes = touches.jacobian(robot, theta, problem.free) * problem.scale
+            none = [np.zeros((len(residual), s.change.shape[2])) for s in self.every]
+            tips = [n if s.tips is None else s.tips for s, n in zip(self.every, none, strict=True)]
+            blocks.append(np.concatenate([slopes, *tips, residual], axis=1))
+        if problem.prior:
+            to_centre = ((problem.centre - x) / problem.scale)[:, None]
+            none_of = np.zeros((count, columns))
+            blocks.append(np.concatenate([np.eye(count), none_of, to_centre], axis=1))
+        return np.concatenate([np.empty((0, count + columns + 1)), *blocks])
+
+    @cached_property
+    def least(self) -> np.ndarray:
+        """Least noise of the observations (6,); inf of a channel that reads nothing."""
+        largest = np.abs(self.problem.data.wrench).max(axis=0)
+        least = np.maximum(self.outcome.noise.expected, FINEST * largest)
+        return np.where(least > 0.0, least, np.inf)
+
+    def white(self, noise: np.ndarray) -> np.ndarray:
+        """All rows (n, K + C + 1) in units of a noise (6,)."""
+        wrenches = (self.wrenches / noise[:, None]).reshape(-1, self.wrenches.shape[2])
+        return np.concatenate([wrenches, self.others])
+
+
+def _explained(fit: _Rows) -> bool:
+    """Whether noise that was known before explains the residual, and along every suspect."""
+    noise = fit.outcome.noise
+    if noise.source == "residual" or noise.inflated:
+        return False
+    white, k = fit.white(np.maximum(noise.scatter, fit.least)), len(fit.problem.free)
+    q = np.linalg.qr(white[:, :k])[0]
+    left = white[:, k:] - q @ (q.T @ white[:, k:])
+    return bool(_clear(white[:, k:-1], left[:, :-1], left[:, -1]) < CLEAR)
+
+
+def _whitened(fit: _Rows) -> _Whitened | None:
     """Parameters and suspects in units of the noise that all of them leave; None if too few."""
-    x, motion = outcome.solution.x, isinstance(problem.data.q, Jet)
-    slopes, changes = problem.jacobian(x)[some] * problem.scale, [s.change for s in every]
-    rows = np.concatenate([slopes, *changes, problem.residual(x)[some][..., None]], axis=2)
-    more = _beyond_wrenches(problem, x, every)
-    least = np.maximum(outcome.noise.expected, FINEST * np.abs(problem.data.wrench).max(axis=0))
-    least = np.where(least > 0.0, least, np.inf)  # a channel that reads nothing
-    noise, worth = np.maximum(outcome.noise.scatter, least), float(rows[..., 0].size)
+    least, motion = fit.least, isinstance(fit.problem.data.q, Jet)
+    noise, count = np.maximum(fit.outcome.noise.scatter, least), 6 * len(fit.some)
     for _ in range(2):  # the second time by the noise that suspects leave
-        white = np.concatenate([(rows / noise[:, None]).reshape(-1, rows.shape[2]), more])
+        white = fit.white(noise)
         if not np.isfinite(white).all():
             return None
-        u, s, _ = np.linalg.svd(white[:, :-1], full_matrices=False)
-        kept = u[:, s > 1e-9 * s[0]]
-        r = white[:, -1]
-        rest = (r - kept @ (kept.T @ r))[: rows[..., 0].size].reshape(-1, 6)
-        spare = rest.size - kept.shape[1]
+        rest, rank = _rest(white)
+        rest = rest[:count].reshape(-1, 6)
+        spare = rest.size - rank
         if spare < SPARE:
             return None
         time = correlation_time(rest) if motion else np.ones(6)
@@ -152,47 +206,40 @@ def _whitened(
         scale = np.sqrt((rest**2).mean(axis=0) * rest.size / spare * time) * unit
         noise = np.where(np.isinf(least), np.inf, np.maximum(scale, least))
         worth = float((len(rest) / time).sum())
-    white = np.concatenate([(rows / noise[:, None]).reshape(-1, rows.shape[2]), more])
-    k = len(problem.free)
-    share = worth / rest.size
+    white, k, share = fit.white(noise), len(fit.problem.free), worth / rest.size
     return _Whitened(white[:, :k], white[:, k:-1], white[:, -1], worth, max(1.0, spare * share))
 
 
-def _beyond_wrenches(problem: Problem, x: np.ndarray, every: list[Suspect]) -> np.ndarray:
-    """Rows (R, K + C + 1) of touches and prior, in units of their noise."""
-    count, blocks = len(problem.free), []
-    columns = sum(s.change.shape[2] for s in every)
-    touches, robot, theta = problem.touches, problem.model.robot, problem.at(x)
-    if touches is not None:
-        residual = touches.residual(robot, theta)[:, None]
-        slopes = touches.jacobian(robot, theta, problem.free) * problem.scale
-        tips = [
-            np.zeros((len(residual), s.change.shape[2])) if s.tips is None else s.tips
-            for s in every
-        ]
-        blocks.append(np.concatenate([slopes, *tips, residual], axis=1))
-    if problem.prior:
-        to_centre = ((problem.centre - x) / problem.scale)[:, None]
-        blocks.append(
-            np.concatenate([np.eye(count), np.zeros((count, columns)), to_centre], axis=1)
-        )
-    return np.concatenate([np.empty((0, count + columns + 1)), *blocks])
+def _rest(white: np.ndarray) -> tuple[np.ndarray, int]:
+    """What all columns but the last leave of the last (n,), and their rank."""
+    length = np.linalg.norm(white[:, :-1], axis=0)
+    columns = white[:, :-1] / np.where(length > 0.0, length, 1.0)
+    values, basis = np.linalg.eigh(columns.T @ columns)
+    basis = basis[:, values > RANK * values[-1]]
+    along = basis.T @ (columns.T @ white[:, -1]) / values[values > RANK * values[-1]]
+    return white[:, -1] - columns @ (basis @ along), len(along)
 
 
 def _more_than_noise(seen: _Whitened, alone: np.ndarray, left: np.ndarray) -> bool:
     """Whether suspects explain more of the residual than they do of noise."""
-    along = np.abs(alone.T @ left) / _lengths(seen, alone)
-    if along.max() > CLEAR:
+    if _clear(seen.S, alone, left) > CLEAR:
         return True
-    u, s, _ = np.linalg.svd(alone, full_matrices=False)
-    kept = u[:, s > 1e-9 * s[0]]
-    many = max(1, kept.shape[1])
-    return bool(special.fdtrc(many, seen.rest, float(((kept.T @ left) ** 2).sum()) / many) < SURE)
+    rest, rank = _rest(np.column_stack([alone, left]))
+    explained = float(left @ left - rest @ rest) / max(1, rank)
+    return bool(special.fdtrc(max(1, rank), seen.rest, explained) < SURE)
 
 
-def _lengths(seen: _Whitened, alone: np.ndarray) -> np.ndarray:
-    """Lengths (C,) of what parameters leave of suspects, never rounding alone."""
-    return np.maximum(np.linalg.norm(alone, axis=0), 1e-6 * np.linalg.norm(seen.S, axis=0) + 1e-300)
+def _clear(S: np.ndarray, alone: np.ndarray, left: np.ndarray) -> float:
+    """Standard deviations by which one shape (n, C) explains the residual (n,), at most.
+
+    Args:
+        S: shapes of the suspects.
+        alone: what parameters leave of them; of less than a millionth only rounding is left.
+        left: what parameters leave of the residual.
+    """
+    least = 1e-6 * np.linalg.norm(S, axis=0) + 1e-300
+    length = np.maximum(np.linalg.norm(alone, axis=0), least)
+    return float((np.abs(alone.T @ left) / length).max())
 
 
 def _sizes(alone: np.ndarray, left: np.ndarray, every: list[Suspect]) -> np.ndarray:

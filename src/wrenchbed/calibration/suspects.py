@@ -109,15 +109,20 @@ def _of_frames(problem: Problem, x: np.ndarray, some: np.ndarray) -> Iterator[Su
     ]
     slopes = (np.stack(tilted, axis=2) - read[..., None]) / STEP
     yield Suspect(("tilt", "tilt"), "another direction of gravity", TILT * slopes)
-    touches = problem.touches
-    for unit, joint in zip(np.eye(len(model.robot.joints)), model.robot.joints, strict=True):
-        shifted = Jet(q.v + STEP * unit, q.d, q.dd) if isinstance(q, Jet) else q + STEP * unit
+    touches, count = problem.touches, len(model.robot.joints)
+    if not count:
+        return
+    steps = STEP * np.repeat(np.eye(count), len(some), axis=0)
+    many = q[np.tile(np.arange(len(some)), count)]
+    shifted = Jet(many.v + steps, many.d, many.dd) if isinstance(many, Jet) else many + steps
+    moved = model.predict(shifted, theta).reshape(count, *read.shape)
+    for unit, joint, there in zip(np.eye(count), model.robot.joints, moved, strict=True):
         size, tips = ZERO[joint.unit] / STEP, None
-        change = size * (model.predict(shifted, theta) - read)
         if touches is not None:
-            moved = replace(touches, q=touches.q + STEP * unit).residual(model.robot, theta)
-            tips = size * (touches.residual(model.robot, theta) - moved)[:, None]
-        yield Suspect(("zero",), f"a wrong zero of {joint.name}", change[..., None], tips)
+            moved_tips = replace(touches, q=touches.q + STEP * unit).residual(model.robot, theta)
+            tips = size * (touches.residual(model.robot, theta) - moved_tips)[:, None]
+        change = size * (there - read)[..., None]
+        yield Suspect(("zero",), f"a wrong zero of {joint.name}", change, tips)
 
 
 def _of_time(

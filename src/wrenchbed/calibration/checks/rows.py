@@ -35,6 +35,8 @@ FAR = 30.0
 """Least distance of a spike from its neighbours in multiples of the usual step between rows."""
 LEAST_LOST = 3
 """Fewest rows without a reading that are named: fewer move no fit by much."""
+ALIKE = 0.5
+"""Relative difference of the rows before and after one without a reading, within one pose."""
 _USUAL = 0.1
 """Share of the steps from row to row that are larger than the usual one; estimate."""
 ALL = "all joints"
@@ -156,22 +158,22 @@ def _ranges(recording: Recording, keep: np.ndarray, own: str) -> Iterator[Findin
 
 
 def _lost(recording: Recording) -> Iterator[Finding]:
-    """Rows that are exactly 0 between rows far from it: no reading came."""
+    """Rows that are exactly 0 between rows that are alike and far from it: no reading came."""
     for c in CHANNELS:
         y = np.asarray(recording.columns[c], dtype=float)
         there = np.flatnonzero(y)
-        gone = len(y) - len(there)
-        if gone < LEAST_LOST or len(there) < 2:
+        if len(y) - len(there) < LEAST_LOST or len(there) < 2:
             continue
-        size = np.abs(y[there])
-        gap = np.diff(there) > 1
-        step = max(float(np.median(np.abs(np.diff(y[there])))), 1e-12)
-        if gap.any() and np.median(np.minimum(size[:-1], size[1:])[gap]) > FAR * step:
-            row = int(there[np.argmax(gap)]) + 1
+        change = np.abs(np.diff(y[there]))
+        step = max(float(np.median(change)), float(change.min(initial=np.inf, where=change > 0.0)))
+        size = np.minimum(np.abs(y[there])[:-1], np.abs(y[there])[1:])
+        lost = (np.diff(there) > 1) & (size > FAR * step) & (change < ALIKE * size)
+        if (np.diff(there) - 1)[lost].sum() >= LEAST_LOST:
+            row = int(there[np.argmax(lost)]) + 1
             yield Finding(
                 "spike",
-                f"column {c!r} is exactly 0 in {gone} rows (the first: row {row}) between rows "
-                "that are far from it: no readings came. Leave them out",
+                f"column {c!r} is exactly 0 in {len(y) - len(there)} rows (the first: row {row}) "
+                "between rows that are far from it: no readings came. Leave them out",
                 blocks=False,
             )
 
