@@ -5,12 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy import integrate, special
-from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 
 from wrenchbed.calibration import weighting
 from wrenchbed.calibration.fit_problem import Problem, _robust_weight
-from wrenchbed.calibration.least_of_many import least
 from wrenchbed.calibration.least_squares import MAX_STEPS, Solution, solve, triangular
 from wrenchbed.calibration.observability import analyse, null_space
 from wrenchbed.calibration.observations import Observations
@@ -343,19 +341,16 @@ def test_only_columns_that_move_a_channel_are_taken_away():
         assert [x[k] for x in both] == pytest.approx([x[0] for x in own], rel=1e-6)
 
 
-def test_least_values_of_many_functions_are_those_of_scipy_to_the_last_bit():
-    rng = np.random.default_rng(5)
-    a, b, c = rng.uniform(-9.0, 9.0, (3, 60))
+def test_minima_of_many_functions_are_found_in_step():
+    rng = np.random.default_rng(3)
+    least, slope = rng.uniform(-7.9, 11.9, 60), rng.uniform(0.1, 5.0, (2, 60))
 
-    def cost(x, who):
-        return np.sin(a[who] + x) + 0.02 * (x - b[who]) ** 2 + np.where(c[who] > 6, x, 0.0)
+    def cost(x):
+        away = x - least
+        return np.log1p(np.where(away > 0.0, slope[0], slope[1]) * away**2)
 
-    x, value = least(cost, 60, (-8.0, 12.0))
-    for k in range(60):
-        alone = minimize_scalar(
-            lambda v, k=k: float(cost(np.array([v]), [k])[0]), bounds=(-8.0, 12.0), method="bounded"
-        )
-        assert (alone.x, alone.fun) == (x[k], value[k])
+    x, value = weighting.golden_sections(cost, np.full(60, -8.0), np.full(60, 12.0))
+    assert np.abs(x - least).max() < 0.01 and np.array_equal(value, cost(x))
 
 
 # ---- touches ------------------------------------------------------------------------------------

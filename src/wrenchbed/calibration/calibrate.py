@@ -14,11 +14,10 @@ from scipy import special
 
 from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, tip_jacobian
-from wrenchbed.calibration.checks.examine import REFUTED, of_load
+from wrenchbed.calibration.checks.examine import REFUTED
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.rigid_load import left_of_swing
 from wrenchbed.calibration.checks.rows import of_rows
-from wrenchbed.calibration.checks.rows_of_poses import contradicted
 from wrenchbed.calibration.compensated import restored
 from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue
 from wrenchbed.calibration.fit_problem import LOSSES, Outcome, Problem
@@ -27,7 +26,7 @@ from wrenchbed.calibration.misfit import Fault, allowed_for
 from wrenchbed.calibration.observability import Observability, analyse
 from wrenchbed.calibration.observations import Observations, fallback_covariance, observe, usable
 from wrenchbed.calibration.touches import Agreement, Touches
-from wrenchbed.calibration.trust import GENERAL, OUTLIERS, observed
+from wrenchbed.calibration.trust import GENERAL, OUTLIERS, of_observations
 from wrenchbed.calibration.weighting import fit
 from wrenchbed.data.recording import POINT, QUATERNION, Recording
 from wrenchbed.errors import CalibrationError
@@ -284,9 +283,9 @@ def prepared(recording: Recording, options: CalibrationOptions, touches: Touches
         )
     stated = model.configured(recording.metadata)
     names = {model.parameters.names[i] for i in free}
-    finding = finding or _finding(recording, data, model, stated, names)
-    if finding is None and recording.metadata.mode == "static":
-        finding = contradicted(recording, data.keep, data.count)
+    finding = finding or of_observations(recording, data, model, stated, names)
+    if finding is not None and finding.reason == "one orientation":
+        finding = None  # the uncertainties say so, or the fit does
     if finding is not None and options.loss != "linear" and finding.reason in OUTLIERS:
         finding = None  # such a loss resists them
     if finding is not None and finding.reason not in GENERAL and not options.force:
@@ -320,19 +319,6 @@ def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:
     model, data = Model.of(robot_of(recording), recording.metadata), observe(recording)
     theta = model.parameters.vector(dict(fit.theta))
     return data, data.wrench - model.predict(data.q, theta)
-
-
-def _finding(
-    recording: Recording, data: Observations, model: Model, stated: np.ndarray, names: set[str]
-) -> Finding | None:
-    """Finding of the checks against the load, if the fit frees its mass."""
-    seen = observed(recording, data, model, stated, names)
-    if not names & {"tool.mass", "mTool"}:
-        return None
-    finding = of_load(recording, seen)
-    if finding is not None and finding.reason == "one orientation":
-        return None  # the uncertainties say so, or the fit does
-    return finding
 
 
 def _answered(finding: Finding, options: CalibrationOptions) -> bool:

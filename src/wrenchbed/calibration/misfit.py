@@ -91,13 +91,12 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
     left, alone = seen.r - q @ (q.T @ seen.r), seen.S - q @ (q.T @ seen.S)
     if not _more_than_noise(seen, alone, left):
         return outcome, None
-    groups = _columns(every)
     shift, spread = _posterior(seen, _sizes(alone, left, every))
     std = np.sqrt(np.diagonal(outcome.covariance))
     wide = np.hypot(spread, shift) * problem.scale
     factor = np.maximum(1.0, np.divide(wide, std, out=np.ones_like(std), where=std > 0.0))
     grown = replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
-    names, size = _likeliest(every, groups, seen, alone, left)
+    names, size = _likeliest(every, seen, alone, left)
     if np.sqrt((size**2).mean()) < LARGE:
         return grown, None
     ratio = np.where(outcome.solution.blind < BLIND, np.abs(shift) / _by_noise(seen), 0.0)
@@ -121,12 +120,6 @@ def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
         f"{', or '.join(names)} explains most, and {moves}. "
         "Run `wrenchbed diagnose`, repair what it names, and calibrate again"
     )
-
-
-def _columns(every: list[Suspect]) -> list[slice]:
-    """Columns of each suspect among those of all."""
-    ends = np.cumsum([s.change.shape[2] for s in every])
-    return [slice(end - s.change.shape[2], end) for s, end in zip(every, ends, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -282,19 +275,17 @@ def _by_noise(seen: _Whitened) -> np.ndarray:
 
 
 def _likeliest(
-    every: list[Suspect],
-    groups: list[slice],
-    seen: _Whitened,
-    alone: np.ndarray,
-    left: np.ndarray,
+    every: list[Suspect], seen: _Whitened, alone: np.ndarray, left: np.ndarray
 ) -> tuple[list[str], np.ndarray]:
     """Names of the suspects that explain the residual best by themselves, and the best one's sizes.
 
     What k shapes explain counts less by k log n (Schwarz 1978, doi 10.1214/aos/1176344136); of
     suspects that explain it alike, those of fewest shapes are named.
     """
-    scores = []
-    for of in groups:
+    scores: list[tuple[float, np.ndarray]] = []
+    ends = np.cumsum([len(s.families) for s in every])
+    for suspect, end in zip(every, ends, strict=True):
+        of = slice(end - len(suspect.families), end)
         u, s, vt = np.linalg.svd(alone[:, of], full_matrices=False)
         keep = s > 1e-6 * np.linalg.norm(seen.S[:, of])
         along = u[:, keep].T @ left

@@ -45,6 +45,22 @@ def observed(
     )  # fmt: skip
 
 
+def of_observations(
+    recording: Recording, data: Observations, model: Model, theta: np.ndarray, free: set[str]
+) -> Finding | None:
+    """Finding against rows as repeats of their pose, then against the load if its mass is free.
+
+    Takes what `observed` takes.
+    """
+    if recording.metadata.mode == "static":
+        finding = contradicted(recording, data.keep, data.count)
+        if finding is not None:
+            return finding
+    if not free & {"tool.mass", "mTool"}:
+        return None
+    return of_load(recording, observed(recording, data, model, theta, free))
+
+
 def check(recording: Recording) -> Finding | None:
     """Why a recording cannot be trusted, None if nothing speaks against it.
 
@@ -57,11 +73,6 @@ def check(recording: Recording) -> Finding | None:
     finding = of_rows(recording, usable(recording), model.robot.sensor)
     if finding is not None:
         return finding
-    data = observe(recording)
-    if recording.metadata.mode == "static":
-        finding = contradicted(recording, data.keep, data.count)
-        if finding is not None:
-            return finding
     free = {model.parameters.names[i] for i in model.parameters.select(model.robot.free)}
     theta = model.configured(recording.metadata)
-    return of_load(recording, observed(recording, data, model, theta, free))
+    return of_observations(recording, observe(recording), model, theta, free)

@@ -16,7 +16,6 @@ from scipy import special
 from scipy.fft import next_fast_len
 from scipy.special import sici
 
-from wrenchbed.calibration import least_of_many
 from wrenchbed.calibration.fit import FitNoise
 from wrenchbed.calibration.fit_problem import Outcome, Problem, Whitening
 from wrenchbed.calibration.least_squares import Solution
@@ -29,6 +28,8 @@ _DECADES_BELOW = 1.0
 """Decades by which the 1/f band reaches below the inverse of the campaign's length."""
 _RANGE = (-8.0, 12.0)
 """Natural logarithm of wander over independent variance that is searched."""
+_GOLDEN, _SECTIONS = (np.sqrt(5.0) - 1.0) / 2.0, 16
+"""Golden section, by definition; 16 of them find a logarithm to 1 % within `_RANGE`."""
 REWEIGHTINGS, _SETTLED = 3, 1e-6
 """Most updates of the weights, and the relative change at which they have converged."""
 TRUST = 0.01
@@ -125,20 +126,35 @@ def _levels(
 ) -> tuple[np.ndarray, np.ndarray]:
     """`levels` of residuals (B, N) beside orthonormal spans (B, k, N) of what moves them."""
 
-    asked, own = np.arange(len(r)), (r, span)
+    def cost(log_ratio: np.ndarray) -> np.ndarray:
+        return _restricted(r, span, 1.0 / (1.0 + np.exp(log_ratio)[:, None] * spread))[0]
 
-    def cost(log_ratio: np.ndarray, who: np.ndarray) -> np.ndarray:
-        nonlocal asked, own
-        if len(who) < len(asked):  # fewer and fewer are asked for
-            asked, own = who, (r[who], span[who])
-        ratio = np.exp(log_ratio)[:, None]
-        return _restricted(*own, 1.0 / (1.0 + ratio * spread))[0]
-
-    best, value = least_of_many.least(cost, len(r), _RANGE)
+    best, value = golden_sections(cost, np.full(len(r), _RANGE[0]), np.full(len(r), _RANGE[1]))
     none, _ = _restricted(r, span, np.ones_like(r))
     ratio = np.where(value < none, np.exp(best), 0.0)
     _, alone = _restricted(r, span, 1.0 / (1.0 + ratio[:, None] * spread))
     return np.maximum(alone, least), ratio * alone
+
+
+def golden_sections(
+    cost: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places and values (B,) of the minima of B functions between low and high (B,), in step.
+
+    Kiefer 1953, doi 10.1090/S0002-9939-1953-0055639-3.
+    """
+    left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
+    at_left, at_right = cost(left), cost(right)
+    for _ in range(_SECTIONS):
+        lower = at_left < at_right
+        low, high = np.where(lower, low, left), np.where(lower, right, high)
+        step = _GOLDEN * (high - low)
+        new = np.where(lower, high - step, low + step)
+        value = cost(new)
+        left, right = np.where(lower, new, right), np.where(lower, left, new)
+        at_left, at_right = np.where(lower, value, at_right), np.where(lower, at_left, value)
+    lower = at_left < at_right
+    return np.where(lower, left, right), np.where(lower, at_left, at_right)
 
 
 def _restricted(

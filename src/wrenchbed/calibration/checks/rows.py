@@ -158,7 +158,10 @@ def _ranges(recording: Recording, keep: np.ndarray, own: str) -> Iterator[Findin
 
 
 def _lost(recording: Recording) -> Iterator[Finding]:
-    """Rows that are exactly 0 between rows that are alike and far from it: no reading came."""
+    """Rows in which no reading came: all channels are 0, or one is between rows alike and far."""
+    blank = ~recording.wrench.any(axis=1)
+    if LEAST_LOST <= blank.sum() < len(recording):
+        yield _no_readings("all channels are", blank)
     for c in CHANNELS:
         y = np.asarray(recording.columns[c], dtype=float)
         there = np.flatnonzero(y)
@@ -168,14 +171,18 @@ def _lost(recording: Recording) -> Iterator[Finding]:
         step = max(float(np.median(change)), float(change.min(initial=np.inf, where=change > 0.0)))
         size = np.minimum(np.abs(y[there])[:-1], np.abs(y[there])[1:])
         lost = (np.diff(there) > 1) & (size > FAR * step) & (change < ALIKE * size)
-        if (np.diff(there) - 1)[lost].sum() >= LEAST_LOST:
-            row = int(there[np.argmax(lost)]) + 1
-            yield Finding(
-                "spike",
-                f"column {c!r} is exactly 0 in {len(y) - len(there)} rows (the first: row {row}) "
-                "between rows that are far from it: no readings came. Leave them out",
-                blocks=False,
-            )
+        if lost.sum() >= LEAST_LOST:
+            yield _no_readings(f"column {c!r} is", y == 0.0)
+
+
+def _no_readings(what: str, rows: np.ndarray) -> Finding:
+    """On rows (N,) that hold 0 instead of a reading."""
+    return Finding(
+        "spike",
+        f"{what} exactly 0 in {rows.sum()} rows (the first: row {int(np.argmax(rows))}) between "
+        "others: no readings came. Leave them out",
+        blocks=False,
+    )
 
 
 def _spikes(recording: Recording) -> Iterator[Finding]:
