@@ -257,7 +257,7 @@ def _dead(seen: Observed, load: Load) -> Finding | None:
         due, alike = float(swing[k]), swing[:3] if k < 3 else swing[3:]
         sure = max(CLEAR * float(seen.noise[k]), APART * np.sqrt(others.share) * alike.max())
         if due > sure and measured[k] < DEAD * due and load.share > 0.0:
-            return _dead_channel(k, float(measured[k]), due)
+            return _bad_channel(k, float(measured[k]), due)
     return None
 
 
@@ -267,23 +267,23 @@ def _carried(load: Load) -> bool:
 
 
 def _one_channel(seen: Observed, load: Load) -> Finding | None:
-    """Finding on a dead channel, without which one load explains all the others."""
+    """Finding on a dead channel, or one in another unit, without which one load explains all."""
     fits = seen.moments.without_each()
     k = int(np.argmin([f.share for f in fits]))
     if fits[k].share > min(CLEAN, 0.2 * load.share) or not _carried(fits[k]):
         return None
     due = float((seen.design[:, k] @ fits[k].phi).std())
     measured = float(seen.y[:, k].std())
-    return _dead_channel(k, measured, due) if measured < due / 2 else None
+    return _bad_channel(k, measured, due) if abs(np.log(measured / due)) > np.log(2.0) else None
 
 
-def _dead_channel(k: int, measured: float, due: float) -> Finding:
+def _bad_channel(k: int, measured: float, due: float) -> Finding:
     unit = UNITS[k]
     return Finding(
         "dead channel",
         f"column {CHANNELS[k]!r} does not follow its load: it varies by {measured:.2g} {unit} rms "
-        f"where {due:.2g} {unit} is due: a dead channel or a wrong column. Repair it, or check the "
-        "column map",
+        f"where {due:.2g} {unit} is due: a dead channel, a wrong unit or a wrong column. Repair it, "
+        "or check the column map",
     )
 
 
