@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 602,
     "benchmark": 9769,
-    "calibration": 5120,
+    "calibration": 5175,
     "campaigns": 1651,
     "channels": 530,
     "cli": 2726,

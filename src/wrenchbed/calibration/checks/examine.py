@@ -274,7 +274,7 @@ def _one_channel(seen: Observed, load: Load) -> Finding | None:
         return None
     due = float((seen.design[:, k] @ fits[k].phi).std())
     measured = float(seen.y[:, k].std())
-    return _bad_channel(k, measured, due) if abs(np.log(measured / due)) > np.log(2.0) else None
+    return None if due / 2.0 < measured < 2.0 * due else _bad_channel(k, measured, due)
 
 
 def _bad_channel(k: int, measured: float, due: float) -> Finding:
@@ -282,8 +282,8 @@ def _bad_channel(k: int, measured: float, due: float) -> Finding:
     return Finding(
         "dead channel",
         f"column {CHANNELS[k]!r} does not follow its load: it varies by {measured:.2g} {unit} rms "
-        f"where {due:.2g} {unit} is due: a dead channel, a wrong unit or a wrong column. Repair it, "
-        "or check the column map",
+        f"where {due:.2g} {unit} is due: a dead channel, a wrong unit or a wrong column. Repair "
+        "it, or check the column map",
     )
 
 
