@@ -60,7 +60,7 @@ def test_a_large_fault_is_refused_by_its_name(name, words):
         ("wrench 1 rows late", "Leave out the first 1 rows of each pose"),
         ("wrench 2 rows late", "Leave out the first 2 rows of each pose"),
         ("low-passed, 0.6", "those of the move before"),
-        ("5 % lost", "is exactly 0 in"),
+        ("5 % lost", "all channels are exactly 0"),
     ],
 )
 def test_rows_that_contradict_their_pose_are_named(name, words):
