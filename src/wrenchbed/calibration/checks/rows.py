@@ -63,13 +63,9 @@ def of_rows(
         RecordingError: the recording has no wrench.
     """
     recording.require_wrench()
-    groups = (
-        _channels(recording),
-        _lost(recording),
-        _spikes(recording),
-        _ranges(recording, keep, sensor),
-    )
-    for some in (*groups, _clock(recording), standing(recording)):
+    groups = (_lost(recording), _channels(recording), _spikes(recording))
+    more = (_ranges(recording, keep, sensor), _clock(recording), standing(recording))
+    for some in (*groups, *more):
         for finding in some:
             if finding.blocks or not blocking:
                 return finding
