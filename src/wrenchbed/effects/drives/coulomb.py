@@ -13,7 +13,7 @@ class DriveCoulomb(StatedNumber):
 
     name = "drive.coulomb"
     title = "Coulomb friction of joint {joint} differs from its stated value"
-    size = Size("coulomb", "N·m", 3.0)
+    size = Size("coulomb", "N·m", 3.0)  # estimate
     remedy = "record the same motion again after an hour of running: friction warms"
     word, relative = "coulomb", 0.05
     """Ordinary changes of friction: estimate; warming apart."""

@@ -15,7 +15,7 @@ class DriveHysteresis(DriveEffect):
 
     name = "drive.hysteresis"
     title = "the gear of joint {joint} has hysteresis after reversals"
-    size = Size("size", "N·m", 2.0, columns=("stop",))
+    size = Size("size", "N·m", 2.0, columns=("stop",))  # estimate
     remedy = "record slow motion with reversals after short and long ways"
     beside = ("coulomb",)
     resists = True

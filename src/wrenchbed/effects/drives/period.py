@@ -20,7 +20,7 @@ def strongest(left: np.ndarray, angle: np.ndarray) -> float:
 
     Sums over rows become a transform over bins of the angle: rows of a bin have nearly one phase.
     """
-    turns = max(float(np.ptp(angle)) / (2.0 * np.pi), 1e-3)
+    turns = max(float(np.ptp(angle)) / (2.0 * np.pi), 1e-6)
     tried = np.arange(GEAR_MOST, FASTEST, min(1.0 / (_FINE * turns), 1.0))
     bins = int(_BINS * FASTEST * turns) + 2
     share = (angle - angle.min()) / max(float(np.ptp(angle)), 1e-12)

@@ -20,7 +20,7 @@ class DriveStiction(DriveEffect):
 
     name = "drive.stiction"
     title = "joint {joint} sticks at reversals"
-    size = Size("size", "N·m", 2.0)
+    size = Size("size", "N·m", 2.0)  # estimate
     remedy = "record slow motion with many reversals"
     resists = True
 

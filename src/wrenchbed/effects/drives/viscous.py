@@ -13,7 +13,7 @@ class DriveViscous(StatedNumber):
 
     name = "drive.viscous"
     title = "viscous friction of joint {joint} differs from its stated value"
-    size = Size("viscous", "N·m·s/rad", 3.0)
+    size = Size("viscous", "N·m·s/rad", 3.0)  # estimate
     remedy = "record the same motion again after an hour of running: friction warms"
     word, relative = "viscous", 0.05
     """Ordinary changes of friction: estimate; warming apart."""
