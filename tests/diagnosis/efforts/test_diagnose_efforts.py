@@ -82,7 +82,7 @@ def test_an_ordinary_robot_has_no_cause():
 def test_a_limited_torque_is_unknown():
     found = diagnose_efforts(case(Gap("clipped", 2, 0.8), seed=32))
     consistent(found)
-    assert found.diagnosis.verdict == "unknown" and "limited" in found.verdict.outside
+    assert found.diagnosis.verdict == "unknown" and "limited" in found.outside
 
 
 @pytest.mark.slow

@@ -108,7 +108,8 @@ def rank(searcher: Searcher, refitter: Refitter) -> Ranking:
     alone = [s.log_posterior for s in kernels]
     unknown = float(logsumexp([*alone, *(nulls[~normal] + np.log(PRIOR[UNKNOWN]))]))
     chosen = _distinct(searcher, singles, SINGLES, float(nulls.max()))
-    finalists = [refitter.fit((searcher.hypotheses[s.index],), s.rung) for s in chosen]
+    tried = (*chosen, *_other_clocks(searcher, singles, chosen))
+    finalists = [refitter.fit((searcher.hypotheses[s.index],), s.rung) for s in tried]
     longer, mixed, mixed_kernel = _extended(searcher, refitter, finalists)
     finalists += longer
     best = min(finalists, key=_posterior)
@@ -203,6 +204,27 @@ def _near(
     others = [s for n, s in best.items() if n not in f.names and n not in STATED]
     others = [s for s in others if s.log_posterior > mark - NEAR]
     return sorted(others, key=lambda s: -s.log_posterior)[:MOST]
+
+
+def _other_clocks(
+    searcher: Searcher, singles: Sequence[SingleEvidence], chosen: Sequence[SingleEvidence]
+) -> list[SingleEvidence]:
+    """All timing effects (delays, filters), if one of them is among the chosen effects.
+
+    Their slopes are alike, and true only while the delay is short beside what moves.
+    """
+
+    def late(s: SingleEvidence) -> bool:
+        return s.index >= 0 and searcher.hypotheses[s.index].effect.stage == "timing"
+
+    taken = {s.index for s in chosen}
+    if not any(map(late, chosen)):
+        return []
+    best: dict[int, SingleEvidence] = {}
+    for s in sorted(filter(late, singles), key=lambda s: -s.log_posterior):
+        if s.index not in taken:
+            best.setdefault(s.index, s)
+    return list(best.values())
 
 
 def _posterior(f: Finalist) -> float:
