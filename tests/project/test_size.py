@@ -6,16 +6,16 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
-    ".": 602,
+    ".": 607,
     "benchmark": 9769,
-    "calibration": 5175,
+    "calibration": 5171,
     "campaigns": 1651,
-    "channels": 530,
+    "channels": 527,
     "cli": 2726,
-    "data": 4419,
-    "diagnosis": 14310,
+    "data": 4420,
+    "diagnosis": 14107,
     "drives": 972,
-    "effects": 4074,
+    "effects": 4904,
     "environments": 623,
     "exports": 970,
     "files": 607,
@@ -26,7 +26,7 @@ WRENCHBED = {
     "physics": 1156,
     "planning": 1051,
     "plant": 848,
-    "reports": 2376,
+    "reports": 2401,
     "robots": 4784,
     "sensors": 330,
     "simulation": 1318,
@@ -36,14 +36,14 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 81696,
-    "src/wrenchbed": 71850,
+    "src": 82815,
+    "src/wrenchbed": 72969,
     "src/robot_emulators": 9846,
-    "tests": 40945,
-    "scripts": 3478,
+    "tests": 42035,
+    "scripts": 3521,
 }
 """Lines of Python below a folder at most; of scripts every line."""
-MOST_FILES = 478
+MOST_FILES = 506
 """Files of Python below src at most."""
 
 

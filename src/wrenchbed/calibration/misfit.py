@@ -243,7 +243,7 @@ def _sizes(alone: np.ndarray, left: np.ndarray, every: list[Suspect]) -> np.ndar
         left: residual that no parameter takes up (n,), in units of noise.
         every: the suspects.
     """
-    R = np.linalg.qr(np.column_stack([alone, left]), mode="r")
+    R = np.asarray(np.linalg.qr(np.column_stack([alone, left]), mode="r"))
     square, right = R[:, :-1].T @ R[:, :-1], R[:, :-1].T @ R[:, -1]
     family = np.array([f for s in every for f in s.families])
     families = [family == f for f in dict.fromkeys(family.tolist())]

@@ -155,7 +155,7 @@ def _ranges(recording: Recording, keep: np.ndarray, own: str) -> Iterator[Findin
 
 def _lost(recording: Recording) -> Iterator[Finding]:
     """Rows in which no reading came: all channels are 0, or one is between rows alike and far."""
-    blank = ~recording.wrench.any(axis=1)
+    blank = np.asarray(~recording.wrench.any(axis=1))
     if LEAST_LOST <= blank.sum() < len(recording):
         yield _no_readings("all channels are", blank)
     for c in CHANNELS:

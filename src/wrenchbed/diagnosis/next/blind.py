@@ -234,6 +234,8 @@ def _quantity(value: float, unit: str) -> str:
         return f"{np.degrees(value):.2g}{unit.replace('rad', '°', 1)}"
     if unit == "m" or unit.startswith("m/"):
         return f"{1e3 * value:.2g} m{unit}"
+    if unit == "kg·m²":
+        return f"{1e3 * value:.2g} g·m²"
     return f"{100 * value:.2g} %" if unit == "1" else f"{value:.2g} {unit}"
 
 
