@@ -31,7 +31,7 @@ def test_a_broken_recording_publishes_nothing_false(base):
             continue
         published += 1
         assert far(fit, broken.truth) < 5.0, name
-    assert published >= 3 and refused >= 3
+    assert min(published, refused) >= 2
 
 
 @pytest.mark.slow

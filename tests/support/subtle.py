@@ -81,11 +81,15 @@ def entry(to: str, of: str, value: float) -> Callable[[Random], np.ndarray]:
 
 
 def gains(by: float) -> Callable[[Random], np.ndarray]:
-    """Three channels read too much or too little, by up to so much."""
+    """Two forces and a torque read too much or too little, by up to so much.
+
+    A gain that all forces share cannot be told from a heavier tool, by no data.
+    """
 
     def make(rng: Random) -> np.ndarray:
         factor = np.ones(6)
-        factor[rng.permutation(6)[:3]] += by * rng.uniform(0.5, 1.0, 3) * rng.choice([-1.0, 1.0], 3)
+        some = [*rng.permutation(3)[:2], rng.integers(3, 6)]
+        factor[some] += by * rng.uniform(0.5, 1.0, 3) * rng.choice([-1.0, 1.0], 3)
         return np.diag(factor)
 
     return make

@@ -23,7 +23,7 @@ ROWS = 4000
 """Most observations that are looked at, evenly spread: half a minute at 125 Hz."""
 SPARE = 20
 """Readings beyond all parameters from which a residual tells its causes."""
-SURE, CLEAR = 1e-3, 5.0
+SURE, CLEAR = 1e-3, 4.0
 """P-value of all suspects together, and standard deviations of one of them, from which they
 explain a part of the residual."""
 LARGE = 8.0
@@ -92,14 +92,19 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
     if not _more_than_noise(seen, alone, left):
         return outcome, None
     shift, spread = _posterior(seen, _sizes(alone, left, every))
+    names, size, change = _likeliest(every, seen, alone, left)
+    covariance = np.linalg.pinv(seen.A.T @ seen.A, rcond=1e-12)  # by noise alone
+    by_one = np.abs(covariance @ (seen.A.T @ change))
     std = np.sqrt(np.diagonal(outcome.covariance))
-    wide = np.hypot(spread, shift) * problem.scale
+    # the likeliest fault may be the only one: the sizes of its family know too little of it
+    wide = np.maximum(np.hypot(spread, shift), by_one) * problem.scale
     factor = np.maximum(1.0, np.divide(wide, std, out=np.ones_like(std), where=std > 0.0))
     grown = replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
-    names, size = _likeliest(every, seen, alone, left)
-    if np.sqrt((size**2).mean()) < LARGE:
+    clear = max(float(np.linalg.norm(change - q @ (q.T @ change))), CLEAR)
+    if np.sqrt((size**2).mean()) * (1.0 - CLEAR / clear) < LARGE:  # or noise may make it so large
         return grown, None
-    ratio = np.where(outcome.solution.blind < BLIND, np.abs(shift) / _by_noise(seen), 0.0)
+    known = np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
+    ratio = np.where(outcome.solution.blind < BLIND, np.abs(shift) / known, 0.0)
     moved = bool(((ratio > MOVED) & (np.abs(shift) > MATTERS)).any())
     k = int(np.argmax(np.where(np.abs(shift) > MATTERS, ratio, 0.0)))
     by = f"{abs(shift[k]) * problem.scale[k]:.2g} {problem.model.parameters[problem.free[k]].unit}"
@@ -268,21 +273,18 @@ def _posterior(seen: _Whitened, size: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return (covariance @ (both.T @ seen.r))[:k], spread[:k]
 
 
-def _by_noise(seen: _Whitened) -> np.ndarray:
-    """Standard uncertainty (K,) of the parameters by noise alone, in tolerances."""
-    alone = np.diagonal(np.linalg.pinv(seen.A.T @ seen.A, rcond=1e-12))
-    return np.sqrt(np.maximum(alone, 1e-300))
-
-
 def _likeliest(
     every: list[Suspect], seen: _Whitened, alone: np.ndarray, left: np.ndarray
-) -> tuple[list[str], np.ndarray]:
-    """Names of the suspects that explain the residual best by themselves, and the best one's sizes.
+) -> tuple[list[str], np.ndarray, np.ndarray]:
+    """Names of the suspects that explain the residual best by themselves.
 
     What k shapes explain counts less by k log n (Schwarz 1978, doi 10.1214/aos/1176344136); of
     suspects that explain it alike, those of fewest shapes are named.
+
+    Returns:
+        The names, the sizes of the first one, and what it changes of these sizes (n,).
     """
-    scores: list[tuple[float, np.ndarray]] = []
+    scores: list[tuple[float, np.ndarray, np.ndarray]] = []
     ends = np.cumsum([len(s.families) for s in every])
     for suspect, end in zip(every, ends, strict=True):
         of = slice(end - len(suspect.families), end)
@@ -290,10 +292,12 @@ def _likeliest(
         keep = s > 1e-6 * np.linalg.norm(seen.S[:, of])
         along = u[:, keep].T @ left
         sizes = vt[keep].T @ (along / s[keep])
-        scores.append((float(along @ along) - keep.sum() * np.log(seen.worth), sizes))
-    best = max(score for score, _ in scores)
+        score = float(along @ along) - keep.sum() * np.log(seen.worth)
+        scores.append((score, sizes, seen.S[:, of] @ sizes))
+    best = max(score for score, *_ in scores)
     least = best - max(ALIKE, ALIKE_PART * best)
     alike = [k for k in range(len(every)) if scores[k][0] >= least]
     alike.sort(key=lambda k: (len(scores[k][1]), -scores[k][0]))
     few = [k for k in alike if len(scores[k][1]) == len(scores[alike[0]][1])]
-    return [every[k].name for k in few[:NAMED]], scores[few[0]][1]
+    _, sizes, change = scores[few[0]]
+    return [every[k].name for k in few[:NAMED]], sizes, change
