@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 607,
     "benchmark": 9769,
-    "calibration": 5171,
+    "calibration": 5175,
     "campaigns": 1651,
     "channels": 527,
     "cli": 2726,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 82815,
-    "src/wrenchbed": 72969,
+    "src": 82819,
+    "src/wrenchbed": 72973,
     "src/robot_emulators": 9846,
-    "tests": 42035,
+    "tests": 42039,
     "scripts": 3521,
 }
 """Lines of Python below a folder at most; of scripts every line."""
