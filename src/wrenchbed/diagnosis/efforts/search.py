@@ -5,13 +5,16 @@ Forward search with a beam; probabilities are means over resampled blocks of tim
 answer less sure.
 """
 
-from dataclasses import dataclass
+from collections import Counter
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
-from scipy.special import logsumexp
+from scipy.special import softmax
 
-from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.evidence import Evidence, left_square, whole
+from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
+from wrenchbed.diagnosis.efforts.evidence import Evidence
+from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN
 
 MOST_CAUSES = 5
 """Causes of a structure, those among them that are too small to count; estimate."""
@@ -27,8 +30,6 @@ _DRAWS = 16
 """Resamples of blocks of time in the comparison of structures; estimate."""
 TEMPER = 4.0
 """Factor on the variance of noise: rows are worth fewer than their number; estimate."""
-_PRIOR_NONE, _PRIOR_ONE, _PRIOR_MORE, _PRIOR_UNKNOWN = 0.35, 0.5, 0.05, 0.15
-"""Prior probability of no cause, of one, of each further one relative, of one without a name."""
 
 Structure = tuple[int, ...]
 """Sorted indices of the dictionary's blocks that act together."""
@@ -36,106 +37,89 @@ Structure = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Structures of causes that were searched, with their evidence.
+    """Structures of causes that were searched.
 
     Attributes:
         d: the columns.
         evidence: of all rows, noise widened by the misfit of the best structure.
         structures: best first.
-        log: posterior of each (S,), not normalised.
         probability: of each (S,), resampled and tempered.
     """
 
     d: Dictionary
     evidence: Evidence
     structures: tuple[Structure, ...]
-    log: np.ndarray
     probability: np.ndarray
 
 
 def search(d: Dictionary, seed: int = 0) -> Search:
     """Structures of up to `MOST_CAUSES` causes."""
-    first, _ = _found(whole(d, TEMPER))
-    best = first[0]
+    every = np.ones(BLOCKS)
+    best = _Found(Evidence(d, every, TEMPER)).best[0]
     rows = sum(float(n.weight.sum()) for n in d.noise)
-    misfit = TEMPER * max(1.0, left_square(d, whole(d).amplitudes(best)) / rows)
-    evidence = whole(d, misfit)
-    structures, log = _found(evidence)
-    rng = np.random.default_rng([seed, 7])
-    count, chance = len(d.gram), np.zeros(len(structures))
+    evidence = Evidence(d, every)
+    misfit = TEMPER * max(1.0, evidence.left_square(evidence.amplitudes(best)) / rows)
+    found = _Found(Evidence(d, every, misfit))
+    structures, rng = found.best, np.random.default_rng([seed, 7])
+    prior, chance = np.array([found.prior(s) for s in structures]), np.zeros(len(structures))
     for _ in range(_DRAWS):
-        weight = np.bincount(rng.integers(count, size=count), minlength=count).astype(float)
+        weight = np.bincount(rng.integers(BLOCKS, size=BLOCKS), minlength=BLOCKS).astype(float)
         drawn = Evidence(d, weight, misfit)
-        logs = np.array([drawn.log(s) for s in structures])
-        logs = logs + np.array([_prior(d, s) for s in structures])
-        chance += np.exp(logs - logsumexp(logs))
+        chance += softmax([drawn.log(s) for s in structures] + prior) / _DRAWS
     order = np.argsort(-chance, kind="stable")
-    return Search(
-        d, evidence, tuple(structures[k] for k in order), log[order], chance[order] / _DRAWS
-    )
+    return Search(d, found.evidence, tuple(structures[k] for k in order), chance[order])
 
 
-def _prior(d: Dictionary, structure: Structure) -> float:
-    """Log prior of a structure: alike for each cause, whatever the number of its joints."""
-    if not structure:
-        return float(np.log(_PRIOR_NONE))
-    named = {b.key for b in d.blocks if not b.outside}
-    unnamed = {b.key for b in d.blocks if b.outside}
-    result = float((len(structure) - 1) * np.log(_PRIOR_MORE))
-    for k in structure:
-        b = d.blocks[k]
-        share = _PRIOR_UNKNOWN / len(unnamed) if b.outside else _PRIOR_ONE / len(named)
-        result += float(np.log(share)) + b.prior
-    return result
+@dataclass(frozen=True, eq=False)
+class _Found:
+    """Structures with their log posterior, which a beam search found."""
 
+    evidence: Evidence
+    score: dict[Structure, float] = field(default_factory=dict)
 
-def _found(evidence: Evidence) -> tuple[list[Structure], np.ndarray]:
-    """Structures, best first, with their log posterior (S,)."""
-    d, score = evidence.d, dict[Structure, float]()
-    score[()] = _prior(d, ())
-    beam: list[Structure] = [()]
-    for _ in range(MOST_CAUSES):
-        every = range(len(d.blocks))
-        gains = {k: _scored(evidence, score, beam[0], k) for k in every}
-        likely = sorted(every, key=lambda k: -gains[k])[:_LIKELY]
-        for s in beam[1:]:
-            for k in likely:
-                _scored(evidence, score, s, k)
-        size = len(beam[0]) + 1
-        grown = (s for s in score if len(s) == size)
-        beam = sorted(grown, key=lambda s: -score[s])[:_BEAM]
-        if score[beam[0]] < max(score.values()) - _HOPELESS:
-            break
-    best = sorted(score, key=lambda s: -score[s])[:_KEPT]
-    if () not in best:
-        best.append(())
-    return best, np.array([score[s] for s in best])
+    @cached_property
+    def _each(self) -> np.ndarray:
+        """Log prior of each block (B,): alike for each cause, whatever its number of variants."""
+        blocks = self.evidence.d.blocks
+        counts = Counter({b.key: b.outside for b in blocks}.values())
+        of = {k: np.log(PRIOR[UNKNOWN if k else "one"] / n) for k, n in counts.items()}
+        return np.array([of[b.outside] + b.prior for b in blocks])
 
+    def prior(self, s: Structure) -> float:
+        """Log prior of a structure."""
+        none = np.log(PRIOR[NONE]) if not s else (len(s) - 1) * np.log(MORE)
+        return float(none + self._each[list(s)].sum())
 
-def _scored(evidence: Evidence, score: dict[Structure, float], s: Structure, block: int) -> float:
-    """Log posterior of a structure with one more cause; −∞ where it has that cause already."""
-    d = evidence.d
-    if _slot(d, block) in {_slot(d, k) for k in s}:
-        return -np.inf
-    grown = tuple(sorted((*s, block)))
-    if grown not in score:
-        log = evidence.log(grown) + _prior(d, grown)
-        score[grown] = log if _resisting(evidence, grown) else -np.inf
-    return score[grown]
+    @cached_property
+    def best(self) -> list[Structure]:
+        """The best structures first, that of nothing among them."""
+        score, every, beam = self.score, range(len(self.evidence.d.blocks)), [()]
+        score[()] = self.prior(())
+        for size in range(1, MOST_CAUSES + 1):
+            gains = {k: self._extended(beam[0], k) for k in every}
+            likely = sorted(every, key=lambda k: -gains[k])[:_LIKELY]
+            for s in beam[1:]:
+                for k in likely:
+                    self._extended(s, k)
+            beam = sorted((s for s in score if len(s) == size), key=lambda s: -score[s])[:_BEAM]
+            if score[beam[0]] < max(score.values()) - _HOPELESS:
+                break
+        result = sorted(score, key=lambda s: -score[s])[:_KEPT]
+        return result if () in result else [*result, ()]
 
+    def _extended(self, s: Structure, block: int) -> float:
+        """Log posterior of a structure with one more cause; −∞ where it has that cause already."""
+        blocks = self.evidence.d.blocks
+        if blocks[block].slot in {blocks[k].slot for k in s}:
+            return -np.inf
+        grown = tuple(sorted((*s, block)))
+        if grown not in self.score:
+            log = self.evidence.log(grown) + self.prior(grown)
+            self.score[grown] = log if self._resisting(grown) else -np.inf
+        return self.score[grown]
 
-def _resisting(evidence: Evidence, structure: Structure) -> bool:
-    """Whether effects of a structure that can only resist motion do resist it."""
-    d = evidence.d
-    signed = [d.blocks[k] for k in structure if d.blocks[k].resists]
-    if not signed:
-        return True
-    amplitudes = evidence.amplitudes(structure)
-    return all(amplitudes[np.isin(d.names, b.resists)].sum() >= 0.0 for b in signed)
-
-
-def _slot(d: Dictionary, block: int) -> tuple[str, int | None]:
-    """Slot of a block: causes with one slot exclude each other, as a joint's delay and filter may
-    cancel."""
-    effect, joint = d.blocks[block].key
-    return ("lag" if effect in ("drive.delay", "drive.bandwidth") else effect), joint
+    def _resisting(self, s: Structure) -> bool:
+        """Whether effects of a structure that can only resist motion do resist it."""
+        d, signed = self.evidence.d, [b for k in s if (b := self.evidence.d.blocks[k]).resists]
+        amplitudes = self.evidence.amplitudes(s) if signed else np.zeros(0)
+        return all(amplitudes[np.isin(d.names, b.resists)].sum() >= 0.0 for b in signed)

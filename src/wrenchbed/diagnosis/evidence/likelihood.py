@@ -39,8 +39,81 @@ WITHIN = 1.0
 """Standard deviation of a stated number over its tolerance."""
 
 
+class OfProducts:
+    """Columns with background variance V (n,) of which products Eᵀ v₀⁻¹ E and Eᵀ v₀⁻¹ y are enough:
+    those of many rows, and those of readings of which nothing else is kept.
+    """
+
+    V: np.ndarray
+
+    def _weighed(self) -> np.ndarray:
+        """Gram matrix Eᵀ v₀⁻¹ E (n, n), weighted by the noise."""
+        raise NotImplementedError
+
+    @cached_property
+    def _gram(self) -> np.ndarray:
+        return self._weighed()
+
+    @cached_property
+    def _on(self) -> np.ndarray:
+        """Indices of the columns with a positive background variance (b,)."""
+        return np.flatnonzero(self.V > 0.0)
+
+    @cached_property
+    def _root(self) -> np.ndarray:
+        """Standard deviations of the columns with background variance (b,)."""
+        return np.sqrt(self.V[self._on])
+
+    def _beside(self) -> np.ndarray:
+        """G D for the columns with background variance (n, b), G = Eᵀ v₀⁻¹ E, D = V½."""
+        result = np.take(self._gram, self._on, axis=1)
+        result *= self._root
+        return result
+
+    def _inner(self) -> np.ndarray:
+        """D G D among the columns with background variance (b, b)."""
+        result = self._beside()[self._on]
+        result *= self._root[:, None]
+        return result
+
+    @cached_property
+    def _factor(self) -> tuple[np.ndarray, bool]:
+        return self._factored()
+
+    def _factored(self) -> tuple[np.ndarray, bool]:
+        """Cholesky factor of I + D G D."""
+        return factored(self._inner())
+
+    def held(self, u: np.ndarray) -> np.ndarray:
+        """Coefficients (n, k) that the background has of readings of which u = Eᵀ v₀⁻¹ y (n, k) is
+        known: D (I + D G D)⁻¹ D u with D = V½."""
+        root, result = self._root[:, None], np.zeros_like(u)
+        solved = cho_solve(self._factor, root * u[self._on], check_finite=False)
+        result[self._on] = root * solved
+        return result
+
+    def information(self, columns: np.ndarray) -> np.ndarray:
+        """Blocks of P = Eᵀ K₀⁻¹ E (b, k, k) of sets of columns (b, k)."""
+        return self.informations([columns])[0]
+
+    def informations(self, sets: Iterable[np.ndarray]) -> list[np.ndarray]:
+        """`information` of several such sets, without keeping what they share."""
+        factor, lower = self._factor
+        of = self._beside()
+        half = solve_triangular(factor, of.T, lower=lower, overwrite_b=True, check_finite=False)
+        return [
+            np.asarray(self._gram[c[:, :, None], c[:, None, :]] - squares(half, c)) for c in sets
+        ]
+
+
+def factored(inner: np.ndarray) -> tuple[np.ndarray, bool]:
+    """Cholesky factor of I + M for a symmetric M (n, n), which is overwritten."""
+    inner.flat[:: len(inner) + 1] += 1.0
+    return cho_factor(inner.T, lower=True, overwrite_a=True, check_finite=False)
+
+
 @dataclass(frozen=True, eq=False)
-class BackgroundLevel:
+class BackgroundLevel(OfProducts):
     """One level of background: K₀ = v₀ I + E V Eᵀ with diagonal V (n,).
 
     Attributes:
@@ -79,34 +152,7 @@ class BackgroundLevel:
         """Whether the level has more rows than columns."""
         return len(self.v0) > len(self.V)
 
-    @cached_property
-    def _on(self) -> np.ndarray:
-        """Indices of the columns with a positive background variance (b,)."""
-        return np.flatnonzero(self.V > 0.0)
-
-    @cached_property
-    def _root(self) -> np.ndarray:
-        """Standard deviations of the columns with background variance (b,)."""
-        return np.sqrt(self.V[self._on])
-
-    def _beside(self) -> np.ndarray:
-        """G D for the columns with background variance (n, b), G = Eᵀ v₀⁻¹ E, D = V½."""
-        result = np.take(self._gram, self._on, axis=1)
-        result *= self._root
-        return result
-
-    def _inner(self) -> np.ndarray:
-        """D G D among the columns with background variance (b, b)."""
-        result = self._beside()[self._on]
-        result *= self._root[:, None]
-        return result
-
-    @cached_property
-    def _gram(self) -> np.ndarray:
-        return self._weighed()
-
     def _weighed(self) -> np.ndarray:
-        """Gram matrix Eᵀ v₀⁻¹ E (n, n), weighted by the noise."""
         if self.weighed is None:
             return np.asarray(self.E.T @ (self.E / self.v0[:, None]))
         return self.weighed(self.v0)
@@ -123,35 +169,23 @@ class BackgroundLevel:
         if directions and self.tall and not self.few:
             made["_main"] = self._main_directions()
 
-    @cached_property
-    def _factor(self) -> tuple[np.ndarray, bool]:
-        return self._factored()
-
     def _factored(self) -> tuple[np.ndarray, bool]:
         if self.tall:
-            inner = self._inner()
-        elif self.spread is None:
+            return super()._factored()
+        if self.spread is None:
             scaled = (self.E[:, self._on] * self._root) / np.sqrt(self.v0)[:, None]
             inner = scaled @ scaled.T
         else:
             root = np.sqrt(self.v0)
             inner = self.spread / root
             inner /= root[:, None]
-        inner.flat[:: len(inner) + 1] += 1.0
-        return cho_factor(inner.T, lower=True, overwrite_a=True, check_finite=False)
+        return factored(inner)
 
     @cached_property
     def log_det(self) -> float:
         """Log determinant log |K₀|."""
         diagonal = np.diagonal(self._factor[0])
         return float(2 * np.log(diagonal).sum() + np.log(self.v0).sum())
-
-    def _kept(self, w: np.ndarray) -> np.ndarray:
-        """Product D (I + D G D)⁻¹ D w with D = V½, for w (n, k)."""
-        root, result = self._root[:, None], np.zeros_like(w)
-        solved = cho_solve(self._factor, root * w[self._on], check_finite=False)
-        result[self._on] = root * solved
-        return result
 
     @cached_property
     def _main(self) -> tuple[np.ndarray, np.ndarray]:
@@ -173,7 +207,7 @@ class BackgroundLevel:
         z = x / root
         if self.tall and self.few:
             weighed = self.E.T @ (z / root)
-            return np.asarray((z - (self.E @ self._kept(weighed)) / root) / root)
+            return np.asarray((z - (self.E @ self.held(weighed)) / root) / root)
         if self.tall:
             ways, share = self._main
             return np.asarray((z - ways @ (share[:, None] * (ways.T @ z))) / root)
@@ -216,28 +250,13 @@ class BackgroundLevel:
     def _inverse(self) -> np.ndarray:
         return self.solve(np.eye(len(self.v0)))
 
-    def _half(self) -> np.ndarray:
-        """H with HᵀH = Eᵀ K₀⁻¹ E of few rows, or what the background takes from it of many."""
-        factor, lower = self._factor
-        columns = self._beside() if self.tall else self.E.T / np.sqrt(self.v0)
-        return np.asarray(
-            solve_triangular(factor, columns.T, lower=lower, overwrite_b=True, check_finite=False)
-        )
-
-    def information(self, columns: np.ndarray) -> np.ndarray:
-        """Blocks of P = Eᵀ K₀⁻¹ E (b, k, k) of sets of columns (b, k)."""
-        return self.informations([columns])[0]
-
     def informations(self, sets: Iterable[np.ndarray]) -> list[np.ndarray]:
-        """`information` of several such sets, without keeping what they share."""
-        half = self._half()
-        taken = [(columns, squares(half, columns)) for columns in sets]
-        if not self.tall:
-            return [blocks for _, blocks in taken]
-        return [
-            np.asarray(self._gram[columns[:, :, None], columns[:, None, :]] - blocks)
-            for columns, blocks in taken
-        ]
+        if self.tall:
+            return super().informations(sets)
+        factor, lower = self._factor
+        of = self.E.T / np.sqrt(self.v0)
+        half = solve_triangular(factor, of.T, lower=lower, overwrite_b=True, check_finite=False)
+        return [squares(half, c) for c in sets]
 
     def scored(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """w = Eᵀ K₀⁻¹ y (n, c) of cases y (C R, c), and log N(y; 0, K₀) (c,) of each, without the
@@ -248,7 +267,7 @@ class BackgroundLevel:
         else:
             z = y / self.v0[:, None]
             u = self.E.T @ z
-            kept = self._kept(u)
+            kept = self.held(u)
             square, score = (y * z).sum(axis=0) - (u * kept).sum(axis=0), u - self._gram @ kept
         return np.asarray(score), np.asarray(-0.5 * (square + self.log_det))
 

@@ -81,6 +81,12 @@ class Block:
         """Effect and joint of the cause that a block is a variant of."""
         return self.effect, self.joint
 
+    @property
+    def slot(self) -> tuple[str, int | None]:
+        """Causes of one slot exclude each other: a joint's delay and filter may cancel."""
+        lag = self.effect in ("drive.delay", "drive.bandwidth")
+        return "lag" if lag else self.effect, self.joint
+
 
 @dataclass(frozen=True, eq=False)
 class DriveRows:
