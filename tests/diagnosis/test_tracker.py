@@ -6,6 +6,8 @@ import pytest
 from plain_ur5 import PlainUr5
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.errors import DiagnosisError
 
 
 def with_zero_off(joint: int, degrees: float = 0.3) -> PlainUr5:
@@ -42,3 +44,51 @@ def test_the_wrench_alone_knows_their_sum():
 def test_a_healthy_robot_has_no_cause():
     found = diagnose(without(PlainUr5(tracked=5e-5).recording(0), "ax", "ay", "az")).diagnosis
     assert (found.verdict, found.which, found.minor) == ("none", [], [])
+
+
+WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
+
+
+def tracker_alone(robot, seed, **more):
+    return without(robot.recording(seed, **more), "ax", "ay", "az", *WRENCH)
+
+
+@pytest.mark.parametrize(
+    ("joint", "seed"),
+    [(3, 0), *(pytest.param(j, s, marks=pytest.mark.slow) for j in (2, 4, 5) for s in (1, 2))],
+)
+def test_a_tracker_alone_names_the_joint(joint, seed):
+    found = diagnose(tracker_alone(with_zero_off(joint), seed)).diagnosis
+    assert [w["effect"] for w in found.which] == ["joint.offset"]
+    assert found.which[0]["elements"] == [f"joint {joint}"] and not found.which[0]["rivals"]
+    value = found.which[0]["parameters"][f"offset.q{joint}"]
+    assert abs(value["value"] - np.deg2rad(0.3)) < 3.0 * value["std"]
+    assert set(found.gap.per_channel) == {"mx", "my", "mz"} and found.fitted == []
+
+
+def test_of_the_first_zero_a_tracker_knows_nothing_and_says_so():
+    found = diagnose(tracker_alone(with_zero_off(1), 0)).diagnosis
+    assert found.verdict == "none"
+    blind = {(spot.effect, spot.element) for spot in found.blind}
+    assert ("joint.offset", "joint 1") in blind
+
+
+def test_readings_that_do_not_follow_the_arm_are_no_places():
+    """Torques under the names of a tracker's columns."""
+    whole = PlainUr5().recording(0)
+    torques = {m: whole.columns[t] for m, t in zip(("mx", "my", "mz"), WRENCH[3:], strict=True)}
+    beside = Recording(whole.metadata, {**whole.columns, **torques}, whole.name)
+    prepared = prepare(beside)
+    assert [c.name for c in prepared.channels] == ["wrench", "accelerometer"]
+    assert any("mx my mz hold something else" in note for note in prepared.notes)
+    with pytest.raises(DiagnosisError, match="mx my mz hold something else"):
+        prepare(without(beside, *WRENCH, "ax", "ay", "az"))
+
+
+def test_a_tracker_without_repeats_has_the_noise_that_no_effect_explains():
+    rows = tracker_alone(with_zero_off(5, 0.2), 3)
+    first = np.unique(rows.columns["segment"], return_index=True)[1]
+    single = Recording(rows.metadata, {k: v[first] for k, v in rows.columns.items()}, rows.name)
+    found = diagnose(single).diagnosis
+    assert found.which[0]["elements"] == ["joint 5"]
+    assert 3e-5 < found.scale["mx"].noise < 8e-5  # 50 µm

@@ -29,7 +29,7 @@ class Observations:
 
     Attributes:
         q: joint values (M, J), orientations (M, 4), or jets in motion.
-        wrench: readings (M, 6) [N, N·m], means over ``count`` rows.
+        wrench: readings (M, 6) [N, N·m], means over ``count`` rows; (M, 0) without a wrench.
         count: rows in each mean (M,).
         row_covariance: noise of one row (6, 6); zero if there is no noise at all.
         dof: degrees of freedom of ``row_covariance``; inf if stated, 0 if unknown.
@@ -170,11 +170,7 @@ def usable(recording: Recording) -> np.ndarray:
 
     Recordings of live drivers say so in ``saturated``, simulated ones in ``status``; the word of
     a real device has its maker's meaning and drops nothing.
-
-    Raises:
-        RecordingError: the recording has no wrench.
     """
-    recording.require_wrench()
     flags = recording.columns.get("saturated")
     if flags is None and recording.metadata.source == "sim":
         flags = recording.columns.get("status")

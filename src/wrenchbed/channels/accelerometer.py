@@ -34,6 +34,7 @@ class Accelerometer(Channel):
     name = "accelerometer"
     title = "acceleration of the tool: at rest the direction of gravity"
     columns: ClassVar[Mapping[str, str]] = dict.fromkeys(("ax", "ay", "az"), "m/s²")
+    usual = "its mounting, scales and zero"
     floor = 0.005
     """0.5 mg: bias instability and drift with temperature of MEMS sensors; estimate."""
 

@@ -36,6 +36,8 @@ class Channel(ABC):
     """One line of text: what is measured."""
     columns: ClassVar[Mapping[str, str]]
     """Units of the columns of a recording, k of them, by their names."""
+    usual: ClassVar[str]
+    """What of it every user fits, in words."""
     stages: ClassVar[frozenset[str]] = PLACING
     """Stages of effects that change the readings."""
     modes: ClassVar[tuple[str, ...]] = ("static",)

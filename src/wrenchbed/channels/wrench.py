@@ -21,6 +21,7 @@ class Wrench(Channel):
     name = "wrench"
     title = "forces and torques on the sensor"
     columns: ClassVar[Mapping[str, str]] = dict(zip(CHANNELS, UNITS, strict=True))
+    usual = "bias, tool mass and centre of gravity"
     stages = PLACING | {"load", "reading", "timing"}
     modes = ("static", "dynamic")
 

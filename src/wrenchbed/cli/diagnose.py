@@ -163,14 +163,15 @@ def _diagnose_wrench(
     data: list[wb.Recording], learning: LearningOptions, seed: int, out: Path,
     material: str | None,
 ) -> tuple[list[str], Answer]:  # fmt: skip
-    """Diagnose the wrench of recordings; names of files, without plans, and the words."""
+    """Diagnose the wrench of recordings, or a tracker's readings; names of files, without plans,
+    and the words."""
     from wrenchbed.diagnosis.diagnose import diagnose as one
     from wrenchbed.diagnosis.several import diagnose_several as several
     from wrenchbed.reports.diagnosis_page import diagnosis_page
     from wrenchbed.reports.wrench_answer import WrenchAnswer
 
     counts, learnt = None if material is None else _counts(material), None
-    if not learning.fast and len(data) == 1:
+    if not learning.fast and len(data) == 1 and data[0].has_wrench:
         learnt = _learnt(data[0], learning.look_alikes, seed)
     steps = 7 if len(data) == 1 else 3 * len(data) + 3
     with console.progress("diagnosing", steps, alike=False) as report:
@@ -187,7 +188,8 @@ def _diagnose_wrench(
     with atomic_folder(out) as folder:
         findings.write(folder)
         _tried(_PAGE, lambda: diagnosis_page(findings, console.command()).write(folder / _PAGE))
-        _tried(_PICTURE, lambda: _draw(findings, folder / _PICTURE))
+        if data[0].has_wrench:
+            _tried(_PICTURE, lambda: _draw(findings, folder / _PICTURE))
         return _names(folder), WrenchAnswer(findings)
 
 

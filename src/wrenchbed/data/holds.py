@@ -73,9 +73,9 @@ class Holds:
     Attributes:
         t: mean time (H,) [s].
         q: joint values (H, J) or orientations (H, 4).
-        wrench: mean reading (H, 6) [N, N·m].
+        wrench: mean reading (H, 6) [N, N·m]; (H, 0) without a wrench.
         count: rows in each hold (H,).
-        row_covariance: of one row about its hold's mean (6, 6), None without repeats.
+        row_covariance: of one row about its hold's mean (6, 6), None without repeats or wrench.
         dof: degrees of freedom behind it.
         rows: index of each hold's first row among those kept (H,).
     """
@@ -100,24 +100,28 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
         keep: rows to use (N,), boolean.
     """
     names = recording.joints or QUATERNION
+    sensed = CHANNELS if recording.has_wrench else ()
     columns = recording.columns
     if not keep.all():
-        used = {"t", "segment", *names, *CHANNELS} & columns.keys()
+        used = {"t", "segment", *names, *sensed} & columns.keys()
         columns = {name: columns[name][keep] for name in used}
     starts = first_rows(columns)
     rows = len(columns["t"])
     count = np.diff(np.append(starts, rows))
 
-    def mean(name: str) -> np.ndarray:
-        return np.asarray(np.add.reduceat(columns[name], starts, dtype=float) / count)
+    def means(some: Sequence[str]) -> np.ndarray:
+        result = np.empty((len(starts), len(some)))
+        for k, name in enumerate(some):
+            result[:, k] = np.add.reduceat(columns[name], starts, dtype=float) / count
+        return result
 
-    middle, wrench = (np.stack([mean(n) for n in some], axis=1) for some in (names, CHANNELS))
+    wrench = means(sensed)
     dof = rows - len(starts)
     covariance = None
-    if dof > 0:
-        channels = [columns[c] for c in CHANNELS]
+    if dof > 0 and sensed:
+        channels = [columns[c] for c in sensed]
         covariance = sum(r.T @ r for _, r in about_means(channels, wrench, count)) / dof
-    return Holds(mean("t"), middle, wrench, count, covariance, dof, starts)
+    return Holds(means(["t"])[:, 0], means(names), wrench, count, covariance, dof, starts)
 
 
 def first_rows(columns: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -72,7 +72,7 @@ class Plan:
         data, raw = parquet.read(path, PlanError)
         joints, points = joint_columns(data), [c for c in POINT if c in data]
         if holds_readings(data):
-            held = "fx" if "fx" in data else f"{effort_prefix(data)}1"
+            held = next((c for c in ("fx", "mx") if c in data), f"{effort_prefix(data)}1")
             raise PlanError(f"{path}: this is a recording (it holds {held}), not a plan")
         if not joints:
             raise PlanError(f"{path}: column 'q1' is missing; found {', '.join(data) or 'none'}")

@@ -27,6 +27,8 @@ POINT = ("px", "py", "pz")
 TOUCH_STD = 5e-5
 """Standard deviation of a touching tip's position per axis [m]: a ball in a socket, reached with
 the repeatability of a good arm (UR5e's data sheet: 0.03 mm)."""
+TARGET = ("mx", "my", "mz")
+"""Place of a target on the flange in a tracker's axes [m]."""
 EFFORT_UNITS = {"tau": "N·m", "i": "A"}
 """Column prefixes of joint torques and of motor currents, with their units."""
 _UNIT_LENGTH = 1e-3
@@ -69,26 +71,26 @@ class Recording:
         """Measured load on the sensor (N, 6) [N, N·m].
 
         Raises:
-            RecordingError: the recording has joint torques or currents alone.
+            RecordingError: the recording has none.
         """
         self.require_wrench()
         return np.stack([self.columns[c] for c in CHANNELS], axis=-1)
 
     @property
     def has_wrench(self) -> bool:
-        """Whether there is a wrench; otherwise there are joint torques or currents."""
+        """Whether there is a wrench; otherwise there are joint efforts, or places of a target."""
         return CHANNELS[0] in self.columns
 
     def require_wrench(self) -> None:
-        """Refuse a recording of joint efforts alone.
+        """Refuse a recording of joint efforts, or of places of a target, alone.
 
         Raises:
             RecordingError: it has no wrench.
         """
         if not self.has_wrench:
+            held = "the places of a target" if self.effort is None else "the effort of its joints"
             raise RecordingError(
-                f"{self.name}: has no wrench fx … tz, only the effort of its joints: this needs "
-                "a force/torque sensor"
+                f"{self.name}: has no wrench fx … tz, only {held}: this needs a force/torque sensor"
             )
 
     @property
@@ -180,8 +182,8 @@ def effort_prefix(columns: Container[str]) -> str | None:
 
 
 def holds_readings(columns: Container[str]) -> bool:
-    """Whether columns hold a wrench or joint efforts, as a recording's do and a plan's do not."""
-    return CHANNELS[0] in columns or effort_prefix(columns) is not None
+    """Whether columns hold readings of some sensor, as a recording's do and a plan's do not."""
+    return CHANNELS[0] in columns or TARGET[0] in columns or effort_prefix(columns) is not None
 
 
 def _from_journal(path: Path, recording: Path) -> pa.Table:
@@ -207,9 +209,10 @@ def _from_journal(path: Path, recording: Path) -> pa.Table:
 
 def _wrong_columns(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
     """Sentences on columns that are missing."""
-    wrench = CHANNELS if {*CHANNELS} & set(columns) or effort_prefix(columns) is None else ()
+    wrench = CHANNELS if {*CHANNELS} & set(columns) or not holds_readings(columns) else ()
     missing = [c for c in ("t", *wrench) if c not in columns]
     oriented, point = ([c for c in some if c in columns] for some in (QUATERNION, POINT))
+    target = [c for c in TARGET if c in columns]
     if missing:
         bare = "q1" in columns and not {"t", "fx"} & set(columns)
         plan = "; this looks like a plan: record it first" if bare else ""
@@ -220,13 +223,15 @@ def _wrong_columns(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
         yield "the recording has 0 rows"
     if point and len(point) != 3:
         yield f"{', '.join(point)} without the rest of px py pz"
+    if not wrench and len(target) not in (0, 3):
+        yield f"{', '.join(target)} without the rest of mx my mz"
 
 
 def _wrong_values(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
     """Sentences on columns of another kind, and on rows with a wrong value."""
     rows, joints, prefix = len(columns["t"]), joint_columns(columns), effort_prefix(columns)
     efforts = [f"{prefix}{j + 1}" for j in range(len(joints))]
-    numeric = {"t", *CHANNELS, *efforts, *joints, *QUATERNION, *POINT}
+    numeric = {"t", *CHANNELS, *efforts, *joints, *QUATERNION, *POINT, *TARGET}
     for column, array in columns.items():
         kind = array.dtype.kind
         if array.shape != (rows,):

@@ -24,7 +24,6 @@ from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 from wrenchbed.effects.base import Curve, Effect, Values, Variant
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 Place = tuple[str, str, float, float]
 """Effect, detail, share and p-value of an entry of ``where``."""
@@ -278,7 +277,7 @@ def scales(prepared: Prepared) -> dict[str, Scale]:
     """Noise of a row, and what counts, of each channel."""
     p = prepared.leading
     noise, counts = p.row_sigma.tolist(), p.sigma.tolist()
-    return {c: Scale(*s) for c, *s in zip(CHANNELS, noise, counts, UNITS, strict=True)}
+    return {c: Scale(*s) for c, *s in zip(p.units, noise, counts, p.units.values(), strict=True)}
 
 
 def of_data(a: Analysis, folds: int) -> tuple[str, ...]:

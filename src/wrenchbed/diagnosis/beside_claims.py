@@ -116,6 +116,8 @@ def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[di
     known = [True] * 6 + [tool.mass is not None] + [tool.cog is not None] * 3
     units = ["N"] * 3 + ["N·m"] * 3 + ["kg"] + ["m"] * 3
     order = np.concatenate([np.flatnonzero(d.of_stated(effect)) for effect in STATED])
+    if not len(order):
+        return []
     return [
         {
             "name": name,

@@ -42,6 +42,7 @@ from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap import constancy, where
 from wrenchbed.diagnosis.gap.closure import Claims
 from wrenchbed.diagnosis.gap.gaps import Closure
+from wrenchbed.diagnosis.gap.held_out import simulated
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.next import experiments, isolability
 from wrenchbed.diagnosis.next.blind import Design, blind_spots
@@ -72,6 +73,8 @@ ELSEWHERE = (
     "this one (--look-alikes 200) give probabilities for this recording"
 )
 """Note on probabilities of a robot that nothing was learnt on."""
+OF_WRENCHES = "the probabilities were learnt on wrenches, none on readings of this kind"
+"""The same of a recording without a wrench."""
 FAMILIAR = "the probabilities were learnt on robots of this kind and such sets of poses or motions"
 """Sentence on probabilities that were learnt for such a recording."""
 Progress = Callable[[str], None]
@@ -170,13 +173,19 @@ def examine(
     weighed, outliers = _without_outliers(prepared, weigh(prepared, known, seed), known, seed)
     prepared = weighed.analysis.prepared
     progress("rows")
+    between, scattered = _between_rows(prepared) if prepared.has_wrench else ((), "")
+    return Examined(weighed, known, outliers, between, scattered)
+
+
+def _between_rows(prepared: Prepared) -> tuple[tuple[RowFinding, ...], str]:
+    """Effects that show between rows of a wrench only, and a sentence on what else scatters
+    there."""
     rows = (
         *find_row_effects(prepared.excerpt, prepared.configuration),
         *find_tool_vibration(prepared),
     )
     between = tuple(r for r in rows if r.probability >= least_beside(prepared.touch))
-    scattered = row_effects.unexplained(prepared.excerpt, prepared.configuration, between)
-    return Examined(weighed, known, outliers, between, scattered)
+    return between, row_effects.unexplained(prepared.excerpt, prepared.configuration, between)
 
 
 def findings_of(examined: Examined, seed: int, progress: Progress, begun: float) -> Findings:
@@ -185,8 +194,9 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     weighed, known, outliers, between, scattered = examined
     analysis, decision = weighed.analysis, weighed.decision
     gap, twin, prepared = decision.gap, weighed.twin, analysis.prepared
-    reading = twin.wrench(prepared.scene) if outliers else prepared.scene.load
-    touch = prepared.touch or contact_of(prepared, [o.rows for o in outliers], reading)
+    touch = prepared.touch
+    if outliers and touch is None and prepared.has_wrench:
+        touch = contact_of(prepared, [o.rows for o in outliers], twin.wrench(prepared.scene))
     often = OFTEN if touch is None and outliers_.spells(outliers) > MOST_SPELLS else ""
     loud = scattered or (LOUD if not between and gap.calibrated.low > LARGEST_NONE else "")
     signs = [sentence for sentence in (loud, often) if sentence]
@@ -225,12 +235,12 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         minor=beside_claims.minor(analysis, verdict, spread, 1.0 if known is None else known.right),
         fitted=beside_claims.fitted(analysis, verdict, spread),
         scale=answer.scales(prepared),
-        familiar=" ".join(_learnt(known)) or FAMILIAR,
+        familiar=" ".join(_learnt(known, prepared)) or FAMILIAR,
         outliers=[o.entry(touch if prepared.touch is None else None) for o in outliers],
         notes=(
             *of_data,
             *answer.of_data(analysis, gap.folds),
-            *_learnt(known),
+            *_learnt(known, prepared),
             *answer.notes(gap, between, unknown=verdict.word == UNKNOWN),
             *answer.confirmations(prepared, verdict, gap),
         ),
@@ -339,7 +349,7 @@ def _without_outliers(
         if np.array_equal(rows, ~weighed.analysis.prepared.judged):
             break
         again = weigh(prepared.aside(rows), known, seed)
-        described = outliers_.described(prepared, rows, again.twin.wrench(prepared.scene))
+        described = outliers_.described(prepared, rows, simulated(prepared, again.twin))
         if not described or again.decision.rest > CLEARER * decision.rest:
             break
         outliers, all_rows = described, np.any([o.rows for o in described], axis=0)
@@ -349,17 +359,20 @@ def _without_outliers(
     return weighed, outliers
 
 
-def _learnt(known: Reliability | None) -> tuple[str, ...]:
+def _learnt(known: Reliability | None, prepared: Prepared) -> tuple[str, ...]:
     """Note on the cases that the probabilities were learnt on, if not those of this robot's
     kind."""
     if known is not None and known.own:
         return (f"the probabilities were learnt on {known.source}",)
-    return () if known is None or not known.elsewhere else (ELSEWHERE,)
+    if known is None or not known.elsewhere:
+        return ()
+    return (ELSEWHERE if prepared.has_wrench else OF_WRENCHES,)
 
 
 def _shipped(prepared: Prepared) -> Reliability | None:
     """Reliability model shipped with the package for this robot and kind of recording."""
-    return shipped(prepared.robot.name, prepared.moving, prepared.scene.jointed)
+    usual = prepared.scene.jointed and prepared.has_wrench
+    return shipped(prepared.robot.name, prepared.moving, usual)
 
 
 def _right(

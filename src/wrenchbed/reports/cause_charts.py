@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from wrenchbed.effects.chain import ActiveEffect, respond
+from wrenchbed.channels.base import Channel
+from wrenchbed.channels.response import readings
+from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
 from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Role, Scale, Series, thinned
 from wrenchbed.pages.numbers import minus
@@ -101,7 +103,7 @@ def _joint(e: Evidence, c: Cause, active: ActiveEffect) -> Chart | None:
         Series("measured", "points", x[rows], 1e3 * error, 1e3 * std, ids=e.ids[rows]),
     ]
     caption = (
-        "What each row's six readings say of the joint's true value, less the reported one, by "
+        "What each row's readings say of the joint's true value, less the reported one, by "
         f"least squares. {len(x) - len(rows)} of {len(x)} rows give too little information and "
         "are not drawn."
     )
@@ -124,7 +126,8 @@ def _joint_error(
         standard uncertainties (R,).
     """
     scene = replace(e.prepared.scene, theta=c.rest.robot_theta)
-    slopes = [_slope(scene, c, k) / e.std for k in range(shift.shape[1])]
+    channels = e.prepared.channels
+    slopes = [_slope(channels, scene, c, k) / e.std for k in range(shift.shape[1])]
     sizes = [float(((s * shift[:, [k]]) ** 2).sum()) for k, s in enumerate(slopes)]
     k = int(np.argmax(sizes))
     others = sum(s * shift[:, [j]] for j, s in enumerate(slopes) if j != k)
@@ -135,11 +138,13 @@ def _joint_error(
     return k, rows, error, np.sqrt(float(e.prepared.noise.mean()) / weight[rows])
 
 
-def _slope(scene: Scene, c: Cause, joint: int) -> np.ndarray:
+def _slope(channels: Sequence[Channel], scene: Scene, c: Cause, joint: int) -> np.ndarray:
     """Change of the readings (H, 6) per unit of a joint's value."""
     step = np.zeros(scene.joints.shape[1])
     step[joint] = STEP
-    up, down = (respond(replace(scene, q=scene.q + s), c.rest.active) for s in (step, -step))
+    up, down = (
+        readings(channels, replace(scene, q=scene.q + s), c.rest.active) for s in (step, -step)
+    )
     return np.asarray((up - down)[scene.held] / (2.0 * STEP))
 
 
@@ -234,7 +239,7 @@ def _lag(e: Evidence, c: Cause, active: ActiveEffect) -> Chart | None:
         rest.append(Series(label, "line", 1e3 * lags, rms, role=role))
     x = Axis("simulated readings later by", "ms")
     panels = (
-        Panel(x, Axis(f"correlation of {CHANNELS[k]}"), tuple(series)),
+        Panel(x, Axis(f"correlation of {e.names[k]}"), tuple(series)),
         Panel(x, Axis("residual, rms", "noise"), tuple(rest)),
     )
     caption = (
@@ -281,7 +286,7 @@ def everywhere(e: Evidence, name: str) -> Chart:
     claimed = e.after is not None
     residual = (e.prepared.y - (e.before if e.after is None else e.after)) / e.std
     k = largest(residual)[0]
-    y, panels, note = Axis(f"{CHANNELS[k]}, residual", "noise"), [], ""
+    y, panels, note = Axis(f"{e.names[k]}, residual", "noise"), [], ""
     for axis, x in _variables(e, k):
         order = np.argsort(x, kind="stable")
         points = Series("residual", "points", x[order], residual[order, k], None,
@@ -290,10 +295,10 @@ def everywhere(e: Evidence, name: str) -> Chart:
         panels.append(Panel(axis, y, series, zero=True, height=0.8))
     simulator = "the simulator with the effects" if claimed else "the calibrated simulator"
     caption = (
-        f"Measured minus {simulator}, channel {CHANNELS[k]}, which differs most. A "
+        f"Measured minus {simulator}, channel {e.names[k]}, which differs most. A "
         "cause would show as a line, a wave or a step in the panel of its variable."
     )
-    title = f"Residual of {CHANNELS[k]} over all that was recorded"
+    title = f"Residual of {e.names[k]} over all that was recorded"
     return Chart(name, title, tuple(panels), columns=3, caption=caption, note=note)
 
 
@@ -308,8 +313,9 @@ def _variables(e: Evidence, channel: int) -> Iterator[tuple[Axis, np.ndarray]]:
     for k, direction in enumerate("xyz"):
         yield Axis(f"gravity along the sensor's {direction}", "1"), down[:, k]
     yield Axis("time", "s"), scene.t[held]
-    load = Axis(f"simulated load {CHANNELS[channel]}", UNITS[channel])
-    yield load, scene.load[held][:, channel]
+    if e.prepared.has_wrench:
+        load = Axis(f"simulated load {e.names[channel]}", e.units[channel])
+        yield load, scene.load[held][:, channel]
     if scene.warmth is not None:
         yield Axis("temperature above the first row's", "K"), scene.warmth[held]
     if e.prepared.moving:

@@ -10,7 +10,6 @@ import numpy as np
 from wrenchbed.effects.chain import effects
 from wrenchbed.pages import numbers
 from wrenchbed.pages.chart import NOISE, Axis, Chart, Matrix, Panel, Role, Series, thinned
-from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports.simulators import Cause, Evidence, largest
 from wrenchbed.twin.comparison import binned_rms, bins
 
@@ -67,11 +66,15 @@ def _bars(name: str, title: str, rows: Sequence[tuple[str, float, str]], caption
     return Chart(name, title, (Panel(axis, labels, tuple(series)),), caption=caption)
 
 
-def heat(residuals: Mapping[str, np.ndarray], over: np.ndarray, axis: Axis, observed: str) -> Chart:
+def heat(
+    residuals: Mapping[str, np.ndarray], names_of: Sequence[str], over: np.ndarray, axis: Axis,
+    observed: str,
+) -> Chart:  # fmt: skip
     """Residual rms in units of noise, one panel a simulator, on the scale of every page.
 
     Args:
-        residuals: (N, 6) in units of one row's noise, by simulator.
+        residuals: (N, C) in units of one row's noise, by simulator.
+        names_of: of the channels (C,).
         over: values (N,) by which the observations are sorted into columns, with their axis.
         observed: what the observations are, for people.
     """
@@ -80,7 +83,7 @@ def heat(residuals: Mapping[str, np.ndarray], over: np.ndarray, axis: Axis, obse
     for title, residual in residuals.items():
         values = binned_rms(residual, groups)
         cells = tuple(tuple(_cell(float(v)) for v in row) for row in values)
-        matrix = Matrix(CHANNELS, tuple(names), values, NOISE, cells)
+        matrix = Matrix(tuple(names_of), tuple(names), values, NOISE, cells)
         panels.append(Panel(Axis(axis.text), Axis(""), title=title, matrix=matrix))
     caption = (
         f"Measured minus simulated, all {observed}, in units of the noise of a row: 1 is as large "
@@ -97,7 +100,7 @@ def residual_map(e: Evidence) -> Chart:
     """Residual of the simulators before and after over the variable that tells most."""
     readings = {e.first: e.before} | ({} if e.after is None else {"with the effects": e.after})
     residuals = {name: (e.prepared.y - reading) / e.std for name, reading in readings.items()}
-    return heat(residuals, *e.variable(), e.prepared.observed)
+    return heat(residuals, e.names, *e.variable(), e.prepared.observed)
 
 
 def of_cause(e: Evidence, c: Cause, name: str) -> list[Chart]:
@@ -128,7 +131,7 @@ def _comparison(
         measured: minus the simulator without the effect (H, 6).
         effect: what it adds (H, 6); None where nothing is claimed.
     """
-    p, channel, unit, sigma = e.prepared, CHANNELS[k], UNITS[k], float(e.std[k])
+    p, channel, unit, sigma = e.prepared, e.names[k], e.units[k], float(e.std[k])
     x, axis, order = _across(e, title, k, effect)
     y, ids = measured[order, k], e.ids[order]
     std = np.full(len(order), sigma * np.sqrt(p.noise[k]))

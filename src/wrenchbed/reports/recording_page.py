@@ -78,7 +78,7 @@ def _charts(recording: Recording, known: Sequence[Simulator], noise: np.ndarray)
     poses, measured = unit == "pose", recording.wrench
     residuals = {s.name: np.asarray((measured - s.reading) / noise) for s in known}
     axis = Axis("pose") if poses else Axis("time", "s")
-    charts = [figures.heat(residuals, order, axis, "poses" if poses else "rows")]
+    charts = [figures.heat(residuals, CHANNELS, order, axis, "poses" if poses else "rows")]
     caption = "On the left measured and simulated, on the right their difference."
     for title, first in (("Forces", 0), ("Torques", 3)):
         panels = []

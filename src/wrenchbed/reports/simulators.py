@@ -7,13 +7,12 @@ import numpy as np
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.explain.outliers import pose_numbers
 from wrenchbed.diagnosis.gap.closure import calibrated
-from wrenchbed.diagnosis.gap.held_out import HeldOut
+from wrenchbed.diagnosis.gap.held_out import HeldOut, simulated
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.pages.chart import Axis
 from wrenchbed.pages.numbers import HUMAN
-from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Joint
 from wrenchbed.twin.twin import Twin
 
@@ -29,8 +28,8 @@ class Cause:
         name: of the effect, or of the stated numbers that are wrong.
         active: the effect as fitted, None for stated numbers.
         rest: the diagnosed simulator without it.
-        effect: what it adds to the readings (H, 6), in the simulator.
-        measured: minus the simulator without it (H, 6), by fits that did not see the rows.
+        effect: what it adds to the readings (H, C), in the simulator.
+        measured: minus the simulator without it (H, C), by fits that did not see the rows.
     """
 
     name: str
@@ -41,11 +40,12 @@ class Cause:
 
 
 class Evidence:
-    """Readings of the simulators at the observations (H, 6), by fits that did not see them.
+    """Readings of the simulators at the observations (H, C), by fits that did not see them.
 
     Attributes:
+        names, units: of the channels (C,).
         ids: numbers of the observations (H,): of poses as in `along`, of samples their order.
-        std: noise of a row (6,) [N, N·m].
+        std: noise of a row (C,).
         first: what the simulator is before the effects, ``calibrated`` or ``as configured``.
         before, after: its readings, and those with the effects; None without a claim.
     """
@@ -55,6 +55,7 @@ class Evidence:
         p = a.prepared.leading
         self.findings, self.prepared, self.twin = findings, p, findings.diagnosis.twin
         self.ids = np.arange(len(p.y)) if p.moving or p.averaged else pose_numbers(p)
+        self.names, self.units = tuple(p.units), tuple(p.units.values())
         self.std = p.row_sigma
         wrong_only = gap.with_effects is not None and not self.twin.active
         self.first = "as configured" if wrong_only else "calibrated"
@@ -70,7 +71,7 @@ class Evidence:
         before = {c: float(v["before"]) for c, v in known.items()}
         if self.first == "as configured":
             gaps = HeldOut(self.prepared).channels(self.start.wrench(self.prepared.scene))
-            before = dict(zip(CHANNELS, map(float, gaps), strict=True))
+            before = dict(zip(self.names, map(float, gaps), strict=True))
         after = {c: float(v["after"]) for c, v in known.items() if v.get("after") is not None}
         return before, after, self.first
 
@@ -93,8 +94,8 @@ class Evidence:
         ]
 
     def of(self, twin: Twin) -> np.ndarray:
-        """Readings (H, 6) of a simulator at the observations."""
-        return np.asarray(twin.wrench(self.prepared.scene)[self.prepared.scene.held])
+        """Readings (H, C) of a simulator at the observations."""
+        return simulated(self.prepared, twin)[self.prepared.scene.held]
 
     def variable(self) -> tuple[np.ndarray, Axis]:
         """Values (H,) and axis of a joint where one is to blame or seen, else as in `along`."""

@@ -37,11 +37,11 @@ class WrenchAnswer(Answer):
         variable: on which an unknown residual depends most, within a sentence.
     """
 
-    fitted = "bias, tool mass and centre of gravity fitted, as every user does"
-
     def __init__(self, findings: Findings) -> None:
         super().__init__(findings.diagnosis)
         self.findings = findings
+        usual = findings.analysis.prepared.channels[0].usual
+        self.fitted = f"{usual} fitted, as every user does"
         self.row_effects = frozenset(r.effect for r in findings.rows)
         self.row_sentences = [r.sentence for r in findings.rows]
         self.notes = [*self.row_sentences, *self.notes_besides_rows, *self.fitted_load]

@@ -7,12 +7,13 @@ functions, channel by channel. Together they fit what no effect of the library m
 share of a residual says what it varies with.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
+from wrenchbed.channels.base import flat
 from wrenchbed.channels.own_noise import orthonormal
 from wrenchbed.channels.response import Response
 from wrenchbed.diagnosis.prepare.configuration import STATED
@@ -250,7 +251,7 @@ class EffectDictionary:
 
     def of_stated(self, effect: str) -> np.ndarray:
         """Which of the stated columns are of one effect (S,), boolean."""
-        return np.array([self.label[k][0] == effect for k in self.stated])
+        return np.array([self.label[k][0] == effect for k in self.stated], dtype=bool)
 
     def fitted(self, signal: np.ndarray) -> np.ndarray:
         """Stated numbers (S,), in typical sizes, that fit a signal (C R,) best."""
@@ -311,11 +312,11 @@ def build(
     Args:
         prepared: the design.
         robot_theta: parameters of the baseline's robot.
-        tolerance: of the stated numbers by effect, SI; inf where nothing is stated.
+        tolerance: of the stated numbers that show, by effect, SI; inf where nothing is stated.
     """
     at = prepared.at(robot_theta)
     response = Response(at.scene, at.channels, at.expected)
-    residual = FittedResidual(at.leading, response)
+    residual = FittedResidual(at.leading, response, tolerance)
     away, lacking = nuisance(at), _of_channels(at, [c.imperfections(at.scene) for c in at.channels])
     columns: list[np.ndarray] = [*away.T, *lacking.T]
     first, size = len(columns), [1.0] * len(columns)
@@ -324,7 +325,7 @@ def build(
     drafts: list[tuple[Effect, Variant, list[int]]] = []
     formula: set[int] = set()
     for effect in effects().values():
-        if not effect.acts(at.scene):
+        if not at.reads(effect):
             continue
         known = {p.name: p for p in effect.parameters(at.robot)}
         named = (*effect.variants(at.scene), *residual.suggests(effect))
@@ -343,7 +344,7 @@ def build(
             formula |= set(chosen) if k < len(named) else set()
             drafts.append((effect, variant, chosen))
     free_form = np.array([k for k in range(first, len(columns)) if k not in formula], dtype=int)
-    stated = np.array([k for k, (e, _) in enumerate(label) if e in STATED])
+    stated = np.array([k for k, (e, _) in enumerate(label) if e in tolerance], dtype=int)
     basis = np.linalg.qr(np.column_stack([away, *(columns[k] for k in stated)]))[0]
     kernels: dict[str, np.ndarray] = {}
     for kernel, full in features(at).items():
@@ -353,7 +354,7 @@ def build(
         size.extend([1.0] * block.shape[1])
         label.extend([(kernel, "")] * block.shape[1])
     in_order = dict.fromkeys(label[k][0] for k in stated)
-    allowed = np.concatenate([np.atleast_1d(tolerance[e]) for e in in_order])
+    allowed = np.concatenate([np.zeros(0), *(np.atleast_1d(tolerance[e]) for e in in_order)])
     draft = EffectDictionary(
         prepared=at,
         baseline=prepared.rows(response.reading).ravel(),
@@ -437,21 +438,23 @@ def _with_hypotheses(
 
 
 class FittedResidual:
-    """Residual of a wrench after bias, mass and CoG are fitted, scanned for shapes of effects."""
+    """Residual of a channel after nuisance and stated numbers are fitted, scanned for shapes."""
 
-    def __init__(self, prepared: Prepared, response: Response) -> None:
+    def __init__(self, prepared: Prepared, response: Response, stated: Collection[str]) -> None:
         alone = Response(prepared.scene, prepared.channels, prepared.expected)
         one = response.channels == prepared.channels
         self.scene, self.response = prepared.scene, response if one else alone
         self._rows = np.flatnonzero(prepared.scene.held)[prepared.fitted]
         self._noise = prepared.sigma
         measured = (prepared.residual[prepared.fitted] / self._noise).ravel()
-        stated = [
+        columns = [
             self.response.tangent(e, p, Variant(e.name, (p.name,)))[self._rows] / self._noise
-            for e in (effects()[n] for n in STATED)
+            for e in (effects()[n] for n in STATED if n in stated)
             for p in e.parameters(self.scene.robot)
         ]
-        basis = np.linalg.qr(np.stack([c.ravel() for c in stated], axis=1))[0]
+        away = flat(prepared.channels[0].nuisance(self.scene)[self._rows] / self._noise[:, None])
+        fitted = np.column_stack([orthonormal(away), *(c.ravel() for c in columns)])
+        basis = np.linalg.qr(fitted)[0]
         self._value = (measured - basis @ (basis.T @ measured)).reshape(-1, len(self._noise))
         self._fitted = basis.reshape(*self._value.shape, -1)
 

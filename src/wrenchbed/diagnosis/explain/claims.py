@@ -274,6 +274,8 @@ def corrected(refitter: Refitter, f: Finalist, stated: Configuration) -> Configu
 def moved_by(refitter: Refitter, error: np.ndarray, stated: Configuration) -> Configuration:
     """A simulator whose stated numbers are wrong by ``error`` (S,), in typical sizes."""
     d = refitter.d
+    if not len(d.stated):
+        return stated
     bias, mass, cog = (error[d.of_stated(e)] * d.size[d.stated][d.of_stated(e)] for e in STATED)
     return stated.with_nearest_load(stated.mass + float(mass[0]), stated.cog + cog, bias)
 
@@ -314,9 +316,9 @@ def _exact(refitter: Refitter, rung: int) -> BackgroundLevel:
         variance = level.V.copy()
         hidden = [d.of_effect("tool.self_weight")]  # a wrong mass is nearly all of it
         of = np.concatenate([np.zeros(0, dtype=int), *hidden])
-        (mass,) = np.flatnonzero(d.of_stated(STATED[1]))
-        off = 0.5 * d.tolerance[mass] * d.size[d.stated[mass]] / d.size[of]
-        variance[of] = np.minimum(0.5 * MOST, off) ** 2
+        for mass in np.flatnonzero(d.of_stated(STATED[1])):
+            off = 0.5 * d.tolerance[mass] * d.size[d.stated[mass]] / d.size[of]
+            variance[of] = np.minimum(0.5 * MOST, off) ** 2
         variance[d.stated] = 0.0
         refitter.exact[rung] = replace(level.varied(variance), few=True)
     return refitter.exact[rung]

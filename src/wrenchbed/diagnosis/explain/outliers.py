@@ -44,7 +44,7 @@ class Outlier:
         rows: its observations (H,), boolean.
         pose: number of its segment, or its place in the order of poses; None in motion.
         begin, end: [s].
-        error: mean of measured less predicted (6,) [N, N·m].
+        error: mean of measured less predicted (6,) [N, N·m], of a tracker (3,) [m].
     """
 
     rows: np.ndarray
@@ -56,7 +56,9 @@ class Outlier:
     def sentence(self, cause: str = "contact, or wrong rows") -> str:
         """Sentence on an outlier's pose or time, its size and its possible cause."""
         force, torque = (float(np.linalg.norm(x)) for x in (self.error[:3], self.error[3:]))
-        if torque > LEVER_M * force:
+        if len(self.error) == 3:
+            size = f"{1e3 * force:.2g} mm"
+        elif torque > LEVER_M * force:
             size = f"{torque:.2g} N·m about {_axis(self.error[3:])}"
         else:
             size = f"{force:.2g} N along {_axis(self.error[:3])}"

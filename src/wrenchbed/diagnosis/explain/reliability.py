@@ -210,11 +210,11 @@ def _shipped() -> Mapping[str, Any]:
     return dict(json.loads(folder.joinpath("reliability.json").read_text("utf-8")))
 
 
-def shipped(robot: str, moving: bool, jointed: bool = True) -> Reliability | None:
+def shipped(robot: str, moving: bool, usual: bool = True) -> Reliability | None:
     """The model that comes with the package, of the robot at rest or in motion.
 
-    A robot without one, or a recording without joint values, has that of all robots together,
-    whatever the kind of a claim.
+    A robot without one, or a recording without joint values or wrench, has that of all robots
+    together, whatever the kind of a claim.
     """
     mode = "dynamic" if moving else "static"
     known, name = _shipped(), f"{robot} {mode}"
@@ -222,14 +222,15 @@ def shipped(robot: str, moving: bool, jointed: bool = True) -> Reliability | Non
     if raw is None:
         return None
     result = Reliability(**raw | {"claim": tuple(raw["claim"])})
-    return result if name in known and jointed else result.plain()
+    return result if name in known and usual else result.plain()
 
 
 def of_package(recording: Recording) -> Reliability | None:
     """Reliability model of the package for such a recording, marked ``elsewhere`` if learnt on
     other robots or designs."""
     metadata = recording.metadata
-    return shipped(metadata.robot, metadata.mode == "dynamic", bool(recording.joints))
+    usual = bool(recording.joints) and recording.has_wrench
+    return shipped(metadata.robot, metadata.mode == "dynamic", usual)
 
 
 def revision() -> str:

@@ -291,7 +291,7 @@ class Analysis:
 
     @property
     def calibrated(self) -> np.ndarray:
-        """Whitened residual of the first channel (R, 6) after bias, mass and CoG."""
+        """Whitened residual of the first channel (R, c) after what every fit takes."""
         d, of = self.at_baseline.d, self.prepared.families[0]
         return d.without_stated(self.at_baseline.y).reshape(-1, d.channels)[:, of]
 
@@ -325,6 +325,8 @@ def _ranked(prepared: Prepared, coarse: Prepared, baseline: Baseline, at: Baseli
 def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
     """Gap by which what causes add may change with the tool: as the load on the sensor does."""
     p = p.leading
+    if not p.has_wrench:
+        return 0.0
     here, there = (
         p.rows(respond(replace(p.scene, theta=theta))) for theta in (p.scene.theta, to.robot_theta)
     )

@@ -15,10 +15,9 @@ from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure, Interval
-from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
+from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut, simulated
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect
-from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.twin.twin import Twin
 
 RIDGES = 10.0 ** np.arange(-3.0, 3.0, 0.5)
@@ -140,14 +139,14 @@ class Judged:
         before, of = crossed.calibrated(calibrated(a)), p.families[0]
         readings, further = {"calibrated": before[:, of]}, {"calibrated": held_out.further(before)}
         every = {
-            "configured": Twin(p.model, p.theta).wrench(p.scene),
+            "configured": simulated(p, Twin(p.model, p.theta)),
             "calibrated": before,
             "box": before[:, of] + black_box(p.leading, before[:, of]),
         }
         channels, without = {"before": held_out.channels(before)}, dict[str, np.ndarray]()
         if claim is not None:
             after, others = crossed.explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
-            every |= {"with_effects": after, "in_sample": claim.twin.wrench(p.scene)}
+            every |= {"with_effects": after, "in_sample": simulated(p, claim.twin)}
             without = {name: held_out.of(r) for name, r in others.items()}
             further |= {name: held_out.further(r) for name, r in others.items()}
             further["with_effects"] = held_out.further(after)
@@ -210,7 +209,7 @@ def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
         folds=max(len(j.held_out.prepared.folds) for j in each),
         per_channel={
             c: {stage: float(gap[k]) for stage, gap in channels.items()}
-            for k, c in enumerate(CHANNELS)
+            for k, c in enumerate(a.prepared.units)
         },
         members=members,
         in_sample=in_sample,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.dictionary import harmonics, variables
+from wrenchbed.diagnosis.evidence.dictionary import harmonics, nuisance, variables
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.scene import held_on
 from wrenchbed.physics.time_derivatives import Jet, value
@@ -156,7 +156,8 @@ def _functions(prepared: Prepared) -> dict[str, np.ndarray]:
             result[f"direction of joint {j + 1}"] = with_sign
     result |= {k: known[k] for k in ("time", "temperature") if k in known}
     load = prepared.expected / prepared.sigma
-    result |= _of_load(prepared, load)
+    if prepared.has_wrench:
+        result |= _of_load(prepared, load)
     if isinstance(scene.q, Jet):
         rate = np.gradient(load, scene.period, axis=0)[held]
         # no single joint's speed or acceleration: in sums of sines they look like other angles
@@ -227,7 +228,10 @@ def _orthonormal(columns: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
 
 
 def _fitted(prepared: Prepared) -> np.ndarray:
-    """Orthonormal basis (C R, 10) of the readings of bias, mass and CoG."""
+    """Orthonormal basis (C R, k) of what every user fits: bias, mass and CoG of a wrench, nuisance
+    of another channel."""
+    if not prepared.has_wrench:
+        return np.asarray(np.linalg.qr(nuisance(prepared))[0])
     scene = prepared.scene
 
     def load(cog: np.ndarray) -> np.ndarray:

@@ -83,17 +83,25 @@ class HeldOut:
             return np.asarray(self.noise + float(p.noise.mean()))
         n = np.maximum(self.count, 2)
         repeated = (self.noise + self._of_row) * n / (n - 1) - self._of_row
-        return np.asarray(np.where(self.count > 1, repeated, 0.0))
+        by_rows = (self.count > 1) & bool(self.prepared.scatter.any())
+        return np.asarray(np.where(by_rows, repeated, 0.0))
 
 
 def _errors(baseline: Baseline, refitter: Refitter) -> np.ndarray:
     """Errors of the stated numbers (S,) that a baseline found, in typical sizes."""
     d = refitter.d
     result = np.zeros(len(d.stated))
-    result[d.of_stated(STATED[0])] = baseline.configuration.bias
-    for effect, change in baseline.moved.items():
+    bias = {STATED[0]: baseline.configuration.bias} if STATED[0] in baseline.tolerance else {}
+    for effect, change in {**bias, **baseline.moved}.items():
         result[d.of_stated(effect)] = change
     return np.asarray(result / d.size[d.stated])
+
+
+def simulated(p: Prepared, twin: Twin) -> np.ndarray:
+    """Readings (M, c) of the leading channel: MuJoCo's of a wrench, else the closed form's."""
+    if p.has_wrench:
+        return twin.wrench(p.scene)
+    return readings(p.channels[:1], replace(p.scene, theta=twin.robot_theta), twin.active)
 
 
 class CrossFit:
@@ -112,14 +120,14 @@ class CrossFit:
         self._held = {k: self._rows(k) for k in a.prepared.folds}
         without, p = a.refitter.without, a.prepared
         self._fits = {k: without(k) if fits is None else fits[k] for k in p.folds}
-        self._nuisance = [c.nuisance(p.scene) for c in p.channels[1:]]
+        self._nuisance = [c.nuisance(p.scene) for c in p.channels]
 
     def calibrated(self, baseline: Twin) -> np.ndarray:
         """Readings (M, C) of the simulator after bias, mass and CoG were fitted."""
         a, whole = self._a, self._a.at_baseline
         error, all_rows = _errors(a.baseline, whole), whole.d.fitted(whole.y)
         at_all = self._read(a.baseline.configuration, ())
-        result = self._beside(baseline.wrench(a.prepared.scene), at_all)
+        result = self._beside(simulated(a.prepared, baseline), at_all)
         for k in self._fits:
             refitter = whole.without(k)
             moved = error + refitter.d.fitted(refitter.y) - all_rows
@@ -140,7 +148,7 @@ class CrossFit:
         """
         a = self._a
         at_all = self._read(Configuration(twin.model, twin.theta), twin.active)
-        result = self._beside(twin.wrench(a.prepared.scene), at_all)
+        result = self._beside(simulated(a.prepared, twin), at_all)
         names = [*(f.parts[k].name for k in keep), *wrong]
         without = {name: result.copy() for name in names}
         for fold, refitter in self._fits.items():
@@ -171,17 +179,21 @@ class CrossFit:
         """Simulated readings (M, C) in closed form."""
         p = self._a.prepared
         every = readings(p.channels, replace(p.scene, theta=c.robot_theta), active)
+        if not p.has_wrench:
+            return every
         return self._beside(c.model.read(every[:, p.families[0]], c.theta), every)
 
-    def _beside(self, wrench: np.ndarray, every: np.ndarray) -> np.ndarray:
-        """Readings (M, C) with another wrench (M, 6)."""
-        return np.concatenate([wrench, every[:, self._a.prepared.families[0].stop :]], axis=1)
+    def _beside(self, leading: np.ndarray, every: np.ndarray) -> np.ndarray:
+        """Readings (M, C) with others of the leading channel (M, c)."""
+        return np.concatenate([leading, every[:, self._a.prepared.families[0].stop :]], axis=1)
 
     def _predicted(self, fold: int, c: Configuration, active: Sequence[ActiveEffect]) -> np.ndarray:
         """Simulated readings (M, C), nuisance fitted to the rows outside a fold."""
         p, result = self._a.prepared, self._read(c, active)
         held, seen = p.scene.held, p.without(fold).fitted
-        for of, slopes in zip(p.families[1:], self._nuisance, strict=True):
+        for of, slopes in zip(p.families, self._nuisance, strict=True):
+            if not slopes.shape[2]:
+                continue
             scale = np.maximum(np.linalg.norm(flat(slopes), axis=0), 1e-300)
             design = flat((slopes / scale)[held][seen])
             residual = (p.y - result[held])[seen, of].ravel()

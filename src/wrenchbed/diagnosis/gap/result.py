@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from wrenchbed.data.recording import TARGET
 from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 from wrenchbed.diagnosis.next.blind import BlindSpot
 from wrenchbed.effects.chain import ActiveEffect
@@ -54,7 +55,7 @@ def cause(
 
 
 def families(gap: Closure) -> dict[str, float]:
-    """Share of the closed gap by family of channels: ``force``, ``torque``, ``effort``."""
+    """Share of the closed gap by family of channels, as `family` names them."""
     closed = dict.fromkeys((family(c) for c in gap.per_channel), 0.0)
     for channel, gaps in gap.per_channel.items():
         closed[family(channel)] += max(gaps["before"] - gaps.get("after", gaps["before"]), 0.0)
@@ -63,10 +64,11 @@ def families(gap: Closure) -> dict[str, float]:
 
 
 def family(channel: str) -> str:
-    """Family of a channel: ``force`` of fx, ``torque`` of tx, ``effort`` of tau1 and i1."""
+    """Family of a channel: ``force`` of fx, ``torque`` of tx, ``place`` of mx, ``effort`` of tau1
+    and i1."""
     if channel in CHANNELS:
         return "force" if channel.startswith("f") else "torque"
-    return "effort"
+    return "place" if channel in TARGET else "effort"
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,6 @@ from wrenchbed.diagnosis.gap.dependence import family_wise, partitions, shares
 from wrenchbed.diagnosis.gap.locality import locality
 from wrenchbed.diagnosis.prepare.noise import HANN
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 FITTED = 10
 """Count of the values that every calibration fits: bias, mass, CoG."""
@@ -38,6 +37,8 @@ _HINTS = {
     "temperature": "sensor", "speed": "timing", "frequency": "timing", "joint": "joint",
     "channel": "sensor", "direction of load": "sensor", "direction of joint": "joint",
 }  # fmt: skip
+_SPOKEN = {"N": "Force", "N·m": "Torque", "m": "Place"}
+"""What a channel with such a unit measures."""
 _VARIES = {
     "orientation": "varies with the sensor's orientation",
     "position": "varies with the sensor's position",
@@ -263,21 +264,19 @@ def entries(
 def _channels(
     prepared: Prepared, residual: np.ndarray, covariance: np.ndarray, splits: int
 ) -> list[Finding]:
-    level = channels(prepared, residual, covariance, CHANNELS)
+    level = channels(prepared, residual, covariance, tuple(prepared.units))
     rms = prepared.sigma * np.sqrt((residual**2).mean(axis=0))
     noise = prepared.sigma * np.sqrt(covariance[0])
     p_value = _raised(holm(level.p_value), splits)
     result = []
-    for c, name in enumerate(CHANNELS):
-        spoken = f"{'Force' if c < 3 else 'Torque'} {name[1]}"
+    for c, (name, unit) in enumerate(prepared.units.items()):
+        spoken = f"{_SPOKEN[unit]} {name[-1]}"
         times = rms[c] / noise[c]
         if p_value[c] < SEEN:
             often = f"{times:.0f}" if times >= 3 else f"{times:.1f}"
-            text = f"{spoken} is off by {rms[c]:.2g} {UNITS[c]} rms, {often} times its noise."
+            text = f"{spoken} is off by {rms[c]:.2g} {unit} rms, {often} times its noise."
         else:
-            text = (
-                f"{spoken} is not significantly above its noise of {noise[c]:.2g} {UNITS[c]} rms."
-            )
+            text = f"{spoken} is not significantly above its noise of {noise[c]:.2g} {unit} rms."
         share, p = float(level.excess[c]), float(p_value[c])
         result.append(Finding(f"channel {name}", share, p, text))
     return result

@@ -127,13 +127,15 @@ def _never(similarity: Similarity) -> _Sentences:
     """Sentences on effects that change no reading."""
     d = similarity.d
     where = "a motion" if d.prepared.moving else "poses at rest"
-    mean = [e for e in effects().values() if not e.between_rows]
-    other = [e.name for e in mean if not e.acts(d.prepared.scene)]
-    acting = [e for e in mean if e.acts(d.prepared.scene)]
+    p, mean = d.prepared, [e for e in effects().values() if not e.between_rows]
+    other = [e.name for e in mean if not e.acts(p.scene)]
+    unread = [e.name for e in mean if e.acts(p.scene) and not p.reads(e)]
+    acting = [e for e in mean if p.reads(e)]
     absent = [e.name for e in acting if not e.variants(d.prepared.scene)]
     result: _Sentences = []
     for names, why in (
         (other, f"has no effect on {where}"),
+        (unread, "has no effect on these readings"),
         (
             absent,
             "is not possible here: this robot, or this recording, has nothing that it acts on",
@@ -144,7 +146,8 @@ def _never(similarity: Similarity) -> _Sentences:
     for name in d.invisible:
         of_effect = [w for w in similarity.signatures if w.name == name]
         if any(d.configured_gap[w.columns].sum() * PLAUSIBLE**2 >= 1.0 for w in of_effect):
-            why = "the fit of bias, mass and CoG absorbs it"
+            usual = "bias, mass and CoG" if p.has_wrench else p.channels[0].usual
+            why = f"the fit of {usual} absorbs it"
         else:
             why = "it is below the noise at every plausible size"
         result.append((frozenset({name}), f"{name} is not detectable: {why}"))
@@ -169,6 +172,8 @@ def _taken(similarity: Similarity) -> _Sentences:
         )
     for name in STATED:
         of_effect = [k for k, w in enumerate(similarity.signatures) if w.name == name]
+        if not of_effect:
+            continue
         largest = max(of_effect, key=lambda k: len(similarity.signatures[k].columns))
         for k in _narrowest(similarity, np.flatnonzero(similarity.inside[largest])):
             signature = similarity.signatures[k]

@@ -27,8 +27,8 @@ class Baseline:
     Attributes:
         configuration: with the fitted mass, CoG and bias.
         moved: fitted − stated of ``tool.mass`` (1,) [kg] and ``tool.cog`` (3,) [m].
-        tolerance: of ``sensor.bias`` (6,), ``tool.mass`` (1,) and ``tool.cog`` (3,); inf where
-            nothing is stated.
+        tolerance: of ``sensor.bias`` (6,), ``tool.mass`` (1,) and ``tool.cog`` (3,) where the
+            readings show them; inf where nothing is stated.
     """
 
     configuration: Configuration
@@ -44,16 +44,20 @@ class Baseline:
         """The same with the tool as it comes out beside a cause."""
         mass = np.array([beside.mass - stated.mass])
         moved = {STATED[1]: mass, STATED[2]: beside.cog - stated.cog}
-        return Baseline(beside, moved, self.tolerance)
+        return Baseline(beside, {k: moved[k] for k in self.moved}, self.tolerance)
 
 
 def calibrate(prepared: Prepared) -> Baseline:
     """Fit bias, mass and CoG by least squares in units of the noise, on the rows of the fit.
 
+    Without a wrench nothing is fitted: no other channel shows them.
+
     Raises:
         DiagnosisError: the weight comes out upside down.
     """
     prepared, stated = prepared.leading, prepared.configuration
+    if not prepared.has_wrench:
+        return Baseline(stated, {}, {})
     start = np.concatenate([[stated.mass], stated.cog])
     measured = prepared.rows(prepared.y).ravel()
     ones = np.ones((len(prepared.y), 1))

@@ -33,6 +33,8 @@ def enough(recording: Recording, data: Observations, configuration: Configuratio
         )
     if moving and recording.t[-1] - recording.t[0] < LEAST_SECONDS:
         raise DiagnosisError(f"{name}: less than {LEAST_SECONDS:g} s of motion; record 60 s")
+    if not recording.has_wrench:
+        return
     model = configuration.model
     free = {model.parameters.names[i] for i in model.parameters.select(model.robot.free)}
     seen = observed(recording, data, model, configuration.theta, free)

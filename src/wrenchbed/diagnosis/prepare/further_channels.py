@@ -1,7 +1,8 @@
-"""What a recording holds beside its wrench: further channels join the observations at rest.
+"""What a recording holds beside its wrench, or without one: channels join the observations at rest.
 
 The unit of such a channel, a gap of 1, is the noise of one observation: of the scatter of its rows,
-of what it keeps back of nuisance and effects, and of its sensor's floor the largest.
+of what it keeps back of nuisance and effects, and of its sensor's floor the largest. A channel that
+is alone and repeats its poses keeps nothing back: then what nothing explains is unknown.
 """
 
 from dataclasses import replace
@@ -17,15 +18,23 @@ from wrenchbed.channels.response import Response, readings
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import effects
 from wrenchbed.effects.scene import Scene
+from wrenchbed.errors import DiagnosisError
 
 
 def with_further_channels(prepared: Prepared, data: Observations) -> Prepared:
-    """The prepared recording with every other channel that it holds."""
+    """The prepared recording with every other channel that it holds.
+
+    Raises:
+        DiagnosisError: no channel of it can be compared.
+    """
     taken = {c.name for c in prepared.channels}
     for name in registry.names("channels"):
         channel: Channel = registry.load("channels", name)
         if name not in taken and channel.applies(prepared.recording):
             prepared = _with(prepared, channel, data)
+    if not prepared.channels:
+        name, why = prepared.recording.name, "; ".join(prepared.further_notes)
+        raise DiagnosisError(f"{name}: {why or 'holds nothing that can be diagnosed at rest'}")
     return prepared
 
 
@@ -34,16 +43,21 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
     y = channel.measured(recording, data)
     fitted = channel.fitted(y, scene)
     if fitted is None:
-        text = f"the poses are too alike to compare the {channel.name}: its mounting is unknown"
+        text = (
+            f"the {channel.name} is not compared: the poses are too alike to know its mounting, or "
+            f"{' '.join(channel.columns)} hold something else than {channel.title}"
+        )
         return replace(prepared, further_notes=(*prepared.further_notes, text))
     expected = readings((fitted,), scene)
     residual = (y - expected[scene.held]).ravel()
     nuisance = flat(fitted.nuisance(scene)[scene.held])
-    unexplained = own_noise(residual, nuisance, _of_effects(fitted, scene, expected))
-    scatter = _scatter(fitted, prepared, data, y)
-    unit = np.maximum(np.maximum(scatter, unexplained), fitted.floor)
+    unit, source = np.maximum(_scatter(fitted, prepared, data, y), fitted.floor), "repeats"
+    if prepared.channels or len(y) == data.count.sum():
+        unexplained = own_noise(residual, nuisance, _of_effects(fitted, scene, expected))
+        unit, source = np.maximum(unit, unexplained), "residual"
     worst, of_unit = float(unit.max()), next(iter(fitted.columns.values()))
-    note = f"the {fitted.name} is compared too, with a noise of {worst:.2g} {of_unit} a pose"
+    too = " too" if prepared.channels else ""
+    note = f"the {fitted.name} is compared{too}, with a noise of {worst:.2g} {of_unit} a pose"
     row = None if prepared.row is None else block_diag(prepared.row, np.diag(unit**2))
     return replace(
         prepared,
@@ -52,6 +66,8 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
         covariance=block_diag(prepared.covariance, np.diag(unit**2)),
         noise=np.concatenate([prepared.noise, np.ones(len(unit))]),
         row=row,
+        source=prepared.source or source,
+        scatter=prepared.scatter if prepared.channels else np.zeros((len(y), *2 * y.shape[1:])),
         further_notes=(*prepared.further_notes, note),
     )
 

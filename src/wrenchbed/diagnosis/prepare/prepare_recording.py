@@ -8,7 +8,7 @@ from wrenchbed.calibration.compensated import restored
 from wrenchbed.calibration.observations import Observations, observe, scatter
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import checks, contact, orientations, scenes
-from wrenchbed.diagnosis.prepare.configuration import configured
+from wrenchbed.diagnosis.prepare.configuration import Configuration, configured
 from wrenchbed.diagnosis.prepare.further_channels import with_further_channels
 from wrenchbed.diagnosis.prepare.noise import correlation_time, noise_in_motion, not_systematic
 from wrenchbed.diagnosis.prepare.prepared import (
@@ -21,6 +21,7 @@ from wrenchbed.diagnosis.prepare.prepared import (
 )
 from wrenchbed.diagnosis.prepare.repeated_rows import repeats
 from wrenchbed.errors import DiagnosisError
+from wrenchbed.physics.time_derivatives import value
 from wrenchbed.robots.base import Robot
 
 FINE = 10.0
@@ -51,10 +52,30 @@ def prepare(recording: Recording, seed: int = 0, material: Material | None = Non
 def gathered(recording: Recording, seed: int = 0) -> Prepared:
     """Poses at rest, samples of a motion of joints, or averages of a motion without."""
     configuration, data = configured(recording), observe(recording)
-    products = scatter(recording, data)
     if orientations.applies(recording):
         return orientations.averaged(recording, configuration, data, seed)
     checks.enough(recording, data, configuration)
+    of_channels = _with_wrench if recording.has_wrench else _without_wrench
+    return with_further_channels(of_channels(recording, configuration, data, seed), data)
+
+
+def _without_wrench(
+    recording: Recording, configuration: Configuration, data: Observations, seed: int
+) -> Prepared:
+    """Poses of which nothing is measured yet."""
+    block, fold = split(len(data), False, seed, 1, value(data.q))
+    return Prepared(
+        recording, configuration, scenes.of_recording(recording, configuration, data),
+        data.wrench, data.count, np.zeros((0, 0)), np.zeros(0), "", block, fold,
+        np.zeros((len(data), 0, 0)), data.left_out, channels=(),
+    )  # fmt: skip
+
+
+def _with_wrench(
+    recording: Recording, configuration: Configuration, data: Observations, seed: int
+) -> Prepared:
+    """Poses or samples with what the wrench sensor read."""
+    products = scatter(recording, data)
     covariance, source = _row_noise(recording, data, configuration.model.robot)
     covariance, source, note = not_systematic(recording, data, covariance, source)
     scene = scenes.of_recording(recording, configuration, data)
@@ -69,11 +90,10 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
         noise = _noise_at_rest(recording, data)
     dynamic = recording.metadata.mode == "dynamic"
     block, fold = split(len(data), dynamic, seed, stride, None if dynamic else data.q)
-    prepared = Prepared(
+    return Prepared(
         recording, configuration, scene, y, count, covariance, noise, source, block, fold,
         products, data.left_out, stride, noise_note=note,
     )  # fmt: skip
-    return with_further_channels(prepared, data)
 
 
 def _stride(expected: np.ndarray, period: float) -> int:

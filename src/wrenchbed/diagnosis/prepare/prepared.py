@@ -1,5 +1,6 @@
 """A recording made ready: what was measured, how noisy it is, and which rows are held out."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -13,6 +14,7 @@ from wrenchbed.channels.wrench import CHANNEL as WRENCH
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.configuration import Configuration
+from wrenchbed.effects.base import Effect
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.time_derivatives import Jet, value
 from wrenchbed.robots.base import Robot
@@ -78,11 +80,12 @@ class Prepared:
         noise: variance of an observation over that (C,): of one row's noise below 1 where rows were
             averaged at rest; in motion of the averages of ``stride`` rows, times that, as they
             scatter.
-        source: where the noise of a row comes from, ``repeats`` or ``stated``.
+        source: where the noise of a row comes from, ``repeats``, ``stated``, or of another sensor
+            than the wrench's ``residual``.
         block: number of the block of each observation (H,).
         fold: fold of each observation (H,), −1 where it is set aside: then it takes no part.
-        scatter: mean products of the wrench's rows of each observation about their mean
-            (H, 6, 6).
+        scatter: mean products of the leading channel's rows of each observation about their mean,
+            0 where its noise is that of whole observations.
         left_out: saturated rows not used.
         stride: rows of a motion that are averaged into one for the linear analysis.
         touch: contact of a tool without joints; its rows are not among the observations.
@@ -134,6 +137,21 @@ class Prepared:
         return self.scene.moving
 
     @property
+    def has_wrench(self) -> bool:
+        """Whether a wrench is among what was measured."""
+        return WRENCH in self.channels
+
+    def reads(self, effect: Effect) -> bool:
+        """Whether an effect can act in these rows, at a stage on which some reading depends."""
+        reached = any(not c.stages.isdisjoint(effect.stages) for c in self.channels)
+        return reached and effect.acts(self.scene)
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """Units of the leading channel's columns by their names."""
+        return self.channels[0].columns
+
+    @property
     def averaged(self) -> bool:
         """Whether the observations are averages of a motion without joint angles."""
         return self.recording.metadata.mode == "dynamic" and not self.moving
@@ -147,7 +165,8 @@ class Prepared:
     @property
     def noise_source(self) -> str:
         """Words on where the noise of one row is known from: ``as stated`` or ``from its …``."""
-        return "as stated" if self.source == "stated" else f"from its {self.source}"
+        words = {"stated": "as stated", "residual": "from what no effect explains"}
+        return words.get(self.source, f"from its {self.source}")
 
     @cached_property
     def sigma(self) -> np.ndarray:
