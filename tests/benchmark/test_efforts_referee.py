@@ -1,9 +1,7 @@
 """The efforts' referee: its physics by published and general laws, its truth apart, its score."""
 
 import json
-from dataclasses import asdict, replace
-from itertools import count
-from pathlib import Path
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -11,21 +9,19 @@ import pytest
 from scipy.integrate import cumulative_simpson, solve_ivp
 
 from wrenchbed import registry
-from wrenchbed.benchmark.efforts import case, entrants, score, world
+from wrenchbed.benchmark.efforts import case, world
 from wrenchbed.benchmark.efforts.arm import Path as Motion
 from wrenchbed.benchmark.efforts.arm import TrueArm, draw, of_values
 from wrenchbed.benchmark.efforts.faults import FAMILIES
 from wrenchbed.benchmark.efforts.outside import OUTSIDE
 from wrenchbed.benchmark.efforts.world import bouc_wen, lugre
-from wrenchbed.benchmark.scoring.case_rows import OURS, Claim
-from wrenchbed.benchmark.scoring.metrics import isolated
+from wrenchbed.benchmark.sealed import commitments, make, score
+from wrenchbed.benchmark.sealed.families import EffortFamily
+from wrenchbed.benchmark.sealed.run import CLAIM, Entrant, run
 from wrenchbed.data.recording import Recording
-from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 
 UR5 = registry.load("robots", "ur5")
-NUMBERS = count()
-FILES = Path(__file__).parents[1] / "data" / "robots"
 
 
 def setting_of(number: int) -> world.EffortSetting:
@@ -148,105 +144,63 @@ def test_an_asymmetry_without_reversal_is_like_an_offset_and_a_coulomb_fault_is_
 # ---- cases ---------------------------------------------------------------------------------------
 
 
-@pytest.fixture(scope="module")
-def robots(tmp_path_factory):
-    return entrants.arms(FILES, tmp_path_factory.mktemp("arms"))
+def family(seed, cases, **options):
+    return EffortFamily("ur5,ur5", "dynamic", cases, seed, **options)
 
 
 @pytest.mark.slow
-def test_a_seed_makes_the_same_case_again(robots):
-    first, second, other = (case.make(robots, 5, n) for n in (2, 2, 3))
-    assert first.truth == second.truth != other.truth
-    for name, column in first.recording.columns.items():
-        assert np.array_equal(column, second.recording.columns[name]), name
+def test_a_seed_makes_the_same_case_again():
+    (first, one), (second, two), (other, _) = (family(5, 4).found(n) for n in (2, 2, 3))
+    assert first == second
+    assert first.causes != other.causes
+    for name, column in one.columns.items():
+        assert np.array_equal(column, two.columns[name]), name
 
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("number", [0, 1, 4])
-def test_the_recording_holds_no_truth(robots, number, tmp_path):
-    made = case.make(robots, 6, number)
-    made.write(tmp_path / "rec.parquet", tmp_path / "truth.json")
-    again = Recording.read(tmp_path / "rec.parquet")
+def test_the_recording_holds_no_truth(number, tmp_path):
+    cases = family(6, 5, wrench=number == 4)
+    make.open_family(cases, tmp_path / "c", tmp_path / "a")
+    make.make_case(cases, tmp_path / "c", tmp_path / "a", number)
+    name = cases.names()[number]
+    again = Recording.read(commitments.recording_of(tmp_path / "c", name))
+    truth = commitments.read_answer(commitments.answer_of(tmp_path / "a", name))
+    assert truth.kind == cases.kinds()[number]
+    assert all(c.gap >= 1.0 for c in truth.causes)
     told = json.dumps(again.metadata.to_json())
-    truth = json.loads((tmp_path / "truth.json").read_text())
-    assert truth["family"] == made.truth.family
-    assert not [n for n in (*OUTSIDE, "family", "alike", "oracle", "gap") if f'"{n}"' in told]
-    for value in made.truth.parameters.values():
+    assert not [n for n in (*OUTSIDE, "family", "alike", "gap") if f'"{n}"' in told]
+    for value in (v for c in truth.causes for v in c.true.values()):
         assert repr(float(value)) not in told
     allowed = {"t", *CHANNELS} | {f"{p}{j}" for p in ("q", "tau", "i", "joint_temperature")
                                   for j in range(1, 8)}  # fmt: skip
     assert set(again.columns) <= allowed
+    assert again.has_wrench == (number == 4)
 
 
-# ---- score ---------------------------------------------------------------------------------------
+@pytest.mark.slow
+def test_the_diagnosis_of_efforts_enters_and_is_scored(tmp_path):
+    folders = [tmp_path / "cases", tmp_path / "answers"]
+    cases = family(5, 1)
+    make.make(cases, *folders, processes=1)
+    entrants = [Entrant.of(m) for m in ("diagnose", "none")]
+    assert run(folders[0], tmp_path / "claims", entrants, 1) == {"diagnose": 0, "none": 0}
+    found = score.score(folders[0], tmp_path / "claims", folders[1])
+    assert {r.kind for r in found.rows} == set(cases.kinds())
+    for row in found.rows:
+        assert all(n[-1].isdigit() for c in row.answers["wrenchbed"].causes for n in c
+                   if n.startswith("drive."))  # fmt: skip
 
 
-def truth(kind="library", family="drive.coulomb", joint=2, alike_=()):
-    own = ((family, joint), *alike_)
-    return case.EffortTruth(0, 0, kind, "ur5", "points", "tau", family, joint, {}, 5.0, own, False)
-
-
-def answered(kind, claim, **more):
-    """A case and the claim about it, as rows of the scorer."""
-    made = more.pop("truth", None) or truth(kind, **more)
-    told = asdict(claim) | {"seconds": 1.0, "error": ""}
-    row = {"id": str(next(NUMBERS)), "truth": asdict(made), "claims": {"me": told}}
-    return score.case_rows([row], "me")[0]
-
-
-def claim(*causes, verdict="identified", p=0.95):
-    named = tuple(tuple(map(case.name_of, c)) for c in causes)
-    return Claim(verdict, named, {}, (p,) * len(causes))
-
-
-def test_a_cause_must_be_named_with_its_joint():
-    good = answered("library", claim((("drive.coulomb", 2),)))
-    other = answered("library", claim((("drive.coulomb", 3),)))
-    rival = answered("library", claim((("drive.load", 2), ("drive.coulomb", 2))))
-    same = answered("library", claim((("drive.offset", 2),)), alike_=(("drive.offset", 2),))
-    rows = (good, other, rival, same)
-    assert [isolated(r, r.answers[OURS]) for r in rows] == [True, False, True, True]
-
-
-def test_figures_of_answers_counted_by_hand():
-    rows = [
-        answered("library", claim((("drive.coulomb", 2),))),
-        answered("library", claim((("drive.coulomb", 1),), (("drive.coulomb", 2),), p=0.5)),
-        answered("none", claim(verdict="none"), family="none", joint=None),
-        answered("none", claim((("drive.viscous", 1),)), family="none", joint=None),
-        answered("outside", claim(verdict="unknown"), family="loose tooth", joint=1),
-    ]
-    values = [f.value for f in score.figures(rows)][:6]
-    assert values == [1.0, 0.5, 1.0, 0.0, 0.5, 0.5]  # as `score.SHOWN`
-    table = score.by_family(rows)
-    assert "| drive.coulomb | 2 | 1 | drive.coulomb (1) |" in table
-    assert "| none | 2 | 1 | drive.viscous (1) |" in table and "| loose tooth | 1 | 1 |  |" in table
-    assert "| cases that end in an error | 0 % | 5 | 0 % (0–52) |" in score.table(
-        {"me": score.figures(rows)}
-    )
-
-
-def test_a_claim_is_read_from_the_contract():
-    raw = {"verdict": "ambiguous", "probabilities": {"unknown": 0.1},
+def test_causes_of_drives_are_claimed_with_their_joint(tmp_path):
+    raw = {"verdict": "ambiguous", "probabilities": {"drive.load": 0.9, "unknown": 0.1},
            "which": [{"effect": "drive.load", "probability": 0.8, "rivals": ["drive.coulomb"],
                       "parameters": {"joint": {"value": 4, "rivals": [5]}}},
                      {"effect": "tool.mass", "probability": 0.6, "parameters": {}}]}  # fmt: skip
-    found = entrants.claim_of(raw)
-    assert found.causes == (
+    (tmp_path / CLAIM).write_text(json.dumps(raw))
+    found = score.read(tmp_path)
+    assert found.error == ""
+    assert found.claim.causes == (
         ("drive.load.4", "drive.load.5", "drive.coulomb.4", "drive.coulomb.5"), ("tool.mass",),
     )  # fmt: skip
-    assert found.presence == (0.8, 0.6) and found.probabilities["unknown"] == 0.1
-
-
-def test_seeds_of_development_and_of_the_final_score_are_apart():
-    assert entrants.check_seed(999) == "development" and entrants.check_seed(10000) == "final"
-    with pytest.raises(ParameterError, match="development"):
-        entrants.check_seed(5000)
-
-
-def test_a_row_survives_json(robots, tmp_path):
-    job = entrants.EffortJob(5, 2, False, tuple(entrants.TRIVIAL), FILES, tmp_path)
-    made = entrants.answer(job)
-    row = json.loads(json.dumps(made))
-    for name in entrants.TRIVIAL:
-        assert score.case_rows([row], name) == score.case_rows([made], name)
+    assert found.claim.presence == (0.8, 0.6)

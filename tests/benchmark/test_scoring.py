@@ -9,31 +9,20 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.lookalikes.imperfection import ImperfectRobot
 from wrenchbed.benchmark.scoring.baselines import BASELINES
-from wrenchbed.benchmark.scoring.case_rows import (
-    OURS,
-    CaseFile,
-    CaseRow,
-    Claim,
-    Number,
-    read,
-    write,
-)
-from wrenchbed.benchmark.scoring.cases import BenchmarkSetting, Job, jobs, truth
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number
 from wrenchbed.benchmark.scoring.metrics import (
     METRICS,
-    by_effect,
-    by_size,
+    effect_cells,
     figure,
-    figures,
+    figure_cells,
     matched,
-    placed,
     probability,
     right,
+    size_cells,
 )
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import ActiveEffect, effects, respond
-from wrenchbed.errors import DiagnosisError
 
 NONE = Claim("none", (), {"none": 0.9, "base.tilt": 0.1})
 UNKNOWN = Claim("unknown", (), {"unknown": 0.8, "none": 0.2})
@@ -138,51 +127,16 @@ def test_intervals_hold_the_value_and_shrink():
     assert wide.high - wide.low > 3 * (tight.high - tight.low)
 
 
-def test_a_case_counts_once():
-    with pytest.raises(DiagnosisError, match="case a is there twice"):
-        figure(METRICS["isolation"], [TILT, MISSED, TILT])
-
-
-def test_rows_survive_the_disk_and_a_kill(tmp_path):
-    path = tmp_path / "rows.parquet"
-    rows = [*ROWS, row("z", "single", NONE, "x.y", numbers=(Number("x", 1.0, 0.1, 1.2),))]
-    file = CaseFile(path)
-    for r in rows:
-        file.append(r)
-    with file.journal.path.open("a") as journal:
-        journal.write('{"id": "half')
-    again = CaseFile(path)
-    assert again.read() == rows
-    again.finish()
-    assert read(path) == CaseFile(path).read() == rows
-    assert not again.journal.path.exists()
-    again.append(row("next", "none", NONE))
-    assert [r.id for r in again.read()] == [*(r.id for r in rows), "next"]
-    write(path, [])
-    assert read(path) == []
-
-
 def test_tables_say_what_was_scored():
-    table = figures(ROWS, [OURS], draws=20)
-    assert "| isolation: a claimed class holds the effect | ≥ 95 % | **67 %**" in table
-    assert "| base.tilt | 2 | 4 | 2 | 0 | 0 | – |" in by_effect(ROWS)
-    assert "| 4–8 | 3 | 67 % | 67 % |" in by_size(ROWS)
-
-
-def test_text_goes_between_its_marks():
-    document = "A\n<!-- begin x -->\nold\n<!-- end -->\n<!-- begin y -->\n<!-- end -->\n"
-    done = placed(document, "x", "new\n")
-    assert done == document.replace("old", "new")
-    with pytest.raises(DiagnosisError, match="no place for z"):
-        placed(document, "z", "")
-
-
-def test_jobs_follow_from_the_seed():
-    counts = {"single": 3, "none": 2}
-    first, other = (list(jobs(BenchmarkSetting("ur5", "static", s), counts)) for s in (1, 2))
-    assert len({j.id for j in first}) == 5 and not {j.id for j in first} & {j.id for j in other}
-    assert [j.seed for j in first] == [Job(j.setting, j.kind, j.index).seed for j in first]
-    assert len({j.seed for j in (*first, *other)}) == 10
+    head, lines = figure_cells(ROWS, [OURS], METRICS, "ours")
+    assert head == ["", "target", "ours (95 %)", "n"]
+    title = "isolation: a claimed class holds the effect"
+    assert lines[0] == [title, "≥ 95 %", "67 % (9–99)", "2 of 3"]
+    joint = row("j", "single", named(("drive.viscous.3",)), "drive.coulomb.2")
+    lines = effect_cells([*ROWS, joint])[1]
+    assert ["base.tilt", "2", "4", "2", "0", "0", "–"] in lines
+    assert ["drive.coulomb", "1", "4", "0", "0", "0", "drive.viscous 1"] in lines
+    assert ["4–8", "3", "67 %", "67 %"] in size_cells(ROWS, [OURS])[1]
 
 
 @pytest.mark.parametrize("effect", ["base.tilt", "mount.rotation", "joint.offset", "sensor.gain"])
@@ -192,7 +146,7 @@ def test_true_parameters_have_the_published_names_and_signs(effect):
     q = robot.sample(30, np.random.default_rng(3))
     design = ExperimentDesign.of_plan(Plan.of("ur5", q), robot, samples=20)
     case = draw(design, 5, "single", effect, 2.0)
-    true = truth(case, effect)
+    true = case.true(effect)
     own = effects()[effect]
     scene = prepare(recording(design, case)).scene
     active = [ActiveEffect(own, own.values(robot, true))]
@@ -211,7 +165,7 @@ def tilted():
     robot = registry.load("robots", "ur5")
     q = robot.sample(60, np.random.default_rng(2))
     design = ExperimentDesign.of_plan(Plan.of("ur5", q), robot, samples=30)
-    return prepare(recording(design, draw(design, 1, "single", "base.tilt", 4.0)))
+    return recording(design, draw(design, 1, "single", "base.tilt", 4.0))
 
 
 def test_one_large_effect_is_named_first_and_alone(tilted):

@@ -28,10 +28,6 @@ SIZES = (0.5, 4.0)
 """Multiples of the typical size that causes are drawn from, log-uniformly."""
 STATED = ("sensor.bias", "tool.mass", "tool.cog")
 """Wrong stated numbers: they count on the configured gap, since a fit would hide them."""
-SUBSYSTEMS = (
-    "sensor", "mount", "tool", "cable", "joint", "link", "base", "timing", "environment",
-)  # fmt: skip
-"""Subsystems of the effects."""
 _CHANNEL = "[ft][xyz]"
 """Pattern of a channel's name."""
 

@@ -235,7 +235,7 @@ def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability | None:
     known = of_package(data)
     if not count and (known is None or not known.elsewhere):
         return None
-    from wrenchbed.benchmark.scoring.cases import reliability_at_design
+    from wrenchbed.benchmark.scoring.at_design import reliability_at_design
     from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
     prepare(data)  # refuses what cannot be diagnosed, before anything is learnt

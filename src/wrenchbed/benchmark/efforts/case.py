@@ -7,10 +7,8 @@ and a family imitates a cause if, at its best size, it leaves of the cause no mo
 sizes of noise are estimates.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
-from functools import partial
-from pathlib import Path
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import mujoco
 import numpy as np
@@ -31,13 +29,12 @@ from wrenchbed.benchmark.efforts.world import (
     state_of,
     warmed,
 )
-from wrenchbed.benchmark.frame import NEEDED, Rng
-from wrenchbed.data.metadata import parse
+from wrenchbed.benchmark.frame import NEEDED, Rng, as_stated
+from wrenchbed.data.metadata import SensorInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
-from wrenchbed.files import write_json
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.robots.base import INERTIA_AXES, SimulatedRobot
+from wrenchbed.robots.base import SimulatedRobot
 
 SAME, SHARE = 0.1, 0.02
 """Gap that is left, alone and over the cause's own, up to which two causes are alike: estimates,
@@ -49,18 +46,15 @@ _SEEN_SPEED = 0.01
 _ONE_KG, _ONE_CM, _ONE_MRAD = 1.0, 0.01, 1e-3
 """Sizes at which whole-body columns are taken, by definition."""
 Key = tuple[str, int | None]
-KINDS = ("none", "library", "outside")
-SHARES = (0.25, 0.5, 0.25)
-"""Shares of the kinds of cases, in their order."""
-LEAST = {"library": NEEDED["single"], "outside": NEEDED["outside"]}
-"""Least gap that a cause adds at some joint."""
+SHARES = {"none": 0.25, "single": 0.5, "outside": 0.25}
+"""Shares of the kinds of cases."""
 LARGEST = 400.0
-"""Largest gap of a library cause: beyond it nobody needs a diagnosis."""
+"""Largest gap of an effect: beyond it nobody needs a diagnosis."""
 IMITATED = 1.0
-"""Gap that the best imitation by a library family leaves of a fault outside, at least."""
+"""Gap that the best imitation by an effect leaves of a fault outside, at least."""
 SENSOR_STD = np.array([0.25, 0.25, 0.4, 0.02, 0.02, 0.015])
 """Noise of a row of an ATI Gamma (6,) [N, N·m]."""
-_TRIES, _SIZES = 20, 8
+TRIES, _SIZES = 20, 8
 """Robots that are drawn before giving up, and causes of each."""
 _ENCODER = 2.0 * np.pi / 2**17
 """Resolution of a joint's encoder [rad], of 17 bits."""
@@ -203,110 +197,82 @@ def whole_columns(setting: EffortSetting) -> Iterator[tuple[Key, np.ndarray]]:
     yield (WHOLE[2], None), np.stack([edited(lambda m, x=x: tilted(m, x)) for x in range(2)], -1)
 
 
-@dataclass(frozen=True)
-class EffortTruth:
-    """True robot and cause of a case.
-
-    Attributes:
-        number, seed: of the case.
-        kind: of `KINDS`.
-        robot, motion: names.
-        family, joint: of the cause; ``none`` of a healthy robot; joint 1-based or None.
-        parameters: true values, SI.
-        gap: mean square that the cause adds at the joint where it is largest, in units of one
-            row's noise.
-        alike: families with joints that imitate the cause on this motion, itself first.
-        wrench: whether a sensor was there too.
-    """
-
-    number: int
-    seed: int
-    kind: str
-    robot: str
-    motion: str
-    effort: str
-    family: str
-    joint: int | None
-    parameters: Mapping[str, float]
-    gap: float
-    alike: tuple[tuple[str, int | None], ...]
-    wrench: bool
-
-
 @dataclass(frozen=True, eq=False)
 class EffortCase:
-    """Recording of a case with its truth."""
+    """A case with its truth.
 
+    Attributes:
+        kind: of `SHARES`.
+        recording: what an entrant gets.
+        fault: the cause; `HEALTHY` of a healthy robot.
+        gap: mean square that the cause adds at the joint where it is largest, in units of one
+            row's noise.
+        alike: effects with joints that imitate the cause on this motion, itself first.
+    """
+
+    kind: str
     recording: Recording
-    truth: EffortTruth
+    fault: EffortFault = HEALTHY
+    gap: float = 0.0
+    alike: tuple[Key, ...] = ()
 
-    def write(self, recording: Path, truth: Path) -> None:
-        """Write recording and truth to separate files; the recording holds nothing of the truth."""
-        self.recording.write(recording)
-        write_json(truth, asdict(self.truth))
+
+def kind_of(seed: int, number: int, wrench: bool) -> str:
+    """Kind of a case, the same in every attempt."""
+    rng = np.random.default_rng([seed, number, int(wrench)])
+    return str(rng.choice(list(SHARES), p=list(SHARES.values())))
 
 
 def make(
-    robots: Sequence[SimulatedRobot], seed: int, number: int, wrench: bool = False
+    robots: Sequence[SimulatedRobot], seed: int, number: int, wrench: bool, attempt: int
 ) -> EffortCase:
     """Case ``number`` of a seed.
 
     Raises:
-        ParameterError: no cause was found that counts.
+        ParameterError: this attempt finds no cause that counts.
     """
-    for attempt in range(_TRIES):
-        rng = np.random.default_rng([seed, number, int(wrench), attempt])
-        kind = str(np.random.default_rng([seed, number, int(wrench)]).choice(KINDS, p=SHARES))
-        robot = robots[int(rng.integers(len(robots)))]
-        setting = draw_setting(robot, rng)
-        family = _family(kind, number, wrench)
-        if family == "drive.temperature":
-            setting = warmed(setting, rng.uniform(*WARMING), rng)
-        record = partial(_recorded, setting, rng=rng, number=(number, seed), wrench=wrench)
-        if kind == "none":
-            return record(HEALTHY, kind)
-        for _ in range(_SIZES):
-            joint = int(rng.integers(len(robot.joints)))
-            fault = (FAMILIES if kind == "library" else OUTSIDE)[family](setting, joint, rng)
-            gap, equivalents = _counted(setting, fault, kind)
-            if equivalents:
-                return record(fault, kind, gap=gap, equivalents=equivalents)
+    rng = np.random.default_rng([seed, number, int(wrench), attempt])
+    kind = kind_of(seed, number, wrench)
+    robot = robots[int(rng.integers(len(robots)))]
+    setting = draw_setting(robot, rng)
+    family = _family(kind, number, wrench)
+    if family == "drive.temperature":
+        setting = warmed(setting, rng.uniform(*WARMING), rng)
+    if kind == "none":
+        return EffortCase(kind, _recorded(setting, HEALTHY, rng, wrench))
+    for _ in range(_SIZES):
+        joint = int(rng.integers(len(robot.joints)))
+        fault = (FAMILIES if kind == "single" else OUTSIDE)[family](setting, joint, rng)
+        gap, alike = _counted(setting, fault, kind)
+        if alike:
+            return EffortCase(kind, _recorded(setting, fault, rng, wrench), fault, gap, alike)
     raise ParameterError(f"seed {seed}, case {number}: no {family} that counts was found")
 
 
 def _counted(
     setting: EffortSetting, fault: EffortFault, kind: str
 ) -> tuple[float, tuple[Key, ...]]:
-    """Gap and equivalents of a fault; none where it does not count."""
+    """Gap of a fault and the effects that imitate it, itself first; none if it does not count."""
     added = simulate(setting, fault) - setting.healthy
     gap = gap_of(setting, added)
-    if gap < LEAST[kind] or (kind == "library" and gap > LARGEST):
+    if gap < NEEDED[kind] or (kind == "single" and gap > LARGEST):
         return gap, ()
     gaps = remaining(setting, fault, added)
-    if kind == "library":
+    if kind == "single":
         return gap, classed(fault, gap, gaps)
     return gap, ((fault.family, fault.joint),) if min(gaps.values()) >= IMITATED else ()
 
 
 def _family(kind: str, number: int, wrench: bool) -> str:
     """Family of faults for a case's number: families take turns."""
-    names = {"none": ("none",), "library": tuple(FAMILIES), "outside": tuple(OUTSIDE)}[kind]
-    if wrench and kind == "library" and number % 2:
+    names = {"none": ("none",), "single": tuple(FAMILIES), "outside": tuple(OUTSIDE)}[kind]
+    if wrench and kind == "single" and number % 2:
         names = WHOLE
     return names[(number // 2 if wrench else number) % len(names)]
 
 
-def _recorded(
-    setting: EffortSetting,
-    fault: EffortFault,
-    kind: str,
-    rng: Rng,
-    number: tuple[int, int],
-    wrench: bool,
-    gap: float = 0.0,
-    equivalents: tuple[Key, ...] = (("none", None),),
-) -> EffortCase:
-    """The recording and the truth of case ``number``, of the case and its seed."""
+def _recorded(setting: EffortSetting, fault: EffortFault, rng: Rng, wrench: bool) -> Recording:
+    """Recording of a robot with a fault, with the wrench of its tool if that is wanted."""
     joints, rows = len(setting.rated), setting.path.rows
     clean = simulate(setting, fault)
     step = setting.noise / setting.scale / 3.0
@@ -322,30 +288,16 @@ def _recorded(
     columns |= {f"joint_temperature{j + 1}": warm[:, j] for j in range(joints)}
     robot = setting.robot
     registry.remember("robots", robot.name, getattr(robot, "record", None) or {})
-    tool = robot.tool(setting.stated)
-    inertia = np.asarray(tool.inertia)
-    six = [float(inertia["xyz".index(a[0]), "xyz".index(a[1])]) for a in INERTIA_AXES]
-    stated = {
-        "mass": float(tool.mass), "cog": [float(c) for c in np.asarray(tool.cog)], "inertia": six,
-    }  # fmt: skip
-    raw = {
-        "format": 1, "robot": robot.name, "source": "sim", "mode": "dynamic",
-        "rate_hz": setting.path.rate, "tool": stated, "configured": dict(setting.configured),
-        "gravity": [float(g) for g in robot.gravity],
-    }  # fmt: skip
+    tool, sensor = robot.tool(setting.stated), SensorInfo()
+    stated = as_stated(robot, "dynamic", "sim", setting.path.rate, tool)
     if wrench:
         state = state_of(setting, fault)
         load = TrueArm(robot, state.arm.theta, state.arm.edits).wrench(state.path)[rows]
         load = load + SENSOR_STD * rng.normal(size=load.shape)
         columns |= {c: load[:, k] for k, c in enumerate(CHANNELS)}
-        raw["sensor"] = {"noise_std": SENSOR_STD.tolist()}
-    recording = Recording(parse(raw, "case"), columns, f"case{number[0]:04d}.parquet")
-    truth = EffortTruth(
-        *number, kind, robot.name, setting.path.kind, setting.prefix, fault.family,
-        fault.joint, {k: float(v) for k, v in fault.parameters.items()}, float(gap), equivalents,
-        wrench,
-    )  # fmt: skip
-    return EffortCase(recording, truth)
+        sensor = SensorInfo(noise_std=tuple(SENSOR_STD.tolist()))
+    configured = {"configured": dict(setting.configured)}
+    return Recording(replace(stated, sensor=sensor, extra=configured), columns, "case")
 
 
 def _noise(setting: EffortSetting, rng: Rng) -> np.ndarray:

@@ -62,6 +62,11 @@ class LookalikeCase:
     background: float = 0.0
     items: tuple[Scaled, ...] = ()
 
+    def true(self, effect: str) -> dict[str, float]:
+        """True parameters of a cause by name, SI, with what the background adds to them."""
+        cause = next(item for item, _ in reversed(self.items) if item.name == effect)
+        return {k: float(v) for k, v in frame.true_numbers(cause, self.items).items()}
+
 
 def draw(
     design: ExperimentDesign,

@@ -1,5 +1,5 @@
 """Scores of a diagnosis and of simple baselines on cases whose truth is known.
 May import: lookalikes, diagnosis, jobs and the rooms below them.
-Read first: `metrics`, then `cases`.
-Used by: efforts, sealed and cli.
+Read first: `metrics`, then `case_rows`.
+Used by: sealed and cli.
 """

@@ -11,25 +11,26 @@ import numpy as np
 from scipy.special import logsumexp
 
 from wrenchbed.benchmark.scoring.case_rows import Claim
+from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.evidence.dictionary import build
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, BackgroundLevel
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.structures import case
 from wrenchbed.diagnosis.prepare.baseline import calibrate
-from wrenchbed.diagnosis.prepare.prepared import Prepared
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
 _RANK = 1e-10
 """Least eigenvalue that counts, relative to the largest one."""
 
 
-def none(prepared: Prepared) -> Claim:
+def none(recording: Recording) -> Claim:
     """Claim of no cause, for every recording."""
     return Claim(NONE, (), {NONE: 1.0})
 
 
-def bic(prepared: Prepared) -> Claim:
+def bic(recording: Recording) -> Claim:
     """The single effect, or none, of least BIC; probabilities from exp(−ΔBIC/2)."""
-    prepared = prepared.leading
+    prepared = prepare(recording).leading
     baseline = calibrate(prepared)
     d = build(prepared, baseline.robot_theta, baseline.tolerance)
     y = case(d, prepared, baseline)
@@ -53,4 +54,4 @@ def bic(prepared: Prepared) -> Claim:
     return Claim("identified" if causes else NONE, causes, probabilities)
 
 
-BASELINES: dict[str, Callable[[Prepared], Claim]] = {"none": none, "bic": bic}
+BASELINES: dict[str, Callable[[Recording], Claim]] = {"none": none, "bic": bic}

@@ -1,4 +1,4 @@
-"""How good a diagnosis is: figures of a benchmark with their intervals, also as Markdown.
+"""How good a diagnosis is: figures of a benchmark with their intervals.
 
 The interval of a share of cases is the exact one of Clopper & Pearson (1934). Any other figure is a
 function of sums over cases, so drawing cases anew is one product with a matrix of counts (Efron &
@@ -14,9 +14,8 @@ import numpy as np
 from scipy.stats import binomtest
 
 from wrenchbed.benchmark.frame import subsystem
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, unique
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
-from wrenchbed.errors import DiagnosisError
 
 VISIBLE = 3.0
 """Effects that a perfect detector would miss do not count for isolation [σ]."""
@@ -109,12 +108,7 @@ def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = Fal
 def figure(
     metric: Metric, rows: Sequence[CaseRow], method: str = OURS, draws: int = DRAWS, seed: int = 0
 ) -> ScoredMetric | None:
-    """A metric of a method; None where no case counts.
-
-    Raises:
-        DiagnosisError: a case is there twice.
-    """
-    unique(rows)
+    """A metric of a method; None where no case counts."""
     every = [p for row in rows if (p := metric.parts(row, method)) is not None]
     if not every:
         return None
@@ -303,71 +297,49 @@ METRICS = {
 # ---- tables --------------------------------------------------------------------------------------
 
 
-def markdown(cells: Cells) -> str:
-    """Markdown text of a table."""
-    head, rows = cells
-    return "\n".join([_line(*head), "|" + "---|" * len(head), *(_line(*r) for r in rows)])
-
-
-def figures(rows: Sequence[CaseRow], methods: Sequence[str], draws: int = DRAWS) -> str:
-    """Target, figure and each other method's, one line a metric, as Markdown."""
-    head, lines = figure_cells(rows, methods, METRICS, "wrenchbed", draws)
-    for cells in lines:
-        value, bracket, rest = cells[2].partition(" (")
-        cells[2] = f"**{value}**{bracket}{rest}" if bracket else value
-    return markdown((head, lines))
-
-
 def figure_cells(
-    rows: Sequence[CaseRow],
-    methods: Sequence[str],
-    metrics: Mapping[str, Metric],
-    main: str,
-    draws: int = DRAWS,
+    rows: Sequence[CaseRow], methods: Sequence[str], metrics: Mapping[str, Metric], main: str
 ) -> Cells:
     """Target, figure of the main method and each other's, one line a metric."""
     others = [m for m in methods if m != OURS]
     lines = []
     for metric in metrics.values():
-        scored = figure(metric, rows, OURS, draws)
+        scored = figure(metric, rows)
         theirs = [
-            "–" if metric.ours else metric.text(figure(metric, rows, m, draws), wide=False)
-            for m in others
+            "–" if metric.ours else metric.text(figure(metric, rows, m), wide=False) for m in others
         ]
         count = "" if scored is None else scored.counted
         lines.append([metric.title, metric.target, metric.text(scored), count, *theirs])
     return ["", "target", f"{main} (95 %)", "n", *others], lines
 
 
-def by_effect(rows: Sequence[CaseRow]) -> str:
-    """Markdown table of the answers to each single effect."""
-    return markdown(effect_cells(rows))
-
-
 def effect_cells(rows: Sequence[CaseRow]) -> Cells:
-    """Table cells of the answers to each single effect and each outside family."""
+    """Table cells of the answers to each single effect, at any joint, and each outside family."""
     head = ["effect", "n", "median gap", "isolated", "none", "unknown", "otherwise named"]
     groups: dict[str, list[CaseRow]] = {}
     for row in sorted(rows, key=lambda r: (r.kind == "outside", *r.truth, r.outside or "")):
         if row.kind in ("single", "outside"):
-            groups.setdefault(row.outside or row.truth[0], []).append(row)
+            groups.setdefault(row.outside or _without_joint(row.truth[0]), []).append(row)
     lines = []
     for name, cases in groups.items():
         claims = [(r, r.answers[OURS]) for r in cases]
         held = sum(isolated(r, c) for r, c in claims)
         verdicts = [str(sum(c.verdict == v for _, c in claims)) for v in (NONE, UNKNOWN)]
-        wrong = Counter(c.causes[0][0] for r, c in claims if c.causes and not isolated(r, c))
+        wrong = Counter(
+            _without_joint(c.causes[0][0]) for r, c in claims if c.causes and not isolated(r, c)
+        )
         names = ", ".join(f"{k} {v}" for k, v in wrong.most_common()) or "–"
-        size = float(np.median([r.size.get(name, np.nan) for r in cases]))
+        sizes = [r.size.get(r.outside or r.truth[0], np.nan) for r in cases]
+        size = float(np.median(sizes))
         title = f"{name} (between rows)" if cases[0].between else name
         gap = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}" if np.isfinite(size) else "–"
         lines.append([title, str(len(cases)), gap, str(held), *verdicts, names])
     return head, lines
 
 
-def by_size(rows: Sequence[CaseRow], methods: Sequence[str] = (OURS,)) -> str:
-    """Markdown table of `size_cells`."""
-    return markdown(size_cells(rows, methods))
+def _without_joint(name: str) -> str:
+    """Name of an effect without the joint: ``drive.coulomb`` of ``drive.coulomb.2``."""
+    return name.rstrip("0123456789").rstrip(".")
 
 
 def size_cells(rows: Sequence[CaseRow], methods: Sequence[str], main: str = OURS) -> Cells:
@@ -386,21 +358,3 @@ def size_cells(rows: Sequence[CaseRow], methods: Sequence[str], main: str = OURS
         span = f"{low:g}–{high:g}" if np.isfinite(high) else f"> {low:g}"
         lines.append([span, str(len(cases)), *cells])
     return ["gap", "n", *heads], lines
-
-
-def placed(document: str, name: str, text: str) -> str:
-    """A document with the text between its marks ``<!-- begin NAME -->`` and ``<!-- end -->``.
-
-    Raises:
-        DiagnosisError: the marks are missing.
-    """
-    begin, end = f"<!-- begin {name} -->", "<!-- end -->"
-    head, mark, rest = document.partition(begin)
-    _, closed, tail = rest.partition(end)
-    if not mark or not closed:
-        raise DiagnosisError(f"the document has no place for {name}: it needs {begin} … {end}")
-    return f"{head}{begin}\n{text.strip()}\n{end}{tail}"
-
-
-def _line(*cells: str) -> str:
-    return "| " + " | ".join(cells) + " |"

@@ -1,5 +1,5 @@
 """The sealed benchmark: cases whose truth is committed to, entrants that see them, and a score.
-May import: referee, scoring, diagnosis and the rooms below them.
+May import: referee, lookalikes, efforts, scoring, diagnosis and the rooms below them.
 Read first: `make`, then `run` and `score`.
 Used by: cli.
 """

@@ -9,6 +9,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 
@@ -25,25 +26,24 @@ from wrenchbed.jobs.parts import check_folders
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 from wrenchbed.robots.base import SimulatedRobot
 
-_TRIES = 12
-"""Draws of a case before giving up: an estimate."""
-
 
 @dataclass(frozen=True)
 class Family:
-    """Cases that follow from one seed.
+    """Cases of the referee that follow from one seed; base of families of other worlds.
 
     Attributes:
         robot: registry name.
         mode: ``static`` or ``dynamic``.
         cases: how many.
         seed: not negative; who knows it knows the answers.
+        tries: draws of a case before giving up: an estimate.
     """
 
     robot: str
     mode: str
     cases: int
     seed: int
+    tries: ClassVar[int] = 12
 
     def __post_init__(self) -> None:
         if self.cases < 1:
@@ -85,6 +85,14 @@ class Family:
         seed = (self.seed, index, attempt)
         case = referee.make(self.robot, self.mode, kind, seed)
         return of_case(case, name, commitments.salt(self.seed, name)), case.recording
+
+    def found(self, index: int) -> tuple[Answer, Recording]:
+        """Answer and recording of one case, of the first attempt that finds one.
+
+        Raises:
+            ParameterError: no attempt does.
+        """
+        return attempts(self.tries, lambda k: self.case(index, k), ParameterError)
 
     def names(self) -> list[str]:
         """Names of the cases: numbers."""
@@ -158,6 +166,6 @@ def _complete(name: str, out: Path, answers: Path) -> bool:
 def make_case(family: Family, out: Path, answers: Path, index: int) -> None:
     """Make one case; its files are written atomically."""
     name = family.names()[index]
-    answer, recording = attempts(_TRIES, lambda k: family.case(index, k), ParameterError)
+    answer, recording = family.found(index)
     write_bytes(commitments.answer_of(answers, name), answer.to_bytes())
     commitments.write_recording(recording, commitments.recording_of(out, name))

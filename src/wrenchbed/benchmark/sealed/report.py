@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import SUBSYSTEMS, subsystem
+from wrenchbed.benchmark.frame import subsystem
 from wrenchbed.benchmark.scoring import metrics
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
 from wrenchbed.benchmark.sealed.score import Score
@@ -19,7 +19,11 @@ from wrenchbed.pages.provenance import provenance
 
 _BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9])
 """Edges of stated probabilities that are shown together."""
-_ORDER = ("none", *SUBSYSTEMS, "unknown", "error")
+_ORDER = (
+    "none", "sensor", "mount", "tool", "cable", "joint", "drive", "link", "base", "timing",
+    "environment", "unknown", "error",
+)  # fmt: skip
+"""Subsystems and other answers, as tables list them."""
 _ORACLE = (
     "The oracle is told the exact form and size of all that may be there; it names what the same "
     "data holds, with every effect that could imitate it there."

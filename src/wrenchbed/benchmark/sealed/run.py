@@ -26,7 +26,7 @@ from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.errors import BenchmarkError, ParameterError, WorkerError
 from wrenchbed.files import TEMPORARY, atomic_folder, remove, write_json
 from wrenchbed.files.checked import load
@@ -125,12 +125,13 @@ def _answer_ourselves(method: str, recording: Path, out: Path, limit: float) -> 
     with _at_most(limit), warnings.catch_warnings():
         warnings.simplefilter("ignore")
         data = Recording.read(recording)
-        if method == OURS:
+        if method != OURS:
+            claim = BASELINES[method](data)
+            write_json(out / CLAIM, contract(claim, recording.name, data.metadata.robot))
+        elif data.effort is None:
             diagnose(data).diagnosis.write(out)
-            return
-        prepared = prepare(data)
-        claim, robot = BASELINES[method](prepared), prepared.scene.robot.name
-        write_json(out / CLAIM, contract(claim, recording.name, robot))
+        else:
+            diagnose_efforts(data, wrench=data.has_wrench).diagnosis.write(out)
 
 
 def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:

@@ -123,10 +123,10 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> EntrantClaim:
     which = raw["which"]
     if bool(which) != (verdict in ("identified", "ambiguous", "partial")):
         raise ValueError(f"verdict {verdict!r} with {len(which)} causes")
-    causes = tuple(named_by(w) for w in which)
+    causes = tuple(_class(w) for w in which)
     presence = tuple(_probability(w["probability"]) for w in which)
     odds = {str(k): _probability(v) for k, v in raw["probabilities"].items()}
-    crowded = [c for c in (*causes, *(k.split("|") for k in odds)) if len(c) > MOST]
+    crowded = [c for c in (*map(named_by, which), *(k.split("|") for k in odds)) if len(c) > MOST]
     if crowded:
         raise ValueError(f"the class of {crowded[0][0]} has more than {MOST} members")
     causes, presence = causes[:COUNTED], presence[:COUNTED]
@@ -144,6 +144,21 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> EntrantClaim:
     set90 = tuple(str(n) for n in raw.get("set90") or ())
     claim = Claim(verdict, causes, odds, presence, set90)
     return EntrantClaim(claim, first, parameters, gap, seconds)
+
+
+def _class(entry: Mapping[str, Any]) -> tuple[str, ...]:
+    """Effects of an entry of ``which``; those of drives and links with each joint it may be."""
+    joint = dict(_items(entry.get("parameters"))).get("joint")
+    joints = []
+    if joint is not None:
+        at = dict(_items(joint)) or {"value": joint}
+        joints = [int(j) for j in (at["value"], *at.get("rivals", ()))]
+    members = [
+        f"{n}.{j}" if n.startswith(("drive.", "link.")) and not n[-1].isdigit() else n
+        for n in named_by(entry)
+        for j in joints or [""]
+    ]
+    return tuple(n.rstrip(".") for n in dict.fromkeys(members))
 
 
 def _numbers(raw: Any) -> dict[str, dict[str, float | None]]:
@@ -287,7 +302,6 @@ def _row(truth: Answer, own: EntrantClaim, others: dict[str, EntrantClaim]) -> C
         seconds={k: s.seconds for k, s in every.items() if s.seconds is not None},
         error=own.error,
         alike=tuple(n for c in truth.causes for n in c.alike),
-        real_gap=truth.real_gap,
     )
 
 
