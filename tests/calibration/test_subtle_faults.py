@@ -60,3 +60,11 @@ def test_a_refusal_names_the_fault(name, base, words):
     with pytest.raises(WrenchbedError) as caught:
         calibrate(broken.recording)
     assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["gain of fx +5 %", "gain of fx +10 %"])
+def test_an_interval_holds_what_each_of_the_faults_that_explain_alike_would_move(name):
+    """A gain of fx in a narrow motion looks like faults that move other values."""
+    rng = np.random.default_rng([902, sum(map(ord, name)), 77])  # as scripts/corruptions draws it
+    broken = SUBTLE[name].make(good("motion", 902), "motion", rng)
+    assert far(calibrate(broken.recording), broken.truth) < 3.0

@@ -134,7 +134,9 @@ def check_a_cancelled_move_stops_on_the_way(case, tmp_path):
 
 
 def check_a_recording_is_kept_bit_by_bit_and_its_time_only_grows(case, tmp_path):
-    with case.make() as driver:
+    driver = case.make()
+    driver.connect()
+    try:
         q = case.goals(driver)[:2]
         plan = Plan.of(driver.robot.name, q)
         done = record(driver, plan, tmp_path / "r.parquet", samples=20, rate=100.0)
@@ -152,6 +154,8 @@ def check_a_recording_is_kept_bit_by_bit_and_its_time_only_grows(case, tmp_path)
             model = Model.of(driver.robot)
             wanted = model.predict(q[:1], model.parameters.nominal)[0]
             assert np.abs(rec.wrench[first].mean(axis=0) - wanted)[:3].max() < 0.1
+    finally:
+        driver.close()
 
 
 def check_a_trajectory_is_followed_on_an_even_clock_or_refused(case, tmp_path):

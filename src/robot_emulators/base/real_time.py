@@ -9,8 +9,9 @@ from contextlib import contextmanager
 
 GIVE_UP_S = 1.0
 """Lag beyond which lost cycles are not made up for [s]."""
-_SWITCH_S = 5e-4
-"""Longest that another thread keeps Python's lock from a real-time thread [s]."""
+_SWITCH_S = 2e-3
+"""Longest that another thread keeps Python's lock from a real-time thread [s], half a cycle: two
+busy threads that take turns in a tenth of it answer late more often."""
 _JOIN_S = 2.0
 
 

@@ -116,15 +116,15 @@ class RealTimePlant:
 
     def _step(self, due: float) -> None:
         t = time.monotonic()
-        with self._lock:
-            q, qd = self.body.q * self.counts, self.body.qd * self.counts
-            torque, current, _ = self.body.efforts
-            rows = np.stack([q, qd, torque, current], axis=1).tolist()
+        q, qd = self.body.q * self.counts, self.body.qd * self.counts
+        torque, current, _ = self.body.efforts
+        rows = np.stack([q, qd, torque, current], axis=1).tolist()
+        with self._lock:  # the bus waits for it
             commands = [
                 drive.track(t, CYCLE_S, position, speed, effort, due)
                 for drive, (position, speed, *effort) in zip(self.drives, rows, strict=True)
             ]
-            self.body.step(np.array(commands) / self.counts, due)
+        self.body.step(np.array(commands) / self.counts, due)
         for drive in self.drives:
             drive.tick(t)
         self._measure(due)

@@ -92,15 +92,15 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
     if not _more_than_noise(seen, alone, left):
         return outcome, None
     shift, spread = _posterior(seen, _sizes(alone, left, every))
-    names, size, change = _likeliest(every, seen, alone, left)
+    names, size, changes = _likeliest(every, seen, alone, left)
     covariance = np.linalg.pinv(seen.A.T @ seen.A, rcond=1e-12)  # by noise alone
-    by_one = np.abs(covariance @ (seen.A.T @ change))
+    by_one = np.abs(covariance @ (seen.A.T @ changes)).max(axis=1)
     std = np.sqrt(np.diagonal(outcome.covariance))
-    # the likeliest fault may be the only one: the sizes of its family know too little of it
+    # one of the likeliest faults may be the only one: its family's size knows too little of it
     wide = np.maximum(np.hypot(spread, shift), by_one) * problem.scale
     factor = np.maximum(1.0, np.divide(wide, std, out=np.ones_like(std), where=std > 0.0))
     grown = replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
-    clear = max(float(np.linalg.norm(change - q @ (q.T @ change))), CLEAR)
+    clear = max(float(np.linalg.norm(changes[:, 0] - q @ (q.T @ changes[:, 0]))), CLEAR)
     if np.sqrt((size**2).mean()) * (1.0 - CLEAR / clear) < LARGE:  # or noise may make it so large
         return grown, None
     known = np.sqrt(np.maximum(np.diagonal(covariance), 1e-300))
@@ -282,7 +282,7 @@ def _likeliest(
     suspects that explain it alike, those of fewest shapes are named.
 
     Returns:
-        The names, the sizes of the first one, and what it changes of these sizes (n,).
+        The names, the sizes of the first one, and what each that explains it alike changes (n, L).
     """
     scores: list[tuple[float, np.ndarray, np.ndarray]] = []
     ends = np.cumsum([len(s.families) for s in every])
@@ -299,5 +299,5 @@ def _likeliest(
     alike = [k for k in range(len(every)) if scores[k][0] >= least]
     alike.sort(key=lambda k: (len(scores[k][1]), -scores[k][0]))
     few = [k for k in alike if len(scores[k][1]) == len(scores[alike[0]][1])]
-    _, sizes, change = scores[few[0]]
-    return [every[k].name for k in few[:NAMED]], sizes, change
+    changes = np.column_stack([scores[k][2] for k in alike])
+    return [every[k].name for k in few[:NAMED]], scores[few[0]][1], changes

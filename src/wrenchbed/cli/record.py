@@ -249,8 +249,6 @@ def ready(link: Driver, plan: wb.Plan, *, recover: bool, yes: bool) -> Iterator[
                 _agree(address)
             if recover:
                 link.recover(unlock=True)
-            else:
-                link.activate()
             yield limits
         finally:
             link.close()

@@ -9,7 +9,7 @@ stopped to protect itself ends the run.
 import time
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -126,7 +126,7 @@ def record(
     The whole plan is checked before anything moves or is written.
 
     Args:
-        driver: connected and active.
+        driver: connected; it is activated, if it is not yet, once the plan is checked.
         plan: static or dynamic.
         path: of the recording.
         settings: how the plan is run.
@@ -185,6 +185,7 @@ class _Run:
         self.driver.expect(plan.q[rows], "static")
         if old is not None:
             self.metadata = old.metadata
+        self.driver.activate()
         with self._writing(CUT if self.resume else "~") as writer:
             if old is not None:
                 self._continue(old, writer)
@@ -201,6 +202,8 @@ class _Run:
         """Move to the start and follow the trajectory; on a live driver again if it was cut."""
         driver = self.driver
         driver.expect(self.plan.q, "dynamic")
+        legs = self._legs([0], driver.position())
+        driver.activate()
         failed: Counter[Retries] = Counter()
         written = False
         while True:
@@ -208,9 +211,10 @@ class _Run:
             try:
                 if failed:
                     driver.recover(unlock=False)
+                    legs = self._legs([0], driver.position())
                 with self._writing(CUT if written else "~") as writer:
                     try:
-                        self._follow(writer)
+                        self._follow(legs, writer)
                     finally:
                         rows = writer.rows
                 return RunProgress(self.path, self.done, rows, self.t, self.tried_again)
@@ -235,9 +239,9 @@ class _Run:
                     extra = {**writer.metadata.extra, TIMING: dict(self.driver.timing())}
                     writer.metadata = replace(writer.metadata, extra=extra)
 
-    def _follow(self, writer: RecordingWriter) -> None:
+    def _follow(self, legs: Sequence[Leg], writer: RecordingWriter) -> None:
         plan, driver = self.plan, self.driver
-        for leg in self._legs([0], driver.position()):
+        for leg in legs:
             for q in leg.via:
                 driver.move(q).wait()
         driver.settle()
