@@ -1,4 +1,4 @@
-"""`record` on the command line: dry runs, limits, replays, and what a driver does not take."""
+"""`record` on the command line: dry runs, limits, and what a driver does not take."""
 
 import json
 
@@ -61,27 +61,10 @@ def test_revisit_shows_the_drift(record, capsys):
     assert all(entry["std"] > 0.0 for entry in drift.values())
 
 
-def test_a_recording_is_replayed_as_it_was(record, tmp_path, capsys):
-    first = record()[1]
-    code, second = record("--driver", "replay", "--recording", str(first), out="again.parquet")
-    assert code == 0
-    a, b = Recording.read(first), Recording.read(second)
-    assert np.array_equal(a.wrench, b.wrench)
-    assert np.array_equal(a.q, b.q)
-    assert np.array_equal(a.t, b.t)
-    assert b.metadata == a.metadata
-    code, _ = record(
-        "--driver", "replay", "--recording", str(first), "--samples", "9", out="more.parquet"
-    )
-    assert code == 1
-    assert "8 more rows at this pose, not 9" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("more", "message"),
     [
         (("--host", "127.0.0.2"), "--host: driver 'sim' does not take it"),
-        (("--driver", "replay"), "needs a recording: give --recording FILE"),
         (("--driver", "rtde", "--effect", "base.tilt"), "does not simulate effects"),
         (("--speed", "3"), "speed 3 must be above 0 and at most 1"),
         (("--dry-run", "--resume"), "leave --resume out"),

@@ -1,4 +1,4 @@
-"""One contract for every registered driver: simulated, replayed, and over the wire on emulators.
+"""One contract for every registered driver: simulated and over the wire on emulators.
 
 With WRENCHBED_UR5=ADDRESS[,SENSOR] or WRENCHBED_CAN=CHANNEL in the environment, the same tests run
 on hardware: small moves about where the robot stands, at a twentieth of its top speed.
@@ -81,8 +81,7 @@ def check_reading_never_blocks_and_what_is_beyond_limits_is_refused(case, tmp_pa
             driver.move(np.full(len(before), np.nan))
         jump = driver.write(before + 0.3)
         assert jump.sent is None and jump.reason
-        if case.follows:
-            assert "its limit is" in jump.reason
+        assert "its limit is" in jump.reason
         assert np.abs(driver.position() - before).max() < 1e-3
 
 
@@ -103,20 +102,17 @@ def check_a_stop_holds_and_a_move_is_polled_and_arrives(case, tmp_path):
             time.sleep(0.002 if driver.live else 0.0)
         assert np.abs(end.q - goal).max() < 1e-3
         assert np.abs(driver.position() - goal).max() < 1e-3
-        if case.follows:
-            assert polls > 3
-            assert end.duration > 0.1
+        assert polls > 3
+        assert end.duration > 0.1
 
 
 def check_a_cancelled_move_stops_on_the_way(case, tmp_path):
     with case.make() as driver:
         start = driver.position()
-        goal = case.goals(driver)[1]
-        if case.follows:
-            way = 0.5 if driver.robot.joints[0].unit == "rad" else 0.25
-            goal = start + way * np.eye(len(start))[0]
+        way = 0.5 if driver.robot.joints[0].unit == "rad" else 0.25
+        goal = start + way * np.eye(len(start))[0]
         motion = driver.move(goal)
-        for _ in range(40 if case.follows else 0):
+        for _ in range(40):
             motion.poll()
             time.sleep(0.01 if driver.live else 0.0)
         motion.cancel()
@@ -126,8 +122,7 @@ def check_a_cancelled_move_stops_on_the_way(case, tmp_path):
         driver.settle()
         stopped = driver.position()
         assert np.abs(stopped - goal).max() > 1e-3
-        if case.follows:
-            assert np.abs(stopped - start).max() > 1e-4
+        assert np.abs(stopped - start).max() > 1e-4
         time.sleep(0.2 if driver.live else 0.0)
         assert np.abs(driver.position() - stopped).max() < 1e-3
         driver.move(start).wait()
@@ -158,16 +153,12 @@ def check_a_recording_is_kept_bit_by_bit_and_its_time_only_grows(case, tmp_path)
         driver.close()
 
 
-def check_a_trajectory_is_followed_on_an_even_clock_or_refused(case, tmp_path):
+def check_a_trajectory_is_followed_on_an_even_clock(case, tmp_path):
     with case.make() as driver:
         start, rate = driver.position(), 125.0
         t = np.arange(80) / rate
         swing = 0.5 * (1 - np.cos(2 * np.pi * t / t[-1]))
         targets = start + 0.02 * swing[:, None] * np.ones(len(start))
-        if not case.follows:
-            with pytest.raises(DriverError, match="another trajectory"):
-                list(driver.track(targets, rate))
-            return
         blocks = [dict(b) for b in driver.track(targets, rate)]
         rows = {k: np.concatenate([b[k] for b in blocks]) for k in blocks[0]}
         assert len(rows["t"]) == 80

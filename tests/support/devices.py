@@ -1,4 +1,4 @@
-"""How a test makes each driver and each transducer: an emulator or a recording where one is needed.
+"""How a test makes each driver and each transducer: an emulator where one is needed.
 
 The contract suites ask for an entry per registered plug-in. A driver that is not live and needs no
 option but ``robot`` has one by itself; add one for any other new plug-in.
@@ -8,17 +8,13 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, fields
-from pathlib import Path
 
 import numpy as np
 
 from emulator_process import running
 from netft_scene import boxed
 from wrenchbed import registry
-from wrenchbed.campaigns.recording.run import record
-from wrenchbed.data.plan import Plan
 from wrenchbed.hardware.drivers.base import Driver
-from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.hardware.transducers.base import Transducer
 from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
 from wrenchbed.robots.motion_limits import Limits
@@ -35,19 +31,14 @@ class DriverCase:
 
     Attributes:
         make: makes a closed driver; takes further options.
-        poses: joint values (n, J) that it can visit; about its position if None.
-        follows: whether it follows any path within its limits.
         modelled: whether its sensor reads what the nominal model says.
     """
 
     make: Callable[..., Driver]
-    poses: np.ndarray | None = None
-    follows: bool = True
     modelled: bool = True
 
     def goals(self, driver: Driver) -> np.ndarray:
-        if self.poses is not None:
-            return self.poses
+        """Poses (3, J) about where it stands."""
         q = driver.position()
         return q + SMALL * np.random.default_rng(5).standard_normal((3, len(q)))
 
@@ -75,17 +66,6 @@ def _needs_only_a_robot(name: str) -> bool:
     return not kind.live and needed == ["robot"]
 
 
-@contextmanager
-def _replay(folder: Path) -> Iterator[DriverCase]:
-    path = folder / "replayed.parquet"
-    with SimDriver(SimOptions("ur5")) as driver:
-        home = driver.position()
-        poses = home + SMALL * np.random.default_rng(5).standard_normal((3, len(home)))
-        record(driver, Plan.of("ur5", poses), path, samples=60)
-    made = _of("replay", "ur5", recording=str(path)).make
-    yield DriverCase(made, poses, follows=False)
-
-
 DRIVERS = {
     name: {
         "ur5": lambda folder, name=name: _simulated(name, "ur5"),
@@ -94,7 +74,6 @@ DRIVERS = {
     for name in registry.names("drivers")
     if _needs_only_a_robot(name)
 } | {
-    "replay": {"ur5": _replay},
     "rtde": {"ur5": lambda folder: _emulated("rtde", "ur5", "ur5", "127.0.5.1")},
     "can": {"medrue": lambda folder: _emulated("can", "medrue", "medrue", "127.0.5.2")},
 }

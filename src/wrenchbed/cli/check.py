@@ -23,17 +23,10 @@ EXIT = {monthly.HEALTHY: 0, monthly.CHANGED: 3, monthly.CANNOT_TELL: 4}
 
 
 @dataclass(frozen=True)
-class CheckDevice(DeviceArguments):
-    """The robot and its sensor, simulated or real."""
-
-    # Check this recording of the plan in DIR, and move nothing. With replay: what is replayed.
-    recording: str | None = None
-
-
-@dataclass(frozen=True)
 class CheckArguments:
     """How the check is made."""
 
+    recording: Path | None = None  # Check this recording of the plan in DIR, and move nothing.
     # When it was recorded, ISO 8601 with a zone; what the recording states, else now.
     time: str | None = None
     # Of the sensor, or of the room [°C], where the recording has no column of it.
@@ -54,7 +47,7 @@ def check(
     robot: tyro.conf.Positional[str],
     /,
     history: Path,
-    device: CheckDevice,
+    device: DeviceArguments,
     how: CheckArguments,
     motion: LimitArguments,
     as_json: Json = False,
@@ -79,8 +72,8 @@ def check(
         console.answer({"plan": path, "poses": len(plan)}, as_json, f"{len(plan)} poses → {path}")
         return 0
     time = None if how.time is None else monthly.parse_time(how.time, "--time")
-    if device.recording is not None and device.driver == SimDriver.name:
-        recording = wb.Recording.read(device.recording)
+    if how.recording is not None:
+        recording = wb.Recording.read(how.recording)
         time = time or monthly.time_of(recording)
         if time is None:
             raise HistoryError(
@@ -99,7 +92,7 @@ def check(
 
 
 def _recorded(
-    plan: wb.Plan, out: Path, device: CheckDevice, how: CheckArguments, motion: LimitArguments,
+    plan: wb.Plan, out: Path, device: DeviceArguments, how: CheckArguments, motion: LimitArguments,
     number: int,
 ) -> wb.Recording:  # fmt: skip
     """The plan recorded by a driver."""

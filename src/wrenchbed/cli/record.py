@@ -38,7 +38,6 @@ class DeviceArguments:
     # With rtde: netft://HOST for an ATI Net F/T at another address than the robot's, or rtde for
     # the robot's own wrench.
     sensor: str | None = None
-    recording: str | None = None  # With replay: what is replayed.
     parameters: Path | None = None  # JSON {name: value} in SI: what the simulated robot truly is.
     noise: Literal["real", "white", "off"] | None = None  # Of the simulated sensor; real.
     # ID[:name=value,…] of an effect on the simulated robot, see `wrenchbed list effects`; without
@@ -56,9 +55,8 @@ class DeviceArguments:
         """The driver's options; an argument that it does not take is refused by its flag."""
         given = {
             "host": self.host, "channel": self.channel, "sensor": self.sensor,
-            "recording": self.recording, "parameters": console.parameters(self.parameters) or None,
-            "noise": self.noise, "effects": self.effect or None, "seed": self.seed,
-            "effort": self.effort,
+            "parameters": console.parameters(self.parameters) or None, "noise": self.noise,
+            "effects": self.effect or None, "seed": self.seed, "effort": self.effort,
         }  # fmt: skip
         known = [f.name for f in fields(device.options)]
         flagged = ("robot", "limits", *given)
@@ -137,9 +135,8 @@ def record(
         out: Recording to write; what a resumed campaign or another try of a motion replaces is
             kept as OUT.cut~.
     """
-    replayed = Path(device.recording) if device.recording else None
     console.check_seed(device.seed or 0)
-    inputs = (plan, device.parameters, replayed)
+    inputs = (plan, device.parameters)
     console.check_out(out, Kind.RECORDING, *inputs, force=run.force or run.resume)
     todo = wb.Plan.read(plan)
     # of a user's description without its version: limits are checked anyway
@@ -150,9 +147,7 @@ def record(
     limits = motion.limits(kind.live)
     if run.dry_run:
         kind = wb.SimDriver
-        device = replace(
-            device, driver="sim", host=None, channel=None, sensor=None, recording=None, set=()
-        )
+        device = replace(device, driver="sim", host=None, channel=None, sensor=None, set=())
         _rehearse(todo, limits, run)
     link: Driver = kind(device.options(kind, robot, limits))
     revisit = {"yes": True, "no": False, "auto": True if run.dry_run else None}[run.revisit]
