@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from altered import with_metadata, with_wrench
-from robot_emulators.ur.tool_wrench import Payload, WrenchEstimate
+from robot_emulators.ur.arm import Payload, WrenchEstimate
 from simulated import WHITE, as_driven, static
 from wrenchbed import registry
 from wrenchbed.calibration.calibrate import calibrate

@@ -13,11 +13,10 @@ from hypothesis import strategies as st
 
 from can_witness import connected
 from medrue_bench import until
+from robot_emulators import can_bus as text
 from robot_emulators.base.arguments import read
 from robot_emulators.base.faults import TimedFault
-from robot_emulators.can_bus import socketcand as text
-from robot_emulators.can_bus.hub import Hub
-from robot_emulators.can_bus.socketcand import Frame
+from robot_emulators.can_bus import Frame, Hub
 from robot_emulators.errors import FaultError, SettingError
 from robot_emulators.medrue.server import BusSettings
 from wrenchbed.errors import LinkError

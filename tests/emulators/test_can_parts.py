@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from robot_emulators.medrue import axis as served
-from robot_emulators.medrue.drive import DriveEmulator
-from robot_emulators.medrue.profile import rated
+from robot_emulators.medrue.drive import DriveEmulator, rated
 from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.drivers.can import CanOptions, options
 from wrenchbed.hardware.drivers.can.cia402 import (

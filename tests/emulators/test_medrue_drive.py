@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from can_drives import NODE, SimulatedBus
 from medrue_bench import away, until
-from robot_emulators.can_bus.socketcand import Frame
+from robot_emulators.can_bus import Frame
 from robot_emulators.canopen.dictionary import Abort
 from robot_emulators.medrue.axis import RPDO_TIMEOUT, SYNC_ERROR
-from robot_emulators.medrue.profile import rated
+from robot_emulators.medrue.drive import rated
 from robot_emulators.medrue.server import CYCLE_S, RealTimePlant
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 from wrenchbed.hardware.drivers.can.cia402 import DriveStatus, Want, controlword, state_of

@@ -12,10 +12,9 @@ import pytest
 from netft_scene import StandIn, boxed, plain
 from robot_emulators.base.faults import Faults
 from robot_emulators.errors import EmulatorError, SettingError
-from robot_emulators.netft_box.pages import Pages
+from robot_emulators.netft_box.pages import Pages, Web
 from robot_emulators.netft_box.rdt import Pace
 from robot_emulators.netft_box.sensing import BoxSettings, Sensing
-from robot_emulators.netft_box.web import Web
 from wrenchbed.hardware.transducers.netft import configuration
 
 

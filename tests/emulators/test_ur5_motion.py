@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_emulators.base.faults import TimedFault
 from robot_emulators.kinematic_plant import known_arm
+from robot_emulators.ur.arm import GRAVITY
 from robot_emulators.ur.kinematics import (
     NO_TOOL,
     Kinematics,
@@ -15,7 +16,6 @@ from robot_emulators.ur.kinematics import (
 from robot_emulators.ur.modes import Runtime, SafetyMode
 from robot_emulators.ur.motions import Pace, Profile, ToPose
 from robot_emulators.ur.outputs import Outputs
-from robot_emulators.ur.tool_wrench import GRAVITY
 from ur5_bench import CYCLE, Bench
 from wrenchbed import registry
 from wrenchbed.plant.serving import EmulatorOptions, emulated

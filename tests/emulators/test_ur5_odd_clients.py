@@ -14,7 +14,7 @@ from robot_emulators.ur.messages import FAULT
 from robot_emulators.ur.modes import Runtime
 from robot_emulators.ur.outputs import Outputs
 from robot_emulators.ur.packets import Recipe
-from robot_emulators.ur.script import Collector
+from robot_emulators.ur.urscript.tokens import Collector
 from ur5_bench import CYCLE, Bench
 from wrenchbed.plant.serving import EmulatorOptions, emulated
 

@@ -8,9 +8,8 @@ from hypothesis import strategies as st
 
 from robot_emulators.errors import EmulatorError
 from robot_emulators.ur import packets as wire
-from robot_emulators.ur.inputs import Inputs
 from robot_emulators.ur.packets import inputs, outputs
-from robot_emulators.ur.rtde import Offer, RtdeSession
+from robot_emulators.ur.rtde import Inputs, Offer, RtdeSession
 
 CB3, E = (3, 15, 8, 106339), (5, 11, 1, 108318)
 

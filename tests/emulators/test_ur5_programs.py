@@ -12,7 +12,7 @@ from robot_emulators.ur import messages, programs
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.modes import Runtime
 from robot_emulators.ur.programs import ProgramFileError
-from robot_emulators.ur.script import Collector, is_secondary
+from robot_emulators.ur.urscript.tokens import Collector, is_secondary
 from ur5_bench import CYCLE, Bench
 
 HOST = "127.0.1.34"

@@ -13,7 +13,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
-from robot_emulators.ur.script import Collector
+from robot_emulators.ur.urscript.tokens import Collector
 from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
 from wrenchbed import registry
 from wrenchbed.errors import ExportError

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_emulators.can_bus.socketcand import Frame
+from robot_emulators.can_bus import Frame
 from robot_emulators.medrue.board import BoardEmulator
 from wrenchbed import registry
 from wrenchbed.errors import DriverError

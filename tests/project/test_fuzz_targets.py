@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_emulators.can_bus import socketcand as client
+from robot_emulators import can_bus as client
 from robot_emulators.kinematic_plant import kinematic_plant
 from robot_emulators.netft_box import rdt as made_records
 from robot_emulators.netft_box.pages import Pages
@@ -27,13 +27,12 @@ from robot_emulators.plant import PlantRequest
 from robot_emulators.ur import packets
 from robot_emulators.ur.controller import Controller, functions
 from robot_emulators.ur.dashboard import GREETING, Dashboard
-from robot_emulators.ur.inputs import Inputs
 from robot_emulators.ur.outputs import Outputs
 from robot_emulators.ur.packets import Recipe
-from robot_emulators.ur.rtde import Offer, RtdeSession
-from robot_emulators.ur.script import Collector
+from robot_emulators.ur.rtde import Inputs, Offer, RtdeSession
 from robot_emulators.ur.settings import ControllerSettings
 from robot_emulators.ur.urscript.machine import compiled
+from robot_emulators.ur.urscript.tokens import Collector
 from robot_emulators.ur.urscript.values import ScriptFaultError
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.drivers.can import frames

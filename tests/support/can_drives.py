@@ -3,9 +3,8 @@
 import struct
 import threading
 
-from robot_emulators.can_bus.socketcand import Frame
-from robot_emulators.medrue.drive import DriveEmulator
-from robot_emulators.medrue.profile import rated
+from robot_emulators.can_bus import Frame
+from robot_emulators.medrue.drive import DriveEmulator, rated
 
 NODE = 3
 RATINGS = rated(-1_000_000, 1_000_000, 20_000, 4e6, 4e5, 8e5, 2.0)

@@ -11,10 +11,9 @@ import threading
 from collections.abc import Callable, Sequence
 from functools import partial, reduce
 
-from robot_emulators.can_bus.socketcand import Frame
-from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects
+from robot_emulators.can_bus import Frame
+from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects, SdoServer
 from robot_emulators.canopen.pdo import Pdo
-from robot_emulators.canopen.sdo import SdoServer
 
 BOOT, STOPPED, OPERATIONAL, PRE_OPERATIONAL = 0x00, 0x04, 0x05, 0x7F
 HEARTBEAT_LOST, SHORT_PDO = 0x8130, 0x8210

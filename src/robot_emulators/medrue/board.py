@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from robot_emulators.can_bus.socketcand import Frame
+from robot_emulators.can_bus import Frame
 
 COUNTS_PER_VOLT = 3276.8
 """A 16-bit converter of ±10 V."""

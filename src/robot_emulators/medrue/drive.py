@@ -5,17 +5,49 @@ An enabled axis loses its master where an RPDO does not come again within its ev
 (0x1400:5), no SYNC for longer than that and `_SYNC_LOSS` periods (0x1006), a heartbeat stays away
 (0x1016), or the node leaves OPERATIONAL. It then does what the master wrote to 0x6007: it goes to
 FAULT (after power-up), stops on its quick-stop ramp, or does nothing.
+
+What the EDS file cannot state of the objects stands here: values after power-up that depend on the
+axis (`rated`), and values of which only some may be written. Positions are in counts, speeds in
+count/s, accelerations in count/s². Source: CiA 402-2 (IEC 61800-7-201).
 """
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from importlib import resources
 
-from robot_emulators.can_bus.socketcand import Frame
-from robot_emulators.canopen.dictionary import Key
+from robot_emulators.can_bus import Frame
+from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects
 from robot_emulators.canopen.node import OPERATIONAL, Node
-from robot_emulators.medrue import profile
-from robot_emulators.medrue.axis import MODE, RPDO_TIMEOUT, SYNC_ERROR, Axis
+from robot_emulators.medrue.axis import (
+    CYCLIC,
+    HOMING,
+    METHODS,
+    MODE,
+    PROFILE,
+    RPDO_TIMEOUT,
+    SYNC_ERROR,
+    Axis,
+)
 
+SHEET = resources.files(__package__).joinpath("cia402.eds").read_text("utf-8")
+"""The EDS file; its values after power-up are those of an axis of 2,000,000 counts."""
+CONTROL, STATUS, TARGET, ACTUAL = (0x6040, 0), (0x6041, 0), (0x607A, 0), (0x6064, 0)
+RATED_CURRENT, RATED_TORQUE = (0x6075, 0), (0x6076, 0)
+"""In mA, and in mN·m or mN."""
+FAULT_SIGNAL, QUICK_STOP = 1, 3
+"""Values of the abort connection option code (0x6007); 0 does nothing."""
+ALLOWED: dict[Key, tuple[int, ...]] = {
+    (0x6007, 0): (0, FAULT_SIGNAL, QUICK_STOP),
+    (0x605A, 0): (0, 1, 2, 5, 6),
+    (0x6060, 0): (PROFILE, HOMING, CYCLIC),
+    (0x6098, 0): (0, *METHODS),
+}
+"""Objects of which only some values may be written."""
+_RATED_A = 4.0
+"""Rated current of a motor [A]. MedRUE's motors are not published; currents are reported in
+thousandths of it, in 16 bits with a sign, so that 130 A can be reported."""
+_NEAR = 0.05
+"""Position window as a part of the largest following error: a servo at rest is well within it."""
 _SYNC_LOSS = 25
 """Periods of SYNC (0x1006) without one after which it is lost: at 250 Hz 0.1 s, which is also the
 RPDOs' event timer after power-up."""
@@ -25,13 +57,47 @@ _AHEAD_S = 0.02
 longer, and the position of a plant that stands still would run away."""
 
 
+def rated(
+    lower: int, upper: int, window: int, quick: float, speed: float, acceleration: float,
+    torque: float,
+) -> dict[Key, int]:  # fmt: skip
+    """Values after power-up that depend on the axis.
+
+    Args:
+        lower, upper: software position limits [count].
+        window: largest following error [count].
+        quick: quick-stop deceleration [count/s²].
+        speed: top speed [count/s].
+        acceleration: of profiles [count/s²].
+        torque: rated, of its motor [N·m, or N].
+    """
+    top, rate = round(speed), round(acceleration)
+    return {
+        (0x6065, 0): window, (0x6067, 0): round(_NEAR * window),
+        RATED_CURRENT: round(_RATED_A * 1000.0), RATED_TORQUE: round(torque * 1000.0),
+        (0x607D, 1): lower, (0x607D, 2): upper, (0x607F, 0): top, (0x6081, 0): top,
+        (0x6083, 0): rate, (0x6084, 0): rate, (0x6085, 0): round(quick),
+    }  # fmt: skip
+
+
+def refuse_others(objects: Objects) -> None:
+    """Refuse values that are not `ALLOWED`."""
+    for key, values in ALLOWED.items():
+
+        def refuse(value: int, values: tuple[int, ...] = values) -> None:
+            if value not in values:
+                raise AbortError(Abort.VALUE)
+
+        objects.entry(key).check = refuse
+
+
 class DriveEmulator(Node):
     """Emulated CiA 402 drive of one axis.
 
     Args:
         node: CANopen id.
         send: puts a frame on the bus.
-        rated: values after power-up that depend on its axis, as `profile.rated` makes them.
+        rated: values after power-up that depend on its axis, as `rated` makes them.
         position: initial position [count].
         watchdog: event timer of its RPDO after power-up [s].
         lock: shared with the plant's thread.
@@ -41,8 +107,8 @@ class DriveEmulator(Node):
         self, node: int, send: Callable[[Frame], None], rated: Mapping[Key, int],
         position: float, watchdog: float, lock: threading.RLock,
     ) -> None:  # fmt: skip
-        super().__init__(node, send, profile.SHEET, lock)
-        profile.check(self.objects)
+        super().__init__(node, send, SHEET, lock)
+        refuse_others(self.objects)
         self._rated, self._position = rated, round(position)
         self._rate()
         self.axis = Axis(self.objects, position)
@@ -71,10 +137,10 @@ class DriveEmulator(Node):
         for key in keys:
             if key == MODE:
                 self.axis.take_mode()
-            elif key == profile.CONTROL:
-                self._control(self.objects[profile.CONTROL])
-            elif key == profile.TARGET:
-                self.axis.sync(self.now, self.objects[profile.TARGET], self.period)
+            elif key == CONTROL:
+                self._control(self.objects[CONTROL])
+            elif key == TARGET:
+                self.axis.sync(self.now, self.objects[TARGET], self.period)
         self._report()
 
     def on_connection_lost(self, code: int) -> None:
@@ -82,9 +148,9 @@ class DriveEmulator(Node):
         if not self.axis.driven:
             return
         option = self.objects[0x6007, 0]
-        if option == profile.FAULT_SIGNAL:
+        if option == FAULT_SIGNAL:
             self.axis.fault(code or RPDO_TIMEOUT)
-        elif option == profile.QUICK_STOP:
+        elif option == QUICK_STOP:
             self.axis.quick_stop(code or RPDO_TIMEOUT)
         self._report()
 
@@ -114,7 +180,7 @@ class DriveEmulator(Node):
 
     def _rate(self) -> None:
         """Values of the axis after power-up."""
-        position = dict.fromkeys((profile.ACTUAL, profile.TARGET, (0x6062, 0)), self._position)
+        position = dict.fromkeys((ACTUAL, TARGET, (0x6062, 0)), self._position)
         for key, value in (*self._rated.items(), *position.items()):
             self.objects[key] = value
 
@@ -122,7 +188,7 @@ class DriveEmulator(Node):
         rising, self._last_word = word & ~self._last_word, word
         self.axis.control(word)
         if rising & 0x10:
-            self.axis.new_goal(self.objects[profile.TARGET])
+            self.axis.new_goal(self.objects[TARGET])
 
     def _report(self) -> None:
         """Send the error codes of the axis before its state follows."""
@@ -147,14 +213,14 @@ class DriveEmulator(Node):
             ahead = min(max(0.0, t - self._seen), _AHEAD_S) if self._seen else 0.0
             moved = (self._speed + 0.5 * self._growth * ahead) * ahead
             self._position = round(axis.actual + moved)
-        objects[profile.ACTUAL] = self._position
+        objects[ACTUAL] = self._position
         objects[0x6062, 0] = round(axis.command)
         objects[0x60F4, 0] = round(axis.command - axis.actual)
         objects[0x606B, 0] = round(axis.speed)
         objects[0x606C, 0] = round(self._speed)
-        objects[0x6077, 0] = _thousandths(1000.0 * self._torque / objects[profile.RATED_TORQUE])
-        objects[0x6078, 0] = _thousandths(1000.0 * self._current / objects[profile.RATED_CURRENT])
-        objects[profile.STATUS] = axis.statusword
+        objects[0x6077, 0] = _thousandths(1000.0 * self._torque / objects[RATED_TORQUE])
+        objects[0x6078, 0] = _thousandths(1000.0 * self._current / objects[RATED_CURRENT])
+        objects[STATUS] = axis.statusword
         objects[0x6061, 0] = axis.mode
         objects[0x603F, 0] = axis.code
 

@@ -14,10 +14,9 @@ from robot_emulators.base.event_loop import LoopThread, taken
 from robot_emulators.base.faults import Faults, TimedFault
 from robot_emulators.base.real_time import CycleThread
 from robot_emulators.errors import EmulatorError
-from robot_emulators.netft_box.pages import Pages, Reply
+from robot_emulators.netft_box.pages import Pages, Reply, Web
 from robot_emulators.netft_box.rdt import Pace, Rdt
 from robot_emulators.netft_box.sensing import BoxSettings, Sensing
-from robot_emulators.netft_box.web import Web
 from robot_emulators.plant import Plant, PlantMaker, PlantRequest
 
 _CYCLE = 0.008

@@ -17,19 +17,18 @@ from robot_emulators.ur import (
     script_sockets,
     script_state,
 )
-from robot_emulators.ur.arm import SAFE_DECELERATION, ControlledArm
-from robot_emulators.ur.inputs import Inputs, Terminals
+from robot_emulators.ur.arm import SAFE_DECELERATION, ControlledArm, WrenchEstimate
 from robot_emulators.ur.links import ExternalControl
 from robot_emulators.ur.messages import PROTECTIVE_STOP, Event
 from robot_emulators.ur.modes import Modes, Runtime
 from robot_emulators.ur.packets import Values, Version, inputs, outputs, zero
 from robot_emulators.ur.programs import Loaded
-from robot_emulators.ur.script import ProgramError, is_secondary
+from robot_emulators.ur.rtde import Inputs, Terminals
 from robot_emulators.ur.script_program import ScriptProgram
 from robot_emulators.ur.settings import ControllerSettings
-from robot_emulators.ur.tool_wrench import WrenchEstimate
 from robot_emulators.ur.urscript import machine
 from robot_emulators.ur.urscript.functions import Table
+from robot_emulators.ur.urscript.tokens import is_secondary
 from robot_emulators.ur.urscript.translation import Code
 from robot_emulators.ur.urscript.values import ScriptFaultError
 
@@ -224,7 +223,7 @@ class Controller:
         """Begin an interpreted program; False where its text is none, which is announced."""
         try:
             program = ScriptProgram(self, code())
-        except ProgramError as error:
+        except ScriptFaultError as error:
             self._report(error)
             return False
         if program.secondary:
@@ -252,7 +251,7 @@ class Controller:
     def _goes_on(self, program: ScriptProgram | ExternalControl) -> bool:
         try:
             return program.cycle(self.now)
-        except ProgramError as error:
+        except ScriptFaultError as error:
             self._report(error)
             return False
 
@@ -261,7 +260,7 @@ class Controller:
             self._announced = self.modes.safety
             self.announce(messages.safety(int(self._announced)))
 
-    def _report(self, error: ProgramError) -> None:
+    def _report(self, error: ScriptFaultError) -> None:
         self.announce(messages.runtime_fault(error.line, error.column, str(error)))
 
     def _hold(self) -> None:
@@ -299,9 +298,6 @@ def compiled(version: Version, text: str) -> Code:
     """A program for this software.
 
     Raises:
-        ProgramError: the text is no program.
+        ScriptFaultError: the text is no program.
     """
-    try:
-        return machine.compiled(text, functions(version))
-    except ScriptFaultError as fault:
-        raise ProgramError(fault.text, fault.line, fault.column) from fault
+    return machine.compiled(text, functions(version))

@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from typing import TYPE_CHECKING
 
-from robot_emulators.ur.script import ProgramError
 from robot_emulators.ur.urscript.machine import LONGEST
 from robot_emulators.ur.urscript.translation import Code
+from robot_emulators.ur.urscript.values import ScriptFaultError
 
 if TYPE_CHECKING:
     from robot_emulators.ur.controller import Controller
@@ -201,7 +201,7 @@ class ExternalControl:
         while link is not None and link.dialling and controller.now < end:
             yield
         if link is None or not link.send(_REQUEST):
-            raise ProgramError(f"External Control: no connection to {host}:{port}")
+            raise ScriptFaultError(f"External Control: no connection to {host}:{port}")
         text, heard, end = bytearray(), controller.now, controller.now + _ANSWER_S
         while not text or (not link.lost and controller.now - heard < _SILENT_S):
             data = link.all()
@@ -211,7 +211,7 @@ class ExternalControl:
             if _END in text or len(text) > 4 * LONGEST:
                 break
             if not text and (link.lost or controller.now > end):
-                raise ProgramError(f"External Control: {host}:{port} sends no program")
+                raise ScriptFaultError(f"External Control: {host}:{port} sends no program")
             yield
         self._links.close()
         code = self._compiled(text.decode("utf-8", "replace"))

@@ -9,7 +9,6 @@ import numpy as np
 from robot_emulators.ur.links import Links
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.motions import ArmMotion
-from robot_emulators.ur.script import ProgramError
 from robot_emulators.ur.urscript.machine import Machine
 from robot_emulators.ur.urscript.translation import Code
 from robot_emulators.ur.urscript.values import ProgramEndsError, ScriptFaultError
@@ -59,8 +58,6 @@ class ScriptProgram:
             return self._machine.cycle()
         except ProgramEndsError:
             return False
-        except ScriptFaultError as fault:
-            raise ProgramError(fault.text, fault.line, fault.column) from fault
 
     def close(self) -> None:
         """Close all connections that the program opened."""

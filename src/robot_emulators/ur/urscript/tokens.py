@@ -1,4 +1,7 @@
-"""Text to tokens. Line ends count, except inside brackets; a comment runs to the line's end."""
+"""Text to tokens, and where a program ends in what comes over a port.
+
+Line ends count, except inside brackets; a comment runs to the line's end.
+"""
 
 import re
 from dataclasses import dataclass
@@ -23,6 +26,10 @@ _PATTERN = re.compile(
     re.ASCII,
 )
 _OPEN, _CLOSE = frozenset(("(", "[")), frozenset((")", "]"))
+_LONGEST = 1 << 22
+"""Bytes of a program that is not complete, from which its connection is closed."""
+_OPENS = re.compile(r"(?:def|sec|thread|if|while|for)\b")
+_END = re.compile(r"end\b(?!\s*[=(])")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,3 +68,47 @@ def tokens(text: str) -> list[Token]:
     found.append(Token(LINE, "", line, at - start + 1))
     found.append(Token(END, "", line, at - start + 1))
     return found
+
+
+def is_secondary(text: str) -> bool:
+    """Whether a program runs beside the one that plays and changes nothing of it."""
+    return text.lstrip().startswith("sec ")
+
+
+class Collector:
+    """Puts programs together from the bytes of one connection."""
+
+    def __init__(self) -> None:
+        self._line = b""
+        self._lines: list[str] = []
+        self._size = 0
+        self._depth = 0
+
+    @property
+    def held(self) -> int:
+        """Bytes of a program that is not complete."""
+        return self._size + len(self._line)
+
+    def feed(self, data: bytes) -> list[str] | None:
+        """Programs that are complete now; None where one grows beyond all measure."""
+        *lines, self._line = (self._line + data).split(b"\n")
+        taken = [self._take(raw.decode("latin-1")) for raw in lines]
+        programs = [text for text in taken if text is not None]
+        return None if self.held > _LONGEST else programs
+
+    def _take(self, line: str) -> str | None:
+        bare = line.strip()
+        bare = "" if bare.startswith("#") else bare
+        if not bare and not self._lines:
+            return None
+        self._lines.append(line)
+        self._size += len(line) + 1
+        if _OPENS.match(bare):
+            self._depth += 1
+        elif _END.match(bare):
+            self._depth = max(0, self._depth - 1)
+        if self._depth:
+            return None
+        text = "\n".join(self._lines) + "\n"
+        self._lines, self._size = [], 0
+        return text

@@ -1,8 +1,13 @@
-"""The bus as a server: clients over TCP and devices of this process hear each other's frames.
+"""A CAN bus as a server: clients of socketcand over TCP and devices of this process hear each
+other's frames.
 
 One thread does everything. A device's callback runs in it and must return at once. Frames pass at
 once and in the order of arrival. An exception of a device or an order is reported and the bus goes
 on. An error of the hub itself is reported too; it closes the port and every connection.
+
+Commands and answers of socketcand are enclosed in ``<`` and ``>``, with single spaces between
+words. Ids and data are hexadecimal: three digits for an 11-bit id, eight for one of 29 bits.
+Source: doc/protocol.md of linux-can/socketcand.
 """
 
 import asyncio
@@ -11,12 +16,15 @@ import time
 import warnings
 from collections import Counter, deque
 from collections.abc import Callable
+from typing import NamedTuple
 
 from robot_emulators.base.event_loop import Connection, Listener, LoopThread, taken
-from robot_emulators.can_bus import socketcand
-from robot_emulators.can_bus.socketcand import Command, Frame
 from robot_emulators.errors import EmulatorWarning
 
+LONGEST = 256
+"""Longest command that is waited for [byte]; a frame of 8 bytes with a 29-bit id has 46."""
+_BUS_ERROR, _BUS_OFF = 0x80, 0x40
+"""Classes of error frames, as SocketCAN writes them."""
 CLIENTS = 16
 """Most clients at a time."""
 BUFFER = 256 * 1024
@@ -29,8 +37,72 @@ _QUIET_S = 0.1
 """So long after the answer to ``rawmode``, or until the client sends, frames are held back: clients
 read that answer by itself."""
 
+
+class Frame(NamedTuple):
+    """A frame: id, data, whether the id has 29 bits, and whether it only asks for data."""
+
+    can_id: int
+    data: bytes
+    extended: bool = False
+    remote: bool = False
+
+
 Heard = Callable[[float, Frame], None]
 """Called with the time at which a frame came (`time.monotonic`) and the frame."""
+
+
+class Command(NamedTuple):
+    """A command of a client: its first word and the words after it."""
+
+    verb: str
+    words: tuple[str, ...]
+
+
+def split(buffer: bytes) -> tuple[list[Command], bytes, int]:
+    """Split bytes of a client into commands, the bytes of an unfinished one, and the number of
+    pieces that are no command."""
+    commands: list[Command] = []
+    rubbish = 0
+    while True:
+        start = buffer.find(b"<")
+        if start < 0:
+            return commands, b"", rubbish + bool(buffer.strip())
+        rubbish += bool(buffer[:start].strip())
+        end = buffer.find(b">", start)
+        if end < 0 and len(buffer) - start <= LONGEST:
+            return commands, buffer[start:], rubbish
+        text = buffer[start + 1 : end]
+        buffer = buffer[end + 1 :] if end >= 0 else b""
+        if end >= 0 and text.isascii() and text.split():
+            verb, *words = text.decode("ascii").split()
+            commands.append(Command(verb, tuple(words)))
+        else:
+            rubbish += 1
+
+
+def frame_of(words: tuple[str, ...]) -> Frame | None:
+    """The frame of ``send id length bytes…``; None where the words are no frame."""
+    if len(words) < 2 or len(words[0]) not in (3, 8):
+        return None
+    try:
+        can_id, length = int(words[0], 16), int(words[1], 16)
+        data = bytes(int(word, 16) for word in words[2:])
+    except ValueError:
+        return None
+    extended = len(words[0]) == 8
+    known = 0 <= can_id <= (0x1FFFFFFF if extended else 0x7FF)
+    return Frame(can_id, data, extended) if known and len(data) == length <= 8 else None
+
+
+def frame_text(frame: Frame, t: float) -> bytes:
+    """``frame id seconds data`` for the clients; t [s]."""
+    digits = "08X" if frame.extended else "03X"
+    return f"< frame {frame.can_id:{digits}} {t:.6f} {frame.data.hex()} >".encode("ascii")
+
+
+def bus_off_text(t: float) -> bytes:
+    """Error frames for a client at a time [s]: its frame was destroyed, and it is off the bus."""
+    return b"".join(f"< error {kind:08X} {t:.6f} >".encode() for kind in (_BUS_ERROR, _BUS_OFF))
 
 
 class Hub:
@@ -124,7 +196,7 @@ class Hub:
         """
         for client in self._clients.values():
             if client.spoke:
-                client.say(socketcand.bus_off_text(time.time()))
+                client.say(bus_off_text(time.time()))
                 client.off_until = until
 
     def joined(self, client: "Client") -> bool:
@@ -144,7 +216,7 @@ class Hub:
         for command in commands:
             if client.raw and command.verb == "send":
                 client.speaks()
-                frame = socketcand.frame_of(command.words)
+                frame = frame_of(command.words)
                 if frame is None:
                     client.answer("error could not parse send command")
                     self.counters["rubbish"] += 1
@@ -195,7 +267,7 @@ class Hub:
                 heard(t, frame)
             except Exception as error:
                 self._fail(error)
-        text = socketcand.frame_text(frame, time.time())
+        text = frame_text(frame, time.time())
         for number, client in self._clients.items():
             if number != sender:
                 client.say(text)
@@ -231,7 +303,7 @@ class Client(Connection):
         self._hub.gone(self)
 
     def data_received(self, data: bytes) -> None:
-        commands, self._in, rubbish = socketcand.split(self._in + data)
+        commands, self._in, rubbish = split(self._in + data)
         self._hub.hear(self, commands, rubbish)
 
     def obey(self, command: Command) -> None:

@@ -1,4 +1,0 @@
-"""A CAN bus between processes, as a server of socketcand.
-Imports: base, errors.
-Read first: hub.py.
-"""
