@@ -12,8 +12,8 @@ from gymnasium.utils.env_checker import check_env
 
 import wrenchbed as wb
 import wrenchbed.environments
+from wrenchbed.environments.calibration import knowledge
 from wrenchbed.environments.contact import Hand
-from wrenchbed.environments.information import knowledge
 from wrenchbed.environments.policies import ForceController, GreedyInformation
 from wrenchbed.errors import ParameterError
 from wrenchbed.plant.contact_surface import Limb, tip_of

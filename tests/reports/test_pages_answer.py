@@ -18,9 +18,8 @@ from wrenchbed.campaigns import summary
 from wrenchbed.campaigns.result_rows import CampaignRows, empty
 from wrenchbed.campaigns.settings import Fleet
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.pages.document import Document, Figure, Section, Table
+from wrenchbed.pages.document import Document, Figure, Section, Table, provenance
 from wrenchbed.pages.plots import components, histograms
-from wrenchbed.pages.provenance import provenance
 from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.fit_page import fit_page
 from wrenchbed.reports.recording_page import recording_page

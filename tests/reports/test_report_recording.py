@@ -13,8 +13,7 @@ from test_report import words
 import wrenchbed as wb
 from wrenchbed.cli import main
 from wrenchbed.errors import ParameterError
-from wrenchbed.reports.agreement import agreements
-from wrenchbed.reports.recording_page import recording_page
+from wrenchbed.reports.recording_page import agreements, recording_page
 from wrenchbed.twin.comparison import noise_of, simulators
 
 

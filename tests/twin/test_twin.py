@@ -13,8 +13,8 @@ from wrenchbed.effects.chain import ActiveEffect, active_effect, effects, respon
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import NotFoundError, ParameterError, TwinError
 from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.twin.assembly import edited
 from wrenchbed.twin.export import export
+from wrenchbed.twin.mechanics import edited
 from wrenchbed.twin.twin import Twin, nominal
 
 SECOND_ORDER = {

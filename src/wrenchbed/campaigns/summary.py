@@ -10,10 +10,9 @@ from scipy.stats import binomtest
 
 from wrenchbed.campaigns.result_rows import ALL, SETTING
 from wrenchbed.campaigns.settings import Fleet
-from wrenchbed.pages.document import Card, Document, Figure, Section, Table, render
+from wrenchbed.pages.document import Card, Document, Figure, Section, Table, provenance, render
 from wrenchbed.pages.numbers import HUMAN, NORMAL_95
 from wrenchbed.pages.plots import histograms
-from wrenchbed.pages.provenance import provenance
 from wrenchbed.simulation.closed_form import Model
 
 _ERRORS = (("force", 1e3, "mN"), ("torque", 1e3, "mN·m"), ("position", 1e3, "mm"))

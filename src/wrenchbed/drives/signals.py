@@ -11,7 +11,7 @@ import numpy as np
 from scipy import signal
 from scipy.interpolate import make_interp_spline
 
-from wrenchbed.data.clock import JITTER
+from wrenchbed.data.import_files import JITTER
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
 from wrenchbed.errors import CalibrationError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet

@@ -10,11 +10,11 @@ from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
 from wrenchbed.pages import ReportPage
 from wrenchbed.pages.chart import Chart
+from wrenchbed.pages.document import Facts, provenance
 from wrenchbed.pages.draw import Drawn, draw
-from wrenchbed.pages.provenance import Facts, provenance
-from wrenchbed.reports import cause_charts, effort_charts, figures, tables
+from wrenchbed.reports import cause_charts, figures, tables
 from wrenchbed.reports.answer import BADGES, Answer
-from wrenchbed.reports.effort_answer import EffortAnswer
+from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 from wrenchbed.reports.simulators import Evidence
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 
@@ -64,7 +64,7 @@ def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
     before = {c: v["before"] for c, v in channels.items()}
     after = {c: v["after"] for c, v in channels.items() if "after" in v}
     gaps = [figures.gaps(words.gaps, words.fitted), figures.channels(before, after, "calibrated")]
-    charts = [*gaps, *effort_charts.charts(findings)]
+    charts = [*gaps, *effort_charts(findings)]
     names = [words.d.recording]
     data = [("recording", names[0]), ("robot", words.d.robot)]
     data += provenance(names, seed=findings.seed)

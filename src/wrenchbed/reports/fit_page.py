@@ -11,8 +11,8 @@ from wrenchbed.calibration.observations import Observations
 from wrenchbed.data.recording import Recording
 from wrenchbed.pages import ReportPage, numbers
 from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Scale, Series, thinned
+from wrenchbed.pages.document import provenance
 from wrenchbed.pages.draw import draw
-from wrenchbed.pages.provenance import provenance
 from wrenchbed.physics.wrench import CHANNELS
 
 MOST_PRINTED = 14

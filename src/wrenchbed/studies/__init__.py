@@ -13,7 +13,7 @@ from typing import Any
 from wrenchbed import registry
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.jobs.workers import Progress, silent
-from wrenchbed.pages.provenance import provenance
+from wrenchbed.pages.document import provenance
 
 PAPERS = ("medrue", "ur5")
 

@@ -11,12 +11,12 @@ import rerun as rr
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.pages import numbers
-from wrenchbed.pages.provenance import markdown, provenance
+from wrenchbed.pages.document import markdown, provenance
 from wrenchbed.reports.claim import Claim, joints, joints_or
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer import layout
+from wrenchbed.viewer import stream
 from wrenchbed.viewer.elements import heat
 from wrenchbed.viewer.robot import log_pose, log_shapes, log_world, motion
 from wrenchbed.viewer.stream import Canvas, bar, log_words, readable, to_file
@@ -102,9 +102,9 @@ def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> N
     """
     robot = findings.analysis.prepared.model.robot
     jointed = isinstance(robot, SimulatedRobot) and findings.analysis.prepared.scene.jointed
-    scene = layout.scene(robot.name, "robot, painted by blame") if jointed else None
-    words = [layout.document("/report", "answers")]
-    with to_file(path, layout.page(scene, words, timeline=None)) as canvas:
+    scene = stream.scene(robot.name, "robot, painted by blame") if jointed else None
+    words = [stream.document("/report", "answers")]
+    with to_file(path, stream.page(scene, words, timeline=None)) as canvas:
         shares = blame(findings.diagnosis.to_json()) if jointed else {}
         if jointed and isinstance(robot, SimulatedRobot):
             _log_robot(canvas, robot, shares)

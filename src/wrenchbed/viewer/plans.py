@@ -15,7 +15,7 @@ from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.viewer import layout
+from wrenchbed.viewer import stream
 from wrenchbed.viewer.elements import (
     SIMULATED,
     log_arrows,
@@ -57,11 +57,11 @@ def plan_view(plan: Plan, path: str | Path, limits: Limits | None = None) -> Non
     simulation = Simulation(robot, robot.parameters.nominal)
     seen, scale = motion(simulation, q[shown]), scale_for(expected)
     tabs = [
-        layout.channels("expected at rest", (axis, at)),
-        layout.curves("/joints", "joints [°, mm]", window=(axis, at)),
-        layout.document("/report", "about"),
+        stream.channels("expected at rest", (axis, at)),
+        stream.curves("/joints", "joints [°, mm]", window=(axis, at)),
+        stream.document("/report", "about"),
     ]
-    with to_file(path, layout.page(layout.scene(robot.name), tabs, axis), axis) as canvas:
+    with to_file(path, stream.page(stream.scene(robot.name), tabs, axis), axis) as canvas:
         log_robot(canvas, robot, at[shown], seen)
         log_arrows(canvas, "simulated", at[shown], expected[shown], seen, scale, SIMULATED)
         log_channels(canvas, "wrench", at, {"nominal robot and tool": expected}, [SIMULATED])

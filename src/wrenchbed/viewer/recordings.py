@@ -6,12 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.data.recording import Recording
-from wrenchbed.pages.provenance import markdown, provenance
+from wrenchbed.pages.document import markdown, provenance
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.reports.agreement import agreements, best
+from wrenchbed.reports.recording_page import agreements, best
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.comparison import Simulator, modelled, noise_of, robot_of, simulators
-from wrenchbed.viewer import layout
+from wrenchbed.viewer import stream
 from wrenchbed.viewer.elements import (
     MEASURED,
     RESIDUAL,
@@ -49,12 +49,12 @@ def recording_view(
     real, residual = motion(simulation, q[shown]), recording.wrench - best.reading
     scale = scale_for(recording.wrench)
     tabs = [
-        layout.channels("wrench and residual", (axis, at), residual),
-        layout.curves("/joints", "joints [°, mm]", (axis, at)),
-        layout.document("/report", "about"),
+        stream.channels("wrench and residual", (axis, at), residual),
+        stream.curves("/joints", "joints [°, mm]", (axis, at)),
+        stream.document("/report", "about"),
     ]
     readings = {"measured": recording.wrench} | {s.name: s.reading for s in known}
-    with to_file(path, layout.page(layout.scene(robot.name), tabs, axis), axis) as canvas:
+    with to_file(path, stream.page(stream.scene(robot.name), tabs, axis), axis) as canvas:
         log_robot(canvas, robot, at[shown], real)
         for name, wrench, colour, side in (
             ("measured", recording.wrench, MEASURED, -1.0),
@@ -70,8 +70,8 @@ def recording_view(
 def _readings_alone(recording: Recording, path: str | Path) -> None:
     """What a sensor said on a robot without a model."""
     at, axis = _over(recording)
-    left, right = layout.channels("wrench", (axis, at)), [layout.document("/report", "about")]
-    with to_file(path, layout.page(left, right, axis), axis) as canvas:
+    left, right = stream.channels("wrench", (axis, at)), [stream.document("/report", "about")]
+    with to_file(path, stream.page(left, right, axis), axis) as canvas:
         log_channels(canvas, "wrench", at, {"measured": recording.wrench})
         _log_words(canvas, recording, (), "there are none without a model of the robot")
 

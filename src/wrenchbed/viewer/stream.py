@@ -1,7 +1,8 @@
-"""A canvas: what a view is drawn on, and the file of rerun that it becomes; Markdown for it."""
+"""A canvas: what a view is drawn on, how views lie on the screen (a blueprint for each kind of
+picture), and the file of rerun that it becomes; Markdown for it."""
 
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,10 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
+from wrenchbed import registry
 from wrenchbed.files import write_bytes
+from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.robots.base import SimulatedRobot
 
 APP = "wrenchbed"
 TIME, ROW = "time", "row"
@@ -17,6 +21,10 @@ TIME, ROW = "time", "row"
 _RANGES = ((0x20, 0x7E), (0xA0, 0x17F), (0x391, 0x3C9), (0x410, 0x44F))
 """Latin, Greek and Cyrillic letters of its font, Inter."""
 _SIGNS = frozenset("–—‘’“”„…•→←↑↓−×÷±≈≠≤≥√∞∆∑·\n")
+_SKY = (242, 244, 247)
+"""Behind the robot; curves keep the viewer's own ground."""
+Window = tuple[str, np.ndarray]
+"""A timeline, and where on it data lie (N,) [s or rows]."""
 
 
 class Canvas:
@@ -77,3 +85,86 @@ def bar(share: float) -> str:
 
 def _known(code: int) -> bool:
     return any(low <= code <= high for low, high in _RANGES)
+
+
+def scene(robot: str, name: str = "robot") -> Any:
+    """The robot from where its arm and sensor are seen best."""
+    shown = registry.load("robots", robot)
+    assert isinstance(shown, SimulatedRobot)  # only such have a scene
+    position, target = shown.eye
+    return rr.blueprint.Spatial3DView(
+        origin="/world",
+        name=name,
+        background=list(_SKY),
+        line_grid=False,
+        eye_controls=rr.blueprint.EyeControls3D(
+            position=position, look_target=target, eye_up=(0.0, 0.0, 1.0)
+        ),
+    )
+
+
+def channels(name: str, window: Window, residual: np.ndarray | None = None) -> Any:
+    """Curves of the six channels; with a residual (N, 6) each stands over its own, whose range
+    holds all but one in a thousand of the values."""
+    views = []
+    for k, (c, u) in enumerate(zip(CHANNELS, UNITS, strict=True)):
+        view = curves(f"/wrench/{c}", f"{c} [{u}]", window, legend=k == 0)
+        if residual is not None:
+            title = f"{c} measured − simulated [{u}]"
+            reach = _reach(residual[:, k])
+            below = curves(f"/residual/{c}", title, window, reach, legend=False)
+            view = rr.blueprint.Vertical(view, below, row_shares=[1.6, 1.0])
+        views.append(view)
+    return rr.blueprint.Grid(*views, grid_columns=2, name=name)
+
+
+def curves(
+    origin: str, name: str, window: Window, reach: float | None = None, *, legend: bool = True
+) -> Any:
+    """Curves of which all of a window is in view at first; with a fixed range ± ``reach``."""
+    b = rr.blueprint
+    axis = b.TimeAxis(link=b.components.LinkAxis.Independent, view_range=_all_of(*window))
+    return b.TimeSeriesView(
+        origin=origin,
+        name=name,
+        axis_x=axis,
+        axis_y=None if reach is None else b.ScalarAxis(range=(-reach, reach)),
+        plot_legend=b.PlotLegend(corner=b.Corner2D.RightTop, visible=legend),
+    )
+
+
+def _all_of(timeline: str, at: np.ndarray) -> Any:
+    """From the first to the last row, or time."""
+    unit = "seq" if timeline == ROW else "seconds"
+    low, high = (float(at[k]) for k in (0, -1))
+    ends = (int(x) if timeline == ROW else x for x in (low, max(high, low + 1e-3)))
+    start, end = (rr.TimeRangeBoundary.absolute(**{unit: x}) for x in ends)
+    return rr.TimeRange(start=start, end=end)
+
+
+def document(origin: str, name: str) -> Any:
+    """Words about what is shown."""
+    return rr.blueprint.TextDocumentView(origin=origin, name=name)
+
+
+def page(left: Any | None, right: Sequence[Any], timeline: str | None = TIME) -> Any:
+    """One view left, if any, and tabs right.
+
+    Without a timeline nothing changes over time, and there is no slider.
+    """
+    b = rr.blueprint
+    time = b.TimePanel(state="hidden")
+    if timeline is not None:
+        time = b.TimePanel(state="collapsed", timeline=timeline, play_state="paused")
+    tabs = b.Tabs(*right, active_tab=0)
+    return b.Blueprint(
+        tabs if left is None else b.Horizontal(left, tabs, column_shares=[1.0, 1.2]),
+        time,
+        b.BlueprintPanel(state="collapsed"),
+        b.SelectionPanel(state="collapsed"),
+    )
+
+
+def _reach(values: np.ndarray) -> float:
+    finite = np.abs(values[np.isfinite(values)])
+    return float(max(1.1 * np.quantile(finite, 0.999), 1e-6)) if finite.size else 1.0

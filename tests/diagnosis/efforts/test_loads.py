@@ -12,8 +12,7 @@ from file_arms import case as by_file
 from wrenchbed import registry
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.drives.identify import calibrate_efforts
-from wrenchbed.reports.effort_answer import EffortAnswer
-from wrenchbed.reports.effort_charts import charts
+from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 
 TEN = pytest.mark.parametrize("seed", range(10))
 """Robots, motions and noises."""
@@ -86,7 +85,7 @@ def test_what_is_fitted_because_nobody_states_it_is_said():
 @pytest.mark.slow
 def test_a_load_that_was_fitted_is_not_drawn_as_friction():
     found = diagnose_efforts(unstated(case(Gap("drive.coulomb", 2, 8.0), 7)))
-    (chart,) = (c for c in charts(found) if c.name == "friction-2")
+    (chart,) = (c for c in effort_charts(found) if c.name == "friction-2")
     measured = chart.panels[0].series[0]
     level = COULOMB[1] + 8.0 * NOISE[1]
     fast = np.abs(measured.x) > 0.1

@@ -14,8 +14,7 @@ from wrenchbed.benchmark.frame import subsystem
 from wrenchbed.benchmark.scoring import metrics
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
 from wrenchbed.benchmark.sealed.score import Score
-from wrenchbed.pages.document import Card, Document, Section, Table
-from wrenchbed.pages.provenance import provenance
+from wrenchbed.pages.document import Card, Document, Section, Table, provenance
 
 _BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9])
 """Edges of stated probabilities that are shown together."""
