@@ -1,5 +1,4 @@
-"""The report of a recording held against simulators, and whether these agree with it, judged channel
-by channel."""
+"""The report of a recording held against simulators: do these agree with it, channel by channel?"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
