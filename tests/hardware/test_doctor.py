@@ -24,13 +24,6 @@ WELL = {
 }  # fmt: skip
 
 
-NOMINAL = {
-    "theta": (0.0,) * 6, "a": (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0),
-    "d": (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823),
-    "alpha": (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0), "checksums": (1,) * 6,
-}  # fmt: skip
-
-
 class Stream:
     """Outputs at 125 Hz of a controller whose clock, gaps and values a test sets."""
 
@@ -51,7 +44,7 @@ class Stream:
 def look(monkeypatch):
     """Looks at a made controller; lines by name."""
 
-    def run(stream=None, told=None, closed=(), remote="true", robot=UR5, kinematics=NOMINAL):
+    def run(stream=None, told=None, closed=(), remote="true", robot=UR5):
         stream = stream or Stream()
         clock = iter(np.arange(0.0, 1e6, 0.008))
         monkeypatch.setattr(looking.time, "monotonic", lambda: next(clock))
@@ -60,7 +53,6 @@ def look(monkeypatch):
         said = {"model": "UR5", "serial": "2015350000"} if told is None else told
         monkeypatch.setattr(identity, "stated", lambda host: said)
         monkeypatch.setattr(status, "request", lambda *a: remote)
-        monkeypatch.setattr(identity, "read_kinematics", lambda *a: kinematics)
         report = looking.doctor(robot, "192.0.2.7", seconds=6.0)
         return report, {line.name: line for line in report.lines}
 
@@ -73,16 +65,6 @@ def test_a_robot_that_is_ready_has_nothing_to_note(look):
     assert "3.15.8, serial 2015350000" in lines["software"].found
     assert lines["rate"].found.startswith("125.0 states a second (112.5 needed)")
     assert not any(line.remedy for line in report.lines)
-
-
-def test_the_kinematics_of_another_arm_fails_and_none_is_a_note(look):
-    other = NOMINAL | {"a": (0.0, -0.612, -0.5723, 0.0, 0.0, 0.0)}
-    report, lines = look(kinematics=other)
-    assert not report.ok and lines["kinematics"].grade == "fails"
-    report, lines = look(kinematics=None)
-    assert (
-        report.ok and lines["kinematics"].grade == "note" and "30002" in lines["kinematics"].found
-    )
 
 
 @pytest.mark.parametrize(

@@ -1,10 +1,6 @@
-"""Which robots the driver of UR robots takes, and the arm's own kinematics."""
+"""Which robots the driver of UR robots takes."""
 
-import contextlib
 import re
-import socket
-import struct
-import threading
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,11 +20,6 @@ from wrenchbed.robots.ur5 import ur_arm
 
 UR5 = registry.load("robots", "ur5")
 POSES = UR5.sample(12, np.random.default_rng(4))
-HOST = "127.0.83.1"
-UR5_A = (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0)
-UR5_D = (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823)
-TWISTS = (np.pi / 2, 0.0, 0.0, np.pi / 2, -np.pi / 2, 0.0)
-SUMS = (1, 2, 3, 4, 5, 0xFFFFFFFF)
 
 
 def test_an_arm_from_a_file_is_driven_if_it_has_six_hinges(tmp_path):
@@ -110,77 +101,3 @@ def test_what_answers_is_asked_recorded_and_compared(tmp_path, capsys):
         assert main([*line, "--host", "127.0.1.45", "--out", str(out)]) == 0
     stated = Recording.read(out).metadata.extra["controller"]
     assert stated["model"] == "UR5" and stated["serial"] and "5.11" in stated["software"]
-
-
-def part(kind, body):
-    return struct.pack(">IB", len(body) + 5, kind) + body
-
-
-def robot_state(theta=(0.0,) * 6, a=UR5_A, d=UR5_D, alpha=TWISTS):
-    table = struct.pack(">6I", *SUMS) + struct.pack(">24d", *theta, *a, *d, *alpha)
-    parts = part(0, b"\0" * 42) + part(5, table + struct.pack(">I", 0)) + part(7, b"\0" * 56)
-    return part(16, parts)
-
-
-@pytest.fixture
-def port():
-    """Serves bytes to one client, in pieces of 7; yields a function that takes the bytes."""
-    listener = socket.create_server((HOST, identity.KINEMATICS_PORT))
-    threads = []
-
-    def serve(data):
-        def run():
-            client, _ = listener.accept()
-            with client, contextlib.suppress(OSError):  # the reader may have left
-                for k in range(0, len(data), 7):
-                    client.sendall(data[k : k + 7])
-
-        threads.append(threading.Thread(target=run, daemon=True))
-        threads[-1].start()
-
-    yield serve
-    listener.close()
-    for thread in threads:
-        thread.join(2.0)
-
-
-def test_a_nominal_arm_is_read_and_lies_on_the_robot(port):
-    port(part(20, b"version message") + robot_state())
-    found = identity.geometry(UR5, HOST)["kinematics"]
-    assert found["a"] == UR5_A and found["d"] == UR5_D and found["checksums"] == SUMS
-    assert found["from_nominal"] < 1e-9
-
-
-def test_an_offset_moves_the_flange_and_links_shifted_along_parallel_axes_do_not(port):
-    """Joints 2 to 4 turn about one direction: +0.3 m on one link and −0.3 m on the next cancel."""
-    port(robot_state(theta=(0.001, 0.0, 0.0, 0.0, 0.0, 0.0)))
-    far = identity.geometry(UR5, HOST)["kinematics"]["from_nominal"]
-    assert 2e-4 < far < 1e-3 * (0.425 + 0.39225 + 0.10915 + 0.09465 + 0.0823)
-    port(robot_state(d=(UR5_D[0], 0.3, -0.3, *UR5_D[3:])))
-    assert identity.geometry(UR5, HOST)["kinematics"]["from_nominal"] < 1e-9
-
-
-def test_another_arm_and_numbers_that_are_none_are_refused(port):
-    port(robot_state(a=(0.0, -0.612, -0.5723, 0.0, 0.0, 0.0)))  # a UR10
-    with pytest.raises(DriverError, match=r"up to 0\.\d+ m from that of 'ur5'.*check --host"):
-        identity.geometry(UR5, HOST)
-    port(robot_state(a=(float("nan"),) * 6))
-    with pytest.raises(DriverError, match="no number"):
-        identity.geometry(UR5, HOST)
-
-
-@pytest.mark.parametrize(
-    "data",
-    [
-        b"",
-        part(16, part(0, b"\0" * 42)),
-        part(16, struct.pack(">IB", 4, 5)),
-        struct.pack(">IB", 1 << 30, 16),
-        robot_state()[:100],
-        b"HTTP/1.1 400 Bad Request\r\n\r\n",
-    ],
-    ids=["nothing", "without", "part too short", "endless", "cut", "another protocol"],
-)
-def test_what_is_no_kinematics_is_not_told(port, data):
-    port(data)
-    assert identity.geometry(UR5, HOST) == {}

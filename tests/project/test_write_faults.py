@@ -52,7 +52,7 @@ CASES = {
     "report": "report r.parquet --out r.html",
     "simulate": "simulate twin.json --like r.parquet --out s.parquet --force",
     "export": "export twin.json --mjcf model",
-    "export --to": "export twin.json --to json-schema --out load.json",
+    "export --to": "export twin.json --to franka --out load.json",
     "export --mcap": "export r.parquet --mcap r.mcap --force",
     "check": "check ur5 --history cell --samples 6 --time 2026-04-01T00:00:00Z",
     "campaign": "campaign ur5 --robots 2 --poses 12 --samples 6 --workers 1 --out fleet",

@@ -7,9 +7,6 @@ import numpy as np
 import pytest
 from test_report import found
 
-import wrenchbed as wb
-from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.pages.chart import (
     NOISE,
     Axis,
@@ -118,23 +115,6 @@ def test_the_residual_stands_beneath_before_and_after_in_units_of_noise(springy)
         assert np.sqrt(np.mean(without.y**2)) > 5 * np.sqrt(np.mean(with_it.y**2))
         assert set(without.ids) == set(next(s for s in above.series if s.name == "measured").ids)
         assert all(s.std is not None for s in above.series if s.name == "measured")
-
-
-@pytest.mark.slow
-def test_a_delay_shows_as_the_shift_at_which_readings_fit_best(tmp_path):
-    robot = wb.load("robots", "ur5")
-    plan = wb.multisine(robot, 12.0, 100.0, seed=1)
-    options = wb.SimOptions("ur5", noise="white", seed=1, effects=("timing.delay:delay=0.02",))
-    with wb.SimDriver(options) as driver:
-        wb.record(driver, plan, tmp_path / "rec.parquet")
-    told = diagnose(wb.Recording.read(tmp_path / "rec.parquet"))
-    assert "timing.delay" in {n for w in told.diagnosis.which for n in named_by(w)}
-    charts = _of_causes(WrenchAnswer(told), Evidence(told))
-    lag = next(c for c in charts if c.name == "cause-0")
-    for panel, best in zip(lag.panels, (np.argmax, np.argmin), strict=True):
-        without, with_it = panel.series
-        assert without.x[best(without.y)] == pytest.approx(20.0, abs=3.0)
-        assert with_it.x[best(with_it.y)] == pytest.approx(0.0, abs=3.0)
 
 
 @pytest.mark.slow

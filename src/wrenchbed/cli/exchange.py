@@ -127,8 +127,7 @@ def export(
 
     Args:
         file: fit.json or twin.json; with --mcap a recording.
-        to: Format: ur, ros2, urdf, franka, kuka, xarm, json-schema or mjcf, see `wrenchbed list
-            exports`.
+        to: Format: ur, ros2, urdf, franka, kuka, xarm or mjcf, see `wrenchbed list exports`.
         out: File to write; with --to mjcf a folder.
         mjcf: The same as --to mjcf --out MJCF.
         mcap: File of ROS 2 messages to write: WrenchStamped, JointState, Temperature.

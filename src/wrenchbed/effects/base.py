@@ -37,8 +37,6 @@ SHOWN: Mapping[str, str] = {
     "torque": "the torque on the joint, as an error of the joint's value",
     "angle": "the joint's own value, likewise",
     "matrix": "all pairs of channels, as what one shows of another's load",
-    "depth": "its own `variable`, as the force along its push",
-    "lag": "a shift of the simulated readings in time, as their correlation with measured ones",
 }
 """Variables of an effect's own figure in a report, beside measured and simulated."""
 _OF_JOINT = re.compile(r"(.+)\.q\d+")

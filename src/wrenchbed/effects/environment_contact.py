@@ -53,7 +53,6 @@ class EnvironmentContact(LoadEffect):
 
     name = "environment.contact"
     title = "the tool's tip touches something"
-    shown = "depth"
     rough = True
     form_error = 0.2
     size_error = 0.15

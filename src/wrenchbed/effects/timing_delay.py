@@ -16,7 +16,6 @@ class TimingDelay(ReadingEffect):
 
     name = "timing.delay"
     title = "readings arrive late"
-    shown = "lag"
     stage = "timing"
     source = "1–20 ms, of which RTDE 2–8 ms: estimate"
     modes = ("dynamic",)

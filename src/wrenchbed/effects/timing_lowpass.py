@@ -24,7 +24,6 @@ class TimingLowpass(ReadingEffect):
 
     name = "timing.lowpass"
     title = "a filter smooths the readings"
-    shown = "lag"
     stage = "timing"
     size_error = 0.05
     source = "0.5–20 ms: estimate"

@@ -45,7 +45,6 @@ class Export(ABC):
             the notes are written to a file beside it.
         needs_flange: whether it is in flange axes and has no use for sensor axes.
         carries: which numbers of `CARRIES` it takes; the others are named as left out.
-        endings: of other files that belong to it, added to the file's stem.
     """
 
     name: str
@@ -54,7 +53,6 @@ class Export(ABC):
     comment: str = "# "
     needs_flange: bool = False
     carries: tuple[str, ...]
-    endings: tuple[str, ...] = ()
 
     @abstractmethod
     def text(self, numbers: LoadNumbers, options: ExportOptions, notes: Sequence[str]) -> str:
@@ -66,10 +64,6 @@ class Export(ABC):
 
     def hints(self, numbers: LoadNumbers) -> tuple[str, ...]:
         """What a person has to know of the format: units, what to fill in."""
-        return ()
-
-    def beside(self, numbers: LoadNumbers) -> tuple[str, ...]:
-        """Texts of the other files, by `endings`."""
         return ()
 
     def commented(self, notes: Sequence[str]) -> str:
@@ -110,7 +104,7 @@ def export_to(
             "no flange: state the sensor's place with --mount X Y Z QW QX QY QZ"
         )
     notes = notes_of(form, numbers)
-    texts = [form.text(numbers, options, notes), *form.beside(numbers)]
+    texts = [form.text(numbers, options, notes)]
     texts += [] if form.comment else ["\n".join(notes) + "\n"]
     files = output_files(format_name, out)
     for file, text in zip(files, texts, strict=True):
@@ -126,7 +120,7 @@ def output_files(format_name: str, out: str | Path) -> list[Path]:
     """
     form, out = registry.load("exports", format_name), Path(out)
     notes = [] if form.comment else [out.with_name(out.name + ".notes.txt")]
-    return [out, *(out.with_name(out.stem + end) for end in form.endings), *notes]
+    return [out, *notes]
 
 
 def notes_of(form: Export, numbers: LoadNumbers) -> list[str]:

@@ -16,9 +16,8 @@ from wrenchbed.channels.base import Channel
 from wrenchbed.channels.response import readings
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
-from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Role, Scale, Series, thinned
+from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Scale, Series, thinned
 from wrenchbed.pages.numbers import minus
-from wrenchbed.physics.rotations import apply
 from wrenchbed.physics.time_derivatives import value
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports.simulators import Cause, Evidence, joint_axis, largest
@@ -208,72 +207,8 @@ def _cross(i: int, j: int, v: float) -> str:
     return minus(f"{1e3 * v:.2f}" if i >= 3 else f"{v:.3f}")
 
 
-# ---- time, and contact ----------------------------------------------------------------------
-
-
-def _lag(e: Evidence, c: Cause, active: ActiveEffect) -> Chart | None:
-    """Correlation of measured and simulated readings against a shift in time."""
-    from scipy.interpolate import CubicSpline  # slow to load: only when it is used
-
-    p, scene = e.prepared, e.prepared.scene
-    if not scene.moving or e.after is None:
-        return None
-    t, k = scene.t[scene.held], largest(c.effect / e.std)[0]
-    reach = max(LEAST_REACH * scene.period, 3.0 * abs(float(active.values.get("delay", 0.0))))
-    lags = np.linspace(-reach, reach, 2 * LAGS + 1)
-    inner = (t > t[0] + reach) & (t < t[-1] - reach)
-    if inner.sum() < LAGS:
-        return None
-    y, after = p.y[inner, k], e.after[:, k]
-    series, rest = [], []
-    readings: tuple[tuple[str, np.ndarray, Role], ...] = (
-        ("without the effect", after - c.effect[:, k], "before"),
-        ("with the effect", after, "after"),
-    )
-    for label, reading, role in readings:
-        shifted = CubicSpline(t, reading)
-        moved = [shifted(t[inner] - lag) for lag in lags]
-        like = np.array([np.corrcoef(y, m)[0, 1] for m in moved])
-        rms = np.array([np.sqrt(np.mean((y - m) ** 2)) for m in moved]) / e.std[k]
-        series.append(Series(label, "line", 1e3 * lags, like, role=role))
-        rest.append(Series(label, "line", 1e3 * lags, rms, role=role))
-    x = Axis("simulated readings later by", "ms")
-    panels = (
-        Panel(x, Axis(f"correlation of {e.names[k]}"), tuple(series)),
-        Panel(x, Axis("residual, rms", "noise"), tuple(rest)),
-    )
-    caption = (
-        "The simulator fits best at the shift by which measured readings are late: without the "
-        "effect beside 0, with it at 0."
-    )
-    return Chart("", f"{c.name}: correlation over lag", panels, shared=True, caption=caption)
-
-
-def _depth(e: Evidence, c: Cause, active: ActiveEffect) -> Chart | None:
-    """Force along the push against the depth of what touches."""
-    scene = e.prepared.scene
-    depth = active.effect.variable(scene, active.values)
-    if depth is None:
-        return None
-    rotation = value(scene.pose[0])[scene.held]
-    simulated, measured = (apply(rotation, f[:, :3]) for f in (c.effect, c.measured))
-    push = simulated.sum(axis=0)
-    push = push / max(float(np.linalg.norm(push)), 1e-12)
-    x = depth.values[scene.held]
-    order = np.argsort(x, kind="stable")
-    std = np.full(len(x), float(np.mean(e.std[:3] * np.sqrt(e.prepared.noise[:3]))))
-    series = [
-        Series("simulated effect", "line", x[order], (simulated @ push)[order], role="after"),
-        Series("measured", "points", x, measured @ push, std, ids=e.ids),
-    ]
-    across, up = Axis(depth.label, depth.unit), Axis("force along the push", "N")
-    caption = f"Measured minus the simulator without {c.name}, in the direction that it pushes."
-    return _over(f"{c.name}: force over {depth.label}", across, up, series, caption)
-
-
 _OWN: Mapping[str, Callable[[Evidence, Cause, ActiveEffect], Chart | None]] = {
     "torque": _joint, "angle": _joint, "load": _load, "loop": _load, "matrix": _matrix,
-    "lag": _lag, "depth": _depth,
 }  # fmt: skip
 """By `Effect.shown`; the others are drawn by `figures.of_cause` alone."""
 

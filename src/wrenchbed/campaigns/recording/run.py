@@ -9,8 +9,7 @@ stopped to protect itself ends the run.
 import time
 import warnings
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,6 @@ from wrenchbed.data.recording import POINT
 from wrenchbed.data.writer import RecordingWriter
 from wrenchbed.errors import DriverError, LimitError, PlanError, SafetyStopError, WrenchbedWarning
 from wrenchbed.hardware.drivers.base import Driver
-from wrenchbed.hardware.drivers.live import LiveDriver
 from wrenchbed.jobs.workers import Progress, silent
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -38,8 +36,6 @@ MOTIONS = 3
 """Number of attempts at a motion on a live driver."""
 LIMITS = "limits"
 """Metadata with the limits that a live driver moved within."""
-TIMING = "timing"
-"""Metadata with ages and jitter of a live driver's readings."""
 CUT = ".cut~"
 """Suffix of the file that keeps the run's own earlier rows when it begins anew."""
 _BLOCK_S = 0.5
@@ -186,7 +182,7 @@ class _Run:
         if old is not None:
             self.metadata = old.metadata
         self.driver.activate()
-        with self._writing(CUT if self.resume else "~") as writer:
+        with RecordingWriter(self.path, self.metadata, CUT if self.resume else "~") as writer:
             if old is not None:
                 self._continue(old, writer)
             for leg in legs[: len(rows)]:
@@ -212,7 +208,7 @@ class _Run:
                 if failed:
                     driver.recover(unlock=False)
                     legs = self._legs([0], driver.position())
-                with self._writing(CUT if written else "~") as writer:
+                with RecordingWriter(self.path, self.metadata, CUT if written else "~") as writer:
                     try:
                         self._follow(legs, writer)
                     finally:
@@ -223,21 +219,6 @@ class _Run:
                 written |= rows > 0
                 self.progress(-self.done)
                 self.done = 0
-
-    @contextmanager
-    def _writing(self, aside: str) -> Iterator[RecordingWriter]:
-        """A writer whose metadata, when the block ends, state how late a live driver's rows were.
-
-        Args:
-            aside: suffix under which an existing recording is kept.
-        """
-        with RecordingWriter(self.path, self.metadata, aside) as writer:
-            try:
-                yield writer
-            finally:
-                if isinstance(self.driver, LiveDriver):
-                    extra = {**writer.metadata.extra, TIMING: dict(self.driver.timing())}
-                    writer.metadata = replace(writer.metadata, extra=extra)
 
     def _follow(self, legs: Sequence[Leg], writer: RecordingWriter) -> None:
         plan, driver = self.plan, self.driver

@@ -4,7 +4,6 @@ A reading that is not fresh never enters a recording: the driver waits for it, a
 when it does not come.
 """
 
-import math
 import threading
 import time
 from abc import abstractmethod
@@ -30,7 +29,7 @@ from wrenchbed.hardware.drivers.base import (
     as_designed,
     block_of,
 )
-from wrenchbed.hardware.drivers.timing import EvenRow, Resampler, Timing
+from wrenchbed.hardware.drivers.timing import EvenRow, Resampler
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.motion_limits import Limits
@@ -175,7 +174,6 @@ class LiveDriver(Driver):
         self._start = self._last_row = 0.0
         self._last_target: tuple[float, np.ndarray] | None = None
         self._ordering, self._stops = threading.Lock(), 0
-        self._timing = Timing()
 
     def stop(self, kind: str = "soft") -> None:
         with self._ordering:
@@ -226,16 +224,7 @@ class LiveDriver(Driver):
         stated = self.transducer.full_scale
         return super().full_scale() if stated is None else stated
 
-    def timing(self) -> Mapping[str, Any]:
-        """How old and even the rows since `connect` were, and what the links counted."""
-        summary = self._timing.summary()
-        if not summary:
-            return {}
-        counters = {k: float(v) for k, v in self._health().counters.items() if math.isfinite(v)}
-        return {**summary, "counters": counters}
-
     def _connect(self) -> None:
-        self._timing = Timing()
         self._open()
         self.transducer.connect()
         self._start = time.monotonic()
@@ -410,7 +399,6 @@ class LiveDriver(Driver):
 
     def _row(self, t: float, arm: ArmSample, wrench: WrenchSample) -> dict[str, float]:
         self.limits.check_wrench(wrench.wrench)
-        self._timing.add(arm, wrench)
         self._last_row = max(t, np.nextafter(self._last_row, np.inf))
         if self.onlooker is not None:
             self.onlooker(self._last_row - self._start, arm.q, wrench.wrench)

@@ -1,4 +1,4 @@
-"""Times of a live recording: rows at equal steps of the robot's clock, and how even they came.
+"""Times of a live recording: rows at equal steps of the robot's clock.
 
 A network delivers states unevenly and drops some, but each carries the robot's time. Between two
 states joints follow the cubic that has their values and speeds (Hermite); the wrench is read at
@@ -7,14 +7,13 @@ the same moment of this machine's clock, to which the robot's is fitted.
 
 from collections import deque
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from wrenchbed.errors import LinkError
 from wrenchbed.hardware.device import STALE_S, ClockFit
 from wrenchbed.hardware.drivers.base import ArmSample
-from wrenchbed.hardware.transducers.base import WrenchSample
 
 _LATEST = 64
 """States that are kept to interpolate between: half a second at 125 Hz, more than rows wait."""
@@ -24,8 +23,6 @@ time."""
 _SAME_S = 1e-9
 """Times less apart are the same [s]: far above the rounding of a sum of periods."""
 Pair = tuple[np.ndarray, np.ndarray]
-_MOST = 1_000_000
-"""Rows that are kept for the percentiles: two hours at 125 Hz, 24 MB."""
 
 
 class EvenRow(NamedTuple):
@@ -114,38 +111,3 @@ def hermite(q: Pair, qd: Pair, span: float, s: float) -> Pair:
         between + span * (ahead * qd[0] + behind * qd[1]),
         slope * (q[0] - q[1]) + into * qd[0] + out * qd[1],
     )
-
-
-class Timing:
-    """Ages and jitter of the rows of a recording."""
-
-    def __init__(self) -> None:
-        self._rows: list[tuple[float, float, float]] = []
-        self._steps: list[float] = []
-        self._last: tuple[float, float] | None = None
-
-    def add(self, arm: ArmSample, wrench: WrenchSample) -> None:
-        """Take in the state and the reading of a row."""
-        if len(self._rows) >= _MOST:
-            return
-        self._rows.append((arm.age, wrench.age, abs(arm.t - wrench.t)))
-        if arm.device_time is None:
-            return
-        before, self._last = self._last, (arm.t, arm.device_time)
-        if before is not None and 0.0 < arm.device_time - before[1] < 1.0:
-            self._steps.append(abs((arm.t - before[0]) - (arm.device_time - before[1])))
-
-    def summary(self) -> Mapping[str, Any]:
-        """Rows; and the median, 99th percentile and maximum [ms] of the ages at use, of the time
-        between a row's state and reading, and of the states' jitter against the robot's clock."""
-        if not self._rows:
-            return {}
-        names = ("robot_age", "sensor_age", "apart")
-        columns = dict(zip(names, np.transpose(self._rows), strict=True))
-        if self._steps:
-            columns["jitter"] = np.array(self._steps)
-        summary: dict[str, Any] = {"rows": len(self._rows)}
-        for name, values in columns.items():
-            figures = zip(("p50", "p99", "max"), np.percentile(values, (50, 99, 100)), strict=True)
-            summary[f"{name}_ms"] = {k: round(1e3 * float(v), 3) for k, v in figures}
-        return summary

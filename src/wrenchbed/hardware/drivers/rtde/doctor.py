@@ -124,7 +124,6 @@ def _controller(robot: Robot, host: str, seconds: float) -> Iterator[Line]:
     yield _model(robot, stated, version[0])
     if version[0] >= 5 and answers[status.PORT]:
         yield _remote_control(host)
-    yield _kinematics(robot, host)
     yield from _settings(robot, identity.in_words(values))
     yield from _stream(times, _SPARSE * NATIVE_HZ[version[0] > 3], "states", clocked=True)
 
@@ -147,21 +146,6 @@ def _remote_control(host: str) -> Line:
     on = "true" in answer.lower()
     text = "on" if on else f"the dashboard says {answer!r}"
     return _line("remote control", on, text, "switch it on at the pendant", "fails")
-
-
-def _kinematics(robot: Robot, host: str) -> Line:
-    try:
-        kinematics = identity.geometry(robot, host).get("kinematics")
-    except DriverError as error:
-        return Line("kinematics", "fails", str(error), _ANOTHER)
-    if kinematics is None:
-        text = "not told on port 30002: the arm's calibration is not recorded"
-        return Line("kinematics", "note", text, "enable the port under Settings › Security")
-    if "from_nominal" not in kinematics:
-        text = f"read, and {robot.name} has no such table to compare"
-        return Line("kinematics", "note", text)
-    away = 1e3 * kinematics["from_nominal"]
-    return Line("kinematics", "ok", f"the flange is up to {away:.1f} mm from that of {robot.name}")
 
 
 def _settings(robot: Robot, words: Mapping[str, Any]) -> Iterator[Line]:

@@ -161,7 +161,6 @@ class RtdeDriver(LiveDriver):
         self._controller = answers | identity.settings(self._options.host)
         self._flange.look(state)
         identity.check_model(self.robot, answers, int(state.major), self._flange.at_tcp)
-        self._controller |= identity.geometry(self.robot, self._options.host)
 
     def _shut(self) -> None:
         self._drop_control(_QUIT_S)

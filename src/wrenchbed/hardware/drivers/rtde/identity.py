@@ -1,15 +1,9 @@
-"""Which robot answers: its model by the dashboard, its settings by RTDE, its geometry.
+"""Which robot answers: its model by the dashboard, its settings by RTDE, its lengths by its TCP.
 
-A plan for another arm would be checked against wrong reach, workspace and collisions. The arm's own
-geometry, calibrated by its maker, is what the controller states on port 30002. Source: Universal
-Robots, "Remote Control Via TCP/IP", client interface: messages begin with their length and type, a
-robot state (16) holds parts, and part 5 is the kinematics.
+A plan for another arm would be checked against wrong reach, workspace and collisions.
 """
 
-import contextlib
 import re
-import socket
-import struct
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -28,8 +22,6 @@ SETTINGS = (
     "speed_scaling",
 )  # fmt: skip
 """RTDE outputs that are read once; an older controller lacks some."""
-KINEMATICS_PORT = 30002
-"""TCP port of the secondary client interface."""
 _ASKED = {
     "model": "get robot model", "serial": "get serial number", "software": "PolyscopeVersion",
 }  # fmt: skip
@@ -37,8 +29,8 @@ _ASKED = {
 server": model from 3.12 and 5.6 on, serial number from 5.6 on."""
 _UNKNOWN = "could not understand"
 _ANSWER_S, _SETTINGS_S = 0.5, 1.0
-"""Deadlines of an answer of the dashboard, and of settings and kinematics [s], of which ten a
-second are sent; a controller that has none delays `connect` by them."""
+"""Deadlines of an answer of the dashboard, and of settings [s], of which ten a second are sent; a
+controller that has none delays `connect` by them."""
 _NAMED = re.compile(r"ur(\d+)(e?)(?:[ _]?l(?:ong)?)?(?![a-z0-9])", re.IGNORECASE)
 _REPORTED_AS = {"7": "5", "12": "10"}
 """Sizes whose controller reports an older arm of equal lengths; source: Universal Robots' client
@@ -53,18 +45,6 @@ _APART_M, _APART_RAD = 5e-3, 0.02
 _EVERY_S = 0.5
 """Time between two comparisons of TCP and flange [s]; each takes a millisecond."""
 _REMEDY = "check --host, or plan for that arm: wrenchbed robot FILE --frame NAME --out my.toml"
-_STATE, _KINEMATICS = 16, 5
-_HEAD = struct.Struct(">IB")
-_TABLE = struct.Struct(">6I24d")
-_LONGEST = 1 << 16
-"""Bytes of a message; a robot state has some 1,500."""
-Kinematics = Mapping[str, tuple[float, ...]]
-"""Denavit–Hartenberg parameters of one arm, six each: offsets ``theta`` of the joints and twists
-``alpha`` [rad], lengths ``a`` and ``d`` [m], ``checksums`` by which the maker's drivers tell arms
-apart."""
-_COLUMNS = ("checksums", "theta", "a", "d", "alpha")
-_POSES, _SEED = 64, 0
-"""Joint configurations at which two flanges are compared, drawn uniformly."""
 
 
 def settings(host: str) -> dict[str, Any]:
@@ -133,71 +113,6 @@ def check_model(robot: Robot, answers: Mapping[str, str], major: int, at_flange:
             f"the controller is an e-Series (a UR{size}e), whose lengths are others than those of "
             f"{robot.name!r}, and its pose is not that of {robot.name!r}: {_REMEDY}"
         )
-
-
-def read_kinematics(host: str, seconds: float) -> Kinematics | None:
-    """Read the arm's calibrated kinematics from the controller within some time [s]; None if none
-    come."""
-    end, address = time.monotonic() + seconds, (host, KINEMATICS_PORT)
-    with (
-        contextlib.suppress(OSError, struct.error),  # it does not answer, or ends within a message
-        socket.create_connection(address, seconds) as link,
-        link.makefile("rb") as stream,
-    ):
-        while time.monotonic() < end:
-            size, kind = _HEAD.unpack(stream.read(_HEAD.size))
-            if not _HEAD.size <= size <= _LONGEST:
-                return None
-            message = stream.read(size - _HEAD.size)
-            if kind == _STATE and (stated := kinematics_in(message)) is not None:
-                return stated
-    return None
-
-
-def kinematics_in(state: bytes) -> Kinematics | None:
-    """Read the kinematics from the bytes of a robot-state message after its head; None if it has
-    none."""
-    while len(state) >= _HEAD.size:
-        size, kind = _HEAD.unpack_from(state)
-        if not _HEAD.size <= size <= len(state):
-            return None
-        if kind == _KINEMATICS and size >= _HEAD.size + _TABLE.size:
-            numbers = _TABLE.unpack_from(state, _HEAD.size)
-            return {name: numbers[6 * k : 6 * k + 6] for k, name in enumerate(_COLUMNS)}
-        state = state[size:]
-    return None
-
-
-def geometry(robot: Robot, host: str) -> dict[str, Any]:
-    """Calibrated kinematics of the connected arm, for a recording's metadata; empty if the
-    controller sends none.
-
-    ``from_nominal`` is the largest distance between its flange and the nominal robot's [m]; where
-    axes are parallel, a calibration may shift one link by decimetres and the next one back.
-
-    Raises:
-        DriverError: it is another arm than the robot, or no arm; says what to change.
-    """
-    kinematics = read_kinematics(host, _SETTINGS_S)
-    if kinematics is None:
-        return {}
-    if not isinstance(robot, URArm):
-        return {"kinematics": dict(kinematics)}
-    if not np.isfinite([kinematics[name] for name in _COLUMNS[1:]]).all():
-        raise DriverError(f"the controller's own kinematics holds what is no number: {kinematics}")
-    values = {
-        f"{name}{k}": v for name in ("a", "d", "alpha") for k, v in enumerate(kinematics[name], 1)
-    }
-    q = np.random.default_rng(_SEED).uniform(-np.pi, np.pi, (_POSES, 6))
-    _, there = robot.sensor_pose(q + np.array(kinematics["theta"]), robot.parameters.vector(values))
-    _, here = robot.sensor_pose(q, robot.parameters.nominal)
-    far = float(np.linalg.norm(there - here, axis=1).max())
-    if far > _MOVED_M:
-        raise DriverError(
-            f"by the controller's own kinematics the flange is up to {far:.3f} m from that of "
-            f"{robot.name!r}: it moves another arm; {_REMEDY}"
-        )
-    return {"kinematics": {**kinematics, "from_nominal": far}}
 
 
 class Flange:
