@@ -9,6 +9,7 @@ No voltage is taken off an axis that moves; `Rest` tells.
 """
 
 import contextlib
+import gc
 import struct
 import sys
 import threading
@@ -265,11 +266,13 @@ class Cycle:
     def _run(self) -> None:
         before = sys.getswitchinterval()
         sys.setswitchinterval(min(before, _SWITCH_S))
+        gc.freeze()  # else a collection of all that a large program holds takes some 200 ms
         try:
             self._keep_time()
         except Exception as error:
             self._fail(error)
         finally:
+            gc.unfreeze()
             sys.setswitchinterval(before)
 
     def _fail(self, error: Exception) -> None:

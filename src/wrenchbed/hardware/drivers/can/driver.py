@@ -109,6 +109,7 @@ class CanDriver(LiveDriver):
 
     def _activate(self) -> None:
         cycle = self._running()
+        self._until(lambda: self._health().state != "stale", ENABLED_S)  # this program was busy
         health = self._arm_health()
         if not health.ok:
             raise DriverError(f"cannot enable the drives: {health.detail}")
