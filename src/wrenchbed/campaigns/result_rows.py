@@ -16,14 +16,10 @@ from wrenchbed.simulation.closed_form import Model
 
 Row = dict[str, Any]
 ALL, SETTING, PARTS = "robots.parquet", "campaign.json", "parts"
-_TEXT = ("effect", "values", "error", "verdict", "claimed", "named", "alike", "where")
 _INTEGER = ("rows", "rank")
-_NUMBER = ("size", "added", "inside95", "residual.force", "residual.torque")
+_NUMBER = ("inside95", "residual.force", "residual.torque")
 _JUDGED = tuple(f"{x}.{w}" for x in ("force", "torque", "position") for w in ("before", "after"))
-_DIAGNOSED = (
-    "probability", "gap.configured", "gap.calibrated", "gap.with_effects", "closed", "right",
-)  # fmt: skip
-SECONDS = ("seconds.record", "seconds.calibrate", "seconds.diagnose")
+SECONDS = ("seconds.record", "seconds.calibrate")
 """Columns of durations, which differ between equal runs."""
 
 
@@ -32,16 +28,15 @@ def schema(fleet: Fleet) -> pa.Schema:
     model = Model.of(fleet.model_robot())
     names = [model.parameters.names[i] for i in varied(model)]
     parameters = [f"{part}.{n}" for n in names for part in ("true", "fit", "std")]
-    columns = [("robot", pa.int64()), ("seed", pa.int64())]
-    columns += [(n, pa.string()) for n in _TEXT] + [(n, pa.int64()) for n in _INTEGER]
-    columns += [("converged", pa.bool_())]
-    columns += [(n, pa.float64()) for n in (*_NUMBER, *_JUDGED, *_DIAGNOSED, *parameters, *SECONDS)]
+    columns = [("robot", pa.int64()), ("seed", pa.int64()), ("error", pa.string())]
+    columns += [(n, pa.int64()) for n in _INTEGER] + [("converged", pa.bool_())]
+    columns += [(n, pa.float64()) for n in (*_NUMBER, *_JUDGED, *parameters, *SECONDS)]
     return pa.schema(columns)
 
 
 def empty(fleet: Fleet, k: int) -> Row:
     """Empty row of robot k."""
-    return {"robot": k, "seed": fleet.seed} | dict.fromkeys(_TEXT, "")
+    return {"robot": k, "seed": fleet.seed, "error": ""}
 
 
 class CampaignRows:

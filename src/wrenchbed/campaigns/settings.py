@@ -1,34 +1,26 @@
-"""Settings of a campaign, and the true parameters and effect of each of its robots.
+"""Settings of a campaign, and the true parameters of each of its robots.
 
 Row k of a campaign is a function of the settings (`Fleet`) and of k alone.
 """
 
 import hashlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from functools import cache
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data.plan import Plan
-from wrenchbed.effects.base import Variant
-from wrenchbed.effects.chain import ActiveEffect, effects
-from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
-from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
 
-VARIED = ("noise", "parameters", "effects", "poses")
+VARIED = ("noise", "parameters", "poses")
 """Properties that may differ from robot to robot."""
-HEALTHY = 0.25
-"""Share of robots without an effect, where effects vary."""
-SIZES = (0.3, 6.0)
-"""Sizes are drawn log-uniformly between these multiples of typical."""
-_TRIES, _ROWS = 50, 24
-"""Draws until a robot reaches all poses, and poses at which effects are tested for an influence."""
+_STREAMS = {"noise": 0, "parameters": 1, "poses": 3}
+"""Streams of random numbers by what is drawn from them; another one would make other robots."""
+_TRIES = 50
+"""Draws until a robot reaches all poses."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +31,10 @@ class Fleet:
         robot: registry name.
         robots: how many.
         vary: of `VARIED`; what does not vary is the same for all: the same noise, nominal
-            parameters, no effect, the same poses.
+            parameters, the same poses.
         poses: of each, where no plan is given.
         samples: rows a pose.
         seed: not negative.
-        diagnose: whether each recording is diagnosed, too.
         plan: that all robots run.
     """
 
@@ -53,7 +44,6 @@ class Fleet:
     poses: int = 100
     samples: int = 50
     seed: int = 0
-    diagnose: bool = False
     plan: Plan | None = None
 
     def __post_init__(self) -> None:
@@ -91,7 +81,7 @@ class Fleet:
     def rng(self, k: int, what: str) -> np.random.Generator:
         """Random numbers of robot k for one of `VARIED`; the same for all if it does not vary."""
         robot = k + 1 if what in self.vary else 0
-        return np.random.default_rng([self.seed, robot, VARIED.index(what)])
+        return np.random.default_rng([self.seed, robot, _STREAMS[what]])
 
     def to_json(self) -> dict[str, Any]:
         """Settings that determine the rows, as JSON; the number of robots may grow later."""
@@ -100,30 +90,8 @@ class Fleet:
             plan = hashlib.sha256(np.ascontiguousarray(self.plan.q).tobytes()).hexdigest()
         return {
             "robot": self.robot, "vary": sorted(self.vary), "poses": self.poses,
-            "samples": self.samples, "seed": self.seed, "diagnose": self.diagnose, "plan": plan,
+            "samples": self.samples, "seed": self.seed, "plan": plan,
         }  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class Truth:
-    """True parameters and effect of one robot.
-
-    Attributes:
-        theta: true parameters (P,) of the model.
-        active: its effect, if any.
-        size: of that, in multiples of typical.
-        values: parameters of that which are not nominal, SI.
-    """
-
-    theta: np.ndarray
-    active: tuple[ActiveEffect, ...] = ()
-    size: float = 0.0
-    values: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def effect(self) -> str:
-        """Name of the robot's effect, empty if there is none."""
-        return self.active[0].effect.name if self.active else ""
 
 
 def varied(model: Model) -> tuple[int, ...]:
@@ -131,37 +99,15 @@ def varied(model: Model) -> tuple[int, ...]:
     return model.parameters.select(model.robot.free)
 
 
-def draw(fleet: Fleet, k: int, model: Model, q: np.ndarray, mode: str) -> Truth:
-    """Robot k: parameters uniform within their tolerances such that it reaches q (N, J).
+def draw(fleet: Fleet, k: int, model: Model, q: np.ndarray) -> np.ndarray:
+    """True parameters (P,) of robot k: uniform within tolerances such that it reaches q (N, J).
 
     Raises:
         ParameterError: no robot within tolerance reaches them all.
     """
-    robot = fleet.model_robot()
-    theta = np.array(model.parameters.nominal)
-    if "parameters" in fleet.vary:
-        theta = _parameters(fleet.rng(k, "parameters"), model, robot, q)
-    if "effects" not in fleet.vary:
-        return Truth(theta)
-    rng = fleet.rng(k, "effects")
-    if rng.random() < HEALTHY:
-        return Truth(theta)
-    known = possible(fleet.robot, mode)
-    name = list(known)[int(rng.integers(len(known)))]
-    variants = known[name]
-    weights = np.array([v.weight for v in variants])
-    variant = variants[int(rng.choice(len(variants), p=weights / weights.sum()))]
-    size = float(np.exp(rng.uniform(*np.log(SIZES))))
-    effect = effects()[name]
-    typical = effect.parameters(robot)
-    values = {n: size * typical[typical.index(n)].tolerance for n in effect.usual(variant)}
-    values |= {n: v for n, v in variant.at.items() if n not in values}
-    return Truth(theta, (ActiveEffect.of(robot, name, values),), size, values)
-
-
-def _parameters(
-    rng: np.random.Generator, model: Model, robot: SimulatedRobot, q: np.ndarray
-) -> np.ndarray:
+    if "parameters" not in fleet.vary:
+        return np.array(model.parameters.nominal)
+    rng, robot = fleet.rng(k, "parameters"), fleet.model_robot()
     columns, n_robot = list(varied(model)), len(robot.parameters)
     tolerance = model.parameters.tolerance[columns]
     for _ in range(_TRIES):
@@ -172,18 +118,3 @@ def _parameters(
     raise ParameterError(
         f"no {robot.name} within tolerance reaches all poses: plan poses further from its limits"
     )
-
-
-@cache
-def possible(name: str, mode: str) -> dict[str, tuple[Variant, ...]]:
-    """Effects that change a reading of a robot, and their variants."""
-    robot = Fleet(name, 1).model_robot()
-    q = robot.sample(_ROWS, np.random.default_rng(0))
-    moving = mode == "dynamic"
-    at = np.ones(_ROWS, dtype=bool)
-    scene = Scene(
-        robot, robot.parameters.nominal, np.array(robot.gravity),
-        Jet(q, 0.0 * q, 0.0 * q) if moving else q, 10.0 * np.arange(_ROWS), at,
-    )  # fmt: skip
-    variants = {n: e.variants(scene) for n, e in effects().items() if e.acts(scene)}
-    return {n: v for n, v in variants.items() if v}

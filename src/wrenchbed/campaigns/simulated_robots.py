@@ -1,18 +1,15 @@
-"""Many simulated robots: each recorded in MuJoCo, calibrated, diagnosed, compared with its truth.
+"""Many simulated robots: each recorded in MuJoCo, calibrated, compared with its truth.
 
 Moves between poses take their time but are not simulated (`wrenchbed record` steps MuJoCo through
 each). Recordings at rest do not depend on them: joints are measured where the servos hold them.
 """
 
-import json
-import re
 import time
 from collections.abc import Sequence
 from concurrent.futures import Future
 from dataclasses import replace
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -22,7 +19,7 @@ from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.calibrate_many import calibrate_each
 from wrenchbed.calibration.fit import Fit
 from wrenchbed.campaigns.result_rows import CampaignRows, Row, empty
-from wrenchbed.campaigns.settings import Fleet, Truth, draw, varied
+from wrenchbed.campaigns.settings import Fleet, draw, varied
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import FleetError, WorkerError, WrenchbedError
@@ -35,7 +32,7 @@ from wrenchbed.planning.choose import poses
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration
 from wrenchbed.simulation.closed_form import Model
-from wrenchbed.twin.replay import readings, recorded_together, simulate
+from wrenchbed.twin.replay import readings, recorded_together
 from wrenchbed.twin.twin import Twin
 
 RATE_HZ = 100.0
@@ -44,13 +41,11 @@ SETTLE_S = 0.5
 """Time from the end of a move to the first row [s]."""
 _JUDGED, _SEED = 100, 20_160_798
 """Poses at which all robots are judged, and what they are drawn from."""
-_EFFECT = re.compile(r"[a-z]+\.[a-z_]+")
-"""Pattern of an effect's name in a sentence."""
 _FLEET: list[Fleet] = []
 """What a worker process works on."""
 _LEAST_TASKS = 4
 """Tasks of each worker at least, so that none works long after the others."""
-_TOGETHER, _DIAGNOSED = 25, 4
+_TOGETHER = 25
 """Most robots that a worker takes at once: their numbers must fit into its cache, and a kill loses
 the rows of a task, which reach the disk together."""
 
@@ -96,7 +91,7 @@ def robot_rows(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
     A named error of the package stands in column ``error``.
     """
     rows, begun = {k: empty(fleet, k) for k in numbers}, time.perf_counter()
-    done: dict[int, tuple[Recording, Truth]] = {}
+    done: dict[int, tuple[Recording, np.ndarray]] = {}
     for k, result in zip(numbers, recorded(fleet, numbers), strict=True):
         if isinstance(result, WrenchbedError):
             rows[k]["error"] = _named(result)
@@ -107,20 +102,13 @@ def robot_rows(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
     seconds, begun = (now - begun) / max(len(numbers), 1), now
     fits = calibrate_each([recording for recording, _ in done.values()])
     calibrated = (time.perf_counter() - begun) / max(len(done), 1)
-    errors = _errors(fleet, [truth for _, truth in done.values()], fits)
-    for (k, (recording, truth)), fit, error in zip(done.items(), fits, errors, strict=True):
+    errors = _errors(fleet, [theta for _, theta in done.values()], fits)
+    for (k, (_, theta)), fit, error in zip(done.items(), fits, errors, strict=True):
         rows[k]["seconds.record"] = seconds
         if isinstance(fit, WrenchbedError):
             rows[k]["error"] = _named(fit)
             continue
-        rows[k] |= _of_fit(fleet, truth, fit) | error | {"seconds.calibrate": calibrated}
-        if fleet.diagnose:
-            begun = time.perf_counter()
-            try:
-                rows[k] |= _diagnosed(fleet, truth, recording)
-                rows[k]["seconds.diagnose"] = time.perf_counter() - begun
-            except WrenchbedError as cause:
-                rows[k]["error"] = _named(cause)
+        rows[k] |= _of_fit(fleet, theta, fit) | error | {"seconds.calibrate": calibrated}
     return list(rows.values())
 
 
@@ -130,29 +118,28 @@ def _named(error: WrenchbedError) -> str:
 
 def recorded(
     fleet: Fleet, numbers: Sequence[int]
-) -> list[tuple[Recording, Truth] | WrenchbedError]:
-    """Recordings of the robots ``numbers``, and what is true of each.
+) -> list[tuple[Recording, np.ndarray] | WrenchbedError]:
+    """Recordings of the robots ``numbers``, and the true parameters (P,) of each.
 
     The error of a robot that cannot be recorded stands for it.
     """
     model = Model.of(fleet.model_robot())
-    results: dict[int, tuple[Recording, Truth] | WrenchbedError] = {}
-    ready: dict[int, tuple[Recording, Truth, Twin, np.ndarray]] = {}
+    results: dict[int, tuple[Recording, np.ndarray] | WrenchbedError] = {}
+    ready: dict[int, tuple[Recording, Twin, np.ndarray]] = {}
     for k in numbers:
         try:
             path = course(fleet, k) if "poses" in fleet.vary else _shared_course(fleet)
-            truth = draw(fleet, k, model, _visited(path), path.metadata.mode)
-            twin = Twin(model, truth.theta, truth.active)
-            ready[k] = path, truth, twin, readings(twin, path)
+            twin = Twin(model, draw(fleet, k, model, _visited(path)))
+            ready[k] = path, twin, readings(twin, path)
         except WrenchbedError as error:
             results[k] = error
     for group in [[k] for k in ready] if "poses" in fleet.vary else [list(ready)] if ready else []:
         recordings = recorded_together(
-            [ready[k][2] for k in group], ready[group[0]][0], [ready[k][3] for k in group], "real",
+            [ready[k][1] for k in group], ready[group[0]][0], [ready[k][2] for k in group], "real",
             [_seed(fleet, k) for k in group],
         )  # fmt: skip
         for k, recording in zip(group, recordings, strict=True):
-            results[k] = recording, ready[k][1]
+            results[k] = recording, ready[k][1].theta
     return [results[k] for k in numbers]
 
 
@@ -173,28 +160,13 @@ def _seed(fleet: Fleet, k: int) -> int:
     return int(fleet.rng(k, "noise").integers(2**31))
 
 
-def _of_truth(fleet: Fleet, recording: Recording, truth: Truth) -> Row:
+def _of_truth(fleet: Fleet, recording: Recording, theta: np.ndarray) -> Row:
     model = Model.of(fleet.model_robot())
-    row: Row = {"rows": len(recording), "effect": truth.effect, "size": truth.size}
-    if truth.active:
-        row["added"] = _added(truth, model, recording)
-    row["values"] = json.dumps({n: float(v) for n, v in truth.values.items()})
-    for i in varied(model):
-        row[f"true.{model.parameters.names[i]}"] = float(truth.theta[i])
-    return row
+    row: Row = {"rows": len(recording)}
+    return row | {f"true.{model.parameters.names[i]}": float(theta[i]) for i in varied(model)}
 
 
-def _added(truth: Truth, model: Model, recording: Recording) -> float:
-    """Mean square change of a reading by the effect, in units of one row's noise."""
-    without, with_ = (
-        simulate(Twin(model, truth.theta, active), recording).wrench
-        for active in ((), truth.active)
-    )
-    noise = np.array(recording.metadata.sensor.noise_std)
-    return float(np.mean(((with_ - without) / noise) ** 2))
-
-
-def _of_fit(fleet: Fleet, truth: Truth, fit: Fit) -> Row:
+def _of_fit(fleet: Fleet, theta: np.ndarray, fit: Fit) -> Row:
     model = Model.of(fleet.model_robot())
     row: Row = {"converged": fit.converged, "rank": fit.observability.rank}
     inside = []
@@ -202,7 +174,7 @@ def _of_fit(fleet: Fleet, truth: Truth, fit: Fit) -> Row:
         row[f"fit.{p.name}"] = p.value
         if p.std is not None and p.interval95 is not None:
             row[f"std.{p.name}"] = p.std
-            true = truth.theta[model.parameters.index(p.name)]
+            true = theta[model.parameters.index(p.name)]
             inside.append(abs(p.value - true) <= p.interval95)
     row["inside95"] = float(np.mean(inside)) if inside else float("nan")
     for part, k in (("force", 0), ("torque", 3)):
@@ -211,19 +183,16 @@ def _of_fit(fleet: Fleet, truth: Truth, fit: Fit) -> Row:
 
 
 def _errors(
-    fleet: Fleet, truths: Sequence[Truth], fits: Sequence[Fit | WrenchbedError]
+    fleet: Fleet, thetas: Sequence[np.ndarray], fits: Sequence[Fit | WrenchbedError]
 ) -> list[Row]:
     """Rms over fresh poses of the error of each robot's reading [N, N·m], and of its tool's
-    position [m], if it has one, before its fit and after it; nothing of one without a fit.
-
-    Rigid robots are compared: an effect is neither in truth nor in what is judged.
-    """
+    position [m], if it has one, before its fit and after it; nothing of one without a fit."""
     model, rows = Model.of(fleet.model_robot()), [Row() for _ in fits]
     fitted = {k: fit for k, fit in enumerate(fits) if isinstance(fit, Fit)}
     if not fitted:
         return rows
     q, target = judged(fleet.robot)
-    true = np.stack([truths[k].theta for k in fitted])
+    true = np.stack([thetas[k] for k in fitted])
     after = np.stack([model.parameters.vector(dict(fit.theta)) for fit in fitted.values()])
     for when, theta in (("before", model.parameters.nominal[None]), ("after", after)):
         off = model.predict(q, theta[:, None]) - model.predict(q, true[:, None])
@@ -246,37 +215,6 @@ def judged(name: str) -> tuple[np.ndarray, np.ndarray | None]:
     return robot.sample(_JUDGED, np.random.default_rng(_SEED)), robot.target()
 
 
-def _diagnosed(fleet: Fleet, truth: Truth, recording: Recording) -> Row:
-    from wrenchbed.diagnosis.diagnose import diagnose
-    from wrenchbed.diagnosis.gap.result import named_by
-
-    d = diagnose(recording).diagnosis
-    after, closed = d.gap.with_effects, d.gap.closed
-    claimed = [str(w["effect"]) for w in d.which]
-    named = claimed + [n for w in d.which for n in named_by(w)[1:]]
-    row: dict[str, Any] = {
-        "verdict": d.verdict,
-        "claimed": " ".join(claimed),
-        "named": " ".join(named),
-        "alike": " ".join(sorted({n for text in d.cannot_tell for n in _EFFECT.findall(text)})),
-        "probability": float(d.which[0]["probability"]) if d.which else float("nan"),
-        "where": str(d.where[0]["subsystem"]) if d.where else "",
-        "gap.configured": _number(d.gap.configured),
-        "gap.calibrated": _number(d.gap.calibrated.value),
-        "gap.with_effects": _number(None if after is None else after.value),
-        "closed": _number(None if closed is None else closed.value),
-    }
-    if truth.effect:
-        row["right"] = float(d.verdict == "identified" and truth.effect in claimed)
-    elif "parameters" not in fleet.vary:
-        row["right"] = float(d.verdict == "none")
-    return row
-
-
-def _number(x: float | None) -> float:
-    return float("nan") if x is None else float(x)
-
-
 def write_one(fleet: Fleet, k: int, folder: Path) -> Row:
     """Work on robot ``k`` again, and write rec.parquet, fit.json and row.json into a folder."""
     (result,) = recorded(fleet, [k])
@@ -293,7 +231,7 @@ def write_one(fleet: Fleet, k: int, folder: Path) -> Row:
 def campaign(
     fleet: Fleet, folder: str | Path, *, workers: int = 2, progress: Progress = silent
 ) -> pa.Table:
-    """Record, calibrate and, if asked for, diagnose many simulated robots: one row each.
+    """Record and calibrate many simulated robots: one row each.
 
     Robots whose rows are in the folder already are not simulated again.
 
@@ -318,17 +256,16 @@ def campaign(
         progress(len(future.result()))
 
     try:
-        in_workers(_work, tasks(fleet, todo, workers), finished, workers, _share, fleet)
+        in_workers(_work, tasks(todo, workers), finished, workers, _share, fleet)
     except WorkerError as error:
         kept = "what is done is kept, and the same command goes on"
         raise FleetError(f"{error}; {kept}") from error
     return rows.finish()
 
 
-def tasks(fleet: Fleet, todo: Sequence[int], workers: int) -> list[list[int]]:
+def tasks(todo: Sequence[int], workers: int) -> list[list[int]]:
     """Robots that a worker takes at once; a task lasts long enough and all end about together."""
-    most = _DIAGNOSED if fleet.diagnose else _TOGETHER
-    size = max(1, min(most, len(todo) // (_LEAST_TASKS * workers)))
+    size = max(1, min(_TOGETHER, len(todo) // (_LEAST_TASKS * workers)))
     return [list(todo[first : first + size]) for first in range(0, len(todo), size)]
 
 

@@ -1,4 +1,4 @@
-"""`wrenchbed campaign`: plan, record, calibrate and diagnose many simulated robots."""
+"""`wrenchbed campaign`: plan, record and calibrate many simulated robots."""
 
 import os
 from dataclasses import dataclass
@@ -18,21 +18,18 @@ class RobotArguments:
     """The simulated robots."""
 
     robots: int = 100  # Number of them.
-    # What differs from robot to robot, with commas: noise, parameters, effects, poses.
+    # What differs from robot to robot, with commas: noise, parameters, poses.
     vary: str = "noise,parameters"
     plan: Path | None = None  # That all robots run; random poses if none.
     poses: int = 100  # Of each robot, without --plan.
     samples: int = 50  # Rows a pose.
-    diagnose: bool = False  # Also diagnose each recording, a second or more each.
     seed: int = 0  # All follows from it.
 
     def fleet(self, robot: str) -> "wb.Fleet":
         """What the rows of the campaign follow from."""
         words = tuple(w.strip() for w in self.vary.split(",") if w.strip())
         plan = None if self.plan is None else wb.Plan.read(self.plan)
-        return wb.Fleet(
-            robot, self.robots, words, self.poses, self.samples, self.seed, self.diagnose, plan
-        )
+        return wb.Fleet(robot, self.robots, words, self.poses, self.samples, self.seed, plan)
 
 
 def campaign(
@@ -45,7 +42,7 @@ def campaign(
     force: Flag = False,
     as_json: Json = False,
 ) -> None:
-    """Plan, record, calibrate and diagnose many simulated robots: one row each, and a summary.
+    """Plan, record and calibrate many simulated robots: one row each, and a summary.
 
     A stopped campaign goes on when the same line is given again; with more robots it grows.
 
