@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from wrenchbed.benchmark.sealed.make import Family
     from wrenchbed.benchmark.sealed.make import make as blind_make
-    from wrenchbed.benchmark.sealed.real import seal_real as blind_seal
     from wrenchbed.benchmark.sealed.run import Entrant
     from wrenchbed.benchmark.sealed.run import run as blind_run
     from wrenchbed.benchmark.sealed.score import score as blind_score
@@ -97,7 +96,6 @@ __all__ = [
     "blind_make",
     "blind_run",
     "blind_score",
-    "blind_seal",
     "calibrate",
     "calibrate_efforts",
     "campaign",

@@ -35,7 +35,6 @@ from wrenchbed.pages.document import Document, Figure, Section, Table
 from wrenchbed.pages.draw import Drawn
 
 NTNU = Path(__file__).resolve().parents[1] / "data" / "ntnu_kuka_ati_gamma"
-TRUTH = '[[case]]\nrecording = "r.parquet"\nkind = "none"\n'
 ARM = """<mujoco><compiler autolimits="true"/><worldbody><body>
 <joint name="j" range="-1 1"/><geom size="0.1" mass="1"/><body pos="0 0 0.3"><site name="flange"/>
 </body></body></worldbody></mujoco>
@@ -63,14 +62,13 @@ CASES = {
     "blind make": "blind make --out cases --answers answers --cases 2 --seed 3",
     "blind run": "blind run made --out claims --method bic --processes 1",
     "blind score": "blind score made claimed made-answers --out scored",
-    "blind seal": "blind seal truth.toml --out sealed --answers sealed-answers",
 }
 """A line for each verb; further lines stand behind what is special in them."""
 NOTHING = {"list", "compare", "live", "doctor", "twin"}
 """Verbs that write no file."""
 TOGETHER = {"diagnose": "found", "export": "model", "campaign --only": "fleet/0"}
 """Folders whose files appear together."""
-ANEW = {"blind make", "blind run", "blind seal", "campaign", "check"}
+ANEW = {"blind make", "blind run", "campaign", "check"}
 """What refuses, or finds finished, an earlier result."""
 
 
@@ -225,7 +223,6 @@ class Start:
         self.folder, self.left = folder, dict(SETUP)
         Rest(seconds=70.0).recording(3).write(folder / "rest.parquet")
         (folder / "twin.json").write_text(json.dumps({"format": 1, "robot": "ur5"}))
-        (folder / "truth.toml").write_text(TRUTH)
         (folder / "arm.xml").write_text(ARM)
         for name in ("0-calibration_fts-accel.csv", "static.toml"):
             shutil.copy(NTNU / name, folder / name)

@@ -1,4 +1,4 @@
-"""`wrenchbed blind`: make, run, score and seal cases of the sealed benchmark."""
+"""`wrenchbed blind`: make, run and score cases of the sealed benchmark."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -104,13 +104,13 @@ def run(
         limit: Most time of one method on one case [s].
     """
     from wrenchbed.benchmark.scoring.baselines import BASELINES
-    from wrenchbed.benchmark.sealed import commitments as seal
+    from wrenchbed.benchmark.sealed import commitments
     from wrenchbed.benchmark.sealed import run as running
 
     if not limit > 0:
         raise ParameterError(f"--limit {limit:g} s must be above 0")
     entrants = [running.Entrant.of(m) for m in method or (running.OURS, *BASELINES)]
-    total = len(seal.read(cases))
+    total = len(commitments.read(cases))
     console.check_folder(out)
     console.check_positive("--processes", processes)
     with console.progress("answering sealed cases", total) as report:
@@ -165,26 +165,7 @@ def _score_table(page: "Document") -> Group:
 
 
 def blind() -> None:
-    """The sealed benchmark: blind make, blind run, blind score, blind seal."""
+    """The sealed benchmark: blind make, blind run, blind score."""
 
 
-def seal(
-    truth: tyro.conf.Positional[Path], /, out: Path, answers: Path, as_json: Json = False
-) -> None:
-    """Seal recordings of a real robot on which somebody made the truth, see docs/how-to/sealed.md.
-
-    Args:
-        truth: TOML file that names each recording, what was made wrong and by how much.
-        out: Empty folder for the cases, to be given to entrants.
-        answers: Empty folder for the answers, to be given to nobody.
-    """
-    from wrenchbed.benchmark.sealed.real import seal_real
-
-    for folder in (out, answers):
-        console.check_folder(folder)
-    root = seal_real(truth, out, answers)
-    text = f"sealed cases → {out}, their answers → {answers}\n{_PUBLISH} {root}"
-    console.answer({"cases": str(out), "answers": str(answers), "commitments": root}, as_json, text)
-
-
-VERBS: dict[str, Callable[..., Any]] = {"make": make, "run": run, "score": score, "seal": seal}
+VERBS: dict[str, Callable[..., Any]] = {"make": make, "run": run, "score": score}

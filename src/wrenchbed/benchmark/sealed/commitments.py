@@ -200,8 +200,8 @@ class Fact:
 
     Attributes:
         effect: the contract's name, or of an outside case the family's.
-        size: in multiples of typical, None on a real robot.
-        gap: that it adds; between rows the mean rise of a row's variance; None on a real robot.
+        size: in multiples of typical, None in worlds that draw none.
+        gap: that it adds; between rows the mean rise of a row's variance.
         rows: largest rise of a channel's row variance, 0 where means show it.
         true: its numbers as a diagnosis publishes them, SI, with what minor imperfections add.
         alike: effects that this very data cannot tell from it.
@@ -209,7 +209,7 @@ class Fact:
 
     effect: str
     size: float | None
-    gap: float | None
+    gap: float
     rows: float
     true: Mapping[str, float]
     alike: tuple[str, ...]

@@ -1,13 +1,12 @@
-"""Real cases: recordings of a robot on which somebody made the truth, sealed; and semi-real ones.
+"""Semi-real cases: a fault of the referee's physics added to a real recording.
 
-Semi-real: a fault of the referee's physics added to a real recording. Noise, imperfections and
-design are the recording's own. A fault's signature is computed on what a rigid tool makes along the
-recording's time axis, and its difference is added to the recorded rows. Constants are estimates.
+Noise, imperfections and design are the recording's own. A fault's signature is computed on what a
+rigid tool makes along the recording's time axis, and its difference is added to the recorded rows.
+Constants are estimates.
 """
 
 import re
-import secrets
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from wrenchbed.benchmark import frame
-from wrenchbed.benchmark.frame import EFFECTS, KINDS, Rng, between, register
+from wrenchbed.benchmark.frame import KINDS, Rng, between, register
 from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.benchmark.referee import sensor
 from wrenchbed.benchmark.referee.case import TrueCause, World
@@ -28,12 +27,8 @@ from wrenchbed.benchmark.sealed.commitments import Answer, Fact
 from wrenchbed.benchmark.sealed.real_setting import ACCELEROMETER, RealSetting, setting_of
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
-from wrenchbed.errors import BenchmarkError
-from wrenchbed.files import write_bytes
-from wrenchbed.files.checked import Fields, is_number, load
 from wrenchbed.physics.wrench import CHANNELS
 
-CAUSES = {"none": 0, "single": 1, "pair": 2, "outside": 1}
 _KEPT = re.compile(
     r"t|segment|status|temperature|f[xyz]|t[xyz]|a[xyz]|q[wxyz]|q\d+|qd\d+|q_target\d+|tau\d+"
 )
@@ -47,75 +42,6 @@ FAMILIES: dict[str, Draw] = {n: OF_REFEREE[n] for n in ("popcorn", "triple", "gu
 does not show, and two of their own."""
 _ZEROED = 0.02
 """A bias counts as stated where its tolerance is below this share of full scale."""
-
-
-def seal_real(truth: Path, out: Path, answers: Path) -> str:
-    """Seal real recordings in random order under numbers; SHA-256 of ``commitments.json``.
-
-    Args:
-        truth: TOML file, see docs/how-to/sealed.md; recordings are looked for beside it.
-        out: empty folder for cases.
-        answers: empty folder for answers.
-
-    Raises:
-        BenchmarkError: names the file, case and field that is wrong.
-        RecordingError: a recording cannot be trusted.
-    """
-    cases = list(_cases(truth))
-    commitments.check_separate(out, answers)
-    for folder in (out, answers):
-        folder.mkdir(parents=True, exist_ok=True)
-        other = next(folder.iterdir(), None)
-        if other is not None:
-            raise BenchmarkError(f"{other}: give empty folders")
-    seed = make.drawn_seed()
-    names = {}
-    for place, k in enumerate(np.random.default_rng(seed).permutation(len(cases)), start=1):
-        kind, causes, recording = cases[k]
-        name, meta = f"{place:04d}", recording.metadata
-        names[name] = meta
-        salt = commitments.salt(seed, name)
-        rows = len(recording)
-        answer = Answer(name, meta.robot, meta.mode, kind, causes, None, rows, None, salt)
-        commitments.write_recording(recording, commitments.recording_of(out, name))
-        write_bytes(commitments.answer_of(answers, name), answer.to_bytes())
-    robots = "|".join(sorted({m.robot for m in names.values()}))
-    modes = "|".join(sorted({m.mode for m in names.values()}))
-    about = {"source": truth.name, "cases": len(cases), "salt": secrets.token_hex(16)}
-    return commitments.commit(out, answers, robots, modes, names, about)
-
-
-def _cases(truth: Path) -> Iterator[tuple[str, tuple[Fact, ...], Recording]]:
-    raw = load(truth, BenchmarkError, "TOML")
-    listed = raw.get("case")
-    if not isinstance(listed, list) or not listed:
-        raise BenchmarkError(f"{truth}: has no [[case]]")
-    for number, entry in enumerate(listed, start=1):
-        where = f"{truth}: case {number}: "
-        case = Fields(entry, where, BenchmarkError)
-        kind = case.choice("kind", KINDS, f"is none of {', '.join(KINDS)}")
-        if not isinstance(case.raw.get("cause", []), list):
-            raise BenchmarkError(f"{where}write causes as [[case.cause]], in double brackets")
-        causes = tuple(_fact(cause, kind) for cause in case.parts("cause"))
-        if len(causes) != CAUSES[kind]:
-            raise BenchmarkError(
-                f"{where}kind {kind!r} has {CAUSES[kind]} [[case.cause]], found {len(causes)}"
-            )
-        name = case.stated_text("recording", "is no file name")
-        yield kind, causes, plain(Recording.read(truth.parent / name))
-
-
-def _fact(cause: Fields, kind: str) -> Fact:
-    effect = cause.stated_text("effect", "must be a name")
-    if kind != "outside" and effect not in EFFECTS:
-        raise cause.error("effect", f"is unknown; known are {', '.join(EFFECTS)}")
-    tables = cause.part("true").raw  # cog.x = 1 is a table in a table
-    inner = {k: v if isinstance(v, Mapping) else {"": v} for k, v in tables.items()}
-    true = {f"{k}.{n}" if n else k: v for k, t in inner.items() for n, v in t.items()}
-    if not all(map(is_number, true.values())):
-        raise cause.error("true", "must be a table of numbers, SI")
-    rows = 1.0 if kind != "outside" and EFFECTS[effect].between else 0.0
-    return Fact(effect, None, None, rows, {k: float(v) for k, v in true.items()}, ())
 
 
 def plain(recording: Recording) -> Recording:

@@ -291,7 +291,7 @@ def _row(truth: Answer, own: EntrantClaim, others: dict[str, EntrantClaim]) -> C
         kind=truth.kind,
         truth=truth.effects,
         outside=truth.causes[0].effect if truth.kind == "outside" else None,
-        size={c.effect: float("nan") if c.gap is None else c.gap for c in truth.causes},
+        size={c.effect: c.gap for c in truth.causes},
         detectability={c.effect: _sigmas(truth, c) for c in truth.causes},
         between=tuple(c.effect for c in truth.causes if c.rows),
         answers=answers,
@@ -312,8 +312,6 @@ def _certain(oracle: Oracle) -> Claim:
 
 def _sigmas(truth: Answer, cause: Fact) -> float:
     """Norm of a signature in noises; of a raised variance by its own scatter √(2/n)."""
-    if cause.gap is None:
-        return float("inf")  # who makes a fault on a real robot makes it visible
     if cause.rows:
         return cause.rows * float(np.sqrt(truth.rows / 2))
     return float(np.sqrt(6 * truth.rows * cause.gap))
