@@ -55,7 +55,6 @@ CASES = {
     "export --mcap": "export r.parquet --mcap r.mcap --force",
     "check": "check ur5 --history cell --samples 6 --time 2026-04-01T00:00:00Z",
     "campaign": "campaign ur5 --robots 2 --poses 12 --samples 6 --workers 1 --out fleet",
-    "campaign --only": "campaign ur5 --robots 2 --poses 12 --only 0 --out fleet --force",
     "robot": "robot arm.xml --frame flange --tool-mass 1 --tool-cog 0 0 0.1 --out arm.toml",
     "sensor": "sensor rest.parquet --out mine.toml",
     "study": "study ur5 --quick --out study",
@@ -66,7 +65,7 @@ CASES = {
 """A line for each verb; further lines stand behind what is special in them."""
 NOTHING = {"list", "compare", "live", "doctor", "twin"}
 """Verbs that write no file."""
-TOGETHER = {"diagnose": "found", "export": "model", "campaign --only": "fleet/0"}
+TOGETHER = {"diagnose": "found", "export": "model"}
 """Folders whose files appear together."""
 ANEW = {"blind make", "blind run", "campaign", "check"}
 """What refuses, or finds finished, an earlier result."""

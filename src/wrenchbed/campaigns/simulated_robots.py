@@ -7,7 +7,6 @@ each). Recordings at rest do not depend on them: joints are measured where the s
 import time
 from collections.abc import Sequence
 from concurrent.futures import Future
-from dataclasses import replace
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -15,7 +14,6 @@ import numpy as np
 import pyarrow as pa
 
 from wrenchbed import registry
-from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.calibrate_many import calibrate_each
 from wrenchbed.calibration.fit import Fit
 from wrenchbed.campaigns.result_rows import CampaignRows, Row, empty
@@ -23,7 +21,6 @@ from wrenchbed.campaigns.settings import Fleet, draw, varied
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import FleetError, WorkerError, WrenchbedError
-from wrenchbed.files import atomic_folder, write_json
 from wrenchbed.hardware.drivers.base import as_designed
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 from wrenchbed.physics.noise import noise_model
@@ -213,19 +210,6 @@ def judged(name: str) -> tuple[np.ndarray, np.ndarray | None]:
     """Poses (100, J) at which readings are judged, and those (G, J) for positions, if any."""
     robot: SimulatedRobot = Fleet(name, 1).model_robot()
     return robot.sample(_JUDGED, np.random.default_rng(_SEED)), robot.target()
-
-
-def write_one(fleet: Fleet, k: int, folder: Path) -> Row:
-    """Work on robot ``k`` again, and write rec.parquet, fit.json and row.json into a folder."""
-    (result,) = recorded(fleet, [k])
-    if isinstance(result, WrenchbedError):
-        raise result
-    row = {n: v for n, v in robot_rows(fleet, [k])[0].items() if v == v}  # without NaN
-    with atomic_folder(folder) as new:
-        result[0].write(new / "rec.parquet")
-        calibrate(replace(result[0], name=str(folder / "rec.parquet"))).write(new / "fit.json")
-        write_json(new / "row.json", row)
-    return row
 
 
 def campaign(

@@ -161,14 +161,11 @@ def _interval(hits: int, count: int) -> tuple[float, float]:
 
 
 def _failed(table: pa.Table) -> Section:
-    """Robots that failed, each with what writes its recording."""
+    """Robots that failed."""
     error, robot = text(table, "error"), table["robot"].to_pylist()
     failed = np.flatnonzero(error != "").tolist()
-    rows = [(str(robot[k]), error[k], f"`--only {robot[k]}`") for k in failed[:MOST_FAILED]]
+    rows = [(str(robot[k]), error[k]) for k in failed[:MOST_FAILED]]
     rest = len(failed) - MOST_FAILED
-    note = (
-        "The command at the end of this page with the last column writes the robot's recording and "
-        "fit to a folder of its number." + (f" {rest} more are in robots.parquet." * (rest > 0))
-    )
-    listed = Table.of("Robots that failed", ("robot", "error", "again with"), rows, note)
+    note = f"{rest} more are in robots.parquet." if rest > 0 else ""
+    listed = Table.of("Robots that failed", ("robot", "error"), rows, note)
     return Section("Failures", "Robots without a result.", (listed,))

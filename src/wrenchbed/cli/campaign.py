@@ -8,9 +8,9 @@ import tyro
 
 import wrenchbed as wb
 from wrenchbed.cli import console
-from wrenchbed.cli.console import Flag, Json
-from wrenchbed.data.outputs import Kind, keeping
-from wrenchbed.errors import MissingExtraError, ParameterError
+from wrenchbed.cli.console import Json
+from wrenchbed.data.outputs import Kind
+from wrenchbed.errors import MissingExtraError
 
 
 @dataclass(frozen=True)
@@ -38,8 +38,6 @@ def campaign(
     out: Path,
     simulated: RobotArguments,
     workers: int | None = None,
-    only: int | None = None,
-    force: Flag = False,
     as_json: Json = False,
 ) -> None:
     """Plan, record and calibrate many simulated robots: one row each, and a summary.
@@ -50,16 +48,11 @@ def campaign(
         robot: Name of a simulated robot.
         out: Folder for robots.parquet and summary.html, .md and figures.
         workers: Processes; as many as cores if left out.
-        only: Work on this robot alone and write its recording and fit to OUT/NUMBER.
-        force: With --only: replace a recording there; it is kept with ~ at the end of its name.
         as_json: Print the key results as JSON.
     """
     from wrenchbed.campaigns import summary
 
     fleet = simulated.fleet(robot)
-    if only is not None:
-        _alone(fleet, only, out, force, as_json)
-        return
     console.check_folder(out, {"summary.html": Kind.PAGE})
     count = console.check_positive("--workers", os.cpu_count() or 1 if workers is None else workers)
     with console.progress(f"campaign {robot}", simulated.robots) as report:
@@ -74,16 +67,3 @@ def campaign(
     lines = [f"{n.replace('_', ' '):32}{v:12.6g}" for n, v in results.items() if v is not None]
     lines.append(f"{', '.join(written)} → {out}")
     console.answer(results | {"folder": str(out)}, as_json, "\n".join(lines))
-
-
-def _alone(fleet: "wb.Fleet", k: int, out: Path, force: bool, as_json: bool) -> None:
-    """Work on one robot again and keep its files."""
-    from wrenchbed.campaigns.simulated_robots import write_one
-
-    if k < 0:
-        raise ParameterError(f"--only {k} must not be negative")
-    folder = out / str(k)
-    console.check_folder(folder, {"fit.json": Kind.FIT})
-    console.check_out(folder / "rec.parquet", Kind.RECORDING, force=force)
-    row = keeping(folder / "rec.parquet", lambda _: write_one(fleet, k, folder))
-    console.answer(row, as_json, f"robot {k}: rec.parquet, fit.json, row.json → {folder}")

@@ -1,4 +1,4 @@
-"""`wrenchbed live`: the wrench of the surroundings as a gauge, JSON lines, UDP or TCP."""
+"""`wrenchbed live`: the wrench of the surroundings as a gauge, JSON lines or UDP."""
 
 import json
 import os
@@ -27,7 +27,7 @@ from wrenchbed.errors import ParameterError, TwinError, WrenchbedWarning
 from wrenchbed.files.checked import load
 from wrenchbed.hardware.drivers.live import LiveDriver
 from wrenchbed.monitoring.compensation import BAND, Compensator, External, compensator
-from wrenchbed.monitoring.live import Datagrams, LineServer, LiveSummary, Sink, live
+from wrenchbed.monitoring.live import Datagrams, LiveSummary, Sink, live
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 
 _EVERY_S = 0.1
@@ -50,8 +50,6 @@ class LiveArguments:
     follow: Literal["on", "off"] = "on"
     seconds: float | None = None  # How long [s]; until Ctrl-C.
     udp: str | None = None  # HOST:PORT that gets one datagram of JSON a reading.
-    # TCP port on 127.0.0.1 that serves JSON lines to all clients; 0 chooses one.
-    serve: int | None = None
 
 
 def live_(
@@ -87,7 +85,9 @@ def live_(
     compensate = compensator(file, noise, run.frame, run.follow == "on")
     with ExitStack() as stack:
         stopped = stack.enter_context(console.until_signal()).is_set
-        sinks = _streams(stack, run, as_json)
+        sinks: list[Sink] = []
+        if run.udp is not None:
+            sinks.append(stack.enter_context(Datagrams(run.udp)))
         for effect in compensate.not_undone:
             text = f"{effect} depends on more than pose and load: it is not undone"
             warnings.warn(text, WrenchbedWarning, stacklevel=1)
@@ -103,19 +103,6 @@ def live_(
         print(json.dumps({"summary": asdict(done) | {"rms": rms}}))
     else:
         console.say(_sentence(done))
-
-
-def _streams(stack: ExitStack, run: LiveArguments, as_json: bool) -> list[Sink]:
-    """Sinks of the network."""
-    sinks: list[Sink] = []
-    if run.udp is not None:
-        sinks.append(stack.enter_context(Datagrams(run.udp)))
-    if run.serve is not None:
-        server = stack.enter_context(LineServer(run.serve))
-        sinks.append(server)
-        if not as_json:
-            console.say(f"JSON lines at 127.0.0.1:{server.port}")
-    return sinks
 
 
 def _sentence(done: LiveSummary) -> str:

@@ -1,4 +1,4 @@
-"""The compensated wrench while a driver reads: to a callback, a file of JSON lines, UDP or TCP.
+"""The compensated wrench while a driver reads: to callbacks, or by UDP.
 
 Nothing here moves a robot: the driver is connected and never activated.
 """
@@ -23,8 +23,6 @@ POLL_S = 2e-4
 """Time between two looks for a new reading [s]: a tenth of a period at 500 Hz."""
 _KEPT = 1 << 20
 """Number of latencies that are kept for the summary."""
-_MOST_CLIENTS = 8
-"""Largest number of clients served at once, so that none can slow the stream down for ever."""
 Sink = Callable[[External], None]
 
 
@@ -133,7 +131,7 @@ class Datagrams(AbstractContextManager["Datagrams"]):
     """
 
     def __init__(self, address: str) -> None:
-        self._target = _address(address, "--udp")
+        self._target = _address(address)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
 
@@ -146,48 +144,8 @@ class Datagrams(AbstractContextManager["Datagrams"]):
         self._socket.close()
 
 
-class LineServer(AbstractContextManager["LineServer"]):
-    """JSON lines to all clients of a TCP port on 127.0.0.1; a context manager and a sink.
-
-    A client that reads too slowly is disconnected: what it gets is never old.
-    """
-
-    def __init__(self, port: int) -> None:
-        try:
-            self._listener = socket.create_server(("127.0.0.1", port), backlog=_MOST_CLIENTS)
-        except (OSError, OverflowError) as error:
-            raise ParameterError(f"--serve {port}: cannot be served: {error}") from error
-        self._listener.setblocking(False)
-        self._clients: list[socket.socket] = []
-
-    @property
-    def port(self) -> int:
-        """Number of the port that is served."""
-        return int(self._listener.getsockname()[1])
-
-    def __call__(self, external: External) -> None:
-        """Send a reading as a line to all clients; accept new ones."""
-        with contextlib.suppress(OSError):  # nobody asks
-            client, _ = self._listener.accept()
-            client.setblocking(False)
-            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            self._clients.append(client)
-        line = (json.dumps(external.to_json()) + "\n").encode()
-        for k, client in reversed(list(enumerate(self._clients))):
-            sent = -1
-            if k < _MOST_CLIENTS:
-                with contextlib.suppress(OSError):
-                    sent = client.send(line)
-            if sent != len(line):
-                self._clients.pop(k).close()
-
-    def __exit__(self, *_: object) -> None:
-        for part in (*self._clients, self._listener):
-            part.close()
-
-
-def _address(text: str, flag: str) -> tuple[str, int]:
+def _address(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     if not colon or not host or not port.isdigit() or not 0 < int(port) < 1 << 16:
-        raise ParameterError(f"{flag} {text}: give HOST:PORT")
+        raise ParameterError(f"--udp {text}: give HOST:PORT")
     return host, int(port)
