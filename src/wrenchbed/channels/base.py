@@ -34,8 +34,6 @@ class Channel(ABC):
     name: ClassVar[str]
     title: ClassVar[str]
     """One line of text: what is measured."""
-    columns: ClassVar[Mapping[str, str]]
-    """Units of the columns of a recording, k of them, by their names."""
     usual: ClassVar[str]
     """What of it every user fits, in words."""
     stages: ClassVar[frozenset[str]] = PLACING
@@ -45,6 +43,18 @@ class Channel(ABC):
     floor: ClassVar[float] = 0.0
     """Least standard deviation of an observation, in the columns' unit: what its sensor wanders by
     during a recording, whatever its rows scatter."""
+
+    alike: ClassVar[bool] = True
+    """Whether all columns have one noise."""
+
+    @property
+    @abstractmethod
+    def columns(self) -> Mapping[str, str]:
+        """Units of the columns of a recording, k of them, by their names."""
+
+    def of(self, recording: Recording) -> Self:
+        """The channel with the columns that a recording holds, which it applies to."""
+        return self
 
     def applies(self, recording: Recording) -> bool:
         """Whether a recording holds the channel."""

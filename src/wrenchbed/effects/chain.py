@@ -20,7 +20,7 @@ from wrenchbed.effects.base import (
 )
 from wrenchbed.effects.scene import Scene, examples
 from wrenchbed.errors import ParameterError
-from wrenchbed.physics.time_derivatives import Value
+from wrenchbed.physics.time_derivatives import Value, value
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
 
@@ -99,6 +99,15 @@ class EffectChain:
         for a in self._at["pose"]:
             pose = a.effect.pose(scene, pose, a.values)
         return pose
+
+    def turned_base(self, scene: Scene) -> np.ndarray | None:
+        """Turn of the base (M, 3, 3) in the world by effects that tilt it pose by pose; None if
+        there are none."""
+        tilting = [a for a in self._at["pose"] if a.effect.subsystem == "base"]
+        pose = Pose(np.tile(np.eye(3), (len(scene), 1, 1)), np.zeros((len(scene), 3)))
+        for a in tilting:
+            pose = a.effect.pose(scene, pose, a.values)
+        return np.asarray(value(pose.rotation)) if tilting else None
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray | float:
         """Wrench that effects add to a load on the sensor (M, 6) [N, N·m]; 0 if none."""
