@@ -94,9 +94,9 @@ class EffortAtRest(Channel):
 
 
 def held(robot: Robot, q: np.ndarray, theta: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-    """Torques (N, J) [N·m, of slides N] that hold a wrench (N, 6) [N, N·m] on the sensor."""
+    """Torques (N, J, …) [N·m, of slides N] that hold wrenches (N, 6, …) [N, N·m] on the sensor."""
     ways = [twist_of(*map(_moving, robot.sensor_pose(way, theta))) for way in _ways(q)]
-    return np.stack([-np.einsum("ni,ni->n", way, wrench) for way in ways], axis=1)
+    return np.stack([-np.einsum("ni,ni...->n...", way, wrench) for way in ways], axis=1)
 
 
 def held_weight(robot: Robot, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:

@@ -155,8 +155,7 @@ def _residuals(words: FitWords) -> Table:
 def drive_fit_table(fit: DriveFit) -> Group:
     """Parameters, errors of each joint on held-out rows, and the status."""
     head = Text.assemble(
-        ("joint efforts ", "bold"), f"{fit.recording}  {fit.robot}, {fit.seconds:.0f} s, "
-        f"{fit.rows} rows below {fit.cutoff:.3g} Hz"
+        ("joint efforts ", "bold"), f"{fit.recording}  {fit.robot}, {fit.about}"
     )  # fmt: skip
     parts: list[Any] = [head, "", _parameters(fit.identified), "", _errors(fit)]
     title = "refuted by the data" if fit.refuted else "status"

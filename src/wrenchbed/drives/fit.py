@@ -1,5 +1,6 @@
 """The result of a fit of joint torques: values with uncertainty, and errors on held-out rows."""
 
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,9 @@ import numpy as np
 from wrenchbed.calibration.fit import FORMAT, IdentifiedValue
 from wrenchbed.files import write_json
 from wrenchbed.pages.numbers import percent
+
+POSITIVE = ("drive.constant", "drive.coulomb", "drive.viscous")
+"""Groups of values that cannot be negative."""
 
 
 @dataclass(frozen=True)
@@ -34,9 +38,40 @@ class JointError:
     held_out: float
 
     @property
+    def about(self) -> str:
+        """How much data stood behind it, for people."""
+        if self.rest is not None:
+            return f"{self.rest.poses} poses at rest, {self.rows} rows"
+        return f"{self.seconds:.0f} s, {self.rows} rows below {self.cutoff:.3g} Hz"
+
+    @property
     def explained(self) -> float:
         """Share of the effort's rms that the fit explains on held-out rows; below 0: none."""
-        return 1.0 - self.held_out / self.measured
+        return 1.0 - self.held_out / self.measured if self.measured else 0.0
+
+
+@dataclass(frozen=True)
+class AtRest:
+    """What a fit at rest has of its own.
+
+    Attributes:
+        poses: how many.
+        noise: of each joint from pose to pose, friction at rest included (J,), as the efforts.
+        ordinary: size of ordinary errors by kind, over the usual one.
+    """
+
+    poses: int
+    noise: tuple[float, ...]
+    ordinary: Mapping[str, float]
+
+    def sentence(self, unit: str) -> str:
+        """Note on what the uncertainties hold."""
+        low, high = min(self.noise), max(self.noise)
+        return (
+            f"friction of unknown sign at rest and noise are {low:.2g} to {high:.2g} {unit} a "
+            f"pose; uncertainties also hold what ordinary errors of {', '.join(self.ordinary)} "
+            "would move"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +84,11 @@ class DriveFit:
         identified: the free parameters; friction in N·m, of slides in N.
         joints: errors, joint by joint.
         covariance: of the identified parameters (K, K).
-        cutoff: of the filter [Hz].
+        cutoff: of the filter [Hz]; None at rest.
         seconds, rows: how much data stood behind it.
         refuted: why the held-out rows refute these values, None if they do not.
         constants: of the drives, where they were stated (J,) [N·m/A, of slides N/A].
+        rest: of efforts at rest.
     """
 
     recording: str
@@ -61,14 +97,22 @@ class DriveFit:
     identified: tuple[IdentifiedValue, ...]
     joints: tuple[JointError, ...]
     covariance: np.ndarray
-    cutoff: float
+    cutoff: float | None
     seconds: float
     rows: int
     refuted: str | None = None
     constants: tuple[float, ...] | None = None
+    rest: AtRest | None = None
 
     def __getitem__(self, name: str) -> IdentifiedValue:
         return next(p for p in self.identified if p.name == name)
+
+    @property
+    def explained(self) -> float:
+        """Share of the rms of all efforts that the fit explains on held-out rows."""
+        left, whole = (np.square([getattr(e, k) for e in self.joints]).sum()
+                       for k in ("held_out", "measured"))  # fmt: skip
+        return 1.0 - float(np.sqrt(left / whole))
 
     @property
     def status(self) -> str:
@@ -78,13 +122,18 @@ class DriveFit:
         worst = min(self.joints, key=lambda e: e.explained)
         untold = [p.name for p in self.identified if p.std is None]
         names = {p.name.partition(".")[0] for p in self.identified}
+        untold_text = f"; these data do not tell {', '.join(untold)}" if untold else ""
+        if self.rest is not None:
+            share = percent(self.explained)
+            text = f"on poses that no fit saw it explains {share} % of the efforts; "
+            return text + self.rest.sentence(self.unit) + untold_text
         text = (
             f"on rows that no fit saw it explains {percent(worst.explained)} % or more of each "
             f"joint's effort, least of joint {worst.joint}"
         )
         if "link" not in names and "tool" in names:
             text += "; the tool and drive constants hold as far as the model's link masses do"
-        return text + (f"; this motion does not tell {', '.join(untold)}" if untold else "")
+        return text + untold_text
 
     def to_json(self) -> dict[str, Any]:
         """Contents of the fit's JSON file."""
@@ -101,6 +150,7 @@ class DriveFit:
             "cutoff_hz": self.cutoff,
             "seconds": self.seconds,
             "rows": self.rows,
+            **({} if self.rest is None else asdict(self.rest)),
             "parameters": {
                 p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in self.identified
             },
@@ -111,3 +161,16 @@ class DriveFit:
     def write(self, path: str | Path) -> None:
         """Write the fit as JSON."""
         write_json(path, self.to_json())
+
+
+def impossible(values: Iterable[IdentifiedValue]) -> str | None:
+    """Which value is surely below zero and cannot be, for people; None if none is."""
+    for p in values:
+        positive = p.name == "tool.mass" or p.name.startswith(POSITIVE)
+        if positive and p.interval95 is not None and p.value + p.interval95 < 0.0:
+            return (
+                f"{p.name} comes out as {p.value:.3g} ± {p.interval95:.2g} {p.unit}, which cannot "
+                "be negative: the effort has the opposite sign, another robot made it, or the "
+                "controller subtracted what it knows"
+            )
+    return None

@@ -14,10 +14,11 @@ from scipy import stats
 
 from wrenchbed.calibration.fit import IdentifiedValue
 from wrenchbed.data.recording import Recording
+from wrenchbed.drives.at_rest import calibrate_at_rest
 from wrenchbed.drives.base_parameters import base_parameters
-from wrenchbed.drives.fit import DriveFit, JointError
+from wrenchbed.drives.fit import DriveFit, JointError, impossible
 from wrenchbed.drives.inverse_dynamics import rotor_torque, torque_regressor
-from wrenchbed.drives.signals import DriveSignals, drive_signals
+from wrenchbed.drives.signals import DriveSignals, as_torques, drive_signals
 from wrenchbed.drives.solution import FOLDS, Problem, Solution, parts, residual, solve, start
 from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
 from wrenchbed.physics.newton_euler import INERTIAL
@@ -55,7 +56,7 @@ def calibrate_efforts(
     cutoff: float | None = None,
     force: bool = False,
 ) -> DriveFit:
-    """Fit the joint torques or currents of a motion.
+    """Fit the joint torques or currents of a motion, or of poses at rest.
 
     Args:
         recording: of an arm, with ``tau1…`` or ``i1…``.
@@ -71,12 +72,10 @@ def calibrate_efforts(
         ParameterError: ``free`` names what is no group.
         NotFoundError: the robot's model has no joint torques.
     """
-    signals = drive_signals(recording, cutoff)
-    if constants is not None:
-        signals = _torques(signals, constants, recording.name)
-    groups = _groups(free, signals)
-    problem, starts = _problem(recording, signals, groups)
-    fit = _fit(recording, signals, problem, solve(problem), starts)
+    if recording.metadata.mode == "static":
+        fit = calibrate_at_rest(recording, arm_of(recording), free, constants)
+    else:
+        fit = _calibrate_in_motion(recording, free, constants, cutoff)
     if constants is not None:
         fit = replace(fit, constants=tuple(map(float, constants)))
     if fit.refuted is not None and not force:
@@ -86,14 +85,19 @@ def calibrate_efforts(
     return fit
 
 
-def _torques(signals: DriveSignals, constants: Sequence[float], name: str) -> DriveSignals:
-    """Signals with currents converted to torques by drive constants."""
-    known, joints = np.asarray(constants, dtype=float), signals.effort.shape[1]
-    if signals.prefix != "i":
-        raise ParameterError(f"--constants: {name} has torques tau1…, which need none")
-    if known.shape != (joints,) or not (np.isfinite(known) & (known > 0.0)).all():
-        raise ParameterError(f"--constants: give {joints} numbers above 0, one a joint [N·m/A]")
-    return replace(signals, effort=signals.effort * known, prefix="tau")
+def _calibrate_in_motion(
+    recording: Recording,
+    free: Sequence[str],
+    constants: Sequence[float] | None,
+    cutoff: float | None,
+) -> DriveFit:
+    signals = drive_signals(recording, cutoff)
+    if constants is not None:
+        known = as_torques(signals.effort, signals.prefix, constants, recording.name)
+        signals = replace(signals, effort=known, prefix="tau")
+    groups = _groups(free, signals)
+    problem, starts = _problem(recording, signals, groups)
+    return _fit(recording, signals, problem, solve(problem), starts)
 
 
 def _groups(free: Sequence[str], signals: DriveSignals) -> tuple[str, ...]:
@@ -334,12 +338,4 @@ def _refuted(joints: tuple[JointError, ...], values: list[IdentifiedValue]) -> s
             f"of joint {', '.join(str(e.joint) for e in bad)} the fit explains nothing on rows "
             f"that it did not see (error {bad[0].held_out:.3g}, spread {bad[0].measured:.3g})"
         )
-    for p in values:
-        positive = p.name == "tool.mass" or p.name.startswith((CONSTANT, *FRICTION[:2]))
-        if positive and p.interval95 is not None and p.value + p.interval95 < 0.0:
-            return (
-                f"{p.name} comes out as {p.value:.3g} ± {p.interval95:.2g} {p.unit}, which cannot "
-                "be negative: the effort has the opposite sign, another robot made it, or the "
-                "controller subtracted what it knows"
-            )
-    return None
+    return impossible(values)

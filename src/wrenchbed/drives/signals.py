@@ -5,6 +5,7 @@ same filter and are decimated to its band. What all columns lose alike does not 
 1997, doi 10.1109/ROBOT.1997.619069, Section IV.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,7 @@ from scipy.interpolate import make_interp_spline
 
 from wrenchbed.data.import_files import JITTER
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
-from wrenchbed.errors import CalibrationError, RecordingError
+from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet
 
 _ORDER = 4
@@ -119,6 +120,38 @@ class DriveSignals:
         return max(1, min(cycles, len(self.t) // 4 // self.step)) * self.step
 
 
+def efforts_of(recording: Recording) -> tuple[str, np.ndarray]:
+    """Prefix ``tau`` or ``i`` of a recording's efforts, and their rows (N, J) [N·m or N; A].
+
+    Raises:
+        RecordingError: it has none.
+    """
+    prefix = recording.effort
+    if prefix is None:
+        raise RecordingError(
+            f"{recording.name}: has neither joint torques tau1… nor motor currents i1…: record "
+            "with --effort torque or --effort current"
+        )
+    columns = [recording.columns[f"{prefix}{j + 1}"] for j in range(len(recording.joints))]
+    return prefix, np.stack(columns, axis=-1).astype(float)
+
+
+def as_torques(
+    efforts: np.ndarray, prefix: str, constants: Sequence[float], name: str
+) -> np.ndarray:
+    """Torques (N, J) of currents (N, J) [A] by drive constants (J,) [N·m/A, of slides N/A].
+
+    Raises:
+        ParameterError: the efforts are torques, or the constants do not fit.
+    """
+    known, joints = np.asarray(constants, dtype=float), efforts.shape[1]
+    if prefix != "i":
+        raise ParameterError(f"--constants: {name} has torques tau1…, which need none")
+    if known.shape != (joints,) or not (np.isfinite(known) & (known > 0.0)).all():
+        raise ParameterError(f"--constants: give {joints} numbers above 0, one a joint [N·m/A]")
+    return efforts * known
+
+
 def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSignals:
     """Speeds and accelerations of a recording in motion, beside its torques or currents.
 
@@ -129,12 +162,7 @@ def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSig
         RecordingError: no torques or currents, or an uneven clock.
         CalibrationError: nothing moves, or the motion is too short.
     """
-    name, prefix = recording.name, recording.effort
-    if prefix is None:
-        raise RecordingError(
-            f"{name}: has neither joint torques tau1… nor motor currents i1…: record with "
-            "--effort torque or --effort current"
-        )
+    name, (prefix, effort) = recording.name, efforts_of(recording)
     t, q = np.asarray(recording.t, dtype=float), np.asarray(recording.q, dtype=float)
     steps = np.diff(t)
     if len(t) < _LEAST_ROWS or np.ptp(q, axis=0).max() == 0.0:
@@ -155,8 +183,7 @@ def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSig
     most = min(4.0 * cutoff, 0.45 * rate)
     smooth = make_interp_spline(t, np.stack([_smoothed(x, rate, most) for x in q.T], axis=-1), k=5)
     values = Jet(smooth(t), smooth.derivative(1)(t), smooth.derivative(2)(t))
-    effort = np.stack([recording.columns[f"{prefix}{j + 1}"] for j in range(q.shape[1])], axis=-1)
-    return DriveSignals(t, values, effort.astype(float), prefix, cutoff)
+    return DriveSignals(t, values, effort, prefix, cutoff)
 
 
 def _smoothed(q: np.ndarray, rate: float, most: float) -> np.ndarray:

@@ -1,0 +1,103 @@
+"""A linear fit whose noise, and the sizes of whose ordinary errors, nobody knows.
+
+y = F a + Σ sₕ Bₕ bₕ + C c + e with b, c ~ N(0, 1) and e ~ N(0, vₖ) in the rows of group k. Noise
+and sizes are those of marginal likelihood (MacKay 1992, doi 10.1162/neco.1992.4.3.415); a size
+counts one error of the usual size that was seen before.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+SEEN = 1.0
+"""Errors of usual size that each size counts as seen: without any, a few small ones by chance would
+make it nothing."""
+_STEPS, _SETTLED = 200, 3e-3
+"""Updates at most, and relative change of a variance that ends them."""
+_NOISELESS = 1e-12
+"""Least noise variance over the readings' mean square: of a millionth of them."""
+_NULL, _SHARE = 1e-7, 1e-3
+"""Singular value over the largest, of columns scaled to 1, below which a direction is untold, and
+the part of an amplitude in such directions from which it is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Posterior:
+    """What a fit tells.
+
+    Attributes:
+        free: amplitudes a (p,); 0 along directions that no row tells.
+        covariance: of them (p, p).
+        told: which of them the rows determine (p,), boolean.
+        noise: standard deviation of a reading of each group (G,).
+        sizes: of the ordinary errors of each kind, over the usual ones.
+        fitted: what all columns make (n,), noise left out.
+    """
+
+    free: np.ndarray
+    covariance: np.ndarray
+    told: np.ndarray
+    noise: np.ndarray
+    sizes: np.ndarray
+    fitted: np.ndarray
+
+
+def posterior(
+    y: np.ndarray,
+    free: np.ndarray,
+    ordinary: Sequence[np.ndarray],
+    known: np.ndarray,
+    group: np.ndarray,
+) -> Posterior:
+    """Fit readings.
+
+    Args:
+        y: readings (n,).
+        free: columns F (n, p) of any unit.
+        ordinary: columns (n, m) of each kind, of one usual error each.
+        known: columns C (n, k), of one standard deviation each.
+        group: number of the group of each reading (n,), from 0.
+    """
+    way, told = _determined(free)
+    start = way @ np.linalg.lstsq(free @ way, y, rcond=None)[0]
+    columns, r = np.column_stack([free @ way, *ordinary, known]), way.shape[1]
+    kind = np.repeat(np.arange(len(ordinary)), [b.shape[1] for b in ordinary])
+    own = slice(r, r + len(kind))
+    rest, many = y - free @ start, len(ordinary)
+    count = np.bincount(group).astype(float)
+    parts = [columns[group == k] for k in range(len(count))]
+    grams = np.stack([x.T @ x for x in parts])
+    right = np.stack([x.T @ rest[group == k] for k, x in enumerate(parts)])
+    square = np.bincount(group, rest**2)
+    least = _NOISELESS * float(np.mean(y**2)) + 1e-300
+    variance, size = np.maximum(square / count, least), np.ones(many)
+    prior = np.concatenate([np.zeros(r), np.ones(columns.shape[1] - r)])
+    for _ in range(_STEPS):
+        prior[own] = 1.0 / size[kind]
+        covariance = np.linalg.inv(np.tensordot(1.0 / variance, grams, 1) + np.diag(prior))
+        mean = covariance @ (right / variance[:, None]).sum(axis=0)
+        left = square - 2.0 * right @ mean + grams @ mean @ mean
+        used = np.tensordot(grams, covariance, 2) / variance
+        seen = 1.0 - np.diagonal(covariance)[own] * prior[own]
+        before = np.concatenate([variance, size])
+        variance = np.maximum(left / np.maximum(count - used, 1.0), least)
+        size = (SEEN + np.bincount(kind, mean[own] ** 2, many)) / (
+            SEEN + np.bincount(kind, np.clip(seen, 0.0, 1.0), many)
+        )
+        if np.abs(np.concatenate([variance, size]) / before - 1.0).max() < _SETTLED:
+            break
+    return Posterior(
+        start + way @ mean[:r], way @ covariance[:r, :r] @ way.T, told, np.sqrt(variance),
+        np.sqrt(size), free @ start + columns @ mean,
+    )  # fmt: skip
+
+
+def _determined(free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions (p, r) of amplitudes that columns (n, p) tell, and which amplitudes (p,) are."""
+    norm = np.linalg.norm(free, axis=0)
+    norm = np.where(norm > 0.0, norm, 1.0)
+    _, scale, vt = np.linalg.svd(free / norm, full_matrices=True)
+    seen = np.zeros(free.shape[1], dtype=bool)
+    seen[: len(scale)] = scale > _NULL * scale.max(initial=0.0)
+    return vt[seen].T / norm[:, None], (vt[~seen] ** 2).sum(axis=0) < _SHARE

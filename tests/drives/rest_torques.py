@@ -1,0 +1,107 @@
+"""Torques of arms at rest by MuJoCo, with what no fit knows: friction that stays behind anywhere
+within its limits, zeros that creep, links and zeros of joints off as in real arms."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import arm_torques as arm
+import numpy as np
+
+from arm_files import CASES
+from wrenchbed import registry
+from wrenchbed.data.metadata import parse
+from wrenchbed.data.recording import Recording
+from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.robots.described import describe
+
+TOOL = (0.8, (0.0, 0.0, 0.05))
+"""What is stated of the tool [kg, m]."""
+ROWS = 8
+
+
+@dataclass(frozen=True)
+class Imperfections:
+    """What is wrong beside the load.
+
+    Attributes:
+        friction: at rest, over the largest weight on a joint.
+        noise: of a row [N·m].
+        zero: standard deviation of torque zeros, over the largest weight on the joint.
+        creep: change of the zeros during the recording, likewise.
+        links: errors of masses, relative; of centres a tenth of it in metres.
+        joints: standard deviation of the joints' zeros [rad].
+        gain: standard deviation of the torque sensors' gains.
+    """
+
+    friction: float = 0.02
+    noise: float = 0.1
+    zero: float = 0.003
+    creep: float = 0.001
+    links: float = 0.0
+    joints: float = 3e-4
+    gain: float = 0.0
+
+
+REAL = Imperfections(links=0.02, joints=1e-3, gain=0.005)
+
+
+def ur5():
+    return registry.load("robots", "ur5")
+
+
+def by_file(folder: Path, file="iiwa.xml"):
+    """An arm from its file, whose tool is stated."""
+    case = next(c for c in CASES if c.file == file)
+    stated = {"tool_mass": TOOL[0], "tool_cog": TOOL[1]}
+    robot = describe(case.path, case.frame, folder / "my.toml", **stated).robot
+    registry.remember("robots", robot.name, robot.record)
+    return robot
+
+
+def at_rest(robot, q, theta, edit=lambda model: None):
+    """MuJoCo's torques (H, J)."""
+    return arm.inverse(robot, theta, Jet(q, 0.0 * q, 0.0 * q), edit=edit)
+
+
+def links_off(rng, size):
+    masses, places = rng.normal(size=60), rng.normal(size=(60, 3))
+
+    def edit(model):
+        model.body_sameframe[:] = 0
+        for body in range(1, model.nbody):
+            if model.body(body).name not in (*arm.TOOLS, "sensor_side"):
+                model.body_mass[body] *= 1.0 + size * masses[body]
+                model.body_ipos[body] += 0.1 * size * places[body]
+
+    return edit
+
+
+def recording(robot, seed, load=(1.4, (0.01, -0.02, 0.07)), *, poses=50, rows=ROWS,
+              wrong=Imperfections(), offset=None, prefix="tau", constants=1.0):  # fmt: skip
+    """Of random poses with a load (mass [kg], centre (3,) [m]) where `TOOL` is stated.
+
+    Args:
+        offset: of the joints' zeros (J,) [rad].
+    """
+    rng = np.random.default_rng([seed, 91])
+    q = robot.sample(poses, rng)
+    joints = q.shape[1]
+    theta = robot.theta_of_tool(robot.parameters.nominal.copy(), load[0], list(load[1]))
+    true = q + wrong.joints * rng.normal(size=joints) + (0.0 if offset is None else offset)
+    torque = at_rest(robot, true, theta, links_off(rng, wrong.links))
+    size = np.abs(torque).max(axis=0)
+    size = np.maximum(size, 0.05 * size.max())
+    came = np.sign(np.diff(q, axis=0, prepend=q[:1] - 1.0))
+    came *= np.where(rng.random(q.shape) < 0.1, -1.0, 1.0)  # a joint may settle backwards
+    stuck = wrong.friction * size * came * rng.uniform(0.0, 1.0, q.shape)
+    zero = wrong.zero * size * rng.normal(size=joints)
+    creep = wrong.creep * size * np.sqrt(np.linspace(0.0, 1.0, poses))[:, None]
+    effort = torque * (1.0 + wrong.gain * rng.normal(size=joints)) + stuck + zero + creep
+    effort = np.repeat(effort, rows, axis=0)
+    effort = (effort + wrong.noise * rng.normal(size=effort.shape)) / constants
+    t = np.arange(len(effort)) * 0.01 + np.repeat(3.0 * np.arange(poses), rows)
+    columns = {"t": t} | {f"q{j + 1}": np.repeat(q[:, j], rows) for j in range(joints)}
+    columns |= {f"{prefix}{j + 1}": effort[:, j] for j in range(joints)}
+    raw = {"format": 1, "robot": robot.name, "source": "test", "mode": "static", "rate_hz": 100.0,
+           "tool": {"mass": TOOL[0], "cog": list(TOOL[1])}}  # fmt: skip
+    return Recording(parse(raw, "test"), columns, "rest.parquet")
