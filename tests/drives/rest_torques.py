@@ -76,22 +76,23 @@ def links_off(rng, size):
     return edit
 
 
-def recording(robot, seed, load=(1.4, (0.01, -0.02, 0.07)), *, poses=50, rows=ROWS,
-              wrong=Imperfections(), offset=None, prefix="tau", constants=1.0):  # fmt: skip
+def recording(robot, seed, load=(1.4, (0.01, -0.02, 0.07)), *, poses=50, rows=ROWS, offset=None,
+              wrong=Imperfections(), at=None, prefix="tau", constants=1.0):  # fmt: skip
     """Of random poses with a load (mass [kg], centre (3,) [m]) where `TOOL` is stated.
 
     Args:
         offset: of the joints' zeros (J,) [rad].
+        at: joint values (poses, J) [rad], random ones if None.
     """
     rng = np.random.default_rng([seed, 91])
-    q = robot.sample(poses, rng)
+    q = robot.sample(poses, rng) if at is None else at
     joints = q.shape[1]
     theta = robot.theta_of_tool(robot.parameters.nominal.copy(), load[0], list(load[1]))
     true = q + wrong.joints * rng.normal(size=joints) + (0.0 if offset is None else offset)
     torque = at_rest(robot, true, theta, links_off(rng, wrong.links))
     size = np.abs(torque).max(axis=0)
     size = np.maximum(size, 0.05 * size.max())
-    came = np.sign(np.diff(q, axis=0, prepend=q[:1] - 1.0))
+    came = np.where(np.diff(q, axis=0, prepend=q[:1]) < 0.0, -1.0, 1.0)
     came *= np.where(rng.random(q.shape) < 0.1, -1.0, 1.0)  # a joint may settle backwards
     stuck = wrong.friction * size * came * rng.uniform(0.0, 1.0, q.shape)
     zero = wrong.zero * size * rng.normal(size=joints)

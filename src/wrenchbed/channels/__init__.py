@@ -1,8 +1,8 @@
 """Channels, one file each: what a sensor reads of the placed robot, and what is fitted away of it.
 Imports data, effects, physics and registry; never a diagnosis.
 Read first: `base` (the contract), then `response` (how readings change with effects).
-Used by: diagnosis, monitoring.
+Used by: diagnosis, drives, monitoring.
 """
 
-SUPPORT = ("response", "own_noise")
+SUPPORT = ("response", "own_noise", "posterior")
 """Modules of this package that are no plug-ins."""

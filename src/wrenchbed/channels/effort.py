@@ -29,7 +29,6 @@ direction, over the largest weight on the joint; the friction as of simulated dr
 _LEAST = 0.05
 """Least weight on a joint that such errors are taken of, over the largest on any: axes that stand
 upright carry none. Estimate."""
-_UNITS = np.eye(3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +47,7 @@ class EffortAtRest(Channel):
 
     name = "effort"
     title = "torques of the joints at rest"
+    usual = "tool mass and centre of gravity"
     stages = PLACING | {"load"}
     alike = False
 
@@ -103,8 +103,8 @@ def held_weight(robot: Robot, q: np.ndarray, theta: np.ndarray, gravity: np.ndar
     """Torques (N, J) that hold the arm and its tool in gravity (1 or N, 3) [m/s²]."""
     if len(gravity) == 1:
         return -robot.gravity_torque(q, theta, gravity[0])
-    each = (robot.gravity_torque(q, theta, axis) for axis in _UNITS)
-    return -sum(g[:, None] * torque for g, torque in zip(gravity.T, each, strict=True))
+    each = np.stack([robot.gravity_torque(q, theta, axis) for axis in np.eye(3)])
+    return -np.einsum("nk,knj->nj", gravity, each)
 
 
 def of_links(scene: Scene) -> np.ndarray:

@@ -165,7 +165,8 @@ def drive_fit_table(fit: DriveFit) -> Group:
 def _errors(fit: DriveFit) -> Table:
     units = [e.unit for e in fit.joints]
     alike = len(set(units)) == 1
-    head = f"|rms in the band{f' [{units[0]}]' * alike}"
+    band = "" if fit.cutoff is None else " in the band"
+    head = f"|rms{band}{f' [{units[0]}]' * alike}"
     table = console.table(head, *(f">{e.joint}" for e in fit.joints))
     if not alike:
         table.add_row("unit", *units, style="dim")

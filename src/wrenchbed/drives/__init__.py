@@ -1,4 +1,5 @@
 """Joint torques and motor currents: predicted and fitted.
 
-Imports robots, data and what lies below. Open `inverse_dynamics` first. Used by: cli, diagnosis.
+Imports channels, robots, data and what lies below. Open `inverse_dynamics` first, of poses at rest
+`at_rest`. Used by: cli, diagnosis.
 """

@@ -108,10 +108,11 @@ def calibrate_at_rest(
             f"{LEAST_POSES} or more, better 40, in varied postures"
         )
     count = np.diff(np.append(starts, len(recording)))
-    t, q, y = (
-        np.add.reduceat(np.asarray(x, dtype=float), starts, axis=0) / count.reshape(shape)
-        for x, shape in ((recording.t, -1), (recording.q, (-1, 1)), (rows, (-1, 1)))
-    )
+
+    def means(x: np.ndarray) -> np.ndarray:
+        return np.asarray((np.add.reduceat(x.astype(float), starts, axis=0).T / count).T)
+
+    t, q, y = means(recording.t), means(recording.q), means(rows)
     held_rows = np.ones(len(t), dtype=bool)
     scene = Scene(robot, theta, np.asarray(model.gravity), q, t, held_rows)
     problem = _problem(scene, y, groups)
@@ -314,6 +315,12 @@ def _identified(
 
 
 def _refuted(fit: DriveFit) -> str | None:
+    alike = [p for p in fit.identified if p.name == "tool.mass" and p.std is None]
+    if alike and fit.explained < 1.0 - _NOTHING:
+        return (
+            "the poses are too alike: in all of them the load adds the same to each joint, as a "
+            "zero does. Record postures that differ in all joints"
+        )
     if fit.explained < 1.0 - _NOTHING:
         return (
             f"on poses that the fit did not see it leaves {100.0 * (1.0 - fit.explained):.0f} % of "

@@ -38,13 +38,6 @@ class JointError:
     held_out: float
 
     @property
-    def about(self) -> str:
-        """How much data stood behind it, for people."""
-        if self.rest is not None:
-            return f"{self.rest.poses} poses at rest, {self.rows} rows"
-        return f"{self.seconds:.0f} s, {self.rows} rows below {self.cutoff:.3g} Hz"
-
-    @property
     def explained(self) -> float:
         """Share of the effort's rms that the fit explains on held-out rows; below 0: none."""
         return 1.0 - self.held_out / self.measured if self.measured else 0.0
@@ -108,6 +101,13 @@ class DriveFit:
         return next(p for p in self.identified if p.name == name)
 
     @property
+    def about(self) -> str:
+        """How much data stood behind it, for people."""
+        if self.rest is not None:
+            return f"{self.rest.poses} poses at rest, {self.rows} rows"
+        return f"{self.seconds:.0f} s, {self.rows} rows below {self.cutoff:.3g} Hz"
+
+    @property
     def explained(self) -> float:
         """Share of the rms of all efforts that the fit explains on held-out rows."""
         left, whole = (np.square([getattr(e, k) for e in self.joints]).sum()
@@ -122,7 +122,8 @@ class DriveFit:
         worst = min(self.joints, key=lambda e: e.explained)
         untold = [p.name for p in self.identified if p.std is None]
         names = {p.name.partition(".")[0] for p in self.identified}
-        untold_text = f"; these data do not tell {', '.join(untold)}" if untold else ""
+        data = "this motion does" if self.rest is None else "these poses do"
+        untold_text = f"; {data} not tell {', '.join(untold)}" if untold else ""
         if self.rest is not None:
             share = percent(self.explained)
             text = f"on poses that no fit saw it explains {share} % of the efforts; "
