@@ -1,15 +1,13 @@
-"""URDF: the load and the sensor's place written into the user's own file, all else byte for byte.
+"""URDF: the load and the sensor's place written into the user's own file.
 
 The load becomes the ``<inertial>`` of the sensor's link, in its axes. The sensor's place in the
 flange becomes the ``<origin>`` of the joint that carries this link.
 """
 
-import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
-from xml.parsers import expat
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -21,13 +19,11 @@ from wrenchbed.exports.load_numbers import FLANGE, LoadNumbers
 _FRAME = "ft_frame"
 _LARGEST = 1 << 26
 """Largest URDF that is read [B]; those of whole robots are below 1 MiB."""
-_TAG = re.compile(rb"""(?:[^"'>]|"[^"]*"|'[^']*')*>""")
-"""A tag; > may stand in its attributes."""
 _INERTIA = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 
 
 class Urdf(Export):
-    """Edits the user's text; the comments stand inside the inertial."""
+    """Edits the user's elements; the comments stand inside the inertial."""
 
     name = "urdf"
     title = "the user's URDF with the load and the sensor's frame"
@@ -39,9 +35,8 @@ class Urdf(Export):
         if options.urdf is None:
             raise ExportError("urdf: name your own file with --urdf FILE")
         frame, robot = options.frame or _FRAME, _parsed(options.urdf)
-        links = {e.attributes.get("name", ""): e for e in robot.parts if e.tag == "link"}
-        joints = [(e, _linked(e, "parent"), _linked(e, "child"))
-                  for e in robot.parts if e.tag == "joint"]  # fmt: skip
+        links = {e.get("name", ""): e for e in robot.findall("link")}
+        joints = [(e, _linked(e, "parent"), _linked(e, "child")) for e in robot.findall("joint")]
         if frame not in links:
             raise ExportError(
                 f"urdf: there is no link {frame!r}{did_you_mean(frame, links) or '.'} State the "
@@ -50,45 +45,39 @@ class Urdf(Export):
         behind = [frame]
         for name in behind:  # grows
             behind += [c for _, p, c in joints if p == name and c in links and c not in behind]
-        if carried := [n for n in behind[1:] if _child(links[n], "inertial")]:
+        if carried := [n for n in behind[1:] if links[n].find("inertial") is not None]:
             raise ExportError(
                 f"urdf: {', '.join(carried)} behind {frame!r} have masses of their own: the load "
                 "would weigh twice. Remove their <inertial> first"
             )
-        text, link = options.urdf.encode(), links[frame]
-        edits = [_edit(text, link, "inertial", self._inertial(text, numbers, link, notes))]
+        self._load(_part(links[frame], "inertial"), numbers, notes)
         carrying = [joint for joint, _, child in joints if child == frame]
         if carrying and numbers.frame == FLANGE:
             rpy = Rotation.from_rotvec(numbers.rotation.needed(self.name)).as_euler("xyz")
             xyz = numbers.position.needed(self.name)
-            origin = f'<origin xyz="{_words(xyz)}" rpy="{_words(rpy)}"/>'
-            edits.append(_edit(text, carrying[0], "origin", origin))
-        for start, end, new in sorted(edits, reverse=True):
-            text = text[:start] + new.encode() + text[end:]
-        return text.decode()
+            _part(carrying[0], "origin").attrib = {"xyz": _words(xyz), "rpy": _words(rpy)}
+        return f'<?xml version="1.0"?>\n{ElementTree.tostring(robot, encoding="unicode")}\n'
 
-    def _inertial(
-        self, text: bytes, numbers: LoadNumbers, link: "_Element", notes: Sequence[str]
-    ) -> str:
+    def _load(self, inertial: Element, numbers: LoadNumbers, notes: Sequence[str]) -> None:
+        """Write the load into an inertial, whose inertia is kept where none was identified."""
         cog, mass = numbers.cog_sensor.needed(self.name), numbers.mass.needed(self.name)[0]
-        old = _child(link, "inertial")
-        kept = None if old is None else _child(old, "inertia")
+        inertia = inertial.find("inertia")
         if numbers.inertia_sensor.known:
             six = zip(_INERTIA, numbers.inertia_sensor.value, strict=True)
-            words = " ".join(f'{n}="{float(v)!r}"' for n, v in six)
-            inertia = f"<inertia {words}/>"
-        elif kept is not None:
-            inertia = text[kept.start : kept.end].decode()
-        else:
+            inertia = Element("inertia", {n: repr(float(v)) for n, v in six})
+        elif inertia is None:
             raise ExportError(
                 "urdf: the inertia was not identified, and the sensor's link states none: "
                 "record a motion, or give the link an <inertial> with an <inertia> to keep"
             )
-        return (
-            f"<inertial>\n      {self.commented(notes)}\n"
-            f'      <origin xyz="{_words(cog)}" rpy="0 0 0"/>\n'
-            f'      <mass value="{float(mass)!r}"/>\n      {inertia}\n    </inertial>'
-        )
+        comment = self.commented(notes).removeprefix(XML).removesuffix("-->")
+        inertial[:] = [
+            ElementTree.Comment(comment),
+            Element("origin", xyz=_words(cog), rpy="0 0 0"),
+            Element("mass", value=repr(float(mass))),
+            inertia,
+        ]
+        ElementTree.indent(inertial, level=2)
 
 
 def read_urdf(path: str | Path) -> str:
@@ -109,84 +98,39 @@ def read_urdf(path: str | Path) -> str:
         raise ExportError(f"{path}: byte {error.start} is no UTF-8") from error
 
 
-@dataclass
-class _Element:
-    """An element with its place in the text [bytes].
-
-    Attributes:
-        start, end: of the whole element.
-        inside: where its content begins; None if it is written as one tag ``<…/>``.
-    """
-
-    tag: str
-    attributes: Mapping[str, str]
-    start: int
-    end: int = 0
-    inside: int | None = None
-    parts: list["_Element"] = field(default_factory=list)
-
-
-def _parsed(text: str) -> _Element:
-    """The robot element with the places of all elements.
+def _parsed(text: str) -> Element:
+    """The robot element with its comments.
 
     Raises:
         ExportError: no XML, a document type (its entities could hide anything), or no robot.
     """
-    data, parser = text.encode(), expat.ParserCreate()
-    root = _Element("", {}, 0)
-    open_elements = [root]
-
-    def tag_end(start: int) -> int:
-        whole = _TAG.match(data, start)
-        return whole.end() if whole else len(data)
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        element = _Element(tag, attributes, parser.CurrentByteIndex)
-        open_elements[-1].parts.append(element)
-        open_elements.append(element)
-
-    def end(tag: str) -> None:
-        element = open_elements.pop()
-        inside = tag_end(element.start)
-        if data[inside - 2 : inside] == b"/>":
-            element.end = inside
-        else:
-            element.end, element.inside = tag_end(parser.CurrentByteIndex), inside
-
-    def refuse(*_: Any) -> None:
+    if "<!DOCTYPE" in text:
         raise ExportError("urdf: a document type with entities is not read: remove <!DOCTYPE …>")
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.StartDoctypeDeclHandler = refuse
+    builder = ElementTree.TreeBuilder(insert_comments=True)
     try:
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
+        robot = ElementTree.fromstring(text, ElementTree.XMLParser(target=builder))
+    except ElementTree.ParseError as error:
         raise ExportError(f"urdf: no valid XML: {error}") from error
-    robot = root.parts[0]
     if robot.tag != "robot":
         raise ExportError(f"urdf: the file holds <{robot.tag}>, not <robot>")
     return robot
 
 
-def _child(element: _Element, tag: str) -> _Element | None:
-    return next((e for e in element.parts if e.tag == tag), None)
-
-
-def _linked(joint: _Element, side: str) -> str:
+def _linked(joint: Element, side: str) -> str:
     """Name of the link at one side of a joint, ``parent`` or ``child``; empty if it names none."""
-    end = _child(joint, side)
-    return "" if end is None else end.attributes.get("link", "")
+    end = joint.find(side)
+    return "" if end is None else end.get("link", "")
 
 
-def _edit(text: bytes, element: _Element, tag: str, new: str) -> tuple[int, int, str]:
-    """Start, end and text of what puts a new part into an element, or replaces the old one."""
-    old = _child(element, tag)
-    if old is not None:
-        return old.start, old.end, new
-    if element.inside is not None:
-        return element.inside, element.inside, f"\n    {new}"
-    opened = text[element.start : element.end].decode().removesuffix("/>")
-    return element.start, element.end, f"{opened}>\n    {new}\n  </{element.tag}>"
+def _part(element: Element, tag: str) -> Element:
+    """A part of an element, made where there is none."""
+    part = element.find(tag)
+    if part is None:
+        part = Element(tag)
+        part.tail = "\n  "
+        element.insert(0, part)
+        element.text = element.text or "\n    "
+    return part
 
 
 def _words(values: np.ndarray) -> str:
