@@ -17,7 +17,6 @@ class TimingSkew(ReadingEffect):
 
     name = "timing.skew"
     title = "clocks run at different rates, or channels are read one after the other"
-    shown = "lag"
     stage = "timing"
     source = "clocks 1e-5–1e-4, channels 10–500 µs: estimate"
     modes = ("dynamic",)
