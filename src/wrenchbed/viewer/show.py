@@ -6,7 +6,6 @@ import signal
 import socket
 import subprocess
 import tempfile
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -24,7 +23,7 @@ PORT = 9876
 NOWHERE = f"http://{HOST}:9"
 """Proxy for what rerun would ask of others: the discard port, at which nobody listens."""
 _PROXIES = ("all_proxy", "https_proxy", "http_proxy")
-_QUIET_S, _OPENS_S, _CLOSES_S = 20.0, 15.0, 5.0
+_QUIET_S = 20.0
 PICTURE = "diagnosis.rrd"
 """Picture in the folder of a diagnosis."""
 
@@ -38,9 +37,8 @@ def command(file: str | Path, *, port: int = PORT) -> list[str]:
     return [str(_binary()), "--bind", HOST, "--port", str(port), str(file)]
 
 
-@contextmanager
-def viewer(file: str | Path, *, port: int = PORT) -> Iterator["subprocess.Popen[bytes]"]:
-    """A viewer that listens, open until it is closed or the block ends.
+def show(file: str | Path, *, port: int = PORT) -> None:
+    """Show a file in a viewer until its window is closed.
 
     Args:
         file: to show.
@@ -48,25 +46,17 @@ def viewer(file: str | Path, *, port: int = PORT) -> Iterator["subprocess.Popen[
 
     Raises:
         ParameterError: there is no screen for a window.
-        DriverError: the viewer does not begin; the port is taken.
+        DriverError: the port is taken, or the viewer fails.
         MissingExtraError: rerun is not installed.
     """
     if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise ParameterError("there is no screen: write a file with --rrd and open it elsewhere")
     if _listens(port):
         raise DriverError(f"port {port} is taken, perhaps by a viewer that is open: close it")
-    with quiet() as environment:
-        process = subprocess.Popen(bound(command(file, port=port)), env=environment)
-        try:
-            until = time.monotonic() + _OPENS_S
-            while not _listens(port):
-                if process.poll() is not None or time.monotonic() > until:
-                    raise DriverError(f"rerun's viewer does not listen at {HOST}:{port}")
-                time.sleep(0.1)
-            yield process
-        finally:
-            process.terminate()
-            process.wait(_CLOSES_S)
+    with quiet() as environment, contextlib.suppress(KeyboardInterrupt):
+        done = subprocess.run(bound(command(file, port=port)), env=environment, check=False)
+        if done.returncode not in (0, -signal.SIGINT):
+            raise DriverError(f"rerun's viewer ended with code {done.returncode}")
 
 
 def _listens(port: int) -> bool:
@@ -121,9 +111,7 @@ def view(
         out = None if rrd is None else Path(rrd)
         picture = _picture(Path(file), against, out, Path(folder))
         if rrd is None:
-            with contextlib.suppress(KeyboardInterrupt), viewer(picture, port=port) as process:
-                if (code := process.wait()) not in (0, -signal.SIGINT):
-                    raise DriverError(f"rerun's viewer ended with code {code}")
+            show(picture, port=port)
 
 
 def _picture(file: Path, against: Sequence[str | Path], rrd: Path | None, folder: Path) -> Path:
