@@ -26,43 +26,6 @@ from wrenchbed.reports.recording_page import recording_page
 
 pytestmark = unless(BINARY is not None, "chromium is not installed")
 
-LEAST_CONTRAST, LEAST_LARGE = 4.5, 3.0
-"""WCAG 2.2, 1.4.3, level AA: of text, and of text from 24 px, or 18.66 px if bold."""
-CONTRAST = """(() => {
-  const canvas = document.createElement('canvas').getContext('2d', {willReadFrequently: true});
-  const rgba = text => { canvas.clearRect(0, 0, 1, 1); canvas.fillStyle = text;
-    canvas.fillRect(0, 0, 1, 1); return [...canvas.getImageData(0, 0, 1, 1).data]; };
-  const light = c => { const [r, g, b] = c.slice(0, 3).map(v => { v /= 255;
-    return v <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4; });
-    return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
-  const under = node => { for (let at = node; at; at = at.parentElement) {
-    const c = rgba(getComputedStyle(at).backgroundColor); if (c[3] > 250) return c; }
-    return [255, 255, 255, 255]; };
-  const inside = (r, x, y) => r.left <= x && x <= r.right && r.top <= y && y <= r.bottom;
-  const beneath = text => { const b = text.getBoundingClientRect();
-    const [x, y] = [(b.left + b.right) / 2, (b.top + b.bottom) / 2];
-    const shapes = [...text.closest('svg').querySelectorAll('path, rect')].filter(s =>
-      s.compareDocumentPosition(text) & Node.DOCUMENT_POSITION_FOLLOWING
-      && !s.closest('defs, clipPath') && inside(s.getBoundingClientRect(), x, y)
-      && s.getBoundingClientRect().height > b.height / 2);
-    const colours = shapes.map(s => [getComputedStyle(s).fill, getComputedStyle(s).fillOpacity])
-      .filter(([f, o]) => f !== 'none' && !f.startsWith('url') && o > .9).map(([f]) => rgba(f))
-      .filter(c => c[3] > 250);
-    return colours.pop() ?? under(text.closest('svg').parentElement); };
-  const bad = [];
-  const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
-  for (let n = walk.nextNode(); n; n = walk.nextNode()) {
-    const own = n.parentElement;
-    if (!n.textContent.trim() || own.closest('title') || !own.getClientRects().length) continue;
-    const drawn = own.closest('svg');
-    const style = getComputedStyle(own), size = parseFloat(style.fontSize);
-    const [a, b] = [light(rgba(drawn ? style.fill : style.color)),
-      light(drawn ? beneath(own) : under(own))];
-    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
-    const large = size >= 24 || (size >= 18.66 && style.fontWeight >= 700);
-    if (ratio < (large ? LARGE : LEAST)) bad.push([n.textContent.trim().slice(0, 40), ratio]);
-  }
-  return bad; })()""".replace("LARGE", str(LEAST_LARGE), 1).replace("LEAST", str(LEAST_CONTRAST), 1)
 KINDS = ("diagnosis", "unknown", "recording", "fit", "campaign", "study")
 
 
@@ -200,7 +163,6 @@ def test_every_figure_answers_and_nothing_complains(page, pages, kind):
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (1280, "dark"), (390, "light")])
 def test_no_rule_of_wcag_is_broken(page, pages, kind, width, scheme):
     shown(page, pages[kind], width, prefers_color_scheme=scheme)
-    assert page.run(CONTRAST) == []
     assert page.run("document.documentElement.scrollWidth") <= width
     ground = page.run("getComputedStyle(document.body).backgroundColor")
     assert (max(map(int, re.findall(r"\d+", ground)[:3])) < 80) == (scheme == "dark")
@@ -218,8 +180,6 @@ def test_the_checks_find_what_is_broken(page, pages):
     if axe.script() is None:
         pytest.skip("axe-core is not there, and npm cannot fetch it")
     shown(page, pages["study"])
-    page.run("document.querySelector('.card p, .lead').style.color = '#aaaaaa'")
-    assert len(page.run(CONTRAST)) >= 1
     page.run("document.querySelector('.tools button').setAttribute('aria-label', '')")
     page.run("document.querySelector('input').removeAttribute('aria-label')")
     page.run("document.querySelector('input').removeAttribute('placeholder')")

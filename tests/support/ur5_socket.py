@@ -133,14 +133,3 @@ class Lines:
     def __exit__(self, *_: object) -> None:
         self.file.close()
         self.sock.close()
-
-
-def gone(client: Client, timeout: float = 2.0) -> str:
-    """Why a client's connection ends; it must within a time [s]."""
-    end = time.monotonic() + timeout
-    try:
-        while time.monotonic() < end:
-            client.packet()
-    except ClosedError as ended:
-        return str(ended)
-    raise AssertionError(f"the connection goes on after {timeout:g} s")

@@ -12,14 +12,14 @@ from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.pages import numbers
 from wrenchbed.pages.document import markdown, provenance
-from wrenchbed.reports.claim import Claim, joints, joints_or
+from wrenchbed.reports.claim import joints, joints_or
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import stream
 from wrenchbed.viewer.elements import heat
 from wrenchbed.viewer.robot import log_pose, log_shapes, log_world, motion
-from wrenchbed.viewer.stream import Canvas, bar, log_words, readable, to_file
+from wrenchbed.viewer.stream import Canvas, log_words, readable, to_file
 
 _LABEL_M = 0.1
 """Least distance of two labels."""
@@ -112,43 +112,25 @@ def diagnosis_view(findings: Findings, path: str | Path, command: str = "") -> N
 
 
 def answers(findings: Findings, shares: Mapping[str, float], command: str = "") -> str:
-    """The three answers and the ranked causes, in Markdown, in the words of the page."""
+    """The three answers in Markdown, in the words of the page, which has the tables."""
     d, words = findings.diagnosis, WrenchAnswer(findings)
     rows = [f"# {d.verdict}: {words.headline}", ""]
     rows += [f"- set aside: {sentence}" for sentence in words.aside]
     rows += ["", f"**{words.place}**", "", *(f"- {sentence}" for sentence in words.where)]
-    rows += _causes(words.causes) if words.causes else ["", words.no_cause]
-    rows += ["", "| candidate for the leading cause | probability | |", "|---|---|---|"]
-    rows += [f"| {c['key']} | {c['p']} | {bar(0.01 * float(c['width']))} |"
-             for c in words.candidates]  # fmt: skip
-    figure, text = words.far
-    rows += ["", f"**{figure or 'Gap'}**", "", text]
-    rows += ["", "| simulator | gap on held-out rows |", "|---|---|"]
-    rows += [f"| {name} | {numbers.gap(value)} |" for name, value, _ in words.gaps]
+    rows += ["", words.leading if words.causes else words.no_cause]
+    rows += ["", words.distance, "", *(f"- {name}: {gap}" for name, gap in words.bars)]
     if shares:
         colours = ", ".join(f"{part} {numbers.chance(p)}" for part, p in shares.items())
         rows += ["", f"Painted by probability: {colours}. Grey: not named."]
-    if words.minor:
-        rows += ["", "**Detected, below what counts**", "", *(f"- {x}" for x in words.minor)]
-    if d.cannot_tell:
-        rows += ["", "**What this recording cannot tell**", "", *(f"- {x}" for x in d.cannot_tell)]
-    rows += ["", "**What to do next**", "", *(f"- {step}" for step in words.steps)]
-    if d.notes:
-        rows += ["", "**Notes**", "", *(f"- {n}" for n in d.notes)]
+    for title, lines in (
+        ("Detected, below what counts", words.minor),
+        ("What this recording cannot tell", d.cannot_tell),
+        ("What to do next", words.steps),
+        ("Notes", d.notes),
+    ):
+        rows += ["", f"**{title}**", "", *(f"- {line}" for line in lines)] if lines else []
     names = (d.recording, *d.others)
     return "\n".join([*rows, *markdown(provenance(names, command, findings.seed))])
-
-
-def _causes(claims: Sequence[Claim]) -> list[str]:
-    """Every parameter of each cause: value ± standard uncertainty and 95 % interval."""
-    head = "cause | probability | parameter | value ± standard uncertainty | 95 % interval"
-    rows = ["", f"| {head} |", "|---|---|---|---|---|"]
-    for c in claims:
-        lead = f"{c.names} | {c.probability}"
-        for size in c.rows:
-            rows.append(f"| {lead} | {size.name} | {size.value} | {size.interval} |")
-            lead = " | "
-    return rows
 
 
 def _log_robot(canvas: Canvas, robot: SimulatedRobot, shares: Mapping[str, float]) -> None:

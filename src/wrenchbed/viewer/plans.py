@@ -10,7 +10,6 @@ from wrenchbed import registry
 from wrenchbed.campaigns.recording.itinerary import Leg, itinerary
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import ParameterError, PlanError
-from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk
 from wrenchbed.simulation.closed_form import Model
@@ -67,7 +66,7 @@ def plan_view(plan: Plan, path: str | Path, limits: Limits | None = None) -> Non
         log_channels(canvas, "wrench", at, {"nominal robot and tool": expected}, [SIMULATED])
         log_joints(canvas, at, q, robot.joints)
         _log_marks(canvas, plan, simulation, seen.sensor)
-        log_words(canvas, "report", _words(plan, expected, at, blocked, scale.sentence))
+        log_words(canvas, "report", _words(plan, at, blocked, scale.sentence))
 
 
 def _course(
@@ -118,7 +117,7 @@ def _log_marks(canvas: Canvas, plan: Plan, simulation: Simulation, way: np.ndarr
         canvas.once("world/touches", rr.Points3D(plan.points, colors=SIMULATED, radii=_DOT_M))
 
 
-def _words(plan: Plan, expected: np.ndarray, at: np.ndarray, blocked: str, scale: str) -> str:
+def _words(plan: Plan, at: np.ndarray, blocked: str, scale: str) -> str:
     kind = "a motion" if plan.mode == "dynamic" else f"{len(plan)} poses"
     if plan.points is not None:
         kind = f"{len(plan)} touches of known points"
@@ -133,9 +132,5 @@ def _words(plan: Plan, expected: np.ndarray, at: np.ndarray, blocked: str, scale
     rows += [
         "", "Teal is the sensor's way and where it rests. Arrows and curves are what nominal "
         f"parameters and the model's own tool weigh at rest: {scale}.",
-        "", "| channel | least | largest |", "|---|---|---|",
     ]  # fmt: skip
-    for k, (channel, unit) in enumerate(zip(CHANNELS, UNITS, strict=True)):
-        low, high = expected[:, k].min(), expected[:, k].max()
-        rows.append(f"| {channel} | {low:.3g} {unit} | {high:.3g} {unit} |")
     return "\n".join(rows)

@@ -7,7 +7,6 @@ import numpy as np
 
 from wrenchbed.data.recording import Recording
 from wrenchbed.pages.document import markdown, provenance
-from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.recording_page import agreements, best
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.comparison import Simulator, modelled, noise_of, robot_of, simulators
@@ -96,12 +95,7 @@ def _log_words(
         f"torques pale: {scale}.", "",
     ]  # fmt: skip
     if known:
-        judged = agreements(recording, known, noise_of(recording))
-        nearest = best(judged)
+        nearest = best(agreements(recording, known, noise_of(recording)))
         rows[2:2] = [f"**{nearest.headline}**", "", nearest.text, ""]
-        rows += [f"| rms of the residual [N, N·m] | {' | '.join(CHANNELS)} |", "|---|" + 6 * "---|"]
-        for a in judged:
-            cells = (f"{x:.3g} ({r:.3g} × noise)" for x, r in zip(a.rms, a.ratios, strict=True))
-            rows.append(f"| {a.name} | {' | '.join(cells)} |")
     rows += markdown(provenance([recording.name]))
     log_words(canvas, "report", "\n".join(rows))

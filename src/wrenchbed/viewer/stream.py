@@ -78,11 +78,6 @@ def log_words(canvas: Canvas, path: str, text: str) -> None:
     canvas.once(path, document)
 
 
-def bar(share: float) -> str:
-    """A share (0 … 1) as a row of dots."""
-    return "•" * round(20 * share)
-
-
 def _known(code: int) -> bool:
     return any(low <= code <= high for low, high in _RANGES)
 
