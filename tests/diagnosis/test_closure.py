@@ -7,7 +7,7 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.diagnosis.explain.claims import moved_by
-from wrenchbed.diagnosis.gap.closure import Bootstrap, Closure, Interval
+from wrenchbed.diagnosis.gap.gaps import Bootstrap, Closure, Interval
 from wrenchbed.diagnosis.gap.held_out import HeldOut, restored
 from wrenchbed.diagnosis.prepare.configuration import BIAS, Configuration
 from wrenchbed.simulation.closed_form import Model

@@ -17,7 +17,8 @@ from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Verdict
-from wrenchbed.diagnosis.gap.closure import Bootstrap, twin_of
+from wrenchbed.diagnosis.gap.closure import twin_of
+from wrenchbed.diagnosis.gap.gaps import Bootstrap
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut
 from wrenchbed.diagnosis.prepare.configuration import STATED
 

@@ -11,8 +11,8 @@ from wrenchbed.diagnosis.efforts.names import drive_effects, title
 from wrenchbed.diagnosis.efforts.options import BELIEVED, Weighed, blocks
 from wrenchbed.diagnosis.efforts.search import Structure
 from wrenchbed.diagnosis.efforts.signs import Sign
-from wrenchbed.diagnosis.efforts.sizes import Folds, mass_of_tool, parameters
-from wrenchbed.diagnosis.efforts.twin_fit import TwinFit
+from wrenchbed.diagnosis.efforts.simulator import Simulator, Simulators
+from wrenchbed.diagnosis.efforts.sizes import mass_of_tool, parameters
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Verdict
@@ -44,30 +44,30 @@ def place(key: Key) -> tuple[str, str]:
     return ("link", f"link {joint}") if part == "link" else ("drive", f"joint {joint}")
 
 
-def which(d: Dictionary, v: Verdict[Structure], gap: Closure) -> list[dict[str, Any]]:
+def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, Any]]:
     """Entries of ``which`` of the diagnosis: the claimed causes with sizes and probabilities."""
     if not v.causes:
         return []
-    folds = Folds.of(d, blocks(v.causes))
+    fit = s.of(blocks(v.causes))
     closed = 0.0 if gap.closed is None else min(1.0, max(0.0, gap.closed.value))
     total = sum(c.part.share for c in v.causes)
     result = []
     for c in v.causes:
         assert c.part.index is not None
-        numbers = parameters(d, folds, c.part.index)
+        numbers = parameters(fit, c.part.index)
         same = [k[1] for k in c.keys[1:] if k[0] == c.part.key[0] and k[1] is not None]
         if same and "joint" in numbers:
             numbers["joint"] = {"value": c.part.key[1], "rivals": same}
         elements = [place(k)[1] for k in c.keys if k[0] == c.part.key[0]]
         others = blocks([x for x in v.causes if x is not c])
-        rivals = _rivals(d, c, others)
+        rivals = _rivals(s, c, others)
         share = closed * c.part.share / total
         entry = cause(c.part.name, c.probability, numbers, rivals, share, elements)
         result.append(entry | {"channels": families(gap)})
     return result
 
 
-def _rivals(d: Dictionary, c: Cause, beside: Sequence[int]) -> list[dict[str, Any]]:
+def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, Any]]:
     """Entries of ``rivals``, by effect: each with the parameters of its likeliest joint, as they
     come out with it in the cause's place."""
     by_effect: dict[str, list[tuple[Key, float]]] = {}
@@ -76,50 +76,40 @@ def _rivals(d: Dictionary, c: Cause, beside: Sequence[int]) -> list[dict[str, An
             by_effect.setdefault(key[0], []).append((key, share))
     result = []
     for effect, keys in by_effect.items():
-        block = next(k for k, b in enumerate(d.blocks) if b.key == keys[0][0])
-        folds = Folds.of(d, tuple(sorted((*beside, block))))
+        block = next(k for k, b in enumerate(s.d.blocks) if b.key == keys[0][0])
         result.append({
             "effect": effect, "elements": [place(key)[1] for key, _ in keys],
             "probability": c.probability * sum(share for _, share in keys),
-            "parameters": parameters(d, folds, block),
+            "parameters": parameters(s.of((*beside, block)), block),
         })  # fmt: skip
     return result
 
 
-def minor(d: Dictionary, w: Weighed, v: Verdict[Structure]) -> list[dict[str, Any]]:
+def minor(s: Simulators, w: Weighed, v: Verdict[Structure]) -> list[dict[str, Any]]:
     """Entries of ``minor``: causes that are there and add less than what counts."""
     present: dict[int, float] = {}
     gaps: dict[int, float] = {}
     for _, p, added in w.structures:
         for block, gap in added.items():
-            if LEAST_MINOR <= gap < CLAIMABLE and not d.blocks[block].outside:
+            if LEAST_MINOR <= gap < CLAIMABLE and not s.d.blocks[block].outside:
                 present[block] = present.get(block, 0.0) + p
                 gaps.setdefault(block, gap)
     claimed = {key for c in v.causes for key in c.keys}
     result = []
     for block, p in present.items():
-        key = d.blocks[block].key
+        key = s.d.blocks[block].key
         if v.word != UNKNOWN and p >= DETECTED and key not in claimed:
-            folds = Folds.of(d, tuple(sorted((*blocks(v.causes), block))))
-            entry = cause(
-                key[0], min(p, BELIEVED), parameters(d, folds, block), elements=[place(key)[1]]
-            )
+            numbers = parameters(s.of((*blocks(v.causes), block)), block)
+            entry = cause(key[0], min(p, BELIEVED), numbers, elements=[place(key)[1]])
             del entry["closed_share"], entry["channels"]
             result.append(entry | {"gap": gaps[block]})
     return sorted(result, key=lambda entry: -entry["gap"])
 
 
-def fitted(d: Dictionary, fit: TwinFit, causes: Sequence[int]) -> list[dict[str, Any]]:
-    """Entries of ``fitted``: friction, rotor inertia and tool, as far as nobody states them.
-
-    Args:
-        d: columns.
-        fit: beside the causes, on all rows.
-        causes: numbers of the claimed causes.
-    """
-    folds = Folds.of(d, tuple(causes))
-    result = []
-    for column in (int(k) for k in fit.used if d.free[k]):
+def fitted(fit: Simulator) -> list[dict[str, Any]]:
+    """Entries of ``fitted``: friction, rotor inertia and tool, as far as nobody states them."""
+    d, result = fit.d, []
+    for column in np.flatnonzero(fit.d.free).tolist():
         kind, _, which = d.names[column].partition(".")
         if kind == "tool":
             name, unit = f"tool.{which}", "kg" if which == "mass" else "m"
@@ -128,7 +118,7 @@ def fitted(d: Dictionary, fit: TwinFit, causes: Sequence[int]) -> list[dict[str,
             name, unit = f"drive.{kind}.{which}", joint.own(_UNITS[kind])
         else:
             continue
-        number = folds.number(partial(_value, d, column))
+        number = fit.number(partial(_value, d, column))
         result.append({"name": name, **number, "unit": unit, "stated": None})
     return result
 
@@ -152,12 +142,10 @@ def _start(d: Dictionary, kind: str, j: int) -> float:
     return float(d.scene.levels[("coulomb", "viscous", "offset").index(kind), j])
 
 
-def scales(d: Dictionary, prefix: str) -> dict[str, Scale]:
+def scales(d: Dictionary) -> dict[str, Scale]:
     """Noise of a row, and what counts, of each channel."""
     joints = [joint.own("N·m") for joint in d.scene.robot.joints]
-    names = [f"{prefix}{j + 1}" for j in range(d.scene.joints)]
-    names += d.scene.channels[d.scene.joints :]
-    both = zip(names, d.noise, d.counts, [*joints, *UNITS], strict=False)
+    both = zip(d.scene.columns, d.noise, d.counts, [*joints, *UNITS], strict=False)
     return {name: Scale(n.std, float(counts), unit) for name, n, counts, unit in both}
 
 

@@ -13,8 +13,8 @@ from wrenchbed.diagnosis.efforts.arm_columns import mean_inertia
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.evidence import Evidence
 from wrenchbed.diagnosis.efforts.names import size_of, titles
+from wrenchbed.diagnosis.efforts.simulator import added
 from wrenchbed.diagnosis.efforts.sizes import scale, sized, unit_of
-from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, added
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot
 
@@ -61,7 +61,7 @@ def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
     for column in sized(d, block):
         one = nothing.copy()
         one[column] = 1.0
-        gap = added(d, TwinFit(one, np.zeros(0, int), np.zeros((0, len(one)))), block)
+        gap = added(d, one, block)
         std = float(np.sqrt(spread[column]))
         counts = float(np.sqrt(CLAIMABLE / max(gap, 1e-300)))
         ordinary = float(d.std[column]) if d.stated[column] else 0.0

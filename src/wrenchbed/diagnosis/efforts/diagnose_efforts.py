@@ -13,13 +13,11 @@ from wrenchbed.diagnosis.efforts import answer
 from wrenchbed.diagnosis.efforts.blind import blind_spots
 from wrenchbed.diagnosis.efforts.configured import stated_drives, with_tool
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
-from wrenchbed.diagnosis.efforts.held_out import (
-    HeldOut,
-)
 from wrenchbed.diagnosis.efforts.options import Claims, blocks, facts_of, outside, weighed
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.search import Search, Structure, search
 from wrenchbed.diagnosis.efforts.signs import signs
+from wrenchbed.diagnosis.efforts.simulator import Simulator, Simulators
 from wrenchbed.diagnosis.explain.reliability import set90
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap.result import Diagnosis, plain
@@ -43,7 +41,7 @@ class EffortFindings:
         d: columns and noise.
         search: structures.
         verdict: with joints.
-        held_out: residuals on rows that no fit saw.
+        simulators: with causes, those that were fitted.
         outside: what a gap without a name looks most like, in words.
         seed: of the bootstrap.
     """
@@ -52,9 +50,14 @@ class EffortFindings:
     d: Dictionary
     search: Search
     verdict: Verdict[Structure]
-    held_out: HeldOut
+    simulators: Simulators
     outside: str = ""
     seed: int = 0
+
+    @property
+    def fit(self) -> Simulator:
+        """The better simulator."""
+        return self.simulators.of(blocks(self.verdict.causes))
 
     @property
     def of_configured(self) -> bool:
@@ -68,7 +71,7 @@ class EffortFindings:
     def write(self, folder: str | Path) -> None:
         """Write ``diagnosis.json``, ``twin.json`` and ``drives.json``."""
         self.diagnosis.write(folder)
-        values = answer.corrected(self.d, self.held_out.fit.x, self.diagnosis.which)
+        values = answer.corrected(self.d, self.fit.x, self.diagnosis.which)
         write_json(Path(folder) / "drives.json", plain(values))
 
 
@@ -113,25 +116,26 @@ def diagnose_efforts(
     structures = search(d, seed)
     likely = weighed(structures)
     progress("held-out rows")
-    seen, claims = signs(d), Claims(d, str(recording.effort), seed)
+    simulators, seen = Simulators(d), signs(d)
+    claims = Claims(simulators, scene.columns, seed)
     decision = decide(facts_of(d, likely, claims))
     final = conclude(decision, [{} for _ in decision.verdict.causes], [s.text for s in seen])
-    gap, judged = claims.gap(final), claims.held_out(final)
+    gap, fit = claims.gap(final), simulators.of(blocks(final.causes))
     unnamed = outside(d, likely)
     members = {c.part.name: gap.members[c.part.label] for c in final.causes}
     twin = Twin(scene.model, _theta(d), (), recording.name)
     diagnosis = Diagnosis(
         recording.name, recording.metadata.robot, final.word, replace(gap, members=members),
-        answer.where(d, final, gap, seen), answer.which(d, final, gap), dict(final.probabilities),
-        answer.cannot_tell(final), answer.next_steps(final), twin,
+        answer.where(d, final, gap, seen), answer.which(simulators, final, gap),
+        dict(final.probabilities), answer.cannot_tell(final), answer.next_steps(final), twin,
         time.perf_counter() - begun, answer.notes(d, final, gap, seen, unnamed),
         set90=set90(final, None),
-        minor=answer.minor(d, likely, final),
-        fitted=answer.fitted(d, judged.fit, blocks(final.causes)),
-        scale=answer.scales(d, str(recording.effort)), blind=blind_spots(d, structures.evidence),
+        minor=answer.minor(simulators, likely, final),
+        fitted=answer.fitted(fit),
+        scale=answer.scales(d), blind=blind_spots(d, structures.evidence),
         familiar="the probabilities were chosen on simulated arms of six and seven joints",
     )  # fmt: skip
-    return EffortFindings(diagnosis, d, structures, final, judged, unnamed, seed)
+    return EffortFindings(diagnosis, d, structures, final, simulators, unnamed, seed)
 
 
 def _theta(d: Dictionary) -> np.ndarray:

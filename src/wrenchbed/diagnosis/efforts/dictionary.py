@@ -50,8 +50,6 @@ class Dictionary:
         blocks: causes, named and not; ``at`` their columns.
         fold: block of time of each row (M,).
         gram, right, square: whitened products of each block (B, P, P), (B, P), (B, C).
-        plain: products (B, P, P), (B, P) of rows that are not whitened, in units of one row's
-            noise.
     """
 
     scene: EffortScene
@@ -73,13 +71,6 @@ class Dictionary:
     gram: np.ndarray
     right: np.ndarray
     square: np.ndarray
-    plain: tuple[np.ndarray, np.ndarray]
-
-    @cached_property
-    def plain_sums(self) -> tuple[np.ndarray, np.ndarray]:
-        """Result of `plain` over all rows."""
-        gram, right = self.plain
-        return gram.sum(axis=0), right.sum(axis=0)
 
     def by_joint(self, j: int) -> tuple[np.ndarray, np.ndarray]:
         """Indices (K,) of the columns that act on joint j and their mean products (K, K).
@@ -183,7 +174,6 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
         tuple(np.array([where[n] for n in b.columns]) for b in blocks), fold,
         np.zeros((BLOCKS, len(names), len(names))), np.zeros((BLOCKS, len(names))),
         np.zeros((BLOCKS, y.shape[1])),
-        (np.zeros((BLOCKS, len(names), len(names))), np.zeros((BLOCKS, len(names)))),
     )  # fmt: skip
     return _with_products(bare)
 
@@ -234,22 +224,10 @@ def _residual(
 def _with_products(d: Dictionary) -> Dictionary:
     for j, noise in enumerate(d.noise):
         at, data = d.columns(j)
-        white = noise.white(d.y[:, j])
-        _add(d, (d.gram, d.right), at, noise.white(data), white)
+        white, columns = noise.white(d.y[:, j]), noise.white(data)
         d.square[:, j] = np.bincount(d.fold, white**2, BLOCKS)
-        some = d.use[:, j] / noise.std
-        _add(d, d.plain, at, data * some[:, None], d.y[:, j] * some)
+        for b in range(BLOCKS):
+            some = columns[d.fold == b]
+            d.gram[b][np.ix_(at, at)] += some.T @ some
+            d.right[b][at] += some.T @ white[d.fold == b]
     return d
-
-
-def _add(
-    d: Dictionary, to: tuple[np.ndarray, np.ndarray], at: np.ndarray, columns: np.ndarray,
-    y: np.ndarray,
-) -> None:  # fmt: skip
-    """Add products of columns (M, K) with each other and with y (M,), block by block."""
-    gram, right = to
-    for b in range(BLOCKS):
-        rows = d.fold == b
-        some = columns[rows]
-        gram[b][np.ix_(at, at)] += some.T @ some
-        right[b][at] += some.T @ y[rows]

@@ -10,14 +10,14 @@ from functools import cached_property
 import numpy as np
 
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.evidence.likelihood import OfProducts, gains
+from wrenchbed.diagnosis.evidence.likelihood import Products, gains
 
 AMPLITUDE = 6.0
 """Rms that a named cause adds a priori, in noises of a row: twice what just counts; estimate."""
 
 
 @dataclass(frozen=True, eq=False)
-class Evidence(OfProducts):
+class Evidence:
     """The Gaussian model of weighted blocks of time.
 
     Attributes:
@@ -30,13 +30,11 @@ class Evidence(OfProducts):
     weight: np.ndarray
     misfit: float = 1.0
 
-    @property
-    def V(self) -> np.ndarray:  # type: ignore[override]
-        """Variance of each amplitude (P,) where no cause is free."""
-        return self.d.std**2
-
-    def _weighed(self) -> np.ndarray:
-        return np.asarray(np.tensordot(self.weight, self.d.gram, axes=1) / self.misfit)
+    @cached_property
+    def level(self) -> Products:
+        """The background: no cause is free."""
+        gram = np.tensordot(self.weight, self.d.gram, axes=1) / self.misfit
+        return Products(gram, self.d.std**2)
 
     @cached_property
     def right(self) -> np.ndarray:
@@ -46,16 +44,16 @@ class Evidence(OfProducts):
     @cached_property
     def known(self) -> tuple[np.ndarray, np.ndarray]:
         """P (P, P) and w (P,) of all columns over the background alone."""
-        every = np.arange(len(self.V))[None]
-        score = self.right - self._gram @ self.held(self.right)
-        return self.information(every)[0], score[:, 0]
+        every = np.arange(len(self.d.std))[None]
+        score = self.right - self.level.gram @ self.level.held(self.right)
+        return self.level.information(every)[0], score[:, 0]
 
     def freed(self, blocks: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
         """Indices of the columns (K,) that some causes set free, and the standard deviations (K,)
         that these add to theirs."""
         at = np.unique(np.concatenate([np.zeros(0, int), *(self.d.at[b] for b in blocks)]))
         wide = AMPLITUDE / np.maximum(self.d.size[at], 1e-12)
-        return at, np.sqrt(np.maximum(wide**2 - self.V[at], 0.0))
+        return at, np.sqrt(np.maximum(wide**2 - self.level.V[at], 0.0))
 
     def log(self, blocks: Sequence[int]) -> float:
         """Log evidence of a structure (indices of blocks) over that of the background alone."""
@@ -67,18 +65,19 @@ class Evidence(OfProducts):
         """Posterior mean (P,) of all amplitudes under a structure."""
         (information, score), (at, more) = self.known, self.freed(blocks)
         inner = np.eye(len(at)) + information[np.ix_(at, at)] * more**2
-        result = np.zeros(len(self.V))
-        result[at] = more**2 * np.linalg.solve(inner, score[at])
-        return np.asarray(result + self.held(self.right - (self._gram @ result)[:, None])[:, 0])
+        more_of = np.zeros((len(score), 1))
+        more_of[at, 0] = more**2 * np.linalg.solve(inner, score[at])
+        return (more_of + self.level.held(self.right - self.level.gram @ more_of))[:, 0]
 
     def covariance(self, blocks: Sequence[int]) -> np.ndarray:
         """Covariance (K, K) of the amplitudes that are free, in the order of `freed`."""
         at, more = self.freed(blocks)
-        less = 1.0 / self.V[at] - 1.0 / (self.V[at] + more**2)
-        c = self.held(np.eye(len(self.V))[:, at])[at]
+        before = self.level.V[at]
+        less = 1.0 / before - 1.0 / (before + more**2)
+        c = self.level.held(np.eye(len(self.d.std))[:, at])[at]
         return np.asarray(np.linalg.solve(np.eye(len(at)) - c * less, c))
 
     def left_square(self, x: np.ndarray) -> float:
         """Weighted square of the whitened residual beside amplitudes (P,)."""
         square = float(self.weight @ self.d.square.sum(axis=1)) / self.misfit
-        return square - 2.0 * float(x @ self.right[:, 0]) + float(x @ self._gram @ x)
+        return square - 2.0 * float(x @ self.right[:, 0]) + float(x @ self.level.gram @ x)

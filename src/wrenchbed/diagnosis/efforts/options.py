@@ -1,18 +1,18 @@
 """Structures of causes of a gap in joint efforts as the options of a decision."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.decision.facts import Facts
-from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.held_out import HeldOut, closed_of_configured, closure, held_out
+from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
+from wrenchbed.diagnosis.efforts.held_out import judged
 from wrenchbed.diagnosis.efforts.search import Search, Structure
-from wrenchbed.diagnosis.efforts.twin_fit import TwinFit, added, fitted
+from wrenchbed.diagnosis.efforts.simulator import Simulator, Simulators
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Option, Part, Verdict
-from wrenchbed.diagnosis.gap.gaps import Closure
+from wrenchbed.diagnosis.gap.gaps import Closure, closure
 
 _SMALL = 1e-3
 """Total probability of the least probable structures, which are not examined."""
@@ -45,15 +45,16 @@ def weighed(s: Search) -> Weighed:
     candidates = list[tuple[Structure, float, dict[int, float]]]()
     for structure, p in zip(s.structures, s.probability, strict=True):
         if p >= _SMALL or not candidates:
-            fit = fitted(s.d, structure)
-            gaps = {k: added(s.d, fit, k) if _plausible(s.d, fit, k) else 0.0 for k in structure}
+            fit = Simulator(s.d, structure)
+            gaps = {k: fit.added(k) if _plausible(fit, k) else 0.0 for k in structure}
             candidates.append((structure, float(p), gaps))
     total = sum(p for _, p, _ in candidates)
     return Weighed(tuple((x, p / total, g) for x, p, g in candidates))
 
 
-def _plausible(d: Dictionary, fit: TwinFit, block: int) -> bool:
+def _plausible(fit: Simulator, block: int) -> bool:
     """Whether a fitted lag lies within the range for which its linear column holds."""
+    d = fit.d
     if d.blocks[block].effect not in ("drive.delay", "drive.bandwidth"):
         return True
     return _LAG[0] <= float(fit.x[d.at[block][0]]) <= _LAG[1]
@@ -95,33 +96,27 @@ class Claims:
     """Gaps on held-out rows with the causes of a verdict; each is made once.
 
     Args:
-        d: columns.
-        prefix: of the channels, ``tau`` or ``i``.
+        simulators: with causes.
+        names: of the recording's columns, channel by channel.
         seed: of the bootstrap.
     """
 
-    def __init__(self, d: Dictionary, prefix: str, seed: int) -> None:
-        self._d, self._prefix, self._seed = d, prefix, seed
-        self._made: dict[tuple[int, ...], tuple[HeldOut, Closure]] = {}
-
-    def _of(self, verdict: Verdict[Structure]) -> tuple[HeldOut, Closure]:
-        key = blocks(verdict.causes)
-        if key not in self._made:
-            rows = held_out(self._d, key)
-            gap = closure(rows, key, self._prefix, self._seed)
-            if gap.closed is not None and gap.closed.high >= 0.0 and small(gap):
-                gap = replace(gap, closed=closed_of_configured(rows, key, self._seed) or gap.closed)
-            self._made[key] = rows, gap
-        return self._made[key]
-
-    def held_out(self, verdict: Verdict[Structure]) -> HeldOut:
-        """Residuals on rows that no fit saw."""
-        return self._of(verdict)[0]
+    def __init__(self, simulators: Simulators, names: Sequence[str], seed: int) -> None:
+        self._simulators, self._names, self._seed = simulators, names, seed
+        self._made: dict[tuple[int, ...], Closure] = {}
 
     def gap(self, verdict: Verdict[Structure]) -> Closure:
         """Gaps there; where the usual fit leaves hardly a gap since it takes wrong stated numbers,
         the share of the configured gap that these close."""
-        return self._of(verdict)[1]
+        key, d = blocks(verdict.causes), self._simulators.d
+        if key not in self._made:
+            each = [judged(self._simulators, key)]
+            gap = closure(each, self._names, BLOCKS, self._seed, stated=False)
+            stated = all(d.stated[d.at[b]].all() for b in key)
+            if gap.closed is not None and gap.closed.high >= 0.0 and small(gap) and stated:
+                gap = closure(each, self._names, BLOCKS, self._seed, stated=True)
+            self._made[key] = gap
+        return self._made[key]
 
 
 def facts_of(d: Dictionary, w: Weighed, claims: Claims) -> Facts[Structure]:

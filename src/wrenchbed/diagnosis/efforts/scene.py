@@ -106,6 +106,12 @@ class EffortScene:
         return joints if self.wrench is None else (*joints, *CHANNELS)
 
     @property
+    def columns(self) -> tuple[str, ...]:
+        """The recording's column of each channel (C,)."""
+        joints = tuple(f"{self.recording.effort}{j + 1}" for j in range(self.joints))
+        return (*joints, *self.channels[self.joints :])
+
+    @property
     def speeds(self) -> np.ndarray:
         """Speeds at the kept rows (M, C) by which rows count; the arm's for the wrench."""
         speeds = self.q.d[self.kept()]

@@ -1,56 +1,24 @@
-"""Sizes of causes with standard uncertainty.
+"""Sizes of causes with standard uncertainty."""
 
-Uncertainty is the scatter of fits without each block of time (jackknife over blocks, Künsch 1989,
-doi 10.1214/aos/1176347265), which grows with noise that remembers and with a law that is not right,
-and what ordinary errors of all stated values move a fit by: the same in every block of time.
-"""
-
-from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 from wrenchbed.diagnosis.efforts.arm_columns import LIGHT
-from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
+from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.names import drive_effects, size_of
-from wrenchbed.diagnosis.efforts.twin_fit import fitted
+from wrenchbed.diagnosis.efforts.simulator import Simulator
 from wrenchbed.effects.drives.lag import Lag
 from wrenchbed.effects.drives.wave import Wave
 
 
-@dataclass(frozen=True, eq=False)
-class Folds:
-    """Amplitudes (B, P) without each block of time, of all rows (P,), and their errors (S, P) where
-    one stated value is off by its ordinary spread."""
-
-    each: np.ndarray
-    whole: np.ndarray
-    errors: np.ndarray
-
-    @classmethod
-    def of(cls, d: Dictionary, blocks: tuple[int, ...]) -> "Folds":
-        """Amplitudes of the simulator with the causes ``blocks``, without each block of time."""
-        each = np.stack([fitted(d, blocks, without=k).x for k in range(BLOCKS)])
-        fit = fitted(d, blocks)
-        return cls(each, fit.x, fit.errors)
-
-    def number(self, of: Callable[[np.ndarray], float]) -> dict[str, float]:
-        """``value`` and ``std`` of a number that is made ``of`` amplitudes (P,)."""
-        value = of(self.whole)
-        each = np.array([of(x) for x in self.each])
-        scatter = (BLOCKS - 1) / BLOCKS * ((each - each.mean()) ** 2).sum()
-        stated = sum((of(self.whole + error) - value) ** 2 for error in self.errors)
-        return {"value": value, "std": float(np.sqrt(scatter + stated))}
-
-
-def parameters(d: Dictionary, folds: Folds, block: int) -> dict[str, Any]:
+def parameters(fit: Simulator, block: int) -> dict[str, Any]:
     """``parameters`` of an entry of ``which``: the size, and what else belongs to the cause."""
-    b = d.blocks[block]
+    d, b = fit.d, fit.d.blocks[block]
     size = size_of(b.effect)
     result: dict[str, Any] = {
-        size.name: {**folds.number(partial(_size, d, block)), "unit": unit_of(d, block)}
+        size.name: {**fit.number(partial(_size, d, block)), "unit": unit_of(d, block)}
     }
     if b.joint is not None and isinstance(drive_effects().get(b.effect), Wave):
         slides = d.scene.robot.joints[b.joint - 1].unit == "m"
@@ -60,7 +28,7 @@ def parameters(d: Dictionary, folds: Folds, block: int) -> dict[str, Any]:
         )  # fmt: skip
     elif size.vector and not size.columns:
         for i, k in enumerate(sized(d, block)):
-            number = folds.number(partial(_amplitude, d, block, i))
+            number = fit.number(partial(_amplitude, d, block, i))
             result[d.names[k].rpartition(".")[2]] = {**number, "unit": size.unit}
     if b.joint is not None:
         result["joint"] = {"value": b.joint}

@@ -106,6 +106,17 @@ class OfProducts:
         ]
 
 
+@dataclass(frozen=True, eq=False)
+class Products(OfProducts):
+    """The products themselves: G (n, n), and the variances V (n,)."""
+
+    gram: np.ndarray
+    V: np.ndarray
+
+    def _weighed(self) -> np.ndarray:
+        return self.gram
+
+
 def factored(inner: np.ndarray) -> tuple[np.ndarray, bool]:
     """Cholesky factor of I + M for a symmetric M (n, n), which is overwritten."""
     inner.flat[:: len(inner) + 1] += 1.0

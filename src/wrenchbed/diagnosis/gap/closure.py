@@ -14,7 +14,7 @@ from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Verdict
-from wrenchbed.diagnosis.gap.gaps import Closure, Interval
+from wrenchbed.diagnosis.gap.gaps import Closure, Judged, closure
 from wrenchbed.diagnosis.gap.held_out import CrossFit, HeldOut, simulated
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect
@@ -24,10 +24,6 @@ RIDGES = 10.0 ** np.arange(-3.0, 3.0, 0.5)
 """Prior variances of a coefficient, in noises of a row, that are tried."""
 NOISES = 2.0 ** np.arange(0.0, 8.0)
 """Variances of what the box does not fit, in noises of a row, that are tried."""
-DRAWS = 500
-"""Resamples of the bootstrap over held-out blocks."""
-ROUNDED = 12
-"""Digits of the floor: at rest it is the rounding error of a mean of residuals."""
 
 
 def black_box(prepared: Prepared, reading: np.ndarray) -> np.ndarray:
@@ -108,51 +104,28 @@ class Claimed:
         return Claimed.of(a, self.finalist.each[k], self.keep, self.wrong)
 
 
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """Simulators of one recording on its held-out rows.
-
-    Attributes:
-        held_out: the rows.
-        gaps: of each observation (S,) by simulator: ``configured``, ``calibrated``, ``box``,
-            ``floor``; with a claim also ``with_effects`` and, on rows that it saw, ``in_sample``.
-        without: gaps (S,) of the diagnosed simulator without each cause, by its name.
-        further: gaps (S,) of further channels than the first, all together, by simulator:
-            ``calibrated``, ``with_effects``, and without each cause by its name.
-        channels: gap of each channel (6,) ``before`` and ``after``.
-        readings: see `Closure`.
-    """
-
-    held_out: HeldOut
-    gaps: Mapping[str, np.ndarray]
-    without: Mapping[str, np.ndarray]
-    channels: Mapping[str, np.ndarray]
-    readings: Mapping[str, np.ndarray]
-    further: Mapping[str, np.ndarray]
-
-    @classmethod
-    def of(
-        cls, a: Analysis, claim: Claimed | None, fits: Mapping[int, Refitter] | None = None
-    ) -> "Judged":
-        """Configured, calibrated and diagnosed simulators on held-out rows; see `CrossFit`."""
-        p, held_out, crossed = a.prepared, HeldOut(a.prepared), CrossFit(a, fits)
-        before, of = crossed.calibrated(calibrated(a)), p.families[0]
-        readings, further = {"calibrated": before[:, of]}, {"calibrated": held_out.further(before)}
-        every = {
-            "configured": simulated(p, Twin(p.model, p.theta)),
-            "calibrated": before,
-            "box": before[:, of] + black_box(p.leading, before[:, of]),
-        }
-        channels, without = {"before": held_out.channels(before)}, dict[str, np.ndarray]()
-        if claim is not None:
-            after, others = crossed.explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
-            every |= {"with_effects": after, "in_sample": simulated(p, claim.twin)}
-            without = {name: held_out.of(r) for name, r in others.items()}
-            further |= {name: held_out.further(r) for name, r in others.items()}
-            further["with_effects"] = held_out.further(after)
-            channels["after"], readings["with_effects"] = held_out.channels(after), after[:, of]
-        gaps = {stage: held_out.of(r) for stage, r in every.items()} | {"floor": held_out.floor()}
-        return cls(held_out, gaps, without, channels, readings, further)
+def judged(
+    a: Analysis, claim: Claimed | None, fits: Mapping[int, Refitter] | None = None
+) -> Judged:
+    """Configured, calibrated and diagnosed simulators on held-out rows; see `CrossFit`."""
+    p, held_out, crossed = a.prepared, HeldOut(a.prepared), CrossFit(a, fits)
+    before, of = crossed.calibrated(calibrated(a)), p.families[0]
+    readings, further = {"calibrated": before[:, of]}, {"calibrated": held_out.further(before)}
+    every = {
+        "configured": simulated(p, Twin(p.model, p.theta)),
+        "calibrated": before,
+        "box": before[:, of] + black_box(p.leading, before[:, of]),
+    }
+    channels, without = {"before": held_out.channels(before)}, dict[str, np.ndarray]()
+    if claim is not None:
+        after, others = crossed.explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
+        every |= {"with_effects": after, "in_sample": simulated(p, claim.twin)}
+        without = {name: held_out.of(r) for name, r in others.items()}
+        further |= {name: held_out.further(r) for name, r in others.items()}
+        further["with_effects"] = held_out.further(after)
+        channels["after"], readings["with_effects"] = held_out.channels(after), after[:, of]
+    gaps = {stage: held_out.of(r) for stage, r in every.items()} | {"floor": held_out.floor()}
+    return Judged(held_out.block, held_out.count, gaps, without, channels, readings, further)
 
 
 def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
@@ -170,91 +143,12 @@ def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:
     ]
     fits = {k: a.refitter.without(k) for k in sorted({k for o in every for k in o.prepared.folds})}
     each = [
-        Judged.of(one, of, {fold: less.each[r] for fold, less in fits.items()})
+        judged(one, of, {fold: less.each[r] for fold, less in fits.items()})
         for r, (one, of) in enumerate(zip(every, claims, strict=True))
     ]
-    rows = np.array([j.held_out.rows for j in each])
-    drawn = Bootstrap([j.held_out for j in each], seed)
-    gaps = {s: np.concatenate([j.gaps[s] for j in each]) for s in each[0].gaps}
-    fitted, floor = gaps["calibrated"], gaps["floor"]
-    scale = drawn.average(fitted) - drawn.average(floor)
-    box = drawn.average(fitted) - drawn.average(gaps["box"])
-    with_effects, closed, in_sample, in_all = None, None, None, None
-    members, further = dict[str, Interval](), dict[str, Interval]()
-    if claim is not None:
-        after = gaps["with_effects"]
-        with_effects = drawn.mean(after)
-        origin = gaps["configured"] if claim.wrong and not claim.keep else fitted
-        closed = drawn.ratio(origin - after, origin - floor)
-        beside = {s: np.concatenate([j.further[s] for j in each]) for s in each[0].further}
-        before, left = origin + beside["calibrated"], after + beside["with_effects"]
-        in_all = drawn.ratio(before - left, before - floor)
-        for name in each[0].without:
-            without = np.concatenate([j.without[name] for j in each])
-            members[name] = drawn.mean(without + beside[name] - left)
-            further[name] = drawn.mean(beside[name] - beside["with_effects"])
-        in_sample = drawn.average(gaps["in_sample"])
-    channels = {
-        stage: rows @ np.stack([j.channels[stage] for j in each]) / rows.sum()
-        for stage in each[0].channels
-    }
-    return Closure(
-        configured=drawn.average(gaps["configured"]),
-        calibrated=drawn.mean(fitted),
-        with_effects=with_effects,
-        floor=float(np.round(drawn.average(floor), ROUNDED)),
-        closed=closed,
-        black_box=None if scale <= 0 else box / scale,
-        rows=int(rows.sum()),
-        folds=max(len(j.held_out.prepared.folds) for j in each),
-        per_channel={
-            c: {stage: float(gap[k]) for stage, gap in channels.items()}
-            for k, c in enumerate(a.prepared.units)
-        },
-        members=members,
-        in_sample=in_sample,
-        readings=each[0].readings,
-        in_all=in_all,
-        further=further,
-    )
-
-
-class Bootstrap:
-    """Blocks of held-out rows drawn anew: what a mean, or a ratio of means, might as well be."""
-
-    def __init__(self, held_out: Sequence[HeldOut], seed: int) -> None:
-        block = [np.stack([np.full_like(h.block, k), h.block]) for k, h in enumerate(held_out)]
-        blocks, at = np.unique(np.concatenate(block, axis=1), axis=1, return_inverse=True)
-        self._at = at.ravel()
-        self._count = blocks.shape[1]
-        self._weight = np.concatenate([h.count for h in held_out]).astype(float)
-        rng = np.random.default_rng([seed, 30])
-        self._drawn = rng.integers(self._count, size=(DRAWS, self._count))
-
-    def average(self, gaps: np.ndarray) -> float:
-        """Weighted mean over rows of gaps (S,)."""
-        return float(gaps @ self._weight / self._weight.sum())
-
-    def mean(self, gaps: np.ndarray) -> Interval:
-        """Mean over rows of gaps (S,), with its bootstrap interval."""
-        result = self.ratio(gaps, np.ones(len(gaps)))
-        assert result is not None  # there are rows
-        return result
-
-    def ratio(self, part: np.ndarray, of: np.ndarray) -> Interval | None:
-        """Ratio of the sums of two gaps (S,) with its interval; None if the second is not
-        positive."""
-        top, bottom = self._sums(part), self._sums(of)
-        if bottom.sum() <= 0:
-            return None
-        scale = bottom[self._drawn].sum(axis=1)
-        each = top[self._drawn].sum(axis=1) / np.where(scale > 0, scale, np.nan)
-        value = float(top.sum() / bottom.sum())
-        low, high = np.nanquantile(each, [0.025, 0.975])
-        return Interval(value, min(value, float(low)), max(value, float(high)))
-
-    def _sums(self, gaps: np.ndarray) -> np.ndarray:
-        return np.bincount(self._at, gaps * self._weight, self._count)
+    wrong = claim is not None and bool(claim.wrong) and not claim.keep
+    folds = max(len(o.prepared.folds) for o in every)
+    return closure(each, list(a.prepared.units), folds, seed, stated=wrong)
 
 
 class Claims:

@@ -1,9 +1,15 @@
 """Gaps of simulators on rows that no fit saw, each with its interval."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
+
+DRAWS = 500
+"""Resamples of the bootstrap over held-out blocks."""
+ROUNDED = 12
+"""Digits of the floor: at rest it is the rounding error of a mean of residuals."""
 
 
 @dataclass(frozen=True)
@@ -70,3 +76,141 @@ class Closure:
         total, closed = sum(back.values()), 0.0 if self.closed is None else self.closed.value
         closed = min(1.0, max(0.0, closed))
         return {k: closed * v / total if total > 0 else 0.0 for k, v in back.items()}
+
+
+class Rows(Protocol):
+    """Held-out observations of a recording (S of them)."""
+
+    @property
+    def block(self) -> np.ndarray:
+        """Block of time, or pose, of each (S,)."""
+        ...
+
+    @property
+    def count(self) -> np.ndarray:
+        """Rows behind each (S,)."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """Simulators of one recording on its held-out observations.
+
+    Attributes:
+        block, count: see `Rows`.
+        gaps: of each observation (S,) by simulator: ``configured``, ``calibrated``, ``box``,
+            ``floor``; with a claim also ``with_effects`` and, on rows that it saw, ``in_sample``.
+        without: gaps (S,) of the diagnosed simulator without each cause, by its name.
+        channels: gap of each channel (C,) ``before`` and ``after``.
+        readings: see `Closure`.
+        further: gaps (S,) of further channels than the first, all together, by simulator:
+            ``calibrated``, ``with_effects``, and without each cause by its name; empty without any.
+    """
+
+    block: np.ndarray
+    count: np.ndarray
+    gaps: Mapping[str, np.ndarray]
+    without: Mapping[str, np.ndarray]
+    channels: Mapping[str, np.ndarray]
+    readings: Mapping[str, np.ndarray] = field(default_factory=dict)
+    further: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
+def closure(
+    each: Sequence[Judged], names: Sequence[str], folds: int, seed: int, *, stated: bool
+) -> Closure:
+    """Gaps of all recordings together, with intervals from blocks drawn anew.
+
+    Args:
+        each: the recordings.
+        names: of the channels (C,).
+        folds: parts of a recording, each of which was held out once.
+        seed: of the bootstrap.
+        stated: whether the causes are wrong stated numbers alone, which the usual fit takes: then
+            they close the configured gap.
+    """
+    drawn = Bootstrap(each, seed)
+    gaps = {s: np.concatenate([j.gaps[s] for j in each]) for s in each[0].gaps}
+    fitted, floor = gaps["calibrated"], gaps["floor"]
+    scale = drawn.average(fitted) - drawn.average(floor)
+    box = drawn.average(fitted) - drawn.average(gaps["box"])
+    with_effects, closed, in_sample, in_all = None, None, None, None
+    members, further = dict[str, Interval](), dict[str, Interval]()
+    if "with_effects" in gaps:
+        after = gaps["with_effects"]
+        with_effects = drawn.mean(after)
+        origin = gaps["configured"] if stated else fitted
+        closed = drawn.ratio(origin - after, origin - floor)
+        beside = {
+            s: np.concatenate([j.further.get(s, np.zeros(len(j.count))) for j in each])
+            for s in ("calibrated", "with_effects", *each[0].without)
+        }
+        before, left = origin + beside["calibrated"], after + beside["with_effects"]
+        in_all = drawn.ratio(before - left, before - floor)
+        for name in each[0].without:
+            without = np.concatenate([j.without[name] for j in each])
+            members[name] = drawn.mean(without + beside[name] - left)
+            further[name] = drawn.mean(beside[name] - beside["with_effects"])
+        in_sample = drawn.average(gaps["in_sample"])
+    rows = np.array([int(j.count.sum()) for j in each])
+    channels = {
+        stage: rows @ np.stack([j.channels[stage] for j in each]) / rows.sum()
+        for stage in each[0].channels
+    }
+    return Closure(
+        configured=drawn.average(gaps["configured"]),
+        calibrated=drawn.mean(fitted),
+        with_effects=with_effects,
+        floor=float(np.round(drawn.average(floor), ROUNDED)),
+        closed=closed,
+        black_box=None if scale <= 0 else box / scale,
+        rows=int(rows.sum()),
+        folds=folds,
+        per_channel={
+            c: {stage: float(gap[k]) for stage, gap in channels.items()}
+            for k, c in enumerate(names)
+        },
+        members=members,
+        in_sample=in_sample,
+        readings=each[0].readings,
+        in_all=in_all,
+        further=further,
+    )
+
+
+class Bootstrap:
+    """Blocks of held-out rows drawn anew: what a mean, or a ratio of means, might as well be."""
+
+    def __init__(self, held_out: Sequence[Rows], seed: int) -> None:
+        block = [np.stack([np.full_like(h.block, k), h.block]) for k, h in enumerate(held_out)]
+        blocks, at = np.unique(np.concatenate(block, axis=1), axis=1, return_inverse=True)
+        self._at = at.ravel()
+        self._count = blocks.shape[1]
+        self._weight = np.concatenate([h.count for h in held_out]).astype(float)
+        rng = np.random.default_rng([seed, 30])
+        self._drawn = rng.integers(self._count, size=(DRAWS, self._count))
+
+    def average(self, gaps: np.ndarray) -> float:
+        """Weighted mean over rows of gaps (S,)."""
+        return float(gaps @ self._weight / self._weight.sum())
+
+    def mean(self, gaps: np.ndarray) -> Interval:
+        """Mean over rows of gaps (S,), with its bootstrap interval."""
+        result = self.ratio(gaps, np.ones(len(gaps)))
+        assert result is not None  # there are rows
+        return result
+
+    def ratio(self, part: np.ndarray, of: np.ndarray) -> Interval | None:
+        """Ratio of the sums of two gaps (S,) with its interval; None if the second is not
+        positive."""
+        top, bottom = self._sums(part), self._sums(of)
+        if bottom.sum() <= 0:
+            return None
+        scale = bottom[self._drawn].sum(axis=1)
+        each = top[self._drawn].sum(axis=1) / np.where(scale > 0, scale, np.nan)
+        value = float(top.sum() / bottom.sum())
+        low, high = np.nanquantile(each, [0.025, 0.975])
+        return Interval(value, min(value, float(low)), max(value, float(high)))
+
+    def _sums(self, gaps: np.ndarray) -> np.ndarray:
+        return np.bincount(self._at, gaps * self._weight, self._count)
