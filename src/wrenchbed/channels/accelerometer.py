@@ -41,9 +41,9 @@ class Accelerometer(Channel):
     gain: np.ndarray = field(default_factory=lambda: np.eye(3))
     zero: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
-    def fitted(self, read: np.ndarray, scene: Scene) -> Self | None:
-        held = scene.held
-        design = np.column_stack([seen(scene, Pose(*scene.pose))[held], np.ones(len(read))])
+    def fitted(self, read: np.ndarray, scene: Scene, pose: Pose | None = None) -> Self | None:
+        gravity = seen(scene, pose or Pose(*scene.pose))[scene.held]
+        design = np.column_stack([gravity, np.ones(len(read))])
         scales = np.linalg.svd(design, compute_uv=False)
         if scales[-1] < _RANK * scales[0]:
             return None

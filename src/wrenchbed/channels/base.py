@@ -40,6 +40,8 @@ class Channel(ABC):
     """Stages of effects that change the readings."""
     modes: ClassVar[tuple[str, ...]] = ("static",)
     """Modes of the recordings in which it is compared."""
+    located: ClassVar[bool] = False
+    """Whether it depends on where the arm is, not only on how it is turned."""
     floor: ClassVar[float] = 0.0
     """Least standard deviation of an observation, in the columns' unit: what its sensor wanders by
     during a recording, whatever its rows scatter."""
@@ -71,9 +73,19 @@ class Channel(ABC):
         """Readings of the rows that are used (N, k)."""
         return np.stack([recording.columns[c][data.keep] for c in self.columns], axis=1)
 
-    def fitted(self, read: np.ndarray, scene: Scene) -> Self | None:
-        """The channel with its nuisance parameters as they fit readings (H, k) of a scene without
-        effects; None if they do not determine them."""
+    def fitted(self, read: np.ndarray, scene: Scene, pose: Pose | None = None) -> Self | None:
+        """The channel with its nuisance parameters as they fit readings; None if these do not
+        determine them.
+
+        Args:
+            read: of the held rows (H, k).
+            scene: the rows.
+            pose: of the sensor in all rows; as without effects if None.
+        """
+        return self
+
+    def facing(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
+        """The channel with nuisance as `fitted` to readings, where these are not linear in it."""
         return self
 
     @abstractmethod

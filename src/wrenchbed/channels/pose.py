@@ -43,6 +43,7 @@ class TargetPose(Channel):
     title = "place of a target on the flange as a tracker measures it"
     columns: ClassVar[Mapping[str, str]] = dict.fromkeys(("mx", "my", "mz"), "m")
     usual = "the places of tracker and target"
+    located = True
     floor = 2e-5
     """0.02 mm: a laser tracker over some metres, its target's runout included; estimate."""
 
@@ -53,30 +54,36 @@ class TargetPose(Channel):
     def applies(self, recording: Recording) -> bool:
         return bool(recording.joints) and super().applies(recording)
 
-    def fitted(self, read: np.ndarray, scene: Scene) -> Self | None:
-        position = _in_world(scene)[1][scene.held]
+    def fitted(self, read: np.ndarray, scene: Scene, pose: Pose | None = None) -> Self | None:
+        rotation, position = (value(x)[scene.held] for x in pose or scene.pose)
         centre, middle = read.mean(axis=0), position.mean(axis=0)
         u, _, vt = np.linalg.svd((read - centre).T @ (position - middle))  # Kabsch 1976
         turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
         channel = replace(self, turn=turn, shift=centre - turn @ middle)
         for _ in range(_STEPS):
-            slopes = flat(channel.nuisance(scene)[scene.held])
+            slopes = flat(channel._slopes(rotation, position))
             scales = np.linalg.svd(slopes, compute_uv=False)
             if scales[-1] < _RANK * scales[0]:
                 return None
-            residual = (read - channel._read(*_in_world(scene))[scene.held]).ravel()
+            residual = (read - channel._read(rotation, position)).ravel()
             change = np.linalg.lstsq(slopes, residual, rcond=None)[0]
             channel = channel._moved(change)
             if np.abs(change).max() < _DONE:
                 break
-        left = read - channel._read(*_in_world(scene))[scene.held]
+        left = read - channel._read(rotation, position)
         return channel if left.std() < _FOLLOWS * (read - centre).std() else None
+
+    def facing(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
+        return self.fitted(read, scene, pose) or self
 
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
         return self._read(value(pose.rotation), value(pose.position))
 
     def nuisance(self, scene: Scene) -> np.ndarray:
-        rotation, position = _in_world(scene)
+        return self._slopes(*(value(x) for x in scene.pose))
+
+    def _slopes(self, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
+        """Slopes (M, 3, 9) at orientations (M, 3, 3) and places (M, 3) [m] of the sensor."""
         away = (position + apply(rotation, self.target)) @ self.turn.T
         about = np.stack([cross(axis, away) for axis in np.eye(3)], axis=2)
         along = np.broadcast_to(np.eye(3), about.shape)
@@ -92,12 +99,6 @@ class TargetPose(Channel):
             self, turn=turn @ self.turn, shift=self.shift + change[3:6],
             target=self.target + change[6:],
         )  # fmt: skip
-
-
-def _in_world(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
-    """Orientation (M, 3, 3) and place (M, 3) [m] of the sensor without effects."""
-    rotation, position = (value(x) for x in scene.pose)
-    return rotation, np.broadcast_to(position, (len(scene), 3))
 
 
 CHANNEL = TargetPose()

@@ -4,7 +4,7 @@ Readings (M, C) hold the columns of one channel after the other, the wrench's fi
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, TypeVar
@@ -36,6 +36,21 @@ def readings(
     return _predicted(channels, chain, scene, *chain.placed(scene))
 
 
+def refitted(
+    channels: Sequence[Channel], scene: Scene, active: Sequence[ActiveEffect], read: np.ndarray,
+    seen: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """`readings` with nuisance fitted to what was read at the held rows (H, C), as far as these are
+    seen (H,), boolean."""
+    chain = EffectChain(active)
+    pose, load = chain.placed(scene)
+    held = np.zeros(len(scene), dtype=bool)
+    held[np.flatnonzero(scene.held)[seen]] = True
+    some, each = replace(scene, held=held), zip(channels, slices(channels), strict=True)
+    fitted = [c.fitted(read[seen, of], some, pose) or c for c, of in each]
+    return _predicted(fitted, chain, scene, pose, load)
+
+
 def slices(channels: Sequence[Channel]) -> tuple[slice, ...]:
     """Places of each channel's columns among all C."""
     ends = np.cumsum([0, *(len(c.columns) for c in channels)]).tolist()
@@ -55,12 +70,13 @@ def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
 class Responses:
     """Readings of one scene with many sets of effects, as `readings` makes them.
 
-    A fit changes one number after the other: what the stages up to the pose make is kept while the
+    Nuisance that is not linear follows each set, so that readings stay near the measured ones: what
+    is left of it is small, and a fit takes it linearly. A fit changes one number after the other: what the stages up to the pose make is kept while the
     effects that act there stay as they are, and readings are kept while all do.
     """
 
-    def __init__(self, scene: Scene, channels: Sequence[Channel]) -> None:
-        self.scene, self.channels = scene, channels
+    def __init__(self, scene: Scene, channels: Sequence[Channel], read: np.ndarray) -> None:
+        self.scene, self.channels, self.read = scene, channels, read
         self._placed: dict[_Key, tuple[Pose, np.ndarray]] = {}
         self._readings: dict[_Key, np.ndarray] = {}
 
@@ -72,7 +88,9 @@ class Responses:
         chain = EffectChain(active)
         early = [a for a in active if not PLACING.isdisjoint(a.effect.stages)]
         pose, load = _kept(self._placed, _key(early), lambda: chain.placed(self.scene))
-        return _predicted(self.channels, chain, self.scene, pose, load)
+        each = zip(self.channels, slices(self.channels), strict=True)
+        channels = [c.facing(self.read[:, of], self.scene, pose) for c, of in each]
+        return _predicted(channels, chain, self.scene, pose, load)
 
 
 def _key(active: Sequence[ActiveEffect]) -> _Key:

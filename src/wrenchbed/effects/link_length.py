@@ -18,7 +18,8 @@ class LinkLength(ModelEffect):
 
     A serial arm's lengths move no wrench at rest, its twists do; every length of a loop does.
 
-    Seen in: varied orientations for twists and loops, a motion for the lengths of a serial arm.
+    Seen in: varied orientations for twists and loops, a motion or a tracker for the lengths of a
+    serial arm.
     """
 
     name = "link.length"
@@ -47,9 +48,10 @@ class LinkLength(ModelEffect):
         if not twists:
             return ()
         result = [*single(twists), together("all twists", twists, 2.0)]
-        if scene.moving:
+        if not scene.located:
             nominal = scene.robot.parameters.mapping(scene.robot.parameters.nominal)
             lengths = [n for n in lengths if nominal[n] != 0.0 and n != "d1"]  # d1 only lifts all
+        if scene.moving or scene.located:
             result += [*single(lengths), together("all lengths", lengths)]
         return tuple(result)
 

@@ -41,6 +41,7 @@ class Scene:
         warmth: temperature above the first row's (M,) [K], None where it was not recorded.
         extra: measured accelerations by name (M, 3).
         averaged: whether the rows are averages of one motion without joints, on an even clock.
+        located: whether readings depend on where the arm is, not only on how it is turned.
     """
 
     robot: Robot
@@ -52,6 +53,7 @@ class Scene:
     warmth: np.ndarray | None = None
     extra: Mapping[str, np.ndarray] = field(default_factory=dict)
     averaged: bool = False
+    located: bool = False
 
     def __len__(self) -> int:
         return len(self.t)

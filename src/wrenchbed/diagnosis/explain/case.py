@@ -40,7 +40,7 @@ class Case:
         self.searcher, self.y = searcher, y
         self.d = searcher.d
         self.scene = self.d.prepared.scene
-        self._responses = Responses(self.scene, self.d.prepared.channels)
+        self._responses = Responses(self.scene, self.d.prepared.channels, self.d.prepared.y)
         self._zero = self.d.baseline
         self.exact: dict[int, BackgroundLevel] = {}
         self._freed: dict[tuple[int, frozenset[int]], BackgroundLevel] = {}

@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.channels.base import flat
-from wrenchbed.channels.response import readings
+from wrenchbed.channels.response import refitted
 from wrenchbed.diagnosis.explain.claims import corrected, moved_by
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
@@ -101,7 +100,10 @@ def simulated(p: Prepared, twin: Twin) -> np.ndarray:
     """Readings (M, c) of the leading channel: MuJoCo's of a wrench, else the closed form's."""
     if p.has_wrench:
         return twin.wrench(p.scene)
-    return readings(p.channels[:1], replace(p.scene, theta=twin.robot_theta), twin.active)
+    p = p.leading
+    return refitted(
+        p.channels, replace(p.scene, theta=twin.robot_theta), twin.active, p.y, p.fitted
+    )
 
 
 class CrossFit:
@@ -120,14 +122,13 @@ class CrossFit:
         self._held = {k: self._rows(k) for k in a.prepared.folds}
         without, p = a.refitter.without, a.prepared
         self._fits = {k: without(k) if fits is None else fits[k] for k in p.folds}
-        self._nuisance = [c.nuisance(p.scene) for c in p.channels]
 
     def calibrated(self, baseline: Twin) -> np.ndarray:
         """Readings (M, C) of the simulator after bias, mass and CoG were fitted."""
         a, whole = self._a, self._a.at_baseline
         error, all_rows = _errors(a.baseline, whole), whole.d.fitted(whole.y)
         at_all = self._read(a.baseline.configuration, ())
-        result = self._beside(simulated(a.prepared, baseline), at_all)
+        result = self._simulated(baseline, at_all)
         for k in self._fits:
             refitter = whole.without(k)
             moved = error + refitter.d.fitted(refitter.y) - all_rows
@@ -148,7 +149,7 @@ class CrossFit:
         """
         a = self._a
         at_all = self._read(Configuration(twin.model, twin.theta), twin.active)
-        result = self._beside(simulated(a.prepared, twin), at_all)
+        result = self._simulated(twin, at_all)
         names = [*(f.parts[k].name for k in keep), *wrong]
         without = {name: result.copy() for name in names}
         for fold, refitter in self._fits.items():
@@ -175,13 +176,21 @@ class CrossFit:
     def _add(self, reading: np.ndarray, fold: int, change: np.ndarray) -> None:
         reading[self._held[fold]] += change[self._held[fold]]
 
-    def _read(self, c: Configuration, active: Sequence[ActiveEffect]) -> np.ndarray:
-        """Simulated readings (M, C) in closed form."""
+    def _read(
+        self, c: Configuration, active: Sequence[ActiveEffect], seen: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Simulated readings (M, C) in closed form, nuisance fitted to what is seen (H,)."""
         p = self._a.prepared
-        every = readings(p.channels, replace(p.scene, theta=c.robot_theta), active)
+        seen = p.fitted if seen is None else seen
+        every = refitted(p.channels, replace(p.scene, theta=c.robot_theta), active, p.y, seen)
         if not p.has_wrench:
             return every
         return self._beside(c.model.read(every[:, p.families[0]], c.theta), every)
+
+    def _simulated(self, twin: Twin, at_all: np.ndarray) -> np.ndarray:
+        """Readings (M, C), of a wrench MuJoCo's, of other channels the closed form's (M, C)."""
+        p = self._a.prepared
+        return self._beside(twin.wrench(p.scene), at_all) if p.has_wrench else at_all.copy()
 
     def _beside(self, leading: np.ndarray, every: np.ndarray) -> np.ndarray:
         """Readings (M, C) with others of the leading channel (M, c)."""
@@ -189,17 +198,7 @@ class CrossFit:
 
     def _predicted(self, fold: int, c: Configuration, active: Sequence[ActiveEffect]) -> np.ndarray:
         """Simulated readings (M, C), nuisance fitted to the rows outside a fold."""
-        p, result = self._a.prepared, self._read(c, active)
-        held, seen = p.scene.held, p.without(fold).fitted
-        for of, slopes in zip(p.families, self._nuisance, strict=True):
-            if not slopes.shape[2]:
-                continue
-            scale = np.maximum(np.linalg.norm(flat(slopes), axis=0), 1e-300)
-            design = flat((slopes / scale)[held][seen])
-            residual = (p.y - result[held])[seen, of].ravel()
-            fitted = np.linalg.lstsq(design, residual, rcond=1e-6)[0] / scale
-            result[:, of] += slopes @ fitted
-        return result
+        return self._read(c, active, self._a.prepared.without(fold).fitted)
 
 
 def restored(now: Configuration, stated: Configuration, name: str) -> Configuration:

@@ -39,7 +39,8 @@ def with_further_channels(prepared: Prepared, data: Observations) -> Prepared:
 
 
 def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
-    scene, recording = prepared.scene, prepared.recording
+    recording = prepared.recording
+    scene = replace(prepared.scene, located=True) if channel.located else prepared.scene
     y = channel.measured(recording, data)
     fitted = channel.fitted(y, scene)
     if fitted is None:
@@ -61,6 +62,7 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
     row = None if prepared.row is None else block_diag(prepared.row, np.diag(unit**2))
     return replace(
         prepared,
+        scene=scene,
         channels=(*prepared.channels, fitted),
         y=np.concatenate([prepared.y, y], axis=1),
         covariance=block_diag(prepared.covariance, np.diag(unit**2)),
