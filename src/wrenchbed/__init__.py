@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from wrenchbed.calibration.fit import Fit
     from wrenchbed.calibration.learn_sensor import LearnedSensor, learn_sensor
     from wrenchbed.calibration.touches import Touches
+    from wrenchbed.calibration.tracker import calibrate_tracker
     from wrenchbed.campaigns.recording.run import record
     from wrenchbed.campaigns.settings import Fleet
     from wrenchbed.campaigns.simulated_robots import campaign
@@ -98,6 +99,7 @@ __all__ = [
     "blind_score",
     "calibrate",
     "calibrate_efforts",
+    "calibrate_tracker",
     "campaign",
     "check",
     "check_plan",

@@ -93,10 +93,15 @@ def sets(scene, count=30):
         yield [ActiveEffect(e, values[e.name]) for e in some]
 
 
+def responses(scene):
+    poses = int(scene.held.sum())
+    return Responses(scene, (WRENCH,), np.zeros((poses, 6)), np.zeros(poses, dtype=bool))
+
+
 @pytest.mark.parametrize("label", SCENES)
 def test_readings_are_those_of_each_set_alone(label):
     scene = scene_of(label)
-    kept = Responses(scene, (WRENCH,), np.zeros((0, 6)))
+    kept = responses(scene)
     for active in sets(scene):
         assert np.array_equal(kept.of(active), respond(scene, active), equal_nan=True)
 
@@ -108,7 +113,7 @@ def test_a_pose_is_made_once_while_only_later_stages_change(monkeypatch):
     monkeypatch.setattr(
         EffectChain, "placed", lambda self, scene: made.append(1) or placed(self, scene)
     )
-    kept = Responses(scene, (WRENCH,), np.zeros((0, 6)))
+    kept = responses(scene)
     offset, gain = (registry.load("effects", n) for n in ("joint.offset", "sensor.gain"))
     for k in range(5):
         numbers = gain.values(scene.robot, {"gain.fx": 0.01 * k})

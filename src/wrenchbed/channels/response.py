@@ -44,11 +44,16 @@ def refitted(
     seen (H,), boolean."""
     chain = EffectChain(active)
     pose, load = chain.placed(scene)
-    held = np.zeros(len(scene), dtype=bool)
-    held[np.flatnonzero(scene.held)[seen]] = True
-    some, each = replace(scene, held=held), zip(channels, slices(channels), strict=True)
+    some, each = _only(scene, seen), zip(channels, slices(channels), strict=True)
     fitted = [c.fitted(read[seen, of], some, pose) or c for c, of in each]
     return _predicted(fitted, chain, scene, pose, load)
+
+
+def _only(scene: Scene, seen: np.ndarray) -> Scene:
+    """The scene with those of its held rows as held that are seen (H,), boolean."""
+    held = np.zeros(len(scene), dtype=bool)
+    held[np.flatnonzero(scene.held)[seen]] = True
+    return replace(scene, held=held)
 
 
 def slices(channels: Sequence[Channel]) -> tuple[slice, ...]:
@@ -71,12 +76,17 @@ class Responses:
     """Readings of one scene with many sets of effects, as `readings` makes them.
 
     Nuisance that is not linear follows each set, so that readings stay near the measured ones: what
-    is left of it is small, and a fit takes it linearly. A fit changes one number after the other: what the stages up to the pose make is kept while the
-    effects that act there stay as they are, and readings are kept while all do.
+    is left of it is small, and a fit takes it linearly. A fit changes one number after the other:
+    what the stages up to the pose make is kept while the effects that act there stay as they are,
+    and readings are kept while all do.
     """
 
-    def __init__(self, scene: Scene, channels: Sequence[Channel], read: np.ndarray) -> None:
-        self.scene, self.channels, self.read = scene, channels, read
+    def __init__(
+        self, scene: Scene, channels: Sequence[Channel], read: np.ndarray, seen: np.ndarray
+    ) -> None:
+        """Of what was read at the held rows (H, C), as far as these are seen (H,), boolean."""
+        self.scene, self.channels = scene, channels
+        self._read, self._seen = read[seen], _only(scene, seen)
         self._placed: dict[_Key, tuple[Pose, np.ndarray]] = {}
         self._readings: dict[_Key, np.ndarray] = {}
 
@@ -89,7 +99,7 @@ class Responses:
         early = [a for a in active if not PLACING.isdisjoint(a.effect.stages)]
         pose, load = _kept(self._placed, _key(early), lambda: chain.placed(self.scene))
         each = zip(self.channels, slices(self.channels), strict=True)
-        channels = [c.facing(self.read[:, of], self.scene, pose) for c, of in each]
+        channels = [c.facing(self._read[:, of], self._seen, pose) for c, of in each]
         return _predicted(channels, chain, self.scene, pose, load)
 
 

@@ -13,6 +13,7 @@ from rich.text import Text
 import wrenchbed as wb
 from wrenchbed.calibration.fit import IdentifiedValue
 from wrenchbed.calibration.fit_words import FitWords, fit_words, parameter_words
+from wrenchbed.calibration.tracker_fit import TrackerFit
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Json
 from wrenchbed.data.outputs import Kind
@@ -24,12 +25,14 @@ from wrenchbed.physics.wrench import CHANNELS
 
 @dataclass(frozen=True)
 class DataArguments:
-    """What is fitted: the wrench, with touches of known points, or the joint efforts."""
+    """What is fitted: the wrench, with touches of known points, joint efforts, or a tracker's
+    readings."""
 
-    # What is fitted; the wrench, or the joint efforts (tau1 … or i1 …) of a recording without one.
-    # Of efforts, --free takes drive, drive.coulomb, drive.viscous, drive.offset, drive.inertia,
-    # drive.constant, tool, link.
-    channels: Literal["wrench", "effort"] | None = None
+    # What is fitted; the wrench, or the joint efforts (tau1 … or i1 …) of a recording without one,
+    # or the places of a target (mx my mz). Of efforts, --free takes drive, drive.coulomb,
+    # drive.viscous, drive.offset, drive.inertia, drive.constant, tool, link; of a tracker the
+    # geometry (a2, dq3, …) and the joints' compliances (compliance.q?).
+    channels: Literal["wrench", "effort", "pose"] | None = None
     # Known drive constants of motor currents, one a joint, gear included [N·m/A].
     constants: tuple[float, ...] | None = None
     # Recording of touches (columns px py pz) of the same robot, fitted together.
@@ -69,16 +72,23 @@ def calibrate(
     console.check_out(report, Kind.PAGE, recording, given.touches, truth, out)
     known = None if truth is None else console.parameters(truth)
     data = wb.Recording.read(recording)
-    if given.channels == "effort" or (given.channels is None and not data.has_wrench):
-        others = {"--hold": fit.hold, "--prior": fit.prior, "--touches": given.touches,
-                 "--truth": truth, "--report": report,
+    channels = given.channels or _channels(data)
+    if channels != "wrench":
+        others = {"--touches": given.touches, "--truth": truth, "--report": report,
                  "--loss": fit.loss != "linear"}  # fmt: skip
+        if channels == "effort":
+            others = {"--hold": fit.hold, "--prior": fit.prior, **others}
         if refused := [flag for flag, value in others.items() if value]:
-            raise ParameterError(f"{refused[0]} is for wrenches: leave it out, efforts have none")
+            what = "efforts have none" if channels == "effort" else "a tracker's readings have none"
+            raise ParameterError(f"{refused[0]} is for wrenches: leave it out, {what}")
+    if channels == "effort":
         _efforts(data, fit, given.constants, out, as_json)
         return
     if given.constants is not None:
         raise ParameterError("--constants is for joint efforts: leave it out, or --channels effort")
+    if channels == "pose":
+        _places(data, fit, out, as_json)
+        return
     with console.progress(f"calibrate {len(data):,} rows", None):
         result = wb.calibrate(data, fit, given.read())
     for name, value in (known or {}).items():
@@ -97,6 +107,34 @@ def calibrate(
     named = (("fit", out), ("page", report))
     written = [f"{what} → {path}" for what, path in named if path is not None]
     console.answer(result.to_json(), as_json, fit_table(result, known), *written)
+
+
+def _channels(data: wb.Recording) -> str:
+    """What is fitted where nothing else is said: the wrench, else joint efforts, else places."""
+    if data.has_wrench:
+        return "wrench"
+    return "pose" if data.effort is None else "effort"
+
+
+def _places(data: wb.Recording, options: wb.Options, out: Path | None, as_json: bool) -> None:
+    with console.progress(f"calibrate {len(data):,} rows", None):
+        result = wb.calibrate_tracker(data, options)
+    if out is not None:
+        result.write(out)
+    written = [] if out is None else [f"fit → {out}"]
+    console.answer(result.to_json(), as_json, tracker_fit_table(result), *written)
+
+
+def tracker_fit_table(fit: TrackerFit) -> Group:
+    """Parameters, errors before and after, what the places cannot tell, and the status."""
+    rows = f"{fit.poses} poses, {fit.rows} rows"
+    head = Text.assemble(("places of a target ", "bold"), f"{fit.recording}  {fit.robot}, {rows}")
+    errors = console.table("|rms distance", ">mm", space=1)
+    for label, size in fit.errors:
+        errors.add_row(label, f"{1e3 * size:.3g}")
+    parts: list[Any] = [head, "", _parameters(fit.identified), "", errors]
+    parts += console.section("what this data cannot tell", fit.cannot_tell)
+    return Group(*parts, *console.section("status", [fit.status]))
 
 
 def _efforts(

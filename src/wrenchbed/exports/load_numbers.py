@@ -16,7 +16,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
+from wrenchbed.calibration.tracker_fit import COMPLIANCE
 from wrenchbed.data.metadata import stated_robot
+from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.errors import ExportError
 from wrenchbed.files import checked
 from wrenchbed.physics.rotations import exp
@@ -204,8 +206,35 @@ def calibrated_twin(path: str | Path) -> Twin:
         ExportError, TwinError: it is neither, or cannot be trusted; names the file and the field.
     """
     raw = checked.load(path, ExportError)
-    fit = isinstance(raw, dict) and "parameters" in raw
-    return load_numbers(path).twin if fit else Twin.read(path)
+    if not isinstance(raw, dict) or "parameters" not in raw:
+        return Twin.read(path)
+    fields = checked.Fields(raw, f"{path}: ", ExportError)
+    return _twin_of_fit(fields) if raw.get("channels") == "pose" else load_numbers(path).twin
+
+
+def _twin_of_fit(fields: checked.Fields) -> Twin:
+    """The simulator of a fit; of one to a tracker's readings with its joints' springs.
+
+    Raises:
+        ExportError: its data refute it, or it did not converge.
+    """
+    where, raw = fields.where, fields.raw
+    if raw.get("refuted"):
+        raise ExportError(f"{where}its own data refute it: {raw['refuted']}")
+    if raw.get("converged") is not True:
+        raise ExportError(f"{where}converged is not true: such a fit is not exported")
+    names, robot = fields.part("theta").raw, ORIENTED
+    if set(names) != set(Model.of(ORIENTED).parameters.names):
+        with fields.naming("robot"):
+            robot = registry.load("robots", stated_robot(raw, str(raw.get("robot"))))
+    gravity = fields.numbers("gravity", 3, rule="must be 3 numbers [m/s²]")
+    model, parameters = Model(robot, gravity or tuple(robot.gravity)), fields.part("parameters")
+    with fields.naming("theta"):
+        theta = model.parameters.vector(names)
+    springs = [name for name in parameters.raw if name.startswith(COMPLIANCE)]
+    give = {name: parameters.part(name).number("value", "") for name in springs}
+    active = (ActiveEffect.of(robot, "joint.compliance", give),) if give else ()
+    return Twin(model, theta, active, fields.text("recording"))
 
 
 def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> Vectors:
@@ -257,23 +286,13 @@ def _mount(mount: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _of_fit(fields: checked.Fields) -> _Calibrated:
-    where, raw = fields.where, fields.raw
-    if raw.get("refuted"):
-        raise ExportError(f"{where}its own data refute it: {raw['refuted']}")
-    if raw.get("channels") == "effort":
-        raise ExportError(
-            f"{where}is a fit of joint efforts: a load is exported from a fit of the wrench"
-        )
-    if raw.get("converged") is not True:
-        raise ExportError(f"{where}converged is not true: such a fit is not exported")
-    names, robot = fields.part("theta").raw, ORIENTED
-    if set(names) != set(Model.of(ORIENTED).parameters.names):
-        with fields.naming("robot"):
-            robot = registry.load("robots", stated_robot(raw, str(raw.get("robot"))))
-    gravity = fields.numbers("gravity", 3, rule="must be 3 numbers [m/s²]")
-    model = Model(robot, gravity or tuple(robot.gravity))
-    with fields.naming("theta"):
-        theta = model.parameters.vector(names)
+    for kind, what in (("effort", "joint efforts"), ("pose", "a tracker's readings")):
+        if fields.raw.get("channels") == kind:
+            raise ExportError(
+                f"{fields.where}is a fit of {what}: a load is exported from a fit of the wrench"
+            )
+    twin = _twin_of_fit(fields)
+    model, robot = twin.model, twin.model.robot
     parameters = fields.part("parameters")
     with fields.naming("parameters"):
         free = tuple(model.parameters.index(name) for name in parameters.raw)
@@ -287,7 +306,6 @@ def _of_fit(fields: checked.Fields) -> _Calibrated:
         if name not in robot.load and not name.startswith(_CARRIED):
             value, unit = entry.get("value"), entry.get("unit")
             others.append(f"{name} = {value:.6g} {unit}" if checked.is_number(value) else name)
-    twin = Twin(model, theta, (), fields.text("recording"))
     return _Calibrated(twin, free, covariance, blind, tuple(others))
 
 

@@ -40,7 +40,6 @@ class Case:
         self.searcher, self.y = searcher, y
         self.d = searcher.d
         self.scene = self.d.prepared.scene
-        self._responses = Responses(self.scene, self.d.prepared.channels, self.d.prepared.y)
         self._zero = self.d.baseline
         self.exact: dict[int, BackgroundLevel] = {}
         self._freed: dict[tuple[int, frozenset[int]], BackgroundLevel] = {}
@@ -54,6 +53,11 @@ class Case:
     def normal(self) -> np.ndarray:
         """Indices of the rungs that a robot without a fault may be on."""
         return np.flatnonzero([rung.normal for rung in self.searcher.rungs])
+
+    @cached_property
+    def _responses(self) -> Responses:
+        p = self.d.prepared
+        return Responses(self.scene, p.channels, p.y, p.fitted)
 
     @property
     def nothing_alone(self) -> int:

@@ -1,0 +1,323 @@
+"""A robot's geometry from the places of a target on its flange, as a tracker measures them.
+
+m = T (x + R p) + s at joint values q + dq + c τ: x and R are the sensor's place and orientation, c
+the joints' compliances under the torques τ of weight. Where the tracker stands (T, s) and where the
+target sits (p) is fitted too, with so large a scale that they take all that geometry could hold as
+well: a zero of the first joint turns everything that the tracker sees.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy import special
+
+from wrenchbed.calibration.calibrate import CalibrationOptions
+from wrenchbed.calibration.fit import IdentifiedValue
+from wrenchbed.calibration.least_squares import Solution, solve
+from wrenchbed.calibration.observability import analyse
+from wrenchbed.calibration.observations import usable
+from wrenchbed.calibration.tracker_fit import COMPLIANCE, TrackerFit
+from wrenchbed.data.holds import gather
+from wrenchbed.data.recording import TARGET, Recording
+from wrenchbed.errors import CalibrationError
+from wrenchbed.physics.parameters import Parameter, ParameterSet
+from wrenchbed.physics.rotations import apply, exp
+from wrenchbed.robots.base import STEP, Robot, complex_steps
+from wrenchbed.simulation.closed_form import Model, robot_of
+
+GIVE = {"rad": ("rad/(N·m)", 7e-5), "m": ("m/N", 3e-6)}
+"""Unit and typical size of a joint's compliance, as the effect ``joint.compliance`` has it."""
+FOLDS = 4
+"""Parts of the poses, each of which is held out once."""
+_STAND = ParameterSet(
+    tuple(
+        Parameter(f"{name}.{a}", 0.0, unit, 10.0, -np.inf, np.inf)
+        for name, unit in (
+            ("tracker.rotation", "rad"), ("tracker.position", "m"), ("target.position", "m")
+        )
+        for a in "xyz"
+    )
+)  # fmt: skip
+"""Stand of the tracker and place of the target in sensor axes; sizes far beyond any geometry's."""
+_HIDDEN = ("base.tilt.", "mount.")
+"""Groups of parameters that stand and target replace."""
+_LOADED = 1e-3
+"""Range of the torque of weight that tells a joint's compliance from its zero [N·m or N]."""
+_WIDE = 30.0
+"""Tolerances within which a parameter is without a prior: an effect may have so many times its
+typical size. What poses hardly tell, as lengths along nearly parallel axes, stays where it is."""
+_TOLD = 0.5
+"""Standard uncertainty over that of before, above which the data do not tell a parameter."""
+_NOISE_STEPS, _SAME_NOISE = 5, 0.01
+"""Times at most that the weights follow the noise that the fit shows, and the relative change from
+which they stay."""
+_LEAST_NOISE = 1e-7
+"""Noise of readings that have none [m]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """H places of a target, and the robot that is fitted to them.
+
+    Attributes:
+        model: robot and gravity.
+        theta: its parameters (P,) as stated.
+        q: joint values (H, J).
+        read: places (H, 3) in the tracker's axes [m].
+        columns: of the geometry that is free, among all parameters.
+        joints: numbers from 0 of the joints whose compliance is free.
+        turn: rotation (3, 3) of the tracker about which its rotation vector is counted.
+    """
+
+    model: Model
+    theta: np.ndarray
+    q: np.ndarray
+    read: np.ndarray
+    columns: tuple[int, ...]
+    joints: tuple[int, ...]
+    turn: np.ndarray
+
+    @cached_property
+    def parameters(self) -> ParameterSet:
+        """All that is free: geometry, compliances, stand and target."""
+        robot = self.model.robot
+        give = [
+            Parameter(f"{COMPLIANCE}{j + 1}", 0.0, *GIVE[robot.joints[j].unit], -1.0, 1.0)
+            for j in self.joints
+        ]
+        return ParameterSet((*(robot.parameters[k] for k in self.columns), *give)) + _STAND
+
+    @cached_property
+    def start(self) -> np.ndarray:
+        """The stated geometry, rigid, with the tracker where it fits about (K,)."""
+        x = np.concatenate([self.theta[list(self.columns)], np.zeros(len(self.joints) + 9)])
+        middle = self._pose(self.q, self.theta)[1].mean(axis=0)
+        x[-6:-3] = self.read.mean(axis=0) - self.turn @ middle
+        return x
+
+    @cached_property
+    def torque(self) -> np.ndarray:
+        """Torque of weight about each joint (H, J) [N·m; N of slides]."""
+        model = self.model
+        return model.robot.gravity_torque(self.q, self.theta, np.asarray(model.gravity))
+
+    def of(self, rows: np.ndarray) -> "Sight":
+        """The same at some of the poses."""
+        return replace(self, q=self.q[rows], read=self.read[rows])
+
+    def with_stand_alone(self) -> "Sight":
+        """The same with the stated geometry."""
+        return replace(self, columns=(), joints=())
+
+    def expected(self, x: np.ndarray) -> np.ndarray:
+        """Places (H, 3) at parameters (K,) [m]."""
+        return self._seen(*self._pose(self._moved(x), self._geometry(x)), x[-9:])
+
+    def jacobian(self, x: np.ndarray) -> np.ndarray:
+        """Slopes (H, 3, K) of `expected`, by complex steps."""
+        q, theta = self._moved(x), self._geometry(x)
+        by_geometry = self._seen(*self._pose(q, complex_steps(theta, self.columns)), x[-9:])
+        shifts = 1j * STEP * np.eye(self.q.shape[1])[list(self.joints)]
+        bent = (q + shifts[:, None] * self.torque).reshape(-1, q.shape[1])
+        by_joint = self._seen(*self._pose(bent, theta), x[-9:]).reshape(-1, len(q), 3)
+        here = self._pose(q, theta)
+        by_stand = [self._seen(*here, x[-9:] + 1j * STEP * unit) for unit in np.eye(9)]
+        return np.moveaxis(np.concatenate([by_geometry, by_joint, by_stand]).imag / STEP, 0, 2)
+
+    def solve(self, noise: float, tolerances: float, start: np.ndarray) -> Solution:
+        """Least squares in units of a noise [m], each parameter within so many tolerances of its
+        stated value (one standard deviation), from ``start`` (K,)."""
+        scale, centre = self.parameters.tolerance, self.start
+        pull = np.diag(1.0 / (tolerances * scale))
+
+        def residual(x: np.ndarray) -> np.ndarray:
+            left = (self.read - self.expected(x)).ravel() / noise
+            return np.concatenate([left, pull @ (centre - x)])
+
+        def jacobian(x: np.ndarray) -> np.ndarray:
+            return np.concatenate([self.jacobian(x).reshape(-1, len(x)) / noise, pull])
+
+        return solve(residual, jacobian, start, scale)
+
+    def spread(self, x: np.ndarray, covariance: np.ndarray) -> float:
+        """Sum of the variances [m²] of all places (H, 3) for a covariance (K, K) of x (K,)."""
+        slopes = self.jacobian(x)
+        return float(np.einsum("hik,kl,hil->", slopes, covariance, slopes))
+
+    def _geometry(self, x: np.ndarray) -> np.ndarray:
+        theta = self.theta.copy()
+        theta[list(self.columns)] = x[: len(self.columns)]
+        return theta
+
+    def _moved(self, x: np.ndarray) -> np.ndarray:
+        """Joint values (H, J) as weight bends the joints."""
+        give = np.zeros(self.q.shape[1])
+        give[list(self.joints)] = x[len(self.columns) : -9]
+        return self.q + give * self.torque
+
+    def _pose(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Orientation (…, 3, 3) and place (…, 3) [m] of the sensor, of parameters (P,) or
+        (K, 1, P)."""
+        rotation, position = self.model.robot.sensor_pose(q, theta)
+        return rotation, np.broadcast_to(position, rotation.shape[:-1])
+
+    def _seen(self, rotation: np.ndarray, position: np.ndarray, stand: np.ndarray) -> np.ndarray:
+        """Places (H, 3) in the tracker's axes, for stand and target (9,)."""
+        turn = exp(*stand[:3]) @ self.turn
+        return np.asarray((position + apply(rotation, stand[6:])) @ turn.T + stand[3:6])
+
+
+def calibrate_tracker(
+    recording: Recording, options: CalibrationOptions | None = None
+) -> TrackerFit:
+    """Fit a robot's geometry and compliances to the places of a target, mx my mz.
+
+    Args:
+        recording: at rest, one row or many a pose.
+        options: ``free``, ``hold``, ``prior`` and ``force`` are used; by default all geometry is
+            free, and the compliance of every joint that weight loads.
+
+    Raises:
+        CalibrationError: no such columns, too few poses, or poses that are too alike; or geometry
+            that predicts held-out poses no better than the stated one.
+    """
+    options = options or CalibrationOptions()
+    sight, repeats, rows = _sight(recording, options)
+    count, tolerances = sight.read.size, 1.0 if options.prior else _WIDE
+    if count < len(sight.parameters) and not options.prior:
+        raise CalibrationError(
+            f"{recording.name}: {len(sight.q)} poses give {count} readings, too few for "
+            f"{len(sight.parameters)} parameters: record more poses, --free fewer, or take the "
+            "tolerances as a --prior"
+        )
+    noise, start = max(repeats, _LEAST_NOISE), sight.start
+    for _ in range(_NOISE_STEPS):
+        solution = sight.solve(noise, tolerances, start)
+        left, start = sight.read - sight.expected(solution.x), solution.x
+        used = sight.spread(solution.x, solution.covariance) / noise**2
+        dof = max(count - used, 1.0)
+        rest = float(np.sqrt((left**2).sum() / dof))
+        before, noise = noise, max(repeats, rest, _LEAST_NOISE)
+        if abs(noise / before - 1.0) < _SAME_NOISE:
+            break
+    x, covariance = solution.x, solution.covariance
+    alone = sight.with_stand_alone()
+    held_out, bound = _held_out(sight, noise, tolerances, x)
+    nominal, _ = _held_out(alone, noise, _WIDE, alone.start)
+    slopes = sight.jacobian(sight.start).reshape(count, -1)
+    fit = TrackerFit(
+        recording=recording.name,
+        robot=recording.metadata.robot,
+        converged=solution.converged,
+        iterations=solution.steps,
+        identified=_identified(sight, solution, dof, tolerances),
+        theta=dict(zip(sight.model.parameters.names, _full(sight, x), strict=True)),
+        gravity=tuple(float(g) for g in sight.model.gravity),
+        stand=dict(zip(_STAND.names, x[-9:].tolist(), strict=True)),
+        covariance=covariance[:-9, :-9],
+        noise=rest,
+        repeats=repeats or None,
+        held_out=held_out,
+        before=nominal,
+        bound=bound,
+        accuracy=float(np.sqrt(sight.spread(x, covariance) / len(sight.q))),
+        residual=left,
+        poses=len(sight.q),
+        rows=rows,
+        observability=analyse(slopes, sight.parameters.names, sight.parameters.tolerance),
+    )
+    if fit.refuted is not None and not options.force:
+        raise CalibrationError(f"{recording.name}: {fit.refuted}")
+    return fit
+
+
+def _sight(recording: Recording, options: CalibrationOptions) -> tuple[Sight, float, int]:
+    """What is fitted, the noise of a pose's mean by its repeats [m] (0 without), and rows used."""
+    name = recording.name
+    if not all(c in recording.columns for c in TARGET):
+        raise CalibrationError(f"{name}: no columns mx my mz: a tracker did not record this")
+    if not recording.joints or recording.metadata.mode != "static":
+        raise CalibrationError(f"{name}: a tracker's readings need joint columns, at rest")
+    robot = robot_of(recording)
+    model, keep = Model.of(robot, recording.metadata), usable(recording)
+    holds = gather(recording, keep)
+    robot.check(holds.q, robot.parameters.nominal, name)
+    places = np.stack([recording.columns[c][keep] for c in TARGET], axis=1)
+    read = np.add.reduceat(places, holds.rows) / holds.count[:, None]
+    away, repeats = places - np.repeat(read, holds.count, axis=0), 0.0
+    if holds.dof > 0:
+        repeats = float(np.sqrt((away**2).mean() * len(away) / holds.dof / holds.count.mean()))
+    theta = robot.robot_theta(model.configured(recording.metadata))
+    sight = Sight(model, theta, holds.q, read, (), (), np.eye(3))
+    position = sight._pose(holds.q, theta)[1]
+    u, _, vt = np.linalg.svd((read - read.mean(axis=0)).T @ (position - position.mean(axis=0)))
+    turn = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt  # Kabsch 1976
+    columns, joints = _free(robot, np.ptp(sight.torque, axis=0), options)
+    return replace(sight, turn=turn, columns=columns, joints=joints), repeats, len(places)
+
+
+def _free(
+    robot: Robot, loaded: np.ndarray, options: CalibrationOptions
+) -> tuple[tuple[int, ...], tuple[int, ...]]:
+    """Columns of free geometry, and numbers of the joints with a free compliance.
+
+    Args:
+        loaded: range of the torque of weight on each joint (J,).
+    """
+    hidden = {p for p in robot.parameters.names if p.startswith(_HIDDEN)}
+    places = [
+        p for p in robot.parameters if p.name not in {*robot.load, *robot.unobservable, *hidden}
+    ]
+    bent = np.flatnonzero(loaded > _LOADED)
+    give = [Parameter(f"{COMPLIANCE}{j + 1}", 0.0, "", 1.0) for j in bent]
+    known = ParameterSet((*places, *give))
+    chosen = set(known.select(options.free or known.names)) - set(known.select(options.hold))
+    names = [known[k].name for k in sorted(chosen)]
+    columns = tuple(robot.parameters.index(n) for n in names if not n.startswith(COMPLIANCE))
+    joints = tuple(int(n.removeprefix(COMPLIANCE)) - 1 for n in names if n.startswith(COMPLIANCE))
+    return columns, joints
+
+
+def _held_out(
+    sight: Sight, noise: float, tolerances: float, start: np.ndarray
+) -> tuple[float, float]:
+    """Root mean square distance [m] of poses from fits that did not see them, and what noise and
+    the number of poses make of it where the model is right (Cramér–Rao)."""
+    order = np.random.default_rng(0).permutation(len(sight.q))
+    _, same = np.unique(sight.q.round(4), axis=0, return_inverse=True)
+    fold = (order % FOLDS)[same.ravel()]  # visits of one pose are held out together
+    square = allowed = 0.0
+    for k in range(FOLDS):
+        seen, hidden = sight.of(fold != k), sight.of(fold == k)
+        solution = seen.solve(noise, tolerances, start)
+        square += float(((hidden.read - hidden.expected(solution.x)) ** 2).sum())
+        allowed += noise**2 * hidden.read.size + hidden.spread(solution.x, solution.covariance)
+    return float(np.sqrt(square / len(sight.q))), float(np.sqrt(allowed / len(sight.q)))
+
+
+def _identified(
+    sight: Sight, solution: Solution, dof: float, tolerances: float
+) -> tuple[IdentifiedValue, ...]:
+    """Values with uncertainties, without where the data tell less than was known before; stand and
+    target left out."""
+    std, t95 = np.sqrt(np.diagonal(solution.covariance)), float(special.stdtrit(dof, 0.975))
+    told = std < _TOLD * tolerances * sight.parameters.tolerance
+    return tuple(
+        IdentifiedValue(
+            p.name, float(x), float(s) if seen else None, p.unit, float(start),
+            t95 * float(s) if seen else None,
+        )
+        for p, x, s, start, seen in zip(
+            sight.parameters, solution.x, std, sight.start, told | (tolerances == 1.0), strict=True
+        )
+        if p.name not in _STAND.names
+    )  # fmt: skip
+
+
+def _full(sight: Sight, x: np.ndarray) -> Sequence[float]:
+    """All parameters of robot and sensor (P + 15,)."""
+    theta = sight.model.parameters.nominal
+    theta[: len(sight.theta)] = sight._geometry(x)
+    return [float(v) for v in theta]

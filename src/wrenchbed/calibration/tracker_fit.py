@@ -1,0 +1,164 @@
+"""The result of a fit to a tracker's readings: geometry with uncertainty, and held-out errors."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from wrenchbed.calibration.fit import FORMAT, IdentifiedValue
+from wrenchbed.calibration.observability import Observability
+from wrenchbed.data.metadata import carried_robot
+from wrenchbed.files import write_json
+
+COMPLIANCE = "compliance.q"
+"""How names of joints' compliances begin, before the joint's number."""
+MISFIT = 1.5
+"""Held-out error over what noise alone makes of it, from which the geometry does not hold all that
+the tracker saw: estimate."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrackerFit:
+    """A fit of a robot's geometry to the places of a target.
+
+    Attributes:
+        recording, robot: names of what was fitted.
+        converged, iterations: of the iteration.
+        identified: the free parameters: geometry and compliances.
+        theta: all parameters of robot and sensor by name, fitted or held.
+        gravity: world axes (3,) [m/s²].
+        stand: of the tracker, rotation vector beyond its first guess [rad] and shift [m], and the
+            target's place in sensor axes [m], by name.
+        covariance: of the identified parameters (K, K).
+        noise: what the fit leaves of a reading, per axis [m], free numbers counted.
+        repeats: noise of a pose's mean by its rows [m]; None without repeats.
+        held_out: rms distance of poses from fits that did not see them [m].
+        before: the same with the stated geometry, stand and target fitted.
+        bound: what noise and number of poses alone make of ``held_out`` (Cramér–Rao) [m].
+        accuracy: rms distance of the fit from the true places at these poses, by its covariance
+            [m].
+        residual: measured minus fitted places (H, 3) [m].
+        poses, rows: how much data stood behind it.
+        observability: rank and null directions.
+    """
+
+    recording: str
+    robot: str
+    converged: bool
+    iterations: int
+    identified: tuple[IdentifiedValue, ...]
+    theta: Mapping[str, float]
+    gravity: tuple[float, ...]
+    stand: Mapping[str, float]
+    covariance: np.ndarray
+    noise: float
+    repeats: float | None
+    held_out: float
+    before: float
+    bound: float
+    accuracy: float
+    residual: np.ndarray
+    poses: int
+    rows: int
+    observability: Observability
+
+    def __getitem__(self, name: str) -> IdentifiedValue:
+        return next(p for p in self.identified if p.name == name)
+
+    @property
+    def compliance(self) -> dict[str, float]:
+        """Compliances of the joints by name, ``compliance.q2`` [rad/(N·m); m/N of slides]."""
+        return {p.name: p.value for p in self.identified if p.name.startswith(COMPLIANCE)}
+
+    @property
+    def errors(self) -> tuple[tuple[str, float], ...]:
+        """Labels and rms distances [m] of what is compared."""
+        return (
+            ("held-out poses, geometry as stated", self.before),
+            ("held-out poses, geometry as fitted", self.held_out),
+            ("of that, noise and number of poses", self.bound),
+            ("fit from the true places, by its covariance", self.accuracy),
+        )
+
+    @property
+    def cannot_tell(self) -> tuple[str, ...]:
+        """Sentences on what these places do not determine."""
+        hidden, rest = list(self.observability.no_effect), list[str]()
+        for r in self.observability.redundancies:
+            own = [n for n in r.names if n not in self.stand]
+            if len(own) < len(r.names):
+                hidden += own
+            else:
+                rest.append(r.sentence)
+        known = f"where tracker and target stand takes up {', '.join(sorted(set(hidden)))}"
+        return (*([known] if hidden else []), *rest)
+
+    @property
+    def refuted(self) -> str | None:
+        """Why the data refute the geometry; None if they do not."""
+        if not self.converged:
+            return f"not converged after {self.iterations} steps: are these this robot's joints?"
+        if self.held_out >= self.before:
+            return (
+                f"poses that no fit saw are {1e3 * self.held_out:.3g} mm off, no nearer than with "
+                f"the stated geometry ({1e3 * self.before:.3g} mm): --free fewer parameters, take "
+                "the tolerances as a --prior, or record more poses"
+            )
+        return None
+
+    @property
+    def status(self) -> str:
+        """Sentence on how far to trust the fit."""
+        if self.refuted is not None:
+            return f"refuted: {self.refuted}"
+        text = (
+            f"poses that no fit saw are {1e3 * self.held_out:.3g} mm off, {1e3 * self.before:.3g} "
+            f"mm with the stated geometry; noise and {self.poses} poses make "
+            f"{1e3 * self.bound:.3g} mm of it"
+        )
+        if self.held_out > MISFIT * self.bound:
+            text += ": the geometry does not hold all of it, diagnose the recording"
+        elif self.repeats and self.noise > MISFIT * self.repeats:
+            text += (
+                f"; the noise is {1e3 * self.noise:.2g} mm a pose, rows within poses show "
+                f"{1e3 * self.repeats:.2g} mm: something else moves, diagnose the recording"
+            )
+        return text
+
+    def to_json(self) -> dict[str, Any]:
+        """Contents of the fit's JSON file."""
+        o = self.observability
+        refuted = {} if self.refuted is None else {"refuted": self.refuted}
+        return {
+            "format": FORMAT,
+            "channels": "pose",
+            "recording": self.recording,
+            "robot": self.robot,
+            **refuted,
+            "status": self.status,
+            "converged": self.converged,
+            "poses": self.poses,
+            "rows": self.rows,
+            "parameters": {
+                p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in self.identified
+            },
+            "held_out": self.held_out,
+            "before": self.before,
+            "bound": self.bound,
+            "accuracy": self.accuracy,
+            "noise": self.noise,
+            "repeats": self.repeats,
+            "stand": dict(self.stand),
+            "rank": o.rank,
+            "cannot_tell": list(self.cannot_tell),
+            "covariance": self.covariance.tolist(),
+            "theta": dict(self.theta),
+            "gravity": list(self.gravity),
+            **carried_robot(self.robot),
+        }
+
+    def write(self, path: str | Path) -> None:
+        """Write the fit as JSON."""
+        write_json(path, self.to_json())
