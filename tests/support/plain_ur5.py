@@ -30,10 +30,15 @@ def turned(vector: np.ndarray) -> np.ndarray:
     return np.eye(3) + np.sin(angle) * skew + (1.0 - np.cos(angle)) * skew @ skew
 
 
-def flange(q: np.ndarray) -> np.ndarray:
-    """Pose of the flange (4, 4) at joint values (6,) [rad], by Denavit and Hartenberg."""
+def flange(q: np.ndarray, wrong: np.ndarray | float = 0.0) -> np.ndarray:
+    """Pose of the flange (4, 4) at joint values (6,) [rad], by Denavit and Hartenberg.
+
+    Args:
+        wrong: what is added to zeros, twists, lengths and rises (4, 6) [rad, rad, m, m].
+    """
     pose = np.eye(4)
-    for angle, roll, length, rise in zip(q, ROLL, LENGTH, RISE, strict=True):
+    table = np.array([q, ROLL, LENGTH, RISE]) + wrong
+    for angle, roll, length, rise in table.T:
         c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(roll), np.sin(roll)
         link = [
             [c, -s * ca, s * sa, length * c], [s, c * ca, -c * sa, length * s],

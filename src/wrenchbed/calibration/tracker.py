@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy import special
+from scipy.spatial.transform import Rotation
 
 from wrenchbed.calibration.calibrate import CalibrationOptions
 from wrenchbed.calibration.fit import IdentifiedValue
@@ -146,6 +147,11 @@ class Sight:
         slopes = self.jacobian(x)
         return float(np.einsum("hik,kl,hil->", slopes, covariance, slopes))
 
+    def stand(self, x: np.ndarray) -> dict[str, float]:
+        """Stand of the tracker and place of the target by name, at parameters (K,)."""
+        turn = Rotation.from_matrix(exp(*x[-9:-6]) @ self.turn).as_rotvec()
+        return dict(zip(_STAND.names, [*turn.tolist(), *x[-6:].tolist()], strict=True))
+
     def _geometry(self, x: np.ndarray) -> np.ndarray:
         theta = self.theta.copy()
         theta[list(self.columns)] = x[: len(self.columns)]
@@ -215,7 +221,7 @@ def calibrate_tracker(
         identified=_identified(sight, solution, dof, tolerances),
         theta=dict(zip(sight.model.parameters.names, _full(sight, x), strict=True)),
         gravity=tuple(float(g) for g in sight.model.gravity),
-        stand=dict(zip(_STAND.names, x[-9:].tolist(), strict=True)),
+        stand=sight.stand(x),
         covariance=covariance[:-9, :-9],
         noise=rest,
         repeats=repeats or None,
@@ -223,6 +229,7 @@ def calibrate_tracker(
         before=nominal,
         bound=bound,
         accuracy=float(np.sqrt(sight.spread(x, covariance) / len(sight.q))),
+        extent=float(np.sqrt(sight.read.var(axis=0).sum())),
         residual=left,
         poses=len(sight.q),
         rows=rows,

@@ -1,0 +1,116 @@
+"""Geometry and compliances from a tracker's readings of an arm in plain numpy."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from plain_ur5 import poses
+from tracked_ur5 import TrackedUr5
+from wrenchbed import registry
+from wrenchbed.calibration.calibrate import CalibrationOptions
+from wrenchbed.calibration.tracker import calibrate_tracker
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import CalibrationError, ExportError
+from wrenchbed.exports.load_numbers import calibrated_twin, load_numbers
+
+UR5 = registry.load("robots", "ur5")
+RIGID = CalibrationOptions(hold=("compliance.q?",))
+
+
+def predicted(fit, q):
+    """Places (N, 3) of the target in the tracker's axes, by a rigid fit."""
+    theta = np.array([fit.theta[name] for name in UR5.parameters.names])
+    rotation, position = UR5.sensor_pose(q, theta)
+    turn, shift, target = (
+        np.array([fit.stand[f"{name}.{a}"] for a in "xyz"])
+        for name in ("tracker.rotation", "tracker.position", "target.position")
+    )
+    return (position + rotation @ target) @ Rotation.from_rotvec(turn).as_matrix().T + shift
+
+
+def rms(error):
+    return float(np.sqrt((error**2).sum(axis=1).mean()))
+
+
+def test_27_wrong_numbers_are_held_out_as_well_as_noise_allows():
+    """Over four arms: the error where nothing was measured, beside the Cramér–Rao bound."""
+    square = []
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        arm = TrackedUr5.anyhow(rng)
+        fit, q = calibrate_tracker(arm.recording(seed), RIGID), poses(300, rng)
+        bound = fit.accuracy * arm.noise / fit.noise  # at the true noise
+        square.append((rms(predicted(fit, q) - arm.places(q)) / bound) ** 2)
+        assert fit.held_out < 1.25 * fit.bound and fit.before > 10.0 * fit.held_out
+        assert 0.8 < fit.noise / arm.noise < 1.2
+    assert np.sqrt(np.mean(square)) < 1.1
+
+
+def test_numbers_come_out_within_their_uncertainty_and_sums_alone_where_axes_are_parallel():
+    arm = TrackedUr5.anyhow(np.random.default_rng(5))
+    fit = calibrate_tracker(arm.recording(5), RIGID)
+    zeros, twists, lengths, rises = arm.wrong
+    truth = {f"dq{j + 1}": zeros[j] for j in range(1, 5)}
+    truth |= {f"a{j + 1}": lengths[j] for j in range(5)} | {"d5": rises[4]}
+    truth |= {f"alpha{j + 1}": twists[j] for j in range(5)}
+    sigmas = [(fit[n].value - fit[n].nominal - x) / fit[n].std for n, x in truth.items()]
+    assert np.abs(sigmas).max() < 4.0 and np.mean(np.square(sigmas)) < 2.5
+    untold = {p.name for p in fit.identified if p.std is None}
+    assert untold == {"d1", "dq1", "d2", "d3", "d4", "a6", "d6", "alpha6", "dq6"}
+    assert any("d2 and d" in text for text in fit.cannot_tell)
+    sum_of_rises = sum(fit[f"d{k}"].value - fit[f"d{k}"].nominal for k in (2, 3, 4))
+    assert sum_of_rises == pytest.approx(rises[1:4].sum(), abs=1e-4)
+
+
+def test_joints_that_give_are_named_by_joint():
+    give = (0.0, 1 / 2e4, 1 / 1.2e4, 0.0, 0.0, 0.0)
+    arm = TrackedUr5(wrong=TrackedUr5.anyhow(np.random.default_rng(6)).wrong, give=give)
+    fit = calibrate_tracker(arm.recording(6, rows=4))
+    for joint in (2, 3):
+        p = fit[f"compliance.q{joint}"]
+        assert abs(p.value - give[joint - 1]) < 4.0 * p.std < give[joint - 1]
+    rigid = calibrate_tracker(arm.recording(6, rows=4), RIGID)
+    assert rigid.held_out > 1.5 * fit.held_out and "diagnose" in rigid.status
+
+
+def test_a_prior_keeps_few_poses_from_wandering():
+    arm = TrackedUr5.anyhow(np.random.default_rng(7))
+    few = arm.recording(7, count=11)
+    with pytest.raises(CalibrationError, match="too few for"):
+        calibrate_tracker(few)
+    fit = calibrate_tracker(few, CalibrationOptions(prior=True))
+    assert fit.held_out < fit.before
+    assert all(p.std is not None for p in fit.identified)
+
+
+def test_columns_that_no_tracker_made_are_refused():
+    arm = TrackedUr5()
+    good = arm.recording(8)
+    rng = np.random.default_rng(8)
+    noise = {c: rng.standard_normal(len(good)) for c in ("mx", "my", "mz")}
+    spoiled = Recording(good.metadata, {**good.columns, **noise}, good.name)
+    with pytest.raises(CalibrationError, match="do not follow this arm"):
+        calibrate_tracker(spoiled)
+    without = {k: v for k, v in good.columns.items() if k not in noise}
+    forces = {c: np.zeros(len(good)) for c in ("fx", "fy", "fz", "tx", "ty", "tz")}
+    with pytest.raises(CalibrationError, match="no columns mx my mz"):
+        calibrate_tracker(Recording(good.metadata, {**without, **forces}, good.name))
+
+
+def test_the_fit_is_exported_as_a_simulator_and_never_as_a_load(tmp_path):
+    give = (0.0, 1 / 1e4, 0.0, 0.0, 0.0, 0.0)
+    arm = TrackedUr5(wrong=TrackedUr5.anyhow(np.random.default_rng(9)).wrong, give=give)
+    fit = calibrate_tracker(arm.recording(9), CalibrationOptions(hold=("compliance.q[3-6]",)))
+    fit.write(tmp_path / "fit.json")
+    twin = calibrated_twin(tmp_path / "fit.json")
+    assert [a.effect.name for a in twin.active] == ["joint.compliance"]
+    assert twin.active[0].values["compliance.q2"] == fit["compliance.q2"].value
+    assert twin.robot_theta[UR5.parameters.index("dq2")] == fit["dq2"].value
+    with pytest.raises(ExportError, match="a fit of a tracker's readings"):
+        load_numbers(tmp_path / "fit.json")
+    raw = json.loads((tmp_path / "fit.json").read_text(encoding="utf-8"))
+    (tmp_path / "fit.json").write_text(json.dumps(raw | {"refuted": "by hand"}), encoding="utf-8")
+    with pytest.raises(ExportError, match="by hand"):
+        calibrated_twin(tmp_path / "fit.json")
