@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from wrenchbed.calibration.learn_sensor import LearnedSensor, learn_sensor
     from wrenchbed.calibration.touches import Touches
     from wrenchbed.calibration.tracker import calibrate_tracker
+    from wrenchbed.calibration.tracker_fit import TrackerFit
     from wrenchbed.campaigns.recording.run import record
     from wrenchbed.campaigns.settings import Fleet
     from wrenchbed.campaigns.simulated_robots import campaign
@@ -91,6 +92,7 @@ __all__ = [
     "Simulation",
     "Stated",
     "Touches",
+    "TrackerFit",
     "Twin",
     "WrenchbedError",
     "__version__",

@@ -20,8 +20,8 @@ the tracker saw: estimate."""
 
 
 FOLLOWS = 0.5
-"""Share of the places' extent that the stated geometry leaves at most of an arm that a tracker sees:
-forces and torques of the same names leave 0.4 to 0.98, zeros that are 20° off 0.45."""
+"""Share of the places' extent that the stated geometry may leave: forces and torques of the same
+names leave 0.4 to 0.98, zeros that are 20° off 0.45."""
 
 
 @dataclass(frozen=True, eq=False)
