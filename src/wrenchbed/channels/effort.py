@@ -61,7 +61,7 @@ class EffortAtRest(Channel):
     def of(self, recording: Recording) -> Self:
         return replace(self, joints=len(recording.joints))
 
-    def fitted(self, read: np.ndarray, scene: Scene) -> Self | None:
+    def fitted(self, read: np.ndarray, scene: Scene, pose: Pose | None = None) -> Self | None:
         return self if isinstance(scene.robot, SimulatedRobot) else None
 
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
