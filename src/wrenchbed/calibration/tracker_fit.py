@@ -12,13 +12,11 @@ from wrenchbed.calibration.observability import Observability
 from wrenchbed.data.metadata import carried_robot
 from wrenchbed.files import write_json
 
-COMPLIANCE = "compliance.q"
-"""How names of joints' compliances begin, before the joint's number."""
+SPRINGS, COMPLIANCE = "joint.compliance", "compliance.q"
+"""Effect of joints that give, and how its compliances' names begin, before the joint's number."""
 MISFIT = 1.5
 """Held-out error over what noise alone makes of it, from which the geometry does not hold all that
 the tracker saw: estimate."""
-
-
 FOLLOWS = 0.5
 """Share of the places' extent that the stated geometry may leave: forces and torques of the same
 names leave 0.4 to 0.98, zeros that are 20° off 0.45."""
@@ -141,7 +139,7 @@ class TrackerFit:
 
     def to_json(self) -> dict[str, Any]:
         """Contents of the fit's JSON file."""
-        o = self.observability
+        o, springs = self.observability, {"effect": SPRINGS, "parameters": self.compliance}
         refuted = {} if self.refuted is None else {"refuted": self.refuted}
         return {
             "format": FORMAT,
@@ -168,6 +166,7 @@ class TrackerFit:
             "covariance": self.covariance.tolist(),
             "theta": dict(self.theta),
             "gravity": list(self.gravity),
+            "effects": [springs] if self.compliance else [],
             **carried_robot(self.robot),
         }
 

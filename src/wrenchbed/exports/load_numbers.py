@@ -16,9 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.calibration.tracker_fit import COMPLIANCE
 from wrenchbed.data.metadata import stated_robot
-from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.errors import ExportError
 from wrenchbed.files import checked
 from wrenchbed.physics.rotations import exp
@@ -44,6 +42,10 @@ _TITLES = {
     "bias": ("zero of the sensor", "N, N·m"), "gravity": ("gravity in base axes", "m/s²"),
 }  # fmt: skip
 """Title and unit of each quantity of `LoadNumbers`."""
+_NO_LOAD = {"effort": "joint efforts", "pose": "a tracker's readings"}
+"""Fits without a load, by what their ``channels`` say."""
+_OF_TWIN = ("format", "robot", "robot_model", "gravity", "theta", "effects", "recording")
+"""Fields of a fit to a tracker's readings that make a twin."""
 Vectors = Mapping[str, np.ndarray]
 """All numbers of one θ, vectors (K,), by name."""
 
@@ -208,33 +210,18 @@ def calibrated_twin(path: str | Path) -> Twin:
     raw = checked.load(path, ExportError)
     if not isinstance(raw, dict) or "parameters" not in raw:
         return Twin.read(path)
-    fields = checked.Fields(raw, f"{path}: ", ExportError)
-    return _twin_of_fit(fields) if raw.get("channels") == "pose" else load_numbers(path).twin
+    if raw.get("channels") != "pose":
+        return load_numbers(path).twin
+    _trusted(checked.Fields(raw, f"{path}: ", ExportError))
+    return Twin.from_json({k: v for k, v in raw.items() if k in _OF_TWIN}, str(path))
 
 
-def _twin_of_fit(fields: checked.Fields) -> Twin:
-    """The simulator of a fit; of one to a tracker's readings with its joints' springs.
-
-    Raises:
-        ExportError: its data refute it, or it did not converge.
-    """
-    where, raw = fields.where, fields.raw
-    if raw.get("refuted"):
-        raise ExportError(f"{where}its own data refute it: {raw['refuted']}")
-    if raw.get("converged") is not True:
-        raise ExportError(f"{where}converged is not true: such a fit is not exported")
-    names, robot = fields.part("theta").raw, ORIENTED
-    if set(names) != set(Model.of(ORIENTED).parameters.names):
-        with fields.naming("robot"):
-            robot = registry.load("robots", stated_robot(raw, str(raw.get("robot"))))
-    gravity = fields.numbers("gravity", 3, rule="must be 3 numbers [m/s²]")
-    model, parameters = Model(robot, gravity or tuple(robot.gravity)), fields.part("parameters")
-    with fields.naming("theta"):
-        theta = model.parameters.vector(names)
-    springs = [name for name in parameters.raw if name.startswith(COMPLIANCE)]
-    give = {name: parameters.part(name).number("value", "") for name in springs}
-    active = (ActiveEffect.of(robot, "joint.compliance", give),) if give else ()
-    return Twin(model, theta, active, fields.text("recording"))
+def _trusted(fields: checked.Fields) -> None:
+    """Refuse a fit that its data refute, or that did not converge."""
+    if refuted := fields.raw.get("refuted"):
+        raise ExportError(f"{fields.where}its own data refute it: {refuted}")
+    if fields.raw.get("converged") is not True:
+        raise ExportError(f"{fields.where}converged is not true: such a fit is not exported")
 
 
 def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> Vectors:
@@ -286,13 +273,19 @@ def _mount(mount: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _of_fit(fields: checked.Fields) -> _Calibrated:
-    for kind, what in (("effort", "joint efforts"), ("pose", "a tracker's readings")):
-        if fields.raw.get("channels") == kind:
-            raise ExportError(
-                f"{fields.where}is a fit of {what}: a load is exported from a fit of the wrench"
-            )
-    twin = _twin_of_fit(fields)
-    model, robot = twin.model, twin.model.robot
+    where, raw = fields.where, fields.raw
+    what = _NO_LOAD.get(raw.get("channels"))
+    if what is not None:
+        raise ExportError(f"{where}is a fit of {what}: a load is exported from a fit of the wrench")
+    _trusted(fields)
+    names, robot = fields.part("theta").raw, ORIENTED
+    if set(names) != set(Model.of(ORIENTED).parameters.names):
+        with fields.naming("robot"):
+            robot = registry.load("robots", stated_robot(raw, str(raw.get("robot"))))
+    gravity = fields.numbers("gravity", 3, rule="must be 3 numbers [m/s²]")
+    model = Model(robot, gravity or tuple(robot.gravity))
+    with fields.naming("theta"):
+        theta = model.parameters.vector(names)
     parameters = fields.part("parameters")
     with fields.naming("parameters"):
         free = tuple(model.parameters.index(name) for name in parameters.raw)
@@ -306,6 +299,7 @@ def _of_fit(fields: checked.Fields) -> _Calibrated:
         if name not in robot.load and not name.startswith(_CARRIED):
             value, unit = entry.get("value"), entry.get("unit")
             others.append(f"{name} = {value:.6g} {unit}" if checked.is_number(value) else name)
+    twin = Twin(model, theta, (), fields.text("recording"))
     return _Calibrated(twin, free, covariance, blind, tuple(others))
 
 

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from wrenchbed.channels.base import Channel
-from wrenchbed.channels.response import readings
+from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
 from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Scale, Series, thinned
@@ -125,8 +124,7 @@ def _joint_error(
         standard uncertainties (R,).
     """
     scene = replace(e.prepared.scene, theta=c.rest.robot_theta)
-    channels = e.prepared.channels
-    slopes = [_slope(channels, scene, c, k) / e.std for k in range(shift.shape[1])]
+    slopes = [_slope(e.prepared, scene, c, k) / e.std for k in range(shift.shape[1])]
     sizes = [float(((s * shift[:, [k]]) ** 2).sum()) for k, s in enumerate(slopes)]
     k = int(np.argmax(sizes))
     others = sum(s * shift[:, [j]] for j, s in enumerate(slopes) if j != k)
@@ -137,13 +135,11 @@ def _joint_error(
     return k, rows, error, np.sqrt(float(e.prepared.noise.mean()) / weight[rows])
 
 
-def _slope(channels: Sequence[Channel], scene: Scene, c: Cause, joint: int) -> np.ndarray:
+def _slope(p: Prepared, scene: Scene, c: Cause, joint: int) -> np.ndarray:
     """Change of the readings (H, 6) per unit of a joint's value."""
     step = np.zeros(scene.joints.shape[1])
     step[joint] = STEP
-    up, down = (
-        readings(channels, replace(scene, q=scene.q + s), c.rest.active) for s in (step, -step)
-    )
+    up, down = (p.read(replace(scene, q=scene.q + s), c.rest.active) for s in (step, -step))
     return np.asarray((up - down)[scene.held] / (2.0 * STEP))
 
 

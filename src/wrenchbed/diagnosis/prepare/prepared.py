@@ -1,6 +1,6 @@
 """A recording made ready: what was measured, how noisy it is, and which rows are held out."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -15,6 +15,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.configuration import Configuration
 from wrenchbed.effects.base import Effect
+from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.time_derivatives import Jet, value
 from wrenchbed.robots.base import Robot
@@ -202,6 +203,10 @@ class Prepared:
         return (
             self.scene.load if self.channels == (WRENCH,) else readings(self.channels, self.scene)
         )
+
+    def read(self, scene: Scene, active: Sequence[ActiveEffect]) -> np.ndarray:
+        """Readings (M, C) of a scene with effects acting."""
+        return readings(self.channels, scene, active)
 
     @cached_property
     def families(self) -> tuple[slice, ...]:
