@@ -10,6 +10,7 @@ import numpy as np
 from wrenchbed.diagnosis.decision.decide import LEAST
 from wrenchbed.diagnosis.efforts.answer import place as place_of
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
+from wrenchbed.diagnosis.efforts.held_out import remaining
 from wrenchbed.diagnosis.efforts.names import title
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.elements import listed
@@ -20,9 +21,6 @@ from wrenchbed.reports.claim import Claim, claim
 
 _SHOWN_S = 15.0
 """Time of a motion that is shown [s]: several reversals of each joint are in view."""
-_PREDICTED: tuple[tuple[str, str, Role], ...] = (
-    ("calibrated", "calibrated", "before"), ("with_effects", "with the effects", "after"),
-)  # fmt: skip
 _BINS = 24
 """Of speed, in which friction is averaged."""
 _FRICTION: tuple[tuple[str, Kind, Role], ...] = (
@@ -160,15 +158,20 @@ def _efforts(findings: EffortFindings) -> Chart:
     kept = scene.kept()
     t, measured = scene.signals.t[kept], scene.thin(scene.signals.effort)
     rows = np.abs(t - 0.5 * (t[0] + t[-1])) <= 0.5 * _SHOWN_S
+    every: list[tuple[str, Role, np.ndarray]] = [
+        ("calibrated", "before", remaining(findings.d, findings.simulators.of().each))
+    ]
+    if findings.verdict.causes:
+        left = remaining(findings.d, findings.fit.each)
+        every.append(("with the effects", "after", left))
     panels, note = [], ""
     for j, joint in enumerate(scene.robot.joints[: scene.joints]):
         efforts, residuals = [Series("measured", "line", t[rows], measured[rows, j])], []
-        for name, label, role in _PREDICTED:
-            if name in findings.held_out.left:
-                left = findings.held_out.left[name][rows, j]
-                predicted = measured[rows, j] - std[j] * left
-                efforts.append(Series(label, "line", t[rows], predicted, role=role))
-                residuals.append(Series(label, "line", t[rows], left, role=role))
+        for label, role, residual in every:
+            left = residual[rows, j]
+            predicted = measured[rows, j] - std[j] * left
+            efforts.append(Series(label, "line", t[rows], predicted, role=role))
+            residuals.append(Series(label, "line", t[rows], left, role=role))
         units = (f"joint {j + 1}", joint.own("N·m")), (f"joint {j + 1}, residual", "noise")
         for (label, unit), series in zip(units, (efforts, residuals), strict=True):
             some, note = thinned(series, what="rows")
@@ -189,11 +192,11 @@ def _friction(findings: EffortFindings, j: int) -> Chart:
     d, scene, std = findings.d, findings.d.scene, findings.d.noise[j].std
     speed = scene.q.d[scene.kept(), j]
     stated = scene.thin(scene.friction[:, j])
-    body = d.arm[:, j] @ findings.held_out.fit.x[d.joint < 0]
+    body = d.arm[:, j] @ findings.fit.x[d.joint < 0]
     measured = stated + d.y[:, j] - body
     efforts = [speed, measured, stated]
-    if "with_effects" in findings.held_out.left:
-        efforts.append(measured - std * findings.held_out.left["with_effects"][:, j])
+    if findings.verdict.causes:
+        efforts.append(measured - std * remaining(d, findings.fit.each)[:, j])
     edges = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, _BINS + 1)))
     at = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, len(edges) - 2)
     x, *means = (np.bincount(at, values) / np.bincount(at) for values in efforts)
