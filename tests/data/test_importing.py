@@ -15,7 +15,7 @@ from wrenchbed.cli import main
 from wrenchbed.data import column_map
 from wrenchbed.data.import_files import import_files
 from wrenchbed.data.plan import Plan, is_plan
-from wrenchbed.data.recording import Recording
+from wrenchbed.data.recording import TARGET, Recording
 from wrenchbed.errors import MapError, PlanError, WrenchbedError
 from wrenchbed.robots.described import describe
 
@@ -61,6 +61,19 @@ def test_units_are_converted_to_si(tmp_path):
     assert np.allclose(recording.t, [0, 0.01, 0.02, 0.03])
     assert np.allclose(recording.q, np.pi / 2)
     assert np.allclose(recording.wrench[0], [0.5, 1.5, -2.5, 3.5e-3, 4.5e-3, 5.5e-3])
+
+
+def test_places_of_a_trackers_target_need_no_wrench(tmp_path):
+    raw = basic(**dict.fromkeys(CHANNELS))
+    raw["file"][0]["columns"] |= {
+        c: {"column": k, "unit": "mm"} for c, k in zip(TARGET, "XYZ", strict=True)
+    }
+    places = {k: ["12.5", "13", "14", "15"] for k in "XYZ"}
+    recording = load(tmp_path, raw, **places).recording
+    assert np.allclose(recording.columns["mx"], [0.0125, 0.013, 0.014, 0.015])
+    del raw["file"][0]["columns"]["mz"]
+    with pytest.raises(MapError, match="no column is mapped to fx"):
+        load(tmp_path, raw, **places)
 
 
 @pytest.mark.parametrize(

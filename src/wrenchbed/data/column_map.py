@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.data.metadata import MODES, Metadata, SensorInfo, ToolInfo, parse
-from wrenchbed.data.recording import QUATERNION, effort_prefix
+from wrenchbed.data.recording import QUATERNION, TARGET, effort_prefix
 from wrenchbed.errors import MapError, RecordingError, did_you_mean
 from wrenchbed.files.checked import Fields, load
 from wrenchbed.physics.wrench import CHANNELS
@@ -60,6 +60,7 @@ _FIXED = {
     **dict.fromkeys(CHANNELS[3:], "torque"), **dict.fromkeys(ROTATION, "number"),
     **dict.fromkeys((*QUATERNION, "segment", "status"), "number"),
     **dict.fromkeys((name for three in ANGLES for name in three), "angle"),
+    **dict.fromkeys(TARGET, "length"),
 }  # fmt: skip
 _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("angle", "length"),
           "tau": ("torque", "force"), "i": ("current",)}  # fmt: skip
@@ -286,15 +287,16 @@ def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
         if source.target in units and source.target != "t":
             raise MapError(f"{source.target} is mapped twice")
         units[source.target] = source.unit
-    for group in (CHANNELS[:3], CHANNELS[3:], ("ax", "ay", "az")):
+    for group in (CHANNELS[:3], CHANNELS[3:], ("ax", "ay", "az"), TARGET):
         if len({units[t] for t in group if t in units}) > 1:
             stated = ", ".join(f"{t} in {units[t]}" for t in group if t in units)
             raise MapError(f"mixed units: {stated}; one sensor reports in one unit")
     missing = [c for c in CHANNELS if c not in units]
-    effort = len(missing) == len(CHANNELS) and effort_prefix(units) is not None
-    if missing and not effort:
+    other = effort_prefix(units) is not None or units.keys() >= set(TARGET)
+    without = len(missing) == len(CHANNELS) and other
+    if missing and not without:
         raise MapError(f"no column is mapped to {', '.join(missing)}")
-    if effort and conventions.wrench_axes != "sensor":
+    if without and conventions.wrench_axes != "sensor":
         raise MapError("[wrench] axes are stated and no column is mapped to fx … tz")
     given = [kind for kind in _ORIENTATIONS if not units.keys().isdisjoint(kind)]
     for kind in given:
