@@ -1,7 +1,6 @@
-"""Causes beside a rest of the recording's own: faults of the referee in real poses.
+"""Causes beside a rest of the recording's own: faults by plain numpy in a real recording.
 
-The faults are the referee's physics, not the library's; the rest is that of a real robot (24 poses,
-A. Skrede, NTNU 2024, doi 10.5281/zenodo.11096791).
+The rest is that of a real robot (24 poses, A. Skrede, NTNU 2024, doi 10.5281/zenodo.11096791).
 """
 
 from types import SimpleNamespace
@@ -10,9 +9,8 @@ import numpy as np
 import pytest
 from scipy.special import logit
 
-from ntnu import static
-from wrenchbed.benchmark.sealed.real import FAMILIES, HostRecording
-from wrenchbed.benchmark.sealed.real_setting import setting_of
+from ntnu import GRAVITY, STD, static
+from real_faults import Host
 from wrenchbed.diagnosis import diagnose as diagnose_
 from wrenchbed.diagnosis.decision.decide import widened
 from wrenchbed.diagnosis.diagnose import diagnose
@@ -28,7 +26,7 @@ from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
 @pytest.fixture(scope="module")
 def host():
-    return HostRecording(setting_of(static()), noise_seed=(1, 2))
+    return Host.of(static(), STD, GRAVITY)
 
 
 @pytest.fixture(scope="module")
@@ -40,17 +38,10 @@ def named(found):
     return {n for w in found.diagnosis.which for n in named_by(w)}
 
 
-def first(host, draw, least):
-    """The first of twenty draws that adds a gap beyond the robot's own."""
-    faults = (draw(np.random.default_rng(k)) for k in range(20))
-    return next(f for f in faults if host.measured(f).gap > least)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sensor.jump", "sensor.crosstalk", "tool.mass"])
 def test_a_fault_is_named_beside_what_the_robot_leaves_unexplained(host, name):
-    fault = first(host, lambda rng: host.drawn(name, rng, 2.0), 12.0)
-    found = diagnose(host.recorded([fault]))
+    found = diagnose(host.faulty(name, 20.0, np.random.default_rng(1)))
     assert name in named(found)
     assert found.diagnosis.gap.with_effects.value > 5.0  # the robot's own rest remains
 
@@ -58,8 +49,7 @@ def test_a_fault_is_named_beside_what_the_robot_leaves_unexplained(host, name):
 @pytest.mark.sampled
 @pytest.mark.parametrize("family", ["knock", "bursts", "popcorn"])
 def test_a_fault_that_the_library_lacks_is_not_named(host, family):
-    fault = first(host, lambda rng: FAMILIES[family](host.setting, rng, 1.5), 4.0)
-    assert named(diagnose(host.recorded([fault]))) <= {"base.tilt"}
+    assert named(diagnose(host.faulty(family, 8.0, np.random.default_rng(1)))) <= {"base.tilt"}
 
 
 def test_the_rest_is_measured_channel_by_channel(real):

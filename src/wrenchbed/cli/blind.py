@@ -30,18 +30,12 @@ class FamilyArguments:
     # Who makes the physics: the referee of wrenches, the look-alikes that probabilities are learnt
     # on, or the referee of joint efforts, alone or with a wrench; these arms move.
     world: Literal["referee", "look-alikes", "efforts", "both"] = "referee"
-    # Real recording that faults are added to; it states robot and mode. One case is the recording
-    # as it is.
-    on: Path | None = None
 
     def family(self, seed: int) -> "Family":
         """Cases that follow from a seed."""
         from wrenchbed.benchmark.sealed.families import EffortFamily, LookalikeFamily
         from wrenchbed.benchmark.sealed.make import Family
-        from wrenchbed.benchmark.sealed.real import SemiRealFamily
 
-        if self.on is not None:
-            return SemiRealFamily.on(self.on, self.cases, seed)
         if self.world in ("efforts", "both"):
             return EffortFamily(self.robot, "dynamic", self.cases, seed, self.world == "both")
         known = LookalikeFamily if self.world == "look-alikes" else Family

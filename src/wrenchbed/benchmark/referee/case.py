@@ -3,7 +3,6 @@
 Shares, thresholds beyond the contract's and ranges of sizes are estimates.
 """
 
-from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -30,6 +29,8 @@ LIBRARY_LEAVES = 1.0
 """Gap that the best imitation by any effect of the library leaves of a fault outside it."""
 LARGEST_MINOR = 0.42
 """Largest gap of all minor imperfections together."""
+_DRAWS, _DRAWS_OUTSIDE, _PAIRS = 40, 160, 4
+"""Most draws of a cause, of a fault outside, and of a second cause."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,128 +45,21 @@ class TrueCause(frame.Shown):
 
     fault: RefereeFault
     signature: np.ndarray
-    world: "World"
+    world: "FaultyRobot"
 
 
 @dataclass(frozen=True, eq=False)
-class World(ABC):
-    """A setting that faults are added to: a simulated robot, or a real recording.
+class FaultyRobot:
+    """A simulated robot on its ride, that faults are added to.
 
     Attributes:
         setting: what is stated and commanded.
         around: faults that are there already.
-        draws, draws_outside: largest number of causes, and of faults outside, that are drawn.
-        pairs: largest number of second causes that are drawn.
-        families: draws of faults outside the library by name.
+        way: its ride with these.
     """
 
     setting: RefereeSetting
     around: tuple[RefereeFault, ...]
-    draws = 40
-    draws_outside = 160
-    pairs = 4
-    families = FAMILIES
-
-    @property
-    def usual(self) -> Usual:
-        """Readings that every calibration removes: those of bias, mass and CoG."""
-        return self.setting.usual
-
-    @cached_property
-    @abstractmethod
-    def signatures(self) -> Bench:
-        """Signatures of the library's effects in this world."""
-
-    @abstractmethod
-    def possible(self) -> list[str]:
-        """Names of the effects that can show in this world."""
-
-    @abstractmethod
-    def measured(self, fault: RefereeFault) -> TrueCause:
-        """Readings and gap that a fault adds to this world.
-
-        Raises:
-            ParameterError: it is too much for the machine.
-        """
-
-    @abstractmethod
-    def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
-        """Readings and gap that the first of two causes adds beside the second."""
-
-    def cause(
-        self, fault: RefereeFault, world: "World", signature: np.ndarray, rise: np.ndarray | None
-    ) -> TrueCause:
-        """A fault by its signature (n, 6), or by the rise of a row's variance (6,)."""
-        if rise is not None:
-            mean, most = float(rise.mean()), float(rise.max())
-            return TrueCause(mean, most, True, fault, signature, world)
-        gap = self.usual.gap(signature, fault.name in frame.STATED)
-        return TrueCause(gap, 0.0, False, fault, signature, world)
-
-    def drawn(self, name: str, rng: Rng, size: float) -> RefereeFault:
-        """An effect of a size in multiples of typical."""
-        return replace(DRAWS[name](self.setting, rng, size), size=size)
-
-    def causes(self, kind: str, rng: Rng) -> list[TrueCause]:
-        """Causes that show, as many as the kind has.
-
-        Raises:
-            ParameterError: nothing that was drawn shows enough.
-        """
-        if kind == "none":
-            return []
-        if kind == "outside":
-            return [self._outside(rng)]
-        first = self._one(kind, self.possible(), rng)
-        return [first] if kind == "single" else self._two(first, rng)
-
-    def _one(self, kind: str, names: list[str], rng: Rng) -> TrueCause:
-        """A cause that shows; where it is too small, once more and larger, then another one."""
-        for _ in range(self.draws):
-            name = str(rng.choice(names))
-            size = frame.log_uniform(rng, *frame.SIZES)
-            for _ in range(2):
-                try:
-                    cause = self.measured(self.drawn(name, rng, size))
-                except ParameterError:  # too much for the machine
-                    break
-                needed = cause.needed(kind)
-                if cause.amount >= needed:
-                    return cause
-                least = size * float(np.sqrt(1.2 * needed / max(cause.amount, 1e-9)))
-                if least > frame.SIZES[1]:
-                    break
-                size = frame.log_uniform(rng, least, frame.SIZES[1])
-        raise ParameterError("nothing that was drawn shows enough")
-
-    def _two(self, first: TrueCause, rng: Rng) -> list[TrueCause]:
-        """The first cause and one of another subsystem that leaves it visible."""
-        others = frame.of_another_subsystem(self.possible(), first.fault.name)
-        for _ in range(self.pairs):
-            second = first.world._one("pair", others, rng)
-            again = self.again(first, second)
-            if again.amount >= again.needed("pair"):
-                return [again, second]
-        raise ParameterError("no second cause leaves the first one visible")
-
-    def _outside(self, rng: Rng) -> TrueCause:
-        """A fault that shows, and that no effect of the library could make."""
-        for _ in range(self.draws_outside):
-            family = self.families[str(rng.choice(list(self.families)))]
-            size = frame.log_uniform(rng, 0.5, 2.0)
-            cause = self.measured(replace(family(self.setting, rng, size), size=size))
-            if cause.gap < frame.NEEDED["outside"]:
-                continue
-            remaining = self.signatures.imitated(cause.signature, configured=False, bounded=False)
-            if min(remaining.values()) >= LIBRARY_LEAVES:
-                return cause
-        raise ParameterError("no fault outside the library shows")
-
-
-@dataclass(frozen=True, eq=False)
-class FaultyRobot(World):
-    """A simulated robot on its ride."""
-
     way: Ride
 
     @classmethod
@@ -174,6 +68,11 @@ class FaultyRobot(World):
         gravity, joints = np.array(setting.robot.gravity, dtype=float), len(setting.robot.joints)
         machine = mechanics(Mechanics(setting.theta, gravity, np.zeros(joints)), around)
         return cls(setting, tuple(around), ride(setting.robot, machine, setting.path))
+
+    @property
+    def usual(self) -> Usual:
+        """Readings that every calibration removes: those of bias, mass and CoG."""
+        return self.setting.usual
 
     @cached_property
     def signatures(self) -> Bench:
@@ -194,10 +93,6 @@ class FaultyRobot(World):
                 y = np.clip(y, -fault.rows.limit, fault.rows.limit)
         return y
 
-    def possible(self) -> list[str]:
-        """Names of the effects that make sense for the robot and its mode."""
-        return possible(self.setting)
-
     def with_(self, fault: RefereeFault) -> "FaultyRobot":
         """Robot with a further fault; a fault of the machine needs another ride."""
         around = (*self.around, fault)
@@ -206,18 +101,25 @@ class FaultyRobot(World):
         return replace(self, around=around)
 
     def measured(self, fault: RefereeFault) -> TrueCause:
-        """Readings and gap that a fault adds to this robot."""
+        """Readings and gap that a fault adds to this robot.
+
+        Raises:
+            ParameterError: it is too much for the machine.
+        """
         return self._difference(fault, self.with_(fault))
 
     def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
         """Readings and gap that the first of two causes adds beside the second."""
-        assert isinstance(second.world, FaultyRobot)
         return self.with_(second.fault)._difference(first.fault, second.world)
 
     def _difference(self, fault: RefereeFault, other: "FaultyRobot") -> TrueCause:
-        rise = self.risen(fault) if frame.between(fault.name) else None
-        signature = np.zeros_like(other.base) if rise is not None else other.base - self.base
-        return self.cause(fault, other, signature, rise)
+        if frame.between(fault.name):
+            rise = self.risen(fault)
+            signature, mean, most = np.zeros_like(other.base), rise.mean(), rise.max()
+            return TrueCause(float(mean), float(most), True, fault, signature, other)
+        signature = other.base - self.base
+        gap = self.usual.gap(signature, fault.name in frame.STATED)
+        return TrueCause(gap, 0.0, False, fault, signature, other)
 
     def compared(self, wrench: np.ndarray) -> np.ndarray:
         """Recorded rows (N, 6) less the readings of the stated robot, at the instants where
@@ -245,6 +147,61 @@ class FaultyRobot(World):
     def row_noise(self) -> float:
         """Gap of noise alone where readings are compared."""
         return 1.0 if self.setting.mode == "dynamic" else 1.0 / SAMPLES
+
+    def causes(self, kind: str, rng: Rng) -> list[TrueCause]:
+        """Causes that show, as many as the kind has.
+
+        Raises:
+            ParameterError: nothing that was drawn shows enough.
+        """
+        if kind == "none":
+            return []
+        if kind == "outside":
+            return [self._outside(rng)]
+        first = self._one(kind, possible(self.setting), rng)
+        return [first] if kind == "single" else self._two(first, rng)
+
+    def _one(self, kind: str, names: list[str], rng: Rng) -> TrueCause:
+        """A cause that shows; where it is too small, once more and larger, then another one."""
+        for _ in range(_DRAWS):
+            name = str(rng.choice(names))
+            size = frame.log_uniform(rng, *frame.SIZES)
+            for _ in range(2):
+                try:
+                    cause = self.measured(replace(DRAWS[name](self.setting, rng, size), size=size))
+                except ParameterError:  # too much for the machine
+                    break
+                needed = cause.needed(kind)
+                if cause.amount >= needed:
+                    return cause
+                least = size * float(np.sqrt(1.2 * needed / max(cause.amount, 1e-9)))
+                if least > frame.SIZES[1]:
+                    break
+                size = frame.log_uniform(rng, least, frame.SIZES[1])
+        raise ParameterError("nothing that was drawn shows enough")
+
+    def _two(self, first: TrueCause, rng: Rng) -> list[TrueCause]:
+        """The first cause and one of another subsystem that leaves it visible."""
+        others = frame.of_another_subsystem(possible(self.setting), first.fault.name)
+        for _ in range(_PAIRS):
+            second = first.world._one("pair", others, rng)
+            again = self.again(first, second)
+            if again.amount >= again.needed("pair"):
+                return [again, second]
+        raise ParameterError("no second cause leaves the first one visible")
+
+    def _outside(self, rng: Rng) -> TrueCause:
+        """A fault that shows, and that no effect of the library could make."""
+        for _ in range(_DRAWS_OUTSIDE):
+            family = FAMILIES[str(rng.choice(list(FAMILIES)))]
+            size = frame.log_uniform(rng, 0.5, 2.0)
+            cause = self.measured(replace(family(self.setting, rng, size), size=size))
+            if cause.gap < frame.NEEDED["outside"]:
+                continue
+            remaining = self.signatures.imitated(cause.signature, configured=False, bounded=False)
+            if min(remaining.values()) >= LIBRARY_LEAVES:
+                return cause
+        raise ParameterError("no fault outside the library shows")
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,7 +272,6 @@ def as_case(
     """Make the case of a robot with causes: its recording and its truth."""
     setting, path = world.setting, world.setting.path
     last = causes[-1].world if causes else world
-    assert isinstance(last, FaultyRobot)
     wrench, q = rows(setting, last.way, last.clean, last.around, rng)
     t = path.t[path.rows] - path.t[path.rows][0]
     t[1:] += np.clip(2e-5 * rng.standard_normal(len(t) - 1), -6e-5, 6e-5)

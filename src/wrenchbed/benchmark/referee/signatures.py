@@ -5,7 +5,7 @@ MuJoCo and finite differences; no code is shared with the library of effects. Ty
 grids of variants are estimates.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain
 from typing import NamedTuple
@@ -49,30 +49,17 @@ class Signature(NamedTuple):
 def blocks(setting: RefereeSetting, ride: Ride) -> Blocks:
     """Signatures of every effect that a mean can show."""
     seen = _seen(setting, ride)
-    return _by_name(
+    result: dict[str, list[np.ndarray]] = {}
+    for name, block in chain(
         _gauges(setting, ride, seen), _times(setting, ride), _tool(setting, ride, seen),
         _carried(setting, ride, seen), _arm(setting, seen),
-    )  # fmt: skip
-
-
-def blocks_of_orientations(setting: RefereeSetting, ride: Ride) -> Blocks:
-    """Signatures if only the sensor's orientation is known: sensor, clock, tool, mount, tilt."""
-    seen = _seen(setting, ride)
-    return _by_name(
-        _gauges(setting, ride, seen), _times(setting, ride), _tool(setting, ride, seen),
-        _turned(setting, seen.y, setting.thin(ride.rotation)),
-    )  # fmt: skip
+    ):  # fmt: skip
+        result.setdefault(name, []).append(block)
+    return result
 
 
 def _seen(setting: RefereeSetting, ride: Ride) -> Signature:
     return Signature(*(setting.thin(x) for x in (setting.path.t, setting.path.q, ride.load)))
-
-
-def _by_name(*parts: Iterator[tuple[str, np.ndarray]]) -> dict[str, list[np.ndarray]]:
-    result: dict[str, list[np.ndarray]] = {}
-    for name, block in chain(*parts):
-        result.setdefault(name, []).append(block)
-    return result
 
 
 def _each(y: np.ndarray) -> np.ndarray:
@@ -371,12 +358,7 @@ class Bench:
         return fall >= 0.5 * float(s @ s)
 
 
-def bench(
-    setting: RefereeSetting,
-    ride: Ride,
-    usual: Usual,
-    blocks: Callable[[RefereeSetting, Ride], Blocks] = blocks,
-) -> Bench:
+def bench(setting: RefereeSetting, ride: Ride, usual: Usual) -> Bench:
     """Signatures of every effect for one robot."""
     alone, beside = {}, {}
     for name, variants in blocks(setting, ride).items():

@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from wrenchbed.benchmark.frame import STATED, true_numbers
-from wrenchbed.benchmark.referee.case import RefereeCase, TrueCause, World
+from wrenchbed.benchmark.referee.case import RefereeCase, TrueCause
 from wrenchbed.data import parquet
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
@@ -215,12 +215,12 @@ class Fact:
     alike: tuple[str, ...]
 
     @classmethod
-    def of(cls, world: World, cause: TrueCause, kind: str, numbers: Mapping[str, float]) -> "Fact":
-        """Fact of a world's cause with its true numbers."""
+    def of(cls, case: RefereeCase, cause: TrueCause) -> "Fact":
+        """Fact of one of a case's causes."""
         fault, alike = cause.fault, list[str]()
-        if kind != "outside" and not cause.rows:
-            alike = world.signatures.alike(fault.name, cause.signature)
-        true = {k: float(v) for k, v in numbers.items()}
+        if case.kind != "outside" and not cause.rows:
+            alike = case.world.signatures.alike(fault.name, cause.signature)
+        true = {k: float(v) for k, v in _numbers(case, cause).items()}
         return cls(fault.name, fault.size, cause.gap, cause.rows, true, tuple(alike))
 
 
@@ -243,8 +243,8 @@ class Oracle:
 class Answer:
     """The truth of a case; its salt makes the hash of the file impossible to guess.
 
-    Of a real robot nobody knows the minor imperfections, and no oracle can be asked. ``real_gap``
-    is the calibrated gap of the recording that the cause was added to, None of other cases.
+    Only the referee knows what an oracle would answer, and minor imperfections of efforts have no
+    gap.
     """
 
     case: str
@@ -257,7 +257,6 @@ class Answer:
     oracle: Oracle | None
     salt: str
     format: int = FORMAT
-    real_gap: float | None = None
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -266,10 +265,7 @@ class Answer:
 
     def to_bytes(self) -> bytes:
         """Bytes of the answer's file; the commitment is their SHA-256."""
-        raw = asdict(self)
-        if self.real_gap is None:
-            del raw["real_gap"]
-        return (json.dumps(raw, indent=1, ensure_ascii=False) + "\n").encode()
+        return (json.dumps(asdict(self), indent=1, ensure_ascii=False) + "\n").encode()
 
 
 def read_answer(path: Path) -> Answer:
@@ -301,7 +297,7 @@ def of_case(case: RefereeCase, name: str, salt: str) -> Answer:
         robot=meta.robot,
         mode=meta.mode,
         kind=case.kind,
-        causes=tuple(Fact.of(case.world, c, case.kind, _numbers(case, c)) for c in case.causes),
+        causes=tuple(Fact.of(case, c) for c in case.causes),
         minor=case.minor,
         rows=len(case.measured) * per_pose,
         oracle=_oracle(case),

@@ -52,12 +52,9 @@ class Family:
             raise ParameterError(f"seed {self.seed} must not be negative")
 
     def kinds(self) -> list[str]:
-        """Kind of each case: shares of `referee.SHARES`, in random order."""
-        counts = np.floor(np.array(referee.SHARES) * self.cases + 1e-9)
-        return self.shuffled(counts.astype(int))
-
-    def shuffled(self, counts: np.ndarray) -> list[str]:
-        """Random order of kinds with given counts (4,), filled up with single effects."""
+        """Kind of each case: shares of `referee.SHARES`, filled up with single effects, in random
+        order."""
+        counts = np.floor(np.array(referee.SHARES) * self.cases + 1e-9).astype(int)
         counts[KINDS.index("single")] += self.cases - int(counts.sum())
         every = np.repeat(np.arange(len(counts)), counts)
         return [KINDS[k] for k in np.random.default_rng([self.seed, 1]).permutation(every)]

@@ -13,7 +13,7 @@ import numpy as np
 from wrenchbed.benchmark.frame import subsystem
 from wrenchbed.benchmark.scoring import metrics
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
-from wrenchbed.benchmark.sealed.score import Score
+from wrenchbed.benchmark.sealed.score import ORACLE, SEALED, Score
 from wrenchbed.pages.document import Card, Document, Section, Table, provenance
 
 _BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9])
@@ -26,10 +26,6 @@ _ORDER = (
 _ORACLE = (
     "The oracle is told the exact form and size of all that may be there; it names what the same "
     "data holds, with every effect that could imitate it there."
-)
-_SEMI_REAL = (
-    "The recording alone has a calibrated gap of {gap:.2f}. What is wrong in it nobody knows: only "
-    "the added effects are held against the claims."
 )
 
 
@@ -61,12 +57,11 @@ def page(score: Score, command: str = "") -> Document:
         f"{len(rows)} sealed cases: {counts}.{missing if score.unclaimed else ''} Every recording "
         "and every answer is the one that was committed to."
     )
-    what = "cases of a real recording" if score.is_semi_real else "robots"
-    title = f"Sealed benchmark: {score.main} on {len(rows)} {what} ({some.robot}, {some.mode})"
-    about = _SEMI_REAL.format(gap=some.real_gap) if score.is_semi_real else _ORACLE
+    title = f"Sealed benchmark: {score.main} on {len(rows)} robots ({some.robot}, {some.mode})"
+    about = _ORACLE if ORACLE in score.beside else ""
     methods = [OURS, *score.beside]
-    head, lines = metrics.figure_cells(rows, methods, score.metrics, score.main)
-    judged = [(m, metrics.figure(m, rows, OURS)) for m in score.metrics.values()]
+    head, lines = metrics.figure_cells(rows, methods, SEALED, score.main)
+    judged = [(m, metrics.figure(m, rows, OURS)) for m in SEALED.values()]
     marks = ["" if scored is None else marked(m, scored) for m, scored in judged]
     for cells, mark in zip(lines, marks, strict=True):
         cells[1] = f"{cells[1]} {mark}".rstrip()
@@ -150,7 +145,7 @@ def summary(score: Score) -> dict[str, object]:
     }  # fmt: skip
     for method in (OURS, *score.beside):
         entries = {}
-        for key, metric in score.metrics.items():
+        for key, metric in SEALED.items():
             scored = (
                 None
                 if metric.ours and method != OURS

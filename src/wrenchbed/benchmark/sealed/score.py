@@ -4,7 +4,7 @@ Claims are read from the contract's ``diagnosis.json``. The figures are those of
 and what the data itself allows.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 from wrenchbed.benchmark.frame import STATED, subsystem
 from wrenchbed.benchmark.scoring import metrics
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number, numbers
-from wrenchbed.benchmark.scoring.metrics import METRICS, Metric, share
+from wrenchbed.benchmark.scoring.metrics import METRICS, share
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import MOST, Answer, Fact, Oracle
 from wrenchbed.benchmark.sealed.run import CLAIM, RESERVED, RUN
@@ -229,16 +229,6 @@ class Score:
     unclaimed: int
 
     @property
-    def is_semi_real(self) -> bool:
-        """Whether faults were added to a recording whose full truth is unknown."""
-        return any(a.real_gap is not None for a in self.answers.values())
-
-    @property
-    def metrics(self) -> dict[str, Metric]:
-        """Metrics of this family by name."""
-        return semi_real(self.rows) if self.is_semi_real else SEALED
-
-    @property
     def beside(self) -> tuple[str, ...]:
         """Methods beside the judged one; an oracle where every truth is known to the last digit."""
         known = all(a.oracle is not None for a in self.answers.values())
@@ -338,7 +328,7 @@ def closed_by_entrant(truth: Answer, said: EntrantClaim) -> float | None:
 def _compared(truth: Answer, said: EntrantClaim) -> tuple[Number, ...]:
     """Published numbers of every true effect that is named first, beside the true ones.
 
-    Of a simulated robot every number is known, 0 where none is listed; of a real one those listed.
+    Of the referee's robots every number is known, 0 where none is listed.
     """
     return tuple(
         number
@@ -346,50 +336,3 @@ def _compared(truth: Answer, said: EntrantClaim) -> tuple[Number, ...]:
         for number in numbers(cause.effect, said.parameters.get(cause.effect, {}), cause.true)
         if truth.oracle is not None or number.name.partition(":")[2] in cause.true
     )
-
-
-def semi_real(rows: Sequence[CaseRow]) -> dict[str, Metric]:
-    """Figures of faults added to a recording, of which only the added effects are known.
-
-    What an entrant claims of the recording as it is, it may claim of every other case, too.
-
-    Args:
-        rows: every case of a family, of which one is the recording as it is.
-    """
-
-    def known(method: str) -> set[str]:
-        """Effects that an entrant claims of the unchanged recording."""
-        return {n for r in rows if r.kind == "none" for c in r.answers[method].causes for n in c}
-
-    def new(row: CaseRow, method: str) -> Sequence[float] | None:
-        if row.kind != "single" or row.truth[0] in known(method):
-            return None
-        return (metrics.isolated(row, row.answers[method]), 1.0)
-
-    def misnamed(row: CaseRow, method: str) -> Sequence[float] | None:
-        claim, allowed = row.answers[method], known(method) | set(row.truth)
-        stated = claim.presence or [claim.probabilities.get("|".join(c), 0.0) for c in claim.causes]
-        sure = [c for c, p in zip(claim.causes, stated, strict=False) if p > metrics.SURE]
-        return None if row.kind == "none" else (any(not allowed & set(c) for c in sure), 1.0)
-
-    def silent(row: CaseRow, method: str) -> Sequence[float] | None:
-        """Whether an entrant reports something unknown and names no new cause."""
-        claim = row.answers[method]
-        named = {n for c in claim.causes for n in c}
-        is_silent = claim.verdict in ("unknown", "partial") and named <= known(method)
-        return (is_silent, 1.0) if row.kind == "outside" else None
-
-    def pairs(row: CaseRow, method: str) -> Sequence[float] | None:
-        claimed, _, missed = metrics.matched(row, row.answers[method])
-        return (claimed, claimed + missed) if row.kind == "pair" else None
-
-    as_it_is = "claimed of the recording as it is"
-    return {
-        "isolation": share(METRICS["isolation"].title, "≥ 95 %", _SINGLE, metrics.isolated),
-        "isolation_alike": _BESIDE["isolation"]["isolation_alike"],
-        "isolation_new": Metric(f"… effects not {as_it_is}", "≥ 95 %", new),
-        "pairs_found": Metric("two effects: found", "", pairs),
-        "misnamed": Metric(f"another effect with p > 0.9, not {as_it_is}", "≤ 2 %", misnamed),
-        "unknown": METRICS["unknown"],
-        "unknown_partly": Metric(f"… or nothing named but what is {as_it_is}", "≥ 95 %", silent),
-    } | {k: METRICS[k] for k in ("seconds", "failed")}
