@@ -274,7 +274,7 @@ def _mount(mount: Sequence[float]) -> tuple[np.ndarray, np.ndarray]:
 
 def _of_fit(fields: checked.Fields) -> _Calibrated:
     where, raw = fields.where, fields.raw
-    what = _NO_LOAD.get(raw.get("channels"))
+    what = _NO_LOAD.get(str(raw.get("channels")))
     if what is not None:
         raise ExportError(f"{where}is a fit of {what}: a load is exported from a fit of the wrench")
     _trusted(fields)

@@ -131,7 +131,8 @@ class EffortFamily(Family):
             ParameterError: this attempt finds none.
         """
         made = efforts.make(self.robots(), self.seed, index, self.wrench, attempt)
-        name, fault, facts = self.names()[index], made.fault, ()
+        name, fault = self.names()[index], made.fault
+        facts: tuple[Fact, ...] = ()
         if made.kind != "none":
             effect = fault.family if made.kind == "outside" else efforts.name_of(made.alike[0])
             alike = tuple(map(efforts.name_of, made.alike[1:]))

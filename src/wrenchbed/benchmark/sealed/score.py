@@ -149,14 +149,14 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> EntrantClaim:
 def _class(entry: Mapping[str, Any]) -> tuple[str, ...]:
     """Effects of an entry of ``which``; those of drives and links with each joint it may be."""
     joint = dict(_items(entry.get("parameters"))).get("joint")
-    joints = []
+    joints = [""]
     if joint is not None:
         at = dict(_items(joint)) or {"value": joint}
-        joints = [int(j) for j in (at["value"], *at.get("rivals", ()))]
+        joints = [str(int(j)) for j in (at["value"], *at.get("rivals", ()))]
     members = [
         f"{n}.{j}" if n.startswith(("drive.", "link.")) and not n[-1].isdigit() else n
         for n in named_by(entry)
-        for j in joints or [""]
+        for j in joints
     ]
     return tuple(n.rstrip(".") for n in dict.fromkeys(members))
 

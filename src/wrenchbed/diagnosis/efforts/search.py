@@ -93,7 +93,8 @@ class _Found:
     @cached_property
     def best(self) -> list[Structure]:
         """The best structures first, that of nothing among them."""
-        score, every, beam = self.score, range(len(self.evidence.d.blocks)), [()]
+        score, every = self.score, range(len(self.evidence.d.blocks))
+        beam: list[Structure] = [()]
         score[()] = self.prior(())
         for size in range(1, MOST_CAUSES + 1):
             gains = {k: self._extended(beam[0], k) for k in every}
