@@ -74,8 +74,10 @@ def calibrate(
     data = wb.Recording.read(recording)
     channels = given.channels or _channels(data)
     if channels != "wrench":
-        others: dict[str, object] = {"--touches": given.touches, "--truth": truth, "--report": report,
-                                     "--loss": fit.loss != "linear"}  # fmt: skip
+        others: dict[str, object] = {
+            "--touches": given.touches, "--truth": truth, "--report": report,
+            "--loss": fit.loss != "linear",
+        }  # fmt: skip
         if channels == "effort":
             others = {"--hold": fit.hold, "--prior": fit.prior, **others}
         if refused := [flag for flag, value in others.items() if value]:
