@@ -53,6 +53,8 @@ class LinkLength(ModelEffect):
             lengths = [n for n in lengths if nominal[n] != 0.0 and n != "d1"]  # d1 only lifts all
         if scene.moving or scene.located:
             result += [*single(lengths), together("all lengths", lengths)]
+        if scene.located:  # every arm that was never calibrated is off in all of them
+            result.append(together("all lengths and twists", (*twists, *lengths), 2.0))
         return tuple(result)
 
     def theta(self, robot: Robot, theta: np.ndarray, p: Values) -> np.ndarray:

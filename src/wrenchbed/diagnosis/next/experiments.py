@@ -83,7 +83,7 @@ class Comparison:
         self.d, self.candidates = d, tuple(candidates)
         self.chosen, self._columns = _columns_of(d, self.candidates)
         self._place = {int(k): i for i, k in enumerate(self.chosen)}
-        self.stated = np.array([self._place[int(k)] for k in d.stated])
+        self.stated = np.array([self._place[int(k)] for k in d.stated], dtype=int)
         self.sizes = [self._sizes(c) for c in self.candidates]
         self.background = self._background()
         noise = np.sqrt(row_variance(d.prepared, ROWS * GAP))[:, None]
