@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from plain_ur5 import PlainUr5
+from tracked_ur5 import TrackedUr5
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
@@ -92,3 +93,36 @@ def test_a_tracker_without_repeats_has_the_noise_that_no_effect_explains():
     found = diagnose(single).diagnosis
     assert found.which[0]["elements"] == ["joint 5"]
     assert 3e-5 < found.scale["mx"].noise < 8e-5  # 50 µm
+
+
+def one_wrong(row, column, size):
+    wrong = np.zeros((4, 6))
+    wrong[row, column] = size
+    return TrackedUr5(wrong=wrong)
+
+
+SPRUNG = TrackedUr5(give=(0.0, 1 / 2e4, 0.0, 0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("arm", "effect", "element", "parameter", "truth"),
+    [
+        (SPRUNG, "joint.compliance", "joint 2", "stiffness", 2e4),
+        (one_wrong(2, 1, 1e-3), "link.length", "a2", "length.a2", 1e-3),
+        (one_wrong(1, 2, 1e-3), "link.length", "alpha3", "twist.3", 1e-3),
+        (one_wrong(0, 1, 0.087), "joint.offset", "joint 2", "offset.q2", 0.087),
+    ],
+)
+def test_what_moves_the_arm_is_named_by_element(arm, effect, element, parameter, truth):
+    found = diagnose(arm.recording(0, rows=8)).diagnosis
+    assert [(w["effect"], w["elements"]) for w in found.which] == [(effect, [element])]
+    value = found.which[0]["parameters"][parameter]
+    assert abs(value["value"] - truth) < 3.0 * value["std"]
+    assert found.gap.closed.low > 0.98
+
+
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_an_arm_that_was_never_calibrated_is_off_in_zeros_and_geometry(seed):
+    found = diagnose(TrackedUr5.anyhow(np.random.default_rng(seed)).recording(seed)).diagnosis
+    assert {w["effect"] for w in found.which} == {"joint.offset", "link.length"}
+    assert found.gap.closed.low > 0.99

@@ -239,6 +239,17 @@ class Mechanism:
             result[i] = load_on_sensor(self.data)
         return result
 
+    def place(self, q: np.ndarray, give: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Orientation (M, 3, 3) and place (M, 3) [m] of the sensor in the world, at rest, with the
+        added joints at ``give`` (M, E)."""
+        turn, position = np.empty((len(q), 3, 3)), np.empty((len(q), 3))
+        for i, row in enumerate(self._place(q, give)):
+            self.data.qpos[:] = row
+            mujoco.mj_kinematics(self.model, self.data)
+            site = self.data.site("ft")
+            turn[i], position[i] = site.xmat.reshape(3, 3), site.xpos
+        return turn, position
+
     def _describe(self, joint: "mujoco.MjModel") -> _Added:
         """One added joint from the compiled model."""
         model, on = self.model, joint.name.partition(MARK)[2].removesuffix(LAGS)

@@ -16,7 +16,7 @@ from wrenchbed.effects.chain import ActiveEffect, EffectChain
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import TwinError
 from wrenchbed.files import checked, write_json
-from wrenchbed.physics.time_derivatives import Jet, Value
+from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.robots.base import Robot
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.mechanics import Mechanism
@@ -83,9 +83,9 @@ class Twin:
     def _check_tool(self, tool: checked.Fields) -> None:
         """Refuse a tool that contradicts ``theta``."""
         expected = self.tool()
-        for key, value in tool.only(expected, "tool").raw.items():
+        for key, given in tool.only(expected, "tool").raw.items():
             try:
-                same = np.allclose(np.asarray(value, float), expected[key], rtol=1e-6, atol=1e-9)
+                same = np.allclose(np.asarray(given, float), expected[key], rtol=1e-6, atol=1e-9)
             except (TypeError, ValueError, OverflowError):
                 same = False
             if not same:
@@ -171,6 +171,12 @@ class Twin:
         padded = np.concatenate([np.zeros((first, 6)), load])
         pull = self._outside.pull(scene, Pose(*scene.pose), padded)
         return load + np.broadcast_to(pull, padded.shape)[first:]
+
+    def place(self, scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+        """Orientation (M, 3, 3) and place (M, 3) [m] of the sensor in the world, at rest."""
+        scene = self._own_scene(scene)
+        q = value(scene.q) + value(self._outside.displacement(scene))
+        return self.mechanism.place(q, self.mechanism.balance(q, scene.coming))
 
     def reading(self, scene: Scene, load: np.ndarray) -> np.ndarray:
         """What the sensor shows (M, 6) [N, N·m] of a load (M, 6); without random parts."""

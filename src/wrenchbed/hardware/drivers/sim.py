@@ -17,7 +17,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
-from wrenchbed.data.recording import TOUCH_STD
+from wrenchbed.data.recording import TARGET, TOUCH_STD
 from wrenchbed.effects.chain import ActiveEffect, EffectChain, active_effect, parse_effect
 from wrenchbed.errors import (
     DriverError,
@@ -37,7 +37,8 @@ from wrenchbed.hardware.drivers.base import (
 )
 from wrenchbed.hardware.transducers.base import WrenchSample
 from wrenchbed.physics.noise import NoiseStream, noise_model
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.rotations import exp
+from wrenchbed.physics.time_derivatives import Jet, value
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, minimum_jerk
@@ -107,6 +108,8 @@ class SimOptions:
         limits: of its motion; half of top speed anywhere if None.
         effort: ``torque`` or ``current``: recordings have it as tau1… [N·m or N] or i1… [A], with
             what the controller wants and the drives' temperatures; ``off``: they do not.
+        tracker: standard deviation of a tracker's readings [m]: recordings at rest have the place
+            of a target on the flange as mx my mz; 0: they do not.
     """
 
     robot: str
@@ -117,6 +120,33 @@ class SimOptions:
     effects: tuple[str, ...] = ()
     limits: Limits | None = None
     effort: str = "off"
+    tracker: float = 0.0
+
+
+class Tracker:
+    """A tracker somewhere in the room, and a target somewhere on the flange.
+
+    The rows of a pose share an error, as of the target's seat and the air, of half the noise of a
+    row.
+    """
+
+    def __init__(self, twin: Twin, std: float, seed: int) -> None:
+        self._twin, self._std, self._rng = twin, std, np.random.default_rng([seed, 4])
+        self._turn = value(exp(*self._rng.uniform(-1.5, 1.5, 3)))
+        self._stand, self._target = self._rng.uniform(-2.0, 2.0, (2, 3)) * [[1.0], [0.05]]
+        self._before: np.ndarray | None = None
+
+    def columns(self, q: np.ndarray, n: int) -> Block:
+        """Readings of n rows at joint values (J,)."""
+        before = q if self._before is None else self._before
+        rotation, position = self._twin.place(
+            self._twin.scene(np.stack([before, q]), np.arange(2.0))
+        )
+        self._before = q
+        place = self._turn @ (position[1] + rotation[1] @ self._target) + self._stand
+        seat = 0.5 * self._std * self._rng.standard_normal(3)
+        rows = place + seat + self._std * self._rng.standard_normal((n, 3))
+        return dict(zip(TARGET, rows.T, strict=True))
 
 
 class SimDriver(Driver):
@@ -149,6 +179,8 @@ class SimDriver(Driver):
         active = tuple(active_effect(robot, text) for text in effects)
         self._efforts = self._reported(options, active, drives, faults)
         twin = Twin(self.model, self.theta, active)
+        noisy = options.tracker if options.noise != "off" else 1e-12
+        self._tracker = Tracker(twin, noisy, options.seed) if options.tracker > 0.0 else None
         self._playback = Playback(twin, options.seed) if active else None
         self._plant = ServoDrivenRobot(self._simulation, robot.home)
         self._time = 0.0
@@ -274,6 +306,8 @@ class SimDriver(Driver):
             reading = self._playback.rest(t, q, self._contact)
         still = np.repeat(q[None], n, axis=0)
         columns = dict(self._columns(t, still, reading))
+        if self._tracker is not None:
+            columns |= self._tracker.columns(q, n)
         if self._efforts is not None:
             targets = np.repeat(self._plant.target[None], n, axis=0)
             columns |= self._efforts.columns(t, Jet(still, 0.0 * still, 0.0 * still), targets, rate)
