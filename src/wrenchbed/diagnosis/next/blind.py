@@ -47,7 +47,7 @@ HALVINGS = 40
 MOST_NAMED = 4
 """Elements of an effect that a headline names; of more it names the effect."""
 NOTHING = "no effect on these readings"
-HIDDEN = "hidden by the fit of bias, mass and CoG"
+HIDDEN = "hidden by the fit of {usual}"
 NOT_HERE = "cannot show in such a recording"
 
 
@@ -201,7 +201,8 @@ def _spot(
     seen = [(w, size) for w, size in ways if np.isfinite(size)]
     if not seen:
         before = max(float(d.configured_gap[w.columns].sum()) for w, _ in ways)
-        return BlindSpot(ways[0][0].name, name, None, "", HIDDEN if before > 1e-12 else NOTHING)
+        why = HIDDEN.format(usual=d.prepared.usual) if before > 1e-12 else NOTHING
+        return BlindSpot(ways[0][0].name, name, None, "", why)
     w, times = max(seen, key=lambda way: (way[0].variant.weight, way[1]))
     if times <= 1.0 or w.name in STATED:  # every fit says what it takes up
         return None

@@ -146,8 +146,7 @@ def _never(similarity: Similarity) -> _Sentences:
     for name in d.invisible:
         of_effect = [w for w in similarity.signatures if w.name == name]
         if any(d.configured_gap[w.columns].sum() * PLAUSIBLE**2 >= 1.0 for w in of_effect):
-            usual = "bias, mass and CoG" if p.has_wrench else p.channels[0].usual
-            why = f"the fit of {usual} absorbs it"
+            why = f"the fit of {p.usual} absorbs it"
         else:
             why = "it is below the noise at every plausible size"
         result.append((frozenset({name}), f"{name} is not detectable: {why}"))

@@ -148,6 +148,11 @@ class Prepared:
         return reached and effect.acts(self.scene)
 
     @property
+    def usual(self) -> str:
+        """What every user fits, in a few words."""
+        return "bias, mass and CoG" if self.has_wrench else self.channels[0].usual
+
+    @property
     def units(self) -> Mapping[str, str]:
         """Units of the leading channel's columns by their names."""
         return self.channels[0].columns
