@@ -32,7 +32,7 @@ _KINDS: dict[str, dict[str, dict[str, Argument]]] = {
         "wrong_counts": _FACTOR,
     },
     "http": {
-        "stall": {}, "unlisten": {}, "garbage": {}, "other_counts": _FACTOR,
+        "stall": {}, "unlisten": {}, "garbage": {},
         "missing_field": {"name": arguments.text("cfgcpf")},
     },
 }  # fmt: skip
@@ -118,10 +118,7 @@ class Box:
 
     def _page(self, target: str, body: str) -> Reply:
         missing = self._faults.now("http", "missing_field")
-        other = self._faults.now("http", "other_counts")
-        return self._pages.answer(
-            target, body, other["factor"] if other else 1.0, missing["name"] if missing else ""
-        )
+        return self._pages.answer(target, body, missing["name"] if missing else "")
 
     def _restart(self, fault: TimedFault) -> None:
         if self._rdt is not None:

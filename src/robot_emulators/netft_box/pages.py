@@ -64,13 +64,12 @@ class Pages:
     def __init__(self, settings: BoxSettings, pace: Pace, sensing: Sensing) -> None:
         self._settings, self._pace, self._sensing = settings, pace, sensing
 
-    def answer(self, target: str, body: str, factor: float = 1.0, missing: str = "") -> Reply:
+    def answer(self, target: str, body: str, missing: str = "") -> Reply:
         """Reply to a GET or POST of a target such as ``/comm.cgi?comrdtrate=500``.
 
         Args:
             target: with its query.
             body: what a POST carries.
-            factor: by which the page misstates counts per force.
             missing: an element that netftapi2.xml leaves out.
         """
         try:
@@ -89,7 +88,7 @@ class Pages:
         if name == "netftcalapi.xml":
             fields, root = self._calibration(index), "netftCalibration"
         elif name == "netftapi2.xml":
-            fields, root = self._fields(index, factor), "netft"
+            fields, root = self._fields(index), "netft"
         else:
             return _MISSING
         fields.pop(missing, None)
@@ -97,7 +96,7 @@ class Pages:
         text = f'<?xml version="1.0" encoding="UTF-8"?>\n<{root}>\n{lines}\n</{root}>\n'
         return "200 OK", "text/xml", text
 
-    def _fields(self, index: str, factor: float) -> dict[str, str]:
+    def _fields(self, index: str) -> dict[str, str]:
         """Elements of netftapi2.xml."""
         s, pace, sensing = self._settings, self._pace, self._sensing
         rate = sensing.rate / pace.every(sensing.rate)
@@ -106,7 +105,7 @@ class Pages:
             "runrate": str(sensing.rate), "setbias": _row(sensing.bias), "cfgid": index,
             "cfgfu": _code(_FORCE, s.force_unit), "scfgfu": s.force_unit,
             "cfgtu": _code(_TORQUE, s.torque_unit), "scfgtu": s.torque_unit,
-            "cfgcpf": f"{s.counts_per_force * factor:.12g}",
+            "cfgcpf": f"{s.counts_per_force:.12g}",
             "cfgcpt": f"{s.counts_per_torque:.12g}", "cfgmr": self._ratings(),
             "comrdte": "Enabled" if pace.on else "Disabled",
             "comrdtrate": f"{math.ceil(rate - 1e-9)}", "comrdtbsiz": str(pace.buffer),

@@ -15,7 +15,7 @@ from typing import Any, Literal
 import numpy as np
 
 from wrenchbed.errors import DriverError, LinkError, ParameterError, WrenchbedError
-from wrenchbed.hardware.device import STALE_S, ClockFit
+from wrenchbed.hardware.device import STALE_S
 from wrenchbed.hardware.drivers.rtde import identity, own_wrench, states, status
 from wrenchbed.hardware.drivers.rtde.states import ANSWER_S, NATIVE_HZ
 from wrenchbed.hardware.transducers.base import Transducer, transducer_at
@@ -30,10 +30,6 @@ _SPARSE = 0.9
 """Fraction of the states that must arrive: fewer make a recording run wait for its rows."""
 _NEEDED_HZ, _LONGEST_S = 100.0, 600.0
 """Readings of a box that a recording at rest needs [1/s], its usual rate, and longest look [s]."""
-_STRETCH_S = 0.2
-"""Stretch of a stream of which the least late arrival counts for the clock's drift [s]."""
-_DRIFT_PPM = 1000.0
-"""Drift of a clock that is noted [ppm]; a quartz drifts by 100 ppm at most."""
 _HEAVY = 0.05
 """Relative difference between the pendant's payload and the tool's mass that is noted: with less
 every cable is noted, with more the arm stops to protect itself unannounced."""
@@ -171,7 +167,7 @@ def _settings(robot: Robot, words: Mapping[str, Any]) -> Iterator[Line]:
 def _stream(
     times: Sequence[tuple[float, float]], least: float, what: str, *, clocked: bool
 ) -> Iterator[Line]:
-    """Rate, gaps, jitter and clock of a stream of (arrival, device clock) [s].
+    """Rate, gaps and clock of a stream of (arrival, device clock) [s].
 
     Args:
         times: NaN for the clock where there is none.
@@ -193,18 +189,6 @@ def _stream(
         return
     if not rate or not np.isfinite(clock).all() or clock[-1] <= clock[0]:
         yield Line("clock", "fails", "the device's clock stands still", "restart the device")
-        return
-    late = 1e3 * np.abs(np.diff(at) - np.diff(clock))
-    text = f"median {np.median(late):.2f} ms, 99 % within {np.percentile(late, 99):.2f} ms"
-    yield Line("jitter", "ok", f"{text}, largest {late.max():.2f} ms")
-    fit = ClockFit(_STRETCH_S)
-    for device, host in zip(clock - clock[0], at - at[0], strict=True):
-        fit.add(float(device), float(host))
-    fine, text = True, "watched for too short a time"
-    if (ppm := fit.ppm) is not None:
-        fine, text = abs(ppm) < _DRIFT_PPM, f"runs {ppm:+.0f} ppm against this computer's"
-    remedy = "watch longer (--seconds 30); if it stays, have the clock looked at"
-    yield _line("clock", fine, text, remedy)
 
 
 def _transducer(sensor: str) -> Transducer | None:

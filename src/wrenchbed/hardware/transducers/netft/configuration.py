@@ -1,12 +1,11 @@
-"""The box's web page netftapi2.xml: read with a deadline, parsed, and checked for changes.
+"""The box's web page netftapi2.xml: read with a deadline, and parsed.
 
 It states counts per newton, the rate of RDT, full scale and zero. Source of its fields: ATI
 9620-05 Net F/T manual (CGI variables, netftapi2.xml).
 """
 
 import math
-import threading
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from http.client import HTTPConnection, HTTPException
 from xml.etree import ElementTree
@@ -19,8 +18,6 @@ PAGE_S = 2.0
 """Deadline of the page [s]; `connect` may try two ports, and says so within twice that."""
 LARGEST = 65536
 """Bytes of the longest page taken; real ones have a few thousand."""
-EVERY_S = 5.0
-"""Time between two comparisons [s]; the box's processor serves RDT, too."""
 _NEWTON = {
     "n": 1.0, "kn": 1e3, "lbf": 4.4482216152605, "klbf": 4448.2216152605,
     "kgf": 9.80665, "gf": 9.80665e-3,
@@ -89,7 +86,6 @@ class Configuration:
 
     Attributes:
         per_si: (6,) counts per newton and newton metre.
-        units, counts: of force and torque, as the box writes them.
         rate, internal_rate: of RDT and of ft_sequence [Hz].
         enabled: whether RDT is on.
         bias: the software bias as written; empty where it is not shown.
@@ -98,21 +94,12 @@ class Configuration:
     """
 
     per_si: np.ndarray
-    units: tuple[str, str]
-    counts: tuple[float, float]
     rate: float
     internal_rate: float
     enabled: bool
     bias: str
     rating: np.ndarray | None
     identity: Mapping[str, str] = field(default_factory=dict)
-
-    def differs(self, other: "Configuration") -> str:
-        """Whether readings are scaled otherwise than by ``other``, in words; empty if not."""
-        if self.counts != other.counts or self.units != other.units:
-            now = f"{self.counts[0]:g} / {self.units[0]}, {self.counts[1]:g} / {self.units[1]}"
-            return f"the box was set to {now} counts since connect: close and connect again"
-        return ""
 
 
 def parse(page: bytes, internal_rate: float) -> Configuration:
@@ -122,14 +109,11 @@ def parse(page: bytes, internal_rate: float) -> Configuration:
         DriverError: too long, malformed, or a field that is missing or impossible; names it.
     """
     fields = _fields(page)
-    units = (_text(fields, "scfgfu"), _text(fields, "scfgtu"))
     counts = (_positive(fields, "cfgcpf"), _positive(fields, "cfgcpt"))
     newton, metre = _unit(fields, "scfgfu", _NEWTON), _unit(fields, "scfgtu", _NEWTON_METRE)
     si = np.repeat([newton, metre], 3)
     return Configuration(
         per_si=np.repeat(counts, 3) / si,
-        units=units,
-        counts=counts,
         rate=_positive(fields, "comrdtrate"),
         internal_rate=_positive(fields, "runrate") if "runrate" in fields else internal_rate,
         enabled=_text(fields, "comrdte").lower() in ("enabled", "1", "on", "yes"),
@@ -187,27 +171,3 @@ def _rating(text: str, si: np.ndarray) -> np.ndarray | None:
     if len(values) != 6 or not all(0.0 < v < math.inf for v in values):
         return None
     return np.array(values) * si
-
-
-class Watch:
-    """A thread that compares the page with the page at connect: ``failures`` counts looks that got
-    none, ``wrong`` says what is wrong, empty if nothing is."""
-
-    def __init__(self, first: Configuration, look: Callable[[], Configuration]) -> None:
-        self.failures, self.wrong = 0, ""
-        self._first, self._look = first, look
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="netft watch", daemon=True)
-        self._thread.start()
-
-    def stop(self) -> None:
-        """End the thread."""
-        self._ended.set()
-        self._thread.join(2.0)
-
-    def _run(self) -> None:
-        while not self._ended.wait(EVERY_S):
-            try:
-                self.wrong = self._look().differs(self._first)
-            except DriverError:
-                self.failures += 1

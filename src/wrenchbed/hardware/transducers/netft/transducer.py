@@ -13,7 +13,7 @@ from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.device import Health, by_age, wait_until
 from wrenchbed.hardware.transducers.base import Transducer, WrenchSample
 from wrenchbed.hardware.transducers.netft import configuration
-from wrenchbed.hardware.transducers.netft.configuration import Configuration, Watch
+from wrenchbed.hardware.transducers.netft.configuration import Configuration
 from wrenchbed.hardware.transducers.netft.rdt import Received, Receiver, signed, table
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -78,7 +78,6 @@ class NetftTransducer(Transducer):
         self._options = options
         self._table = table(options.product)
         self._receiver: Receiver | None = None
-        self._watch: Watch | None = None
         self._restarts = self._lost = 0
         self._last: Received | None = None
 
@@ -107,7 +106,6 @@ class NetftTransducer(Transducer):
         last = self._last
         if last is not None and _restarted(last, receiver.newest, page.internal_rate):
             self._restarts += 1  # switched off and on meanwhile: its zero is lost
-        self._watch = Watch(page, lambda: self._look(host, (port,))[1])
 
     @property
     def full_scale(self) -> np.ndarray | None:
@@ -118,15 +116,13 @@ class NetftTransducer(Transducer):
         return self._page.identity if self._connected else {}
 
     def _close(self) -> None:
-        if self._watch is not None:
-            self._watch.stop()
         if self._receiver is not None:
             self._receiver.stop()
             tracker = self._receiver.tracker
             self._restarts += tracker.restarts
             self._lost += tracker.lost
             self._last = self._receiver.newest or self._last
-        self._watch = self._receiver = None
+        self._receiver = None
 
     def _look(self, host: str, ports: tuple[int, ...]) -> tuple[int, Configuration]:
         port, content = configuration.get_any(host, ports, "/netftapi2.xml")
@@ -178,8 +174,6 @@ class NetftTransducer(Transducer):
             return f"frozen: same counts for {frozen:.2f} s"
         if self._table.broken(status):
             return f"status 0x{status:08x}: {', '.join(self._words(status))}"
-        if self._watch is not None and self._watch.wrong:
-            return self._watch.wrong
         if self._range is None or status & self._table.saturated:
             return ""
         fraction = np.abs(newest.counts / self._page.per_si) / self._range
@@ -198,7 +192,6 @@ class NetftTransducer(Transducer):
             "disordered": tracker.disordered, "implausible": tracker.implausible,
             "misshapen": receiver.misshapen, "foreign": receiver.foreign,
             "requests": receiver.requests, "restarts": tracker.restarts,
-            "page failures": 0 if self._watch is None else self._watch.failures,
         }  # fmt: skip
         return counters if ppm is None else counters | {"clock_ppm": ppm}
 
