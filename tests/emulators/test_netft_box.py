@@ -15,7 +15,7 @@ from robot_emulators.errors import EmulatorError, SettingError
 from robot_emulators.netft_box.pages import Pages, Web
 from robot_emulators.netft_box.rdt import Pace
 from robot_emulators.netft_box.sensing import BoxSettings, Sensing
-from wrenchbed.hardware.transducers.netft import configuration
+from wrenchbed.hardware.transducers.netft import transducer as configuration
 
 
 def page(scene, path="/netftapi2.xml", data=None):

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from robot_emulators.netft_box import rdt as box
 from wrenchbed.errors import DriverError, LinkError
-from wrenchbed.hardware.transducers.netft import configuration, rdt
+from wrenchbed.hardware.transducers.netft import rdt
+from wrenchbed.hardware.transducers.netft import transducer as configuration
 from wrenchbed.hardware.transducers.netft.rdt import DeviceClock, Received, Tracker, signed, table
 from wrenchbed.hardware.transducers.netft.transducer import _restarted
 

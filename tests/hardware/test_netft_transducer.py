@@ -7,7 +7,7 @@ import pytest
 
 from netft_scene import boxed, client, until
 from wrenchbed.errors import DriverError, LinkError, ParameterError
-from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer, configuration
+from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
 from wrenchbed.hardware.transducers.netft import transducer as reading
 
 pytestmark = pytest.mark.wire
@@ -174,7 +174,7 @@ def test_a_clock_that_runs_wrong_is_named(scene, transducer):
      ("garbage", DriverError, "malformed"), ("missing_field", DriverError, "has no <cfgcpf>")],
 )  # fmt: skip
 def test_a_page_that_fails_is_named(monkeypatch, kind, error, words):
-    monkeypatch.setattr(configuration, "PAGE_S", 0.4)
+    monkeypatch.setattr(reading, "PAGE_S", 0.4)
     with boxed("127.0.3.43") as scene:
         scene.fault("http", kind, 3.0)
         time.sleep(0.1)

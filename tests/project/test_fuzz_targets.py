@@ -38,8 +38,8 @@ from wrenchbed.errors import DriverError
 from wrenchbed.hardware.drivers.can import frames
 from wrenchbed.hardware.drivers.can.frames import Pairs
 from wrenchbed.hardware.transducers.base import Past
-from wrenchbed.hardware.transducers.netft import configuration
 from wrenchbed.hardware.transducers.netft import rdt as records
+from wrenchbed.hardware.transducers.netft import transducer as configuration
 from wrenchbed.hardware.transducers.netft.rdt import DeviceClock
 
 Target = Callable[[bytes], None]

@@ -23,7 +23,7 @@ from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.errors import CalibrationError, DiagnosisError, RecordingError
 from wrenchbed.pages import numbers
 from wrenchbed.pages.draw import Drawn
-from wrenchbed.reports import tables
+from wrenchbed.reports import diagnosis_page as tables
 from wrenchbed.reports.claim import title
 from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.wrench_answer import WrenchAnswer

@@ -5,18 +5,131 @@ from collections.abc import Mapping
 from pathlib import PurePath
 from typing import Any
 
+import numpy as np
+
 from wrenchbed import registry
+from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
-from wrenchbed.pages import ReportPage
+from wrenchbed.pages import ReportPage, numbers
 from wrenchbed.pages.chart import Chart
 from wrenchbed.pages.document import Facts, provenance
 from wrenchbed.pages.draw import Drawn, draw
-from wrenchbed.reports import cause_charts, figures, tables
-from wrenchbed.reports.answer import BADGES, Answer
+from wrenchbed.reports import cause_charts, figures
+from wrenchbed.reports.answer import BADGES, Answer, width
 from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 from wrenchbed.reports.simulators import Evidence
 from wrenchbed.reports.wrench_answer import WrenchAnswer
+
+SUBSYSTEMS = (
+    "base", "joint", "link", "mount", "sensor", "tool", "cable", "environment", "timing",
+)  # fmt: skip
+"""In the order in which a load travels through them."""
+MOST_EXPLANATIONS = 6
+"""Largest number of listed explanations; later ones are far less likely."""
+LEAST_SHARE = 0.005
+"""Share of the residual below which a place that is seen has no row of its own."""
+
+
+def subsystems(words: WrenchAnswer) -> list[dict[str, Any]]:
+    """The map of where: what each part of the robot has to do with the gap."""
+    claimed = {c.name.split(".")[0] for c in words.causes}
+    means = {c.name.split(".")[0] for c in words.causes if c.name not in words.row_effects}
+    rivals = {name.split(".")[0] for c in words.causes for name, _ in c.rivals}
+    result = []
+    for name in SUBSYSTEMS:
+        shares = (float(w["share"]) for w in words.d.where if w["subsystem"] == name)
+        value = sum(max(share, 0.0) for share in shares)
+        kind, text = "quiet", "–"
+        if name in claimed:
+            kind, text = "claimed", numbers.share(value) if name in means else "rows"
+        elif name in rivals:
+            kind, text = "hint", "or here"
+        elif name in words.hinted:
+            kind, text = "hint", f"hint: {numbers.share(value)}"
+        result.append({"name": name, "kind": kind, "text": text, "weight": width(value)})
+    return result
+
+
+def places(findings: Findings) -> list[dict[str, str]]:
+    """What the calibrated residual is seen to lie in, or to vary with, and how much of it."""
+    return [
+        {
+            "variable": f.variable,
+            "share": numbers.share(max(f.share, 0.0)),
+            "width": width(f.share),
+            "p": numbers.p_value(f.p_value),
+            "sentence": f.sentence,
+        }
+        for f in findings.places
+        if f.seen and f.share >= LEAST_SHARE
+    ]
+
+
+def unlisted(findings: Findings) -> dict[str, str]:
+    """Variables that are no places of their own: of too small a share, and not seen at all."""
+    small = (f.variable for f in findings.places if f.seen and f.share < LEAST_SHARE)
+    unseen = (f.variable for f in findings.places if not f.seen)
+    return {"shared": ", ".join(small), "unseen": ", ".join(unseen)}
+
+
+def explanations(findings: Findings) -> list[dict[str, Any]]:
+    """The best structures with what each leaves, and how much less likely it is than the best."""
+    ranked = findings.analysis.ranking.explanations
+    result: list[dict[str, Any]] = []
+    seen = set()
+    for e in ranked:
+        text = " + ".join(f"{h.name} ({h.variant.label})" for h in e.finalist.parts)
+        own_names = {h.name for h in e.finalist.parts}
+        wrong = [p.name for p in e.parts if p.index is None and p.name not in own_names]
+        text = " + ".join(x for x in (text, *wrong) if x) or "small imperfections only"
+        if text in seen or len(result) == MOST_EXPLANATIONS:
+            continue
+        seen.add(text)
+        same = e.names == findings.verdict.explanation.names  # a fit of it with other numbers too
+        first = not any(row["named"] for row in result)
+        result.append(
+            {
+                "text": text,
+                "named": bool(findings.diagnosis.which) and same and first,
+                "rest": numbers.gap(max(e.rest, 0.0)),
+                "behind": _odds(ranked[0].log_posterior - e.log_posterior),
+            }
+        )
+    return result
+
+
+def recorded(recording: Recording, name: str, observed: str = "") -> list[tuple[str, str]]:
+    """Label and text of what a recording states and holds.
+
+    Args:
+        name: under which it was given.
+        observed: what was made of its rows, before a comma.
+    """
+    stated, tool = recording.metadata, []
+    if stated.tool.mass is not None:
+        tool.append(f"{stated.tool.mass:.4g} kg")
+    if stated.tool.cog is not None:
+        cog = ", ".join(f"{1e3 * x:.4g}" for x in stated.tool.cog)
+        tool.append(numbers.minus(f"centre of gravity ({cog}) mm"))
+    rate = "" if stated.rate_hz is None else f" at {stated.rate_hz:g} Hz"
+    rows = f"{observed}{len(recording):,} rows{rate}, source: {stated.source or 'not stated'}"
+    return [
+        ("recording", name),
+        ("sensor", stated.sensor.model or "not stated"),
+        ("stated tool", ", ".join(tool) or "not stated"),
+        ("data", rows),
+    ]
+
+
+def _odds(behind: float) -> str:
+    """How many times less likely than the best, from the difference of log posteriors."""
+    if behind < 0.05:
+        return "best"
+    decades = behind / np.log(10.0)
+    if decades < 2:
+        return f"1 : {np.exp(behind):.2g}"
+    return f"1 : 10{str(round(decades)).translate(str.maketrans('0123456789', '⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
 
 
 def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
@@ -34,12 +147,12 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
     gaps = [figures.gaps(words.gaps, words.fitted), figures.channels(*evidence.channels())]
     heat = draw(figures.residual_map(evidence))
     more = {
-        "subsystems": tables.subsystems(words),
+        "subsystems": subsystems(words),
         "heat": heat,
         "observed": findings.analysis.prepared.observed,
-        "places": tables.places(findings),
-        **tables.unlisted(findings),
-        "explanations": tables.explanations(findings),
+        "places": places(findings),
+        **unlisted(findings),
+        "explanations": explanations(findings),
         "rows": words.row_sentences,
         "next": words.d.next,
         "record": f"wrenchbed record --robot {shlex.quote(words.d.robot)} --driver DRIVER --plan ",
@@ -124,6 +237,6 @@ def _data(findings: Findings) -> list[tuple[str, str]]:
     every = [findings.analysis.prepared, *(a.prepared for a in findings.analysis.others)]
     facts = [("robot", f"{findings.diagnosis.robot}: {every[0].robot.title}")]
     for name, p in zip(names, every, strict=True):
-        facts += tables.recorded(p.recording, name, f"{len(p.y):,} {p.observed}, ")
+        facts += recorded(p.recording, name, f"{len(p.y):,} {p.observed}, ")
         facts.append(("noise of a row", p.noise_source))
     return [*facts, *provenance(names, seed=findings.seed)]

@@ -16,8 +16,8 @@ from wrenchbed.pages.document import provenance
 from wrenchbed.pages.draw import draw
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports import figures
+from wrenchbed.reports.diagnosis_page import recorded
 from wrenchbed.reports.simulators import joint_axis
-from wrenchbed.reports.tables import recorded
 from wrenchbed.twin.comparison import Simulator, noise_of, order_of, robot_of, simulators
 
 AGREES, NEAR = 1.25, 3.0
