@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy import special
+from scipy.linalg import solve_triangular
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.calibration.calibrate import CalibrationOptions
@@ -103,10 +104,6 @@ class Sight:
         """Torque of weight about each joint (H, J) [N·m; N of slides]."""
         model = self.model
         return model.robot.gravity_torque(self.q, self.theta, np.asarray(model.gravity))
-
-    def of(self, rows: np.ndarray) -> "Sight":
-        """The same at some of the poses."""
-        return replace(self, q=self.q[rows], read=self.read[rows])
 
     def with_stand_alone(self) -> "Sight":
         """The same with the stated geometry."""
@@ -211,7 +208,7 @@ def calibrate_tracker(
     x, covariance = solution.x, solution.covariance
     alone = sight.with_stand_alone()
     held_out, bound = _held_out(sight, noise, tolerances, x)
-    nominal, _ = _held_out(alone, noise, _WIDE, alone.start)
+    nominal, _ = _held_out(alone, noise, _WIDE, alone.solve(noise, _WIDE, alone.start).x)
     slopes = sight.jacobian(sight.start).reshape(count, -1)
     fit = TrackerFit(
         recording=recording.name,
@@ -287,21 +284,31 @@ def _free(
     return columns, joints
 
 
-def _held_out(
-    sight: Sight, noise: float, tolerances: float, start: np.ndarray
-) -> tuple[float, float]:
+def _held_out(sight: Sight, noise: float, tolerances: float, x: np.ndarray) -> tuple[float, float]:
     """Root mean square distance [m] of poses from fits that did not see them, and what noise and
-    the number of poses make of it where the model is right (Cramér–Rao)."""
-    order = np.random.default_rng(0).permutation(len(sight.q))
+    the number of poses make of it where the model is right (Cramér–Rao).
+
+    Each such fit is one Gauss–Newton step from that of all poses, x (K,): it is near.
+    """
+    order, scale = np.random.default_rng(0).permutation(len(sight.q)), sight.parameters.tolerance
     _, same = np.unique(sight.q.round(4), axis=0, return_inverse=True)
     fold = (order % FOLDS)[same.ravel()]  # visits of one pose are held out together
+    slopes = sight.jacobian(x) * (scale / noise)
+    left = (sight.read - sight.expected(x)) / noise
+    pull = np.diag(np.full(len(x), 1.0 / tolerances))
+    short = (sight.start - x) / (scale * tolerances)
     square = allowed = 0.0
     for k in range(FOLDS):
-        seen, hidden = sight.of(fold != k), sight.of(fold == k)
-        solution = seen.solve(noise, tolerances, start)
-        square += float(((hidden.read - hidden.expected(solution.x)) ** 2).sum())
-        allowed += noise**2 * hidden.read.size + hidden.spread(solution.x, solution.covariance)
-    return float(np.sqrt(square / len(sight.q))), float(np.sqrt(allowed / len(sight.q)))
+        seen = fold != k
+        design = np.concatenate([slopes[seen].reshape(-1, len(x)), pull])
+        basis, triangle = np.linalg.qr(design)
+        step = solve_triangular(triangle, basis.T @ np.append(left[seen], short))
+        away = left[~seen] - slopes[~seen] @ step
+        rows = slopes[~seen].reshape(-1, len(x))
+        spread = solve_triangular(triangle, rows.T, trans="T")
+        square += float((away**2).sum())
+        allowed += away.size + float((spread**2).sum())
+    return noise * float(np.sqrt(square / len(fold))), noise * float(np.sqrt(allowed / len(fold)))
 
 
 def _identified(
