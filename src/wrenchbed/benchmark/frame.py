@@ -121,6 +121,11 @@ def log_uniform(rng: Rng, low: float, high: float) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
+def sign(rng: Rng) -> float:
+    """Random sign: −1 or 1."""
+    return float(rng.choice([-1.0, 1.0]))
+
+
 def subsystem(name: str) -> str:
     """Subsystem of an effect's name: ``sensor`` of ``sensor.gain``."""
     return name.partition(".")[0]

@@ -17,7 +17,7 @@ from wrenchbed.benchmark.efforts.world import (
     TrueDrives,
     bouc_wen,
 )
-from wrenchbed.benchmark.frame import Rng, log_uniform
+from wrenchbed.benchmark.frame import Rng, log_uniform, sign
 
 Maker = Callable[[EffortSetting, int, Rng], EffortFault]
 """Function that draws a fault; the joint is 0-based."""
@@ -49,10 +49,6 @@ def family(name: str, *, whole: bool = False) -> Callable[[Maker], Maker]:
         return named
 
     return register
-
-
-def _sign(rng: Rng) -> float:
-    return float(rng.choice((-1.0, 1.0)))
 
 
 def _scaled(drives: TrueDrives, name: str, joint: int, factor: float) -> TrueDrives:
@@ -116,7 +112,7 @@ def way_of(state: State) -> np.ndarray:
 
 @family("drive.constant")
 def _constant(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    off = _sign(rng) * log_uniform(rng, 0.04, 0.3)
+    off = sign(rng) * log_uniform(rng, 0.04, 0.3)
     value = float(setting.drives.constant[joint] * (1.0 + off))
     return EffortFault(
         {"value": value, "off": off}, reading=lambda state, effort: effort / (1.0 + off)
@@ -182,7 +178,7 @@ def _bandwidth(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 @family("drive.asymmetry")
 def _asymmetry(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     """Coulomb and viscous friction larger one way and smaller the other."""
-    off = _sign(rng) * log_uniform(rng, 0.25, 0.9)
+    off = sign(rng) * log_uniform(rng, 0.25, 0.9)
 
     def torque(state: State) -> np.ndarray:
         way = way_of(state)
@@ -230,7 +226,7 @@ def _named(vector: np.ndarray) -> dict[str, float]:
 
 @family("link.mass")
 def _link_mass(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    off = _sign(rng) * log_uniform(rng, 0.08, 0.4)
+    off = sign(rng) * log_uniform(rng, 0.08, 0.4)
 
     def edit(model: mujoco.MjModel) -> None:
         model.body_mass[model.jnt_bodyid[joint]] *= 1.0 + off

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.frame import Rng, elapsed, register
-from wrenchbed.benchmark.referee.fault import DRAWS, RefereeFault, RowFault, about, direction, sign
+from wrenchbed.benchmark.frame import Rng, elapsed, register, sign
+from wrenchbed.benchmark.referee.fault import DRAWS, RefereeFault, RowFault, about, direction
 from wrenchbed.benchmark.referee.laws import dahl
 from wrenchbed.benchmark.referee.machine import Backlash, Hose, LoosePart, Mechanics, Pad, Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.benchmark import frame
-from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, register
+from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, register, sign
 from wrenchbed.benchmark.referee import body, sensor
 from wrenchbed.benchmark.referee.fault import (
     DRAWS,
@@ -17,7 +17,6 @@ from wrenchbed.benchmark.referee.fault import (
     RefereeFault,
     RowFault,
     direction,
-    sign,
     touched,
 )
 from wrenchbed.benchmark.referee.laws import dahl, ornstein

@@ -19,11 +19,6 @@ RowFault = RowChange[Callable[[np.ndarray], np.ndarray]]
 [m/s²]."""
 
 
-def sign(rng: Rng) -> float:
-    """Random sign: −1 or 1."""
-    return float(rng.choice([-1.0, 1.0]))
-
-
 def about(rng: Rng, value: float, spread: float = 0.2) -> float:
     """Random value around ``value``, log-normal with relative spread ``spread``."""
     return float(value * np.exp(spread * np.clip(rng.standard_normal(), -2.0, 2.0)))

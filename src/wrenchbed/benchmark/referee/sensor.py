@@ -8,8 +8,8 @@ saturation and quantization have the same formula there; here only their sizes a
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform, register
-from wrenchbed.benchmark.referee.fault import DRAWS, RefereeFault, RowFault, about, sign, touched
+from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform, register, sign
+from wrenchbed.benchmark.referee.fault import DRAWS, RefereeFault, RowFault, about, touched
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting

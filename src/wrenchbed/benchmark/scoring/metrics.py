@@ -248,6 +248,14 @@ METRICS = {
     "isolation": share(
         "isolation: a claimed class holds the effect", "≥ 95 %", _visible, isolated
     ),
+    "isolation_alike": share(
+        "… or one that this data cannot tell from it", "≥ 95 %", of_kind("single"),
+        lambda row, claim: holds(claim, (*row.truth, *row.alike)),
+    ),
+    "isolation_unlike": share(
+        "… effects that nothing imitates", "≥ 95 %",
+        lambda row, claim: row.kind == "single" and not row.alike, isolated,
+    ),
     "alone": share(
         "… and nothing else is claimed", "", _visible,
         lambda row, claim: len(claim.causes) == 1 and row.truth[0] in claim.causes[0],
@@ -270,11 +278,22 @@ METRICS = {
         "outside the library: named with p > 0.9", "≤ 2 %", of_kind("outside"), named
     ),
     "sure": share("right when it says p > 0.9", "≥ 97 %", named, right),
+    "sure_alike": share(
+        "… or as good as right, by what this data can tell", "≥ 97 %", named,
+        lambda row, claim: bool({*row.truth, *row.alike} & set(claim.causes[0])),
+    ),
     "ece": Metric("expected calibration error", "≤ 5 %", _bins, _calibration),
     "log_score": Metric("log score (lower is better)", "< 0.79", _log_score, percent=False),
     "pairs": Metric("two effects: F1", "≥ 85 %", _pairs, _f1),
     "where": Metric("first subsystem right", "≥ 97 %", _where),
     "coverage": Metric("90 % intervals hold the truth", "87–93 %", _coverage, ours=True),
+    "sets": share(
+        "90 % sets of answers hold the truth", "87–93 %", lambda row, claim: bool(claim.set90),
+        lambda row, claim: bool(
+            set(claim.set90) & (set(row.truth) or {UNKNOWN if row.outside else NONE})
+        ),
+        ours=True,
+    ),
     "closed": Metric("held-out gap closed", "", _closed, ours=True),
     "oracle": Metric(
         "… by an oracle told the effects", "", _closed, lambda s: ratio(s[..., 1:]), ours=True
@@ -291,7 +310,7 @@ METRICS = {
         "cases that end in an error", "0 %", lambda row, claim: True, said("error")
     ),
 }  # fmt: skip
-"""All metrics of look-alikes by name, with the project's targets."""
+"""All metrics by name, with the project's targets."""
 
 
 # ---- tables --------------------------------------------------------------------------------------

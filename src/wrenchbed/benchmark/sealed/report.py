@@ -13,7 +13,7 @@ import numpy as np
 from wrenchbed.benchmark.frame import subsystem
 from wrenchbed.benchmark.scoring import metrics
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
-from wrenchbed.benchmark.sealed.score import ORACLE, SEALED, Score
+from wrenchbed.benchmark.sealed.score import ORACLE, Score
 from wrenchbed.pages.document import Card, Document, Section, Table, provenance
 
 _BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9])
@@ -60,8 +60,8 @@ def page(score: Score, command: str = "") -> Document:
     title = f"Sealed benchmark: {score.main} on {len(rows)} robots ({some.robot}, {some.mode})"
     about = _ORACLE if ORACLE in score.beside else ""
     methods = [OURS, *score.beside]
-    head, lines = metrics.figure_cells(rows, methods, SEALED, score.main)
-    judged = [(m, metrics.figure(m, rows, OURS)) for m in SEALED.values()]
+    head, lines = metrics.figure_cells(rows, methods, metrics.METRICS, score.main)
+    judged = [(m, metrics.figure(m, rows, OURS)) for m in metrics.METRICS.values()]
     marks = ["" if scored is None else marked(m, scored) for m, scored in judged]
     for cells, mark in zip(lines, marks, strict=True):
         cells[1] = f"{cells[1]} {mark}".rstrip()
@@ -145,7 +145,7 @@ def summary(score: Score) -> dict[str, object]:
     }  # fmt: skip
     for method in (OURS, *score.beside):
         entries = {}
-        for key, metric in SEALED.items():
+        for key, metric in metrics.METRICS.items():
             scored = (
                 None
                 if metric.ours and method != OURS

@@ -1,7 +1,6 @@
 """The score of a sealed benchmark: commitments checked, claims held against answers.
 
-Claims are read from the contract's ``diagnosis.json``. The figures are those of every benchmark,
-and what the data itself allows.
+Claims are read from the contract's ``diagnosis.json``.
 """
 
 from collections.abc import Mapping
@@ -12,9 +11,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.benchmark.frame import STATED, subsystem
-from wrenchbed.benchmark.scoring import metrics
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number, numbers
-from wrenchbed.benchmark.scoring.metrics import METRICS, share
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.benchmark.sealed.commitments import MOST, Answer, Fact, Oracle
 from wrenchbed.benchmark.sealed.run import CLAIM, RESERVED, RUN
@@ -31,42 +28,6 @@ ORACLE = "oracle"
 """Name of the method that knows the true form and size."""
 _BROKEN = (BenchmarkError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
 """Errors that reading a hostile file raises, for instance by numbers of 400 digits."""
-_SINGLE = metrics.of_kind("single")
-_BESIDE = {
-    "isolation": {
-        "isolation_alike": share(
-            "… or one that this data cannot tell from it", "≥ 95 %", _SINGLE,
-            lambda row, claim: metrics.holds(claim, (*row.truth, *row.alike)),
-        ),
-        "isolation_unlike": share(
-            "… effects that nothing imitates", "≥ 95 %",
-            lambda row, claim: row.kind == "single" and not row.alike, metrics.isolated,
-        ),
-    },
-    "sure": {
-        "sure_alike": share(
-            "… or as good as right, by what this data can tell", "≥ 97 %", metrics.named,
-            lambda row, claim: bool({*row.truth, *row.alike} & set(claim.causes[0])),
-        ),
-    },
-    "coverage": {
-        "sets": share(
-            "90 % sets of answers hold the truth", "87–93 %",
-            lambda row, claim: bool(claim.set90),
-            lambda row, claim: bool(
-                set(claim.set90) & (set(row.truth) or {"unknown" if row.outside else "none"})
-            ),
-            ours=True,
-        ),
-    },
-}  # fmt: skip
-"""Figures that need what the referee knows of each case, by the figure that they stand below."""
-SEALED = {
-    name: metric
-    for key, first in METRICS.items()
-    for name, metric in {key: first, **_BESIDE.get(key, {})}.items()
-}
-"""All metrics of sealed cases by name."""
 
 
 @dataclass(frozen=True)
