@@ -102,7 +102,7 @@ def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> 
 
 def classed(fault: EffortFault, size: float, rest: dict[Key, float]) -> tuple[Key, ...]:
     """Families with joints that no data of this motion tell from the cause, itself first."""
-    cause: Key = (fault.family, fault.joint)
+    cause: Key = (fault.name, fault.joint)
     same = [k for k, v in rest.items() if v <= SAME + SHARE * size and k != cause]
     return (cause, *same)
 
@@ -260,7 +260,7 @@ def _counted(
     gaps = remaining(setting, fault, added)
     if kind == "single":
         return gap, classed(fault, gap, gaps)
-    return gap, ((fault.family, fault.joint),) if min(gaps.values()) >= IMITATED else ()
+    return gap, ((fault.name, fault.joint),) if min(gaps.values()) >= IMITATED else ()
 
 
 def _family(kind: str, number: int, wrench: bool) -> str:

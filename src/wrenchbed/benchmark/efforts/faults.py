@@ -17,7 +17,7 @@ from wrenchbed.benchmark.efforts.world import (
     TrueDrives,
     bouc_wen,
 )
-from wrenchbed.benchmark.frame import Rng, log_uniform, sign
+from wrenchbed.benchmark.frame import Rng, log_uniform, register, sign
 
 Maker = Callable[[EffortSetting, int, Rng], EffortFault]
 """Function that draws a fault; the joint is 0-based."""
@@ -40,15 +40,13 @@ def family(name: str, *, whole: bool = False) -> Callable[[Maker], Maker]:
         whole: the faults belong to no joint; their hooks change all columns.
     """
 
-    def register(maker: Maker) -> Maker:
-        def named(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-            at = None if whole else joint + 1
-            return replace(maker(setting, joint, rng), family=name, joint=at)
+    def known(maker: Maker) -> Maker:
+        def placed(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+            return replace(maker(setting, joint, rng), joint=None if whole else joint + 1)
 
-        (FAMILIES if "." in name else OUTSIDE)[name] = named
-        return named
+        return register(FAMILIES if "." in name else OUTSIDE, name)(placed)
 
-    return register
+    return known
 
 
 def _scaled(drives: TrueDrives, name: str, joint: int, factor: float) -> TrueDrives:

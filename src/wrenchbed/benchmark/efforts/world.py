@@ -11,7 +11,7 @@ import numpy as np
 from scipy import signal
 
 from wrenchbed.benchmark.efforts.arm import Edit, Path, TrueArm, draw, manufactured
-from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.frame import Fault, Rng
 from wrenchbed.robots.base import SimulatedRobot
 
 UNITS = ("tau", "i")
@@ -141,14 +141,13 @@ Hook = Callable[[State], np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
-class EffortFault:
+class EffortFault(Fault):
     """A fault, as the stages at which it acts; each that is None leaves its stage alone.
 
     ``level``, ``torque`` and ``reading`` concern the column (T,) of the fault's joint, and all
     columns (T, J) of a fault without a joint.
 
     Attributes:
-        parameters: true values by name, SI.
         theta: changes the true parameters (P,).
         edit: changes the compiled true model.
         drives: changes the drives.
@@ -157,11 +156,9 @@ class EffortFault:
         reading: changes the effort [effort's unit].
         rows: changes recorded rows (N, J).
         motion: changes the true motion against the one that encoders report.
-        family: name of the effect, or of the family outside the library.
         joint: 1-based joint or link; None of faults of tool and base.
     """
 
-    parameters: Mapping[str, float]
     theta: Callable[[np.ndarray], np.ndarray] | None = None
     edit: Edit | None = None
     drives: Callable[[TrueDrives], TrueDrives] | None = None
@@ -170,7 +167,6 @@ class EffortFault:
     reading: Callable[[State, np.ndarray], np.ndarray] | None = None
     rows: Callable[[np.ndarray], np.ndarray] | None = None
     motion: Callable[[Path], Path] | None = None
-    family: str = "none"
     joint: int | None = None
 
     def changed(self, matrix: np.ndarray, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
@@ -182,7 +178,7 @@ class EffortFault:
         return result
 
 
-HEALTHY = EffortFault({})
+HEALTHY = EffortFault(name="none")
 
 
 @dataclass(frozen=True, eq=False)

@@ -134,9 +134,9 @@ class EffortFamily(Family):
         name, fault = self.names()[index], made.fault
         facts: tuple[Fact, ...] = ()
         if made.kind != "none":
-            effect = fault.family if made.kind == "outside" else efforts.name_of(made.alike[0])
+            effect = fault.name if made.kind == "outside" else efforts.name_of(made.alike[0])
             alike = tuple(map(efforts.name_of, made.alike[1:]))
-            true = {k: float(v) for k, v in fault.parameters.items()}
+            true = {k: float(v) for k, v in fault.true.items()}
             facts = (Fact(effect, None, made.gap, 0.0, true, alike),)
         salt = commitments.salt(self.seed, name)
         robot, rows = made.recording.metadata.robot, len(made.recording)
