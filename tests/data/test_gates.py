@@ -32,7 +32,9 @@ from wrenchbed.errors import (
     WrenchbedError,
 )
 from wrenchbed.files import checked
+from wrenchbed.robots.described import read as read_robot
 from wrenchbed.robots.model_file import read_arm
+from wrenchbed.sensors.described import read as read_sensor
 
 WANTED = ["stamp", "wrench.force.x"]
 MB = 2**20
@@ -263,9 +265,14 @@ def test_memory_that_does_not_suffice_is_named(tmp_path, monkeypatch, at_once):
     ],
 )
 def test_long_and_deep_settings_are_refused(name, text, told, tmp_path):
-    (tmp_path / name).write_text(text)
+    path = tmp_path / name
+    path.write_text(text)
     with pytest.raises(MapError, match=told):
-        wb.read_map(tmp_path / name)
+        wb.read_map(path)
+    for read in (read_robot, read_sensor) if path.suffix == ".toml" else ():
+        with pytest.raises(ParameterError, match=told) as caught:
+            read(path)
+        assert str(path) in str(caught.value) and "\n" not in str(caught.value)
 
 
 def test_a_long_name_is_refused_with_its_length():
