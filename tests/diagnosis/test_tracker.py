@@ -8,6 +8,7 @@ from tracked_ur5 import TrackedUr5
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.diagnosis.several import diagnose_several
 from wrenchbed.errors import DiagnosisError
 
 
@@ -126,3 +127,19 @@ def test_an_arm_that_was_never_calibrated_is_off_in_zeros_and_geometry(seed):
     found = diagnose(TrackedUr5.anyhow(np.random.default_rng(seed)).recording(seed)).diagnosis
     assert {w["effect"] for w in found.which} == {"joint.offset", "link.length"}
     assert found.gap.closed.low > 0.99
+
+
+@pytest.mark.parametrize(
+    ("joint", "tracker_first"),
+    [(3, False), *(pytest.param(j, first, marks=pytest.mark.slow)
+                   for j in (2, 4) for first in (False, True))],
+)  # fmt: skip
+def test_a_wrench_and_a_tracker_of_two_days_tell_parallel_joints_apart(joint, tracker_first):
+    arm, wrong = with_zero_off(joint), np.zeros((4, 6))
+    wrong[0] = arm.offset
+    whole = arm.recording(0)
+    wrench = without(whole, "ax", "ay", "az", "mx", "my", "mz")
+    both = [wrench, TrackedUr5(wrong=wrong).recording(1, count=40, rows=5)]
+    found = diagnose_several(both[::-1] if tracker_first else both).diagnosis
+    assert [w["elements"] for w in found.which] == [[f"joint {joint}"]]
+    assert set(found.gap.per_channel) == {*WRENCH, "mx", "my", "mz"} == set(found.scale)

@@ -273,11 +273,14 @@ def _detail(verdict: Verdict[Explanation], cause: Cause) -> str:
     return f.parts[cause.part.index].variant.label
 
 
-def scales(prepared: Prepared) -> dict[str, Scale]:
-    """Noise of a row, and what counts, of each channel."""
-    p = prepared.leading
-    noise, counts = p.row_sigma.tolist(), p.sigma.tolist()
-    return {c: Scale(*s) for c, *s in zip(p.units, noise, counts, p.units.values(), strict=True)}
+def scales(*each: Prepared) -> dict[str, Scale]:
+    """Noise of a row, and what counts, of each channel; of several recordings the last one's."""
+    result = dict[str, Scale]()
+    for p in (one.leading for one in each):
+        noise, counts = p.row_sigma.tolist(), p.sigma.tolist()
+        known = zip(p.units, noise, counts, p.units.values(), strict=True)
+        result |= {c: Scale(*s) for c, *s in known}
+    return result
 
 
 def of_data(a: Analysis, folds: int) -> tuple[str, ...]:

@@ -234,7 +234,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         set90=set90(verdict, known),
         minor=beside_claims.minor(analysis, verdict, spread, 1.0 if known is None else known.right),
         fitted=beside_claims.fitted(analysis, verdict, spread),
-        scale=answer.scales(prepared),
+        scale=answer.scales(*(x.prepared for x in (*analysis.others, analysis))),
         familiar=" ".join(_learnt(known, prepared)) or FAMILIAR,
         outliers=[o.entry(touch if prepared.touch is None else None) for o in outliers],
         notes=(

@@ -125,7 +125,9 @@ def judged(
         further["with_effects"] = held_out.further(after)
         channels["after"], readings["with_effects"] = held_out.channels(after), after[:, of]
     gaps = {stage: held_out.of(r) for stage, r in every.items()} | {"floor": held_out.floor()}
-    return Judged(held_out.block, held_out.count, gaps, without, channels, readings, further)
+    return Judged(
+        held_out.block, held_out.count, gaps, without, channels, readings, further, tuple(p.units)
+    )
 
 
 def measure(a: Analysis, claim: Claimed | None, seed: int = 0) -> Closure:

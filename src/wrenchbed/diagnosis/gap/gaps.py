@@ -105,6 +105,7 @@ class Judged:
         readings: see `Closure`.
         further: gaps (S,) of further channels than the first, all together, by simulator:
             ``calibrated``, ``with_effects``, and without each cause by its name; empty without any.
+        names: of the channels (C,) where these differ between recordings.
     """
 
     block: np.ndarray
@@ -114,6 +115,7 @@ class Judged:
     channels: Mapping[str, np.ndarray]
     readings: Mapping[str, np.ndarray] = field(default_factory=dict)
     further: Mapping[str, np.ndarray] = field(default_factory=dict)
+    names: tuple[str, ...] = ()
 
 
 def closure(
@@ -153,10 +155,15 @@ def closure(
             further[name] = drawn.mean(beside[name] - beside["with_effects"])
         in_sample = drawn.average(gaps["in_sample"])
     rows = np.array([int(j.count.sum()) for j in each])
-    channels = {
-        stage: rows @ np.stack([j.channels[stage] for j in each]) / rows.sum()
-        for stage in each[0].channels
-    }
+    known = [tuple(j.names or names) for j in each]
+    per_channel = dict[str, dict[str, float]]()
+    for name in dict.fromkeys(n for of in known for n in of):
+        own = [(j, of.index(name)) for j, of in zip(each, known, strict=True) if name in of]
+        weight = np.array([float(j.count.sum()) for j, _ in own])
+        per_channel[name] = {
+            stage: float(weight @ [j.channels[stage][k] for j, k in own] / weight.sum())
+            for stage in each[0].channels
+        }
     return Closure(
         configured=drawn.average(gaps["configured"]),
         calibrated=drawn.mean(fitted),
@@ -166,10 +173,7 @@ def closure(
         black_box=None if scale <= 0 else box / scale,
         rows=int(rows.sum()),
         folds=folds,
-        per_channel={
-            c: {stage: float(gap[k]) for stage, gap in channels.items()}
-            for k, c in enumerate(names)
-        },
+        per_channel=per_channel,
         members=members,
         in_sample=in_sample,
         readings=each[0].readings,
