@@ -7,17 +7,13 @@ from wrenchbed import registry
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.evidence.dictionary import build
 from wrenchbed.diagnosis.evidence.likelihood import row_variance
+from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.next.actions import ExperimentRun, actions, feasible, posed
-from wrenchbed.diagnosis.next.dry_run import of_plan
+from wrenchbed.diagnosis.next.blind import Design, showings
+from wrenchbed.diagnosis.next.dry_run import RUNG, of_plan
 from wrenchbed.diagnosis.next.experiments import Comparison, explore, jensen_shannon, separate
-from wrenchbed.diagnosis.next.isolability import (
-    VisibleSize,
-    cannot_tell,
-    classes,
-    isolability,
-    visible_sizes,
-)
+from wrenchbed.diagnosis.next.isolability import cannot_tell
 from wrenchbed.diagnosis.prepare.baseline import calibrate
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.planning.choose import multisine
@@ -71,13 +67,9 @@ def within(similarity, first, second):
     return bool(similarity.inside[place[first], place[second]])
 
 
-def test_the_smallest_size_adds_a_gap_of_one(wide):
-    d, similarity = wide
-    told = visible_sizes(similarity, "joint.offset", "joint 6")
-    (k,) = next(h.columns for h in d.hypotheses if (h.name, h.variant.label) == (
-        "joint.offset", "joint 6"))  # fmt: skip
-    assert d.gap(told.smallest * d.E[:, k]) == pytest.approx(1.0)
-    assert told.size["offset.q6"][0] == pytest.approx(told.smallest * d.size[k])
+def shown(d, similarity):
+    """How a design shows each effect best, by name."""
+    return {s.effect: s for s in showings(Design(similarity, Searcher(d), RUNG))}
 
 
 def test_mass_hides_in_a_gain_of_forces_and_cog_in_a_shifted_origin(wide):
@@ -86,9 +78,9 @@ def test_mass_hides_in_a_gain_of_forces_and_cog_in_a_shifted_origin(wide):
     assert within(similarity, tt, tf) and not within(similarity, tf, tt)
     assert within(similarity, ("tool.mass", "mass"), ("sensor.gain", "forces"))
     assert within(similarity, ("tool.cog", "x, y and z"), ("sensor.crosstalk", "shifted origin"))
-    told = {s.effect: s for s in isolability(d, similarity)}
-    assert "sensor.crosstalk" in told["tool.cog"].rivals
-    assert "sensor.gain" in told["tool.mass"].rivals
+    ways = shown(d, similarity)
+    assert "sensor.crosstalk" in ways["tool.cog"].rivals
+    assert "sensor.gain" in ways["tool.mass"].rivals
 
 
 def test_offsets_of_parallel_joints_enter_as_their_sum(wide):
@@ -113,9 +105,9 @@ def test_a_turn_of_the_sensor_about_z_is_joint_six(wide):
 
 def test_timing_cannot_show_at_rest(wide):
     d, similarity = wide
-    told = {s.effect: s for s in isolability(d, similarity)}
+    ways = shown(d, similarity)
     for name in TIMING | {"tool.inertia", "tool.self_weight"}:
-        assert told[name].smallest is None and not told[name].detectable
+        assert ways[name].smallest is None and not ways[name].detectable
     assert any(
         "timing.delay" in text and "poses at rest" in text for text in cannot_tell(d, similarity)
     )
@@ -123,31 +115,30 @@ def test_timing_cannot_show_at_rest(wide):
 
 def test_without_turning_joint_one_a_tilt_looks_like_an_offset(still, wide):
     for (_, similarity), alike in ((still, True), (wide, False)):
-        rivals = visible_sizes(similarity, "joint.offset", "joint 2").rivals
+        place = [(w.name, w.variant.label) for w in similarity.signatures]
+        rivals = similarity.rivals(place.index(("joint.offset", "joint 2")))
         assert ("base.tilt" in rivals) is alike
 
 
+def rivals_of_the_clearest(similarity):
+    """Rivals of each effect's variant that adds the largest gap a number, all together."""
+    of = {}
+    for k, w in enumerate(similarity.signatures):
+        of.setdefault(w.name, []).append((similarity.gaps[k] / len(w.columns), k))
+    return sum(len(similarity.rivals(max(ways)[1])) for ways in of.values())
+
+
 def test_narrow_orientations_merge_more_and_show_less(wide, narrow):
-    more, less = ({s.effect: s for s in isolability(*design)} for design in (wide, narrow))
-    rivals = [sum(len(s.rivals) for s in sizes.values()) for sizes in (more, less)]
-    assert rivals[1] > rivals[0]
+    more, less = (shown(*design) for design in (wide, narrow))
+    assert rivals_of_the_clearest(narrow[1]) > rivals_of_the_clearest(wide[1])
     for name in ("mount.rotation", "joint.offset", "sensor.crosstalk", "base.tilt"):
         assert less[name].smallest > 1.5 * more[name].smallest
 
 
-def test_classes_join_what_is_mutual():
-    def told(name, *rivals):
-        return VisibleSize(name, "", 1.0, {}, True, rivals)
-
-    chain = [told("a", "b"), told("b", "a", "c"), told("c", "b"), told("d", "a"), told("e")]
-    assert classes(chain) == (frozenset("abc"),)
-
-
 def test_a_motion_shows_timing():
     d = dictionary(multisine(UR5, 8.0, 60.0, 1))
-    told = {s.effect: s for s in isolability(d)}
-    assert told["timing.delay"].detectable
-    assert told["timing.delay"].size["delay"][1] == "s"
+    delay = shown(d, Similarity(d))["timing.delay"]
+    assert delay.detectable and delay.size["delay"][1] == "s"
     assert not any("timing.delay cannot" in text for text in cannot_tell(d))
 
 

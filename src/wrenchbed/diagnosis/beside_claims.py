@@ -13,8 +13,9 @@ import numpy as np
 from wrenchbed.diagnosis.answer import numbers_of
 from wrenchbed.diagnosis.decision.decide import MOST_RIVALS
 from wrenchbed.diagnosis.decision.options import weights
+from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.explain.claims import Explanation, contradicted, missed, stated
-from wrenchbed.diagnosis.explain.contributions import shares
+from wrenchbed.diagnosis.explain.contributions import imitators, shares
 from wrenchbed.diagnosis.explain.elements import RIVAL, elements
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
@@ -31,16 +32,18 @@ def minor(
 
     Args:
         a: the analysis.
-        verdict: the claims, of which none is listed again; nothing is listed beside `unknown`.
+        verdict: the claims, of which none is listed again. Beside `unknown` only explanations in
+            which nothing counts speak for an effect: what else there is was refuted.
         spread: factor on standard uncertainties, see `Reliability`.
         right: share of claims that are right: no entry is surer.
     """
-    if verdict.word == "unknown":
-        return []
     ranked, weight = a.ranking.explanations, weights(a.ranking)[1:]
     effects = [{e.finalist.names[k] for k in e.finalist.effects} for e in ranked]
     claimed = {n for c in verdict.causes for n in c.names}
-    small = [of - e.names - claimed for of, e in zip(effects, ranked, strict=True)]
+    small = [
+        set[str]() if e.parts and verdict.word == UNKNOWN else of - e.names - claimed
+        for of, e in zip(effects, ranked, strict=True)
+    ]
     least = max(LEAST_MINOR, missed(verdict.explanation) if verdict.causes else 0.0)
     result = list[dict[str, Any]]()
     for first, name in [(k, n) for k, names in enumerate(small) for n in sorted(names)]:
@@ -51,27 +54,41 @@ def minor(
         present = float(weight[[bool(names & set(members)) for names in small]].sum())
         known = {n for entry in result for n in named_by(entry)}
         f = ranked[first].finalist
-        each = shares(a.refitter, f, f.names.index(name))
+        k = f.names.index(name)
+        each = shares(a.refitter, f, k)
         gap = float(each.sum())
         if present < DETECTED or gap < least or known & set(members):
             continue
         if contradicted(each, a.dictionary.gaps(a.refitter.y)):
             continue
-        fits = [ranked[instead[n][0]].finalist for n in members]
-        lead, *others = (_numbers(a, g, n, spread) for n, g in zip(members, fits, strict=True))
-        entry = cause(name, min(present, right), {}) | lead | {"gap": gap}
+        alike = [n for n in imitators(a.refitter, f, k) if n not in {*members, *effects[first]}]
+        entry = cause(name, min(present, right), {}) | _numbers(a, f, name, spread) | {"gap": gap}
         entry["rivals"] = [
-            {
-                "effect": n,
-                "elements": numbers["elements"],
-                "probability": min(chance[n], right),
-                "parameters": numbers["parameters"],
-            }
-            for n, numbers in zip(members[1:], others, strict=True)
+            _rival(a, n, instead.get(n), ranked, min(chance.get(n, 0.0), right), spread)
+            for n in (*members[1:], *alike[: MOST_RIVALS + 1 - len(members)])
         ]
         del entry["closed_share"], entry["channels"]
         result.append(entry)
     return sorted(result, key=lambda entry: -entry["gap"])
+
+
+def _rival(
+    a: Analysis,
+    name: str,
+    places: Sequence[int] | None,
+    ranked: Sequence[Explanation],
+    probability: float,
+    spread: float,
+) -> dict[str, Any]:
+    """Entry of ``rivals``; without numbers where no explanation has it in the effect's place."""
+    of = dict[str, Any](elements=[], parameters={})
+    of |= _numbers(a, ranked[places[0]].finalist, name, spread) if places else {}
+    return {
+        "effect": name,
+        "elements": of["elements"],
+        "probability": probability,
+        "parameters": of["parameters"],
+    }
 
 
 def _instead(

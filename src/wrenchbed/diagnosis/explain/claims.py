@@ -25,7 +25,8 @@ from wrenchbed.diagnosis.explain.verdict import Part
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 
 REST = 0.55
-"""Gap that normal imperfections may make together."""
+"""Gap that normal imperfections may make together: an effect that makes as much alone is none of
+them, and what it makes is explained although it does not count."""
 DENIED = 2.0 * CLAIMABLE
 """Gap that a cause must add at least to a channel without any to be contradicted by it."""
 WRONG = 5.0
@@ -105,7 +106,7 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
     added = {k: float(np.minimum(g, total).sum()) for k, g in each.items() if k not in against}
     parts = [Part(f.parts[k].name, g, index=k) for k, g in added.items() if g >= CLAIMABLE]
     large = {p.index for p in parts}
-    remaining = rest(refitter, f, large)
+    remaining = rest(refitter, f, {k for k, g in added.items() if g >= REST})
     if total.sum() >= CLAIMABLE and remaining > REST:
         more, remaining = _standing_in(refitter, f, large | against)
         parts += more

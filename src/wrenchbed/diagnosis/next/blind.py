@@ -11,7 +11,7 @@ the effect itself among them, the square that is fitted follows a noncentral χ�
 s² tr P. At s95 its 5 % quantile is the larger one of both thresholds.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 from scipy.special import chndtrinc, logit
 
-from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
+from wrenchbed.diagnosis.evidence.dictionary import LARGEST, EffectDictionary, Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import MOST, log_sum
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
-from wrenchbed.diagnosis.evidence.similarity import Signature, Similarity
+from wrenchbed.diagnosis.evidence.similarity import PLAUSIBLE, Signature, Similarity
 from wrenchbed.diagnosis.explain.elements import element, listed, of_element
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.base import Effect
@@ -48,6 +48,7 @@ MOST_NAMED = 4
 """Elements of an effect that a headline names; of more it names the effect."""
 NOTHING = "no effect on these readings"
 HIDDEN = "hidden by the fit of {usual}"
+FAINT = "shows at no size that may occur"
 NOT_HERE = "cannot show in such a recording"
 
 
@@ -142,6 +143,51 @@ class Design:
         return np.asarray(np.sqrt(chndtrinc(least * known, count, MISSED) / known))
 
 
+@dataclass(frozen=True)
+class Showing:
+    """The way in which a design shows an effect best.
+
+    Attributes:
+        effect, variant: what; empty where it has no way to show.
+        smallest: s95 of the variant's numbers, in typical sizes; None if no size shows.
+        size: value and unit of each parameter at that multiple.
+        detectable: whether that size may occur.
+        rivals: effects of which some variant makes the same readings as this variant.
+    """
+
+    effect: str
+    variant: str
+    smallest: float | None
+    size: Mapping[str, tuple[float, str]]
+    detectable: bool
+    rivals: tuple[str, ...]
+
+
+def showings(design: Design) -> tuple[Showing, ...]:
+    """How a design shows each effect with a mean, by name: the variant that shows from the smallest
+    size on.
+
+    Effects that show only between rows (noise, steps, repeats) depend on no pose and are left out.
+    """
+    similarity, result = design.similarity, []
+    robot, sizes = similarity.d.prepared.scene.robot, similarity.d.size
+    for name, effect in effects().items():
+        if effect.between_rows:
+            continue
+        ways = [k for k, w in enumerate(similarity.signatures) if w.name == name]
+        k = min(ways, key=lambda k: design.sizes[k], default=None)
+        if k is None or not np.isfinite(design.sizes[k]):
+            result.append(Showing(name, "", None, {}, False, ()))
+            continue
+        w, smallest = similarity.signatures[k], float(design.sizes[k])
+        units = {p.name: p.unit for p in effect.parameters(robot)}
+        both = zip(w.variant.free, sizes[w.columns].tolist(), strict=True)
+        size = {n: (smallest * typical, units[n]) for n, typical in both}
+        likely, rivals = smallest <= PLAUSIBLE, similarity.rivals(k)
+        result.append(Showing(name, w.variant.label, smallest, size, likely, rivals))
+    return tuple(result)
+
+
 def blind_spots(designs: Sequence[Design]) -> tuple[BlindSpot, ...]:
     """Blind spots that all recordings of a robot have in common, by effect.
 
@@ -206,6 +252,8 @@ def _spot(
     w, times = max(seen, key=lambda way: (way[0].variant.weight, way[1]))
     if times <= 1.0 or w.name in STATED:  # every fit says what it takes up
         return None
+    if times > LARGEST:
+        return BlindSpot(w.name, name, None, "", FAINT)
     known = w.effect.parameters(d.prepared.scene.robot)
     unit = known[known.index(w.variant.free[0])].unit
     return BlindSpot(w.name, name, times * float(d.size[w.columns[0]]), unit)

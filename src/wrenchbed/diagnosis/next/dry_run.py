@@ -15,8 +15,8 @@ from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.diagnosis.evidence.dictionary import build
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.diagnosis.evidence.similarity import Similarity
-from wrenchbed.diagnosis.next.blind import BlindSpot, Design, blind_spots
-from wrenchbed.diagnosis.next.isolability import VisibleSize, cannot_tell, isolability
+from wrenchbed.diagnosis.next.blind import BlindSpot, Design, Showing, blind_spots, showings
+from wrenchbed.diagnosis.next.isolability import cannot_tell
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.baseline import tolerances
 from wrenchbed.diagnosis.prepare.configuration import Configuration
@@ -147,7 +147,7 @@ class DryRun:
     """Effects that a recording of a plan could show, those that it could not distinguish, and those
     that it could not show at all."""
 
-    showings: tuple[VisibleSize, ...]
+    showings: tuple[Showing, ...]
     cannot_tell: tuple[str, ...]
     blind: tuple[BlindSpot, ...]
 
@@ -167,5 +167,5 @@ def dry_run(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> DryRun:
     prepared = of_plan(plan, None, samples, rate)
     d = build(prepared, prepared.configuration.robot_theta, tolerances(prepared))
     similarity = Similarity(d)
-    blind = blind_spots([Design(similarity, Searcher(d), RUNG)])
-    return DryRun(isolability(d, similarity), cannot_tell(d, similarity), blind)
+    design = Design(similarity, Searcher(d), RUNG)
+    return DryRun(showings(design), cannot_tell(d, similarity), blind_spots([design]))

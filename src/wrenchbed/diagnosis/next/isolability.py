@@ -1,7 +1,6 @@
-"""What a design can show before any cause is known: sizes that show, and effects that merge."""
+"""What a design leaves open before any cause is known: effects that it does not tell apart."""
 
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -13,95 +12,6 @@ from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.chain import effects
 
 _Sentences = list[tuple[frozenset[str], str]]
-
-
-@dataclass(frozen=True)
-class VisibleSize:
-    """Whether and at what size an effect shows.
-
-    Attributes:
-        effect, variant: what; the variant that shows best.
-        smallest: multiple of its typical size that adds a gap of 1, None if it cannot show.
-        size: value and unit of each parameter at that multiple.
-        detectable: whether that size may occur.
-        rivals: effects of which some variant makes the same readings as this variant.
-    """
-
-    effect: str
-    variant: str
-    smallest: float | None
-    size: Mapping[str, tuple[float, str]]
-    detectable: bool
-    rivals: tuple[str, ...]
-
-
-def isolability(
-    dictionary: EffectDictionary, similarity: Similarity | None = None
-) -> tuple[VisibleSize, ...]:
-    """Visible size of every effect with a mean, by name: its best variant, the size that shows, its
-    rivals.
-
-    Effects that show only between rows (noise, steps, repeats) depend on no pose and are left out.
-    """
-    similarity = similarity or Similarity(dictionary)
-    result = []
-    for name, effect in effects().items():
-        if effect.between_rows:
-            continue
-        of_effect = [k for k, w in enumerate(similarity.signatures) if w.name == name]
-        shown = {h.variant.label for h in dictionary.hypotheses if h.name == name}
-        of_effect = [k for k in of_effect if similarity.signatures[k].variant.label in shown]
-        if not of_effect:
-            result.append(VisibleSize(name, "", None, {}, False, ()))
-            continue
-        gaps = [similarity.gap(similarity.signatures[k]) for k in of_effect]
-        counts = [len(similarity.signatures[k].columns) for k in of_effect]
-        result.append(_visible_size(similarity, of_effect[int(np.argmax(np.divide(gaps, counts)))]))
-    return tuple(result)
-
-
-def visible_sizes(similarity: Similarity, effect: str, variant: str) -> VisibleSize:
-    """Visible size of the variant of an effect with this label.
-
-    Raises:
-        KeyError: the design has no such variant.
-    """
-    for k, signature in enumerate(similarity.signatures):
-        if (signature.name, signature.variant.label) == (effect, variant):
-            return _visible_size(similarity, k)
-    raise KeyError(f"{effect} has no variant {variant!r} here")
-
-
-def _visible_size(similarity: Similarity, index: int) -> VisibleSize:
-    signature, d = similarity.signatures[index], similarity.d
-    gap = similarity.gap(signature)
-    if gap <= 1e-12:
-        return VisibleSize(signature.name, signature.variant.label, None, {}, False, ())
-    smallest = 1.0 / float(np.sqrt(gap))
-    known = signature.effect.parameters(d.prepared.scene.robot)
-    both = zip(signature.variant.free, signature.columns, strict=True)
-    size = {n: (smallest * float(d.size[k]), known[known.index(n)].unit) for n, k in both}
-    rivals = similarity.rivals(index)
-    return VisibleSize(
-        signature.name, signature.variant.label, smallest, size, smallest <= PLAUSIBLE, rivals
-    )
-
-
-def classes(showings: Sequence[VisibleSize]) -> tuple[frozenset[str], ...]:
-    """Groups of two or more effects that merge: each makes the readings of the other's best
-    variant, directly or through a third."""
-    rivals = {s.effect: set(s.rivals) for s in showings}
-    groups: list[set[str]] = []
-    for name, others in rivals.items():
-        pair = {o for o in others if name in rivals.get(o, set())}
-        if not pair:
-            continue
-        joined = {name} | pair
-        for group in [g for g in groups if g & joined]:
-            groups.remove(group)
-            joined |= group
-        groups.append(joined)
-    return tuple(frozenset(g) for g in groups)
 
 
 def cannot_tell(
