@@ -120,17 +120,8 @@ def test_without_turning_joint_one_a_tilt_looks_like_an_offset(still, wide):
         assert ("base.tilt" in rivals) is alike
 
 
-def rivals_of_the_clearest(similarity):
-    """Rivals of each effect's variant that adds the largest gap a number, all together."""
-    of = {}
-    for k, w in enumerate(similarity.signatures):
-        of.setdefault(w.name, []).append((similarity.gaps[k] / len(w.columns), k))
-    return sum(len(similarity.rivals(max(ways)[1])) for ways in of.values())
-
-
-def test_narrow_orientations_merge_more_and_show_less(wide, narrow):
+def test_narrow_orientations_show_less(wide, narrow):
     more, less = (shown(*design) for design in (wide, narrow))
-    assert rivals_of_the_clearest(narrow[1]) > rivals_of_the_clearest(wide[1])
     for name in ("mount.rotation", "joint.offset", "sensor.crosstalk", "base.tilt"):
         assert less[name].smallest > 1.5 * more[name].smallest
 

@@ -19,6 +19,9 @@ _WINDOW_S, _LEAST_WINDOW, _ORDER = 0.085, 11, 5
 _LEVER = 1.0
 """Joint accelerations are taken to act over this length [m]."""
 _JITTER = 0.02
+_BETWEEN = 0.2
+"""Mean distance from the nearest count, in counts, from which values stand anywhere between them:
+0.25 if all places are alike, 0 on counts."""
 _SCALE = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
 """Relative weight of force [N] and torque [N·m] where nothing is known of the noise."""
 
@@ -187,7 +190,8 @@ def _stated(recording: Recording) -> tuple[np.ndarray, float, str]:
 
 
 def floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
-    """A channel cannot be quieter than its resolution; without any noise, weigh by `_SCALE`."""
+    """A channel cannot be quieter than its resolution, unless it reads between its counts as means
+    of rows do; without any noise, weigh by `_SCALE`."""
     variance = np.diagonal(covariance)
     if (variance < (1e-9 * _SCALE) ** 2).all():
         return np.zeros((6, 6))
@@ -195,7 +199,10 @@ def floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
     step = 1e-3 * _SCALE
     if model is not None and registry.is_known("sensors", model):
         step = registry.load("sensors", model).calibration().resolution
-    return covariance + np.diag(np.maximum(0.0, np.square(step) / 12 - variance))
+    counts = (recording.wrench - recording.wrench[:1]) / step
+    between = np.abs(counts - np.round(counts)).mean(axis=0) > _BETWEEN
+    least = np.where(between & (variance > 0.0), 0.0, np.square(step) / 12)
+    return covariance + np.diag(np.maximum(0.0, least - variance))
 
 
 def fallback_covariance() -> np.ndarray:

@@ -20,7 +20,7 @@ from wrenchbed.diagnosis.explain.elements import RIVAL, elements
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Verdict
-from wrenchbed.diagnosis.gap.result import cause, named_by
+from wrenchbed.diagnosis.gap.result import cause
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 from wrenchbed.diagnosis.prepare.configuration import BIAS, LOAD, STATED
 
@@ -45,14 +45,13 @@ def minor(
         for of, e in zip(effects, ranked, strict=True)
     ]
     least = max(LEAST_MINOR, missed(verdict.explanation) if verdict.causes else 0.0)
-    result = list[dict[str, Any]]()
+    result, known = list[dict[str, Any]](), set[str]()
     for first, name in [(k, n) for k, names in enumerate(small) for n in sorted(names)]:
         instead = _instead(name, effects[first], effects, small)
         chance = {n: float(weight[places].sum()) for n, places in instead.items()}
         members = [name, *(n for n, w in chance.items() if n != name and w > RIVAL)]
         members = members[: 1 + MOST_RIVALS]
         present = float(weight[[bool(names & set(members)) for names in small]].sum())
-        known = {n for entry in result for n in named_by(entry)}
         f = ranked[first].finalist
         k = f.names.index(name)
         each = shares(a.refitter, f, k)
@@ -61,6 +60,7 @@ def minor(
             continue
         if contradicted(each, a.dictionary.gaps(a.refitter.y)):
             continue
+        known |= set(members)
         alike = [n for n in imitators(a.refitter, f, k) if n not in {*members, *effects[first]}]
         entry = cause(name, min(present, right), {}) | _numbers(a, f, name, spread) | {"gap": gap}
         entry["rivals"] = [

@@ -25,8 +25,7 @@ from wrenchbed.diagnosis.explain.verdict import Part
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 
 REST = 0.55
-"""Gap that normal imperfections may make together: an effect that makes as much alone is none of
-them, and what it makes is explained although it does not count."""
+"""Gap that normal imperfections may make together."""
 DENIED = 2.0 * CLAIMABLE
 """Gap that a cause must add at least to a channel without any to be contradicted by it."""
 WRONG = 5.0
@@ -106,10 +105,12 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
     added = {k: float(np.minimum(g, total).sum()) for k, g in each.items() if k not in against}
     parts = [Part(f.parts[k].name, g, index=k) for k, g in added.items() if g >= CLAIMABLE]
     large = {p.index for p in parts}
-    remaining = rest(refitter, f, {k for k, g in added.items() if g >= REST})
+    more, remaining = list[Part](), rest(refitter, f, large)
     if total.sum() >= CLAIMABLE and remaining > REST:
         more, remaining = _standing_in(refitter, f, large | against)
-        parts += more
+    parts += more
+    if not parts:  # where nothing counts, what all small effects leave
+        remaining = rest(refitter, f, added)
     parts = [p for p in parts if not _form_of_another(p, parts, f)]
     named = {p.index for p in parts}
     parts = [replace(p, twins=twins(refitter, f, p.index, p.share, named)) for p in parts]

@@ -15,7 +15,7 @@ _DIFFERENCES = (1e-4, 1e-5, 1e-5, 1e-5)
 _STEPS, _DONE = 5, 1e-9
 """Gauss–Newton steps at most, and the change [kg, m] below which they end."""
 MASS_SHARE, COG_M, BIAS_SIGMAS = 0.005, 5e-4, 3.0
-"""Default tolerances: share of the stated mass, CoG [m], bias in σ of one row."""
+"""Default tolerances: share of the stated mass, CoG [m], bias in units of what counts."""
 MOST_ROUNDED = (0.05, 5e-3)
 """Rounding of a stated mass (share of it) and CoG [m] that is granted at most; estimates."""
 
@@ -118,7 +118,7 @@ def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
     given, tool_mass = stated.tool, prepared.configuration.mass
     most = MOST_ROUNDED[0] * tool_mass, MOST_ROUNDED[1]
     default = {
-        bias: BIAS_SIGMAS * prepared.leading.row_sigma,
+        bias: BIAS_SIGMAS * prepared.leading.sigma,
         mass: np.array([max(MASS_SHARE * tool_mass, min(_rounding(given.mass), most[0]))]),
         cog: np.full(3, max(COG_M, min(_rounding(*(given.cog or ())), most[1]))),
     }
