@@ -11,7 +11,7 @@ from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.evidence.dictionary import build
+from wrenchbed.diagnosis.evidence.dictionary import LARGEST, build
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain.structures import case
@@ -33,8 +33,6 @@ DRAWS = 400
 ROBOTS = (lambda: "ur5", lambda: "medrue", arm_of_file)
 FAULTS = ("joint.offset", "mount.rotation", "base.tilt", "sensor.gain")
 """Effects whose numbers mean the same in the look-alikes' physics."""
-MOST = 30.0
-"""Typical sizes beyond which no fault is drawn: a refusal names it as a wrong unit."""
 
 
 def plan(n, seed=1):
@@ -143,7 +141,7 @@ def faults_of(name, seed, draws, share):
         rung = int(np.argmax(searcher.nulls(y)[[r.normal for r in searcher.rungs]]))
         sizes = Design(similarity, searcher, rung).sizes
         every = zip(similarity.signatures, sizes, strict=True)
-        ways = [(w, k) for w, k in every if w.name in FAULTS and k < MOST and not w.variant.at]
+        ways = [(w, k) for w, k in every if w.name in FAULTS and k < LARGEST and not w.variant.at]
         effect = rng.choice(sorted({w.name for w, _ in ways}))
         some = [way for way in ways if way[0].name == effect]
         w, times = some[rng.integers(len(some))]

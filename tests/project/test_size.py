@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 609,
     "benchmark": 9769,
-    "calibration": 5680,
+    "calibration": 5690,
     "campaigns": 1651,
     "channels": 835,
     "cli": 2730,
