@@ -6,7 +6,6 @@ target sits (p) is fitted too, with so large a scale that they take all that geo
 well: a zero of the first joint turns everything that the tracker sees.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -111,11 +110,11 @@ class Sight:
 
     def expected(self, x: np.ndarray) -> np.ndarray:
         """Places (H, 3) at parameters (K,) [m]."""
-        return self._seen(*self._pose(self._moved(x), self._geometry(x)), x[-9:])
+        return self._seen(*self._pose(self._moved(x), self.geometry(x)), x[-9:])
 
     def jacobian(self, x: np.ndarray) -> np.ndarray:
         """Slopes (H, 3, K) of `expected`, by complex steps."""
-        q, theta = self._moved(x), self._geometry(x)
+        q, theta = self._moved(x), self.geometry(x)
         by_geometry = self._seen(*self._pose(q, complex_steps(theta, self.columns)), x[-9:])
         shifts = 1j * STEP * np.eye(self.q.shape[1])[list(self.joints)]
         bent = (q + shifts[:, None] * self.torque).reshape(-1, q.shape[1])
@@ -149,7 +148,8 @@ class Sight:
         turn = Rotation.from_matrix(exp(*x[-9:-6]) @ self.turn).as_rotvec()
         return dict(zip(_STAND.names, [*turn.tolist(), *x[-6:].tolist()], strict=True))
 
-    def _geometry(self, x: np.ndarray) -> np.ndarray:
+    def geometry(self, x: np.ndarray) -> np.ndarray:
+        """Parameters (P,) of the robot at parameters (K,)."""
         theta = self.theta.copy()
         theta[list(self.columns)] = x[: len(self.columns)]
         return theta
@@ -210,13 +210,15 @@ def calibrate_tracker(
     held_out, bound = _held_out(sight, noise, tolerances, x)
     nominal, _ = _held_out(alone, noise, _WIDE, alone.solve(noise, _WIDE, alone.start).x)
     slopes = sight.jacobian(sight.start).reshape(count, -1)
+    theta = sight.model.parameters.nominal
+    theta[: len(sight.theta)] = sight.geometry(x)
     fit = TrackerFit(
         recording=recording.name,
         robot=recording.metadata.robot,
         converged=solution.converged,
         iterations=solution.steps,
         identified=_identified(sight, solution, dof, tolerances),
-        theta=dict(zip(sight.model.parameters.names, _full(sight, x), strict=True)),
+        theta=dict(zip(sight.model.parameters.names, theta.tolist(), strict=True)),
         gravity=tuple(float(g) for g in sight.model.gravity),
         stand=sight.stand(x),
         covariance=covariance[:-9, :-9],
@@ -328,10 +330,3 @@ def _identified(
         )
         if p.name not in _STAND.names
     )  # fmt: skip
-
-
-def _full(sight: Sight, x: np.ndarray) -> Sequence[float]:
-    """All parameters of robot and sensor (P + 15,)."""
-    theta = sight.model.parameters.nominal
-    theta[: len(sight.theta)] = sight._geometry(x)
-    return [float(v) for v in theta]
