@@ -1,7 +1,8 @@
 """Diagnosis of joint torques and motor currents: which joint, which effect, how far.
 
-Imports drives, and what `diagnosis` imports. Read first: `diagnose_efforts`, which walks `scene`,
-`columns`, `noise`, `evidence`, `search`, `held_out`, `signs`, `verdict` and
+Imports drives, and what `diagnosis` imports: evidence, held-out gaps, sizes that show and the
+decision are the common ones. Read first: `diagnose_efforts`, which walks `scene`, `columns`,
+`noise`, `dictionary`, `evidence`, `search`, `simulator`, `held_out`, `signs`, `options` and
 `answer`.
 Used by: benchmark, cli and reports.
 """

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed.diagnosis.answer import notes as of_gap
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.names import drive_effects, title
 from wrenchbed.diagnosis.efforts.options import BELIEVED, Weighed, blocks
@@ -19,7 +20,6 @@ from wrenchbed.diagnosis.explain.verdict import Cause, Key, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import Scale, cause, families
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
-from wrenchbed.physics.wrench import UNITS
 
 _NEXT: Mapping[str, str] = {
     "link.cable": "record the joint over its whole range, which tells a cable from a spring",
@@ -49,8 +49,6 @@ def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, 
     if not v.causes:
         return []
     fit = s.of(blocks(v.causes))
-    closed = 0.0 if gap.closed is None else min(1.0, max(0.0, gap.closed.value))
-    total = sum(c.part.share for c in v.causes)
     result = []
     for c in v.causes:
         assert c.part.index is not None
@@ -61,7 +59,7 @@ def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, 
         elements = [place(k)[1] for k in c.keys if k[0] == c.part.key[0]]
         others = blocks([x for x in v.causes if x is not c])
         rivals = _rivals(s, c, others)
-        share = closed * c.part.share / total
+        share = gap.shares[c.part.label]
         entry = cause(c.part.name, c.probability, numbers, rivals, share, elements)
         result.append(entry | {"channels": families(gap)})
     return result
@@ -108,7 +106,7 @@ def minor(s: Simulators, w: Weighed, v: Verdict[Structure]) -> list[dict[str, An
 
 def fitted(fit: Simulator) -> list[dict[str, Any]]:
     """Entries of ``fitted``: friction, rotor inertia and tool, as far as nobody states them."""
-    d, result = fit.d, []
+    d, result = fit.d, list[dict[str, Any]]()
     for column in np.flatnonzero(fit.d.free).tolist():
         kind, _, which = d.names[column].partition(".")
         if kind == "tool":
@@ -144,8 +142,7 @@ def _start(d: Dictionary, kind: str, j: int) -> float:
 
 def scales(d: Dictionary) -> dict[str, Scale]:
     """Noise of a row, and what counts, of each channel."""
-    joints = [joint.own("N·m") for joint in d.scene.robot.joints]
-    both = zip(d.scene.columns, d.noise, d.counts, [*joints, *UNITS], strict=False)
+    both = zip(d.scene.columns, d.noise, d.counts, d.scene.units, strict=True)
     return {name: Scale(n.std, float(counts), unit) for name, n, counts, unit in both}
 
 
@@ -154,9 +151,7 @@ def where(
 ) -> list[dict[str, Any]]:
     """Places: of each claim, or the joints in which an unknown gap lies."""
     if v.causes:
-        closed = 0.0 if gap.closed is None else min(1.0, max(0.0, gap.closed.value))
-        total = sum(c.part.share for c in v.causes)
-        return [_claimed(c, closed / total) for c in v.causes]
+        return [_claimed(c, gap.shares[c.part.label]) for c in v.causes]
     before = {c: max(x["before"], 0.0) for c, x in gap.per_channel.items()}
     total = sum(before.values())
     if v.word == "none":
@@ -186,9 +181,8 @@ def _seen(d: Dictionary, sign: Sign) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _claimed(c: Cause, closed: float) -> dict[str, Any]:
+def _claimed(c: Cause, share: float) -> dict[str, Any]:
     subsystem, detail = place(c.part.key)
-    share = closed * c.part.share
     others = " or ".join(f"{k[0]} of {place(k)[1]}" for k in c.keys[1:])
     text = f"{100 * share:.0f} % of the gap is closed by {c.part.key[0]} of {detail}"
     return {
@@ -227,8 +221,7 @@ def notes(
 ) -> tuple[str, ...]:
     """Notes for the reader: what the answer rests on and what it leaves open."""
     scene = d.scene
-    units = [joint.own("N·m") for joint in scene.robot.joints]
-    units += UNITS[: len(scene.channels) - scene.joints]
+    units = scene.units
     each = [f"{n.std:.2g}" for n in d.noise]
     noise = f"{', '.join(each)} {units[0]}"
     if len(set(units)) > 1:
@@ -259,12 +252,7 @@ def notes(
         )
     if outside:
         result.append(f"what has no name looks most like: {outside}")
-    if gap.with_effects is not None and gap.with_effects.low > 1.0:
-        result.append(
-            f"the named causes leave a gap of {gap.with_effects.value:.3g} on held-out rows: there "
-            "is another cause, or the model of these is wrong; do not trust the twin"
-        )
-    return tuple(result)
+    return (*result, *of_gap(gap, (), unknown=False))
 
 
 def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

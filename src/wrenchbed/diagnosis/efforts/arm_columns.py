@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.channels.effort import LINK_CENTRE, LINK_MASS
 from wrenchbed.diagnosis.efforts.scene import EffortScene
+from wrenchbed.diagnosis.prepare.baseline import COG_M, MASS_SHARE
 from wrenchbed.drives.identify import carrier_columns, load_columns
 from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.effects.drives.base import Block, Column
@@ -15,11 +17,8 @@ from wrenchbed.robots.base import INERTIA_AXES
 
 _TILT = np.deg2rad(0.1)
 """Ordinary tilt of a base [rad]; estimate: a bubble level."""
-_MASS_TOLERANCE, _COG_TOLERANCE = 0.005, 5e-4
-"""Tolerance of a stated tool: mass (relative) and centre of gravity [m] (the contract's)."""
-_LINK_MASS, _LINK_COG, _LINK_INERTIA = 0.03, 3e-3, 0.05
-"""Ordinary errors of a link: of its mass, relative, of its centre of gravity [m], and of its
-inertia over the mean principal one; estimates."""
+_LINK_INERTIA = 0.05
+"""Ordinary error of a link's inertia over the mean principal one; estimate."""
 _GYRATION = 0.02
 """Least radius of gyration of a link [m]; estimate: files leave inertias out."""
 _STEP = 0.01
@@ -73,7 +72,7 @@ def _links(scene: EffortScene) -> tuple[list[Column], list[Block]]:
         for kind, of_kind in forms.items():
             ends = {"mass": ("mass",), "cog": tuple("xyz"), "inertia": INERTIA_AXES}[kind]
             names = tuple(f"link.{kind}.{k + 1}.{end}" for end in ends)
-            std = {"mass": _LINK_MASS * mass, "cog": _LINK_COG * mass,
+            std = {"mass": LINK_MASS * mass, "cog": LINK_CENTRE * mass,
                    "inertia": _LINK_INERTIA * mean_inertia(phi)}[kind]  # fmt: skip
             columns += [Column(n, y @ form, std) for n, form in zip(names, of_kind, strict=True)]
             last = k == scene.robot.carrier  # the tool hangs on it, and is the more likely cause
@@ -107,11 +106,11 @@ def _tool(scene: EffortScene) -> tuple[list[Column], list[Block]]:
 
     fit = scene.drives.tool
     mass_std, cog_std = (0.0, (0.0,) * 3) if fit is None else (fit.mass_std, fit.cog_std)
-    std = float(np.hypot(_MASS_TOLERANCE * mass, mass_std)) if known[0] else None
+    std = float(np.hypot(MASS_SHARE * mass, mass_std)) if known[0] else None
     columns = [Column("tool.mass", both(along, np.zeros(3), 1.0), std, not known[0])]
     for axis in range(3):
         form = np.concatenate([[0.0], np.eye(3)[axis], _six(2.0 * _second(cog, np.eye(3)[axis]))])
-        within = float(np.hypot(_COG_TOLERANCE, cog_std[axis])) * max(mass, 1.0)
+        within = float(np.hypot(COG_M, cog_std[axis])) * max(mass, 1.0)
         std = within if known[1] else None
         data = both(form, np.eye(3)[axis], 0.0)
         columns.append(Column(f"tool.cog.{'xyz'[axis]}", data, std, not known[1]))

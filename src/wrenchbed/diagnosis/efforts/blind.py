@@ -1,7 +1,6 @@
 """Blind spots of joint efforts: what a motion could not have shown, and from which size it would.
 
-A cause is claimed where it adds a gap that counts beside what every fit leaves free, and where it
-stands clear of what ordinary errors of all stated values may make.
+The sizes are those of `next.blind`: what evidence finds and what adds a gap is reported.
 """
 
 from collections.abc import Iterator
@@ -11,18 +10,12 @@ import numpy as np
 from wrenchbed.diagnosis.efforts.answer import place
 from wrenchbed.diagnosis.efforts.arm_columns import mean_inertia
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.evidence import Evidence
+from wrenchbed.diagnosis.efforts.evidence import AMPLITUDE, Evidence
 from wrenchbed.diagnosis.efforts.names import size_of, titles
 from wrenchbed.diagnosis.efforts.simulator import added
 from wrenchbed.diagnosis.efforts.sizes import scale, sized, unit_of
-from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
-from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot
+from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot, reported_from
 
-CLEAR = 3.4
-"""Standard deviations of a cause's amplitude, with ordinary errors of the same number, from which
-the evidence has it: prior odds of one cause in a hundred."""
-CHANCE = 1.645
-"""Standard deviations by which 95 % of recordings fall short less: of a normal distribution."""
 ABSURD = 30.0
 """Plausible sizes from which a cause has no effect: a link of 30 times its mass is none."""
 FITTED = "fitted, since nobody states it"
@@ -52,21 +45,16 @@ def blind_spots(d: Dictionary, evidence: Evidence) -> tuple[BlindSpot, ...]:
 
 
 def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
-    """Size from which 95 % of such recordings claim a cause: of several columns the mean in
-    information."""
-    spread = dict(
-        zip(evidence.freed((block,))[0], np.diagonal(evidence.covariance((block,))), strict=True)
-    )
-    nothing, each = np.zeros(len(d.names)), []
-    for column in sized(d, block):
-        one = nothing.copy()
-        one[column] = 1.0
-        gap = added(d, one, block)
-        std = float(np.sqrt(spread[column]))
-        counts = float(np.sqrt(CLAIMABLE / max(gap, 1e-300)))
-        ordinary = float(d.std[column]) if d.stated[column] else 0.0
-        each.append(max(counts, CLEAR * float(np.hypot(std, ordinary))) + CHANCE * std)
-    return abs(scale(d, block, nothing)) / float(np.sqrt(np.mean(np.array(each) ** -2.0)))
+    """Size from which 95 % of such recordings report it; of several columns, all of them alike."""
+    some, effect = np.array(sized(d, block)), d.blocks[block].effect
+    unit = 1.0 / max(float(np.sqrt(np.mean(d.size[some] ** 2))), 1e-12)  # a noise of a row
+    one = np.where(np.isin(np.arange(len(d.names)), some), unit, 0.0)
+    information = unit**2 * evidence.known[0][np.ix_(some, some)]
+    odds = np.array([evidence.prior((block,)) - evidence.prior(())])
+    gap = np.array([max(added(d, one, block), 1e-300)])
+    times = float(reported_from(information[None], np.array([[AMPLITUDE]]), odds, gap)[0])
+    length = len(some) ** 0.5 if size_of(effect).vector else 1.0
+    return abs(scale(d, block, np.zeros(len(one)))) * unit * times * length
 
 
 def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:

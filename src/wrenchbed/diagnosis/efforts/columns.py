@@ -7,12 +7,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from wrenchbed.channels.effort import ZERO
 from wrenchbed.diagnosis.efforts.names import drive_effects
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.effects.drives.base import Block, Column, DriveRows, StatedNumber
 
-OFFSET_SPREAD = 0.02
-"""Standard deviation of a constant torque, over the largest predicted one: estimate."""
 FREE = 1e3
 """Prior of what every fit leaves free, in noises of a row: wide; estimate."""
 BACKGROUND = 0.1
@@ -86,7 +85,7 @@ def _spread(scene: EffortScene, j: int, kind: str, relative: float) -> float | N
 
 def _offset(scene: EffortScene, rows: DriveRows) -> Column:
     """A constant torque: no effect of its own, for a zero of the sensor has it too."""
-    j, spread = rows.joint - 1, OFFSET_SPREAD * float(np.abs(rows.total).max())
+    j, spread = rows.joint - 1, ZERO * float(np.abs(rows.total).max())
     stated = scene.drives.known(_OFFSET)[j]
     if stated:
         own = _relative("drive.coulomb") * abs(float(scene.drives.value[_OFFSET][j]))

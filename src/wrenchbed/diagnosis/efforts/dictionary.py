@@ -5,6 +5,7 @@ Structures are compared on these products alone; rows are needed again only for 
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +19,6 @@ from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.effects.drives.base import Block, Column, DriveResidual
 from wrenchbed.effects.drives.operators import REST
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.physics.wrench import UNITS
 
 BLOCKS = 20
 """Blocks of time, each of which is held out once; estimate."""
@@ -114,8 +114,7 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
     Args:
         material: residual of a torque, and of a slide's force, that counts; a row's noise if None.
     """
-    y = scene.thin(scene.residual)
-    speed, rows, use = scene.speeds, len(y), scene.moving()
+    y, use = scene.thin(scene.residual), scene.moving()
     if (lazy := np.flatnonzero(use.sum(axis=0) < BLOCKS)).size:
         raise DiagnosisError(
             f"{scene.recording.name}: joint {lazy[0] + 1} hardly moves: record a longer motion of "
@@ -123,74 +122,74 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
         )
     arm_columns, arm_blocks = of_arm(scene)
     arm = scene.thin(np.stack([c.data for c in arm_columns], axis=-1))
-    every, blocks, of_joints, noise = list[list[Column]](), list[Block](), list[np.ndarray](), []
-    for j in range(scene.joints):
-        columns, more = of_joint(scene, j)
-        data = scene.thin(np.column_stack([c.data for c in columns]))
-        residual = _residual(scene, j, y[:, j], use[:, j], columns, arm_columns, data, arm[:, j])
-        shaped = list[Column]()
-        for effect in drive_effects().values():
-            if (scanned := effect.scan(rows_of(scene, j), residual)) is not None:
-                shaped += scanned[0]
-                more.append(scanned[1])
-        columns = [*columns, *shaped]
-        data = np.column_stack([data, scene.thin(np.column_stack([c.data for c in shaped]))])
-        noise.append(
-            joint_noise(y[:, j], np.concatenate([data, arm[:, j]], axis=1), speed[:, j], use[:, j])
-        )
-        every.append(columns)
-        of_joints.append(data)
-        blocks += more
-    for j in range(scene.joints, y.shape[1]):
-        columns, more = _of_wrench(scene, j)
-        data = scene.thin(np.column_stack([c.data for c in columns]))
-        whole = np.concatenate([data, arm[:, j]], axis=1)
-        noise.append(joint_noise(y[:, j], whole, speed[:, j], use[:, j]))
-        every.append(columns)
-        of_joints.append(data)
-        blocks += more
-    counts = [len(c) for c in every]
-    flat = [c for some in every for c in some] + arm_columns
-    joint = np.array([j for j, n in enumerate(counts) for _ in range(n)] + [-1] * len(arm_columns))
-    names = tuple(c.name for c in flat)
-    where = {n: k for k, n in enumerate(names)}
-    blocks += arm_blocks
-    std_rows = np.array([n.std for n in noise])
+    each = [
+        _channel(scene, j, y[:, j], use[:, j], arm_columns, arm[:, j]) for j in range(y.shape[1])
+    ]
+    flat = [c for channel in each for c in channel.columns] + arm_columns
+    blocks = (*(b for channel in each for b in channel.blocks), *arm_blocks)
+    names, where = tuple(c.name for c in flat), {c.name: k for k, c in enumerate(flat)}
+    joint = [np.full(len(channel.columns), j) for j, channel in enumerate(each)]
+    std_rows = np.array([channel.noise.std for channel in each])
     size = np.concatenate([
-        *(np.sqrt((d**2).mean(axis=0)) / s for d, s in zip(of_joints, std_rows, strict=True)),
+        *(np.sqrt((channel.data**2).mean(axis=0)) / channel.noise.std for channel in each),
         np.sqrt(((arm / std_rows[:, None]) ** 2).mean(axis=0).sum(axis=0)),
     ])  # fmt: skip
     unnamed = {n for b in blocks if b.outside for n in b.columns}
     std = np.array([
         _prior(c, max(s, _NOTHING), c.name in unnamed) for c, s in zip(flat, size, strict=True)
     ])  # fmt: skip
-    fold = np.arange(rows) * BLOCKS // rows
-    bare = Dictionary(
-        scene, y, use, tuple(of_joints), arm, names, joint, tuple(noise),
-        _counts(scene, std_rows, material), std,
+    count = len(names)
+    return _with_products(Dictionary(
+        scene, y, use, tuple(channel.data for channel in each), arm, names,
+        np.concatenate([*joint, np.full(len(arm_columns), -1)]),
+        tuple(channel.noise for channel in each), _counts(scene, std_rows, material), std,
         np.array([c.free for c in flat]),
-        np.array([c.std is not None and not c.free for c in flat]),
-        size, tuple(blocks),
-        tuple(np.array([where[n] for n in b.columns]) for b in blocks), fold,
-        np.zeros((BLOCKS, len(names), len(names))), np.zeros((BLOCKS, len(names))),
-        np.zeros((BLOCKS, y.shape[1])),
-    )  # fmt: skip
-    return _with_products(bare)
+        np.array([c.std is not None and not c.free for c in flat]), size, blocks,
+        tuple(np.array([where[n] for n in b.columns]) for b in blocks),
+        np.arange(len(y)) * BLOCKS // len(y), np.zeros((BLOCKS, count, count)),
+        np.zeros((BLOCKS, count)), np.zeros((BLOCKS, y.shape[1])),
+    ))  # fmt: skip
+
+
+class _Channel(NamedTuple):
+    """Columns of one channel, what they are at the kept rows (M, K), its causes and its noise."""
+
+    columns: list[Column]
+    data: np.ndarray
+    blocks: list[Block]
+    noise: JointNoise
+
+
+def _channel(
+    scene: EffortScene, j: int, y: np.ndarray, use: np.ndarray, arm_columns: list[Column],
+    arm: np.ndarray,
+) -> _Channel:  # fmt: skip
+    """Channel j, from 0, of the residual y (M,) beside the arm's columns (M, A)."""
+    speed = scene.speeds[:, j]
+    if scene.wrench is not None and j >= scene.joints:
+        first = scene.joints + 1
+        columns, blocks = of_channel(scene.wrench[1], scene.signals.t, j - scene.joints, first)
+        data = scene.thin(np.column_stack([c.data for c in columns]))
+    else:
+        columns, blocks = of_joint(scene, j)
+        data = scene.thin(np.column_stack([c.data for c in columns]))
+        rows = rows_of(scene, j)
+        residual = _residual(scene, j, y, use, columns, arm_columns, data, arm)
+        for effect in drive_effects().values():
+            if (scanned := effect.scan(rows, residual)) is not None:
+                some, block = scanned
+                columns, blocks = [*columns, *some], [*blocks, block]
+                more = scene.thin(np.column_stack([c.data for c in some]))
+                data = np.concatenate([data, more], axis=1)
+    noise = joint_noise(y, np.concatenate([data, arm], axis=1), speed, use)
+    return _Channel(columns, data, blocks, noise)
 
 
 def _counts(scene: EffortScene, noise: np.ndarray, material: Material | None) -> np.ndarray:
     """`Dictionary.counts` (C,)."""
     if material is None:
         return noise
-    units = [joint.own("N·m") for joint in scene.robot.joints[: scene.joints]]
-    units += UNITS[: len(noise) - scene.joints]
-    return np.array([material.force if unit == "N" else material.torque for unit in units])
-
-
-def _of_wrench(scene: EffortScene, j: int) -> tuple[list[Column], list[Block]]:
-    assert scene.wrench is not None
-    channel = j - scene.joints
-    return of_channel(scene.wrench[1], scene.signals.t, channel, scene.joints + 1)
+    return np.array([material.force if unit == "N" else material.torque for unit in scene.units])
 
 
 def _prior(column: Column, size: float, unnamed: bool) -> float:

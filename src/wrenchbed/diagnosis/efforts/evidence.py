@@ -3,6 +3,7 @@
 A structure gives the columns of its causes wide priors; all others keep their small ones.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +12,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.evidence.likelihood import Products, gains
+from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN
 
 AMPLITUDE = 6.0
 """Rms that a named cause adds a priori, in noises of a row: twice what just counts; estimate."""
@@ -61,6 +63,19 @@ class Evidence:
         p, w = information[np.ix_(at, at)], score[at]
         return float(gains(p[None], w[None, :, None], more[None], np.ones(1))[0, 0, 0])
 
+    @cached_property
+    def _each(self) -> np.ndarray:
+        """Log prior of each block (B,): alike for each cause, whatever its number of variants."""
+        every = self.d.blocks
+        counts = Counter({b.key: b.outside for b in every}.values())
+        of = {k: np.log(PRIOR[UNKNOWN if k else "one"] / n) for k, n in counts.items()}
+        return np.array([of[b.outside] + b.prior for b in every])
+
+    def prior(self, blocks: Sequence[int]) -> float:
+        """Log prior of a structure."""
+        none = np.log(PRIOR[NONE]) if not blocks else (len(blocks) - 1) * np.log(MORE)
+        return float(none + self._each[list(blocks)].sum())
+
     def amplitudes(self, blocks: Sequence[int]) -> np.ndarray:
         """Posterior mean (P,) of all amplitudes under a structure."""
         (information, score), (at, more) = self.known, self.freed(blocks)
@@ -68,14 +83,6 @@ class Evidence:
         more_of = np.zeros((len(score), 1))
         more_of[at, 0] = more**2 * np.linalg.solve(inner, score[at])
         return (more_of + self.level.held(self.right - self.level.gram @ more_of))[:, 0]
-
-    def covariance(self, blocks: Sequence[int]) -> np.ndarray:
-        """Covariance (K, K) of the amplitudes that are free, in the order of `freed`."""
-        at, more = self.freed(blocks)
-        before = self.level.V[at]
-        less = 1.0 / before - 1.0 / (before + more**2)
-        c = self.level.held(np.eye(len(self.d.std))[:, at])[at]
-        return np.asarray(np.linalg.solve(np.eye(len(at)) - c * less, c))
 
     def left_square(self, x: np.ndarray) -> float:
         """Weighted square of the whitened residual beside amplitudes (P,)."""

@@ -45,7 +45,9 @@ def judged(s: Simulators, blocks: Sequence[int]) -> Judged:
         if d.blocks[k].effect.startswith("tool."):
             amplitudes = fit.each.copy()
             amplitudes[:, d.at[k]] = 0.0
-        without[label(d, k)] = gaps(d, remaining(d, amplitudes))
+        without[Part(d.blocks[k].effect, 0.0, joint=d.blocks[k].joint).label] = gaps(
+            d, remaining(d, amplitudes)
+        )
     left = {name: remaining(d, x) for name, x in each.items()}
     every = {name: gaps(d, x) for name, x in left.items()} | {"floor": np.zeros(len(d.y))}
     stages = {"before": "calibrated"} | ({"after": "with_effects"} if blocks else {})
@@ -63,11 +65,6 @@ def gaps(d: Dictionary, left: np.ndarray) -> np.ndarray:
 def _of_channels(d: Dictionary, left: np.ndarray) -> np.ndarray:
     """Gap of each channel (C,) on the rows that count there."""
     return np.asarray(d.noise_counts * ((left**2 * d.use).sum(axis=0) / d.use.sum(axis=0) - 1.0))
-
-
-def label(d: Dictionary, block: int) -> str:
-    """Name of a cause with its joint, as `Part.label` has it."""
-    return Part(d.blocks[block].effect, 0.0, joint=d.blocks[block].joint).label
 
 
 def _box(d: Dictionary) -> np.ndarray:

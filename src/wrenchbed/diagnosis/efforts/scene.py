@@ -17,7 +17,7 @@ from wrenchbed.drives.signals import DriveSignals, drive_signals
 from wrenchbed.effects.drives.operators import direction, moving
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.chain import SerialChain
 from wrenchbed.robots.mjcf import LinkInertias, link_inertias
@@ -110,6 +110,12 @@ class EffortScene:
         """The recording's column of each channel (C,)."""
         joints = tuple(f"{self.recording.effort}{j + 1}" for j in range(self.joints))
         return (*joints, *self.channels[self.joints :])
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each channel (C,)."""
+        joints = tuple(joint.own("N·m") for joint in self.robot.joints[: self.joints])
+        return joints if self.wrench is None else (*joints, *UNITS)
 
     @property
     def speeds(self) -> np.ndarray:

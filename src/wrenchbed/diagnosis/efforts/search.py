@@ -5,7 +5,6 @@ Forward search with a beam; probabilities are means over resampled blocks of tim
 answer less sure.
 """
 
-from collections import Counter
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -14,7 +13,6 @@ from scipy.special import softmax
 
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
 from wrenchbed.diagnosis.efforts.evidence import Evidence
-from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN
 
 MOST_CAUSES = 5
 """Causes of a structure, those among them that are too small to count; estimate."""
@@ -61,7 +59,7 @@ def search(d: Dictionary, seed: int = 0) -> Search:
     misfit = TEMPER * max(1.0, evidence.left_square(evidence.amplitudes(best)) / rows)
     found = _Found(Evidence(d, every, misfit))
     structures, rng = found.best, np.random.default_rng([seed, 7])
-    prior, chance = np.array([found.prior(s) for s in structures]), np.zeros(len(structures))
+    prior, chance = np.array([evidence.prior(s) for s in structures]), np.zeros(len(structures))
     for _ in range(_DRAWS):
         weight = np.bincount(rng.integers(BLOCKS, size=BLOCKS), minlength=BLOCKS).astype(float)
         drawn = Evidence(d, weight, misfit)
@@ -78,24 +76,11 @@ class _Found:
     score: dict[Structure, float] = field(default_factory=dict)
 
     @cached_property
-    def _each(self) -> np.ndarray:
-        """Log prior of each block (B,): alike for each cause, whatever its number of variants."""
-        blocks = self.evidence.d.blocks
-        counts = Counter({b.key: b.outside for b in blocks}.values())
-        of = {k: np.log(PRIOR[UNKNOWN if k else "one"] / n) for k, n in counts.items()}
-        return np.array([of[b.outside] + b.prior for b in blocks])
-
-    def prior(self, s: Structure) -> float:
-        """Log prior of a structure."""
-        none = np.log(PRIOR[NONE]) if not s else (len(s) - 1) * np.log(MORE)
-        return float(none + self._each[list(s)].sum())
-
-    @cached_property
     def best(self) -> list[Structure]:
         """The best structures first, that of nothing among them."""
         score, every = self.score, range(len(self.evidence.d.blocks))
         beam: list[Structure] = [()]
-        score[()] = self.prior(())
+        score[()] = self.evidence.prior(())
         for size in range(1, MOST_CAUSES + 1):
             gains = {k: self._extended(beam[0], k) for k in every}
             likely = sorted(every, key=lambda k: -gains[k])[:_LIKELY]
@@ -115,7 +100,7 @@ class _Found:
             return -np.inf
         grown = tuple(sorted((*s, block)))
         if grown not in self.score:
-            log = self.evidence.log(grown) + self.prior(grown)
+            log = self.evidence.log(grown) + self.evidence.prior(grown)
             self.score[grown] = log if self._resisting(grown) else -np.inf
         return self.score[grown]
 

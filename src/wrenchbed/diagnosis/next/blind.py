@@ -120,7 +120,7 @@ class Design:
 
     def _sizes(self, some: Sequence[int], information: np.ndarray) -> np.ndarray:
         """s95 (n,) of some signatures of as many numbers, by the information (n, k, k) of each."""
-        gaps, count = self.similarity.gaps[some], information.shape[1]
+        gaps = self.similarity.gaps[some]
         of = [self.similarity.signatures[k] for k in some]
         each = [
             Hypothesis(w.effect, w.variant, w.columns, float(gap))
@@ -128,19 +128,33 @@ class Design:
         ]
         scales = np.stack([self.searcher.scales(h) for h in each])
         odds = np.array([self.searcher.prior(h) for h in each]) - np.log(PRIOR[NONE])
-        values = np.maximum(np.linalg.eigvalsh(information), 0.0)
-        ratio = scales[:, :, None] ** 2 * values[:, None, :]  # (n, s, k)
-        taken = (ratio / (1.0 + ratio)).mean(axis=2)
-        price = np.log1p(ratio).sum(axis=2)
-        low, high = (np.full(len(some), np.log(x)) for x in SQUARES)
-        for _ in range(HALVINGS):
-            middle = 0.5 * (low + high)
-            gain = log_sum(0.5 * (np.exp(middle)[:, None] * taken - price)) - np.log(price.shape[1])
-            enough = gain + odds > logit(DETECTED)
-            low, high = np.where(enough, low, middle), np.where(enough, middle, high)
-        least = np.maximum(np.exp(high) / values.sum(axis=1), LEAST_MINOR / gaps)
-        known = (values / (1.0 + (ORDINARY**2) * values)).sum(axis=1)
-        return np.asarray(np.sqrt(chndtrinc(least * known, count, MISSED) / known))
+        return reported_from(information, scales, odds, gaps)
+
+
+def reported_from(
+    information: np.ndarray, scales: np.ndarray, odds: np.ndarray, gaps: np.ndarray
+) -> np.ndarray:
+    """Size s95 (n,) of causes of k numbers each, in typical sizes.
+
+    Args:
+        information: P of the numbers (n, k, k), over noise and background.
+        scales: their standard deviations a priori (n, s).
+        odds: log prior odds of each cause against none (n,).
+        gaps: that each adds at its typical size (n,).
+    """
+    values = np.maximum(np.linalg.eigvalsh(information), 0.0)
+    ratio = scales[:, :, None] ** 2 * values[:, None, :]  # (n, s, k)
+    taken = (ratio / (1.0 + ratio)).mean(axis=2)
+    price = np.log1p(ratio).sum(axis=2)
+    low, high = (np.full(len(values), np.log(x)) for x in SQUARES)
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        gain = log_sum(0.5 * (np.exp(middle)[:, None] * taken - price)) - np.log(price.shape[1])
+        enough = gain + odds > logit(DETECTED)
+        low, high = np.where(enough, low, middle), np.where(enough, middle, high)
+    least = np.maximum(np.exp(high) / values.sum(axis=1), LEAST_MINOR / gaps)
+    known = (values / (1.0 + (ORDINARY**2) * values)).sum(axis=1)
+    return np.asarray(np.sqrt(chndtrinc(least * known, values.shape[1], MISSED) / known))
 
 
 @dataclass(frozen=True)
