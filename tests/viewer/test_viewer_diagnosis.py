@@ -151,4 +151,4 @@ def test_the_answers_are_in_words(found):
     value = numbers.quantity("stiffness", cause["parameters"]["stiffness"])
     said = f"Joint 2 is compliant and deflects under gravity: stiffness {value}."
     assert text.startswith(f"# identified: {said}")
-    assert "leading cause: joint.compliance" in text and "- with the effects: " in text
+    assert "leading cause: joint.compliance" in text and "- with the effects " in text

@@ -117,8 +117,9 @@ def answers(findings: Findings, shares: Mapping[str, float], command: str = "") 
     rows = [f"# {d.verdict}: {words.headline}", ""]
     rows += [f"- set aside: {sentence}" for sentence in words.aside]
     rows += ["", f"**{words.place}**", "", *(f"- {sentence}" for sentence in words.where)]
-    rows += ["", words.leading if words.causes else words.no_cause]
-    rows += ["", words.distance, "", *(f"- {name}: {gap}" for name, gap in words.bars)]
+    claims = [f"- {c.names} {c.probability}" for c in words.causes] or [words.no_cause]
+    rows += ["", *claims, "", words.leading, "", words.distance, ""]
+    rows += [f"- {name} {gap}" for name, gap in words.bars]
     if shares:
         colours = ", ".join(f"{part} {numbers.chance(p)}" for part, p in shares.items())
         rows += ["", f"Painted by probability: {colours}. Grey: not named."]
