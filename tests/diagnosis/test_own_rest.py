@@ -7,19 +7,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.special import logit
 
 from ntnu import GRAVITY, STD, static
 from real_faults import Host
-from wrenchbed.diagnosis import diagnose as diagnose_
 from wrenchbed.diagnosis.decision.decide import widened
-from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.diagnose import diagnose, settle
 from wrenchbed.diagnosis.explain.claims import complete
 from wrenchbed.diagnosis.explain.own_rest import is_left, rest_variance, weighed_again
-from wrenchbed.diagnosis.explain.reliability import Reliability
+from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE, shipped
 from wrenchbed.diagnosis.explain.structures import analyse
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
-from wrenchbed.diagnosis.gap.gaps import Interval
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
@@ -88,20 +85,10 @@ def test_more_rivals_take_their_probability_along_and_too_many_end_the_claim():
     assert (many.word, many.causes) == ("unknown", ())
 
 
-@pytest.mark.parametrize(
-    ("elsewhere", "low", "floor", "believed"),
-    [(True, 3.1, 2, 0.85), (True, 2.9, 2, 0.98), (False, 3.1, 2, 0.98), (True, 3.1, -1, 0.85)],
-)
-def test_a_cause_that_surely_leaves_a_gap_is_believed_as_beside_a_real_rest(
-    monkeypatch, elsewhere, low, floor, believed
-):
-    """A gap beyond the floor of more than 1 counts, with its whole interval."""
-    monkeypatch.setattr(diagnose_, "features", lambda *_: (1.0,))
-    known = Reliability((float(logit(0.98)),), 0.9, 0.9, 200, "", elsewhere=elsewhere, own=True)
-    cause = Cause((("sensor.gain", None),), 1.0, Part("sensor.gain", 9.0, index=0))
-    claim = {"sensor.gain": 1.0, "unknown": 0.0}
-    verdict = Verdict("identified", (cause,), SimpleNamespace(), claim)
-    after = Interval(low + 1.0, low, low + 2.0)
-    gap = SimpleNamespace(closed=None, with_effects=after, floor=floor, further={})
-    found = diagnose_._right(SimpleNamespace(ranking=None), verdict, known, gap)
-    assert found == pytest.approx(believed)
+@pytest.mark.slow
+def test_beside_a_rest_of_its_own_no_claim_is_surer_than_on_real_robots(real):
+    weighed = settle(real, shipped(), 0)
+    assert weighed.own_rest
+    causes = weighed.decision.verdict.causes
+    assert causes
+    assert max(c.probability for c in causes) <= RIGHT_ELSEWHERE

@@ -18,7 +18,7 @@ from rich.text import Text
 import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.data.outputs import Kind
-from wrenchbed.errors import DiagnosisError, MissingExtraError, ParameterError, WrenchbedWarning
+from wrenchbed.errors import MissingExtraError, ParameterError, WrenchbedWarning
 from wrenchbed.files import atomic_folder
 
 if TYPE_CHECKING:
@@ -34,9 +34,6 @@ _FILES = {
     _PICTURE: Kind.PICTURE,
 }  # fmt: skip
 """What a diagnosis writes; of joint efforts drives.json and no picture."""
-_BY_ITSELF = 100
-"""Look-alikes of a recording from a robot, or of a kind, that nothing was learnt on: five times the
-fewest from which anything is learnt, in minutes."""
 _MATERIAL = re.compile(r"(\d+\.?\d*(?:e-?\d+)?)N,(\d+\.?\d*(?:e-?\d+)?)N[·.*]?m")
 """A force and a torque."""
 _MOST_SIZES = 6
@@ -53,17 +50,6 @@ class DryRunOptions:
 
     samples: int = 60  # Rows a pose.
     rate: float = 100.0  # Rows a second [Hz].
-
-
-@dataclass(frozen=True)
-class LearningOptions:
-    """How the probabilities of a wrench's causes are learnt."""
-
-    # Learn how often such claims are right from so many simulated robots that do what this one
-    # did (1 to 5 s each, kept for the next time); 0: use what is known, or learn from 100 where
-    # nothing is known of such a robot.
-    look_alikes: int = 0
-    fast: bool = False  # Learn nothing: probabilities are then of other robots.
 
 
 @dataclass(frozen=True)
@@ -88,7 +74,7 @@ def diagnose(
     dry_run: bool = False,
     seed: int = 0,
     as_json: console.Json = False,
-    learning: LearningOptions = LearningOptions(),
+    look_alikes: int = 0,
     rehearsed: DryRunOptions = DryRunOptions(),
     efforts: EffortOptions = EffortOptions(),
 ) -> None:
@@ -101,12 +87,13 @@ def diagnose(
             do next.
         dry_run: Only say which effects such a recording could show, and which look the same.
         seed: Of the split into folds, each of which is held out once.
-        learning: How the probabilities of a wrench's causes are learnt.
+        look_alikes: Learn how often such claims are right from so many simulated robots that do
+            what this one did too (1 to 5 s each, kept for the next time).
         rehearsed: With --dry-run: how the plan would be recorded.
         efforts: What is diagnosed: the wrench, or the joint efforts.
     """
     console.check_seed(seed)
-    if not recordings or (len(recordings) > 1 and (dry_run or learning.look_alikes)):
+    if not recordings or (len(recordings) > 1 and (dry_run or look_alikes)):
         raise ParameterError(
             "diagnose needs a recording; --dry-run and --look-alikes take just one"
         )
@@ -122,7 +109,7 @@ def diagnose(
     elif efforts.drives is not None:
         raise ParameterError("--drives goes with joint efforts: add --channels effort")
     else:
-        written, answer = _diagnose_wrench(data, learning, seed, out, efforts.material)
+        written, answer = _diagnose_wrench(data, look_alikes, seed, out, efforts.material)
     files = f"{', '.join(written)} → {out}"
     console.answer(answer.d.to_json(), as_json, answer_display(answer), files)
 
@@ -160,8 +147,7 @@ def _diagnose_efforts(
 
 
 def _diagnose_wrench(
-    data: list[wb.Recording], learning: LearningOptions, seed: int, out: Path,
-    material: str | None,
+    data: list[wb.Recording], look_alikes: int, seed: int, out: Path, material: str | None
 ) -> tuple[list[str], Answer]:  # fmt: skip
     """Diagnose the wrench of recordings, or a tracker's readings; names of files, without plans,
     and the words."""
@@ -170,9 +156,8 @@ def _diagnose_wrench(
     from wrenchbed.reports.diagnosis_page import diagnosis_page
     from wrenchbed.reports.wrench_answer import WrenchAnswer
 
-    counts, learnt = None if material is None else _counts(material), None
-    if not learning.fast and len(data) == 1 and data[0].has_wrench:
-        learnt = _learnt(data[0], learning.look_alikes, seed)
+    counts = None if material is None else _counts(material)
+    learnt = _learnt(data[0], look_alikes, seed) if look_alikes and data[0].has_wrench else None
     steps = 7 if len(data) == 1 else 3 * len(data) + 3
     with console.progress("diagnosing", steps, alike=False) as report:
 
@@ -228,25 +213,14 @@ def _tried(name: str, write: Callable[[], object]) -> None:
         warnings.warn(f"no {name}: {error}", WrenchbedWarning, stacklevel=1)
 
 
-def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability | None:
-    """How often claims are right at this design; None where the package knows."""
-    from wrenchbed.diagnosis.explain.reliability import of_package
-
-    known = of_package(data)
-    if not count and (known is None or not known.elsewhere):
-        return None
+def _learnt(data: wb.Recording, count: int, seed: int) -> Reliability:
+    """How often claims are right at this design too."""
     from wrenchbed.benchmark.scoring.at_design import reliability_at_design
     from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
     prepare(data)  # refuses what cannot be diagnosed, before anything is learnt
-    try:
-        with console.progress("look-alikes", count or _BY_ITSELF) as report:
-            return reliability_at_design(data, count or _BY_ITSELF, seed=seed, report=report)
-    except DiagnosisError as error:
-        if count:
-            raise
-        warnings.warn(f"nothing was learnt: {error}", WrenchbedWarning, stacklevel=2)
-        return None
+    with console.progress("look-alikes", count) as report:
+        return reliability_at_design(data, count, seed=seed, report=report)
 
 
 def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,15 +25,16 @@ from wrenchbed.diagnosis.decision.decide import (
 )
 from wrenchbed.diagnosis.decision.facts import Decision, Facts
 from wrenchbed.diagnosis.decision.options import facts_of
-from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import own_rest
 from wrenchbed.diagnosis.explain.claims import Explanation
+from wrenchbed.diagnosis.explain.familiarity import LEAST_P, design_of
 from wrenchbed.diagnosis.explain.reliability import (
+    NAMES,
     RIGHT_ELSEWHERE,
     Reliability,
-    features,
     set90,
     shipped,
 )
@@ -41,7 +42,6 @@ from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap import constancy, where
 from wrenchbed.diagnosis.gap.closure import Claims
-from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.held_out import simulated
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.next import experiments, isolability
@@ -65,18 +65,14 @@ LOUD = "there is a gap beyond the noise that no effect between rows explains"
 """Sign of a gap where no cause is named."""
 PROBABLE = 0.8
 """Probability that another cause needs beside a contact, which leaves few rows to separate them;
-below what is believed of robots that nothing was learnt on. Estimate."""
+below what is believed of recordings unlike those that taught. Estimate."""
 CLEARER = 0.3
 """Rows are set aside where the answer without them leaves less than this part of the gap."""
-ELSEWHERE = (
-    "the probabilities were learnt on other robots and other sets of poses; simulated robots like "
-    "this one (--look-alikes 200) give probabilities for this recording"
+UNLIKE = (
+    ", which this recording is unlike: claims are believed to "
+    f"{100.0 * RIGHT_ELSEWHERE:.0f} % at most, as on real robots"
 )
-"""Note on probabilities of a robot that nothing was learnt on."""
-OF_WRENCHES = "the probabilities were learnt on wrenches, none on readings of this kind"
-"""The same of a recording without a wrench."""
-FAMILIAR = "the probabilities were learnt on robots of this kind and such sets of poses or motions"
-"""Sentence on probabilities that were learnt for such a recording."""
+"""What is said of a recording unlike those that taught the probabilities."""
 Progress = Callable[[str], None]
 """Called with the name of each step as it begins."""
 
@@ -92,8 +88,6 @@ class Findings:
         rows: effects that show between rows only.
         places: where the calibrated residual lies.
         plans: of the proposed experiments, by file name.
-        untempered: the verdict that held-out rows uphold, before the reliability of such claims
-            was weighed in.
         scattered: what rows scatter beyond noise and all that is named; empty if that is little.
         seed: of the split into folds and of all permutations.
     """
@@ -104,7 +98,6 @@ class Findings:
     rows: tuple[RowFinding, ...]
     places: tuple[where.Finding, ...]
     plans: Mapping[str, Plan]
-    untempered: Verdict[Explanation]
     scattered: str = ""
     seed: int = 0
 
@@ -129,8 +122,7 @@ def diagnose(
     Args:
         recording: at rest or in motion.
         seed: of the split into blocks and of all permutations.
-        reliability: how often claims are right, learnt at this recording's own design; the one
-            that comes with the package if None.
+        reliability: how often claims are right; the model that comes with the package if None.
         material: residual that counts as a gap of 1; one row's noise if None.
         progress: called with the step that begins.
 
@@ -152,7 +144,7 @@ class Examined(NamedTuple):
     """
 
     weighed: "Weighed"
-    known: Reliability | None
+    known: Reliability
     outliers: tuple[outliers_.Outlier, ...]
     between: tuple[RowFinding, ...]
     scattered: str
@@ -169,7 +161,7 @@ def examine(
     progress("noise and blocks")
     prepared = prepare(recording, seed, material)
     progress("effects and their evidence")
-    known = reliability or _shipped(prepared)
+    known = reliability or shipped()
     weighed, outliers = _without_outliers(prepared, weigh(prepared, known, seed), known, seed)
     prepared = weighed.analysis.prepared
     progress("rows")
@@ -211,7 +203,8 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     said = (scattered, often, weighed.refuted)
     of_data = [*prepared.notes, *(sentence for sentence in said if sentence)]
     plans, proposed = _next(analysis, verdict, seed)
-    spread = 1.0 if known is None else known.spread
+    spread, surest = known.spread, known.of((1.0,) * len(NAMES))
+    learnt = _learnt(known, weighed.p_value)
     which = answer.causes(analysis, verdict, gap, spread, between)
     diagnosis = Diagnosis(
         recording=prepared.recording.name,
@@ -232,15 +225,16 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
         seconds=time.perf_counter() - begun,
         set90=set90(verdict, known),
-        minor=beside_claims.minor(analysis, verdict, spread, 1.0 if known is None else known.right),
+        minor=beside_claims.minor(analysis, verdict, spread, surest),
         fitted=beside_claims.fitted(analysis, verdict, spread),
         scale=answer.scales(*(x.prepared for x in (*analysis.others, analysis))),
-        familiar=" ".join(_learnt(known, prepared)) or FAMILIAR,
+        familiar=learnt,
+        familiar_p=weighed.p_value,
         outliers=[o.entry(touch if prepared.touch is None else None) for o in outliers],
         notes=(
             *of_data,
             *answer.of_data(analysis, gap.folds),
-            *_learnt(known, prepared),
+            learnt,
             *answer.notes(gap, between, unknown=verdict.word == UNKNOWN),
             *answer.confirmations(prepared, verdict, gap),
         ),
@@ -249,9 +243,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         at_a_point = touch.parameters is not None
         both = beside_contact(verdict, CONTACT, touch.probability, gap, at_a_point=at_a_point)
         diagnosis = answer.with_contact(diagnosis, both, touch)
-    return Findings(
-        diagnosis, analysis, verdict, between, places, plans, decision.upheld, scattered, seed
-    )
+    return Findings(diagnosis, analysis, verdict, between, places, plans, scattered, seed)
 
 
 class Weighed(NamedTuple):
@@ -259,31 +251,37 @@ class Weighed(NamedTuple):
 
     Attributes:
         twin: the better simulator.
+        p_value: that a recording like those that taught looks as unlike them.
         refuted: what comes nearest and yet cannot be it, a sentence; empty if there is no such.
     """
 
     analysis: Analysis
     decision: Decision[Explanation]
     twin: Twin
+    p_value: float
     refuted: str = ""
 
 
-def weigh(prepared: Prepared, known: Reliability | None, seed: int) -> Weighed:
+def weigh(prepared: Prepared, known: Reliability, seed: int) -> Weighed:
     """Explain the gap, and hold the explanation against rows that no fit saw."""
     return settle(analyse(prepared), known, seed)
 
 
-def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
+def settle(analysis: Analysis, known: Reliability, seed: int) -> Weighed:
     """Hold what best explains the gap against rows that no fit saw.
 
-    A robot that the package knows nothing of may leave a rest of its own. Of the others look-alikes
-    taught how often something unknown leaves one. No look-alike has such a rest, so that those of
-    the recording do not say how often a cause beside one is right.
+    A recording unlike those that taught may leave a rest of its own. Of the others these taught how
+    often something unknown leaves one.
     """
+    each, p_value = (analysis, *analysis.others), 0.0
+    if analysis.prepared.has_wrench:  # every lesson is of a wrench
+        p_value = min(1.0, len(each) * min(known.p_value(design_of(a)) for a in each))
+    unlike = p_value < LEAST_P
+    known = replace(known, believed=RIGHT_ELSEWHERE) if unlike else known
     claims = Claims(analysis, seed)
     first = decide(facts(claims, known))
-    if known is None or not known.elsewhere or not own_rest.is_left(analysis):
-        return Weighed(analysis, first, claims.twin(first.verdict))
+    if not unlike or not own_rest.is_left(analysis):
+        return Weighed(analysis, first, claims.twin(first.verdict), p_value)
     again = Claims(own_rest.weighed_again(analysis), seed)
 
     def changing(verdict: Verdict[Explanation], names: Collection[str]) -> str:
@@ -291,29 +289,24 @@ def settle(analysis: Analysis, known: Reliability | None, seed: int) -> Weighed:
         return "" if change is None else change.sentence
 
     decision, refuted = beside_own_rest(
-        first, lambda: decide(facts(again, known.plain(), own_rest=True)),
+        first, lambda: decide(facts(again, known, own_rest=True)),
         lambda verdict: rivals.as_good(again.analysis, verdict, seed), changing,
     )  # fmt: skip
     first_stands = first.settled or decision is first
     used = claims if first_stands else again
-    return Weighed(used.analysis, decision, used.twin(decision.verdict), refuted)
+    return Weighed(used.analysis, decision, used.twin(decision.verdict), p_value, refuted)
 
 
-def facts(
-    claims: Claims, known: Reliability | None, *, own_rest: bool = False
-) -> Facts[Explanation]:
+def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Facts[Explanation]:
     """What a decision on the means of readings rests on.
 
     Args:
         claims: simulators with causes, of the analysis.
-        known: how often claims are right; None where nothing was learnt.
+        known: how often claims are right.
         own_rest: whether what no effect explains counts as noise.
     """
     a, least = claims.analysis, least_beside(claims.analysis.prepared.touch)
-    return facts_of(
-        a.ranking, claims.gap, lambda verdict, gap: _right(a, verdict, known, gap),
-        least=least, own_rest=own_rest,
-    )  # fmt: skip
+    return facts_of(a.ranking, claims.gap, known.right, least=least, own_rest=own_rest)
 
 
 def least_beside(touch: Touch | None) -> float:
@@ -334,7 +327,7 @@ def _changing(
 
 
 def _without_outliers(
-    prepared: Prepared, first: Weighed, known: Reliability | None, seed: int
+    prepared: Prepared, first: Weighed, known: Reliability, seed: int
 ) -> tuple[Weighed, tuple[outliers_.Outlier, ...]]:
     """The answer without a few blocks that all others contradict, where that settles it."""
     weighed, outliers = first, tuple[outliers_.Outlier, ...]()
@@ -359,38 +352,10 @@ def _without_outliers(
     return weighed, outliers
 
 
-def _learnt(known: Reliability | None, prepared: Prepared) -> tuple[str, ...]:
-    """Note on the cases that the probabilities were learnt on, if not those of this robot's
-    kind."""
-    if known is not None and known.own:
-        return (f"the probabilities were learnt on {known.source}",)
-    if known is None or not known.elsewhere:
-        return ()
-    return (ELSEWHERE if prepared.has_wrench else OF_WRENCHES,)
-
-
-def _shipped(prepared: Prepared) -> Reliability | None:
-    """Reliability model shipped with the package for this robot and kind of recording."""
-    usual = prepared.scene.jointed and prepared.has_wrench
-    return shipped(prepared.robot.name, prepared.moving, usual)
-
-
-def _right(
-    a: Analysis, verdict: Verdict[Explanation], known: Reliability | None, gap: Closure
-) -> float:
-    """Fraction of answers like this verdict that are right; 1 where nothing was learnt.
-
-    Where causes surely leave a gap that counts, on a robot that the package knows nothing of, not
-    more often than causes beside the rest of a real recording: few look-alikes leave one.
-    """
-    if known is None:
-        return 1.0
-    if not verdict.causes:
-        return known.none if verdict.word == NONE else known.unknown
-    closed = 0.0 if gap.closed is None else gap.closed.value
-    right = known.of(features(a.ranking, verdict, closed))
-    left = 0.0 if gap.with_effects is None else gap.with_effects.low - max(gap.floor, 0.0)
-    return min(right, RIGHT_ELSEWHERE) if known.elsewhere and left > LARGEST_NONE else right
+def _learnt(known: Reliability, p_value: float) -> str:
+    """Sentence on what the probabilities were learnt from, and whether this recording is alike."""
+    unlike = UNLIKE if p_value < LEAST_P else ""
+    return f"the probabilities were learnt on {known.source}{unlike}"
 
 
 def _designs(a: Analysis, similarities: Sequence[Similarity]) -> list[Design]:

@@ -1,20 +1,35 @@
-"""How often claims are right at the design of one recording, learnt from look-alikes of it."""
+"""How often claims are right at the design of one recording too, learnt from look-alikes of it."""
 
 import hashlib
 import json
 import os
 from concurrent.futures import Future
-from dataclasses import replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 
-from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
+from wrenchbed.benchmark.frame import true_numbers
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, LookalikeCase, draw, recording
+from wrenchbed.benchmark.scoring.case_rows import numbers
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
-from wrenchbed.diagnosis.diagnose import weigh
-from wrenchbed.diagnosis.explain import reliability
-from wrenchbed.diagnosis.explain.reliability import Reliability, learnt, of_package, revision
+from wrenchbed.diagnosis import answer
+from wrenchbed.diagnosis.decision.decide import conclude
+from wrenchbed.diagnosis.diagnose import Weighed, weigh
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
+from wrenchbed.diagnosis.explain.familiarity import design_of
+from wrenchbed.diagnosis.explain.reliability import (
+    UNLEARNT,
+    Lesson,
+    Reliability,
+    features,
+    key_of,
+    learnt,
+    lessons,
+    of_json,
+    revision,
+)
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered
 from wrenchbed.errors import DiagnosisError, ParameterError
 from wrenchbed.jobs.parts import Journal, Row
@@ -24,8 +39,6 @@ TEN_KINDS = ("single",) * 6 + ("none",) * 2 + ("outside",) * 1 + ("pair",) * 1
 """Kinds of ten successive cases."""
 LEAST = 20
 """Fewest cases that anything can be learnt from: an estimate."""
-_VERDICTS = ("none", "unknown")
-"""Verdicts without a named cause."""
 _SHARED: list[tuple[ExperimentDesign, int]] = []
 
 
@@ -71,19 +84,12 @@ def reliability_at_design(
         report(1)
 
     in_workers(_row_of, todo, finished, processes, _in_process, design, seed)
-    rows = [row for k, row in sorted(known.items()) if k < count and row["raw"]]
-    claims = [(row["features"], bool(row["right"])) for row in rows if row["named"]]
-    none, unknown = (_right(rows, verdict) for verdict in _VERDICTS)
-    prior = of_package(at)
-    source = f"{len(rows)} look-alikes of this recording"
-    other = prior is None or prior.elsewhere
-    return replace(learnt(claims, none, unknown, source, prior), own=True, elsewhere=other)
-
-
-def _right(rows: list[Row], verdict: str) -> tuple[int, int]:
-    """Number of right verdicts of a kind without a named cause, and their total."""
-    chosen = [row for row in rows if row["raw"] == verdict and not row["named"]]
-    return sum(row["right"] for row in chosen), len(chosen)
+    rows = (row["lesson"] for k, row in sorted(known.items()) if k < count)
+    taught = [of_json(lesson) for lesson in rows if lesson is not None]
+    if not taught:
+        raise DiagnosisError("none of the look-alikes can be drawn at this design")
+    source = f"{len(taught)} look-alikes of this recording and {len(lessons())} other cases"
+    return learnt([*lessons(), *taught], source)
 
 
 def _in_process(design: ExperimentDesign, seed: int) -> None:
@@ -91,28 +97,51 @@ def _in_process(design: ExperimentDesign, seed: int) -> None:
 
 
 def _row_of(index: int) -> Row:
-    """Result of one look-alike's diagnosis."""
+    """What one look-alike teaches; null where none can be drawn."""
     design, seed = _SHARED[0]
     kind = TEN_KINDS[index % len(TEN_KINDS)]
     number = int(np.random.default_rng([seed, 70, index]).integers(2**40))
-    row: Row = {"index": index, "kind": kind, "raw": "", "named": False, "right": False}
     try:
-        case = draw(design, number, kind)
-        rows = recording(design, case)
-        weighed = weigh(gathered(rows), None, 0)
+        taught = asdict(lesson(design, draw(design, number, kind), f"{seed}-{index}"))
     except (ParameterError, DiagnosisError):  # no such case at this design, or refused data
-        return row
-    verdict, closed = weighed.decision.verdict, weighed.decision.gap.closed
-    if verdict.causes:
-        right = bool(set(verdict.causes[0].names) & set(case.causes))
-    elif verdict.word == "none":
-        right = case.outside is None and set(case.causes) <= set(case.rows)
-    else:
-        right = case.outside is not None
-    answer = {"raw": verdict.word, "named": bool(verdict.causes), "right": right}
-    closed_share = 0.0 if closed is None else closed.value
-    known = reliability.features(weighed.analysis.ranking, verdict, closed_share)
-    return row | answer | {"features": list(known)}
+        taught = None
+    return {"index": index, "lesson": taught}
+
+
+def lesson(
+    design: ExperimentDesign, case: LookalikeCase, name: str, weight: float = 1.0
+) -> Lesson:
+    """What a case of a name teaches of how often answers are right.
+
+    Raises:
+        DiagnosisError: its data are refused.
+    """
+    weighed = weigh(gathered(recording(design, case)), UNLEARNT, 0)
+    a, verdict = weighed.analysis, weighed.decision.verdict
+    found = features(verdict, weighed.decision.gap) if verdict.causes else ()
+    probabilities = {k: p for k, p in verdict.probabilities.items() if p > 0.0}
+    shown = set(case.causes) - set(case.rows)
+    true = tuple(k for k in probabilities if shown & set(k.split("|")))
+    if case.outside is not None or not shown:
+        true = (NONE if case.outside is None else UNKNOWN,)
+    return Lesson(
+        design.robot.name.partition("@")[0], a.prepared.scene.mode, name, found, key_of(verdict),
+        true, probabilities, _errors(weighed, case), design_of(a), weight,
+    )  # fmt: skip
+
+
+def _errors(weighed: Weighed, case: LookalikeCase) -> tuple[float, ...]:
+    """Errors of the parameters of a case's true causes over their standard uncertainties."""
+    a, verdict, gap = weighed.analysis, weighed.decision.verdict, weighed.decision.gap
+    final = conclude(weighed.decision, answer.elements_of(a, verdict))
+    result = list[float]()
+    for entry in answer.causes(a, final, gap, 1.0, ()):
+        name = entry["effect"]
+        cause = next((item for item, _ in reversed(case.items) if item.name == name), None)
+        if name in case.causes and cause is not None:
+            of_it = numbers(name, entry["parameters"], true_numbers(cause, case.items))
+            result += [(n.value - n.truth) / n.std for n in of_it if n.std]
+    return tuple(result)
 
 
 def _key(design: ExperimentDesign, seed: int) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 from wrenchbed.diagnosis.decision.facts import Decision, Facts, Finding
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
+from wrenchbed.diagnosis.explain.reliability import key_of, tempered
 from wrenchbed.diagnosis.explain.verdict import Cause, Elements, Key, Option, Part, S, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure, Interval
 
@@ -217,19 +218,12 @@ def partial(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
 def reliable(facts: Facts[S], verdict: Verdict[S], gap: Closure) -> Verdict[S]:
     """Probabilities are how often such answers are right; a claim that is more likely wrong goes.
 
-    What is taken from the leading answer goes to ``unknown``, from that to all others alike.
     Reliability is learnt on wrenches alone: what other channels uphold does not hang on it.
     """
     if verdict.causes and confirmed(verdict.causes[0], gap):
         return verdict
-    right = facts.right(verdict, gap)
-    probability = dict(verdict.probabilities)
-    lead = "|".join(verdict.causes[0].names) if verdict.causes else verdict.word
-    spare = probability[lead] * (1.0 - right)
-    probability[lead] -= spare
-    others = [UNKNOWN] if lead != UNKNOWN else [n for n in probability if n != UNKNOWN] or [NONE]
-    for name in others:
-        probability[name] = probability.get(name, 0.0) + spare / len(others)
+    right, lead = facts.right(verdict, gap), key_of(verdict)
+    probability = tempered(verdict.probabilities, lead, right)
     causes = tuple(
         c if confirmed(c, gap) else replace(c, probability=c.probability * right)
         for c in verdict.causes

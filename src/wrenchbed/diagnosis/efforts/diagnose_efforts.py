@@ -18,7 +18,7 @@ from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.search import Search, Structure, search
 from wrenchbed.diagnosis.efforts.signs import signs
 from wrenchbed.diagnosis.efforts.simulator import Simulator, Simulators
-from wrenchbed.diagnosis.explain.reliability import set90
+from wrenchbed.diagnosis.explain.reliability import UNLEARNT, set90
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap.result import Diagnosis, plain
 from wrenchbed.diagnosis.prepare.prepared import Material
@@ -129,7 +129,7 @@ def diagnose_efforts(
         answer.where(d, final, gap, seen), answer.which(simulators, final, gap),
         dict(final.probabilities), answer.cannot_tell(final), answer.next_steps(final), twin,
         time.perf_counter() - begun, answer.notes(d, final, gap, seen, unnamed),
-        set90=set90(final, None),
+        set90=set90(final, UNLEARNT),
         minor=answer.minor(simulators, likely, final),
         fitted=answer.fitted(fit),
         scale=answer.scales(d), blind=blind_spots(d, structures.evidence),

@@ -95,7 +95,9 @@ class Diagnosis:
         minor: detected effects that add less than what counts, as the contract has them.
         fitted: numbers that the fit takes up whatever is claimed, as the contract has them.
         scale: of each channel.
-        familiar: whether recordings like this one taught the probabilities, a sentence.
+        familiar: what the probabilities were learnt on, and whether this recording is alike.
+        familiar_p: probability that a recording like those looks as unlike them as this one; None
+            where it was not tested.
         outliers: poses or stretches that were set aside, as the contract has them.
     """
 
@@ -120,6 +122,7 @@ class Diagnosis:
     fitted: Sequence[Mapping[str, Any]] = ()
     scale: Mapping[str, Scale] = field(default_factory=dict)
     familiar: str = ""
+    familiar_p: float | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Contents of ``diagnosis.json`` as the contract defines them."""
@@ -152,7 +155,7 @@ class Diagnosis:
                 "cannot_tell": list(self.cannot_tell),
                 "minor": list(self.minor),
                 "fitted": list(self.fitted),
-                "familiar": {"p_value": None, "sentence": self.familiar},
+                "familiar": {"p_value": self.familiar_p, "sentence": self.familiar},
                 "blind": [spot.to_json() for spot in self.blind],
                 "next": list(self.next),
                 "recordings": [PurePath(r).name for r in (self.recording, *self.others)],

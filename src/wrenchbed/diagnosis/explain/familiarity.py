@@ -1,0 +1,60 @@
+"""Whether a recording looks like those that taught: a test of exchangeability.
+
+Features of the design and of what no explanation takes up make a point; its Mahalanobis distance
+from the points of the recordings that taught, beside theirs, has a conformal p-value (Vovk et al.
+2005): no law of the points is assumed.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from wrenchbed.diagnosis.explain.claims import allowed
+from wrenchbed.diagnosis.explain.structures import MARGIN, Analysis
+
+NAMES = ("joints", "observations", "rows", "force", "torque", "orientations", "memory", "rest")
+"""Features: joints; then as decimal logarithms observations, rows of each, force and torque over
+the noise of a row, the least mean square of the load's direction along any axis, the variance of an
+observation over that of as many white rows; last the gap that the best explanation leaves beyond
+what is normal where no smooth function predicts it, as log(1 + gap)."""
+LEAST_P = 0.01
+"""p-value below which a recording is unlike those that taught."""
+RIDGE = 1e-3
+"""Least variance of a feature, so that what never differed may differ a little."""
+
+
+def design_of(a: Analysis) -> tuple[float, ...]:
+    """Features of a recording and its analysis, in the order of `NAMES`."""
+    p = a.prepared
+    count = float(np.mean(p.count))
+    memory = float(np.mean(p.noise / p.row_variance)) * count
+    load, noise = p.scene.load[p.scene.held], p.row_sigma
+    force = load[:, :3] / np.maximum(np.linalg.norm(load[:, :3], axis=1, keepdims=True), 1e-9)
+    spread = np.linalg.eigvalsh(force.T @ force / len(force))[0]
+    best = a.ranking.explanations[0]
+    smooth = a.ranking.mixed >= best.log_posterior + MARGIN
+    rest = 0.0 if smooth else max(best.rest - allowed(best), 0.0)
+    values = (
+        len(p.y), count * p.stride, _rms(load[:, :3]) / noise[:3].mean(),
+        _rms(load[:, 3:6]) / noise[3:6].mean(), spread, memory,
+    )  # fmt: skip
+    logs = np.log10(np.maximum(values, 1e-6))
+    return (float(len(p.robot.joints)), *(float(v) for v in logs), float(np.log1p(rest)))
+
+
+def _rms(x: np.ndarray) -> float:
+    return float(np.sqrt((x**2).mean()))
+
+
+def p_value(design: Sequence[float], designs: np.ndarray) -> float:
+    """Share of points (N + 1, F), the recording's among them, as far from their mean as it.
+
+    Args:
+        design: the recording's point (F,).
+        designs: points of those that taught (N, F).
+    """
+    points = np.vstack([designs, np.asarray(design)])
+    away = points - points.mean(axis=0)
+    covariance = away.T @ away / len(points) + RIDGE * np.eye(points.shape[1])
+    distance = np.einsum("nf,nf->n", away, np.linalg.solve(covariance, away.T).T)
+    return float((distance >= distance[-1]).mean())

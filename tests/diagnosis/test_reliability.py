@@ -1,0 +1,179 @@
+"""Probabilities hold on arms that taught none of them; what is unlike those that taught is said."""
+
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from wrenchbed import registry
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
+from wrenchbed.benchmark.scoring import at_design
+from wrenchbed.diagnosis.explain import familiarity
+from wrenchbed.diagnosis.explain.familiarity import LEAST_P, p_value
+from wrenchbed.diagnosis.explain.reliability import (
+    CONFIDENT,
+    COVERED,
+    NAMES,
+    RIGHT_ELSEWHERE,
+    Lesson,
+    conformal,
+    credible,
+    learnt,
+    lessons,
+    shipped,
+    tempered,
+)
+from wrenchbed.errors import DiagnosisError
+from wrenchbed.planning import choose
+
+CLAIM = {"joint.offset": 0.9, "none": 0.04, "unknown": 0.06}
+
+
+def taught(features, right, arm="a", weight=1.0):
+    truth = ("joint.offset",) if right else ("unknown",)
+    found = tuple(float(v) for v in features)
+    return Lesson(arm, "static", "1", found, "joint.offset", truth, CLAIM, (), (0.0,), weight)
+
+
+def claims(truth, count, rng):
+    x = np.column_stack([np.ones(count), rng.uniform(0, 1, (count, len(NAMES) - 1))])
+    right = rng.random(count) < 1.0 / (1.0 + np.exp(-x @ truth))
+    return [taught(f, r) for f, r in zip(x, right, strict=True)]
+
+
+def test_the_map_learns_what_speaks_for_a_claim_and_never_takes_more_of_it_for_less():
+    rng = np.random.default_rng(0)
+    model = learnt(claims([-1.0, 3.0, 0.0, -2.0], 4000, rng), "")
+    _, evidence, closed, explained = model.claim
+    assert evidence == pytest.approx(3.0, abs=0.4)
+    assert closed < 0.4
+    assert explained == 0.0  # the truth falls with it, a monotone map does not
+    free = learnt(claims([-1.0, 3.0, 1.0, 2.0], 4000, rng), "")
+    assert free.claim == pytest.approx([-1.0, 3.0, 1.0, 2.0], abs=0.4)
+    with pytest.raises(DiagnosisError, match="nothing to learn"):
+        learnt([], "")
+
+
+def test_a_case_that_stands_for_three_counts_as_three():
+    few = [taught((1, 0.5, 0.5, 0.5), k > 0, weight=3.0) for k in range(9)]
+    many = [replace(x, weight=1.0) for x in few for _ in range(3)]
+    assert learnt(few, "").claim == pytest.approx(learnt(many, "").claim, rel=1e-9)
+
+
+@pytest.mark.parametrize("count", [40, 150])
+def test_sets_hold_the_truth_nine_times_in_ten_in_19_of_20_draws_of_few_cases(count):
+    """A share below the level is covered; shares are uniform, so the level is the coverage."""
+    rng = np.random.default_rng(count)
+    levels = [conformal(rng.random(count), np.ones(count)) for _ in range(4000)]
+    assert np.mean(np.array(levels) >= COVERED) >= CONFIDENT - 0.01
+    assert np.median(levels) < 0.99
+
+
+def test_too_few_cases_make_a_set_of_everything_possible():
+    assert conformal([0.5] * 28, [1.0] * 28) == 1.0
+    assert conformal([0.5] * 29, [1.0] * 29) == 0.5
+    assert conformal([0.5] * 50, [1.0, *[1e-3] * 49]) == 1.0  # weighs as much as one case
+    assert set(credible(CLAIM, 1.0)) == set(CLAIM)
+
+
+def test_what_is_taken_from_an_answer_goes_to_unknown():
+    after = tempered(CLAIM, "joint.offset", 0.8)
+    assert after == pytest.approx({"joint.offset": 0.72, "none": 0.04, "unknown": 0.24})
+    assert sum(tempered(CLAIM, "unknown", 0.5).values()) == pytest.approx(1.0)
+
+
+# ---- what looks like those that taught ----------------------------------------------------------
+
+
+def test_p_values_of_exchangeable_points_are_uniform_and_of_a_strange_one_small():
+    rng = np.random.default_rng(1)
+    drawn = rng.standard_t(4.0, (600, 100, 5)) * [1.0, 10.0, 0.1, 1.0, 1.0]
+    found = np.array([p_value(points[0], points[1:]) for points in drawn])
+    for level in (0.05, 0.2, 0.5, 0.8):
+        assert np.mean(found <= level) == pytest.approx(level, abs=0.06)
+    strange = p_value([0.0, 0.0, 4.0, 0.0, 0.0], drawn[0])
+    assert strange < LEAST_P
+
+
+def test_recordings_that_taught_are_familiar_and_others_are_not():
+    model = shipped()
+    designs = np.array([x.design for x in lessons()])
+    assert np.mean([model.p_value(d) < LEAST_P for d in designs]) <= 0.02
+    usual = np.median(designs, axis=0)
+    assert model.p_value(usual) > 0.2
+    for feature, value in (("joints", 0.0), ("force", -1.0), ("orientations", -5.0)):
+        strange = usual.copy()
+        strange[familiarity.NAMES.index(feature)] = value
+        assert model.p_value(strange) < LEAST_P
+
+
+# ---- what ships ----------------------------------------------------------------------------------
+
+
+def scores(p, right, weight):
+    log = -np.log(np.where(right, p, 1.0 - p))
+    return np.average((p - right) ** 2, weights=weight), np.average(log, weights=weight)
+
+
+def test_the_map_holds_on_arms_that_taught_none_of_it():
+    """Every arm is left out once; one fraction of right claims stands beside the map."""
+    every = lessons()
+    arms = sorted({x.arm for x in every})
+    assert len(arms) >= 6
+    assert {round(x.design[0]) for x in every} == {6, 7}
+    p, right, weight = [], [], []
+    for arm in arms:
+        others = learnt([x for x in every if x.arm != arm], "")
+        own = [x for x in every if x.arm == arm and x.features]
+        p += [others.of(x.features) for x in own]
+        right += [x.right for x in own]
+        weight += [x.weight for x in own]
+    p, right, weight = np.array(p), np.array(right), np.array(weight)
+    brier, log = scores(p, right, weight)
+    flat_brier, flat_log = scores(np.full(len(p), RIGHT_ELSEWHERE), right, weight)
+    assert brier < flat_brier
+    assert log < flat_log
+    assert abs(np.average(p, weights=weight) - np.average(right, weights=weight)) < 0.03
+    sure = p > 0.9
+    assert np.average(right[sure], weights=weight[sure]) > 0.95
+
+
+# ---- look-alikes of a recording ------------------------------------------------------------------
+
+
+def still(seed=0, poses=24):
+    robot = registry.load("robots", "ur5")
+    design = ExperimentDesign.of_plan(choose.poses(robot, poses, seed), robot, samples=30)
+    return recording(design, draw(design, 5, "none"))
+
+
+def test_look_alikes_are_kept_and_not_computed_twice(tmp_path):
+    """Another seed or another design has a cache of its own."""
+    rows = still()
+    key, *others = (
+        at_design._key(ExperimentDesign.of(r), of)
+        for r, of in ((rows, 0), (rows, 1), (still(1), 0))
+    )
+    assert len({key, *others}) == 3
+    weak = (1.0, 0.1, 0.1, 0.1)
+    known = [taught(weak, k % 4 > 0) for k in range(20)]
+    known = [replace(x, design=lessons()[0].design) for x in known]
+    text = "".join(
+        json.dumps({"index": k, "lesson": asdict(x)}) + "\n" for k, x in enumerate(known)
+    )
+    (tmp_path / f"look-alikes-{key}.jsonl").write_text(text + '{"index": 20, "ki')
+    asked = []
+    model = at_design.reliability_at_design(rows, 20, cache=tmp_path, report=asked.append)
+    assert asked == [20]
+    assert model.of(weak) == learnt([*lessons(), *known], "").of(weak) != shipped().of(weak)
+    assert "20 look-alikes of this recording" in model.source
+    with pytest.raises(DiagnosisError, match="at least 20"):
+        at_design.reliability_at_design(rows, 3, cache=tmp_path)
+
+
+def test_one_look_alike_is_drawn_and_judged():
+    at_design._in_process(ExperimentDesign.of(still(poses=30)), 0)
+    lesson = at_design._row_of(6)["lesson"]  # a case without a gap
+    assert (lesson["lead"], lesson["truth"], lesson["features"]) == ("none", ("none",), ())
+    assert len(lesson["design"]) == len(lessons()[0].design)
