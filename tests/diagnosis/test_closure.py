@@ -183,7 +183,7 @@ def test_a_load_and_a_bias_are_put_where_they_belong(robot):
 
 @pytest.mark.parametrize("robot", ["ur5", "oriented"])
 def test_a_tool_beside_a_cause_is_never_lighter_than_nothing(robot):
-    """Seen: `diagnose --fast` of a real 7-joint arm ended at a mass of −0.37 kg, an error."""
+    """Seen: `diagnose` of a real 7-joint arm ended at a mass of −0.37 kg, an error."""
     stated = nominal(robot)
     of = {"sensor.bias": slice(0, 6), "tool.mass": slice(6, 7), "tool.cog": slice(7, 10)}
     d = SimpleNamespace(of_stated=of.get, size=np.ones(10), stated=np.arange(10))

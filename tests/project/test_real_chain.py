@@ -23,7 +23,7 @@ def imported(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("real")
     verb("import", CSV, "--map", REAL / "static.toml", "--out", folder / "rec.parquet")
     verb("calibrate", folder / "rec.parquet", "--out", folder / "fit.json")
-    verb("diagnose", folder / "rec.parquet", "--fast", "--out", folder / "found")
+    verb("diagnose", folder / "rec.parquet", "--out", folder / "found")
     return folder
 
 

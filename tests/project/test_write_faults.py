@@ -46,7 +46,7 @@ CASES = {
     "import": "import 0-calibration_fts-accel.csv --map static.toml --out i.parquet --force",
     "import --guess": "import 0-calibration_fts-accel.csv --guess --out g.parquet --force",
     "calibrate": "calibrate r.parquet --out fit.json",
-    "diagnose": "diagnose r.parquet --fast --out found",
+    "diagnose": "diagnose r.parquet --out found",
     "view": "view r.parquet --rrd r.rrd",
     "report": "report r.parquet --out r.html",
     "simulate": "simulate twin.json --like r.parquet --out s.parquet --force",

@@ -320,7 +320,7 @@ def test_a_recording_is_diagnosed_where_neither_file_is(tmp_path):
         "--effect", "joint.offset:joint=4,offset=0.01")  # fmt: skip
     toml.unlink()
     forgotten()
-    ran("diagnose", rec, "--fast", "--out", found)
+    ran("diagnose", rec, "--out", found)
     said = json.loads((found / "diagnosis.json").read_text())
     assert said["which"][0]["effect"] == "joint.offset"
     assert {p.name for p in found.iterdir()} >= {"report.html", "diagnosis.rrd", "twin.json"}

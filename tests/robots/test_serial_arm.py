@@ -47,7 +47,7 @@ def test_seven_joints_are_planned_recorded_and_calibrated(tmp_path):
 @pytest.mark.slow
 def test_an_offset_of_joint_4_is_diagnosed(tmp_path):
     recording = recorded(tmp_path, 60, "joint.offset:joint=4,offset=0.01")
-    assert main(["diagnose", recording, "--fast", "--out", str(tmp_path / "diagnosis")]) == 0
+    assert main(["diagnose", recording, "--out", str(tmp_path / "diagnosis")]) == 0
     said = json.loads((tmp_path / "diagnosis" / "diagnosis.json").read_text())
     assert said["which"][0]["effect"] == "joint.offset"
     assert said["which"][0]["parameters"]["joint"]["value"] == 4
