@@ -108,9 +108,7 @@ def _row_of(index: int) -> Row:
     return {"index": index, "lesson": taught}
 
 
-def lesson(
-    design: ExperimentDesign, case: LookalikeCase, name: str, weight: float = 1.0
-) -> Lesson:
+def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: float = 1.0) -> Lesson:
     """What a case of a name teaches of how often answers are right.
 
     Raises:
