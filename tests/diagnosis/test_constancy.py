@@ -1,8 +1,7 @@
 """A cause is as large at all poses; what only looks like one leaves a rest that goes with it."""
 
-from types import SimpleNamespace
-
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -91,7 +90,8 @@ def test_a_floor_that_sinks_is_a_tilt_that_grows_and_a_tilt_is_constant():
     first, _, last = change.thirds
     assert first < 0.7 < 1.3 < last
     # what changes is not named where a robot may leave a rest of its own
-    strange = replace(shipped(), designs=shipped().designs + 100.0)
+    far = {mode: designs + 100.0 for mode, designs in shipped().designs.items()}
+    strange = replace(shipped(), designs=far)
     weighed = settle(sinking, strange, 0)
     assert (weighed.decision.verdict.word, weighed.decision.verdict.causes) == ("unknown", ())
     assert weighed.refuted.startswith("base.tilt comes nearest")

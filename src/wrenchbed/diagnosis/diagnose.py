@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -203,7 +203,7 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     said = (scattered, often, weighed.refuted)
     of_data = [*prepared.notes, *(sentence for sentence in said if sentence)]
     plans, proposed = _next(analysis, verdict, seed)
-    spread, surest = known.spread, known.of((1.0,) * len(NAMES))
+    spread, surest = known.spread, known.believed_at(weighed.p_value).of((1.0,) * len(NAMES))
     learnt = _learnt(known, weighed.p_value)
     which = answer.causes(analysis, verdict, gap, spread, between)
     diagnosis = Diagnosis(
@@ -274,13 +274,13 @@ def settle(analysis: Analysis, known: Reliability, seed: int) -> Weighed:
     often something unknown leaves one.
     """
     each, p_value = (analysis, *analysis.others), 0.0
+    mode = analysis.prepared.scene.mode
     if analysis.prepared.has_wrench:  # every lesson is of a wrench
-        p_value = min(1.0, len(each) * min(known.p_value(design_of(a)) for a in each))
-    unlike = p_value < LEAST_P
-    known = replace(known, believed=RIGHT_ELSEWHERE) if unlike else known
+        p_value = min(1.0, len(each) * min(known.p_value(mode, design_of(a)) for a in each))
+    known = known.believed_at(p_value)
     claims = Claims(analysis, seed)
     first = decide(facts(claims, known))
-    if not unlike or not own_rest.is_left(analysis):
+    if p_value >= LEAST_P or not own_rest.is_left(analysis):
         return Weighed(analysis, first, claims.twin(first.verdict), p_value)
     again = Claims(own_rest.weighed_again(analysis), seed)
 

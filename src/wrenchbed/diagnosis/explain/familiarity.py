@@ -12,11 +12,11 @@ import numpy as np
 from wrenchbed.diagnosis.explain.claims import allowed
 from wrenchbed.diagnosis.explain.structures import MARGIN, Analysis
 
-NAMES = ("joints", "observations", "rows", "force", "torque", "orientations", "memory", "rest")
+NAMES = ("joints", "observations", "rows", "force", "torque", "orientations", "rest")
 """Features: joints; then as decimal logarithms observations, rows of each, force and torque over
-the noise of a row, the least mean square of the load's direction along any axis, the variance of an
-observation over that of as many white rows; last the gap that the best explanation leaves beyond
-what is normal where no smooth function predicts it, as log(1 + gap)."""
+the noise of a row, and the least mean square of the load's direction along any axis; last the share
+of the gap that the best explanation leaves beyond what is normal, 0 where a smooth function
+predicts it."""
 LEAST_P = 0.01
 """p-value below which a recording is unlike those that taught."""
 RIDGE = 1e-3
@@ -27,7 +27,6 @@ def design_of(a: Analysis) -> tuple[float, ...]:
     """Features of a recording and its analysis, in the order of `NAMES`."""
     p = a.prepared
     count = float(np.mean(p.count))
-    memory = float(np.mean(p.noise / p.row_variance)) * count
     load, noise = p.scene.load[p.scene.held], p.row_sigma
     force = load[:, :3] / np.maximum(np.linalg.norm(load[:, :3], axis=1, keepdims=True), 1e-9)
     spread = np.linalg.eigvalsh(force.T @ force / len(force))[0]
@@ -36,10 +35,11 @@ def design_of(a: Analysis) -> tuple[float, ...]:
     rest = 0.0 if smooth else max(best.rest - allowed(best), 0.0)
     values = (
         len(p.y), count * p.stride, _rms(load[:, :3]) / noise[:3].mean(),
-        _rms(load[:, 3:6]) / noise[3:6].mean(), spread, memory,
+        _rms(load[:, 3:6]) / noise[3:6].mean(), spread,
     )  # fmt: skip
     logs = np.log10(np.maximum(values, 1e-6))
-    return (float(len(p.robot.joints)), *(float(v) for v in logs), float(np.log1p(rest)))
+    share = rest / max(rest, a.ranking.gap, 1.0)
+    return (float(len(p.robot.joints)), *(float(v) for v in logs), float(share))
 
 
 def _rms(x: np.ndarray) -> float:
