@@ -44,18 +44,18 @@ def claims(truth, count, rng):
 
 def test_the_map_learns_what_speaks_for_a_claim_and_never_takes_more_of_it_for_less():
     rng = np.random.default_rng(0)
-    model = learnt(claims([-1.0, 3.0, -2.0], 4000, rng), "")
-    _, evidence, closed = model.claim
+    model = learnt(claims([-1.0, 3.0, -2.0, 0.0], 4000, rng), "")
+    _, evidence, closed, _ = model.claim
     assert evidence == pytest.approx(3.0, abs=0.4)
     assert closed == 0.0  # the truth falls with it, a monotone map does not
-    free = learnt(claims([-1.0, 3.0, 2.0], 4000, rng), "")
-    assert free.claim == pytest.approx([-1.0, 3.0, 2.0], abs=0.4)
+    free = learnt(claims([-1.0, 3.0, 2.0, 1.0], 4000, rng), "")
+    assert free.claim == pytest.approx([-1.0, 3.0, 2.0, 1.0], abs=0.4)
     with pytest.raises(DiagnosisError, match="nothing to learn"):
         learnt([], "")
 
 
 def test_a_case_that_stands_for_three_counts_as_three():
-    few = [taught((1, 0.5, 0.5), k > 0, weight=3.0) for k in range(9)]
+    few = [taught((1, 0.5, 0.5, 1), k > 0, weight=3.0) for k in range(9)]
     many = [replace(x, weight=1.0) for x in few for _ in range(3)]
     assert learnt(few, "").claim == pytest.approx(learnt(many, "").claim, rel=1e-9)
 
@@ -155,7 +155,7 @@ def test_look_alikes_are_kept_and_not_computed_twice(tmp_path):
         for r, of in ((rows, 0), (rows, 1), (still(1), 0))
     )
     assert len({key, *others}) == 3
-    weak = (1.0, 0.1, 0.1)
+    weak = (1.0, 0.1, 0.1, 1.0)
     known = [taught(weak, k % 4 > 0) for k in range(20)]
     known = [replace(x, design=lessons()[0].design) for x in known]
     text = "".join(

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -306,7 +307,8 @@ def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Fact
         own_rest: whether what no effect explains counts as noise.
     """
     a, least = claims.analysis, least_beside(claims.analysis.prepared.touch)
-    return facts_of(a.ranking, claims.gap, known.right, least=least, own_rest=own_rest)
+    right = partial(known.right, mode=a.prepared.scene.mode)
+    return facts_of(a.ranking, claims.gap, right, least=least, own_rest=own_rest)
 
 
 def least_beside(touch: Touch | None) -> float:

@@ -115,15 +115,16 @@ def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: flo
         DiagnosisError: its data are refused.
     """
     weighed = weigh(gathered(recording(design, case)), UNLEARNT, 0)
-    a, verdict = weighed.analysis, weighed.decision.verdict
-    found = features(verdict, weighed.decision.gap) if verdict.causes else ()
+    a, verdict, gap = weighed.analysis, weighed.decision.verdict, weighed.decision.gap
+    mode = a.prepared.scene.mode
+    found = features(verdict, gap, mode) if verdict.causes else ()
     probabilities = {k: p for k, p in verdict.probabilities.items() if p > 0.0}
     shown = set(case.causes) - set(case.rows)
     true = tuple(k for k in probabilities if shown & set(k.split("|")))
     if case.outside is not None or not shown:
         true = (NONE if case.outside is None else UNKNOWN,)
     return Lesson(
-        design.robot.name.partition("@")[0], a.prepared.scene.mode, name, found, key_of(verdict),
+        design.robot.name.partition("@")[0], mode, name, found, key_of(verdict),
         true, probabilities, _errors(weighed, case), design_of(a), weight,
     )  # fmt: skip
 

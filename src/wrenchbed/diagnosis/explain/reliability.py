@@ -22,9 +22,10 @@ from wrenchbed.diagnosis.explain.verdict import NONE, UNKNOWN, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.errors import DiagnosisError
 
-NAMES = ("constant", "evidence", "closed")
-"""What speaks for a claim, each 0 … 1: the log odds of evidence, and the share of the gap that it
-closes at least on held-out rows. More features separate no better on arms that taught nothing."""
+NAMES = ("constant", "evidence", "closed", "still")
+"""What speaks for a claim, each 0 … 1: the log odds of evidence, the share of the gap that it closes
+at least on held-out rows, and that the robot was at rest. Of six arms, each judged by the others,
+ten features separated no better."""
 MOST_ODDS = 30.0
 """Log odds beyond which evidence is as sure as it can be: less likely structures are dropped."""
 PRIOR_STD = 3.0
@@ -99,16 +100,17 @@ class Reliability:
     believed: float = 1.0
     designs: Mapping[str, np.ndarray] = field(default_factory=dict)
 
-    def right(self, verdict: Verdict[Any], gap: Closure) -> float:
+    def right(self, verdict: Verdict[Any], gap: Closure, mode: str) -> float:
         """Share of answers like a verdict that are right.
 
         Args:
             verdict: upheld by held-out rows.
             gap: on these, with its causes.
+            mode: of the recording.
         """
         if not verdict.causes:
             return self.none if verdict.word == NONE else self.unknown
-        return self.of(features(verdict, gap))
+        return self.of(features(verdict, gap, mode))
 
     def of(self, found: Sequence[float]) -> float:
         """Probability that a claim with such features is right."""
@@ -125,11 +127,11 @@ class Reliability:
         return replace(self, believed=RIGHT_ELSEWHERE) if unlike else self
 
 
-UNLEARNT = Reliability((MOST_ODDS, 0.0, 0.0), 1.0, 1.0, "nothing")
+UNLEARNT = Reliability((MOST_ODDS, 0.0, 0.0, 0.0), 1.0, 1.0, "nothing")
 """Takes evidence at its word: what lessons are made with."""
 
 
-def features(verdict: Verdict[Any], gap: Closure) -> tuple[float, ...]:
+def features(verdict: Verdict[Any], gap: Closure, mode: str) -> tuple[float, ...]:
     """What speaks for a verdict's leading claim, in the order of `NAMES`."""
     lead = key_of(verdict)
     others = sum(p for name, p in verdict.probabilities.items() if name != lead)
@@ -139,6 +141,7 @@ def features(verdict: Verdict[Any], gap: Closure) -> tuple[float, ...]:
         1.0,
         float(np.log1p(np.clip(odds, 0.0, MOST_ODDS)) / np.log1p(MOST_ODDS)),
         float(np.clip(closed, 0.0, 1.0)),
+        float(mode == "static"),
     )
 
 
