@@ -3,7 +3,6 @@
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -43,6 +42,7 @@ from wrenchbed.diagnosis.explain.structures import Analysis, analyse
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap import constancy, where
 from wrenchbed.diagnosis.gap.closure import Claims
+from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.held_out import simulated
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.next import experiments, isolability
@@ -307,7 +307,10 @@ def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Fact
         own_rest: whether what no effect explains counts as noise.
     """
     a, least = claims.analysis, least_beside(claims.analysis.prepared.touch)
-    right = partial(known.right, mode=a.prepared.scene.mode)
+
+    def right(verdict: Verdict[Explanation], gap: Closure) -> float:
+        return known.right(verdict, gap.closed_least, a.prepared.scene.mode)
+
     return facts_of(a.ranking, claims.gap, right, least=least, own_rest=own_rest)
 
 

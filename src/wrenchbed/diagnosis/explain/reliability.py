@@ -19,13 +19,12 @@ from scipy.special import betainc, expit
 
 from wrenchbed.diagnosis.explain import familiarity
 from wrenchbed.diagnosis.explain.verdict import NONE, UNKNOWN, Verdict
-from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.errors import DiagnosisError
 
 NAMES = ("constant", "evidence", "closed", "still")
-"""What speaks for a claim, each 0 … 1: the log odds of evidence, the share of the gap that it closes
-at least on held-out rows, and that the robot was at rest. Of six arms, each judged by the others,
-ten features separated no better."""
+"""What speaks for a claim, each 0 … 1: the log odds of evidence, the share of the gap that it
+closes at least on held-out rows, and that the robot was at rest. Of six arms, each judged by the
+others, ten features separated no better."""
 MOST_ODDS = 30.0
 """Log odds beyond which evidence is as sure as it can be: less likely structures are dropped."""
 PRIOR_STD = 3.0
@@ -100,17 +99,17 @@ class Reliability:
     believed: float = 1.0
     designs: Mapping[str, np.ndarray] = field(default_factory=dict)
 
-    def right(self, verdict: Verdict[Any], gap: Closure, mode: str) -> float:
+    def right(self, verdict: Verdict[Any], closed: float, mode: str) -> float:
         """Share of answers like a verdict that are right.
 
         Args:
             verdict: upheld by held-out rows.
-            gap: on these, with its causes.
+            closed: share of the gap that it closes there at least.
             mode: of the recording.
         """
         if not verdict.causes:
             return self.none if verdict.word == NONE else self.unknown
-        return self.of(features(verdict, gap, mode))
+        return self.of(features(verdict, closed, mode))
 
     def of(self, found: Sequence[float]) -> float:
         """Probability that a claim with such features is right."""
@@ -131,12 +130,11 @@ UNLEARNT = Reliability((MOST_ODDS, 0.0, 0.0, 0.0), 1.0, 1.0, "nothing")
 """Takes evidence at its word: what lessons are made with."""
 
 
-def features(verdict: Verdict[Any], gap: Closure, mode: str) -> tuple[float, ...]:
+def features(verdict: Verdict[Any], closed: float, mode: str) -> tuple[float, ...]:
     """What speaks for a verdict's leading claim, in the order of `NAMES`."""
     lead = key_of(verdict)
     others = sum(p for name, p in verdict.probabilities.items() if name != lead)
     odds = np.log(max(verdict.probabilities[lead], 1e-300) / max(others, 1e-300))
-    closed = 0.0 if gap.closed is None else gap.closed.low
     return (
         1.0,
         float(np.log1p(np.clip(odds, 0.0, MOST_ODDS)) / np.log1p(MOST_ODDS)),

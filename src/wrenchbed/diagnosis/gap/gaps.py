@@ -57,6 +57,11 @@ class Closure:
     further: Mapping[str, Interval] = field(default_factory=dict)
 
     @property
+    def closed_least(self) -> float:
+        """Share of the gap that the effects close at least, 0 without effects."""
+        return 0.0 if self.closed is None else self.closed.low
+
+    @property
     def excess(self) -> float:
         """Calibrated gap beyond the noise floor."""
         return self.calibrated.value - max(self.floor, 0.0)
