@@ -28,7 +28,6 @@ from wrenchbed.diagnosis.explain.reliability import (
     learnt,
     lessons,
     of_json,
-    revision,
 )
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered
 from wrenchbed.errors import DiagnosisError, ParameterError
@@ -148,5 +147,5 @@ def _key(design: ExperimentDesign, seed: int) -> str:
     text = json.dumps(design.metadata.to_json(), sort_keys=True, default=str)
     rows = (design.q, design.t, design.noise_std)
     data = b"".join(np.ascontiguousarray(x, dtype=float).tobytes() for x in rows)
-    head = f"{FORMAT} {revision()} {seed} {design.samples} {design.rate} {text}".encode()
+    head = f"{FORMAT} {lessons()} {seed} {design.samples} {design.rate} {text}".encode()
     return hashlib.sha256(head + data).hexdigest()[:20]

@@ -37,8 +37,6 @@ FIRM = 0.75
 CONTRIVED = 0.05
 """Least weight, beside 1, of an effect that makes a cause's readings with numbers that happen to
 fit: evidence against it is as good as what is taken for its likely sizes. Estimate."""
-_OF_HELD_OUT = ("held out", "size", "partial")
-"""Rules after which a verdict is what held-out rows uphold."""
 
 Rule = Callable[[Facts[S], Verdict[S], Closure], Verdict[S]]
 
@@ -52,7 +50,6 @@ def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
     """
     verdict = leading(facts, without)
     gap = facts.measure(verdict)
-    upheld = verdict
     for name, rule in RULES.items():
         if name in without:
             continue
@@ -60,8 +57,7 @@ def decide(facts: Facts[S], without: Collection[str] = ()) -> Decision[S]:
         verdict = rule(facts, verdict, gap)
         if [c.part for c in verdict.causes] != parts:
             gap = facts.measure(verdict)
-        upheld = verdict if name in _OF_HELD_OUT else upheld
-    return Decision(verdict, upheld, gap)
+    return Decision(verdict, gap)
 
 
 def leading(facts: Facts[S], without: Collection[str] = ()) -> Verdict[S]:

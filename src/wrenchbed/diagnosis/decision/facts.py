@@ -15,12 +15,10 @@ class Decision(Generic[S]):
 
     Attributes:
         verdict: final.
-        upheld: what held-out rows leave, before the reliability of such claims is weighed in.
         gap: on held-out rows, with the causes of ``verdict``.
     """
 
     verdict: Verdict[S]
-    upheld: Verdict[S]
     gap: Closure
 
     @property

@@ -26,24 +26,18 @@ RIDGE = 1e-3
 def design_of(a: Analysis) -> tuple[float, ...]:
     """Features of a recording and its analysis, in the order of `NAMES`."""
     p = a.prepared
-    count = float(np.mean(p.count))
-    load, noise = p.scene.load[p.scene.held], p.row_sigma
+    load = p.scene.load[p.scene.held][:, :6]
+    size = np.sqrt((load**2).reshape(-1, 2, 3).mean(axis=(0, 2)))
+    size = size / p.row_sigma[:6].reshape(2, 3).mean(axis=1)
     force = load[:, :3] / np.maximum(np.linalg.norm(load[:, :3], axis=1, keepdims=True), 1e-9)
     spread = np.linalg.eigvalsh(force.T @ force / len(force))[0]
     best = a.ranking.explanations[0]
     smooth = a.ranking.mixed >= best.log_posterior + MARGIN
     rest = 0.0 if smooth else max(best.rest - allowed(best), 0.0)
-    values = (
-        len(p.y), count * p.stride, _rms(load[:, :3]) / noise[:3].mean(),
-        _rms(load[:, 3:6]) / noise[3:6].mean(), spread,
-    )  # fmt: skip
+    values = (len(p.y), float(np.mean(p.count)) * p.stride, *size, spread)
     logs = np.log10(np.maximum(values, 1e-6))
     share = rest / max(rest, a.ranking.gap, 1.0)
     return (float(len(p.robot.joints)), *(float(v) for v in logs), float(share))
-
-
-def _rms(x: np.ndarray) -> float:
-    return float(np.sqrt((x**2).mean()))
 
 
 def p_value(design: Sequence[float], designs: np.ndarray) -> float:

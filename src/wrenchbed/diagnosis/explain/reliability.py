@@ -6,7 +6,6 @@ held-out rows say for a claim gives how often such claims were right in cases of
 6- and 7-joint arms; look-alikes of a recording itself are further lessons.
 """
 
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -265,8 +264,8 @@ def _held(model: Reliability, x: Lesson) -> float:
 @cache
 def lessons() -> tuple[Lesson, ...]:
     """Lessons that ship with the package."""
-    lines = _text().splitlines()
-    return tuple(of_json(json.loads(line)) for line in lines)
+    file = resources.files("wrenchbed.diagnosis.explain").joinpath("lessons.jsonl")
+    return tuple(of_json(json.loads(line)) for line in file.read_text("utf-8").splitlines())
 
 
 def of_json(raw: Mapping[str, Any]) -> Lesson:
@@ -280,13 +279,3 @@ def shipped() -> Reliability:
     """The model that comes with the package."""
     arms = len({x.arm for x in lessons()})
     return learnt(lessons(), f"{len(lessons())} simulated cases of {arms} arms")
-
-
-def _text() -> str:
-    folder = resources.files("wrenchbed.diagnosis.explain")
-    return folder.joinpath("lessons.jsonl").read_text("utf-8")
-
-
-def revision() -> str:
-    """Hash of what comes with the package: learnt again whenever claims change."""
-    return hashlib.sha256(_text().encode()).hexdigest()[:16]
