@@ -271,7 +271,8 @@ def lessons() -> tuple[Lesson, ...]:
 def of_json(raw: Mapping[str, Any]) -> Lesson:
     """The lesson that ``dataclasses.asdict`` made ``raw`` of."""
     lists = ("features", "truth", "errors", "design")
-    return Lesson(**{k: tuple(v) if k in lists else v for k, v in raw.items()})
+    fields: dict[str, Any] = {k: tuple(v) if k in lists else v for k, v in raw.items()}
+    return Lesson(**fields)
 
 
 @cache
