@@ -12,7 +12,7 @@ from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.pages import numbers
 from wrenchbed.pages.document import markdown, provenance
-from wrenchbed.reports.claim import joints, joints_or
+from wrenchbed.reports.claim import Claim, joints, joints_or
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.simulation import Simulation
@@ -117,8 +117,8 @@ def answers(findings: Findings, shares: Mapping[str, float], command: str = "") 
     rows = [f"# {d.verdict}: {words.headline}", ""]
     rows += [f"- set aside: {sentence}" for sentence in words.aside]
     rows += ["", f"**{words.place}**", "", *(f"- {sentence}" for sentence in words.where)]
-    claims = [f"- {c.names} {c.probability}" for c in words.causes] or [words.no_cause]
-    rows += ["", *claims, "", words.leading, "", words.distance, ""]
+    rows += ["", *(_claimed(c) for c in words.causes)] if words.causes else ["", words.no_cause]
+    rows += ["", words.leading, "", words.distance, ""]
     rows += [f"- {name} {gap}" for name, gap in words.bars]
     if shares:
         colours = ", ".join(f"{part} {numbers.chance(p)}" for part, p in shares.items())
@@ -132,6 +132,12 @@ def answers(findings: Findings, shares: Mapping[str, float], command: str = "") 
         rows += ["", f"**{title}**", "", *(f"- {line}" for line in lines)] if lines else []
     names = (d.recording, *d.others)
     return "\n".join([*rows, *markdown(provenance(names, command, findings.seed))])
+
+
+def _claimed(c: Claim) -> str:
+    """A cause, its probability and all its parameters."""
+    sizes = (f"{size.name} {size.value}" for size in c.sizes)
+    return f"- {c.names} {c.probability}: {', '.join([text for _, text in c.choices] + [*sizes])}"
 
 
 def _log_robot(canvas: Canvas, robot: SimulatedRobot, shares: Mapping[str, float]) -> None:
