@@ -193,6 +193,8 @@ def floored(covariance: np.ndarray, recording: Recording) -> np.ndarray:
     """A channel cannot be quieter than its resolution, unless it reads between its counts as means
     of rows do; without any noise, weigh by `_SCALE`."""
     variance = np.diagonal(covariance)
+    if not recording.has_wrench:
+        return covariance
     if (variance < (1e-9 * _SCALE) ** 2).all():
         return np.zeros((6, 6))
     model = recording.metadata.sensor.model

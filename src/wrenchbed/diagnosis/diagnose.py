@@ -276,7 +276,7 @@ def settle(analysis: Analysis, known: Reliability, seed: int) -> Weighed:
     """
     each, p_value = (analysis, *analysis.others), 0.0
     mode = analysis.prepared.scene.mode
-    if analysis.prepared.has_wrench:  # every lesson is of a wrench
+    if all(a.prepared.has_wrench for a in each):  # every lesson is of a wrench
         p_value = min(1.0, len(each) * min(known.p_value(mode, design_of(a)) for a in each))
     known = known.believed_at(p_value)
     claims = Claims(analysis, seed)
