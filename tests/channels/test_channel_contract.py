@@ -95,6 +95,19 @@ def test_only_its_stages_change_it(channel):
         assert readings((channel,), rows, [active]) == pytest.approx(nominal, abs=1e-12)
 
 
+def test_an_offset_of_a_joint_changes_it_by_its_slope(channel):
+    rows, offset = scene(), registry.load("effects", "joint.offset")
+    known = {p.name: p for p in offset.parameters(UR5)}
+    slope = Response(rows, (channel,), readings((channel,), rows)).tangent(
+        offset, known["offset.q3"], offset.variants(rows)[2]
+    )
+    ends = [
+        readings((channel,), rows, [ActiveEffect.of(UR5, "joint.offset", {"offset.q3": x})])
+        for x in (0.5 * offset.sizes[0], -0.5 * offset.sizes[0])
+    ]
+    assert slope == pytest.approx(ends[0] - ends[1], abs=1e-4 * np.abs(slope).max())
+
+
 def test_late_effects_change_it_as_all_stages_do(channel):
     rows = scene()
     nominal = readings((channel,), rows)

@@ -8,7 +8,8 @@ import pytest
 from iiwa import IIWA
 from plain_ur5 import turned
 from wrenchbed import registry
-from wrenchbed.channels.effort import CHANNEL, held
+from wrenchbed.channels.effort import CHANNEL
+from wrenchbed.channels.held import held, ways
 from wrenchbed.channels.response import readings
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
@@ -90,7 +91,7 @@ def test_a_wrench_on_the_sensor_is_held_as_in_mujoco(robot):
             model, data, turn @ wrench[k, :3], turn @ wrench[k, 3:], data.xpos[tool], tool, force
         )
         torque[k] = -force
-    assert np.abs(held(robot, rows.q, rows.theta, wrench) - torque).max() < 1e-9
+    assert np.abs(held(ways(robot, rows.q, rows.theta), wrench) - torque).max() < 1e-9
 
 
 @ARMS

@@ -4,5 +4,5 @@ Read first: `base` (the contract), then `response` (how readings change with eff
 Used by: diagnosis, drives, monitoring.
 """
 
-SUPPORT = ("response", "own_noise", "posterior")
+SUPPORT = ("response", "own_noise", "posterior", "held")
 """Modules of this package that are no plug-ins."""

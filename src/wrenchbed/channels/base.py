@@ -46,8 +46,10 @@ class Channel(ABC):
     """Least standard deviation of an observation, in the columns' unit: what its sensor wanders by
     during a recording, whatever its rows scatter."""
 
-    alike: ClassVar[bool] = True
-    """Whether all columns have one noise."""
+    by_pose: ClassVar[bool] = False
+    """Whether each column has a noise of its own that differs from pose to pose, not within one."""
+    weighs: ClassVar[bool] = False
+    """Whether it tells the tool's mass and centre of gravity."""
 
     @property
     @abstractmethod

@@ -7,22 +7,19 @@ from typing import Self
 import numpy as np
 
 from wrenchbed.channels.base import PLACING, Channel
+from wrenchbed.channels.held import held, held_weight, nominal, nominal_ways, of_links, ways
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import EffectChain
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.newton_euler import twist_of
-from wrenchbed.physics.time_derivatives import Jet, Value, value
+from wrenchbed.physics.time_derivatives import value
 from wrenchbed.physics.wrench import weight
-from wrenchbed.robots.base import Robot, SimulatedRobot
+from wrenchbed.robots.base import SimulatedRobot
 
 PREFIX = "tau"
 """Beginning of the columns' names, before the joint's number."""
 GAIN = 0.01
 """Ordinary relative error of a torque sensor: data sheets give 0.5 to 2 %."""
-LINK_MASS, LINK_CENTRE = 0.03, 3e-3
-"""Ordinary errors of a link's stated mass, relative, and of its stated centre of gravity [m]:
-estimates, those that the diagnosis of efforts in motion allows."""
 ZERO, FRICTION = 0.02, 0.04
 """Ordinary zero of a torque sensor, and friction that stays behind after a move against its
 direction, over the largest weight on the joint; the friction as of simulated drives. Estimates."""
@@ -49,7 +46,7 @@ class EffortAtRest(Channel):
     title = "torques of the joints at rest"
     usual = "tool mass and centre of gravity"
     stages = PLACING | {"load"}
-    alike = False
+    by_pose = weighs = True
 
     @property
     def columns(self) -> Mapping[str, str]:
@@ -65,76 +62,40 @@ class EffortAtRest(Channel):
         return self if isinstance(scene.robot, SimulatedRobot) else None
 
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
-        robot, theta = scene.robot, chain.theta(scene.robot, scene.theta)
-        q = scene.joints + value(chain.displacement(scene))
-        turn = chain.turned_base(scene)
-        gravity = scene.gravity[None] if turn is None else scene.gravity @ turn
-        rotation, _ = robot.sensor_pose(q, theta)
-        unmoved = weight((gravity[:, None] @ rotation)[:, 0], robot.tool(theta))
-        more = load + chain.pull(scene, pose, load) - unmoved
-        effort = held_weight(robot, q, theta, gravity)
-        return effort + held(robot, q, theta, more) if more.any() else effort
+        """Readings of poses; on the ways between them 0."""
+        robot, theta, at = scene.robot, chain.theta(scene.robot, scene.theta), scene.held
+        shift, turn = chain.displacement(scene), chain.turned_base(scene)
+        moved = theta is not scene.theta or turn is not None or not isinstance(shift, float)
+        q = (scene.joints + value(shift))[at]
+        gravity = scene.gravity[None] if turn is None else (scene.gravity @ turn)[at]
+        result = np.zeros((len(scene), self.joints))
+        result[at] = held_weight(robot, q, theta, gravity) if moved else nominal(scene)
+        if not {"pose", "load"}.isdisjoint(chain.stages):
+            rotation, _ = robot.sensor_pose(q, theta)
+            unmoved = weight((gravity[:, None] @ rotation)[:, 0], robot.tool(theta))
+            more = (load + chain.pull(scene, pose, load))[at] - unmoved
+            result[at] += held(ways(robot, q, theta) if moved else nominal_ways(scene), more)
+        return result
 
     def late(self, chain: EffectChain, scene: Scene, nominal: np.ndarray) -> np.ndarray:
-        if self.stages.isdisjoint(chain.stages):
+        if "load" not in chain.stages:
             return nominal
-        return self.predict(chain, scene, Pose(*scene.pose), scene.load)
+        pull = chain.pull(scene, Pose(*scene.pose), scene.load)
+        result = nominal.copy()
+        result[scene.held] += held(nominal_ways(scene), np.asarray(pull)[scene.held])
+        return result
 
     def imperfections(self, scene: Scene) -> np.ndarray:
-        nominal = -scene.joint_torque
-        size = np.abs(nominal).max(axis=0)
+        torque = self.predict(EffectChain(()), scene, Pose(*scene.pose), scene.load)
+        size = np.abs(torque).max(axis=0)
         size = np.maximum(size, _LEAST * size.max())
         of_joint = [
-            GAIN * nominal,
-            ZERO * size * np.ones_like(nominal),
+            GAIN * torque,
+            ZERO * size * np.ones_like(torque),
             FRICTION * size * scene.coming,
         ]
         own = np.concatenate([x[:, :, None] * np.eye(self.joints) for x in of_joint], axis=2)
         return np.concatenate([own, of_links(scene)], axis=2)
-
-
-def held(robot: Robot, q: np.ndarray, theta: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-    """Torques (N, J, …) [N·m, of slides N] that hold wrenches (N, 6, …) [N, N·m] on the sensor."""
-    ways = [twist_of(*map(_moving, robot.sensor_pose(way, theta))) for way in _ways(q)]
-    return np.stack([-np.einsum("ni,ni...->n...", way, wrench) for way in ways], axis=1)
-
-
-def held_weight(robot: Robot, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-    """Torques (N, J) that hold the arm and its tool in gravity (1 or N, 3) [m/s²]."""
-    if len(gravity) == 1:
-        return -robot.gravity_torque(q, theta, gravity[0])
-    each = np.stack([robot.gravity_torque(q, theta, axis) for axis in np.eye(3)])
-    return -np.einsum("nk,knj->nj", gravity, each)
-
-
-def of_links(scene: Scene) -> np.ndarray:
-    """Torques (M, J, 4 L) of ordinary errors of every link: of its mass, then of its centre along
-    its own axes."""
-    robot, gravity = scene.robot, scene.gravity
-    assert isinstance(robot, SimulatedRobot)
-    of_joints = []
-    for way in _ways(scene.joints):
-        columns = list[np.ndarray]()
-        for (turn, origin), body in zip(
-            robot.link_frames(way, scene.theta), robot.bodies, strict=False
-        ):
-            falling = gravity @ _moving(turn).d  # (M, 3), along the axes of the link
-            mass = LINK_MASS * (_moving(origin).d @ gravity + falling @ np.array(body.cog))
-            columns += [mass[:, None], LINK_CENTRE * falling]
-            columns[-2:] = [-body.mass * c for c in columns[-2:]]
-        of_joints.append(np.concatenate(columns, axis=1))
-    return np.stack(of_joints, axis=1)
-
-
-def _ways(q: np.ndarray) -> list[Jet]:
-    """Jets in which one joint at a time has speed 1 and all others are still."""
-    still = np.zeros_like(q)
-    return [Jet(q, still + one, still) for one in np.eye(q.shape[1])]
-
-
-def _moving(x: Value) -> Jet:
-    """Jet of what may not move."""
-    return x if isinstance(x, Jet) else Jet(x, 0.0 * x, 0.0 * x)
 
 
 CHANNEL = EffortAtRest()

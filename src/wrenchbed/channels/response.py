@@ -17,7 +17,7 @@ from wrenchbed.effects.chain import ActiveEffect, EffectChain
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.time_derivatives import Jet, Value
-from wrenchbed.physics.wrench import CHANNELS, wrench
+from wrenchbed.physics.wrench import CHANNELS
 
 _T = TypeVar("_T")
 _KEPT = 4
@@ -25,7 +25,6 @@ _KEPT = 4
 _Key = tuple[tuple[Any, ...], ...]
 _STEP = 1e-4
 """Step of central differences by joint values [rad or m], rates and accelerations; estimate."""
-_NO_EFFECT = EffectChain(())
 
 
 def readings(
@@ -188,14 +187,11 @@ class Response:
         """Slopes of the readings (J, M, C) by joint values, in motion by their rates and
         accelerations too."""
         scene, orders = self.scene, 3 if self.scene.moving else 1
-        tool = scene.robot.tool(scene.theta)
 
         def read(order: int, shift: np.ndarray) -> np.ndarray:
             parts = [shift if k == order else np.zeros_like(shift) for k in range(orders)]
-            q = scene.q + (Jet(*parts) if scene.moving else shift)
-            pose = Pose(*scene.robot.sensor_pose(q, scene.theta))
-            load = wrench(*pose, tool, scene.gravity)
-            return _predicted(self.channels, _NO_EFFECT, scene, pose, load)
+            shifted = replace(scene, q=scene.q + (Jet(*parts) if scene.moving else shift))
+            return readings(self.channels, shifted)
 
         steps = _STEP * np.eye(scene.joints.shape[1])[:, None, :] * np.ones((len(scene), 1))
         return tuple(

@@ -24,6 +24,7 @@ class Wrench(Channel):
     usual = "bias, tool mass and centre of gravity"
     stages = PLACING | {"load", "reading", "timing"}
     modes = ("static", "dynamic")
+    weighs = True
 
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
         return chain.read(scene, load + chain.pull(scene, pose, load))

@@ -133,8 +133,7 @@ def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[di
     known = [True] * 6 + [tool.mass is not None] + [tool.cog is not None] * 3
     units = ["N"] * 3 + ["N·m"] * 3 + ["kg"] + ["m"] * 3
     order = np.concatenate([np.flatnonzero(d.of_stated(effect)) for effect in STATED])
-    if not len(order):
-        return []
+    every = list(zip((*BIAS, *LOAD), start, known, units, strict=True))
     return [
         {
             "name": name,
@@ -143,7 +142,7 @@ def fitted(a: Analysis, verdict: Verdict[Explanation], spread: float) -> list[di
             "unit": unit,
             "stated": float(value) if is_stated else None,
         }
-        for name, k, value, is_stated, unit in zip(
-            (*BIAS, *LOAD), order, start, known, units, strict=True
+        for k, (name, value, is_stated, unit) in zip(
+            order, every[len(every) - len(order) :], strict=True
         )
     ]

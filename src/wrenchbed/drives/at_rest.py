@@ -14,7 +14,8 @@ import numpy as np
 from scipy import stats
 
 from wrenchbed.calibration.fit import IdentifiedValue
-from wrenchbed.channels.effort import CHANNEL, held, held_weight
+from wrenchbed.channels.effort import CHANNEL
+from wrenchbed.channels.held import held, held_weight, nominal_ways
 from wrenchbed.channels.posterior import Posterior, posterior
 from wrenchbed.data.holds import first_rows
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
@@ -153,7 +154,7 @@ def _problem(scene: Scene, y: np.ndarray, groups: frozenset[str]) -> RestProblem
     none = np.zeros_like(down)
     units = [np.concatenate([down, none], axis=1)]
     units += [np.concatenate([none, cross(axis, down)], axis=1) for axis in np.eye(3)]
-    load = held(robot, q, theta, np.stack(units, axis=2))
+    load = held(nominal_ways(scene), np.stack(units, axis=2))
     zeros = np.broadcast_to(np.eye(joints), (len(q), joints, joints))
     channel = replace(CHANNEL, joints=joints)
     gain, zero, friction, links = np.split(

@@ -279,7 +279,8 @@ def moved_by(refitter: Refitter, error: np.ndarray, stated: Configuration) -> Co
     if not len(d.stated):
         return stated
     bias, mass, cog = (error[d.of_stated(e)] * d.size[d.stated][d.of_stated(e)] for e in STATED)
-    return stated.with_nearest_load(stated.mass + float(mass[0]), stated.cog + cog, bias)
+    zero = bias if len(bias) else None
+    return stated.with_nearest_load(stated.mass + float(mass[0]), stated.cog + cog, zero)
 
 
 def _fitted(

@@ -20,7 +20,6 @@ from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.prepare.baseline import Baseline, calibrate
 from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
 from wrenchbed.diagnosis.prepare.prepared import Prepared
-from wrenchbed.effects.chain import respond
 
 MARGIN = 3.0
 """Difference of two scores (natural logarithm) from which one explanation predicts better."""
@@ -325,11 +324,7 @@ def _ranked(prepared: Prepared, coarse: Prepared, baseline: Baseline, at: Baseli
 def _moves(ranking: Ranking, p: Prepared, to: Configuration) -> float:
     """Gap by which what causes add may change with the tool: as the load on the sensor does."""
     p = p.leading
-    if not p.has_wrench:
-        return 0.0
-    here, there = (
-        p.rows(respond(replace(p.scene, theta=theta))) for theta in (p.scene.theta, to.robot_theta)
-    )
+    here, there = (p.rows(x.expected) for x in (p, p.at(to.robot_theta)))
     change = ((there - here) ** 2).mean(axis=0) / np.maximum(here.var(axis=0), LEAST_LOAD)
     return ranking.gap * float(change.max())
 

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from wrenchbed.diagnosis.evidence.dictionary import harmonics, nuisance, variables
+from wrenchbed.diagnosis.prepare.baseline import load_slopes
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.scene import held_on
 from wrenchbed.physics.time_derivatives import Jet, value
-from wrenchbed.physics.wrench import Tool, wrench
 
 SHARED_ROWS = 3
 """Rows that there must be for each function of a variable."""
@@ -230,20 +230,15 @@ def _orthonormal(columns: np.ndarray, tolerance: float = 0.0) -> np.ndarray:
 def _fitted(prepared: Prepared) -> np.ndarray:
     """Orthonormal basis (C R, k) of what every user fits: bias, mass and CoG of a wrench, nuisance
     of another channel."""
-    if not prepared.has_wrench:
-        return np.asarray(np.linalg.qr(nuisance(prepared))[0])
-    scene = prepared.scene
-
-    def load(cog: np.ndarray) -> np.ndarray:
-        tool = Tool(np.ones(()), cog, np.zeros((3, 3)), np.zeros(()))
-        return prepared.rows(wrench(*scene.pose, tool, scene.gravity))
-
-    at_origin = load(np.zeros(3))
-    away = [(load(1e-3 * axis) - at_origin) * 1e3 for axis in np.eye(3)]
-    bias = [np.tile(axis, (len(at_origin), 1)) for axis in np.eye(at_origin.shape[1])]
-    columns = np.stack([x.ravel() for x in (at_origin, *away, *bias)], axis=1)
-    columns = columns / np.maximum(np.sqrt((columns**2).sum(axis=0)), 1e-300)
-    return np.asarray(np.linalg.qr(columns)[0])
+    columns = nuisance(prepared)
+    if prepared.channels[0].weighs:  # alike at any mass above 0
+        at = np.concatenate([[1.0], prepared.configuration.cog])
+        columns = np.column_stack([columns, load_slopes(prepared, at)])
+    if prepared.has_wrench:
+        bias = np.eye(len(prepared.variance))
+        columns = np.column_stack([columns, np.tile(bias, (len(columns) // len(bias), 1))])
+    scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    return np.asarray(np.linalg.qr(columns / scale)[0])
 
 
 def orders(block: np.ndarray, permutations: int, rng: np.random.Generator) -> np.ndarray:

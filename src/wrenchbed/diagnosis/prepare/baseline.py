@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.diagnosis.prepare.configuration import STATED, Configuration
+from wrenchbed.diagnosis.prepare.configuration import BIAS, STATED, Configuration
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.errors import DiagnosisError, ParameterError
 
@@ -50,44 +50,50 @@ class Baseline:
 def calibrate(prepared: Prepared) -> Baseline:
     """Fit bias, mass and CoG by least squares in units of the noise, on the rows of the fit.
 
-    Without a wrench nothing is fitted: no other channel shows them.
+    Without a wrench no bias is, and nothing where the leading channel shows no weight.
 
     Raises:
         DiagnosisError: the weight comes out upside down.
     """
     prepared, stated = prepared.leading, prepared.configuration
-    if not prepared.has_wrench:
+    if not prepared.channels[0].weighs:
         return Baseline(stated, {}, {})
     start = np.concatenate([[stated.mass], stated.cog])
     measured = prepared.rows(prepared.y).ravel()
     ones = np.ones((len(prepared.y), 1))
-    channels = np.eye(prepared.y.shape[1])
-    biases = np.stack([prepared.rows(ones * axis).ravel() for axis in channels], axis=1)
-
-    def weighed(x: np.ndarray) -> np.ndarray:
-        at = _with_load(prepared, x).robot_theta
-        return prepared.rows(prepared.at(at).expected).ravel()
-
+    channels = np.eye(prepared.y.shape[1])[: len(BIAS) * prepared.has_wrench]
+    biases = [prepared.rows(ones * axis).ravel() for axis in channels]
     x, bias = start, np.zeros(len(channels))
     for _ in range(_STEPS):
-        here = weighed(x)
-        moved_by = zip(_DIFFERENCES, np.eye(4), strict=True)
-        slopes = [(weighed(x + h * unit) - here) / h for h, unit in moved_by]
-        design = np.column_stack([*slopes, biases])
+        here, slopes = _weighed(prepared, x), load_slopes(prepared, x)
+        design = np.column_stack([slopes, *biases])
         scale = np.maximum(np.sqrt((design**2).sum(axis=0)), 1e-300)
         change = np.linalg.lstsq(design / scale, measured - here, rcond=1e-10)[0] / scale
         x, bias = x + change[:4], change[4:]
         if x[0] <= 0:
             raise DiagnosisError(
                 f"{prepared.recording.name}: the tool's mass comes out as {x[0]:.3g} kg: gravity "
-                "or the wrench has the opposite sign, or this is another robot or another tool "
+                "or the readings have the opposite sign, or this is another robot or another tool "
                 "frame (wanted: the load on the sensor, +m·g along gravity at rest)"
             )
         if np.abs(change[:4]).max() < _DONE:
             break
     moved = {STATED[1]: x[:1] - start[:1], STATED[2]: x[1:] - start[1:]}
-    fitted = _with_load(prepared, x, bias)
+    fitted = _with_load(prepared, x, bias if len(bias) else None)
     return Baseline(fitted, moved, tolerances(prepared))
+
+
+def load_slopes(prepared: Prepared, x: np.ndarray) -> np.ndarray:
+    """Whitened rows (C R, 4) per unit of mass [kg] and CoG [m] at x (4,)."""
+    here, steps = _weighed(prepared, x), zip(_DIFFERENCES, np.eye(4), strict=True)
+    each = [(_weighed(prepared, x + h * unit) - here) / h for h, unit in steps]
+    return np.stack(each, axis=1)
+
+
+def _weighed(prepared: Prepared, x: np.ndarray) -> np.ndarray:
+    """Whitened rows (C R,) as expected with a mass and CoG (4,)."""
+    at = _with_load(prepared, x).robot_theta
+    return prepared.rows(prepared.at(at).expected).ravel()
 
 
 def _with_load(prepared: Prepared, x: np.ndarray, bias: np.ndarray | None = None) -> Configuration:
@@ -123,6 +129,8 @@ def tolerances(prepared: Prepared) -> dict[str, np.ndarray]:
         cog: np.full(3, max(COG_M, min(_rounding(*(given.cog or ())), most[1]))),
     }
     result = {k: _numbers(dict(stated.tolerance), k, v, name) for k, v in default.items()}
+    if not prepared.has_wrench:
+        del result[bias]
     if stated.tool.mass is None:
         result[mass] = np.array([np.inf])
     if stated.tool.cog is None:

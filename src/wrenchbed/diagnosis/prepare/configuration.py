@@ -64,7 +64,9 @@ class Configuration:
             theta[[self.model.parameters.index(name) for name in BIAS]] = bias
         return Configuration(self.model, theta)
 
-    def with_nearest_load(self, mass: float, cog: np.ndarray, bias: np.ndarray) -> "Configuration":
+    def with_nearest_load(
+        self, mass: float, cog: np.ndarray, bias: np.ndarray | None
+    ) -> "Configuration":
         """Configuration with the possible tool nearest to a mass [kg] and CoG (3,) [m].
 
         A linear fit beside a cause that takes the weight over may make the mass negative.

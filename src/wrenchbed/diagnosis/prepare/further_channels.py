@@ -14,6 +14,7 @@ from wrenchbed import registry
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.channels.base import PLACING, Channel, flat
 from wrenchbed.channels.own_noise import own_noise
+from wrenchbed.channels.posterior import posterior
 from wrenchbed.channels.response import Response, readings
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import effects
@@ -31,7 +32,7 @@ def with_further_channels(prepared: Prepared, data: Observations) -> Prepared:
     for name in registry.names("channels"):
         channel: Channel = registry.load("channels", name)
         if name not in taken and channel.applies(prepared.recording):
-            prepared = _with(prepared, channel, data)
+            prepared = _with(prepared, channel.of(prepared.recording), data)
     if not prepared.channels:
         name, why = prepared.recording.name, "; ".join(prepared.further_notes)
         raise DiagnosisError(f"{name}: {why or 'holds nothing that can be diagnosed at rest'}")
@@ -51,10 +52,9 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
         return replace(prepared, further_notes=(*prepared.further_notes, text))
     expected = readings((fitted,), scene)
     residual = (y - expected[scene.held]).ravel()
-    nuisance = flat(fitted.nuisance(scene)[scene.held])
     unit, source = np.maximum(_scatter(fitted, prepared, data, y), fitted.floor), "repeats"
-    if prepared.channels or len(y) == data.count.sum():
-        unexplained = own_noise(residual, nuisance, _of_effects(fitted, scene, expected))
+    if fitted.by_pose or prepared.channels or len(y) == data.count.sum():
+        unexplained = _unexplained(fitted, scene, residual, expected)
         unit, source = np.maximum(unit, unexplained), "residual"
     worst, of_unit = float(unit.max()), next(iter(fitted.columns.values()))
     too = " too" if prepared.channels else ""
@@ -74,20 +74,35 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
     )
 
 
-def _of_effects(channel: Channel, scene: Scene, expected: np.ndarray) -> np.ndarray:
-    """Readings (H k, m) of every effect that the channel may see, at its typical size, and of the
-    sensor's own imperfections."""
-    response = Response(scene, (channel,), expected)
-    columns = [flat(channel.imperfections(scene)[scene.held])]
+def _unexplained(
+    channel: Channel, scene: Scene, residual: np.ndarray, expected: np.ndarray
+) -> np.ndarray:
+    """Standard deviation (k,) of what neither nuisance nor effects explain of readings (H k,)."""
+    nuisance = flat(channel.nuisance(scene)[scene.held])
+    imperfect = flat(channel.imperfections(scene)[scene.held])
+    of_effects = _of_effects(channel, scene, expected)
+    width = expected.shape[1]
+    if not channel.by_pose:
+        noise = own_noise(residual, nuisance, np.column_stack([imperfect, *of_effects]))
+        return np.full(width, noise)
+    column = np.tile(np.arange(width), len(residual) // width)
+    return posterior(residual, nuisance, of_effects, imperfect, column).noise
+
+
+def _of_effects(channel: Channel, scene: Scene, expected: np.ndarray) -> list[np.ndarray]:
+    """Readings (H k, m) of every effect that the channel may see, at its typical size."""
+    response, result = Response(scene, (channel,), expected), list[np.ndarray]()
     for effect in effects().values():
         if not effect.acts(scene) or PLACING.isdisjoint(effect.stages):
             continue
-        known = {p.name: p for p in effect.parameters(scene.robot)}
+        known, columns = {p.name: p for p in effect.parameters(scene.robot)}, list[np.ndarray]()
         for variant in effect.variants(scene):
             parameters = [known[n] for n in variant.free]
             for _, change in response.changes(effect, parameters, variant.at):
-                columns.append(change[scene.held].reshape(-1, 1))
-    return np.concatenate(columns, axis=1)
+                columns.append(change[scene.held].ravel())
+        if columns:
+            result.append(np.stack(columns, axis=1))
+    return result
 
 
 def _scatter(channel: Channel, prepared: Prepared, data: Observations, y: np.ndarray) -> np.ndarray:

@@ -1,0 +1,80 @@
+"""What the joints of an arm hold at rest: its weight, a wrench on its sensor, faulty links."""
+
+from functools import lru_cache
+
+import numpy as np
+
+from wrenchbed.effects.scene import Scene
+from wrenchbed.physics.newton_euler import twist_of
+from wrenchbed.physics.time_derivatives import Jet, Value
+from wrenchbed.robots.base import STEP, Robot, SimulatedRobot
+
+LINK_MASS, LINK_CENTRE = 0.03, 3e-3
+"""Ordinary errors of a link's stated mass, relative, and of its stated centre of gravity [m]:
+estimates, those that the diagnosis of efforts in motion allows."""
+_SCENES = 4
+"""Scenes whose nominal torques are kept; estimate: a fit asks for those of two."""
+
+
+@lru_cache(_SCENES)
+def nominal(scene: Scene) -> np.ndarray:
+    """Torques (H, J) of the arm as configured, at the poses that are held."""
+    return held_weight(scene.robot, scene.joints[scene.held], scene.theta, scene.gravity[None])
+
+
+@lru_cache(_SCENES)
+def nominal_ways(scene: Scene) -> np.ndarray:
+    """`ways` (J, H, 6) of the arm as configured, at the poses that are held."""
+    return ways(scene.robot, scene.joints[scene.held], scene.theta)
+
+
+def ways(robot: Robot, q: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Twist of the sensor in its own axes (J, N, 6) for a unit speed of each joint."""
+    joints = q.shape[1]
+    steps = q + 1j * STEP * np.eye(joints)[:, None]  # complex steps: exact (J, N, J)
+    rotation, place = robot.sensor_pose(steps.reshape(-1, joints), theta)
+    slopes = (Jet(x.real, x.imag / STEP, 0.0 * x.real) for x in (rotation, place))
+    return twist_of(*slopes).reshape(joints, len(q), 6)
+
+
+def held(way: np.ndarray, wrench: np.ndarray) -> np.ndarray:
+    """Torques (N, J, …) [N·m, of slides N] that hold wrenches (N, 6, …) [N, N·m], by `ways`."""
+    return -np.einsum("jni,ni...->nj...", way, wrench)
+
+
+def held_weight(robot: Robot, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+    """Torques (N, J) that hold the arm and its tool in gravity (1 or N, 3) [m/s²]."""
+    if len(gravity) == 1:
+        return -robot.gravity_torque(q, theta, gravity[0])
+    each = np.stack([robot.gravity_torque(q, theta, axis) for axis in np.eye(3)])
+    return -np.einsum("nk,knj->nj", gravity, each)
+
+
+def of_links(scene: Scene) -> np.ndarray:
+    """Torques (M, J, 4 L) of ordinary errors of every link: of its mass, then of its centre along
+    its own axes."""
+    robot, gravity = scene.robot, scene.gravity
+    assert isinstance(robot, SimulatedRobot)
+    of_joints = []
+    for way in _unit_speeds(scene.joints):
+        columns = list[np.ndarray]()
+        for (turn, origin), body in zip(
+            robot.link_frames(way, scene.theta), robot.bodies, strict=False
+        ):
+            falling = gravity @ _moving(turn).d  # (M, 3), along the axes of the link
+            mass = LINK_MASS * (_moving(origin).d @ gravity + falling @ np.array(body.cog))
+            columns += [mass[:, None], LINK_CENTRE * falling]
+            columns[-2:] = [-body.mass * c for c in columns[-2:]]
+        of_joints.append(np.concatenate(columns, axis=1))
+    return np.stack(of_joints, axis=1)
+
+
+def _unit_speeds(q: np.ndarray) -> list[Jet]:
+    """Jets in which one joint at a time has speed 1 and all others are still."""
+    still = np.zeros_like(q)
+    return [Jet(q, still + one, still) for one in np.eye(q.shape[1])]
+
+
+def _moving(x: Value) -> Jet:
+    """Jet of what may not move."""
+    return x if isinstance(x, Jet) else Jet(x, 0.0 * x, 0.0 * x)
