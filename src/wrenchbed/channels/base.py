@@ -8,7 +8,7 @@ whatever is measured, always, and never a cause.
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Self
 
 import numpy as np
@@ -117,3 +117,11 @@ class Channel(ABC):
         """What a sensor without a fault may add to all readings (M, k, m), one standard deviation
         of each of m ways."""
         return np.zeros((len(scene), len(self.columns), 0))
+
+    def kinds(self, scene: Scene) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:
+        """`imperfections` by kind (M, k, m) each, of usual sizes: of its sensors, and of others."""
+        return [self.imperfections(scene)], []
+
+    def sized(self, sizes: np.ndarray) -> Self:
+        """The channel with imperfections of others of some sizes, over the usual ones."""
+        return self

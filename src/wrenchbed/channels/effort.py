@@ -1,6 +1,6 @@
 """Joint torques at rest: what their sensors read of the arm's own weight and its load."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
@@ -20,7 +20,7 @@ PREFIX = "tau"
 """Beginning of the columns' names, before the joint's number."""
 GAIN = 0.01
 """Ordinary relative error of a torque sensor: data sheets give 0.5 to 2 %."""
-ZERO, FRICTION = 0.02, 0.04
+ZERO, FRICTION = 0.005, 0.04
 """Ordinary zero of a torque sensor, and friction that stays behind after a move against its
 direction, over the largest weight on the joint; the friction as of simulated drives. Estimates."""
 _LEAST = 0.05
@@ -38,9 +38,11 @@ class EffortAtRest(Channel):
 
     Attributes:
         joints: number of columns.
+        sizes: of friction and of errors of links, over the usual ones.
     """
 
     joints: int = 6
+    sizes: tuple[float, ...] = (1.0, 1.0)
 
     name = "effort"
     title = "torques of the joints at rest"
@@ -86,16 +88,21 @@ class EffortAtRest(Channel):
         return result
 
     def imperfections(self, scene: Scene) -> np.ndarray:
+        sensors, others = self.kinds(scene)
+        sized = (size * kind for size, kind in zip(self.sizes, others, strict=True))
+        return np.concatenate([*sensors, *sized], axis=2)
+
+    def kinds(self, scene: Scene) -> tuple[Sequence[np.ndarray], Sequence[np.ndarray]]:
+        """Gains and zeros of each joint; friction by the direction of approach, and links."""
         torque = self.predict(EffectChain(()), scene, Pose(*scene.pose), scene.load)
         size = np.abs(torque).max(axis=0)
         size = np.maximum(size, _LEAST * size.max())
-        of_joint = [
-            GAIN * torque,
-            ZERO * size * np.ones_like(torque),
-            FRICTION * size * scene.coming,
-        ]
-        own = np.concatenate([x[:, :, None] * np.eye(self.joints) for x in of_joint], axis=2)
-        return np.concatenate([own, of_links(scene)], axis=2)
+        of_joints = (GAIN * torque, ZERO * size + 0.0 * torque, FRICTION * size * scene.coming)
+        gain, zero, friction = (x[:, :, None] * np.eye(self.joints) for x in of_joints)
+        return [gain, zero], [friction, of_links(scene)]
+
+    def sized(self, sizes: np.ndarray) -> Self:
+        return replace(self, sizes=tuple(sizes.tolist()))
 
 
 CHANNEL = EffortAtRest()

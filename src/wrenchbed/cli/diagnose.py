@@ -104,10 +104,12 @@ def diagnose(
         raise ParameterError("diagnose needs --out, the folder for its files (or --dry-run)")
     console.check_folder(out, _FILES)
     data = [wb.Recording.read(path) for path in recordings]
+    if efforts.channels == "effort" and data[0].metadata.mode == "static":
+        data = [recording.without_wrench() for recording in data]
     if _of_efforts(data, efforts.channels):
         written, answer = _diagnose_efforts(data, efforts, seed, out)
     elif efforts.drives is not None:
-        raise ParameterError("--drives goes with joint efforts: add --channels effort")
+        raise ParameterError("--drives goes with joint efforts of a motion: add --channels effort")
     else:
         written, answer = _diagnose_wrench(data, look_alikes, seed, out, efforts.material)
     files = f"{', '.join(written)} → {out}"
@@ -115,7 +117,10 @@ def diagnose(
 
 
 def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
-    """Whether joint efforts are diagnosed: where they are asked for, or there is no wrench."""
+    """Whether joint efforts of a motion are diagnosed: where they are asked for, or there is no
+    wrench. At rest they are a channel like others."""
+    if len(data) == 1 and data[0].metadata.mode == "static" and data[0].effort == "tau":
+        return False
     alone = len(data) == 1 and not data[0].has_wrench and data[0].effort is not None
     return channels in ("effort", "both") or (channels is None and alone)
 

@@ -6,7 +6,7 @@ conventions; see ``docs/reference/nomenclature.md``.
 
 import warnings
 from collections.abc import Container, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 
@@ -92,6 +92,11 @@ class Recording:
             raise RecordingError(
                 f"{self.name}: has no wrench fx … tz, only {held}: this needs a force/torque sensor"
             )
+
+    def without_wrench(self) -> "Recording":
+        """The recording without the columns of its wrench."""
+        kept = {name: column for name, column in self.columns.items() if name not in CHANNELS}
+        return replace(self, columns=kept)
 
     @property
     def effort(self) -> str | None:

@@ -157,9 +157,7 @@ def _problem(scene: Scene, y: np.ndarray, groups: frozenset[str]) -> RestProblem
     load = held(nominal_ways(scene), np.stack(units, axis=2))
     zeros = np.broadcast_to(np.eye(joints), (len(q), joints, joints))
     channel = replace(CHANNEL, joints=joints)
-    gain, zero, friction, links = np.split(
-        channel.imperfections(scene), joints * np.arange(1, 4), axis=2
-    )
+    (gain, zero), (friction, links) = channel.kinds(scene)
     shifts = _STEP * np.eye(joints)
     up, down_ = ([held_weight(robot, q + s * x, theta, scene.gravity[None]) for x in shifts]
                  for s in (1.0, -1.0))  # fmt: skip

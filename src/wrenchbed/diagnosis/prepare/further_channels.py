@@ -1,8 +1,9 @@
 """What a recording holds beside its wrench, or without one: channels join the observations at rest.
 
 The unit of such a channel, a gap of 1, is the noise of one observation: of the scatter of its rows,
-of what it keeps back of nuisance and effects, and of its sensor's floor the largest. A channel that
-is alone and repeats its poses keeps nothing back: then what nothing explains is unknown.
+of what it keeps back of nuisance and effects, and of its sensor's floor the largest; where joints
+are stuck in friction, with what ordinary sensors and links are off by. A channel that is alone and
+repeats its poses keeps nothing back otherwise: then what nothing explains is unknown.
 """
 
 from dataclasses import replace
@@ -52,11 +53,18 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
         return replace(prepared, further_notes=(*prepared.further_notes, text))
     expected = readings((fitted,), scene)
     residual = (y - expected[scene.held]).ravel()
-    unit, source = np.maximum(_scatter(fitted, prepared, data, y), fitted.floor), "repeats"
-    if fitted.by_pose or prepared.channels or len(y) == data.count.sum():
-        unexplained = _unexplained(fitted, scene, residual, expected)
-        unit, source = np.maximum(unit, unexplained), "residual"
-    worst, of_unit = float(unit.max()), next(iter(fitted.columns.values()))
+    noise, source = np.maximum(_scatter(fitted, prepared, data, y), fitted.floor), "repeats"
+    ordinary = np.zeros(y.shape[1])
+    if fitted.by_pose:
+        fitted, unexplained, ordinary = _by_pose(fitted, scene, residual, expected)
+        noise, source = np.maximum(noise, unexplained), "residual"
+    elif prepared.channels or len(y) == data.count.sum():
+        noise, source = (
+            np.maximum(noise, _unexplained(fitted, scene, residual, expected)),
+            "residual",
+        )
+    unit = np.hypot(noise, ordinary)
+    worst, of_unit = float(noise.max()), next(iter(fitted.columns.values()))
     too = " too" if prepared.channels else ""
     note = f"the {fitted.name} is compared{too}, with a noise of {worst:.2g} {of_unit} a pose"
     row = None if prepared.row is None else block_diag(prepared.row, np.diag(unit**2))
@@ -66,7 +74,7 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
         channels=(*prepared.channels, fitted),
         y=np.concatenate([prepared.y, y], axis=1),
         covariance=block_diag(prepared.covariance, np.diag(unit**2)),
-        noise=np.concatenate([prepared.noise, np.ones(len(unit))]),
+        noise=np.concatenate([prepared.noise, (noise / unit) ** 2]),
         row=row,
         source=prepared.source or source,
         scatter=prepared.scatter if prepared.channels else np.zeros((len(y), *2 * y.shape[1:])),
@@ -76,17 +84,30 @@ def _with(prepared: Prepared, channel: Channel, data: Observations) -> Prepared:
 
 def _unexplained(
     channel: Channel, scene: Scene, residual: np.ndarray, expected: np.ndarray
-) -> np.ndarray:
-    """Standard deviation (k,) of what neither nuisance nor effects explain of readings (H k,)."""
+) -> float:
+    """Standard deviation of what neither nuisance nor effects explain of readings (H k,)."""
     nuisance = flat(channel.nuisance(scene)[scene.held])
     imperfect = flat(channel.imperfections(scene)[scene.held])
     of_effects = _of_effects(channel, scene, expected)
-    width = expected.shape[1]
-    if not channel.by_pose:
-        noise = own_noise(residual, nuisance, np.column_stack([imperfect, *of_effects]))
-        return np.full(width, noise)
-    column = np.tile(np.arange(width), len(residual) // width)
-    return posterior(residual, nuisance, of_effects, imperfect, column).noise
+    return own_noise(residual, nuisance, np.column_stack([imperfect, *of_effects]))
+
+
+def _by_pose(
+    channel: Channel, scene: Scene, residual: np.ndarray, expected: np.ndarray
+) -> tuple[Channel, np.ndarray, np.ndarray]:
+    """The channel with imperfections as large as readings (H k,) show them, the usual ones at most,
+    the standard deviation (k,) of what nothing explains, whatever is wrong with the sensors, and
+    the root mean square (k,) of imperfections."""
+    width, held = expected.shape[1], scene.held
+    sensors, others = ([flat(kind[held]) for kind in kinds] for kinds in channel.kinds(scene))
+    free = np.column_stack([flat(channel.nuisance(scene)[held]), *sensors])
+    rows, nothing = len(residual) // width, np.zeros((len(residual), 0))
+    every = [*others, *_of_effects(channel, scene, expected)]
+    fit = posterior(residual, free, every, nothing, np.tile(np.arange(width), rows))
+    size = np.minimum(fit.sizes[: len(others)], 1.0)
+    sized = channel.sized(size)
+    usual = (sized.imperfections(scene)[held] ** 2).sum(axis=2).mean(axis=0)
+    return sized, fit.noise, np.sqrt(usual)
 
 
 def _of_effects(channel: Channel, scene: Scene, expected: np.ndarray) -> list[np.ndarray]:
