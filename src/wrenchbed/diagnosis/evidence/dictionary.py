@@ -442,7 +442,7 @@ class FittedResidual:
 
     def __init__(self, prepared: Prepared, response: Response, stated: Collection[str]) -> None:
         alone = Response(prepared.scene, prepared.channels, prepared.expected)
-        one, self._sensed = response.channels == prepared.channels, prepared.has_wrench
+        one = response.channels == prepared.channels
         self.scene, self.response = prepared.scene, response if one else alone
         self._rows = np.flatnonzero(prepared.scene.held)[prepared.fitted]
         self._noise = prepared.sigma
@@ -459,9 +459,7 @@ class FittedResidual:
         self._fitted = basis.reshape(*self._value.shape, -1)
 
     def suggests(self, effect: Effect) -> tuple[Variant, ...]:
-        """Variants that a scan of the residual suggests; what pulls is sought in wrenches alone."""
-        if "load" in effect.stages and not self._sensed:
-            return ()
+        """Variants that a scan of the residual suggests."""
         known = {p.name: p for p in effect.parameters(self.scene.robot)}
 
         def tangent(name: str, at: Mapping[str, float]) -> np.ndarray:

@@ -143,9 +143,11 @@ class Prepared:
         return WRENCH in self.channels
 
     def reads(self, effect: Effect) -> bool:
-        """Whether an effect can act in these rows, at a stage on which some reading depends."""
+        """Whether an effect can act in these rows, at a stage on which some reading depends; what
+        pulls on a tool is sought where there is a wrench."""
         reached = any(not c.stages.isdisjoint(effect.stages) for c in self.channels)
-        return reached and effect.acts(self.scene)
+        pulls = effect.stage == "load" and not self.has_wrench
+        return reached and not pulls and effect.acts(self.scene)
 
     @property
     def usual(self) -> str:
