@@ -10,7 +10,7 @@ WRENCHBED = {
     "benchmark": 9769,
     "calibration": 5690,
     "campaigns": 1651,
-    "channels": 835,
+    "channels": 890,
     "cli": 2730,
     "data": 4430,
     "diagnosis": 14215,
@@ -27,7 +27,7 @@ WRENCHBED = {
     "planning": 1051,
     "plant": 848,
     "reports": 2411,
-    "robots": 4784,
+    "robots": 4788,
     "sensors": 330,
     "simulation": 1318,
     "studies": 1458,
@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 82819,
     "src/wrenchbed": 72973,
     "src/robot_emulators": 9846,
-    "tests": 42039,
+    "tests": 42110,
     "scripts": 3521,
 }
 """Lines of Python below a folder at most; of scripts every line."""

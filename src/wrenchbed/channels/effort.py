@@ -20,9 +20,10 @@ PREFIX = "tau"
 """Beginning of the columns' names, before the joint's number."""
 GAIN = 0.01
 """Ordinary relative error of a torque sensor: data sheets give 0.5 to 2 %."""
-ZERO, FRICTION = 0.005, 0.04
-"""Ordinary zero of a torque sensor, and friction that stays behind after a move against its
-direction, over the largest weight on the joint; the friction as of simulated drives. Estimates."""
+ZERO, TARED, FRICTION = 0.02, 0.005, 0.04
+"""Ordinary constant torque of a drive in motion, zero of a torque sensor, and friction that stays
+behind after a move against its direction, over the largest weight on the joint; the friction as of
+simulated drives. Estimates."""
 _LEAST = 0.05
 """Least weight on a joint that such errors are taken of, over the largest on any: axes that stand
 upright carry none. Estimate."""
@@ -97,7 +98,7 @@ class EffortAtRest(Channel):
         torque = self.predict(EffectChain(()), scene, Pose(*scene.pose), scene.load)
         size = np.abs(torque).max(axis=0)
         size = np.maximum(size, _LEAST * size.max())
-        of_joints = (GAIN * torque, ZERO * size + 0.0 * torque, FRICTION * size * scene.coming)
+        of_joints = (GAIN * torque, TARED * size + 0.0 * torque, FRICTION * size * scene.coming)
         gain, zero, friction = (x[:, :, None] * np.eye(self.joints) for x in of_joints)
         return [gain, zero], [friction, of_links(scene)]
 

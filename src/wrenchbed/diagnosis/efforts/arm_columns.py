@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.channels.effort import LINK_CENTRE, LINK_MASS
+from wrenchbed.channels.held import LINK_CENTRE, LINK_MASS
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.prepare.baseline import COG_M, MASS_SHARE
 from wrenchbed.drives.identify import carrier_columns, load_columns
