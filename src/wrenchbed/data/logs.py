@@ -1,24 +1,28 @@
 """One topic of a log as a table, fields by their path, times in whole ns; a recording as a log.
 
-Rosbags 1 and 2 are read by `rosbags`, which checks the checksums of messages' definitions, MCAP
-files by `mcap`, which checks the CRC-32 of chunks and data. The number of messages that a log
-states is checked here.
+Rosbags 1 and 2 are read by `rosbags`, MCAP files by `mcap`, which checks the CRC-32 of chunks and
+data. What these libraries do not check is checked here: the number of messages that a log states,
+the sizes to which chunks, messages and files unpack, and the checksum of a message's definition.
 """
 
 import json
 import warnings
 from array import array
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from wrenchbed import registry
+from wrenchbed.data import unpacking
 from wrenchbed.data.recording import Recording
+from wrenchbed.data.unpacking import check_file, unpack
 from wrenchbed.errors import MapError, WrenchbedError, WrenchbedWarning, raise_shortage
 from wrenchbed.files import atomic_write
 
@@ -31,8 +35,9 @@ METADATA = "metadata.yaml"
 KEY = "wrenchbed"
 """Metadata record that keeps the recording's own metadata as JSON."""
 _SUFFIXES = (".bag", ".mcap", ".db3")
-_LARGEST_RECORD = 2**28
-"""Largest record of an MCAP file [bytes]: 64 times mcap's default chunk."""
+_LONGEST_DEFINITION = 2**18
+"""Longest definition of a kind of messages that is parsed [characters]: 20 times the longest of
+ROS's own; the parser takes seconds for a longer one."""
 _TIME, _HEADER = "builtin_interfaces/msg/Time", "std_msgs/msg/Header"
 _WRENCH, _JOINTS = "geometry_msgs/msg/WrenchStamped", "sensor_msgs/msg/JointState"
 _TEMPERATURE = "sensor_msgs/msg/Temperature"
@@ -41,9 +46,29 @@ _REMEDY = (
 )
 
 
-Decoder = Callable[[bytes], Any]
-Messages = Iterator[tuple[int, Callable[[], Any]]]
-"""Time of writing [ns] and content of messages, decoded on demand."""
+@dataclass(frozen=True)
+class Channel:
+    """Messages of one kind on one topic.
+
+    Attributes:
+        topic: its name.
+        kind: of its messages, ``geometry_msgs/msg/WrenchStamped``.
+        encoding: ``cdr``, ``ros1`` or ``json``.
+        definition: text that defines the kind; empty where the log holds none.
+        language: of the definition; ``msg`` can be read.
+        digest: checksum of the definition as the log states it; empty without one.
+    """
+
+    topic: str
+    kind: str
+    encoding: str
+    definition: str = ""
+    language: str = "msg"
+    digest: str = ""
+
+
+Messages = Iterator[tuple[Channel, int, bytes]]
+"""Channel, time of writing [ns] and content of messages."""
 
 
 def is_log(path: Path) -> bool:
@@ -163,14 +188,17 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
         raise MapError(f"{path}: there is no such file")
     rows, logged = MessageRows(wanted), array("q")
     topics: dict[str, str] = {}
+    decoders: dict[Channel, Callable[[bytes], Any]] = {}
     where = "not a log that can be read"
     try:
         if topic is None:
             deque(_messages(path, None, topics), maxlen=0)
             topic = _chosen(path, topic, topics)
-        for now, message in _messages(path, topic, topics):
-            where = f"topic {topic!r} ({topics[topic]}), message {rows.seen + 1}"
-            if rows.add(message(), now):
+        for channel, now, data in _messages(path, topic, topics):
+            where = f"topic {topic!r} ({channel.kind}), message {rows.seen + 1}"
+            if channel not in decoders:
+                decoders[channel] = _decoder(channel)
+            if rows.add(decoders[channel](data), now):
                 logged.append(now)
             if rows.missing:
                 raise MapError(f"{path}: {where}: has no {min(rows.missing)!r}")
@@ -230,44 +258,95 @@ def _messages(path: Path, topic: str | None, topics: dict[str, str]) -> Messages
 
 def _of_mcap(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
     """Messages of an MCAP file, read from begin to end; see `_messages`."""
-    library = registry.require("mcap.reader", "logs")
-    decoders: dict[int, Decoder] = {}
+    library = registry.require("mcap.stream_reader", "logs")
+    kinds = registry.require("mcap.records", "logs")
+    schemas: dict[int, Any] = {}
+    channels: dict[int, Channel] = {}
+    counts: Counter[int] = Counter()
     with path.open("rb") as stream:
-        reader = library.NonSeekingReader(
-            stream, validate_crcs=True, record_size_limit=_LARGEST_RECORD
-        )
-        count = 0
-        for schema, channel, message in reader.iter_messages(log_time_order=False):
-            topics[channel.topic] = "no schema" if schema is None else _kind(schema.name)
-            count += 1
-            if channel.topic == topic:
-                if channel.id not in decoders:
-                    decoders[channel.id] = _decoder(channel.message_encoding, schema)
-                yield message.log_time, partial(decoders[channel.id], message.data)
-        stream.seek(0)
-        summary = library.SeekingReader(stream).get_summary()
-        if summary is not None and summary.statistics is not None:
-            _check_count(path, summary.statistics.message_count, count)
+        for outer in library.StreamReader(
+            stream, emit_chunks=True, validate_crcs=True, record_size_limit=unpacking.LARGEST
+        ).records:
+            records = [outer]
+            if isinstance(outer, kinds.Chunk):
+                data = unpack(outer.data, outer.compression, outer.uncompressed_size)
+                chunk = replace(outer, compression="", data=data)
+                records = library.breakup_chunk(chunk, validate_crc=True)
+            for record in records:
+                if isinstance(record, kinds.Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, kinds.Channel):
+                    channel = _channel_of_mcap(record, schemas.get(record.schema_id))
+                    channels[record.id] = channel
+                    topics[channel.topic] = channel.kind or "no schema"
+                elif isinstance(record, kinds.Message):
+                    counts[record.channel_id] += 1
+                    if channels[record.channel_id].topic == topic:
+                        yield channels[record.channel_id], record.log_time, record.data
+                elif isinstance(record, kinds.Statistics):
+                    _check_count(path, record.message_count, counts.total())
 
 
-def _kind(name: str) -> str:
-    """Type of messages as ROS 2 writes it."""
-    return name.replace("/", "/msg/") if name.count("/") == 1 else name
+def _channel_of_mcap(record: Any, schema: Any) -> Channel:
+    if schema is None:
+        return Channel(record.topic, "", record.message_encoding)
+    kind, definition = schema.name, ""
+    if record.message_encoding in ("cdr", "ros1"):
+        kind = kind.replace("/", "/msg/") if kind.count("/") == 1 else kind
+        definition = schema.data.decode()
+    language = schema.encoding.removeprefix("ros1").removeprefix("ros2")
+    return Channel(record.topic, kind, record.message_encoding, definition, language)
 
 
 def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
     """Messages of a bag of ROS 1 or 2; see `_messages`."""
-    library = registry.require("rosbags.highlevel", "logs")
-    typesys = registry.require("rosbags.typesys", "logs")
+    bag1 = path.suffix == ".bag"
+    library = registry.require(f"rosbags.rosbag{1 if bag1 else 2}.reader", "logs")
     whole = path.parent if path.suffix == ".db3" and (path.parent / METADATA).is_file() else path
-    known = typesys.get_typestore(typesys.Stores.LATEST)
-    with library.AnyReader([whole], default_typestore=known) as bag:
+    bag = library.Reader(whole)
+    if whole.is_dir():
+        for file in filter(Path.is_file, whole.iterdir()):
+            check_file(file)
+        bag.storage.STORAGE_PLUGINS = {**bag.storage.STORAGE_PLUGINS, "mcap": _left_to_mcap}
+    with bag:
+        for position, chunk in bag.chunks.items() if bag1 else ():
+            bag.bio.seek(position)
+            header = library.Header.read(bag.bio)
+            kind, size = header.get_string("compression"), header.get_uint32("size")
+            limited = partial(unpack, compression=kind, stated=size)
+            bag.chunks[position] = chunk._replace(decompressor=limited)
+        packed = not bag1 and bag.compression_mode == "message"
+        if packed:  # rosbags unpacks without a limit; now it hands out what is stored
+            bag.storage.metadata = bag.storage.metadata._replace(compression_mode=None)
         topics |= {c.topic: c.msgtype for c in bag.connections}
-        connections, count = [c for c in bag.connections if c.topic == topic], 0
-        for connection, logged, data in bag.messages(connections) if connections else ():
+        connections = [c for c in bag.connections if c.topic == topic]
+        count = 0
+        for channel, logged, data in _stored(bag, connections):
             count += 1
-            yield logged, partial(bag.deserialize, data, connection.msgtype)
+            yield channel, logged, unpack(data, "zstd") if packed else data
         _check_count(path, sum(c.msgcount for c in connections), count)
+
+
+def _left_to_mcap(path: Path) -> SimpleNamespace:
+    """In the place of rosbags' reader of an MCAP file, which unpacks chunks without a limit."""
+    return SimpleNamespace(path=path, connections=(), open=lambda: None, close=lambda: None)
+
+
+def _stored(bag: Any, connections: Sequence[Any]) -> Messages:
+    """Messages of one topic of an open bag; those of ROS 2 may yet be compressed."""
+    if not connections:
+        return
+    parts = getattr(getattr(bag, "storage", None), "storages", ())
+    files = [part.path for part in parts if isinstance(part, SimpleNamespace)]
+    digest = "" if connections[0].digest == "*" else connections[0].digest
+    for file in files:
+        for channel, logged, data in _of_mcap(file, connections[0].topic, {}):
+            yield replace(channel, digest=digest), logged, data
+    for connection, logged, data in () if files else bag.messages(connections):
+        text, kind = connection.msgdef, connection.msgtype
+        encoding = getattr(connection.ext, "serialization_format", "ros1")
+        language = text.format.name.lower()
+        yield Channel(connection.topic, kind, encoding, text.data, language, digest), logged, data
 
 
 def _check_count(path: Path, stated: int, count: int) -> None:
@@ -277,20 +356,27 @@ def _check_count(path: Path, stated: int, count: int) -> None:
         )
 
 
-def _decoder(encoding: str, schema: Any) -> Decoder:
-    """Function that decodes the bytes of messages in an MCAP file into objects."""
-    if encoding == "json":
+def _decoder(channel: Channel) -> Callable[[bytes], Any]:
+    """Function that decodes the bytes of a channel's messages into objects."""
+    if channel.encoding == "json":
         return json.loads
-    if encoding not in ("cdr", "ros1") or schema is None:
-        raise ValueError(f"is in {encoding!r}; cdr, ros1 and json can be read")
-    if schema.data and not schema.encoding.endswith("msg"):
-        raise ValueError(f"its definition is in {schema.encoding!r}; msg can be read")
-    typesys, kind = registry.require("rosbags.typesys", "logs"), _kind(schema.name)
-    stores = typesys.Stores
-    store = typesys.get_typestore(stores.EMPTY if schema.data else stores.LATEST)
-    if schema.data:
-        store.register(typesys.get_types_from_msg(schema.data.decode(), kind))
-    read = store.deserialize_ros1 if encoding == "ros1" else store.deserialize_cdr
+    if channel.encoding not in ("cdr", "ros1"):
+        raise ValueError(f"is in {channel.encoding!r}; cdr, ros1 and json can be read")
+    if len(channel.definition) > _LONGEST_DEFINITION:
+        raise ValueError(f"its definition has {len(channel.definition):,} characters")
+    typesys = registry.require("rosbags.typesys", "logs")
+    kind, ros1 = channel.kind, channel.encoding == "ros1"
+    if channel.definition:
+        if channel.language != "msg":
+            raise ValueError(f"its definition is in {channel.language!r}; msg can be read")
+        store = typesys.get_typestore(typesys.Stores.EMPTY)
+        store.register(typesys.get_types_from_msg(channel.definition, kind))
+        digest = store.generate_msgdef(kind)[1] if ros1 else store.hash_rihs01(kind)
+        if channel.digest not in ("", digest):
+            raise ValueError(f"the definition of {kind} does not fit its checksum: damaged")
+    else:
+        store = typesys.get_typestore(typesys.Stores.LATEST)
+    read = store.deserialize_ros1 if ros1 else store.deserialize_cdr
     return lambda data: read(data, kind)
 
 
