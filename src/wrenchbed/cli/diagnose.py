@@ -65,6 +65,8 @@ class EffortOptions:
     # The residual that counts as a gap of 1, as 0.2N,0.01N·m (the torque of a hinge, the force of a
     # slide); one row's noise if none.
     material: str | None = None
+    # No effect: nothing has to be learnt first any more. Scripts may still give it.
+    fast: bool = False
 
 
 def diagnose(
