@@ -64,7 +64,7 @@ def test_without_a_terminal_a_real_robot_needs_yes_and_is_not_even_connected(mon
     assert arm.did == []
     with ready(arm, PLAN, recover=False, yes=True) as limits:
         assert limits.limits.force is not None
-    assert arm.did == ["connect", "activate"]
+    assert arm.did == ["connect"]  # recording activates it, once the plan is checked
 
 
 def test_an_emulator_is_not_asked_for_and_has_limits_all_the_same(capsys):
@@ -85,7 +85,7 @@ def test_the_limits_are_shown_before_the_question_and_only_yes_goes_on(typed, li
         assert not agreed and "nothing was moved" in str(error)
     text = shown.getvalue()
     assert 0 < text.index("torque") < text.index("[y/N]")
-    assert arm.did == ["connect", *(["activate"] if agreed else [])]
+    assert arm.did == ["connect"]
 
 
 def test_recover_says_that_somebody_has_looked():

@@ -14,7 +14,7 @@ ABOVE = {
     "explain": {"prepare", "evidence"},
     "gap": {"prepare", "evidence", "explain", "next"},
     "decision": {"prepare", "evidence", "explain", "gap"},
-    "efforts": {"prepare", "evidence", "explain", "gap", "decision", "next"},
+    "efforts": {"prepare", "evidence", "explain", "gap", "decision", "next", "answer"},
     "between_rows": {"prepare"},
     "next": {"prepare", "evidence", "explain"},
 }

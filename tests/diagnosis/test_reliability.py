@@ -16,6 +16,7 @@ from wrenchbed.diagnosis.explain.reliability import (
     COVERED,
     NAMES,
     RIGHT_ELSEWHERE,
+    SPREAD_ELSEWHERE,
     Lesson,
     conformal,
     credible,
@@ -100,9 +101,10 @@ def test_recordings_that_taught_are_familiar_and_others_are_not():
     p = [model.p_value(x.mode, x.design) for x in lessons()]
     assert np.mean(np.array(p) < LEAST_P) <= LEAST_P
     surest = (1.0,) * len(NAMES)
-    assert (
-        model.believed_at(0.009).of(surest) == RIGHT_ELSEWHERE < model.believed_at(0.011).of(surest)
-    )
+    strange, usual = (model.believed_at(p, "static") for p in (0.009, 0.011))
+    assert strange.of(surest) == RIGHT_ELSEWHERE < usual.of(surest)
+    moving = model.believed_at(0.011, "dynamic")  # 16 lessons: none is unlike them
+    assert strange.spread == moving.spread == SPREAD_ELSEWHERE > usual.spread
     usual = np.median(model.designs["static"], axis=0)
     assert model.p_value("static", usual) > 0.2
     for feature, value in (("joints", 0.0), ("force", -1.0), ("orientations", -5.0)):

@@ -119,7 +119,7 @@ def test_an_identified_cause_is_named_on_the_first_screen(tilted):
     assert f"The base is tilted against gravity: {values}." in page.sections["page"]
     assert page.sections["where"].startswith("Where In the base")
     assert tilted.diagnosis.where[0]["sentence"] in page.sections["where"]
-    assert "base.tilt" in page.sections["which"] and "> 0.99" in page.sections["which"]
+    assert "base.tilt" in page.sections["which"] and "Probability 0.98" in page.sections["which"]
 
 
 def test_an_ambiguous_cause_is_one_or_the_other(tilted):

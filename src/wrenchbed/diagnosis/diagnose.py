@@ -204,7 +204,8 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     said = (scattered, often, weighed.refuted)
     of_data = [*prepared.notes, *(sentence for sentence in said if sentence)]
     plans, proposed = _next(analysis, verdict, seed)
-    spread, surest = known.spread, known.believed_at(weighed.p_value).of((1.0,) * len(NAMES))
+    here = known.believed_at(weighed.p_value, prepared.scene.mode)
+    spread, surest = here.spread, here.of((1.0,) * len(NAMES))
     learnt = _learnt(known, weighed.p_value)
     which = answer.causes(analysis, verdict, gap, spread, between)
     diagnosis = Diagnosis(
@@ -278,7 +279,7 @@ def settle(analysis: Analysis, known: Reliability, seed: int) -> Weighed:
     mode = analysis.prepared.scene.mode
     if all(a.prepared.has_wrench for a in each):  # every lesson is of a wrench
         p_value = min(1.0, len(each) * min(known.p_value(mode, design_of(a)) for a in each))
-    known = known.believed_at(p_value)
+    known = known.believed_at(p_value, mode)
     claims = Claims(analysis, seed)
     first = decide(facts(claims, known))
     if p_value >= LEAST_P or not own_rest.is_left(analysis):

@@ -36,6 +36,9 @@ largest factor by which it widens uncertainties: a larger one would hide that a 
 RIGHT_ELSEWHERE = 0.85
 """Largest share of right claims that is believed of recordings unlike those that taught: 23 of 27
 new names were right in faults added to a real recording (docs/explanation/benchmark.md)."""
+SPREAD_ELSEWHERE = 2.0
+"""Factor on standard uncertainties where lessons are unlike or few: what look-alikes of UR5 and
+MedRUE taught at commit 9a263b67 by their own designs, 1.8 to 2.0 at rest and 2.1 in motion."""
 COVERED, CONFIDENT = 0.9, 0.95
 """Share of cases whose truth a set of names holds, and the probability that it holds so many."""
 ROUNDING = 1e-9
@@ -119,10 +122,14 @@ class Reliability:
         taught = self.designs.get(mode)
         return 1.0 if taught is None else familiarity.p_value(design, taught)
 
-    def believed_at(self, p_value: float) -> "Reliability":
-        """The model for a recording with a p-value."""
+    def believed_at(self, p_value: float, mode: str) -> "Reliability":
+        """The model for a recording with a p-value; so few lessons of its mode that no p-value
+        could tell it from them say nothing of its intervals."""
         unlike = p_value < familiarity.LEAST_P
-        return replace(self, believed=RIGHT_ELSEWHERE) if unlike else self
+        if not unlike and len(self.designs.get(mode, ())) * familiarity.LEAST_P >= 1.0:
+            return self
+        believed = min(self.believed, RIGHT_ELSEWHERE) if unlike else self.believed
+        return replace(self, believed=believed, spread=max(self.spread, SPREAD_ELSEWHERE))
 
 
 UNLEARNT = Reliability((MOST_ODDS, 0.0, 0.0, 0.0), 1.0, 1.0, "nothing")
