@@ -19,6 +19,7 @@ from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.next.blind import (
     DETECTED,
     LEAST_MINOR,
+    NOT_HERE,
     ORDINARY,
     BlindSpot,
     Design,
@@ -89,10 +90,15 @@ def test_sentences_group_elements():
         BlindSpot("link.length", "alpha2", 0.002, "rad"),
         BlindSpot("link.length", "alpha3", 0.003, "rad"),
         BlindSpot("link.length", "a2", None, ""),
+        BlindSpot("timing.delay", "", None, "", NOT_HERE),
+        BlindSpot("sensor.saturation", "fx", 1.14, "1"),
+        BlindSpot("timing.skew", "", None, "", NOT_HERE),
     ]
     assert sentences(spots) == (
         "link.length of a2: no effect on these readings",
         "link.length of alpha2 and alpha3: seen from 0.11° to 0.17°",
+        "sensor.saturation of fx: seen from 110 %",
+        "timing.delay and timing.skew: cannot show in such a recording",
     )
 
 

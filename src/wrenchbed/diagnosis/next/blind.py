@@ -293,13 +293,16 @@ def _element_of(parameter: str) -> str:
 
 def _quantity(value: float, unit: str) -> str:
     """A size with its unit; angles in degrees, ratios in per cent, lengths in mm."""
+    scale, words = 1.0, f" {unit}"
     if unit.startswith("rad"):
-        return f"{np.degrees(value):.2g}{unit.replace('rad', '°', 1)}"
-    if unit == "m" or unit.startswith("m/"):
-        return f"{1e3 * value:.2g} m{unit}"
-    if unit == "kg·m²":
-        return f"{1e3 * value:.2g} g·m²"
-    return f"{100 * value:.2g} %" if unit == "1" else f"{value:.2g} {unit}"
+        scale, words = 180.0 / np.pi, unit.replace("rad", "°", 1)
+    elif unit == "m" or unit.startswith("m/"):
+        scale, words = 1e3, f" m{unit}"
+    elif unit == "kg·m²":
+        scale, words = 1e3, " g·m²"
+    elif unit == "1":
+        scale, words = 100.0, " %"
+    return f"{float(f'{scale * value:.2g}'):g}{words}"
 
 
 def unseen(spots: Sequence[BlindSpot]) -> str:
@@ -320,10 +323,12 @@ def unseen(spots: Sequence[BlindSpot]) -> str:
 
 
 def sentences(spots: Sequence[BlindSpot]) -> tuple[str, ...]:
-    """One or two sentences for each effect that has blind spots."""
+    """One or two sentences for each effect that has blind spots, and one on all that need a
+    recording of another kind."""
     result = []
+    foreign = [s.effect for s in spots if s.why == NOT_HERE]
     for name in dict.fromkeys(s.effect for s in spots):
-        of = [s for s in spots if s.effect == name]
+        of = [s for s in spots if s.effect == name and s.why != NOT_HERE]
         none = [s for s in of if s.smallest is None]
         some = [s for s in of if s.smallest is not None]
         for why in dict.fromkeys(s.why for s in none):
@@ -332,6 +337,8 @@ def sentences(spots: Sequence[BlindSpot]) -> tuple[str, ...]:
             result.append(f"{name}{elements}: {why}")
         for unit in dict.fromkeys(s.unit for s in some):
             result.append(_together([s for s in some if s.unit == unit]))
+    if foreign:
+        result.append(f"{listed(dict.fromkeys(foreign), 'and')}: {NOT_HERE}")
     return tuple(result)
 
 
