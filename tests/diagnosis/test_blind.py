@@ -48,6 +48,7 @@ def design():
     return Design(Similarity(d), Searcher(d), 1)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("effect", "label"),
     [("joint.offset", "joint 5"), ("link.length", "alpha2"), ("base.tilt", "about x and y")],

@@ -174,6 +174,7 @@ def test_rivals_of_both_formats_are_read():
     assert named_by(old) == named_by(new) == ("a", "b", "c")
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("degrees", [2.0, 5.0])
 def test_a_tilt_is_named_whatever_its_size(tmp_path, degrees):
     """A pull that goes with gravity imitates it, and the tool that beside it comes out differs."""

@@ -39,7 +39,7 @@ IN_ALL = {
     "src": 81930,
     "src/wrenchbed": 72164,
     "src/robot_emulators": 9766,
-    "tests": 42268,
+    "tests": 42270,
     "scripts": 3520,
 }
 """Lines of Python below a folder at most; of scripts every line."""
