@@ -28,6 +28,8 @@ def test_a_healthy_arm_is_none_and_says_what_it_could_not_have_shown(arms):
     d = diagnose(recording(arms["ur5"], 1, TOOL, wrong=REAL)).diagnosis
     assert d.verdict == "none" and not d.which
     spots = {(s.effect, s.element): s.smallest for s in d.blind}
+    lengths = {s.why for s in d.blind if s.effect == "link.length" and s.element.startswith("a2")}
+    assert lengths == {"not sought in joint torques at rest"}  # they carry weight, and so show
     assert spots["joint.offset", "joint 1"] is None  # it turns about gravity
     assert spots["joint.offset", "joint 2"] > np.deg2rad(0.3)
 

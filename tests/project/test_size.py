@@ -13,7 +13,7 @@ WRENCHBED = {
     "channels": 887,
     "cli": 2680,
     "data": 4421,
-    "diagnosis": 14234,
+    "diagnosis": 14238,
     "drives": 1388,
     "effects": 4919,
     "environments": 618,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 81930,
-    "src/wrenchbed": 72164,
+    "src": 81934,
+    "src/wrenchbed": 72168,
     "src/robot_emulators": 9766,
-    "tests": 42270,
+    "tests": 42272,
     "scripts": 3520,
 }
 """Lines of Python below a folder at most; of scripts every line."""

@@ -50,6 +50,7 @@ NOTHING = "no effect on these readings"
 HIDDEN = "hidden by the fit of {usual}"
 FAINT = "shows at no size that may occur"
 NOT_HERE = "cannot show in such a recording"
+NOT_SOUGHT = "not sought in joint torques at rest"
 
 
 @dataclass(frozen=True)
@@ -247,7 +248,8 @@ def _of_effect(design: Design, effect: Effect) -> list[BlindSpot]:
     if effect.local:
         spots += _without_variant(design.similarity.d, effect, [w for w, _ in ways])
     invisible = {s.element for s in spots if s.smallest is None}
-    if invisible >= set(groups) and len(invisible) == len(spots):
+    alike = len({s.why for s in spots}) < 2
+    if alike and invisible >= set(groups) and len(invisible) == len(spots):
         why = spots[0].why if ways else NOT_HERE
         return [BlindSpot(effect.name, "", None, "", why)]
     return spots
@@ -276,11 +278,13 @@ def _spot(
 def _without_variant(
     d: EffectDictionary, effect: Effect, ways: Sequence[Signature]
 ) -> list[BlindSpot]:
-    """Parameters of joints or links of which this design has no variant: they change nothing."""
+    """Parameters of joints or links of which this design has no variant: they change nothing, or
+    only the weight on the joints, in which they are not sought."""
+    why = NOT_SOUGHT if any(c.by_pose for c in d.prepared.channels) else NOTHING
     known = {n for w in ways for n in (*w.variant.free, *w.variant.at)}
     names = [p.name for p in effect.parameters(d.prepared.scene.robot) if p.name not in known]
     elements = dict.fromkeys(_element_of(name) for name in names)
-    return [BlindSpot(effect.name, name, None, "") for name in elements]
+    return [BlindSpot(effect.name, name, None, "", why) for name in elements]
 
 
 def _element_of(parameter: str) -> str:
