@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit  # scipy.stats takes a second to load
 
 from wrenchbed.calibration.fit import IdentifiedValue
 from wrenchbed.channels.effort import CHANNEL
@@ -284,7 +284,7 @@ def _identified(
         for step in steps
     ], axis=1)  # fmt: skip
     covariance = slopes @ fit.covariance @ slopes.T
-    wide = float(stats.t.ppf(0.975, max(len(p.y) - _SHARED, 1)))
+    wide = float(stdtrit(max(len(p.y) - _SHARED, 1), 0.975))
     change, zero, more = np.split(fit.told, ends)
     told = [*change, *zero, *more]
     if loads:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import stats
+from scipy.special import stdtrit  # scipy.stats takes a second to load
 
 from wrenchbed.calibration.fit import IdentifiedValue
 from wrenchbed.data.recording import Recording
@@ -38,7 +38,7 @@ _WORSE = 1.0
 LOAD = ("tool.mass", *(f"tool.moment.{a}" for a in "xyz"),
         *(f"tool.second.{a}" for a in INERTIA_AXES))  # fmt: skip
 """The ten inertial parameters of the load, about the sensor's origin in its axes."""
-_WIDE = float(stats.t.ppf(0.975, FOLDS - 1))
+_WIDE = float(stdtrit(FOLDS - 1, 0.975))
 """Half the width of a 95 % interval in standard errors, with one degree of freedom less than
 folds."""
 _COG = tuple(f"tool.cog.{a}" for a in "xyz")

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
+import scipy  # which loads its slow submodules when they are first used
 from scipy.interpolate import make_interp_spline
 
 from wrenchbed.data.import_files import JITTER
@@ -97,11 +97,11 @@ class DriveSignals:
             every: 1 or `coarse`.
         """
         half, rows = self._half(), len(self.t)
-        window = signal.firwin(
+        window = scipy.signal.firwin(
             2 * half + 1, self.cutoff, window=("kaiser", _KAISER), fs=self.rate, scale=True
         )
         sparse = every * window[::every]
-        low_passed = signal.upfirdn(sparse, columns, down=self.step // every, axis=0)
+        low_passed = scipy.signal.upfirdn(sparse, columns, down=self.step // every, axis=0)
         first = 2 * half // self.step
         return np.asarray(low_passed[first : first + len(range(half, rows - half, self.step))])
 
@@ -110,7 +110,7 @@ class DriveSignals:
         speed = np.abs(self.q.d)
         still = speed < _MOVING * speed.max(axis=0)
         memory = np.ones(max(1, int(0.5 * self.rate / self.cutoff)))
-        near = signal.fftconvolve(still, memory[:, None], mode="same", axes=0) > 0.5
+        near = scipy.signal.fftconvolve(still, memory[:, None], mode="same", axes=0) > 0.5
         half = self._half()
         return np.asarray(~near[half : len(self.t) - half : self.step])
 
@@ -193,19 +193,19 @@ def _smoothed(q: np.ndarray, rate: float, most: float) -> np.ndarray:
     noise of its first joint.
     """
     rows = min(len(q), int(_SPECTRUM_S * rate))
-    straight = np.asarray(signal.detrend(q), dtype=np.float64)
-    frequency, power = signal.welch(straight, rate, window="blackmanharris", nperseg=rows)
+    straight = np.asarray(scipy.signal.detrend(q), dtype=np.float64)
+    frequency, power = scipy.signal.welch(straight, rate, window="blackmanharris", nperseg=rows)
     floor = float(np.median(power[frequency > _NOISE_FROM * rate]))
     above_noise = np.flatnonzero(power > _OVER_NOISE * floor)
     last = float(frequency[above_noise[-1]]) if above_noise.size else 0.0
     edge = float(np.clip(_BEYOND * last, min(_LOWEST, most), most))
-    sections = signal.butter(_ORDER, edge, fs=rate, output="sos")
-    return np.asarray(signal.sosfiltfilt(sections, q))
+    sections = scipy.signal.butter(_ORDER, edge, fs=rate, output="sos")
+    return np.asarray(scipy.signal.sosfiltfilt(sections, q))
 
 
 def _cutoff(q: np.ndarray, rate: float) -> float:
     """Five times the frequency below which nearly all of the speeds' power lies [Hz]."""
-    frequency, power = signal.periodogram(np.gradient(q, axis=0), fs=rate, axis=0)
+    frequency, power = scipy.signal.periodogram(np.gradient(q, axis=0), fs=rate, axis=0)
     share = np.cumsum(power.sum(axis=1)) / power.sum()
     band = float(frequency[np.searchsorted(share, _SHARE)])
     return float(np.clip(_BAND * band, min(_LOWEST, _HIGHEST * rate), _HIGHEST * rate))

@@ -7,7 +7,7 @@ autoregressive process (Yule–Walker equations; Brockwell & Davis 1991, Section
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import signal
+import scipy  # which loads its slow submodules when they are first used
 from scipy.linalg import solve_toeplitz
 
 _ORDER = 4
@@ -40,7 +40,7 @@ class JointNoise:
 
     def white(self, columns: np.ndarray) -> np.ndarray:
         """Columns (M, …) in units of the innovations, weighted."""
-        made = signal.lfilter(self.filter, [1.0], columns, axis=0) / self.innovation
+        made = scipy.signal.lfilter(self.filter, [1.0], columns, axis=0) / self.innovation
         shape = (-1,) + (1,) * (columns.ndim - 1)
         return np.asarray(made * np.sqrt(self.weight).reshape(shape))
 
@@ -56,7 +56,7 @@ def joint_noise(
     residual = np.where(use, residual, 0.0)
     std = max(std, 1e-9 * max(float(np.std(y)), 1e-3))
     kernel = _whitening(residual)
-    white = signal.lfilter(kernel, [1.0], residual)
+    white = scipy.signal.lfilter(kernel, [1.0], residual)
     fast = np.abs(speed) / max(float(np.abs(speed).max()), 1e-12)
     level = float(np.var(white[use & (fast > _SLOW[-1])]))
     weight = use.astype(float)

@@ -6,7 +6,7 @@ Columns of every cause are made at the recording's rate and thinned as the effor
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import signal
+import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.configured import Drives
@@ -140,8 +140,8 @@ class EffortScene:
     def thin(self, columns: np.ndarray) -> np.ndarray:
         """Columns (N, …) at the kept rows (M, …), low-pass filtered where rows are left out."""
         if self.step > 1:
-            sections = signal.butter(_ORDER, _PASS / self.step, output="sos")
-            columns = signal.sosfiltfilt(sections, columns, axis=0)
+            sections = scipy.signal.butter(_ORDER, _PASS / self.step, output="sos")
+            columns = scipy.signal.sosfiltfilt(sections, columns, axis=0)
         return np.asarray(columns[self.kept()])
 
     def moving(self) -> np.ndarray:

@@ -7,7 +7,7 @@ over time and frequency, and whether a drive repeats an old value.
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import ndimage, signal
+import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.noise import remains
@@ -124,8 +124,8 @@ def episode(t: np.ndarray, left: np.ndarray, use: np.ndarray) -> str:
 
 def peak(left: np.ndarray, rate: float) -> str:
     """Description of a narrow peak in the spectrum of a residual (M,); empty if none."""
-    hertz, power = signal.welch(left, rate, nperseg=min(_SEGMENT, len(left)))
-    around = ndimage.median_filter(power, _NEIGHBOURS, mode="nearest")
+    hertz, power = scipy.signal.welch(left, rate, nperseg=min(_SEGMENT, len(left)))
+    around = scipy.ndimage.median_filter(power, _NEIGHBOURS, mode="nearest")
     over = (power / np.maximum(around, 1e-300))[_FIRST:]
     if float(over.max()) < _PEAK:
         return ""

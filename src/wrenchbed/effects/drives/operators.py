@@ -4,7 +4,7 @@ Each maps rows of one joint (N,) to rows (N,).
 """
 
 import numpy as np
-from scipy import signal
+import scipy  # which loads its slow submodules when they are first used
 
 REST = 0.03
 """Share of a joint's largest speed below which it counts as at rest: friction has no known sign
@@ -61,5 +61,5 @@ def slow(torque: np.ndarray, rate: float, time: float) -> np.ndarray:
     steps = rate * time  # exact where the torque is straight between rows
     keep = float(np.exp(-1.0 / steps))
     b = [1.0 - steps * (1.0 - keep), steps * (1.0 - keep) - keep]
-    begin = signal.lfilter_zi(b, [1.0, -keep]) * torque[0]
-    return np.asarray(signal.lfilter(b, [1.0, -keep], torque, zi=begin)[0] - torque)
+    begin = scipy.signal.lfilter_zi(b, [1.0, -keep]) * torque[0]
+    return np.asarray(scipy.signal.lfilter(b, [1.0, -keep], torque, zi=begin)[0] - torque)
