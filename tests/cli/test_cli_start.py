@@ -39,12 +39,19 @@ def test_a_verb_that_is_not_there_is_met_with_the_nearest(capfd):
     assert "did you mean 'calibrate'?" in capfd.readouterr().err
 
 
+HEAVY = ("rerun", "rtde_control", "can", "canopen", "matplotlib", "mujoco", "scipy", "pyarrow",
+         "gymnasium", "rosbags", "mcap", "tyro", "pinocchio")  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    "how", ["import wrenchbed", "from wrenchbed.cli import main; main(['-h'])"]
+    "how, heavy",
+    [
+        ("import wrenchbed", HEAVY),
+        ("from wrenchbed.cli import main; main(['-h'])", HEAVY),
+        ("import wrenchbed.reports.diagnosis_page", ("scipy.signal", "scipy.stats", "gymnasium")),
+    ],
 )
-def test_nothing_heavy_is_loaded_before_it_is_used(how):
-    heavy = ("rerun", "rtde_control", "can", "canopen", "matplotlib", "mujoco", "scipy", "pyarrow",
-             "gymnasium", "rosbags", "mcap", "tyro", "pinocchio")  # fmt: skip
+def test_nothing_heavy_is_loaded_before_it_is_used(how, heavy):
     code = f"import sys\ntry:\n    {how}\nexcept SystemExit:\n    pass\n"
     code += f"print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
