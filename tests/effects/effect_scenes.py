@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.effects.chain import ActiveEffect, respond
+from wrenchbed.effects.chain import ActiveEffect, EffectChain, respond
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.time_derivatives import Jet
 
@@ -60,6 +60,24 @@ def motion(robot_name, seconds=5.0, rate=125.0):
     )
     theta, gravity = robot.parameters.nominal, np.array(robot.gravity)
     return Scene(robot, theta, gravity, q, t, np.ones(len(t), dtype=bool))
+
+
+def at(robot_name, q):
+    """A robot at rest at some joint values or quaternions."""
+    robot, q = registry.load("robots", robot_name), np.atleast_2d(np.asarray(q, dtype=float))
+    rows, gravity = np.arange(len(q)), np.array(robot.gravity)
+    return Scene(robot, robot.parameters.nominal, gravity, q, 1.0 * rows, rows >= 0)
+
+
+def added(scene, name, **given):
+    """What an effect adds to the readings (M, 6); dots of names are written __."""
+    values = {k.replace("__", "."): v for k, v in given.items()}
+    return respond(scene, [ActiveEffect.of(scene.robot, name, values)]) - respond(scene)
+
+
+def displacement(scene, name, **given):
+    """What an effect adds to the joint values (M, J)."""
+    return EffectChain([ActiveEffect.of(scene.robot, name, given)]).displacement(scene)
 
 
 @cache

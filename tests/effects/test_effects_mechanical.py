@@ -4,117 +4,37 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.spatial.transform import Rotation
+from effect_scenes import added, at, displacement, motion
 
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes.loads import link_forces
-from wrenchbed.effects.chain import ActiveEffect, EffectChain, respond
-from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.medrue import kinematics
 
 G = 9.80665
-# Mass [kg], x, y [m] of each body of the UR5 at q = 0: it lies along −x, its flange turned Rx(90°).
-STRETCHED = np.array(
-    [
-        (3.7, 0.0, -0.00193),
-        (8.393, -0.2125, -0.11336),
-        (2.33, -0.425 - 0.24225, -0.0265),
-        (1.219, -0.81725, -0.10735),
-        (1.219, -0.81725, -0.10915 - 0.01634),
-        (0.1879, -0.81725, -0.10915 - 0.081141),
-        (0.255, -0.81725, -0.10915 - 0.0823 - 0.0167),
-        (1.35, -0.81725 + 0.004, -0.10915 - 0.0823 - 0.071),
-    ]
-)
-FLANGE = Rotation.from_euler("x", 90, degrees=True)
-
-
-def scene(name, q):
-    robot = registry.load("robots", name)
-    q = np.atleast_2d(np.asarray(q, dtype=float))
-    rows = np.arange(len(q))
-    gravity = np.array(robot.gravity)
-    return Scene(robot, robot.parameters.nominal, gravity, q, 1.0 * rows, rows >= 0)
-
-
-def swinging(name, rate=200.0):
-    robot = registry.load("robots", name)
-    t = np.arange(400) / rate
-    w, a = 2.0 * np.pi * 0.5, 0.1
-    home = robot.home
-    way = [np.tile((a * f)[:, None], (1, len(home))) for f in _swing(w, t)]
-    q = Jet(home + way[0], way[1], way[2])
-    gravity = np.array(robot.gravity)
-    return Scene(robot, robot.parameters.nominal, gravity, q, t, np.ones(len(t), dtype=bool))
-
-
-def _swing(w, t):
-    return np.sin(w * t), w * np.cos(w * t), -w * w * np.sin(w * t)
-
-
-def added(scene, name, **given):
-    """What an effect adds to the readings (M, 6); dots of names are written __."""
-    values = {k.replace("__", "."): v for k, v in given.items()}
-    return respond(scene, [ActiveEffect.of(scene.robot, name, values)]) - respond(scene)
-
-
-def weight(rotation, mass=1.35, cog=(0.004, -0.006, 0.071)):
-    force = rotation.inv().apply([0.0, 0.0, -mass * G])
-    return np.concatenate([force, np.cross(cog, force)])
-
-
-def test_joint_2_gives_as_the_weights_times_their_levers_say():
-    m, x, _ = STRETCHED[1:].T
-    torque = -G * (m @ x)  # q2 turns about −y: positive lowers the arm
-    turn = Rotation.from_rotvec([0.0, -torque / 1.4e4, 0.0])
-    s = scene("ur5", np.zeros(6))
-    found = added(s, "joint.compliance", joint=2, stiffness=1.4e4)[0]
-    assert torque == pytest.approx(66.59, abs=0.01)
-    assert found == pytest.approx(weight(turn * FLANGE) - weight(FLANGE), abs=1e-9)
-
-
-def test_the_base_gives_towards_the_arm():
-    m, x, y = STRETCHED.T
-    turn = Rotation.from_rotvec([-1e-5 * G * (m @ y), 1e-5 * G * (m @ x), 0.0])
-    assert turn.apply([-1.0, 0.0, 0.0])[2] < 0.0  # the arm lies along −x and sinks
-    found = added(scene("ur5", np.zeros(6)), "base.compliance", compliance=1e-5)[0]
-    assert found == pytest.approx(weight(turn * FLANGE) - weight(FLANGE), abs=1e-9)
-
-
-def displacement(scene, name, given):
-    return EffectChain([ActiveEffect.of(scene.robot, name, given)]).displacement(scene)
 
 
 def test_backlash_lies_on_the_side_of_gravity_or_behind_the_way():
-    s = scene("ur5", [np.zeros(6), [0, 0.1, 0, 0, 0, 0], [0, 0.05, 0, 0, 0, 0]])
-    load = displacement(s, "joint.backlash", {"joint": 2, "load": 2e-4})
+    s = at("ur5", [np.zeros(6), [0, 0.1, 0, 0, 0, 0], [0, 0.05, 0, 0, 0, 0]])
+    load = displacement(s, "joint.backlash", joint=2, load=2e-4)
     assert load[:, 1] == pytest.approx(2e-4)
-    way = displacement(s, "joint.backlash", {"joint": 2, "approach": 2e-4})
+    way = displacement(s, "joint.backlash", joint=2, approach=2e-4)
     assert way[:, 1] == pytest.approx([0.0, -2e-4, 2e-4])
-    idle = displacement(s, "joint.backlash", {"joint": 1, "load": 2e-4})
+    idle = displacement(s, "joint.backlash", joint=1, load=2e-4)
     assert np.abs(idle).max() < 1e-12  # upright axis: no torque, no side
 
 
 def test_a_gear_error_in_motion_carries_exact_accelerations():
-    s = swinging("ur5")
-    given = {"joint": 2, "sin": 3e-4, "cos": 1e-4, "order": 20.0}
-    dq = displacement(s, "joint.gear_error", given)[..., 1]
+    s = motion("ur5", seconds=2.0)
+    dq = displacement(s, "joint.gear_error", joint=2, sin=3e-4, cos=1e-4, order=20.0)[..., 1]
     angle, rate = 20.0 * s.q.v[:, 1], 20.0 * s.q.d[:, 1]
     assert dq.v == pytest.approx(3e-4 * np.sin(angle) + 1e-4 * np.cos(angle))
     assert dq.d == pytest.approx(rate * (3e-4 * np.cos(angle) - 1e-4 * np.sin(angle)))
 
 
-def test_lengths_of_a_serial_arm_move_no_wrench_at_rest():
-    s = scene("ur5", registry.load("robots", "ur5").sample(5, np.random.default_rng(0)))
-    assert np.abs(added(s, "link.length", length__a2=1e-3, length__d4=1e-3)).max() == 0.0
-    assert np.abs(added(s, "link.length", twist__2=1e-3)).max() > 1e-3
-
-
 def at_45_degrees(sign=1.0):
     """A tool of 1 kg at 45° about x: 6.93 N along −y (+y for sign −1) and −z of the sensor."""
     half = np.deg2rad(22.5)
-    s = scene("oriented", [np.cos(half), sign * np.sin(half), 0.0, 0.0])
+    s = at("oriented", [np.cos(half), sign * np.sin(half), 0.0, 0.0])
     theta = s.robot.theta_of_tool(s.theta, 1.0, [0.0, 0.0, 0.1])
     return replace(s, theta=theta)
 
@@ -127,7 +47,7 @@ def test_a_tool_that_bends_by_a_lever_of_100_mm():
 def test_a_part_that_sticks_remembers_where_it_lay():
     angle = np.deg2rad([40.0, 10.0, -10.0, -40.0, 10.0]) / 2
     zero = np.zeros(5)
-    s = scene("oriented", np.stack([np.cos(angle), np.sin(angle), zero, zero], axis=1))
+    s = at("oriented", np.stack([np.cos(angle), np.sin(angle), zero, zero], axis=1))
     found = added(s, "tool.loose", shift=1e-3, way__y=1.0, way__z=0.0, grip=0.3)[:, 3]
     assert np.sign(found).tolist() == [1, 1, 1, -1, -1]
 
@@ -135,14 +55,14 @@ def test_a_part_that_sticks_remembers_where_it_lay():
 def test_a_twisted_cable_turns_back_and_rubs():
     q = np.zeros((3, 6))
     q[:, 5] = 0.0, 1.0, 0.5
-    found = added(scene("ur5", q), "cable.torsion", stiffness=5e-3, friction=1e-3)
+    found = added(at("ur5", q), "cable.torsion", stiffness=5e-3, friction=1e-3)
     assert found[:, 5] == pytest.approx([0.0, -6e-3, -1.5e-3], abs=1e-12)
     assert np.abs(found[:, :5]).max() == 0.0
 
 
 def test_the_axis_of_medrues_last_joint_is_the_line_between_the_tips():
     robot = registry.load("robots", "medrue")
-    s = scene("medrue", robot.sample(5, np.random.default_rng(1)))
+    s = at("medrue", robot.sample(5, np.random.default_rng(1)))
     found = added(s, "cable.torsion", stiffness=5e-3, joint_axis=1.0)[:, 3:]
     p = robot.values(s.theta)
     u = kinematics.solved(p, s.q).u
@@ -155,7 +75,7 @@ def test_the_axis_of_medrues_last_joint_is_the_line_between_the_tips():
 
 
 def five_bars():
-    s = scene("medrue", registry.load("robots", "medrue").sample(30, np.random.default_rng(2)))
+    s = at("medrue", registry.load("robots", "medrue").sample(30, np.random.default_rng(2)))
     p = s.robot.values(s.theta)
     return s, p, [kinematics.five_bar(p, i, s.q[:, 2 * i - 1], s.q[:, 2 * i]) for i in (1, 2)]
 

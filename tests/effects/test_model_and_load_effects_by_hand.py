@@ -5,12 +5,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from effect_scenes import motion, scene_of
+from effect_scenes import added, at, displacement, motion, scene_of
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
 from wrenchbed.effects.base import Pose
-from wrenchbed.effects.chain import ActiveEffect, EffectChain, respond
+from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import ParameterError
 
@@ -19,19 +19,6 @@ TOOL, COG = 1.35, np.array([0.004, -0.006, 0.071])
 """Mass [kg] and centre of gravity [m] of the UR5's tool."""
 FLANGE = Rotation.from_euler("x", 90, degrees=True)
 """Of the UR5 at q = 0: the sensor's y points up."""
-
-
-def at(q):
-    robot = registry.load("robots", "ur5")
-    q = np.atleast_2d(np.asarray(q, dtype=float))
-    rows, gravity = np.arange(len(q)), np.array(robot.gravity)
-    return Scene(robot, robot.parameters.nominal, gravity, q, 1.0 * rows, rows >= 0)
-
-
-def added(scene, name, **given):
-    """What an effect adds to the readings (M, 6); dots of names are written __."""
-    values = {k.replace("__", "."): v for k, v in given.items()}
-    return respond(scene, [ActiveEffect.of(scene.robot, name, values)]) - respond(scene)
 
 
 def seen(scene):
@@ -215,7 +202,7 @@ def test_offsets_are_parameters_only_where_every_joint_has_a_zero():
 
 
 def test_a_bearing_with_play_tilts_about_the_moment_across_it():
-    scene = at(np.zeros(6))
+    scene = at("ur5", np.zeros(6))
     force = FLANGE.inv().apply([0.0, 0.0, -TOOL * G])
     moment = np.cross(COG, force) * [1.0, 1.0, 0.0]
     turn = 2e-3 * moment / np.sqrt(moment @ moment + 0.05**2)
@@ -227,11 +214,10 @@ def test_a_bearing_with_play_tilts_about_the_moment_across_it():
 @pytest.mark.parametrize("angle", [0.588, 5.0])
 def test_a_joint_leaves_the_middle_of_its_backlash_at_a_hundredth_of_a_newton_metre(angle):
     """The last joint, whose axis lies level: the tool hangs 7 mm beside it."""
-    scene = at([0.0, 0.0, 0.0, 0.0, 0.0, angle])
+    scene = at("ur5", [0.0, 0.0, 0.0, 0.0, 0.0, angle])
     rotation = FLANGE * Rotation.from_euler("z", angle)
     torque = np.cross(COG, rotation.inv().apply([0.0, 0.0, -TOOL * G]))[2]
-    active = ActiveEffect.of(scene.robot, "joint.backlash", {"joint": 6, "load": 2e-4})
-    moved = EffectChain([active]).displacement(scene)
+    moved = displacement(scene, "joint.backlash", joint=6, load=2e-4)
     assert moved[0, 5] == pytest.approx(2e-4 * np.tanh(torque / 0.01), rel=1e-6)
     assert np.abs(moved[0, :5]).max() == 0.0
 
@@ -239,7 +225,7 @@ def test_a_joint_leaves_the_middle_of_its_backlash_at_a_hundredth_of_a_newton_me
 @pytest.mark.parametrize(("name", "axes"), [("compliance__x", "x"), ("compliance__y", "y"),
                                             ("compliance", "xy")])  # fmt: skip
 def test_a_base_gives_about_the_axes_stated(name, axes):
-    scene = at([0.7, -0.5, 0.4, 0.2, 0.3, 0.1])
+    scene = at("ur5", [0.7, -0.5, 0.4, 0.2, 0.3, 0.1])
     moment = scene.base_moment[0]
     angle = [1e-5 * m if a in axes else 0.0 for a, m in zip("xyz", moment, strict=True)]
     rotation, force = seen(scene)
@@ -298,15 +284,6 @@ def test_a_joint_that_does_not_give_is_infinitely_stiff():
     assert told == {"compliance.q3": {"value": pytest.approx(1e-4), "std": None}}
 
 
-def test_several_joints_are_published_by_their_compliances():
-    effect, scene = registry.load("effects", "joint.compliance"), scene_of("ur5 static")
-    every = effect.variants(scene)[-1]
-    values = effect.values(scene.robot, {f"compliance.q{k}": k * 1e-5 for k in range(1, 7)})
-    told = effect.publish(scene.robot, every, values, {})
-    assert {n: item["value"] for n, item in told.items()} == values
-    assert effect.amplitudes(told) == told
-
-
 @pytest.mark.parametrize("stiffness", [0.0, -1.0, "soft"])
 def test_a_stiffness_is_above_zero(stiffness):
     effect, robot = registry.load("effects", "joint.compliance"), registry.load("robots", "ur5")
@@ -320,11 +297,8 @@ def test_a_stiffness_is_above_zero(stiffness):
 
 def oriented(*turns):
     """A tool of 1 kg, 100 mm below the sensor, in orientations given by rotation vectors."""
-    robot = registry.load("robots", "oriented")
-    q = Rotation.from_rotvec(np.array(turns)).as_quat()[:, [3, 0, 1, 2]]
-    theta = robot.theta_of_tool(robot.parameters.nominal, 1.0, [0.0, 0.0, 0.1])
-    rows = np.arange(len(q))
-    return Scene(robot, theta, np.array(robot.gravity), q, 1.0 * rows, rows >= 0)
+    scene = at("oriented", Rotation.from_rotvec(np.array(turns)).as_quat()[:, [3, 0, 1, 2]])
+    return replace(scene, theta=scene.robot.theta_of_tool(scene.theta, 1.0, [0.0, 0.0, 0.1]))
 
 
 TURNS = np.array([[0.3, 0.0, 0.0], [0.0, 1.1, 0.2], [0.4, -0.8, 1.3]])
@@ -395,7 +369,7 @@ TIP = 0.089159 - 0.09465 - 0.012
 )
 def test_contact_pushes_by_its_law_where_it_touches(given, push, lever):
     values = {k.replace(".", "__"): v for k, v in given.items()}
-    found = added(at(np.zeros(6)), "environment.contact", stiffness=500.0, **values)[0]
+    found = added(at("ur5", np.zeros(6)), "environment.contact", stiffness=500.0, **values)[0]
     force = np.array([0.0, push, 0.0])
     assert found == pytest.approx(np.concatenate([force, np.cross(lever, force)]), abs=1e-9)
 
@@ -403,7 +377,7 @@ def test_contact_pushes_by_its_law_where_it_touches(given, push, lever):
 def test_contact_drags_along_the_plane():
     """World x, y, z are the sensor's x, −z, y."""
     given = {"stiffness": 500.0, "depth": TIP + 0.01, "slide__x": 0.1, "slide__y": 0.2}
-    found = added(at(np.zeros(6)), "environment.contact", **given)[0]
+    found = added(at("ur5", np.zeros(6)), "environment.contact", **given)[0]
     assert found[:3] == pytest.approx([0.5, 5.0, -1.0], abs=1e-9)
 
 
@@ -416,15 +390,6 @@ def test_the_tip_is_the_robots_own_where_its_model_has_one():
     reached = origin + np.einsum("mij,j->mi", rotation, tip(scene))
     assert reached == pytest.approx(end, abs=1e-9)
     assert tip(scene_of("ur5 static")) == pytest.approx(2.0 * COG)
-
-
-def test_a_cable_pulls_only_beyond_its_length():
-    """An anchor 1 m above the point where it holds."""
-    scene = at(np.zeros(6))
-    above = {"anchor__x": -0.81725, "anchor__y": -0.19145, "anchor__z": 1.0 - 0.005491}
-    for length, pull in ((0.0, 3.0), (0.25, 2.25), (0.999, 0.003), (1.001, 0.0), (2.0, 0.0)):
-        found = added(scene, "cable.pull", stiffness=3.0, length=length, **above)[0]
-        assert found == pytest.approx([0, pull, 0, 0, 0, 0], abs=1e-6)
 
 
 def test_a_cable_pulls_on_the_point_where_it_holds():
@@ -446,9 +411,9 @@ def test_a_cable_pulls_on_the_point_where_it_holds():
 def test_a_cable_is_untwisted_at_its_neutral_angle():
     q = np.zeros((3, 6))
     q[:, 5] = 0.0, 1.0, 3.0
-    found = added(at(q), "cable.torsion", stiffness=5e-3, neutral=1.0)
+    found = added(at("ur5", q), "cable.torsion", stiffness=5e-3, neutral=1.0)
     assert found[:, 5] == pytest.approx([5e-3, 0.0, -10e-3], abs=1e-12)
-    about = added(at(q), "cable.torsion", stiffness=5e-3, neutral=1.0, joint_axis=1.0)
+    about = added(at("ur5", q), "cable.torsion", stiffness=5e-3, neutral=1.0, joint_axis=1.0)
     assert about == pytest.approx(found, abs=1e-12)  # on a UR5 both axes are one
 
 
@@ -460,7 +425,7 @@ def test_a_gear_error_of_one_joint_by_its_short_names():
     }  # fmt: skip
     q = np.tile([0.0, 0.3, 0.0, 0.0, 0.0, 0.0], (2, 1))
     q[1, 1] = 0.3 + np.pi / 101.0  # half a wave on
-    moved = EffectChain([ActiveEffect(effect, told)]).displacement(at(q))
+    moved = displacement(at("ur5", q), "joint.gear_error", **told)
     expected = 3e-4 * np.sin(30.3) + 1e-4 * np.cos(30.3)
     assert moved[:, 1] == pytest.approx([expected, -expected], abs=1e-15)
     assert np.abs(np.delete(moved, 1, axis=1)).max() == 0.0

@@ -5,7 +5,7 @@ import pytest
 from effect_scenes import static
 
 from wrenchbed import registry
-from wrenchbed.effects import cable_pull, environment_contact, tool_loose
+from wrenchbed.effects import cable_pull, environment_contact
 from wrenchbed.effects.base import Residual
 from wrenchbed.effects.chain import ActiveEffect, respond
 from wrenchbed.physics.rotations import apply, sphere
@@ -159,27 +159,6 @@ def test_a_loose_parts_way_is_proposed_about_where_it_is(way, grip, lean):
         assert abs(along(v, "way") @ axis) > 0.9
     assert len(found) == 4
     assert max(explained) > 0.97 and min(explained) > 0.75
-
-
-@pytest.mark.parametrize(
-    ("way", "grip", "lean"),
-    [(70, 0.0, lean) for lean in (-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6)]
-    + [(120, grip, 0.0) for grip in (0.0, 0.08, 0.16, 0.24, 0.32)],
-)
-def test_a_loose_parts_lean_and_grip_are_among_those_proposed(way, grip, lean):
-    given = {f"way.{a}": n for a, n in zip("xyz", sphere(400)[way], strict=True)}
-    found = scanned("tool.loose", given | {"shift": 2e-3, "grip": grip, "lean": lean})
-    assert lean in [v.at["lean"] for v in found]
-    if not lean:  # a part that leans far rarely turns, so that its grip is seldom seen
-        assert grip in [v.at["grip"] for v in found]
-
-
-def test_ways_cover_half_a_sphere():
-    """No line is farther than 10° from one of the 200 ways."""
-    ways = sphere(2 * tool_loose.WAYS)[: tool_loose.WAYS]
-    lines = np.random.default_rng(1).standard_normal((500, 3))
-    lines = lines / np.linalg.norm(lines, axis=1, keepdims=True)
-    assert np.abs(lines @ ways.T).max(axis=1).min() > np.cos(np.deg2rad(10.0))
 
 
 # ---- gears -------------------------------------------------------------------------------------

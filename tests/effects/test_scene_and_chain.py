@@ -9,7 +9,6 @@ from effect_scenes import SCENES, motion, plain, scene_of
 from wrenchbed import registry
 from wrenchbed.channels.response import Response
 from wrenchbed.channels.wrench import CHANNEL as WRENCH
-from wrenchbed.effects import base, chain
 from wrenchbed.effects.base import STAGES
 from wrenchbed.effects.chain import (
     ActiveEffect,
@@ -241,6 +240,9 @@ def test_an_effect_by_its_text_has_these_values_and_no_other(text, expected):
     ("text", "error", "says"),
     [
         ("joint.offset:joint=9", ParameterError, "does not exist: 1 … 6"),
+        ("joint.offset:joint=0", ParameterError, "does not exist: 1 … 6"),
+        ("joint.offset:joint=1.5", ParameterError, "does not exist: 1 … 6"),
+        ("joint.offset:joint=two", ParameterError, "is no number"),
         ("tool.cog:axis=w", ParameterError, "axis"),
         ("joint.compliance:jont=2", ParameterError, "no parameter 'jont'.* first: joint, "),
         ("tool.cog:axes=x", ParameterError, "no parameter 'axes'.* first: axis, "),
@@ -287,27 +289,3 @@ def test_small_errors_of_joints_act_by_the_slopes_of_the_readings(robot, mode):
                 assert told == pytest.approx(up - down, abs=1e-6 + 2e-4 * np.abs(told).max())
                 checked += 1
     assert checked > 20
-
-
-def test_one_joint_is_named_by_its_number():
-    names = ("offset.q1", "offset.q2", "offset.q6", "other")
-    given = {"joint": 2, "offset": 0.1, "other": 5}
-    assert base.of_joint(given, names, 6) == {"offset.q2": 0.1, "other": 5}
-    assert given == {"joint": 2, "offset": 0.1, "other": 5}
-    assert base.of_joint({"joint": 6.0, "offset": 1}, names, 6) == {"offset.q6": 1}
-    assert base.of_joint({"offset.q1": 2}, names, 6) == {"offset.q1": 2}
-    assert base.of_joint({"joint": 1}, ("gain.fx",), 6) == {"joint": 1}
-    for number in (0, 7, 1.5):
-        with pytest.raises(ParameterError, match="does not exist: 1 … 6"):
-            base.of_joint({"joint": number}, names, 6)
-    with pytest.raises(ParameterError, match="is no number"):
-        base.of_joint({"joint": "two"}, names, 6)
-
-
-def test_only_a_changed_load_leaves_the_sensor_in_its_place():
-    robot = SimpleNamespace(parameters=SimpleNamespace(names=("mass", "length")), load={"mass"})
-    scene = SimpleNamespace(theta=np.array([1.0, 2.0]), robot=robot)
-    assert chain._only_load(scene, np.array([1.0, 2.0]))
-    assert chain._only_load(scene, np.array([1.5, 2.0]))
-    assert not chain._only_load(scene, np.array([1.0, 2.5]))
-    assert not chain._only_load(scene, np.array([1.5, 2.5]))

@@ -12,7 +12,7 @@ from wrenchbed import registry
 
 DECLARED = Path(__file__).parents[1] / "data" / "effect_variants.json"
 """Variants by scene and effect: label, free amplitudes, where shapes begin, shape, detail, weight,
-rivals. `python tests/effects/test_variants.py` writes them anew."""
+rivals, usual amplitudes. `python tests/effects/test_variants.py` writes them anew."""
 CASES = {
     "ur5 static": [*registry.names("effects")],
     "ur5 motion": ["link.length", "timing.delay", "timing.lowpass", "timing.skew", "tool.inertia"],
@@ -22,11 +22,12 @@ CASES = {
 
 
 def declared(name, scene):
-    found = registry.load("effects", name).variants(scene_of(scene))
+    effect = registry.load("effects", name)
     return [
-        [v.label, [*v.free], dict(v.at), [*v.shape], dict(v.detail), v.weight, [*v.rivals]]
-        for v in found
-    ]
+        [v.label, [*v.free], dict(v.at), [*v.shape], dict(v.detail), v.weight, [*v.rivals],
+         [*effect.usual(v)]]
+        for v in effect.variants(scene_of(scene))
+    ]  # fmt: skip
 
 
 def nearly(x):
