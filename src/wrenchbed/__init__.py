@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from wrenchbed.monitoring.compensation import Compensator, compensator
     from wrenchbed.monitoring.live import live
     from wrenchbed.planning.accuracy_plan import Mix, MixOptions, reach
-    from wrenchbed.planning.choose import informative, multisine, poses
+    from wrenchbed.planning.choose import for_tracker, informative, multisine, poses
     from wrenchbed.plant.serving import EmulatorOptions, serve
     from wrenchbed.registry import descriptions, load, names
     from wrenchbed.reports.recording_page import report
@@ -115,6 +115,7 @@ __all__ = [
     "excite",
     "export",
     "export_to",
+    "for_tracker",
     "guess_map",
     "import_files",
     "informative",

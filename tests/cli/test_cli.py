@@ -154,7 +154,11 @@ def test_poses_chosen_by_an_index_and_touches_planned_for_an_accuracy(tmp_path, 
         (["medrue", "--index", "O1", "--goal", "target-position"], "chooses its own poses"),
         (["medrue", "--points", "none.csv"], "--points goes with --goal"),
         (["medrue", "--touch-cost", "2"], "--touch-cost goes with --goal"),
-        (["medrue", "--pool", "200"], "--pool goes with --index or --goal"),
+        (["medrue", "--pool", "200"], "--pool goes with --index, --goal or --for pose"),
+        (["ur5", "--for", "pose", "--index", "O1"], "--for pose chooses its own poses"),
+        (["ur5", "--for", "pose", "--motion", "multisine"], "--for pose chooses its own poses"),
+        (["ur5", "--for", "pose", "--n", "9", "--pool", "5"], "cannot be chosen from a pool"),
+        (["ur5", "--for", "dynamics"], "--motion excite goes with"),
     ],
 )  # fmt: skip
 def test_plans_that_make_no_sense_are_refused(tmp_path, capfd, arguments, message):

@@ -56,6 +56,8 @@ _NOISE_STEPS, _SAME_NOISE = 5, 0.01
 which they stay."""
 _LEAST_NOISE = 1e-7
 """Noise of readings that have none [m]."""
+_PLANNED_TARGET = (0.1, 0.0, 0.1)
+"""Place of a target that no recording has seen yet [m, sensor axes]: a bracket beside the tool."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,6 +239,19 @@ def calibrate_tracker(
     if fit.refuted is not None and not options.force:
         raise CalibrationError(f"{recording.name}: {fit.refuted}")
     return fit
+
+
+def planned_slopes(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Slopes (H, 3, K) [m] of a target's place at joint values (H, J) by all that a fit may free,
+    each by one standard deviation of what is known before, at most 1 rad or 1 m."""
+    model = Model.of(robot)
+    theta = robot.robot_theta(model.parameters.nominal)
+    sight = Sight(model, theta, q, np.zeros((len(q), 3)), (), (), np.eye(3))
+    columns, joints = _free(robot, np.ptp(sight.torque, axis=0), CalibrationOptions())
+    sight = replace(sight, columns=columns, joints=joints)
+    x = sight.start
+    x[-3:] = _PLANNED_TARGET
+    return sight.jacobian(x) * np.minimum(_WIDE * sight.parameters.tolerance, 1.0)
 
 
 def _sight(recording: Recording, options: CalibrationOptions) -> tuple[Sight, float, int]:

@@ -21,7 +21,7 @@ class PoseArguments:
     n: int = 100  # Number of poses.
     # Observability index to make as large as possible.
     index: Literal["O1", "O2", "O3", "O4", "O5", "A"] | None = None
-    # Candidate poses to choose from; 40,000 for an index, 4,000 for a goal.
+    # Candidate poses to choose from; 40,000 for an index, 4,000 for a goal or a tracker.
     pool: int | None = None
 
 
@@ -49,8 +49,8 @@ class MotionArguments:
     # Poses to rest at, a multi-sine to follow, or with --for dynamics the motion of a serial arm
     # that is best for friction and inertial parameters.
     motion: Literal["poses", "multisine", "excite"] = "poses"
-    # With excite: what the motion is for.
-    for_: Annotated[Literal["dynamics"] | None, tyro.conf.arg(name="for")] = None
+    # pose: poses after which geometry fitted to a tracker's places is best; dynamics: with excite.
+    for_: Annotated[Literal["dynamics", "pose"] | None, tyro.conf.arg(name="for")] = None
     seconds: float = 60.0  # Length of a motion.
     rate: float = 125.0  # Sampling rate of a motion [Hz].
 
@@ -95,8 +95,11 @@ def plan(
 
 def _check(poses: PoseArguments, goal: GoalArguments, motion: MotionArguments) -> None:
     """Refuse arguments that do not go together."""
-    if (motion.motion == "excite") != (motion.for_ is not None):
+    if (motion.motion == "excite") != (motion.for_ == "dynamics"):
         raise PlanError("--motion excite goes with --for dynamics")
+    for_pose = motion.for_ == "pose"
+    if for_pose and (motion.motion != "poses" or poses.index is not None or goal.goal is not None):
+        raise PlanError("--for pose chooses its own poses: leave --motion, --index and --goal out")
     if motion.motion != "poses" and (poses.index is not None or goal.goal is not None):
         raise PlanError("choose either poses or a motion: --index and --goal are for poses")
     if goal.goal is not None:
@@ -106,8 +109,8 @@ def _check(poses: PoseArguments, goal: GoalArguments, motion: MotionArguments) -
     extra = next((name for name, value in vars(goal).items() if value is not None), None)
     if extra is not None:
         raise PlanError(f"--{extra.replace('_', '-')} goes with --goal target-position")
-    if poses.index is None and poses.pool is not None:
-        raise PlanError("--pool goes with --index or --goal")
+    if poses.index is None and poses.pool is not None and not for_pose:
+        raise PlanError("--pool goes with --index, --goal or --for pose")
 
 
 def _mix(arm: wb.Robot, pool: int | None, goal: GoalArguments, seed: int) -> wb.Mix:
@@ -127,6 +130,12 @@ def _chosen(arm: wb.Robot, poses: PoseArguments, motion: MotionArguments, seed: 
         with console.progress("better motions", None) as report:
             return wb.excite(
                 arm, motion.seconds, motion.rate, seed, lambda x: report(1, f"log det {x:.4g}")
+            )
+    if motion.for_ == "pose":
+        pool = 4_000 if poses.pool is None else poses.pool
+        with console.progress("exchanges of poses", None) as report:
+            return wb.for_tracker(
+                arm, poses.n, pool, seed, lambda x: report(1, f"rms {1e3 * x:.3g} mm")
             )
     if poses.index is None:
         return wb.poses(arm, poses.n, seed)

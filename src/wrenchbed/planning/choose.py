@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.calibration.tracker import planned_slopes
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import PlanError
-from wrenchbed.planning.criteria import INDICES, a_optimality
+from wrenchbed.planning.criteria import INDICES, a_optimality, i_optimality
 from wrenchbed.planning.exchange import Pool, exchange
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.simulation.closed_form import Model
@@ -19,6 +20,8 @@ _FADE_S = 2.0
 _SPEED_SHARE = 0.6
 _REACH = np.deg2rad(20.0)
 _REACH_M = 0.05
+TRACKER_NOISE = 5e-5
+"""Noise of a target's place at rest [m], as `Simulation` has it in examples: a laser tracker."""
 
 
 def poses(robot: Robot, n: int, seed: int) -> Plan:
@@ -55,22 +58,56 @@ def informative(
         PlanError: an unknown index, a pool smaller than n, too few poses for the parameters, or
             free parameters that cannot be told apart.
     """
-    if not robot.joints:
-        raise PlanError(f"robot {robot.name!r} has no joints to plan for")
-    if not 1 <= n <= pool:
-        raise PlanError(f"{n} poses cannot be chosen from a pool of {pool}")
+    q = _candidates(robot, n, pool, seed)
     model = Model.of(robot)
     theta = model.parameters.nominal
     columns = model.parameters.select(robot.free)
     criteria = INDICES | {"A": a_optimality(len(columns))}
     if index not in criteria:
         raise PlanError(f"index {index!r} is not one of {', '.join(criteria)}")
-    q = robot.pool(pool, seed)
     std = registry.load("sensors", robot.sensor).noise.row_std
     scale = model.parameters.tolerance[list(columns)]
     candidates = Pool(model.jacobian(q, theta, columns) / std[:, None] * scale)
     chosen = exchange(candidates, criteria[index], n, seed=seed, tell=progress).chosen
     return Plan.of(robot.name, q[np.random.default_rng(seed).permutation(chosen)])
+
+
+def for_tracker(
+    robot: Robot,
+    n: int,
+    pool: int,
+    seed: int,
+    progress: Callable[[float], None] = lambda _: None,
+) -> Plan:
+    """n poses of a pool after which geometry fitted to a tracker is best on the whole pool.
+
+    I-optimal: the mean variance of a target's place, as such a fit predicts it, is smallest.
+
+    Args:
+        pool: number of candidate poses.
+        progress: called with the rms error [m] after each exchange of poses that lowers it.
+
+    Raises:
+        PlanError: a robot without joints, or a pool smaller than n.
+    """
+    q = _candidates(robot, n, pool, seed)
+    slopes = planned_slopes(robot, q)
+    flat = slopes.reshape(-1, slopes.shape[-1])
+    criterion = i_optimality(flat.T @ flat / len(q))
+    chosen = exchange(
+        Pool(slopes / TRACKER_NOISE), criterion, n, prior=np.eye(slopes.shape[-1]), seed=seed,
+        tell=lambda value: progress(float(value**-0.5)),
+    ).chosen  # fmt: skip
+    return Plan.of(robot.name, q[np.random.default_rng(seed).permutation(chosen)])
+
+
+def _candidates(robot: Robot, n: int, pool: int, seed: int) -> np.ndarray:
+    """Joint values (pool, J) from which n are chosen."""
+    if not robot.joints:
+        raise PlanError(f"robot {robot.name!r} has no joints to plan for")
+    if not 1 <= n <= pool:
+        raise PlanError(f"{n} poses cannot be chosen from a pool of {pool}")
+    return robot.pool(pool, seed)
 
 
 def multisine(robot: Robot, seconds: float, rate: float, seed: int) -> Plan:
