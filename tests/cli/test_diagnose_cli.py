@@ -9,8 +9,11 @@ import pytest
 import mutated
 from wrenchbed.benchmark.scoring import at_design
 from wrenchbed.cli import main
+from wrenchbed.cli.diagnose import material_of
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.explain.reliability import shipped
+from wrenchbed.diagnosis.prepare.prepared import Material
+from wrenchbed.errors import ParameterError
 
 
 @pytest.fixture
@@ -62,3 +65,24 @@ def test_nothing_is_learnt_before_a_recording_is_refused(oriented, asked, capsys
     )
     assert asked == []
     assert "less than 5 s of motion" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("0.2N, 0.01 N·m", Material(0.2, 0.01)),
+        ("0.1mm", Material(place=1e-4)),
+        (".5Nm,2e-1N,0.05mm", Material(0.2, 0.5, 5e-5)),
+        ("0.2N,0.3N", None),
+        ("0N", None),
+        ("1e999mm", None),
+        ("0.2kg", None),
+        ("0.1mm,", None),
+    ],
+)
+def test_what_is_material_has_a_unit(text, expected):
+    if expected is not None:
+        assert material_of(text) == pytest.approx(expected)
+        return
+    with pytest.raises(ParameterError, match=r"as 0.2N,0.01N·m,0.1mm"):
+        material_of(text)

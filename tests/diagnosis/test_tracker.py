@@ -8,6 +8,7 @@ from tracked_ur5 import TrackedUr5
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
+from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.diagnosis.several import diagnose_several
 from wrenchbed.errors import DiagnosisError
 
@@ -53,6 +54,15 @@ WRENCH = ("fx", "fy", "fz", "tx", "ty", "tz")
 
 def tracker_alone(robot, seed, **more):
     return without(robot.recording(seed, **more), "ax", "ay", "az", *WRENCH)
+
+
+def test_what_counts_is_stated_by_unit_for_every_set_of_channels():
+    both = without(PlainUr5(tracked=5e-5).recording(0), "ax", "ay", "az")
+    noise = prepare(both).sigma
+    stated = prepare(both, material=Material(force=0.2, place=1e-4)).sigma
+    assert stated == pytest.approx([0.2] * 3 + [*noise[3:6]] + [1e-4] * 3)
+    alone = prepare(without(both, *WRENCH), material=Material(0.2, 0.01, 1e-4))
+    assert alone.sigma == pytest.approx([1e-4] * 3)
 
 
 @pytest.mark.parametrize(

@@ -34,8 +34,8 @@ _FILES = {
     _PICTURE: Kind.PICTURE,
 }  # fmt: skip
 """What a diagnosis writes; of joint efforts drives.json and no picture."""
-_MATERIAL = re.compile(r"(\d+\.?\d*(?:e-?\d+)?)N,(\d+\.?\d*(?:e-?\d+)?)N[·.*]?m")
-"""A force and a torque."""
+_MATERIAL = re.compile(r"(\d*\.?\d+(?:e-?\d+)?)(N|N[·.*]?m|mm)")
+"""A size and its unit."""
 _MOST_SIZES = 6
 """Parameters of a cause that are printed."""
 _COLOURS = {
@@ -62,8 +62,8 @@ class EffortOptions:
     # Of joint efforts: what calibrate wrote of a healthy recording of this robot, in place of the
     # drive values that the recording states.
     drives: Path | None = None
-    # The residual that counts as a gap of 1, as 0.2N,0.01N·m (the torque of a hinge, the force of a
-    # slide); one row's noise if none.
+    # The residual that counts as a gap of 1, as 0.2N,0.01N·m,0.1mm (force of a slide, torque of
+    # a hinge, a tracker's place); one row's noise of what is left out.
     material: str | None = None
     # No effect: nothing has to be learnt first any more. Scripts may still give it.
     fast: bool = False
@@ -141,7 +141,7 @@ def _diagnose_efforts(
     if len(data) != 1:
         raise ParameterError("diagnose of joint efforts takes one recording")
     console.check_out(out / _DRIVES, Kind.DRIVES, lock=False)
-    counts = None if efforts.material is None else _counts(efforts.material)
+    counts = None if efforts.material is None else material_of(efforts.material)
     with console.progress("diagnosing", STEPS, alike=False) as report:
         findings = diagnose_efforts(
             data[0], drives=efforts.drives, seed=seed, wrench=efforts.channels == "both",
@@ -163,7 +163,7 @@ def _diagnose_wrench(
     from wrenchbed.reports.diagnosis_page import diagnosis_page
     from wrenchbed.reports.wrench_answer import WrenchAnswer
 
-    counts = None if material is None else _counts(material)
+    counts = None if material is None else material_of(material)
     learnt = _learnt(data[0], look_alikes, seed) if look_alikes and data[0].has_wrench else None
     steps = 7 if len(data) == 1 else 3 * len(data) + 3
     with console.progress("diagnosing", steps, alike=False) as report:
@@ -185,19 +185,24 @@ def _diagnose_wrench(
         return _names(folder), WrenchAnswer(findings)
 
 
-def _counts(text: str) -> Material:
-    """What is material, of ``0.2N,0.01N·m``.
+def material_of(text: str) -> Material:
+    """What is material, of ``0.2N,0.01N·m,0.1mm``.
 
     Raises:
-        ParameterError: it is not a force and a torque above 0.
+        ParameterError: something else than a force, a torque and a place above 0, each once.
     """
     from wrenchbed.diagnosis.prepare.prepared import Material
 
-    match = _MATERIAL.fullmatch(text.replace(" ", ""))
-    values = [] if match is None else [float(x) for x in match.groups()]
-    if not values or min(values) <= 0.0 or not all(map(math.isfinite, values)):
-        raise ParameterError(f"--material {text!r}: give a force and a torque, as 0.2N,0.01N·m")
-    return Material(*values)
+    parts = text.replace(" ", "").split(",")
+    matches = [m for m in map(_MATERIAL.fullmatch, parts) if m]
+    sizes = {"N·m" if m[2][0] + m[2][-1] == "Nm" else m[2]: float(m[1]) for m in matches}
+    if not len(sizes) == len(parts) or not all(0.0 < x < math.inf for x in sizes.values()):
+        raise ParameterError(
+            f"--material {text!r}: give sizes above 0 of a force, a torque or a place, as "
+            "0.2N,0.01N·m,0.1mm"
+        )
+    place = 1e-3 * sizes["mm"] if "mm" in sizes else None
+    return Material(sizes.get("N"), sizes.get("N·m"), place)
 
 
 def _names(folder: Path) -> list[str]:

@@ -142,7 +142,8 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
     return _with_products(Dictionary(
         scene, y, use, tuple(channel.data for channel in each), arm, names,
         np.concatenate([*joint, np.full(len(arm_columns), -1)]),
-        tuple(channel.noise for channel in each), _counts(scene, std_rows, material), std,
+        tuple(channel.noise for channel in each),
+        (material or Material()).counts(scene.units, std_rows), std,
         np.array([c.free for c in flat]),
         np.array([c.std is not None and not c.free for c in flat]), size, blocks,
         tuple(np.array([where[n] for n in b.columns]) for b in blocks),
@@ -183,13 +184,6 @@ def _channel(
                 data = np.concatenate([data, more], axis=1)
     noise = joint_noise(y, np.concatenate([data, arm], axis=1), speed, use)
     return _Channel(columns, data, blocks, noise)
-
-
-def _counts(scene: EffortScene, noise: np.ndarray, material: Material | None) -> np.ndarray:
-    """`Dictionary.counts` (C,)."""
-    if material is None:
-        return noise
-    return np.array([material.force if unit == "N" else material.torque for unit in scene.units])
 
 
 def _prior(column: Column, size: float, unnamed: bool) -> float:

@@ -36,10 +36,18 @@ PIECES = 4
 
 
 class Material(NamedTuple):
-    """Residual that counts, root mean square: of a force [N] and of a torque [N·m]."""
+    """Residual that counts, root mean square: of a force [N], a torque [N·m] and a place [m]; what
+    is left out counts from one row's noise."""
 
-    force: float
-    torque: float
+    force: float | None = None
+    torque: float | None = None
+    place: float | None = None
+
+    def counts(self, units: Sequence[str], noise: np.ndarray) -> np.ndarray:
+        """Residual (C,) that counts in columns of such units with such a noise of a row (C,)."""
+        stated = {"N": self.force, "N·m": self.torque, "m": self.place}
+        pairs = zip(map(stated.get, units), noise, strict=True)
+        return np.array([n if size is None else size for size, n in pairs])
 
 
 @dataclass(frozen=True, eq=False)
@@ -197,8 +205,8 @@ class Prepared:
 
     def counting(self, material: Material) -> "Prepared":
         """The same with gaps in units of what a user calls material."""
-        own = self.sigma[self.families[0].stop :]
-        unit = np.concatenate([np.repeat([material.force, material.torque], 3), own])
+        units = [unit for channel in self.channels for unit in channel.columns.values()]
+        unit = material.counts(units, self.sigma)
         return replace(
             self, covariance=np.diag(unit**2), noise=self.noise * (self.row_sigma / unit) ** 2,
             row=self.covariance if self.row is None else self.row,
