@@ -140,11 +140,6 @@ class Sight:
 
         return solve(residual, jacobian, start, scale)
 
-    def spread(self, x: np.ndarray, covariance: np.ndarray) -> float:
-        """Sum of the variances [m²] of all places (H, 3) for a covariance (K, K) of x (K,)."""
-        slopes = self.jacobian(x)
-        return float(np.einsum("hik,kl,hil->", slopes, covariance, slopes))
-
     def stand(self, x: np.ndarray) -> dict[str, float]:
         """Stand of the tracker and place of the target by name, at parameters (K,)."""
         turn = Rotation.from_matrix(exp(*x[-9:-6]) @ self.turn).as_rotvec()
@@ -201,7 +196,8 @@ def calibrate_tracker(
     for _ in range(_NOISE_STEPS):
         solution = sight.solve(noise, tolerances, start)
         left, start = sight.read - sight.expected(solution.x), solution.x
-        used = sight.spread(solution.x, solution.covariance) / noise**2
+        known = np.diagonal(solution.covariance) / (tolerances * sight.parameters.tolerance) ** 2
+        used = len(known) - known.sum()  # trace of the projection on what is free
         dof = max(count - used, 1.0)
         rest = float(np.sqrt((left**2).sum() / dof))
         before, noise = noise, max(repeats, rest, _LEAST_NOISE)
@@ -229,7 +225,7 @@ def calibrate_tracker(
         held_out=held_out,
         before=nominal,
         bound=bound,
-        accuracy=float(np.sqrt(sight.spread(x, covariance) / len(sight.q))),
+        accuracy=before * float(np.sqrt(used / len(sight.q))),
         extent=float(np.sqrt(sight.read.var(axis=0).sum())),
         residual=left,
         poses=len(sight.q),
