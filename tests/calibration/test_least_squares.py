@@ -309,7 +309,8 @@ def test_both_levels_are_found_and_the_independent_one_is_at_least_what_is_known
     moving = (basis * np.sqrt(np.maximum(spread, 0.0))) @ rng.standard_normal((300, 6))
     residual = rng.standard_normal((300, 6)) + np.array([0, 0, 0, 0.7, 0.7, 0.7]) * moving
     design = np.ones((300, 6, 1))
-    told = weighting.estimate(t, residual, design, np.full(6, 0.01))
+    modes = weighting.modes(t)
+    told = weighting.estimate(modes, residual, design, np.full(6, 0.01))
     assert told.independent[:3] == pytest.approx(np.ones(3), rel=0.2)
     assert told.level[:3].max() < 0.2
     white = 2.0  # what a band up to one cycle a pose has in all directions
@@ -317,7 +318,7 @@ def test_both_levels_are_found_and_the_independent_one_is_at_least_what_is_known
         np.full(3, 1.0 + white * 0.49), rel=0.3
     )
     assert told.level[3:] == pytest.approx(np.full(3, 0.49), rel=0.7)
-    floored = weighting.estimate(t, residual, design, np.full(6, 3.0))
+    floored = weighting.estimate(modes, residual, design, np.full(6, 3.0))
     assert floored.independent == pytest.approx(np.full(6, 3.0))
     assert floored.level == pytest.approx(told.level)
 

@@ -52,11 +52,6 @@ class Problem:
             known = self._last[what] = (x.copy(), make(x))
         return known[1]
 
-    def knowing(self, x: np.ndarray, jacobian: np.ndarray) -> "Problem":
-        """This problem with its derivatives (M, 6, K) at x (K,) cached."""
-        self._last["jacobian"] = (x, jacobian)
-        return self
-
     @property
     def scale(self) -> np.ndarray:
         """Tolerances of the free parameters (K,)."""

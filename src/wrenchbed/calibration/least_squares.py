@@ -32,7 +32,7 @@ class Solution:
     Attributes:
         x: parameters (K,).
         residual: whitened, at x (M,).
-        jacobian: whitened and scaled by tolerance (M, K); None of fits that were made together.
+        jacobian: whitened and scaled by tolerance (M, K).
         covariance: of x (K, K) for unit variance of the whitened residual, minimum norm.
         blind: share of each parameter that lies in the null space (K,), 0 … 1.
         rank, steps, converged: of the iteration.
@@ -40,7 +40,7 @@ class Solution:
 
     x: np.ndarray
     residual: np.ndarray
-    jacobian: np.ndarray | None
+    jacobian: np.ndarray
     covariance: np.ndarray
     blind: np.ndarray
     rank: int
@@ -87,26 +87,20 @@ def solve(
 
 
 def triangular(j: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R (…, K, K) and Qᵀr (…, K) of j = Q R (…, M, K), part by part: each part fits into a cache.
+    """R (K, K) and Qᵀr (K,) of j = Q R (M, K), part by part: each part fits into a cache.
 
     Golub & Van Loan, Matrix Computations, 4th ed., Section 5.2; Demmel et al. 2012,
     doi 10.1137/080731992.
     """
-    return triangular_of(np.concatenate([j, r[..., None]], axis=-1))
-
-
-def triangular_of(both: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """`triangular` of j and, as its last column, r (…, M, K + 1)."""
-    lead, columns = both.shape[:-2], both.shape[-1]
-    while both.shape[-2] > 2 * _PART:
-        whole = both.shape[-2] // _PART * _PART
-        parts = both[..., :whole, :].reshape(*lead, -1, _PART, columns)
-        some = np.asarray(np.linalg.qr(parts, mode="r")).reshape(*lead, -1, columns)
-        both = np.concatenate([some, both[..., whole:, :]], axis=-2)
-    if both.shape[-2] < columns:
-        return both[..., :-1], both[..., -1]
-    both = np.asarray(np.linalg.qr(both, mode="r"))
-    return both[..., : columns - 1, : columns - 1], both[..., : columns - 1, -1]
+    both = np.concatenate([j, r[:, None]], axis=1)
+    columns = both.shape[1]
+    while len(both) > 2 * _PART:
+        whole = len(both) // _PART * _PART
+        parts = np.linalg.qr(both[:whole].reshape(-1, _PART, columns), mode="r")
+        both = np.concatenate([np.asarray(parts).reshape(-1, columns), both[whole:]])
+    if len(both) >= columns:
+        both = np.asarray(np.linalg.qr(both, mode="r"))[:-1]
+    return both[:, :-1], both[:, -1]
 
 
 def _halve(

@@ -250,16 +250,14 @@ def _sizes(alone: np.ndarray, left: np.ndarray, every: list[Suspect]) -> np.ndar
     """
     R = np.asarray(np.linalg.qr(np.column_stack([alone, left]), mode="r"))
     square, right = R[:, :-1].T @ R[:, :-1], R[:, :-1].T @ R[:, -1]
-    family = np.array([f for s in every for f in s.families])
-    families = [family == f for f in dict.fromkeys(family.tolist())]
+    _, family = np.unique([f for s in every for f in s.families], return_inverse=True)
     size = np.ones(len(family))
     for _ in range(_ROUNDS):
         covariance = np.linalg.inv(square * np.outer(size, size) + np.eye(len(size)))
         mean = covariance @ (right * size)  # in units of the sizes
-        for of in families:
-            determined = max(float(of.sum() - np.trace(covariance[np.ix_(of, of)])), 1e-9)
-            now = float(size[of][0]) * np.sqrt(float((mean[of] ** 2).sum()) / determined)
-            size[of] = np.clip(now, _SMALLEST, _LARGEST)
+        determined = np.bincount(family, 1.0 - np.diagonal(covariance))
+        grown = np.sqrt(np.bincount(family, mean**2) / np.maximum(determined, 1e-9))
+        size = np.clip(size * grown[family], _SMALLEST, _LARGEST)
     return size
 
 

@@ -99,7 +99,6 @@ class Touches:
         """
         rows = slice(first, first + 3 * len(self))
         residual = solution.residual[rows].reshape(len(self), 3)
-        assert solution.jacobian is not None  # such a fit is made alone
         u, sizes, _ = np.linalg.svd(solution.jacobian, full_matrices=False)
         hat = u[rows, sizes > RANK_TOLERANCE * sizes[0]].reshape(len(self), 3, -1)
         left = np.eye(3) - hat @ np.swapaxes(hat, -1, -2)

@@ -22,7 +22,7 @@ from wrenchbed.calibration.least_squares import Solution
 from wrenchbed.calibration.observations import Observations, fallback_covariance
 from wrenchbed.physics.time_derivatives import Jet
 
-MOST_POSES = 1500
+_MOST_POSES = 1500
 """Most poses for which the N × N eigenvectors are worth their cost."""
 _DECADES_BELOW = 1.0
 """Decades by which the 1/f band reaches below the inverse of the campaign's length."""
@@ -30,12 +30,12 @@ _RANGE = (-8.0, 12.0)
 """Natural logarithm of wander over independent variance that is searched."""
 _GOLDEN, _SECTIONS = (np.sqrt(5.0) - 1.0) / 2.0, 16
 """Golden section, by definition; 16 of them find a logarithm to 1 % within `_RANGE`."""
-REWEIGHTINGS, _SETTLED = 3, 1e-6
+_REWEIGHTINGS, _SETTLED = 3, 1e-6
 """Most updates of the weights, and the relative change at which they have converged."""
-TRUST = 0.01
+_TRUST = 0.01
 """P-value of the residual's χ² below which the noise of the repeats does not explain it."""
 _BATCHES = 20
-ENOUGH = 20
+_ENOUGH = 20
 """Poses beyond the number of parameters from which the residual shows wander and correlation."""
 
 
@@ -79,16 +79,19 @@ def kernel(t: np.ndarray) -> np.ndarray:
     return np.asarray(result)
 
 
-def estimate(t: np.ndarray, residual: np.ndarray, design: np.ndarray, least: np.ndarray) -> Wander:
+def estimate(
+    kernel_modes: tuple[np.ndarray, np.ndarray], residual: np.ndarray, design: np.ndarray,
+    least: np.ndarray,
+) -> Wander:  # fmt: skip
     """Independent and 1/f noise levels of every channel.
 
     Args:
-        t: mean times of the holds (N,) [s].
+        kernel_modes: eigenvalues and eigenvectors, from `modes`.
         residual: measured − fitted (N, 6).
         design: derivatives of the fit by its parameters (N, 6, K).
         least: variance that the independent part has at least (6,).
     """
-    spread, basis = modes(t)
+    spread, basis = kernel_modes
     x, projected = basis.T @ np.moveaxis(design, 1, 0), basis.T @ residual.T[..., None]
     independent, level = levels(x, projected[..., 0], spread, least)
     return Wander(independent, level, basis, spread)
@@ -184,31 +187,25 @@ def fit(problem: Problem) -> Outcome:
         return _blind(problem)
     solution = problem.solve(_rows(data.row_covariance, data.count), problem.start)
     chi2 = float((solution.residual[: data.wrench.size] ** 2).sum())
-    explained = bool(special.chdtrc(6 * problem.dof, chi2) > TRUST)
+    explained = bool(special.chdtrc(6 * problem.dof, chi2) > _TRUST)
     known = solution.covariance
     if isinstance(data.q, Jet):
         outcome = _scattered(problem, solution, inflated=not explained)
-        return outcome if explained else at_least(outcome, known)
+        return outcome if explained else _at_least(outcome, known)
     if explained:
-        return settled(problem, solution)
-    few = len(data) - len(problem.free) < ENOUGH or len(data) > MOST_POSES
+        noise = _noise(problem, solution, data.source, float(data.count.sum()) * np.ones(6))
+        return Outcome(solution, known, data.dof, noise)
+    few = len(data) - len(problem.free) < _ENOUGH or len(data) > _MOST_POSES
     if few or problem.loss != "linear":
-        return at_least(_scattered(problem, solution), known)
-    return at_least(_wandering(problem, solution), known)
+        return _at_least(_scattered(problem, solution), known)
+    return _at_least(_wandering(problem, solution), known)
 
 
-def at_least(outcome: Outcome, known: np.ndarray) -> Outcome:
+def _at_least(outcome: Outcome, known: np.ndarray) -> Outcome:
     """An outcome no surer than the known noise alone lets it be, by its covariance (K, K)."""
     now, least = np.sqrt(np.diagonal(outcome.covariance)), np.sqrt(np.diagonal(known))
     factor = np.maximum(1.0, np.divide(least, now, out=np.ones_like(now), where=now > 0.0))
     return replace(outcome, covariance=outcome.covariance * np.outer(factor, factor))
-
-
-def settled(problem: Problem, solution: Solution) -> Outcome:
-    """A fit whose residual is explained by the noise known before."""
-    data = problem.data
-    noise = _noise(problem, solution, data.source, float(data.count.sum()) * np.ones(6))
-    return Outcome(solution, solution.covariance, data.dof, noise)
 
 
 def _rows(covariance: np.ndarray, count: np.ndarray) -> Whitening:
@@ -231,7 +228,7 @@ def _blind(problem: Problem) -> Outcome:
     data = problem.data
     solution = problem.solve(_rows(fallback_covariance(), np.ones(len(data))), problem.start)
     factor = 1.0
-    for _ in range(REWEIGHTINGS):
+    for _ in range(_REWEIGHTINGS):
         variance = problem.found(solution.x)
         if _exact(variance, data):
             whitened = solution.residual[: data.wrench.size]
@@ -250,7 +247,7 @@ def _scattered(problem: Problem, solution: Solution, inflated: bool = True) -> O
     data = problem.data
     expected = np.diagonal(data.row_covariance) / float(np.mean(data.count))
     variance = np.zeros(6)
-    for _ in range(REWEIGHTINGS):
+    for _ in range(_REWEIGHTINGS):
         # many parameters may swallow a channel's residual, never its noise
         measured = np.maximum(problem.found(solution.x), expected)
         time = _correlation_time(problem, solution.x)
@@ -269,9 +266,10 @@ def _wandering(problem: Problem, solution: Solution) -> Outcome:
     data = problem.data
     least = np.diagonal(data.row_covariance) / float(np.mean(data.count))
     order = np.argsort(data.t)
-    for _ in range(REWEIGHTINGS):
+    kernel_modes = modes(data.t[order])
+    for _ in range(_REWEIGHTINGS):
         design, residual = problem.jacobian(solution.x)[order], problem.residual(solution.x)[order]
-        slow = estimate(data.t[order], residual, design, least)
+        slow = estimate(kernel_modes, residual, design, least)
         z = slow.whiten(residual)
         between = np.corrcoef(z, rowvar=False)
         together = _rows(between, np.ones(len(data)))
@@ -280,12 +278,6 @@ def _wandering(problem: Problem, solution: Solution) -> Outcome:
             return last(slow.whiten(rows[order]))
 
         solution = problem.solve(whiten, solution.x)
-    return wandered(problem, solution, slow)
-
-
-def wandered(problem: Problem, solution: Solution, slow: Wander) -> Outcome:
-    """A fit whose weights follow from the wander that its residual shows."""
-    data = problem.data
     effective = np.diagonal(data.row_covariance) / slow.mean_variance
     noise = _noise(problem, solution, data.source, effective, inflated=True)
     return Outcome(solution, solution.covariance, problem.dof, noise)

@@ -14,7 +14,7 @@ import numpy as np
 import pyarrow as pa
 
 from wrenchbed import registry
-from wrenchbed.calibration.calibrate_many import calibrate_each
+from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.fit import Fit
 from wrenchbed.campaigns.result_rows import CampaignRows, Row, empty
 from wrenchbed.campaigns.settings import Fleet, draw, varied
@@ -97,7 +97,7 @@ def robot_rows(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
             rows[k] |= _of_truth(fleet, *result)
     now = time.perf_counter()
     seconds, begun = (now - begun) / max(len(numbers), 1), now
-    fits = calibrate_each([recording for recording, _ in done.values()])
+    fits = [_fitted(recording) for recording, _ in done.values()]
     calibrated = (time.perf_counter() - begun) / max(len(done), 1)
     errors = _errors(fleet, [theta for _, theta in done.values()], fits)
     for (k, (_, theta)), fit, error in zip(done.items(), fits, errors, strict=True):
@@ -107,6 +107,14 @@ def robot_rows(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
             continue
         rows[k] |= _of_fit(fleet, theta, fit) | error | {"seconds.calibrate": calibrated}
     return list(rows.values())
+
+
+def _fitted(recording: Recording) -> Fit | WrenchbedError:
+    """Fit of a robot by the default options; the error where it cannot be calibrated."""
+    try:
+        return calibrate(recording)
+    except WrenchbedError as error:
+        return error
 
 
 def _named(error: WrenchbedError) -> str:

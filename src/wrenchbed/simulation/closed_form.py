@@ -87,17 +87,13 @@ class CompiledForm:
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray | None:
         """`Model.jacobian`: slopes by the constants; complex steps of the constants alone."""
         name = self.robot.compiled
-        if not statics.available(name, slopes=True) or not self._takes(q, theta, theta):
+        one = theta.ndim == 1 and self._takes(q, theta, theta)
+        if not one or not statics.available(name, slopes=True):
             return None
-        shifted = np.repeat(theta.astype(complex).reshape(-1, 1, theta.shape[-1]), len(columns), 1)
+        shifted = np.repeat(theta.astype(complex).reshape(1, 1, -1), len(columns), 1)
         shifted[:, np.arange(len(columns)), list(columns)] += 1j * STEP
         changes = self.constants(shifted, shifted, sensed=True).imag / STEP
-        if theta.ndim == 1:
-            slopes = statics.slopes(name, q, self._of_one(theta, theta, True), changes[0])
-        else:
-            every = self.constants(theta[:, 0], theta[:, 0], sensed=True)
-            each = zip(every, changes, strict=True)
-            slopes = np.stack([statics.slopes(name, q, p.tobytes(), d) for p, d in each])
+        slopes = statics.slopes(name, q, self._of_one(theta, theta, True), changes[0])
         return np.moveaxis(slopes, -3, -1)
 
     def _of_one(self, theta: np.ndarray, at: np.ndarray, sensed: bool, unit: bool = False) -> bytes:
@@ -231,13 +227,8 @@ class Model:
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
         """Derivative (N, 6, K) of the reading by the parameters at ``columns``, exact to rounding.
 
-        Of parameters (P,), or at rest of several vectors (R, 1, P), each as if alone.
         Complex-step derivative: Squire & Trapp 1998, doi 10.1137/S003614459631241X.
         """
-        if theta.ndim == 3:
-            compiled = self._compiled.jacobian(q, theta, columns)
-            every = (self.jacobian(q, one, columns) for one in theta[:, 0])
-            return np.stack(list(every)) if compiled is None else compiled
         if isinstance(q, Jet):
             return self._in_motion(q, theta, columns)
         compiled = self._compiled.jacobian(q, theta, columns)
