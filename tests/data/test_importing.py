@@ -188,13 +188,13 @@ def test_real_static_poses_come_in(tmp_path):
     assert np.abs(read + seen).max() < 1.0
 
 
-def torques_at_rest(folder, mode, rows=300):
+def torques_at_rest(folder, mode, rows=300, every=0.01):
     """A log of joints and their torques that step on by little, or rest, and its map."""
     q = np.linspace(0.0, 1.0, rows)[:, None] * np.ones(6)
     if mode == "auto":
         q = np.repeat(np.arange(rows // 100), 100)[:, None] * np.ones(6)
     names = ["t", *(f"q{j}" for j in range(1, 7)), *(f"tau{j}" for j in range(1, 7))]
-    rows_of_log = np.hstack([np.arange(rows)[:, None] / 100, q, np.cos(q)])
+    rows_of_log = np.hstack([np.arange(rows)[:, None] * every, q, np.cos(q)])
     lines = [",".join(names), *(",".join(map(repr, row)) for row in rows_of_log.tolist())]
     (folder / "log.csv").write_text("\n".join(lines) + "\n")
     unit = {"t": "s", "q": "rad", "tau": "N·m"}
@@ -208,7 +208,8 @@ def test_torques_without_a_wrench_come_in_and_may_be_imported_again(tmp_path, ca
     line = torques_at_rest(tmp_path, "static")
     assert main(line) == 1  # each row is near the one before
     assert "300 poses in 300 rows: this is a log in motion" in capsys.readouterr().err
-    assert main([*line, "--mode", "dynamic"]) == 0
+    assert main(torques_at_rest(tmp_path, "static", every=5.0)) == 0  # there was time to rest
+    assert main([*line, "--mode", "dynamic", "--force"]) == 0
     out = tmp_path / "rec.parquet"
     assert not is_plan(out)
     with pytest.raises(PlanError, match=r"this is a recording .*, not a plan"):

@@ -2,6 +2,7 @@
 
 import json
 import re
+from contextlib import suppress
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from wrenchbed.cli import main
 from wrenchbed.data.holds import check_at_rest, gather, noise_at_rest, split
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
-from wrenchbed.errors import RecordingError
+from wrenchbed.errors import CalibrationError, RecordingError
 from wrenchbed.physics.wrench import CHANNELS
 
 
@@ -37,9 +38,25 @@ def test_holds_are_found_and_calibrate(seed):
     assert right and np.abs(errors).max() < 4.0
 
 
+def test_a_tool_that_rings_when_a_hold_begins_is_said_to_and_the_remedy_works():
+    recording, _ = log(random_how(5064), 5064)
+    rest = split(recording).at_rest(recording, Metadata(recording.metadata.robot, "static"))
+    with pytest.raises(CalibrationError, match="the tool still rings. Leave out the first") as why:
+        calibrated(rest)
+    first = int(re.search(r"the first (\d+) rows of each", str(why.value))[1])
+    place = np.concatenate([np.arange(n) for n in gather(rest, np.ones(len(rest), bool)).count])
+    columns = {name: x[place >= first] for name, x in rest.columns.items()}
+    assert np.abs(calibrated(Recording(rest.metadata, columns, rest.name))).max() < 4.0
+
+
 @pytest.mark.study
 def test_many_logs_are_split_and_calibrate():
-    found = [judged(seed) for seed in range(5000, 5300)]
+    """One of a hundred may be refused: its tool rings (above)."""
+    found = []
+    for seed in range(5000, 5300):
+        with suppress(CalibrationError):
+            found.append(judged(seed))
+    assert len(found) >= 0.99 * 300
     assert np.mean([right for right, _ in found]) >= 0.99
     errors = np.concatenate([e for _, e in found])
     assert np.mean(np.abs(errors) < 3.0) >= 0.99

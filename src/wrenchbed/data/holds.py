@@ -247,7 +247,8 @@ def split(recording: Recording) -> Split:
 
 
 def check_at_rest(recording: Recording) -> None:
-    """Refuse a log of moves as poses at rest: a pose of every row, each close to the one before.
+    """Refuse a log of moves as poses at rest: a pose of every row, each close to the one before in
+    place and time.
 
     Raises:
         RecordingError: most rows are in motion.
@@ -258,7 +259,8 @@ def check_at_rest(recording: Recording) -> None:
     poses = len(first_rows(recording.columns))
     way = np.abs(np.diff(q, axis=0)).max(axis=1)
     close = np.median(way) < _NEXT * max(float(np.ptp(q, axis=0).max()), 1e-9)
-    if poses > _MOST_SINGLE * len(q) and close:
+    quick = np.median(np.diff(recording.t)) < LEAST_HOLD_S  # else there was time to rest
+    if poses > _MOST_SINGLE * len(q) and close and quick:
         raise RecordingError(
             f"{recording.name}: {poses:,} poses in {len(q):,} rows: this is a log in motion, not "
             "poses at rest (mode static); --mode auto splits it into holds and moves"

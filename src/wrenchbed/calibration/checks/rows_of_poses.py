@@ -19,6 +19,9 @@ MOVED = 3.0
 ALONG, MOST = 0.2, 0.8
 """A far row is on its way to a neighbouring pose if it is off that way by less than this part of
 what it is off by; so are this part of the far rows where the wrench is late or early."""
+EARLY = 0.25
+"""Part of a pose in which the tool may still ring: far rows that stood anywhere would be there as
+often."""
 _MAD = 1.4826
 """Standard deviation of a normal variable over its median absolute deviation."""
 
@@ -57,7 +60,8 @@ def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> F
         _along(off, (middle[other] - middle[at]) / std) >= MOST
         for other in (np.maximum(at - 1, 0), np.minimum(at + 1, last))
     )
-    if before:
+    rings = (place < EARLY * count[at]).mean() >= MOST
+    if before or (rings and not after):
         return Finding(
             "order of poses",
             f"the first rows of the poses ({share:.1f} % of all, the first in row {row}) are those "
