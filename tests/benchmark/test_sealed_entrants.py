@@ -1,10 +1,6 @@
 """Any program may enter, and is held to the contract."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
 import time
 
 import pyarrow.parquet as pq
@@ -13,13 +9,11 @@ import pytest
 from sealed_family import COUNT, SAYS_NONE, script
 from wrenchbed.benchmark.referee import scenario as settings
 from wrenchbed.benchmark.scoring.case_rows import Claim
-from wrenchbed.benchmark.sealed import commitments, make, report, run, score
+from wrenchbed.benchmark.sealed import make, report, run, score
 from wrenchbed.benchmark.sealed import score as claims
 from wrenchbed.benchmark.sealed.run import CLAIM, RUN, Entrant, contract, enter
-from wrenchbed.cli import main
 from wrenchbed.effects.chain import effects
 from wrenchbed.errors import BenchmarkError, ParameterError
-from wrenchbed.jobs.parts import Journal, check_folders
 
 
 @pytest.mark.slow
@@ -175,44 +169,7 @@ def test_an_entrant_whose_time_ends_while_it_reads_is_over_time(family, tmp_path
     assert "longer than" in claims.read(tmp_path / "none" / "0001").error
 
 
-@pytest.mark.slow
-def test_a_run_that_was_killed_goes_on(family, tmp_path):
-    cases, _, _ = family
-    slow = script(tmp_path, "time.sleep(0.2)\n" + SAYS_NONE)
-    call = [sys.executable, "-m", "wrenchbed", "blind", "run", str(cases), "--out"]
-    call += [str(tmp_path / "claims"), "--method", slow]
-    process = subprocess.Popen(call)
-    folder = tmp_path / "claims" / Entrant.of(slow).name
-    give_up = time.monotonic() + 60
-    while len(list(folder.glob("0*"))) < 4 and time.monotonic() < give_up:
-        time.sleep(0.05)
-    os.kill(process.pid, signal.SIGKILL)
-    process.wait()
-    time.sleep(2.0)  # its workers notice
-    kept = {p.parent.name: p.stat().st_mtime_ns for p in folder.glob("0*/run.json")}
-    time.sleep(1.0)
-    assert len(list(folder.glob("0*/run.json"))) == len(kept), "workers outlived the run"
-    assert 4 <= len(kept) < COUNT
-    assert main(call[3:]) == 0
-    after = {p.parent.name: p.stat().st_mtime_ns for p in folder.glob("0*/run.json")}
-    assert len(after) == COUNT
-    assert all(after[k] == v for k, v in kept.items())
-
-
 DEEP = "[" * 200_000 + "]" * 200_000
-
-
-def test_files_of_a_sealed_benchmark_are_refused_where_they_are_too_deep(tmp_path):
-    (tmp_path / "answers").mkdir()
-    for name in (commitments.COMMITMENTS, "0001.json", f"answers/{commitments.FAMILY}"):
-        (tmp_path / name).write_text(DEEP)
-    with pytest.raises(BenchmarkError, match="nested more than 100 levels"):
-        commitments.read(tmp_path)
-    with pytest.raises(BenchmarkError, match="nested more than 100 levels"):
-        commitments.read_answer(tmp_path / "0001.json")
-    assert make.resumed(tmp_path / "answers") is None
-    with pytest.raises(BenchmarkError, match="nested more than 100 levels"):
-        check_folders(tmp_path / "0001.json", {"a": 1}, (tmp_path,), BenchmarkError)
 
 
 def test_a_claim_too_deep_or_too_long_is_a_wrong_answer(tmp_path):
@@ -221,18 +178,3 @@ def test_a_claim_too_deep_or_too_long_is_a_wrong_answer(tmp_path):
         assert why in score.read(tmp_path).error
     (tmp_path / RUN).write_text(DEEP)
     assert "is broken" in score.read(tmp_path).error
-
-
-def test_an_answered_case_too_deep_is_named(family, tmp_path):
-    cases, _, _ = family
-    folder = tmp_path / "claims" / "me" / "0001"
-    folder.mkdir(parents=True)
-    (folder / RUN).write_text(DEEP)
-    with pytest.raises(BenchmarkError, match=r"0001.*nested more than 100 levels"):
-        run.run(cases, tmp_path / "claims", [Entrant("me", script(tmp_path, SAYS_NONE))])
-
-
-def test_a_journal_leaves_out_a_line_that_is_too_deep(tmp_path):
-    path = tmp_path / "rows.jsonl"
-    path.write_text(json.dumps({"index": 0}) + "\n" + DEEP + "\n")
-    assert Journal(path).read() == [{"index": 0}]

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from altered import with_rows
 from simulated import UR5_TRUTH, WHITE, static
 from wrenchbed import registry
 from wrenchbed.calibration import calibrate as calibration
@@ -23,26 +22,6 @@ from wrenchbed.simulation.closed_form import Model
 UR5 = Model.of(registry.load("robots", "ur5"))
 
 
-def names(options):
-    return [UR5.parameters.names[i] for i in calibration._free(UR5, options)]
-
-
-def test_a_robot_frees_its_own_parameters_unless_told_otherwise():
-    own = names(CalibrationOptions())
-    assert set(own) == set(UR5_TRUTH)
-    assert names(CalibrationOptions(hold=("tool.*",))) == [
-        n for n in own if not n.startswith("tool.")
-    ]
-    assert names(CalibrationOptions(free=("tool.mass",))) == ["tool.mass"]
-    assert set(names(CalibrationOptions(free=("candidates",)))) == {
-        UR5.parameters.names[i] for i in UR5.parameters.select(UR5.robot.candidates)
-    }
-    both = names(CalibrationOptions(free=("candidates", "tool.mass"), hold=("sensor.bias.*",)))
-    assert "tool.mass" in both and not any(n.startswith("sensor.bias") for n in both)
-    with pytest.raises(CalibrationError, match="no parameter is free"):
-        names(CalibrationOptions(free=("tool.mass",), hold=("tool.mass",)))
-
-
 def test_an_interval_of_a_stated_noise_is_normal_and_of_a_found_one_student_s():
     stated = calibrate(static("ur5", UR5_TRUTH, poses=30, noise=WHITE))
     for p in stated.identified:
@@ -52,15 +31,6 @@ def test_an_interval_of_a_stated_noise_is_normal_and_of_a_found_one_student_s():
     for p in repeated.identified:  # 6 · 3 degrees of freedom
         assert p.interval95 == pytest.approx(2.100922 * p.std)
     assert (repeated.poses, repeated.rows) == (6, 24)
-
-
-def test_as_many_readings_as_parameters_are_enough_to_try():
-    two = with_rows(static("ur5", UR5_TRUTH, poses=12, noise=WHITE), slice(2))
-    twelve = CalibrationOptions(hold=("mount.rotation.z",))
-    try:
-        assert len(calibrate(two, twelve).identified) == 12
-    except CalibrationError as error:
-        assert "too few" not in str(error)
 
 
 def test_a_tool_weighs_something():

@@ -380,17 +380,6 @@ def test_a_touch_is_judged_by_a_fit_of_all_the_others():
     assert not Agreement(3, 1e-4, 0, 4.0, 0.0011).doubtful
 
 
-def test_touches_are_measured_in_their_standard_deviation():
-    robot = SimpleNamespace(
-        parameters=("a", "b"),
-        robot_theta=lambda x: x[:2],
-        tool_pose=lambda q, own: (None, q + own[:1] + 0.0 * own[1]),
-    )
-    touches = Touches(np.zeros((2, 3)), np.array([[1.0, 2, 3], [4, 5, 6]]), 0.5)
-    assert len(touches) == 2
-    assert touches.residual(robot, np.array([1.0, 0.0, 99.0])) == pytest.approx([0, 2, 4, 6, 8, 10])
-
-
 @pytest.mark.parametrize("std", [0.0, -1.0, np.inf])
 def test_an_impossible_deviation_of_touches_is_refused(std):
     recording = SimpleNamespace(name="r", columns={"px": 0, "py": 0, "pz": 0}, joints=("q1",))

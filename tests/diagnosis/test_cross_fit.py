@@ -8,7 +8,6 @@ import pytest
 from linear_case import ROWS, dictionary, named, readings, refitter
 from simulated import UR5_TRUTH, WHITE, static, with_tool
 from wrenchbed.diagnosis.evidence.search import Searcher
-from wrenchbed.diagnosis.explain.claims import stated_errors_beside
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.explain.structures import Analysis, case
 from wrenchbed.diagnosis.explain.structures import build as build_dictionary
@@ -49,23 +48,6 @@ def test_a_refit_without_a_fold_is_that_of_the_other_rows(names):
     assert predicted == pytest.approx(X[IN_FOLD] @ by_hand(f, y, ~IN_FOLD), abs=1e-3)
     assert again.residual == pytest.approx((y - X @ again.x)[~IN_FOLD])
     assert np.abs(again.x - f.x).max() > 1e-3  # the fold does tell something
-
-
-def test_readings_of_a_fold_change_nothing_that_judges_it():
-    y = readings(D, {"base.tilt": 9.0, "sensor.bias": 4.0})
-    spoiled = y + np.where(IN_FOLD, np.random.default_rng(0).normal(0.0, 9.0, len(y)), 0.0)
-    told, size = [], None
-    for given in (y, spoiled):
-        r = refitter(D, given)
-        f = r.fit(named(D, "base.tilt"), 0)
-        size = f.spread if size is None else size  # how large effects are, all rows may say
-        less, f = r.without(FOLD), replace(f, spread=size, rung=0)
-        again = less.again(f)
-        told.append((f.x, again.x, stated_errors_beside(less, again), less.d.fitted(less.y)))
-    (all_rows, x, stated, alone), (moved, x2, stated2, alone2) = told
-    assert np.abs(moved - all_rows).max() > 0.1
-    for a, b in ((x, x2), (stated, stated2), (alone, alone2)):
-        assert b == pytest.approx(a, abs=1e-4)
 
 
 # ---- a robot -----------------------------------------------------------------------------------

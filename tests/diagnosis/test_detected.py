@@ -172,16 +172,3 @@ def test_rivals_of_both_formats_are_read():
     old = {"effect": "a", "rivals": ["b", "c"]}
     new = {"effect": "a", "rivals": [{"effect": "b"}, {"effect": "c"}]}
     assert named_by(old) == named_by(new) == ("a", "b", "c")
-
-
-@pytest.mark.sampled
-@pytest.mark.parametrize("degrees", [2.0, 5.0])
-def test_a_tilt_is_named_whatever_its_size(tmp_path, degrees):
-    """A pull that goes with gravity imitates it, and the tool that beside it comes out differs."""
-    angle = np.deg2rad(degrees)
-    recording = simulated(tmp_path / "r.parquet", f"base.tilt:x={angle}", poses(60), 1, ROWS)
-    answer = wb.diagnose(recording).diagnosis.to_json()
-    tilt = answer["which"][0]
-    assert tilt["effect"] == "base.tilt"
-    x = tilt["parameters"]["x"]
-    assert abs(x["value"] - angle) < 4 * x["std"]

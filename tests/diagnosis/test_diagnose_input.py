@@ -201,13 +201,9 @@ def written(recording, path, bad=None, **raw):
 
 
 FILES = {
-    "few poses": (few_poses, {}, "record at least 12"),
     "gravity up": (lambda r: r, {"gravity": list(UP)}, "opposite sign"),
-    "wrong robot": (lambda r: r, {"robot": "medrue"}, "outside its limits"),
     "no tool": (lambda r: r, {"tool": {"mass": 0.0}}, "tool.mass = 0.0 must be above 0 kg"),
     "not a number": (lambda r: r, {"bad": ("fz", 11, np.nan)}, "column 'fz', row 11: nan is not"),
-    "time back": (lambda r: r, {"bad": ("t", 9, 0.0)}, "column 't', row 9"),
-    "no mode": (lambda r: r, {"mode": "still"}, "must be 'static' or 'dynamic'"),
 }
 
 

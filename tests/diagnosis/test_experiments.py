@@ -172,19 +172,6 @@ def test_tilt_and_offset_are_separated_by_moving_joint_one(still):
             assert feasible(UR5, e.plan.q).all()
 
 
-@pytest.mark.slow
-def test_a_second_payload_separates_crosstalk_from_cog_and_nothing_a_mount_from_joint_six(narrow):
-    d, _ = narrow
-    pair = ("joint.offset", "joint 6", 2.6), ("mount.rotation", "about z", 1.0)
-    assert separate(d, candidates(d, *pair)) == ()
-    pair = ("sensor.crosstalk", "torques from forces", 3.0), ("tool.cog", "x, y and z", 1.0)
-    found = separate(d, candidates(d, *pair))
-    payload = next(e for e in found if "payload" in e.action)
-    assert set(payload.separates) == {"sensor.crosstalk", "tool.cog"}
-    assert payload.minutes > 2.0
-    assert not any("rows" in e.action for e in found)
-
-
 def test_poses_are_chosen_where_the_explanations_differ(still):
     d, _ = still
     comparison = Comparison(d, candidates(d, *TILT_OR_OFFSET))

@@ -5,10 +5,9 @@ import pytest
 from scipy.signal import lfilter
 
 import wrenchbed as wb
-from altered import by_name, with_added
+from altered import by_name, with_metadata
 from wrenchbed.calibration.observations import observe
 from wrenchbed.data.holds import gather, parts
-from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.noise import correlation_time
 from wrenchbed.physics.wrench import CHANNELS
@@ -48,6 +47,7 @@ def test_the_last_rows_of_every_pose_are_looked_at(short):
     held, rows = np.unique(part.columns["segment"], return_counts=True)
     assert held.tolist() == [0, 1, 2, 3, 4, 5]
     assert rows.tolist() == [300, 40, 333, 333, 333, 10]
+    assert "in 1,349 of 2,450 rows" in scenes.notes(recording, recording, part)[0]
     for hold in held:
         own = recording.t[recording.columns["segment"] == hold]
         assert part.t[part.columns["segment"] == hold].tolist() == own[-333:].tolist()
@@ -82,33 +82,14 @@ def test_what_is_short_stays_as_it_is():
     assert scenes.notes(recording, recording, recording) == ()
 
 
-@pytest.mark.slow
-def test_rows_of_a_long_recording_are_diagnosed_as_of_a_short_one(short):
-    recording = at_rest(np.full(40, 120), seed=3)
-    told = diagnose(recording).diagnosis
-    assert told.verdict == "none"
-    assert "in 2,000 of 4,800 rows" in told.notes[0]
-    std = recording.metadata.sensor.noise_std[2]
-    louder = 2.0 * std * np.random.default_rng(4).standard_normal((len(recording), 1))
-    told = diagnose(with_added(recording, louder * np.eye(6)[2])).diagnosis
-    assert [w["effect"] for w in told.which] == ["sensor.noise"]
-    found = told.which[0]["parameters"]["std.fz"]
-    assert found["value"] == pytest.approx(2.0 * std, rel=0.1)
-
-
-@pytest.mark.slow
-def test_of_a_long_motion_the_middle_is_diagnosed_and_said_to_be(monkeypatch, tmp_path):
+def test_of_a_long_motion_the_middle_is_diagnosed_and_said_to_be(monkeypatch):
     monkeypatch.setattr(scenes, "MOTION", 1500)
-    robot = wb.load("robots", "ur5")
-    with wb.SimDriver(wb.SimOptions("ur5", seed=5)) as driver:
-        wb.record(driver, wb.multisine(robot, 20.0, 125.0, 1), tmp_path / "m.parquet")
-    recording = wb.Recording.read(tmp_path / "m.parquet")
-    told = diagnose(recording).diagnosis
-    assert told.verdict == "none"
-    spare = (len(recording) - 1500) // 2 / 125.0
-    assert told.notes[0] == (
-        f"of {len(recording):,} rows of motion, 1,500 were diagnosed, from {spare:.0f} s to "
-        f"{spare + 1499 / 125.0:.0f} s: what happens outside it, or over longer times, is not seen"
+    motion = with_metadata(at_rest([2500]), mode="dynamic")
+    middle = scenes.stretch(motion)
+    assert middle.t.tolist() == motion.t[500:2000].tolist()
+    assert scenes.notes(motion, middle, middle) == (
+        "of 2,500 rows of motion, 1,500 were diagnosed, from 4 s to 16 s: what happens outside it, "
+        "or over longer times, is not seen",
     )
 
 

@@ -153,12 +153,3 @@ def test_a_payload_that_leaks_3_percent_steadily_is_a_leak(name):
     rate = lead["parameters"]["rate"]
     assert rate["value"] == pytest.approx(stated, abs=4.0 * rate["std"])
     assert rate["value"] == pytest.approx(stated, rel=0.2)
-
-
-@pytest.mark.slow
-def test_a_clamp_that_creeps_is_a_slide_of_any_course():
-    share = np.linspace(0.0, 1.0, POSES)
-    shift = np.outer(1.0 - np.exp(-6.0 * share), [3e-3, 0.0, -1e-3])
-    found = diagnose(recorded("ur5", cog=shift)).diagnosis
-    assert found.which[0]["effect"] == "tool.slide" and found.which[0]["probability"] > 0.8
-    assert found.which[0]["parameters"]["form"]["value"] == "free"

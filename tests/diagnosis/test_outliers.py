@@ -14,7 +14,6 @@ from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
 from wrenchbed.benchmark.lookalikes import recording as look_alike
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.explain.outliers import Outlier
-from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.planning import choose
 
 POSES, ROWS = 60, 10
@@ -116,15 +115,6 @@ def test_a_second_of_a_motion_that_is_pushed_is_named():
     assert np.mean(~prepared.judged) < 2.5 / 40.0  # hardly more than the second
     looked = prepared.excerpt.t  # the longer run without it
     assert (looked[0], looked[-1]) == pytest.approx((rec.t[0], begin), abs=0.05)
-
-
-@pytest.mark.slow
-def test_a_contact_in_many_poses_is_no_outlier():
-    design = ExperimentDesign.of_plan(choose.poses(UR5, POSES, 3), UR5, samples=ROWS)
-    case = draw(design, 7, "single", "environment.contact", 3.0)
-    told = diagnose(look_alike(design, case)).diagnosis
-    assert not told.outliers
-    assert "environment.contact" in {n for w in told.which for n in named_by(w)}
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,10 @@ from altered import stuck, with_added
 from simulated import UR5_TRUTH, WHITE, static
 from wrenchbed import registry
 from wrenchbed.calibration.observations import Observations, scatter
-from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.prepare import prepare_recording as module
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Prepared, inner_stride, split
 from wrenchbed.effects.scene import Scene
-from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -146,26 +144,11 @@ def test_an_average_is_of_at_least_four_pieces(stride, inner):
     assert inner_stride(stride) == inner
 
 
-def test_noise_of_a_row_is_from_repeats_or_stated_or_refused():
-    data = SimpleNamespace(source="repeats", row_covariance=2.0 * np.eye(6))
-    covariance, source = module._row_noise(SimpleNamespace(name="r"), data, None)
-    assert (covariance == 2.0 * np.eye(6)).all() and source == "repeats"
-    with pytest.raises(DiagnosisError, match="cannot distinguish a gap from noise"):
-        refused = SimpleNamespace(source="residual")
-        module._row_noise(SimpleNamespace(name="r"), refused, None)
-
-
 @pytest.mark.parametrize(("time", "expected"), [(1.0, 0.125), (4.0, 0.5), (20.0, 1.0)])
 def test_rows_with_memory_average_less(monkeypatch, time, expected):
     monkeypatch.setattr(module, "correlation_time", lambda *_: np.full(6, time))
     data = SimpleNamespace(count=np.array([4, 12]))
     assert module._noise_at_rest(None, data) == pytest.approx(np.full(6, expected))
-
-
-def test_noise_in_motion_is_never_below_that_of_a_row(monkeypatch):
-    told = np.array([0.2, 1.0, 1.5, 3.0, 0.9, 1.1])
-    monkeypatch.setattr(module, "noise_in_motion", lambda *_: (np.zeros(6), told))
-    assert module._noise_of_averages(None, 0.008, 4) == pytest.approx([1, 1, 1.5, 3.0, 1, 1.1])
 
 
 def test_rows_of_a_pose_scatter_about_their_mean_and_rows_of_a_motion_do_not():
@@ -242,13 +225,3 @@ def test_noise_that_is_stated_too_small_is_measured_with_a_note():
     assert prepared.source == "repeats"
     assert sigma(prepared) == pytest.approx(np.sqrt(10.0) * WHITE, rel=0.1)
     assert "the measured scatter counts as noise" in prepared.noise_note
-
-
-@pytest.mark.slow
-def test_a_wave_of_30_sigma_beside_frozen_joints_is_not_none():
-    rec = frozen(recorded())
-    wave = 30.0 * WHITE[0] * np.sin(3.0 * rec.columns["q4"])
-    found = diagnose(with_added(rec, wave[:, None] * np.eye(6)[0])).diagnosis
-    assert found.verdict != "none"
-    assert found.probabilities.get("none", 0.0) < 0.1
-    assert any("is stated: it moves together" in note for note in found.notes)

@@ -43,19 +43,6 @@ def no_line(monkeypatch):
     monkeypatch.setattr(row_effects, "line", lambda *_: None)
 
 
-def test_a_count_is_compared_with_what_is_stated_or_left():
-    counted = np.array([3.0, 0, 0, 0, 0, 0])
-    for noise, left, count, expected in (
-        ([0.5] * 6, None, counted, [0.25] * 6),
-        (None, scatter(), counted, [1.0, 4, 4, 4, 4, 4]),
-        (None, scatter(2.5), counted, [7.0, 10, 10, 10, 10, 10]),
-        (None, scatter(), counted + 9.0, [0.04] * 6),  # a hundredth of the scale's square
-    ):
-        assert row_effects._base(recording(noise=noise), left, count) == pytest.approx(expected)
-    for noise in (None, [0.0, 1, 1, 1, 1, 1]):
-        assert row_effects._base(recording(noise=noise), None, counted) is None
-
-
 @pytest.mark.parametrize(("rise", "told"), [(0.44, False), (0.46, True)])
 def test_a_coarse_count_is_told_from_a_rise_of_0_45(rise, told):
     steps = [Step(0.2, 0.001), None, None, Step(0.3, 0.002), None, None]

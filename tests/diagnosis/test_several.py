@@ -1,6 +1,5 @@
 """Several recordings of one robot: exact sums by hand, and robots whose truth is known."""
 
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -12,7 +11,6 @@ from test_diagnose import recorded
 import wrenchbed as wb
 from altered import with_metadata
 from linear_case import dictionary, named, noise, refitter
-from wrenchbed.cli import main
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel, Moments, over_scales
 from wrenchbed.diagnosis.explain.refit import together
 from wrenchbed.diagnosis.explain.shared_numbers import Structure
@@ -164,16 +162,6 @@ def test_two_recordings_of_a_tilted_base_are_one_answer(two):
     assert told["where"][0]["subsystem"] == "base"
     assert [a.effect.name for a in found.diagnosis.twin.active] == ["base.tilt"]
     assert any(n.startswith("b.parquet: 24 poses") for n in found.diagnosis.notes)
-
-
-@pytest.mark.slow
-def test_the_command_line_takes_several(two, capsys):
-    main(["diagnose", str(two / "a.parquet"), str(two / "b.parquet"), "--out", str(two / "out")])
-    assert "a.parquet" in (shown := capsys.readouterr().out) and "b.parquet" in shown
-    told = json.loads((two / "out" / "diagnosis.json").read_text())
-    assert told["recordings"] == ["a.parquet", "b.parquet"]
-    page = (two / "out" / "report.html").read_text()
-    assert "a.parquet" in page and "b.parquet" in page
 
 
 def test_what_the_second_recording_settles_is_said():

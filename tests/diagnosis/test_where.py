@@ -164,14 +164,6 @@ def test_a_hum_is_found_in_its_band_and_its_channel():
     assert not found["frequency 1–2 Hz"].seen and not found["channel tx"].seen
 
 
-def test_shares_of_each_split_add_to_one_at_most():
-    for name, signal in signals(bench("poses")[0]).items():
-        found = locate(*made("poses", 4, signal, 20.0))
-        assert sum(f.share for f in varying(found)) <= 1.0 + 1e-12, name
-        rest = [f.share for f in found if f.variable.startswith("channel")]
-        assert sum(rest) == pytest.approx(1.0)
-
-
 def test_a_residual_without_noise_or_gap_breaks_nothing():
     case, residual = made("poses", 0)
     assert locate(case, residual, 49, 1) == locate(case, residual, 49, 1)
@@ -212,13 +204,6 @@ def test_hints_come_from_one_split():
     loud = [Finding(f"channel {c}", 0.2, 1e-9, f"{c} is loud.") for c in CHANNELS[:3]]
     said = ["only a hint" in e["sentence"] for e in entries([], loud)]
     assert said == [True, False, False]
-
-
-def test_functions_are_averaged_as_readings_are():
-    prepared, _ = bench("motion")
-    x = np.random.default_rng(0).standard_normal((len(prepared.y), 6))
-    turned_back = x @ np.diag(prepared.sigma)
-    np.testing.assert_allclose(prepared.averages(x), prepared.rows(turned_back), atol=1e-9)
 
 
 def test_what_is_seen_beside_none_is_said_to_be_small_not_absent():

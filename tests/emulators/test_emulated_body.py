@@ -91,22 +91,6 @@ def test_hysteresis_reads_a_pose_by_the_way_it_came():
     assert np.abs(first - second).max() > 0.05
 
 
-@pytest.mark.slow
-def test_a_long_campaign_is_forgotten_bit_by_bit(monkeypatch):
-    """Memory stays bounded, and a pose is read as by an emulator that remembers everything."""
-    whole = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
-    poses = whole.robot.sample(8, np.random.default_rng(8))
-    last = [go(whole, q, 1.5, 0.3)[-1] for q in (*poses, *poses)][-1]
-    monkeypatch.setattr("wrenchbed.plant.sensor._REMEMBERED", 90)
-    short = Body(BodyOptions("ur5", noise="off", effects=("sensor.hysteresis",)), CYCLE)
-    kept = []
-    for q in (*poses, *poses):
-        again = go(short, q, 1.5, 0.3)[-1]
-        kept.append(len(short._playback._q))
-    assert max(kept) < 110 < len(whole._playback._q)
-    assert np.abs(again - last).max() < 0.02
-
-
 def test_a_delay_shows_on_the_way_what_was_before():
     late, prompt = (
         Body(BodyOptions("ur5", noise="off", effects=e), CYCLE)
@@ -214,20 +198,6 @@ def test_its_error_is_of_the_documented_size(noise, series, force, torque):
     assert scatter[3:] == pytest.approx(torque / 3.0, rel=0.3)
     slow = found.reshape(40, 100, 6).mean(axis=1).std(axis=0)[:3] * 3.0 / force
     assert (slow > 0.25).all() if noise == "real" else (slow < 0.15).all()
-
-
-def test_its_error_is_not_that_of_the_net_ft():
-    emulator = made(noise="white", box="on")
-    shown, own = [], []
-    for k in range(400):
-        forces(emulator, 1)
-        own.append(emulator.controller.arm.load)
-        shown.append(emulator.plant.readings(np.array([0.008 * (k + 1)]))[0][0])
-    for lag in range(-4, 5):
-        for j in range(3):
-            first, second = (np.array(rows)[:, j] for rows in (shown, own))
-            first, second = first[4 + lag : 396 + lag], second[4:396]
-            assert abs(np.corrcoef(first, second)[0, 1]) < 0.25
 
 
 def test_a_cable_pulls_on_it_in_each_pose_anew():

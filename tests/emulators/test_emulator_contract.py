@@ -111,6 +111,8 @@ def refuses_settings_by_name(kind: Kind, host: str) -> None:
 def refuses_faults_by_name(kind: Kind, host: str) -> None:
     faults = emulated(kind, EmulatorOptions(host, noise="off")).faults
     assert faults.known and all(link and name for link, name in faults.known)
+    with pytest.raises(FaultError, match="dance"):
+        faults.inject(TimedFault(next(iter(faults.known))[0], "dance"))
 
 
 def runs_with_an_effect(kind: Kind, host: str) -> None:

@@ -95,16 +95,6 @@ def motion(tmp_path, rate: float, seconds: float, seed: int, noise: str) -> Reco
     return Recording.read(tmp_path / "rec.parquet")
 
 
-@pytest.mark.slow
-def test_intervals_from_motion_heed_slow_wander(tmp_path):
-    """The Gamma's own noise: batch means widen what its 1/f part makes uncertain."""
-    inside = []
-    for seed in range(8):
-        fit = calibrate(motion(tmp_path, 125.0, 30.0, seed, "real"))
-        inside += [abs(p.value - EXAMPLE[p.name]) <= p.interval95 for p in fit.identified]
-    assert np.mean(inside) > 0.85
-
-
 def with_encoder_noise(rec: Recording, std: float) -> Recording:
     rng = np.random.default_rng(0)
     noisy = {
@@ -128,19 +118,6 @@ def test_a_motion_is_played_at_its_own_rate(tmp_path):
         plan = choose.multisine(driver.robot, 6.0, 125.0, seed=0)
         with pytest.raises(PlanError, match="sampled at 125 Hz, not 250"):
             recording_run.record(driver, plan, tmp_path / "rec.parquet", rate=250.0)
-
-
-@pytest.mark.sampled
-@pytest.mark.parametrize(("robot", "truth"), [("ur5", EXAMPLE), ("medrue", TABLE1)])
-def test_a_campaign_with_real_noise_finds_the_true_robot(tmp_path, robot, truth):
-    with sim_driver(robot, parameters=truth, seed=8) as driver:
-        plan = choose.poses(driver.robot, 60, seed=9)
-        recording_run.record(driver, plan, tmp_path / "rec.parquet", samples=50)
-    fit = calibrate(Recording.read(tmp_path / "rec.parquet"))
-    off = [abs(p.value - truth.get(p.name, p.nominal)) / p.std for p in fit.identified]
-    assert max(off) < 4.5
-    assert np.sqrt(np.mean(np.square(off))) < 1.6
-    assert fit.noise.source == "repeats"
 
 
 def test_an_overloaded_sensor_saturates_and_says_so(tmp_path):

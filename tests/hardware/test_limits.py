@@ -5,7 +5,7 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.errors import LimitError, ParameterError, PlanError
-from wrenchbed.hardware.drivers.base import Applied, as_designed, block_of
+from wrenchbed.hardware.drivers.base import Applied, block_of
 from wrenchbed.robots.motion_limits import (
     Limits,
     duration,
@@ -159,21 +159,3 @@ def test_rows_become_columns_of_their_kind():
     ]  # fmt: skip
     assert Applied(np.zeros(1)).ok
     assert not Applied(None, "too fast").ok
-
-
-@pytest.mark.parametrize("robot", ["ur5", "medrue"])
-def test_a_robot_as_designed_states_its_tool_and_where_its_sensor_sits(robot):
-    robot = registry.load("robots", robot)
-    told = as_designed(
-        robot, source="simulation", mode="static", rate=50.0, gravity=(0.0, 0.0, -9.8),
-        sensor="some", noise_std=np.arange(1.0, 7.0),
-    )  # fmt: skip
-    tool, values = (of(robot.parameters.nominal) for of in (robot.tool, robot.values))
-    assert (told.robot, told.mode, told.rate_hz) == (robot.name, "static", 50.0)
-    assert told.tool.mass == pytest.approx(float(tool.mass))
-    assert told.tool.cog == pytest.approx([float(c) for c in tool.cog])
-    assert told.sensor.noise_std == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
-    assert told.sensor.mass == values["sensor.mass"]
-    on_flange = "mount.position.x" in robot.parameters.names
-    assert told.sensor.pose_flange == ((0, 0, 0, 1, 0, 0, 0) if on_flange else None)
-    assert told.gravity == (0.0, 0.0, -9.8)

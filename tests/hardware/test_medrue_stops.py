@@ -1,8 +1,6 @@
 """Stops of MedRUE's twin, seen by a witness on the bus: what the drives do, not what the driver
 thinks that they do."""
 
-import os
-import signal
 import subprocess
 import sys
 import time
@@ -11,7 +9,6 @@ import numpy as np
 import pytest
 
 from can_witness import Witness, quick_stopped, upload
-from emulator_process import running
 from medrue_bench import HOST, away, options, until
 from wrenchbed.errors import LinkError, StoppedError
 from wrenchbed.hardware.drivers.can import CanDriver
@@ -146,28 +143,3 @@ def test_a_node_that_restarted_is_told_its_periods_again(driver, medrue):
     assert {upload(HOST, 6, index) for index in told} == {0}
     driver.recover(unlock=True)
     assert {index: upload(HOST, 6, index) for index in told} == told
-
-
-@pytest.mark.slow
-def test_a_twin_that_is_killed_and_started_again_is_recovered():
-    host = "127.0.4.6"
-    with running("medrue", host, "--noise", "off") as first:
-        driver = CanDriver(options(host))
-        with driver:
-            motion = moving(driver)
-            os.kill(first.process.pid, signal.SIGKILL)
-            begun = time.monotonic()
-            assert until(lambda: driver.health().state == "lost", 1.0), driver.health()
-            assert time.monotonic() - begun < 0.3
-            with pytest.raises(LinkError, match="CAN bus"):
-                motion.wait()
-            first.process.wait(5)
-            for _ in range(2):
-                with pytest.raises(LinkError, match="no CAN server"):
-                    driver.recover(unlock=True)
-                assert driver.health().state == "lost"
-            with running("medrue", host, "--noise", "off"):
-                driver.recover(unlock=True)
-                assert until(lambda: driver.health().ok, 2.5), driver.health()
-                goal = driver.position() + 0.002
-                assert np.abs(driver.move(goal).wait().q - goal).max() < 1e-3

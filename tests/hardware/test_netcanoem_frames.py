@@ -204,24 +204,6 @@ def test_the_makers_base_takes_drives_targets_for_requests():
     assert one.active == 15 and one.status == 1 << 6
 
 
-def test_commands_to_nodes_12_to_14_reset_the_board_move_it_and_take_it_off_the_bus():
-    one, sent, _ = board(base=0x20)
-    one.active = 2
-    assert rpdo(one, sent, 12, 0x0F) == [] and one.active == 0
-    assert ask(one, sent, 0xF, t=1.05) == []  # it boots
-    assert len(ask(one, sent, 0xF, t=1.2)) == 1
-    one, sent, _ = board(base=0x20)
-    assert rpdo(one, sent, 13, 0x80) == [] and rpdo(one, sent, 13, 0x0F) == [(0xD, b"")]
-    assert len(ask(one, sent, 0xF)) == 1  # not yet
-    one.reset(2.0)
-    assert one.base == 0x0F and len(ask(one, sent, 0xF, t=4.0)) == 1  # for good
-    one, sent, _ = board(base=0x20)  # on a bus of 1 Mbit/s
-    assert rpdo(one, sent, 14, 15) == [(0xE, b"")]
-    assert len(ask(one, sent, 0xF)) == 1 and one.bitrate == 1e6  # not yet
-    one.reset(2.0)
-    assert one.bitrate == 1.25e5 and ask(one, sent, 0xF, t=3.0) == []
-
-
 class Late:
     """A link to a board whose answers come late by more than a question is waited for."""
 

@@ -157,17 +157,6 @@ def test_a_robot_that_nobody_sees_is_braked_and_not_kicked_any_more(control, clo
     assert {"event": "ended"} in control._wire.sent
 
 
-def test_a_target_waits_for_its_time():
-    stream = TargetStream(PERIOD)
-    assert stream.due == math.inf and stream.take(1e9, 0.0) is None
-    stream.add([1.0] * 6, 5.0)
-    stream.add([2.0] * 6, 5.5)
-    assert stream.due == 5.0
-    assert stream.take(4.999, 4.999) is None
-    assert stream.take(5.0, 5.0) == [1.0] * 6
-    assert stream.due == 5.5
-
-
 def test_of_several_that_are_due_the_newest_goes_and_they_do_not_grow_for_ever():
     stream = TargetStream(PERIOD)
     for k in range(5):

@@ -69,16 +69,6 @@ def test_friction_that_fades_after_a_reversal_is_no_hysteresis():
 
 
 @pytest.mark.slow
-def test_an_ordinary_robot_has_no_cause():
-    found = diagnose_efforts(case(seed=31))
-    consistent(found)
-    assert found.diagnosis.verdict == "none"
-    assert (
-        0.8 < found.diagnosis.probabilities["none"] <= 0.85
-    )  # errors of links may imitate a cause
-
-
-@pytest.mark.slow
 def test_a_limited_torque_is_unknown():
     found = diagnose_efforts(case(Gap("clipped", 2, 0.8), seed=32))
     consistent(found)

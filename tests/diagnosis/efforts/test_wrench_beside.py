@@ -71,11 +71,6 @@ def test_what_only_the_sensor_has_is_unknown_and_its_channel_is_said():
     assert (found.where[0]["subsystem"], found.where[0]["detail"]) == ("sensor", "fy")
 
 
-@pytest.mark.slow
-def test_an_ordinary_arm_with_a_sensor_has_no_cause():
-    assert diagnose_efforts(both(), wrench=True).diagnosis.verdict == "none"
-
-
 def test_a_recording_without_a_wrench_says_what_to_do(tmp_path, capsys):
     recording = case(seed=SEED, seconds=SECONDS)
     with pytest.raises(DiagnosisError, match="--channels effort"):
@@ -84,25 +79,3 @@ def test_a_recording_without_a_wrench_says_what_to_do(tmp_path, capsys):
     asked = ["diagnose", str(tmp_path / "rec.parquet"), "--channels", "both"]
     assert main([*asked, "--out", str(tmp_path / "found")]) == 1
     assert "has no wrench" in capsys.readouterr().err
-
-
-@pytest.mark.slow
-def test_a_payload_on_an_arm_without_a_stated_tool_is_named():
-    recording = both(Gap("tool.mass", size=0.5), more=0.5)
-    bare = replace(recording.metadata.tool, mass=0.001, cog=COG)
-    recording = replace(recording, metadata=replace(recording.metadata, tool=bare))
-    found = diagnose_efforts(recording, wrench=True)
-    assert found.diagnosis.which[0]["effect"] == "tool.mass"
-    mass = found.diagnosis.which[0]["parameters"]["mass"]["value"]
-    assert mass == pytest.approx(MASS + 0.5, rel=0.05)
-
-
-@pytest.mark.slow
-def test_the_verb_writes_a_page_of_both(tmp_path, capsys):
-    both(Gap("tool.mass", size=0.5), more=0.5).write(tmp_path / "rec.parquet")
-    asked = ["diagnose", str(tmp_path / "rec.parquet"), "--channels", "both"]
-    assert main([*asked, "--out", str(tmp_path / "found")]) == 0
-    assert "joint efforts and wrench" in capsys.readouterr().out
-    page = (tmp_path / "found" / "report.html").read_text()
-    assert "joint efforts and wrench" in page and "look at the tool" in page
-    assert "tool mass and centre of gravity fitted" not in page
