@@ -6,14 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.benchmark.referee.machine import (
-    Backlash,
-    Hose,
-    LoosePart,
-    Mechanics,
-    Pad,
-    ride,
-)
+from wrenchbed.benchmark.referee.machine import Backlash, Hose, LoosePart, Mechanics, Pad, ride
 from wrenchbed.benchmark.referee.scenario import through
 
 POSES = 6

@@ -48,6 +48,10 @@ def test_a_sound_recording_is_published_however_it_was_recorded(base):
     [
         ("wrench -1 rows late", "oriented", "the wrench is early"),
         ("low-passed, 0.2", "oriented", "a wrench that is late or filtered"),
+        ("wrench 1 rows late", "oriented", "Leave out the first 1 rows of each pose"),
+        ("wrench 2 rows late", "oriented", "Leave out the first 2 rows of each pose"),
+        ("low-passed, 0.6", "oriented", "those of the move before"),
+        ("5 % lost", "oriented", "all channels are exactly 0"),
         ("10 rows lost twice", "oriented", "all channels are exactly 0"),
         ("5 % of fz lost", "oriented", "column 'fz' is exactly 0 in"),
         ("time × 0.95, rate too", "motion", "a clock of another rate"),

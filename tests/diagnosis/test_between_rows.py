@@ -29,9 +29,9 @@ def static(robot=ROBOT, poses=80, seed=3):
 
 
 def dynamic():
-    """A minute of a slow multisine."""
+    """Half a minute of a slow multisine."""
     rng = np.random.default_rng(4)
-    t = np.arange(7500) / 125.0
+    t = np.arange(3750) / 125.0
     q = np.tile([0.0, -1.2, 1.2, -1.5, -1.5, 0.0], (len(t), 1))
     for j in range(6):
         for f in (0.05, 0.1, 0.15, 0.25):
@@ -75,7 +75,7 @@ def stale_rows(rec, share):
 @pytest.mark.parametrize("mode", DESIGNS)
 @pytest.mark.parametrize("kind", ["none", "single"])
 def test_nothing_is_claimed_without_a_cause_between_rows(mode, kind):
-    for seed in range(40, 60) if mode == "static" else range(52, 60):
+    for seed in range(40, 48) if mode == "static" else range(52, 56):
         case = draw(DESIGNS[mode], seed, kind)
         if not set(case.causes) & set(EFFECTS):
             assert row_effects(recording(DESIGNS[mode], case)) == (), (seed, case.causes)

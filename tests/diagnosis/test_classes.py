@@ -121,12 +121,8 @@ def swapped(arms, kind, seed):
         np.testing.assert_allclose(*chances, atol=0.02)
 
 
-@pytest.mark.parametrize(
-    ("kind", "seed"),
-    [("parallel joints", 1), ("mount and last joint", 2), ("two lengths in line", 3)],
-)
-def test_a_class_is_the_same_whichever_member_is_wrong(arms, kind, seed):
-    swapped(arms, kind, seed)
+def test_a_class_is_the_same_whichever_member_is_wrong(arms):
+    swapped(arms, "mount and last joint", 2)
 
 
 @pytest.mark.slow

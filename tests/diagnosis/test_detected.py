@@ -54,8 +54,13 @@ def spring(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def answer(spring):
-    return wb.diagnose(spring).diagnosis.to_json()
+def findings(spring):
+    return wb.diagnose(spring)
+
+
+@pytest.fixture(scope="module")
+def answer(findings):
+    return findings.diagnosis.to_json()
 
 
 def stiffness(entry):
@@ -71,14 +76,13 @@ def test_a_small_cause_is_detected_below_what_counts(answer):
     assert abs(value["value"] - STIFFNESS) < 3 * value["std"] < 0.5 * STIFFNESS
 
 
-def test_it_is_listed_beside_a_gap_that_the_evidence_does_not_see(spring):
+def test_it_is_listed_beside_a_gap_that_the_evidence_does_not_see(findings):
     """Noise that channels share can make a gap larger than evidence, which leaves that out."""
-    found = wb.diagnose(spring)
-    beside = withdrawn(found.verdict, UNKNOWN)
-    (small,) = minor(found.analysis, beside, 1.0)
+    (small,) = minor(findings.analysis, withdrawn(findings.verdict, UNKNOWN), 1.0)
     assert small["effect"] == "joint.compliance" and small["probability"] > 0.9
 
 
+@pytest.mark.slow
 def test_a_small_cause_is_of_one_class_with_what_imitates_it(tmp_path):
     recording = simulated(tmp_path / "r.parquet", "base.tilt:x=0.0016", poses(60), 2, ROWS)
     answer = wb.diagnose(recording).diagnosis.to_json()

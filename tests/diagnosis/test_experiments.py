@@ -127,7 +127,7 @@ def test_narrow_orientations_show_less(wide, narrow):
 
 
 def test_a_motion_shows_timing():
-    d = dictionary(multisine(UR5, 8.0, 60.0, 1))
+    d = dictionary(multisine(UR5, 6.0, 50.0, 1))
     delay = shown(d, Similarity(d))["timing.delay"]
     assert delay.detectable and delay.size["delay"][1] == "s"
     assert not any("timing.delay cannot" in text for text in cannot_tell(d))
@@ -200,6 +200,7 @@ def test_columns_of_a_contest_are_those_of_the_dictionary(wide):
     assert separate(d, pair[:1]) == ()  # one explanation needs no experiment
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "kernel, word",
     [("joint 3", "sweep joint q3"), ("direction", "both sides"), ("time", "return to the first")],

@@ -56,7 +56,7 @@ def test_twelve_poses_of_a_sensor_that_bends_are_no_three_causes(seed):
         assert set(named_by(w)) & {"sensor.nonlinearity", "sensor.gain"}
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("level", [0.01, 0.02, 0.03])
 def test_a_small_gap_names_nothing_whatever_the_stated_noise(level):
     """Single rows, so that only the statement tells the noise; a real noise of 0.02 of it."""

@@ -101,6 +101,7 @@ def test_the_hammers_blows_are_told_from_the_arms_own_trembling(runs):
     assert "4 blows" in told[2]
 
 
+@pytest.mark.slow
 def test_the_hand_on_the_tool_is_rejected_as_contact(runs):
     found = runs(3).diagnosis
     assert found.verdict == "identified"

@@ -9,11 +9,12 @@ import pytest
 from linear_case import Named, dictionary, noise
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
-from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
+from wrenchbed.diagnosis.evidence.dictionary import Hypothesis, build
 from wrenchbed.diagnosis.evidence.search import Searcher
+from wrenchbed.diagnosis.explain import structures
 from wrenchbed.diagnosis.explain.finalist import Variables
 from wrenchbed.diagnosis.explain.refit import Refitter
-from wrenchbed.diagnosis.explain.structures import analyse
+from wrenchbed.diagnosis.prepare.baseline import calibrate
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.base import Variant
 from wrenchbed.physics.parameters import Parameter
@@ -126,10 +127,14 @@ def test_the_linearised_data_is_what_is_left_and_what_the_slopes_make():
 
 
 @pytest.fixture(scope="module")
-def analysis():
+def refitter():
+    """Without the search."""
     robot = registry.load("robots", "ur5")
     design = ExperimentDesign.of_plan(poses(robot, 30, 3), robot)
-    return analyse(prepare(recording(design, draw(design, 4, "single", "sensor.drift"))))
+    prepared = prepare(recording(design, draw(design, 4, "single", "sensor.drift")))
+    baseline = calibrate(prepared)
+    d = build(prepared, baseline.robot_theta, baseline.tolerance)
+    return Refitter(Searcher(d), structures.case(d, prepared, baseline))
 
 
 def shaped(hypotheses, name):
@@ -148,10 +153,10 @@ def shaped(hypotheses, name):
         ("sensor.crosstalk", "sensor.jump"),  # mixes channels: not at once
     ],
 )
-def test_slopes_of_several_channels(monkeypatch, analysis, names):
+def test_slopes_of_several_channels(monkeypatch, refitter, names):
     """At once they are those of one after the other, with fewer responses."""
-    parts = tuple(shaped(analysis.dictionary.hypotheses, name) for name in names)
-    r, asked = analysis.refitter, []
+    parts = tuple(shaped(refitter.d.hypotheses, name) for name in names)
+    r, asked = refitter, []
     x = r.start(parts)
     x = np.where(x == 0.0, np.random.default_rng(1).uniform(0.5, 2.0, len(x)), x)
     f, respond = r.response(parts, x), r.response

@@ -24,10 +24,9 @@ def without(recording: Recording, *columns: str) -> Recording:
     return Recording(recording.metadata, kept, recording.name)
 
 
-@pytest.mark.parametrize(
-    ("joint", "seed"),
-    [(3, 0), *(pytest.param(j, s, marks=pytest.mark.slow) for j in (2, 3, 4) for s in (1, 2))],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("joint", [2, 3, 4])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_zeros_of_parallel_joints_are_told_apart(joint, seed):
     recording = without(with_zero_off(joint).recording(seed), "ax", "ay", "az")
     found = diagnose(recording).diagnosis
@@ -65,10 +64,9 @@ def test_what_counts_is_stated_by_unit_for_every_set_of_channels():
     assert alone.sigma == pytest.approx([1e-4] * 3)
 
 
-@pytest.mark.parametrize(
-    ("joint", "seed"),
-    [(3, 0), *(pytest.param(j, s, marks=pytest.mark.slow) for j in (2, 4, 5) for s in (1, 2))],
-)
+@pytest.mark.sampled
+@pytest.mark.parametrize("joint", [3, 2, 4, 5])
+@pytest.mark.parametrize("seed", [0, 1])
 def test_a_tracker_alone_names_the_joint(joint, seed):
     found = diagnose(tracker_alone(with_zero_off(joint), seed)).diagnosis
     assert [w["effect"] for w in found.which] == ["joint.offset"]
@@ -115,6 +113,7 @@ def one_wrong(row, column, size):
 SPRUNG = TrackedUr5(give=(0.0, 1 / 2e4, 0.0, 0.0, 0.0, 0.0))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("arm", "effect", "element", "parameter", "truth"),
     [
@@ -132,18 +131,17 @@ def test_what_moves_the_arm_is_named_by_element(arm, effect, element, parameter,
     assert found.gap.closed.low > 0.98
 
 
-@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.sampled
+@pytest.mark.parametrize("seed", [0, 1])
 def test_an_arm_that_was_never_calibrated_is_off_in_zeros_and_geometry(seed):
     found = diagnose(TrackedUr5.anyhow(np.random.default_rng(seed)).recording(seed)).diagnosis
     assert {w["effect"] for w in found.which} == {"joint.offset", "link.length"}
     assert found.gap.closed.low > 0.99
 
 
-@pytest.mark.parametrize(
-    ("joint", "tracker_first"),
-    [(3, False), *(pytest.param(j, first, marks=pytest.mark.slow)
-                   for j in (2, 4) for first in (False, True))],
-)  # fmt: skip
+@pytest.mark.sampled
+@pytest.mark.parametrize("joint", [3, 2, 4])
+@pytest.mark.parametrize("tracker_first", [False, True])
 def test_a_wrench_and_a_tracker_of_two_days_tell_parallel_joints_apart(joint, tracker_first):
     arm, wrong = with_zero_off(joint), np.zeros((4, 6))
     wrong[0] = arm.offset

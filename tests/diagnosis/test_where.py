@@ -102,7 +102,8 @@ def varying(findings):
     return [f for f in findings if not f.variable.startswith(("channel", "frequency"))]
 
 
-@pytest.mark.parametrize("kind", ["normal", "memory", "heavy"])
+@pytest.mark.sampled
+@pytest.mark.parametrize("kind", ["memory", "normal", "heavy"])
 def test_noise_with_memory_is_no_finding_in_motion(kind):
     alarms = sum(
         any(f.seen for f in locate(*made("motion", seed, kind=kind), 99, seed)) for seed in range(6)
@@ -114,14 +115,14 @@ def test_p_values_of_noise_are_even():
     prepared, _ = bench("poses")
     parts = partitions(prepared)
     alone, loud = [], []
-    for seed in range(120):
+    for seed in range(60):
         case, residual = made("poses", 1000 + seed, kind=("normal", "heavy")[seed % 2])
         alone.append(family_wise(parts, residual, case.block_rows, 99, seed)[1])
         covariance = where.autocovariance(case)
         loud.append(where.channels(case, residual, covariance, CHANNELS).p_value)
     for p_value in (*np.transpose(alone), *np.transpose(loud)):
         assert kstest(p_value, "uniform").pvalue > 1e-4
-        assert (p_value < 0.05).mean() < 0.13
+        assert (p_value < 0.05).mean() < 0.17
 
 
 @pytest.mark.parametrize(

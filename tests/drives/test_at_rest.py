@@ -59,7 +59,7 @@ def test_currents_tell_drive_constants_and_load():
 @pytest.mark.parametrize("arm", ["ur5", "iiwa"])
 def test_intervals_hold(arm, wrong, iiwa, request):
     """A few cases; all of them in the study."""
-    held = cases(arm, wrong, iiwa, range(6))
+    held = cases(arm, wrong, iiwa, range(4))
     assert held.max() < 4.0 and np.sqrt(np.mean(held**2)) < 1.5
 
 
@@ -90,8 +90,9 @@ def test_many_rows_a_pose_tell_what_their_means_tell():
     assert [a[n].std for n in TOOL] == pytest.approx([b[n].std for n in TOOL], rel=1e-9)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("seed", range(3))
-@pytest.mark.parametrize("fault", ["gain", "zero", "joint"])
+@pytest.mark.parametrize("fault", ["zero", "gain", "joint"])
 def test_one_fault_beside_the_load_widens_its_interval(fault, seed, iiwa):
     """A torque sensor's gain off by 10 %, its zero by 5 N·m, a joint's zero by 1°."""
     load, joint = random_load(seed), 1 + seed

@@ -52,8 +52,8 @@ def test_half_more_friction_of_medrue_is_diagnosed_beside_a_healthy_fit(
 
 def settled(robot, cycle, q, **more):
     body = Body(BodyOptions(robot.name, noise="off", **more), cycle, drives=True)
-    for k in range(900):
-        body.step(robot.home + min(1.0, k / 600) * (q - robot.home))
+    for k in range(600):
+        body.step(robot.home + min(1.0, k / 400) * (q - robot.home))
     return body
 
 
@@ -77,7 +77,7 @@ def test_a_motion_needs_the_torques_of_inverse_dynamics_and_faults(robot, cycle)
     bodies = [Body(BodyOptions(robot.name, noise="off", effects=e), cycle, drives=True)
               for e in ((), fault[:1])]  # fmt: skip
     swing, rows = np.full(len(robot.joints), 0.05), []
-    for k in range(900):
+    for k in range(600):
         t = k * cycle
         for body in bodies:
             body.step(robot.home + swing * (1.0 - np.cos(4.0 * t)))
@@ -87,7 +87,7 @@ def test_a_motion_needs_the_torques_of_inverse_dynamics_and_faults(robot, cycle)
     moving = Jet(q, speed, np.gradient(speed, cycle, axis=0, edge_order=2))
     train = DriveTrain(robot, robot.parameters.nominal, robot.gravity)
     expected = train.torques(np.arange(len(q)) * cycle, moving)
-    late = slice(300, 880)
+    late = slice(300, 580)
     quick = (np.abs(speed) > 0.02)[late]
     off = np.abs(plain - expected)[late]
     assert np.where(quick, off, 0.0).max() < 0.02 * np.abs(expected[late]).max()

@@ -32,7 +32,8 @@ TRUE = {"drive.coulomb.2": 9.0, "drive.viscous.3": 3.0, "drive.inertia.1": 0.25,
         "drive.offset.4": 0.4, "tool.mass": 1.7}  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", ["torque", "current"])
+@pytest.mark.sampled
+@pytest.mark.parametrize("kind", ["current", "torque"])
 def test_a_fit_finds_the_true_drives(tmp_path, kind):
     rec = simulated(tmp_path, seconds=60.0, effort=kind, parameters=TRUE)
     prefix, gain = ("tau", np.ones(6)) if kind == "torque" else ("i", (12.6,) * 3 + (9.3,) * 3)

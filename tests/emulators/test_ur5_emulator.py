@@ -151,25 +151,6 @@ def test_streams(cb3):
 
 @pytest.mark.slow
 @alone
-def test_a_streamed_target_moves_the_robots_own_within_two_cycles(cb3):
-    with controlling(CB3) as arm, Client(CB3) as client:
-        client.stream("target_q")
-        assert arm.moveJ(HOME.tolist(), 3.0, 10.0)
-        goal, took = np.array(client.newest()), []
-        for k in range(40):
-            goal = goal + (0.002 if k % 2 else -0.002)
-            before = np.array(client.newest())
-            called = time.monotonic()
-            assert arm.servoJ(goal.tolist(), 0, 0, 0.008, 0.03, 2000)
-            client.until(lambda s, at=before: np.abs(np.array(s) - at).max() > 5e-5, 1.0)
-            took.append(time.monotonic() - called)
-            time.sleep(0.15)  # until it has arrived
-        assert arm.servoStop()
-        assert np.median(took) <= 0.016, sorted(took)
-
-
-@pytest.mark.slow
-@alone
 def test_force_mode_presses_with_its_force(cb3):
     with controlling(CB3) as arm, receiving(CB3) as robot:
         assert arm.moveJ_IK(PRESS.tolist(), 3.0, 8.0)

@@ -10,14 +10,7 @@ from can_servos import BEAT, GUARDS, Bus, Sensor, Servo, T
 from medrue_bench import until
 from wrenchbed.errors import DriverError, LinkError
 from wrenchbed.hardware import device
-from wrenchbed.hardware.drivers.can import (
-    CanDriver,
-    CanOptions,
-    cycle,
-    driver,
-    network,
-    options,
-)
+from wrenchbed.hardware.drivers.can import CanDriver, CanOptions, cycle, driver, network, options
 from wrenchbed.hardware.drivers.can.cycle import REST_S
 from wrenchbed.hardware.drivers.can.options import HEARTBEAT_S
 

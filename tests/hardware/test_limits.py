@@ -6,12 +6,7 @@ import pytest
 from wrenchbed import registry
 from wrenchbed.errors import LimitError, ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Applied, block_of
-from wrenchbed.robots.motion_limits import (
-    Limits,
-    duration,
-    minimum_jerk,
-    straight,
-)
+from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk, straight
 
 UR5 = registry.load("robots", "ur5")
 HOME = np.asarray(UR5.home, dtype=float)

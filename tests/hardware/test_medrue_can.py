@@ -13,26 +13,6 @@ from wrenchbed.robots.motion_limits import Limits
 pytestmark = pytest.mark.wire
 
 
-def test_a_stream_follows_and_none_of_its_targets_is_clipped(driver):
-    begin = driver.position()
-    t = np.arange(60) / 100.0
-    targets = begin + 0.005 * np.sin(np.pi * t / 0.6)[:, None] ** 2 * np.ones(6)
-    rows = list(driver.track(targets, 100.0))
-    q = np.concatenate([np.stack([b[f"q{j + 1}"] for j in range(6)], -1) for b in rows])
-    assert len(q) == 60
-    assert np.abs(q.max(axis=0) - begin - 0.005).max() < 1e-3
-    assert driver.health().counters["arm clipped"] == 0
-
-
-def test_a_soft_stop_ends_at_rest_and_the_next_move_goes_on(driver):
-    motion = driver.move(away(driver))
-    time.sleep(0.3)
-    driver.stop("soft")
-    assert until(lambda: np.abs(driver.read().qd).max() < 2e-3)
-    motion.cancel()
-    assert driver.move(driver.position()).wait().duration < 3.0
-
-
 def test_too_much_force_stops_hard(medrue):
     with CanDriver(options(limits=Limits(speed=0.25, force=1.0))) as driver:
         with pytest.raises(LimitError, match="above the limit"):

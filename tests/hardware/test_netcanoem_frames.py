@@ -14,13 +14,7 @@ from wrenchbed import registry
 from wrenchbed.errors import DriverError
 from wrenchbed.hardware.drivers.can import board as reader
 from wrenchbed.hardware.drivers.can.board import in_si
-from wrenchbed.hardware.drivers.can.frames import (
-    PATIENCE_S,
-    Pairs,
-    Reply,
-    faults,
-    parse,
-)
+from wrenchbed.hardware.drivers.can.frames import PATIENCE_S, Pairs, Reply, faults, parse
 
 EVEN = Reply(0, (0, 1, 3, 5))
 ODD = Reply(1, (2, 4, 6))

@@ -15,19 +15,6 @@ pytest.importorskip("rtde_control")
 pytestmark = pytest.mark.wire
 
 
-@pytest.mark.slow
-def test_a_move_arrives_and_keeps_to_its_speed(bench, link):
-    begun = time.monotonic()
-    for goal in (B, A):
-        reached = link.move(goal).wait()
-        assert reached.q == pytest.approx(goal, abs=5e-4)
-    rows = [(t, q) for t, q in bench.observer.rows if t > begun]
-    t, q = (np.array(x) for x in zip(*rows, strict=True))
-    wide = 8
-    speed = np.abs(q[wide:] - q[:-wide]) / (t[wide:] - t[:-wide])[:, None]
-    assert 0.4 < np.median(np.sort(speed.max(axis=1))[-20:]) < 1.15 * 0.3 * np.pi
-
-
 @pytest.mark.sampled
 @pytest.mark.parametrize("kind", ["soft", "hard"])
 def test_a_stop_brings_it_to_rest_and_the_next_move_works(bench, link, kind):

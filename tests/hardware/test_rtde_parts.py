@@ -229,8 +229,7 @@ def test_a_protective_stop_is_unlocked_after_five_seconds_and_its_program_ended(
 
 
 @pytest.mark.parametrize(
-    "answer",
-    [b"\x00\x01V", b"\xff\xffV" * 3, b"\x00\x04V\x00", b"\x00\x04Q\x01", b"\x00", b""],
+    "answer", [b"\x00\x01V", b"\xff\xffV" * 3, b"\x00\x04V\x00", b"\x00\x04Q\x01", b"\x00", b""]
 )
 def test_a_controller_that_answers_nonsense_is_refused(answer):
     def serve(link):

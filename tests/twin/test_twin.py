@@ -213,10 +213,7 @@ BAD = {
     "parameter": (lambda r: r["effects"][0]["parameters"].update(k=1.0), "effects[0].effect"),
     "text": (lambda r: r["effects"][0]["parameters"].update({"compliance.q1": "a"}), "effects[0]"),
     "effects": (lambda r: r.update(effects={}), "effects = {} must be a list"),
-    "gravity": (
-        lambda r: r.update(gravity=[0.0, 1.0]),
-        "gravity = [0.0, 1.0] must be 3 numbers",
-    ),
+    "gravity": (lambda r: r.update(gravity=[0.0, 1.0]), "gravity = [0.0, 1.0] must be 3 numbers"),
     "tool": (lambda r: r["tool"].update(mass=2.0), "tool.mass = 2.0 contradicts theta"),
     "unknown": (lambda r: r.update(efects=[]), "there is no field efects"),
     "recording": (lambda r: r.update(recording=3), "recording = 3 must be a name"),
