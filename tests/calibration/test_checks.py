@@ -1,14 +1,17 @@
-"""Broken recordings: each is refused by its true reason, or its values hold the truth."""
+"""Broken recordings: each is refused by its true reason, or its intervals hold the truth."""
 
 import numpy as np
 import pytest
 
-from altered import with_wrench
+from altered import with_rows, with_wrench
 from corrupted import CORRUPTIONS
 from simulated import WHITE, static
 from sound import BASES, good
+from subtle import SUBTLE
+from wrenchbed.calibration import calibrate as calibration
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.calibration.checks.finding import REASONS
+from wrenchbed.calibration.checks.rows_of_poses import contradicted
 from wrenchbed.calibration.trust import check
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
@@ -144,3 +147,98 @@ def test_a_zero_that_medrue_does_not_free_is_refused_and_can_be_freed():
 def test_a_tared_medrue_that_wanders_is_not_refused(seed):
     rec = static("medrue", {}, poses=80, samples=30, noise=WHITE, wander=3.0, seed=seed)
     assert calibrate(rec).refuted is None
+
+
+GOOD = good("oriented", 3)
+SOUND, MASS = GOOD.recording, GOOD.truth["tool.mass"]
+
+
+def broken_by(name):
+    return SUBTLE[name].make(GOOD, "oriented", np.random.default_rng(1)).recording
+
+
+def test_a_sound_fit_keeps_its_intervals(monkeypatch):
+    with_suspects = calibrate(SOUND)
+    monkeypatch.setattr(calibration, "allowed_for", lambda _, outcome: (outcome, None))
+    assert calibrate(SOUND).covariance == pytest.approx(with_suspects.covariance, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["gain of fx +5 %", "gain of fz +5 %"])
+def test_a_small_gain_is_held_by_the_interval(monkeypatch, name):
+    broken = broken_by(name)
+    fit = calibrate(broken)
+    assert abs(fit["tool.mass"].value - MASS) < 3.0 * fit["tool.mass"].std
+    monkeypatch.setattr(calibration, "allowed_for", lambda _, outcome: (outcome, None))
+    narrow = calibrate(broken)
+    assert narrow["tool.mass"].value == fit["tool.mass"].value
+    assert abs(narrow["tool.mass"].value - MASS) > 5.0 * narrow["tool.mass"].std
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("gain of fz +20 %", "a wrong gain of fz"),
+        ("gain of tx +20 %", "a wrong gain of tx"),
+        ("crosstalk of fz in fx, 5 %", "a crosstalk of fz in fx"),
+    ],
+)
+def test_a_large_fault_is_refused_by_its_name(name, words):
+    broken = broken_by(name)
+    with pytest.raises(CalibrationError) as caught:
+        calibrate(broken)
+    assert words in str(caught.value) and "explains most" in str(caught.value)
+    forced = calibrate(broken, CalibrationOptions(force=True))
+    assert words in str(forced.refuted)
+    assert abs(forced["tool.mass"].value - MASS) < 5.0 * forced["tool.mass"].std
+
+
+@pytest.mark.parametrize("rows", [1, 2])
+def test_the_remedy_for_a_late_wrench_works(rows):
+    broken = broken_by(f"wrench {rows} rows late")
+    segment = broken.columns["segment"]
+    place = np.arange(len(broken)) - np.searchsorted(segment, segment)
+    fit = calibrate(with_rows(broken, place >= rows))
+    assert abs(fit["tool.mass"].value - MASS) < 4.0 * fit["tool.mass"].std
+
+
+def test_few_rows_a_pose_and_noiseless_rows_contradict_nothing():
+    keep, count = np.ones(len(SOUND), dtype=bool), np.full(len(SOUND) // 2, 2)
+    assert contradicted(SOUND, keep, count) is None
+
+
+def test_coarse_steps_of_a_sensor_contradict_nothing():
+    steps = np.array([0.4, 0.4, 0.8, 0.02, 0.02, 0.02])  # some eight times the noise
+    coarse = with_wrench(SOUND, np.round(SOUND.wrench / steps) * steps)
+    _, count = np.unique(coarse.columns["segment"], return_counts=True)
+    assert contradicted(coarse, np.ones(len(coarse), dtype=bool), count) is None
+
+
+@pytest.mark.parametrize(
+    ("name", "base", "words"),
+    [
+        ("wrench -1 rows late", "oriented", "the wrench is early"),
+        ("low-passed, 0.2", "oriented", "a wrench that is late or filtered"),
+        ("wrench 1 rows late", "oriented", "Leave out the first 1 rows of each pose"),
+        ("wrench 2 rows late", "oriented", "Leave out the first 2 rows of each pose"),
+        ("low-passed, 0.6", "oriented", "those of the move before"),
+        ("5 % lost", "oriented", "all channels are exactly 0"),
+        ("10 rows lost twice", "oriented", "all channels are exactly 0"),
+        ("5 % of fz lost", "oriented", "column 'fz' is exactly 0 in"),
+        ("time × 0.95, rate too", "motion", "a clock of another rate"),
+        ("drift of 30 rows' noise", "motion", "a zero that drifts"),
+        ("q3 off by 3°", "ur5", "a wrong zero of q3"),
+    ],
+)
+def test_a_refusal_names_the_fault(name, base, words):
+    broken = SUBTLE[name].make(good(base, 33), base, np.random.default_rng(33))
+    with pytest.raises(WrenchbedError) as caught:
+        calibrate(broken.recording)
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize("name", ["gain of fx +5 %", "gain of fx +10 %"])
+def test_an_interval_holds_what_each_of_the_faults_that_explain_alike_would_move(name):
+    """A gain of fx in a narrow motion looks like faults that move other values."""
+    rng = np.random.default_rng([902, sum(map(ord, name)), 77])  # as scripts/corruptions draws it
+    broken = SUBTLE[name].make(good("motion", 902), "motion", rng)
+    assert far(calibrate(broken.recording), broken.truth) < 3.0

@@ -52,8 +52,8 @@ def test_half_more_friction_of_medrue_is_diagnosed_beside_a_healthy_fit(
 
 def settled(robot, cycle, q, **more):
     body = Body(BodyOptions(robot.name, noise="off", **more), cycle, drives=True)
-    for k in range(600):
-        body.step(robot.home + min(1.0, k / 400) * (q - robot.home))
+    for k in range(900):
+        body.step(robot.home + min(1.0, k / 600) * (q - robot.home))
     return body
 
 

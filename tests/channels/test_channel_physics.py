@@ -1,0 +1,193 @@
+"""Channels against MuJoCo and plain numpy, and when an accelerometer cannot be compared."""
+
+import arm_torques as arm
+import mujoco
+import numpy as np
+import pytest
+
+from iiwa import IIWA
+from plain_ur5 import GRAVITY, flange, poses, turned
+from wrenchbed import registry
+from wrenchbed.channels.held import held, ways
+from wrenchbed.channels.own_noise import own_noise
+from wrenchbed.channels.response import readings
+from wrenchbed.data.metadata import parse
+from wrenchbed.data.recording import Recording
+from wrenchbed.effects.chain import ActiveEffect, EffectChain
+from wrenchbed.effects.scene import Scene
+from wrenchbed.hardware.drivers.sim import Tracker
+from wrenchbed.physics.time_derivatives import Jet, value
+from wrenchbed.twin.twin import nominal
+
+UR5 = registry.load("robots", "ur5")
+ACCELEROMETER, EFFORT, POSE = (
+    registry.load("channels", name) for name in ("accelerometer", "effort", "pose")
+)
+ARMS = pytest.mark.parametrize("robot", [UR5, IIWA], ids=["ur5", "iiwa14"])
+Q = poses(30, np.random.default_rng(0))
+ASKEW = np.array([0.7, -0.4, -9.7])
+"""Gravity in the base [m/s²]."""
+
+
+def scene(robot, q, gravity=None):
+    rows, t = np.ones(len(q), dtype=bool), np.arange(float(len(q)))
+    gravity = np.array(robot.gravity) if gravity is None else gravity
+    return Scene(robot, robot.parameters.nominal, gravity, q, t, rows)
+
+
+def test_it_reads_gravity_in_its_own_axes():
+    rotation = np.array([flange(q)[:3, :3] for q in Q])
+    rng = np.random.default_rng(1)
+    gain, zero = rng.standard_normal((3, 3)), rng.standard_normal(3)
+    fitted = ACCELEROMETER.fitted(GRAVITY @ rotation @ gain + zero, scene(UR5, Q))
+    assert fitted.gain == pytest.approx(gain) and fitted.zero == pytest.approx(zero)
+    tilt = ActiveEffect.of(UR5, "base.tilt", {"x": 0.02, "y": -0.03})
+    seen = turned(np.array([0.02, -0.03, 0.0])) @ GRAVITY @ rotation
+    assert readings((fitted,), scene(UR5, Q), [tilt]) == pytest.approx(seen @ gain + zero)
+
+
+def test_poses_that_turn_gravity_too_little_determine_no_mounting():
+    same = np.repeat(Q[:1], 20, axis=0)
+    about_gravity = same + np.eye(6)[0] * np.linspace(0.0, 3.0, 20)[:, None]
+    for q in (same, about_gravity):
+        read = readings((ACCELEROMETER,), scene(UR5, q))
+        assert ACCELEROMETER.fitted(read + 1e-3, scene(UR5, q)) is None
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_its_own_noise_is_what_no_effect_explains(seed):
+    """White noise of 0.01, nuisance, and effects ten and no times as large."""
+    rng = np.random.default_rng(seed)
+    nuisance, columns = rng.standard_normal((150, 12)), rng.standard_normal((150, 40))
+    noise = 0.01 * rng.standard_normal(150)
+    away = nuisance @ rng.standard_normal(12)
+    for size in (0.0, 0.1):
+        one = columns[:, 0] * size
+        assert own_noise(one + away + noise, nuisance, columns) == pytest.approx(0.01, rel=0.35)
+
+
+def test_readings_that_nuisance_fits_exactly_have_no_noise_of_their_own():
+    assert own_noise(np.ones(4), np.eye(4), np.zeros((4, 2))) == 0.0
+
+
+def askew(robot):
+    return scene(robot, robot.sample(30, np.random.default_rng(0)), ASKEW)
+
+
+def channel_of(robot):
+    names = [f"{n}{j + 1}" for n in ("q", "tau") for j in range(len(robot.joints))]
+    columns = dict.fromkeys(("t", *names), np.arange(3.0))
+    metadata = parse({"format": 1, "robot": robot.name, "source": "x", "mode": "static"}, "x")
+    recording = Recording(metadata, columns, "x")
+    assert EFFORT.applies(recording)
+    return EFFORT.of(recording)
+
+
+def at_rest(robot, q, gravity=ASKEW, theta=None, edit=lambda model: None):
+    """MuJoCo's torques (N, J)."""
+    theta = robot.parameters.nominal if theta is None else theta
+    return arm.inverse(robot, theta, Jet(q, 0.0 * q, 0.0 * q), gravity, edit)
+
+
+def read(robot, *effects):
+    active = [ActiveEffect.of(robot, name, values) for name, values in effects]
+    return readings((channel_of(robot),), askew(robot), active)
+
+
+@ARMS
+def test_weight_of_the_arm_and_its_tool_is_mujocos(robot):
+    assert np.abs(read(robot) - at_rest(robot, askew(robot).q)).max() < 1e-9
+
+
+@ARMS
+def test_effects_that_move_the_arm_or_its_tool_show_in_it(robot):
+    q, nominal = askew(robot).q, robot.parameters.nominal
+    offset = read(robot, ("joint.offset", {"joint": 3, "offset": 0.02}))
+    assert np.abs(offset - at_rest(robot, q + 0.02 * np.eye(q.shape[1])[2])).max() < 1e-9
+    tilt = read(robot, ("base.tilt", {"x": 0.02, "y": -0.03}))
+    down = ASKEW @ turned(np.array([-0.02, 0.03, 0.0]))
+    assert np.abs(tilt - at_rest(robot, q, down)).max() < 1e-9
+    tool = robot.tool(nominal)
+    heavier = robot.theta_of_tool(nominal, float(tool.mass) + 0.4, list(tool.cog))
+    loaded = at_rest(robot, q, theta=heavier)
+    assert np.abs(read(robot, ("tool.mass", {"mass": 0.4})) - loaded).max() < 1e-9
+
+
+def test_a_base_that_gives_tilts_links_and_tool_alike():
+    rows = askew(UR5)
+    give = read(UR5, ("base.compliance", {"compliance": 1e-4}))
+    for k, moment in enumerate(rows.base_moment[:, :2]):
+        down = ASKEW @ turned(np.array([*(1e-4 * moment), 0.0]))
+        assert np.abs(give[k] - at_rest(UR5, rows.q[k : k + 1], down)).max() < 1e-9
+
+
+@ARMS
+def test_a_wrench_on_the_sensor_is_held_as_in_mujoco(robot):
+    rows, rng = askew(robot), np.random.default_rng(1)
+    wrench = rng.normal(size=(len(rows), 6))
+    model = robot.spec(robot.parameters.nominal).compile()
+    data, torque = mujoco.MjData(model), np.zeros(rows.q.shape)
+    tool = model.body("tool").id
+    for k, q in enumerate(rows.q):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        turn, force = data.xmat[tool].reshape(3, 3), np.zeros(model.nv)
+        mujoco.mj_applyFT(
+            model, data, turn @ wrench[k, :3], turn @ wrench[k, 3:], data.xpos[tool], tool, force
+        )
+        torque[k] = -force
+    assert np.abs(held(ways(robot, rows.q, rows.theta), wrench) - torque).max() < 1e-9
+
+
+@ARMS
+def test_ordinary_errors_of_links_are_those_of_mujocos_links(robot):
+    """Columns after three a joint (gain, zero, friction): mass, then the centre along its axes."""
+    q, joints = askew(robot).q, len(robot.joints)
+    columns = channel_of(robot).imperfections(askew(robot))[:, :, 3 * joints :]
+    for k, body in enumerate(robot.bodies[:joints]):
+
+        def heavier(model, name=body.body):
+            model.body_mass[model.body(name).id] *= 1.03
+
+        change = at_rest(robot, q, edit=heavier) - at_rest(robot, q)
+        assert np.abs(columns[:, :, 4 * k] - change).max() < 1e-9, body.body
+        shifts = []
+        for axis in np.eye(3):
+
+            def shifted(model, axis=axis, name=body.body):
+                model.body_sameframe[:] = 0  # else MuJoCo passes over some centres
+                model.body_ipos[model.body(name).id] += 3e-3 * axis
+
+            shifts.append(at_rest(robot, q, edit=shifted) - at_rest(robot, q))
+        both = np.stack(shifts, axis=2)
+        own = columns[:, :, 4 * k + 1 : 4 * k + 4]
+        assert np.square(own).sum(axis=2) == pytest.approx(np.square(both).sum(axis=2), abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["ur5", "medrue"])
+@pytest.mark.parametrize("effect", ["", "joint.offset", "link.length"])
+def test_the_sensor_is_where_mujoco_has_it(name, effect):
+    robot = registry.load("robots", name)
+    rows = scene(robot, robot.sample(20, np.random.default_rng(0)))
+    active = []
+    if effect:
+        own = registry.load("effects", effect)
+        sizes = {p.name: p.tolerance for p in own.parameters(robot)}
+        active = [ActiveEffect.of(robot, effect, sizes)]
+    pose, _ = EffectChain(active).placed(rows)
+    turn, place = nominal(robot, active).place(rows)
+    assert value(pose.position) == pytest.approx(place, abs=1e-12)
+    assert value(pose.rotation) == pytest.approx(turn, abs=1e-12)
+
+
+def test_a_simulated_tracker_is_seen_by_the_channel_to_its_noise():
+    robot, q = registry.load("robots", "ur5"), Q
+    for std in (1e-12, 5e-5):
+        tracker = Tracker(nominal(robot), std, 3)
+        read = np.array([[tracker.columns(x, 1)[c][0] for c in POSE.columns] for x in q])
+        fitted = POSE.fitted(read, scene(robot, q))
+        left = read - readings((fitted,), scene(robot, q))
+        assert 0.5 * std < left.std() < 1.5 * std + 1e-11
+    first, again = tracker.columns(q[0], 4)["mx"], tracker.columns(q[0], 4)["mx"]
+    assert np.ptp(first) > 0.0 and abs(first.mean() - again.mean()) < 3e-4
