@@ -18,15 +18,15 @@ from collections import Counter, deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from robot_emulators.base.event_loop import Connection, Listener, LoopThread, taken
+from robot_emulators.base.event_loop import Connection, Listener, LoopThread
 from robot_emulators.errors import EmulatorWarning
 
 LONGEST = 256
 """Longest command that is waited for [byte]; a frame of 8 bytes with a 29-bit id has 46."""
 _BUS_ERROR, _BUS_OFF = 0x80, 0x40
 """Classes of error frames, as SocketCAN writes them."""
-CLIENTS = 16
-"""Most clients at a time."""
+_MOST = 16
+"""Clients at a time."""
 BUFFER = 256 * 1024
 """Bytes that wait for a client at most, half a second of a full bus of 1 Mbit/s; one that is slower
 is disconnected."""
@@ -128,11 +128,16 @@ class Hub:
         self.counters: Counter[str] = Counter()
         self._failed = failed
         self._devices: dict[int, Heard] = {}
-        self._clients: dict[int, Client] = {}
         self._posted: deque[tuple[int, Frame]] = deque(maxlen=_POSTED)
         self._numbers = 0
         self._thread = LoopThread("can hub", self._break_down)
-        self._listener = Listener(self._thread, lambda: Client(self._number(), self))
+        self._bus = Listener(
+            self._thread,
+            (host, port),
+            "CAN",
+            lambda: Client(self._number(), self, self._bus),
+            _MOST,
+        )
 
     def attach(self, heard: Heard | None = None) -> Callable[[Frame], None]:
         """Add a device of this process, which hears the frames of others; what it sends with, from
@@ -154,16 +159,13 @@ class Hub:
         Raises:
             EmulatorError: the port is taken or not allowed.
         """
-        try:
-            self._listener.bind(self.host, self.port)
-        except OSError as error:
-            raise taken("CAN", self.host, self.port, error) from error
-        self.port = self._listener.address[1]
         self._thread.start()
+        self._bus.open()
+        self.port = self._bus.address[1]
 
     def stop(self) -> None:
         """Close all connections; may be called twice."""
-        self._thread.soon(self._close)
+        self._thread.soon(self._bus.close)
         self._thread.stop()
 
     def order(self, task: Callable[[], None]) -> None:
@@ -180,13 +182,12 @@ class Hub:
 
     def say(self, text: bytes) -> None:
         """Send bytes to every client without a frame around them; call it in the hub's thread."""
-        for client in self._clients.values():
+        for client in self._bus.clients:
             client.say(text)
 
     def hang_up(self) -> None:
         """Close every client's connection; call it in the hub's thread."""
-        for client in self._clients.values():
-            client.close()
+        self._bus.hang_up()
 
     def bus_off(self, until: float) -> None:
         """Every client that has sent frames goes bus off; call it in the hub's thread.
@@ -194,21 +195,10 @@ class Hub:
         It gets error frames, then nothing, and nothing of its own reaches the bus until a time
         [s] or until it opens a connection anew. Who only listens is never bus off.
         """
-        for client in self._clients.values():
+        for client in self._bus.clients:
             if client.spoke:
                 client.say(bus_off_text(time.time()))
                 client.off_until = until
-
-    def joined(self, client: "Client") -> bool:
-        """Take a new client; return False if there are too many."""
-        if len(self._clients) >= CLIENTS:
-            return False
-        self._clients[client.number] = client
-        return True
-
-    def gone(self, client: "Client") -> None:
-        """Forget a client."""
-        self._clients.pop(client.number, None)
 
     def hear(self, client: "Client", commands: list[Command], rubbish: int) -> None:
         """Take what a client sent: commands, and how many pieces were none."""
@@ -237,12 +227,8 @@ class Hub:
             warnings.warn(f"on the CAN bus: {error!r}", EmulatorWarning, stacklevel=2)
 
     def _break_down(self, error: Exception) -> None:
-        self._close()
+        self._bus.close()
         self._fail(error)
-
-    def _close(self) -> None:
-        self._listener.close()
-        self.hang_up()
 
     def _pass_on(self) -> None:
         """Move frames, also those that devices send in answer, to those who hear them."""
@@ -252,7 +238,7 @@ class Hub:
                 self.counters["lost in stall"] += 1
             else:
                 self._deliver(sender, frame)
-        for client in self._clients.values():
+        for client in self._bus.clients:
             if not client.flush():
                 self.counters["slow clients"] += 1
                 client.close()
@@ -268,16 +254,16 @@ class Hub:
             except Exception as error:
                 self._fail(error)
         text = frame_text(frame, time.time())
-        for number, client in self._clients.items():
-            if number != sender:
+        for client in self._bus.clients:
+            if client.number != sender:
                 client.say(text)
 
 
 class Client(Connection):
     """A connection that spoke or will speak socketcand's text protocol."""
 
-    def __init__(self, number: int, hub: Hub) -> None:
-        super().__init__(_KERNEL)
+    def __init__(self, number: int, hub: Hub, bus: "Listener[Client]") -> None:
+        super().__init__(bus, _KERNEL)
         self.number = number
         self.raw = self.spoke = False
         self.off_until = 0.0
@@ -291,16 +277,9 @@ class Client(Connection):
         """Whether the client is bus off: it receives no frame and its frames reach nobody."""
         return self.off_until > 0.0 and time.monotonic() < self.off_until
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        super().connection_made(transport)
-        if self._hub.joined(self):
-            self.answer("hi")
-            self.flush()
-        else:
-            self.close()
-
-    def connection_lost(self, error: Exception | None) -> None:
-        self._hub.gone(self)
+    def welcome(self) -> None:
+        self.answer("hi")
+        self.flush()
 
     def data_received(self, data: bytes) -> None:
         commands, self._in, rubbish = split(self._in + data)

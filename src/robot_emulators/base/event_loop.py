@@ -7,18 +7,16 @@ import selectors
 import socket
 import struct
 import threading
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 from robot_emulators.base.real_time import quick_switching
 from robot_emulators.errors import EmulatorError
 
 Task = Callable[[], Any]
 T = TypeVar("T")
-_EARLY = 4096
-"""Tasks kept for a loop that has not started."""
+C = TypeVar("C", bound="Connection")
 _JOIN_S = 2.0
 _RETRY_S = 0.1
 """Time between attempts to reopen a port that someone else took [s]."""
@@ -41,7 +39,6 @@ class LoopThread:
     ) -> None:
         self.loop: asyncio.AbstractEventLoop
         self._name, self._broken, self._cyclic = name, broken, cyclic
-        self._early: deque[Task] = deque(maxlen=_EARLY)
         self._thread: threading.Thread | None = None
 
     @property
@@ -49,31 +46,22 @@ class LoopThread:
         """Whether the caller is in the thread."""
         return threading.current_thread() is self._thread
 
-    @property
-    def running(self) -> bool:
-        """Whether the thread is there."""
-        return self._thread is not None and self._thread.is_alive()
-
     def start(self) -> None:
-        """Start the thread and run the tasks given before."""
+        """Start the thread."""
         self.loop = asyncio.SelectorEventLoop(selectors.SelectSelector())
         self.loop.set_exception_handler(self._report)
         self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
         self._thread.start()
-        while self._early:
-            self.soon(self._early.popleft())
 
     def stop(self) -> None:
         """End the thread; its connections must be closed. May be called twice."""
-        if self._thread is not None and self.running:
+        if self._thread is not None and self._thread.is_alive():
             self.soon(self.loop.stop)
             self._thread.join(_JOIN_S)
 
     def soon(self, task: Task) -> None:
-        """Run a task in the thread, from any thread; after the end of the loop it is dropped."""
-        if self._thread is None:
-            self._early.append(task)
-        else:
+        """Run a task in the thread, from any thread; it is dropped while no loop runs."""
+        if self._thread is not None:
             with contextlib.suppress(RuntimeError):  # the loop is closed
                 self.loop.call_soon_threadsafe(task)
 
@@ -119,54 +107,75 @@ class LoopThread:
         self._broken(error if isinstance(error, Exception) else RuntimeError(context["message"]))
 
 
-class Listener:
-    """A TCP port whose clients are served in a loop; it can be closed for a while."""
+class Listener(Generic[C]):
+    """A TCP port whose clients are served in a loop; it can be closed for a while.
 
-    def __init__(self, thread: LoopThread, factory: Callable[[], asyncio.BaseProtocol]) -> None:
-        self.address = ("", 0)
-        self._thread, self._factory = thread, factory
+    Args:
+        thread: of the loop.
+        address: host and number of the port, 0 for any.
+        what: is served there, for messages.
+        connect: makes the connection of a new client.
+        most: clients at a time; further ones are hung up on.
+    """
+
+    def __init__(
+        self, thread: LoopThread, address: tuple[str, int], what: str, connect: Callable[[], C],
+        most: int,
+    ) -> None:  # fmt: skip
+        self.address, self.most = address, most
+        self.clients: list[C] = []
+        self._thread, self._what, self._connect = thread, what, connect
         self._socket: socket.socket | None = None
         self._reopen: asyncio.TimerHandle | None = None
         self._tasks: set[asyncio.Task[Any]] = set()
 
-    def bind(self, host: str, port: int) -> None:
-        """Take the port; clients are accepted once the loop runs.
+    def open(self) -> None:
+        """Accept clients from now on; the loop runs.
 
         Raises:
-            OSError: it is taken or not allowed.
+            EmulatorError: the port is taken or not allowed.
         """
-        one = socket.create_server((host, port), backlog=_BACKLOG)
+        try:
+            one = socket.create_server(self.address, backlog=_BACKLOG)
+        except OSError as error:
+            raise taken(self._what, *self.address, error) from error
         one.setblocking(False)
         self._socket, self.address = one, one.getsockname()
         self._thread.soon(lambda: self._thread.loop.add_reader(one, self._accept, one))
 
     def close(self) -> None:
-        """Accept nobody; clients stay. Only in the loop's thread, or before its start."""
+        """Accept nobody and hang up on all; only in the loop's thread."""
+        self.unlisten(float("inf"))
+        self.hang_up()
+
+    def unlisten(self, until: float) -> None:
+        """Accept nobody until a time of `time.monotonic` [s]; clients stay. Only in the loop's
+        thread."""
         if self._reopen is not None:
             self._reopen.cancel()
         if self._socket is not None:
-            if self._thread.inside:
-                self._thread.loop.remove_reader(self._socket)
+            self._thread.loop.remove_reader(self._socket)
             self._socket.close()
         self._socket = self._reopen = None
+        if until != float("inf"):
+            self._reopen = self._thread.loop.call_at(until, self._open_again)
 
-    def close_until(self, t: float) -> None:
-        """Accept nobody until a time of `time.monotonic` [s]; only in the loop's thread."""
-        self.close()
-        if t != float("inf"):
-            self._reopen = self._thread.loop.call_at(t, self._open_again)
+    def hang_up(self, reset: bool = False) -> None:
+        """Close the connection of every client; only in the loop's thread."""
+        for client in self.clients:
+            client.close(reset)
 
     def _open_again(self) -> None:
         try:
-            self.bind(*self.address)
-        except OSError:
+            self.open()
+        except EmulatorError:
             self._reopen = self._thread.loop.call_later(_RETRY_S, self._open_again)
 
     def _accept(self, listener: socket.socket) -> None:
         loop = self._thread.loop
         with contextlib.suppress(OSError):
             client, _ = listener.accept()
-            task = loop.create_task(loop.connect_accepted_socket(self._factory, client))
+            task = loop.create_task(loop.connect_accepted_socket(self._connect, client))
             self._tasks.add(task)
             task.add_done_callback(lambda task: self._accepted(listener, task))
 
@@ -185,12 +194,15 @@ def taken(what: str, host: str, port: int, error: OSError) -> EmulatorError:
 
 
 class Connection(asyncio.Protocol):
-    """Connection of one TCP client."""
+    """Connection of one TCP client of a listener; the kernel holds so many bytes for it."""
 
     transport: asyncio.Transport
 
-    def __init__(self, kernel: int) -> None:
-        self._kernel = kernel
+    def __init__(self, listener: Listener[Any], kernel: int) -> None:
+        self._listener, self._kernel = listener, kernel
+
+    def welcome(self) -> None:
+        """Begin to serve the client."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
@@ -198,6 +210,15 @@ class Connection(asyncio.Protocol):
         with contextlib.suppress(OSError):  # where the client is gone already
             self._socket().setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._socket().setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, self._kernel)
+        if len(self._listener.clients) < self._listener.most:
+            self._listener.clients.append(self)
+            self.welcome()
+        else:
+            self.close()
+
+    def connection_lost(self, error: Exception | None) -> None:
+        if self in self._listener.clients:
+            self._listener.clients.remove(self)
 
     @property
     def closed(self) -> bool:

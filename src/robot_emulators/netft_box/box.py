@@ -85,7 +85,7 @@ class Box:
         """Close both ports; may be called twice."""
         if self._web is not None:
             self._web.stop()
-        if self._rdt is not None and self._thread.running:
+        if self._rdt is not None:
             self._thread.call(self._rdt.stop)
         self._thread.stop()
         if self._socket is not None:

@@ -1,11 +1,10 @@
 """The controller's TCP ports: what waits for a client is bounded, and ports can misbehave."""
 
 import time
-from asyncio import BaseTransport
 from collections.abc import Callable
 from typing import Protocol
 
-from robot_emulators.base.event_loop import Connection, Listener, LoopThread, taken
+from robot_emulators.base.event_loop import Connection, Listener, LoopThread
 from robot_emulators.base.faults import Faults, TimedFault
 
 _MOST_PEERS = 64
@@ -31,21 +30,17 @@ class Peer(Connection):
     """Connection of one client to a port of the controller."""
 
     def __init__(self, port: "Port") -> None:
-        super().__init__(_KERNEL_HOLDS)
+        super().__init__(port, _KERNEL_HOLDS)
         self._port, self._deaf = port, port.suffers("deaf")
         self._held = bytearray()
         self._conversation: Conversation | None = None
 
-    def connection_made(self, transport: BaseTransport) -> None:
-        super().connection_made(transport)
-        if self._port.joined(self):
-            self._conversation = self._port.answer(self)
-            self.tick()
-        else:
-            self.close()
+    def welcome(self) -> None:
+        self._conversation = self._port.answer(self)
+        self.tick()
 
     def connection_lost(self, error: Exception | None) -> None:
-        self._port.peers.discard(self)
+        super().connection_lost(error)
         if self._conversation is not None:
             self._conversation.end()
 
@@ -88,8 +83,8 @@ class Peer(Connection):
             self._held.clear()
 
 
-class Port:
-    """One listening port and its clients.
+class Port(Listener[Peer]):
+    """One listening port of the controller and its clients.
 
     Args:
         thread: of the loop that serves it.
@@ -103,10 +98,8 @@ class Port:
         self, thread: LoopThread, address: tuple[str, int], faults: Faults, name: str,
         answer: Callable[[Peer], Conversation],
     ) -> None:  # fmt: skip
-        self.host, self.number = address
+        super().__init__(thread, address, "the UR5", lambda: Peer(self), _MOST_PEERS)
         self.answer = answer
-        self.peers: set[Peer] = set()
-        self._listener = Listener(thread, lambda: Peer(self))
         self._name, self._faults = name, faults
         for kind in ("stall", "deaf"):
             faults.on(name, kind)
@@ -123,44 +116,7 @@ class Port:
             "unlisten": lambda fault: self.unlisten(fault.end),
         }
 
-    @property
-    def address(self) -> str:
-        """``host:port``."""
-        return f"{self.host}:{self.number}"
-
-    def open(self) -> None:
-        """Listen.
-
-        Raises:
-            EmulatorError: the port is taken or not allowed.
-        """
-        try:
-            self._listener.bind(self.host, self.number)
-        except OSError as error:
-            raise taken("the UR5", self.host, self.number, error) from error
-
-    def joined(self, peer: Peer) -> bool:
-        """Take a new client; return False if there are too many."""
-        if len(self.peers) >= _MOST_PEERS:
-            return False
-        self.peers.add(peer)
-        return True
-
-    def unlisten(self, until: float) -> None:
-        """Accept nobody until a time of `time.monotonic` [s]; clients stay."""
-        self._listener.close_until(until)
-
-    def hang_up(self, reset: bool = False) -> None:
-        """Close all clients."""
-        for peer in self.peers:
-            peer.close(reset)
-
-    def close(self) -> None:
-        """Stop serving."""
-        self._listener.close()
-        self.hang_up()
-
     def tick(self) -> None:
         """Count a control cycle."""
-        for peer in list(self.peers):
+        for peer in list(self.clients):
             peer.tick()

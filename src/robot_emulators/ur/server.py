@@ -69,20 +69,17 @@ class UREmulator(Emulator):
         served = dict(self.ports)
         if self._settings.series == "x":  # PolyScope X has no dashboard server
             del served["dashboard"]
+        self.controller.modes.tick(time.monotonic())  # clients are heard before the first cycle
+        self._thread.start()
         for port in served.values():
             port.open()
         more = self._box.start() if self._box is not None else {}
-        self.controller.modes.tick(time.monotonic())  # clients are heard before the first cycle
         self._thread.soon(self._begin)
-        self._thread.start()
-        return {name: port.address for name, port in served.items()} | more
+        return {name: "{}:{}".format(*port.address) for name, port in served.items()} | more
 
     def stop(self) -> None:
-        if self._thread.running:
-            self._thread.soon(self._close_ports)
-            self._thread.stop()
-        else:
-            self._close_ports()
+        self._thread.soon(self._close_ports)
+        self._thread.stop()
         if self._box is not None:
             self._box.stop()
 
