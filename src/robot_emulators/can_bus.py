@@ -25,7 +25,7 @@ LONGEST = 256
 """Longest command that is waited for [byte]; a frame of 8 bytes with a 29-bit id has 46."""
 _BUS_ERROR, _BUS_OFF = 0x80, 0x40
 """Classes of error frames, as SocketCAN writes them."""
-_MOST = 16
+MOST = 16
 """Clients at a time."""
 BUFFER = 256 * 1024
 """Bytes that wait for a client at most, half a second of a full bus of 1 Mbit/s; one that is slower
@@ -131,13 +131,7 @@ class Hub:
         self._posted: deque[tuple[int, Frame]] = deque(maxlen=_POSTED)
         self._numbers = 0
         self._thread = LoopThread("can hub", self._break_down)
-        self._bus = Listener(
-            self._thread,
-            (host, port),
-            "CAN",
-            lambda: Client(self._number(), self, self._bus),
-            _MOST,
-        )
+        self._bus = Listener(self._thread, (host, port), "CAN", self._client, MOST)
 
     def attach(self, heard: Heard | None = None) -> Callable[[Frame], None]:
         """Add a device of this process, which hears the frames of others; what it sends with, from
@@ -215,6 +209,9 @@ class Hub:
             else:
                 client.obey(command)
         self._pass_on()
+
+    def _client(self) -> "Client":
+        return Client(self._number(), self, self._bus)
 
     def _number(self) -> int:
         self._numbers += 1

@@ -161,7 +161,7 @@ def test_arbitrary_packets_in_arbitrary_pieces(packets, piece):
     stream = b"".join(packet(kind, payload) for kind, payload in packets)
     for at in range(0, len(stream), piece):
         assert one[0].receive(stream[at : at + piece], 1.0)
-    assert one[0].held == 0
+    assert not one[0].splitter.held
     assert len(one[1]) <= len(packets)
 
 

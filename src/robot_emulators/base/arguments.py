@@ -1,5 +1,6 @@
 """Values that users give by name: what each may be, for faults (JSON) and settings (text)."""
 
+import re
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, fields
 from sys import float_info
@@ -58,9 +59,11 @@ def word(known: Collection[str], default: str | None = None) -> Argument:
     )
 
 
-def text(default: str = "") -> Argument:
-    """Rule for any text."""
-    return Argument(lambda v: isinstance(v, str), "text", default)
+def text(default: str = "", pattern: str = ".*", what: str = "text") -> Argument:
+    """Rule for a text of a pattern."""
+    return Argument(
+        lambda v: isinstance(v, str) and bool(re.fullmatch(pattern, v, re.DOTALL)), what, default
+    )
 
 
 def flag(default: bool | None = None) -> Argument:

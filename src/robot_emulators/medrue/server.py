@@ -12,18 +12,8 @@ from typing import ClassVar
 
 import numpy as np
 
-from robot_emulators.base import arguments
-from robot_emulators.base.arguments import (
-    Argument,
-    Settings,
-    above,
-    described,
-    integer,
-    number,
-    read,
-    setting,
-    text,
-)
+from robot_emulators.base import arguments as rules
+from robot_emulators.base.arguments import Argument, Settings, described, read, setting
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.faults import Faults, Handler, TimedFault
 from robot_emulators.base.real_time import CycleThread
@@ -62,20 +52,20 @@ class BusFaults:
         hub.stalled = lambda: faults.now("can", "stall") is not None
         drive, order = self._drive, hub.order
         node = {"node": _one_of(list(self._drives))}
-        count = {"count": arguments.integer(1, 1000, 100)}
+        count = {"count": rules.integer(1, 1000, 100)}
         kinds: dict[str, tuple[Handler | None, Mapping[str, Argument]]] = {
             "mute": (None, node), "frozen": (None, node), "heartbeat_loss": (None, node),
-            "second_frame_lost": (None, {"share": arguments.number(0.01, 1.0, 1.0)}),
+            "second_frame_lost": (None, {"share": rules.number(0.01, 1.0, 1.0)}),
             "swapped_pair": (None, {}), "mute_board": (None, {}), "id_clash": (None, {}),
-            "saturated_gauge": (None, {"gauge": arguments.integer(0, 5, 0)}),
-            "status": (None, {"bits": arguments.integer(1, 0xFFFF, 1 << 4)}), "stall": (None, {}),
+            "saturated_gauge": (None, {"gauge": rules.integer(0, 5, 0)}),
+            "status": (None, {"bits": rules.integer(1, 0xFFFF, 1 << 4)}), "stall": (None, {}),
             "following_error": (lambda f: drive(f).axis.fault(FOLLOWING_ERROR), node),
             "emcy": (
                 lambda f: drive(f).axis.fault(int(f.values["code"])),
-                node | {"code": arguments.integer(1, 0xFFFF, 0x5441)},
+                node | {"code": rules.integer(1, 0xFFFF, 0x5441)},
             ),
             "node_reboot": (lambda f: order(drive(f).boot), node),
-            "reset_board": (self._reset_board, {"silent": arguments.flag(True)}),
+            "reset_board": (self._reset_board, {"silent": rules.flag(True)}),
             "bus_off": (lambda f: order(partial(hub.bus_off, f.end)), {}),
             "hub_fin": (lambda f: order(hub.hang_up), {}),
             "garbage_text": (lambda f: order(lambda: hub.say(_GARBAGE_TEXT)), {}),
@@ -138,24 +128,32 @@ _NODES = Argument(
 class BusSettings(Settings):
     """Settings of the CAN bus: its port, its nodes, and counts per unit of drives and sensor."""
 
-    port: int = setting(29536, integer(0, 65535), "TCP port of the bus (29536)")
-    channel: str = setting("can0", text(), "name of the bus (can0)")
+    port: int = setting(29536, rules.integer(0, 65535), "TCP port of the bus (29536)")
+    channel: str = setting("can0", rules.text(), "name of the bus (can0)")
     nodes: tuple[int, ...] = setting(
         (1, 2, 3, 4, 5, 6), _NODES, "ids of the six drives (1,2,3,4,5,6)"
     )
-    base: int = setting(0x68, integer(0, 0x7F), "upper seven bits of the sensor board's ids (0x68)")
+    base: int = setting(
+        0x68, rules.integer(0, 0x7F), "upper seven bits of the sensor board's ids (0x68)"
+    )
     slot: int = setting(
-        0, integer(0, 15), "where the board keeps the sensor's calibration, 0 … 15 (0)"
+        0, rules.integer(0, 15), "where the board keeps the sensor's calibration, 0 … 15 (0)"
     )
     counts: int = setting(
-        1_000_000, integer(0, 1 << 31), "of the sensor board per N and per N·m (1000000)"
+        1_000_000, rules.integer(0, 1 << 31), "of the sensor board per N and per N·m (1000000)"
     )
-    counts_per_metre: float = setting(1e6, above(0.0), "of the linear axis (1000000)")
-    counts_per_turn: float = setting(float(1 << 20), above(0.0), "of the rotary axes (1048576)")
-    rated_force: float = setting(200.0, number(1e-3, 1e6), "of the linear axis's motor [N] (200)")
-    rated_torque: float = setting(2.0, number(1e-3, 1e6), "of the rotary axes' motors [N·m] (2)")
+    counts_per_metre: float = setting(1e6, rules.above(0.0), "of the linear axis (1000000)")
+    counts_per_turn: float = setting(
+        float(1 << 20), rules.above(0.0), "of the rotary axes (1048576)"
+    )
+    rated_force: float = setting(
+        200.0, rules.number(1e-3, 1e6), "of the linear axis's motor [N] (200)"
+    )
+    rated_torque: float = setting(
+        2.0, rules.number(1e-3, 1e6), "of the rotary axes' motors [N·m] (2)"
+    )
     watchdog: float = setting(
-        0.1, above(0.0),
+        0.1, rules.above(0.0),
         "silence of a drive's RPDO that stops it [s], until a client writes another (0.1)",
     )  # fmt: skip
 

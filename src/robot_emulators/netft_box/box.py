@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from robot_emulators.base import arguments
+from robot_emulators.base import arguments as rules
 from robot_emulators.base.arguments import Argument, Settings, described, read, setting, text
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.event_loop import LoopThread, taken
@@ -20,20 +20,20 @@ from robot_emulators.netft_box.sensing import BoxSettings, Sensing
 from robot_emulators.plant import Plant, PlantMaker, PlantRequest
 
 _CYCLE = 0.008
-_FRACTION = {"share": arguments.number(0.0, 1.0, 0.1)}
-_FACTOR = {"factor": arguments.number(1e-6, 1e6, 10.0)}
+_FRACTION = {"share": rules.number(0.0, 1.0, 0.1)}
+_FACTOR = {"factor": rules.number(1e-6, 1e6, 10.0)}
 _KINDS: dict[str, dict[str, dict[str, Argument]]] = {
     "rdt": {
         "drop": _FRACTION, "duplicate": _FRACTION, "swap": _FRACTION, "buffered": {},
         "freeze": {}, "stall": {}, "short": {}, "garbage": {}, "foreign": {},
-        "saturate": {"channel": arguments.integer(0, 5, 0)},
-        "status": {"bits": arguments.integer(0, 2**32 - 1, 2**31)},
-        "skew": {"factor": arguments.number(0.5, 2.0, 1.01)},
+        "saturate": {"channel": rules.integer(0, 5, 0)},
+        "status": {"bits": rules.integer(0, 2**32 - 1, 2**31)},
+        "skew": {"factor": rules.number(0.5, 2.0, 1.01)},
         "wrong_counts": _FACTOR,
     },
     "http": {
         "stall": {}, "unlisten": {}, "garbage": {},
-        "missing_field": {"name": arguments.text("cfgcpf")},
+        "missing_field": {"name": rules.text("cfgcpf")},
     },
 }  # fmt: skip
 """Lasting faults of each link, with their arguments."""

@@ -115,7 +115,8 @@ class ControlledArm:
         self.qdd = np.zeros(6)
         self.force: ForceMode | None = None
         self._wanted_error, self._error, self._error_until = np.zeros(6), np.zeros(6), 0.0
-        self._motion: ArmMotion | None = None
+        self.motion: ArmMotion | None = None
+        """Motion that moves the arm now."""
         self._interrupted: ArmMotion | None = None
         self._plain = self.q.copy()
         self._frozen = False
@@ -131,14 +132,9 @@ class ControlledArm:
         """Whether the target moves."""
         return bool(np.abs(self.qd).max() > 1e-4)
 
-    @property
-    def motion(self) -> ArmMotion | None:
-        """Motion that moves the arm now."""
-        return self._motion
-
     def moves_by(self, motion: ArmMotion) -> bool:
         """Whether a motion moves the arm, or will when it may again."""
-        return motion is (self._interrupted if self._frozen else self._motion)
+        return motion is (self._interrupted if self._frozen else self.motion)
 
     def start(self, motion: ArmMotion) -> None:
         """Let a motion move the arm from now on."""
@@ -146,7 +142,7 @@ class ControlledArm:
             self._interrupted = motion
             return
         motion.begin(self._plain, self.qd)
-        self._motion = motion
+        self.motion = motion
 
     def brake(self, deceleration: float, seconds: float | None = None) -> Braking:
         """Come to rest; what moved the arm is over."""
@@ -155,7 +151,7 @@ class ControlledArm:
             self._interrupted = None
             braking.done = True
             return braking
-        if self._motion is None:  # the target stands still already
+        if self.motion is None:  # the target stands still already
             braking.done = True
             return braking
         self.start(braking)
@@ -163,7 +159,7 @@ class ControlledArm:
 
     def release(self, motion: ArmMotion | None) -> None:
         """Brake if this motion still moves the arm."""
-        if motion is not None and motion is self._motion and not motion.done:
+        if motion is not None and motion is self.motion and not motion.done:
             self.brake(SAFE_DECELERATION / 3)
         if motion is not None and motion is self._interrupted:
             self._interrupted = None
@@ -171,9 +167,9 @@ class ControlledArm:
     def freeze(self) -> None:
         """Brake and keep what moved the arm until `thaw`."""
         if not self._frozen:
-            self._interrupted, self._frozen = self._motion, True
-            self._motion = Braking(SAFE_DECELERATION)
-            self._motion.begin(self._plain, self.qd)
+            self._interrupted, self._frozen = self.motion, True
+            self.motion = Braking(SAFE_DECELERATION)
+            self.motion.begin(self._plain, self.qd)
 
     def thaw(self, go_on: bool) -> None:
         """Take up the interrupted motion again, or forget it."""
@@ -188,8 +184,8 @@ class ControlledArm:
         """Axes are stiff again, where they are."""
         self.force = None
         self._plain = self.q.copy()
-        if self._motion is not None:
-            self._motion.begin(self._plain, self.qd)
+        if self.motion is not None:
+            self.motion.begin(self._plain, self.qd)
 
     def deviate(self, joints: np.ndarray, until: float) -> None:
         """Let the joints be off their targets (6,) [rad] until a time of `time.monotonic` [s]."""
@@ -211,10 +207,10 @@ class ControlledArm:
 
     def _next(self, dt: float) -> np.ndarray:
         plain = self._plain
-        if self._motion is not None:
-            plain = self._motion.step(plain, dt * self.slider if self._motion.scaled else dt)
-            if self._motion.done:
-                self._motion = None
+        if self.motion is not None:
+            plain = self.motion.step(plain, dt * self.slider if self.motion.scaled else dt)
+            if self.motion.done:
+                self.motion = None
         offset = self.q - self._plain
         self._next_plain = plain
         if self.force is not None and not self._frozen:
@@ -226,9 +222,9 @@ class ControlledArm:
         top = self.kinematics.speed
         if not np.isfinite(following).all():
             return "a target is not a number"
-        if isinstance(self._motion, Servo) and not self._frozen:
-            reach = top * max(self._motion.lag, dt)
-            if (self._motion.distance(self.q) > _SLACK * reach).any():
+        if isinstance(self.motion, Servo) and not self._frozen:
+            reach = top * max(self.motion.lag, dt)
+            if (self.motion.distance(self.q) > _SLACK * reach).any():
                 return "a target is farther away than the joints' speed allows"
         if (np.abs(following - self.q) > _SLACK * top * dt).any():
             return "a joint would be faster than its limit"
@@ -241,8 +237,8 @@ class ControlledArm:
     def _emergency_step(self, dt: float) -> np.ndarray:
         """Braking begins in the cycle of the violation."""
         self.freeze()
-        assert self._motion is not None
-        self._next_plain = self._motion.step(self._plain, dt)
+        assert self.motion is not None
+        self._next_plain = self.motion.step(self._plain, dt)
         return np.asarray(self._next_plain + (self.q - self._plain))
 
     def _take(self, following: np.ndarray, dt: float) -> None:

@@ -31,10 +31,8 @@ class SafetyMode(IntEnum):
 class Runtime(IntEnum):
     """State of the robot program; the numbers are those of RTDE's ``runtime_state``."""
 
-    STOPPING = 0
     STOPPED = 1
     PLAYING = 2
-    PAUSING = 3
     PAUSED = 4
 
 

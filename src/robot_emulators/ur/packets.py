@@ -100,15 +100,10 @@ def names(raw: bytes) -> list[str] | None:
 
 
 class Splitter:
-    """Cuts a stream of bytes into packets; holds less than one packet."""
+    """Cuts a stream of bytes into packets; ``held`` is an unfinished one."""
 
     def __init__(self) -> None:
-        self._held = bytearray()
-
-    @property
-    def held(self) -> int:
-        """Bytes of an unfinished packet."""
-        return len(self._held)
+        self.held = bytearray()
 
     def feed(self, data: bytes) -> list[tuple[int, bytes]]:
         """Type and payload of each packet that is complete.
@@ -116,17 +111,17 @@ class Splitter:
         Raises:
             EmulatorError: a header states less than its own size.
         """
-        self._held += data
+        self.held += data
         packets, at = [], 0
-        while len(self._held) - at >= HEADER:
-            size, kind = struct.unpack_from(">HB", self._held, at)
+        while len(self.held) - at >= HEADER:
+            size, kind = struct.unpack_from(">HB", self.held, at)
             if size < HEADER:
                 raise EmulatorError(f"packet of {size} bytes: its header alone has {HEADER}")
-            if len(self._held) - at < size:
+            if len(self.held) - at < size:
                 break
-            packets.append((kind, bytes(self._held[at + HEADER : at + size])))
+            packets.append((kind, bytes(self.held[at + HEADER : at + size])))
             at += size
-        del self._held[:at]
+        del self.held[:at]
         return packets
 
 
@@ -144,11 +139,6 @@ class Recipe:
         self.types = tuple(kind for _, kind in fields)
         self._struct = struct.Struct(">" + "".join(FORMATS[kind] for kind in self.types))
         self._widths = tuple(int(FORMATS[kind][:-1] or 1) for kind in self.types)
-
-    @property
-    def size(self) -> int:
-        """Size of the values in a packet [byte]."""
-        return self._struct.size
 
     def pack(self, values: Mapping[str, Values]) -> bytes:
         """Pack values by name into a data packet."""

@@ -130,7 +130,7 @@ class RtdeSession:
         self.inputs: dict[int, Recipe] = {}
         self.output: Recipe | None = None
         self._offer, self._send = offer, send
-        self._splitter = wire.Splitter()
+        self.splitter = wire.Splitter()
         self._share, self._phase = 1.0, 0.0
         self._now = 0.0
         self._handlers = {
@@ -139,16 +139,11 @@ class RtdeSession:
             wire.START: self._start, wire.PAUSE: self._pause, wire.DATA: self._data,
         }  # fmt: skip
 
-    @property
-    def held(self) -> int:
-        """Bytes of a packet that is not complete."""
-        return self._splitter.held
-
     def receive(self, data: bytes, now: float) -> bool:
         """Take bytes; False where they are not RTDE and the connection must end."""
         self._now = now
         try:
-            complete = self._splitter.feed(data)
+            complete = self.splitter.feed(data)
         except EmulatorError:
             return False
         for kind, payload in complete:

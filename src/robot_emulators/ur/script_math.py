@@ -7,14 +7,9 @@ from typing import Any
 import numpy as np
 
 from robot_emulators.ur import kinematics as poses
+from robot_emulators.ur.urscript import values
 from robot_emulators.ur.urscript.functions import Six, Table
-from robot_emulators.ur.urscript.values import (
-    LONGEST_TEXT,
-    Pose,
-    ScriptFaultError,
-    kind,
-    real,
-)
+from robot_emulators.ur.urscript.values import Pose, ScriptFaultError, kind, real
 
 TABLE = Table()
 _PLAIN: dict[str, Callable[..., float]] = {
@@ -37,15 +32,9 @@ for _name, _act in _PLAIN.items():
 
 
 @TABLE.add("pow")
-def power(_: Any, base: Any, exponent: Any) -> float:
+def power(_: Any, base: Any, exponent: Any) -> Any:
     """Power."""
-    try:
-        value = real(base) ** real(exponent)
-    except OverflowError:
-        return math.inf
-    if isinstance(value, complex):
-        raise ScriptFaultError("a root of a negative number")
-    return float(value)
+    return values.ACTS["^"](real(base), real(exponent))
 
 
 @TABLE.add()
@@ -105,6 +94,6 @@ def to_str(_: Any, val: str) -> str:
 def str_cat(_: Any, op1: str, op2: str) -> str:
     """Two values as one text."""
     text = op1 + op2
-    if len(text) > LONGEST_TEXT:
-        raise ScriptFaultError(f"a text of more than {LONGEST_TEXT} characters")
+    if len(text) > values.LONGEST_TEXT:
+        raise ScriptFaultError(f"a text of more than {values.LONGEST_TEXT} characters")
     return text

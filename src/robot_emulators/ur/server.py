@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from robot_emulators.base import arguments
+from robot_emulators.base import arguments as rules
 from robot_emulators.base.arguments import Argument, described, read
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.event_loop import LoopThread
@@ -157,10 +157,10 @@ class UREmulator(Emulator):
             "restart": lambda f: self.restart(f.seconds),
         }
         more = {
-            "malformed": {"how": arguments.word(_BROKEN)},
-            "text": {"message": arguments.text("this is a fault that was asked for")},
-            "timestamp_jump": {"by": arguments.number(-1e6, 1e6)},
-            "follow_error": {"joints": arguments.numbers(6, _MOST_OFF)},
+            "malformed": {"how": rules.word(_BROKEN)},
+            "text": {"message": rules.text("this is a fault that was asked for")},
+            "timestamp_jump": {"by": rules.number(-1e6, 1e6)},
+            "follow_error": {"joints": rules.numbers(6, _MOST_OFF)},
         }
         for link, handlers in at_once.items():
             for kind, handler in handlers.items():

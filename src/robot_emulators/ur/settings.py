@@ -1,18 +1,10 @@
 """Settings of the UR5 emulator: which arm and which controller it is."""
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from robot_emulators.base.arguments import (
-    Argument,
-    Settings,
-    above,
-    flag,
-    setting,
-    text,
-    word,
-)
+from robot_emulators.base import arguments as rules
+from robot_emulators.base.arguments import Settings, flag, setting, word
 from robot_emulators.errors import SettingError
 from robot_emulators.ur.packets import Version
 
@@ -33,20 +25,10 @@ _SERIES: dict[str, tuple[Version, float]] = {
 """Series → software and control cycle [s]."""
 
 
-def _version() -> Argument:
-    """Three numbers of a software version, or nothing."""
-    return Argument(
-        lambda v: isinstance(v, str) and bool(re.fullmatch(r"(\d{1,2}(\.\d{1,3}){2})?", v)),
-        "a version of three numbers, as 5.23.0",
-    )  # fmt: skip
-
-
-def _address() -> Argument:
-    """An IPv4 address and a port."""
-    return Argument(
-        lambda v: isinstance(v, str) and bool(re.fullmatch(r"\d{1,3}(\.\d{1,3}){3}:\d{1,5}", v)),
-        "an IPv4 address and a port, as 127.0.0.1:50002",
-    )  # fmt: skip
+_VERSION = rules.text("", r"(\d{1,2}(\.\d{1,3}){2})?", "a version of three numbers, as 5.23.0")
+_COMPUTER = rules.text(
+    "", r"\d{1,3}(\.\d{1,3}){3}:\d{1,5}", "an IPv4 address and a port, as 127.0.0.1:50002"
+)
 
 
 @dataclass(frozen=True)
@@ -60,11 +42,11 @@ class ControllerSettings(Settings):
         "default that of the model",
     )
     software: str = setting(
-        "", _version(), "another version of the series' software, as 5.23.0; default as above"
+        "", _VERSION, "another version of the series' software, as 5.23.0; default as above"
     )
     model: str = setting("ur5", word(MODELS), f"the arm: {', '.join(MODELS)}; default ur5")
     protective_force: float = setting(
-        150.0, above(0.0), "force at the tool from which the robot stops [N]; default 150"
+        150.0, rules.above(0.0), "force at the tool from which the robot stops [N]; default 150"
     )
     power: bool = setting(
         True, flag(), "on or off: whether the arm is on with its brakes free at first; default on"
@@ -74,10 +56,12 @@ class ControllerSettings(Settings):
         "it ft_raw_wrench reports that sensor, with it the wrench that the arm measures",
     )  # fmt: skip
     programs: str = setting(
-        "", text(), "folder of .urp and .script files that the dashboard can load; default none"
+        "",
+        rules.text(),
+        "folder of .urp and .script files that the dashboard can load; default none",
     )
     external_control: str = setting(
-        "127.0.0.1:50002", _address(), "computer that external_control.urp asks for its program, "
+        "127.0.0.1:50002", _COMPUTER, "computer that external_control.urp asks for its program, "
         "as the External Control URCap does; default 127.0.0.1:50002",
     )  # fmt: skip
 

@@ -8,20 +8,10 @@ from collections.abc import Mapping
 from itertools import islice
 from typing import Any
 
+from robot_emulators.ur.urscript import values
 from robot_emulators.ur.urscript.functions import CONVERTERS, Builtin, Steps
 from robot_emulators.ur.urscript.translation import FILE, OPERATORS, Code, translated
-from robot_emulators.ur.urscript.values import (
-    ACTS,
-    NO_NAME,
-    Pose,
-    ProgramEndsError,
-    ScriptFaultError,
-    copied,
-    get,
-    negative,
-    put,
-    truth,
-)
+from robot_emulators.ur.urscript.values import ProgramEndsError, ScriptFaultError
 
 LONGEST = 1 << 18
 """Characters of a program."""
@@ -30,9 +20,9 @@ MOST_IN_A_CYCLE = 20_000
 _MOST_THREADS = 50
 _MISTAKES = (ArithmeticError, LookupError, NameError, TypeError, ValueError)
 _HELPERS = {
-    "ProgramEndsError": ProgramEndsError, "Pose": Pose, "copied": copied, "get": get, "put": put,
-    "truth": truth, "o_negative": negative,
-} | {f"o_{name}": ACTS[sign] for sign, name in OPERATORS.items()} | {
+    "ProgramEndsError": ProgramEndsError, "Pose": values.Pose, "copied": values.copied,
+    "get": values.get, "put": values.put, "truth": values.truth, "o_negative": values.negative,
+} | {f"o_{name}": values.ACTS[sign] for sign, name in OPERATORS.items()} | {
     f"as_{kind}": convert for kind, convert in CONVERTERS.items()}  # fmt: skip
 
 
@@ -146,7 +136,7 @@ def _place(error: BaseException) -> tuple[int, int]:
 def _in_words(error: Exception) -> str:
     """Text of a program's error as a controller words it."""
     if isinstance(error, NameError):  # the name as it stands in Python is quoted
-        return NO_NAME.format(str(error).split("'")[1][2:])
+        return values.NO_NAME.format(str(error).split("'")[1][2:])
     text = str(error)
     for prefix in ("f_", "v_"):
         text = text.replace(f"'{prefix}", "'").removeprefix(prefix)
