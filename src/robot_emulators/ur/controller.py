@@ -2,29 +2,20 @@
 
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future, ThreadPoolExecutor
-from functools import lru_cache, partial
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from robot_emulators.plant import Plant
-from robot_emulators.ur import (
-    messages,
-    programs,
-    script_math,
-    script_motion,
-    script_registers,
-    script_sockets,
-    script_state,
-)
+from robot_emulators.ur import messages, programs, script_exchange, script_motion, script_state
 from robot_emulators.ur.arm import SAFE_DECELERATION, ControlledArm, WrenchEstimate
-from robot_emulators.ur.links import ExternalControl
 from robot_emulators.ur.messages import PROTECTIVE_STOP, Event
 from robot_emulators.ur.modes import Modes, Runtime
 from robot_emulators.ur.packets import Values, Version, inputs, outputs, zero
 from robot_emulators.ur.programs import Loaded
 from robot_emulators.ur.rtde import Inputs, Terminals
-from robot_emulators.ur.script_program import ScriptProgram
+from robot_emulators.ur.script_program import ExternalControl, ScriptProgram
 from robot_emulators.ur.settings import ControllerSettings
 from robot_emulators.ur.urscript import machine
 from robot_emulators.ur.urscript.functions import Table
@@ -40,10 +31,7 @@ _KEPT = 4
 """Compiled programs that are kept, for clients that send the same one again."""
 _MORE_FORCE = 30.0
 """Beyond what pressed when a stop was unlocked, from which the robot stops again [N]."""
-_FUNCTIONS = (
-    script_math.TABLE | script_registers.TABLE | script_sockets.TABLE | script_state.TABLE
-    | script_motion.TABLE
-)  # fmt: skip
+_FUNCTIONS = script_exchange.TABLE | script_state.TABLE | script_motion.TABLE
 """Functions that a program may call, of any software."""
 _SINCE: dict[str, tuple[tuple[int, int], tuple[int, int], tuple[int, int]]] = {
     "direct_torque": ((99, 0), (5, 23), (10, 11)),
@@ -146,8 +134,7 @@ class Controller:
             return False
         if self.loaded.text:
             return self._start(self.loaded.text)
-        play = partial(ScriptProgram, self)
-        self._begin(ExternalControl(self, self.settings.computer, self._compiled, play))
+        self._begin(ExternalControl(self))
         return True
 
     def pause(self) -> bool:
@@ -216,7 +203,7 @@ class Controller:
         """Begin a program; a long one once it is compiled. False where its text is none."""
         if at_once or len(text) < _LONG:
             return self._attempt(lambda: compiled(self.settings.version, text))
-        self._uploaded = self._compiled(text)
+        self._uploaded = self.compiling(text)
         return True
 
     def _attempt(self, code: Callable[[], Code]) -> bool:
@@ -232,7 +219,7 @@ class Controller:
             self._begin(program)
         return True
 
-    def _compiled(self, text: str) -> Future[Code]:
+    def compiling(self, text: str) -> Future[Code]:
         """Compile a program in another thread, so that no control cycle waits for it."""
         return self._compiler.submit(compiled, self.settings.version, text)
 

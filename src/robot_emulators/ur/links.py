@@ -1,36 +1,14 @@
-"""TCP connections that a program opens, and the program that a computer is asked for over one.
-
-Connections are never waited for, and what comes in is bounded. The External Control node asks as
-the maker's URCap does: the computer serves TCP, the robot sends ``request_program`` and a line's
-end, and gets a text. It has no length; it ends with a marker, with the connection, or with silence.
-"""
+"""TCP connections that a program opens: never waited for, and what comes in is bounded."""
 
 import contextlib
 import ipaddress
 import select
 import socket
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future
-from typing import TYPE_CHECKING
 
-from robot_emulators.ur.urscript.machine import LONGEST
-from robot_emulators.ur.urscript.translation import Code
-from robot_emulators.ur.urscript.values import ScriptFaultError
-
-if TYPE_CHECKING:
-    from robot_emulators.ur.controller import Controller
-    from robot_emulators.ur.script_program import ScriptProgram
-
-DIAL_S = 2.0
-"""How long a connection may take [s]."""
 _MOST = 16
 """Connections of one program."""
 _HOLDS = 1 << 16
 """Bytes that wait for the program beyond what the kernel holds."""
-_REQUEST = b"request_program\n"
-_END = b"# NODE_CONTROL_LOOP_ENDS"
-_ANSWER_S, _SILENT_S = 5.0, 0.5
-"""How long the computer's answer may take, and what silence ends its text [s]."""
 
 
 class Link:
@@ -160,61 +138,3 @@ class Links:
         """Close all connections."""
         for name in list(self._links):
             self.hang_up(name)
-
-
-class ExternalControl:
-    """A program that the controller fetches from a computer when it plays."""
-
-    direct = False
-    name = "external_control"
-
-    def __init__(
-        self,
-        controller: "Controller",
-        address: tuple[str, int],
-        compiled: Callable[[str], Future[Code]],
-        play: "Callable[[Code], ScriptProgram]",
-    ) -> None:
-        self._controller, self._address = controller, address
-        self._compiled, self._play = compiled, play
-        self._links = Links(controller.address)
-        self._steps = self._fetch()
-        self._program: ScriptProgram | None = None
-
-    def cycle(self, now: float) -> bool:
-        """Take one control cycle; False at its end."""
-        if self._program is None:
-            next(self._steps, None)
-            return True
-        return self._program.cycle(now)
-
-    def close(self) -> None:
-        """End the program and close all its connections."""
-        self._links.close()
-        if self._program is not None:
-            self._program.close()
-
-    def _fetch(self) -> Iterator[None]:
-        controller, (host, port) = self._controller, self._address
-        link = self._links.dial(host, port, "program")
-        end = controller.now + DIAL_S
-        while link is not None and link.dialling and controller.now < end:
-            yield
-        if link is None or not link.send(_REQUEST):
-            raise ScriptFaultError(f"External Control: no connection to {host}:{port}")
-        text, heard, end = bytearray(), controller.now, controller.now + _ANSWER_S
-        while not text or (not link.lost and controller.now - heard < _SILENT_S):
-            data = link.all()
-            if data:
-                text += data
-                heard = controller.now
-            if _END in text or len(text) > 4 * LONGEST:
-                break
-            if not text and (link.lost or controller.now > end):
-                raise ScriptFaultError(f"External Control: {host}:{port} sends no program")
-            yield
-        self._links.close()
-        code = self._compiled(text.decode("utf-8", "replace"))
-        while not code.done():
-            yield
-        self._program = self._play(code.result())

@@ -1,15 +1,20 @@
-"""A program in URScript that plays: what its functions act on, and who of its threads moves."""
+"""A program in URScript that plays: what its functions act on, and who of its threads moves.
+
+The External Control node asks a computer for its program as the maker's URCap does: the computer
+serves TCP, the robot sends ``request_program`` and a line's end, and gets a text. It has no length;
+it ends with a marker, with the connection, or with silence.
+"""
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from robot_emulators.ur.links import Links
+from robot_emulators.ur.links import Link, Links
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.motions import ArmMotion
-from robot_emulators.ur.urscript.machine import Machine
+from robot_emulators.ur.urscript.machine import LONGEST, Machine
 from robot_emulators.ur.urscript.translation import Code
 from robot_emulators.ur.urscript.values import ProgramEndsError, ScriptFaultError
 
@@ -20,6 +25,12 @@ if TYPE_CHECKING:
 _HISTORY = 512
 """Control cycles whose joint values a program can ask for."""
 PAUSE, STOP = "PAUSE", "STOP"
+DIAL_S = 2.0
+"""How long a connection may take [s]."""
+_REQUEST = b"request_program\n"
+_END = b"# NODE_CONTROL_LOOP_ENDS"
+_ANSWER_S, _SILENT_S = 5.0, 0.5
+"""How long the computer's answer may take, and what silence ends its text [s]."""
 _AT_ONCE = "rtde_control"
 """ur_rtde's control script: clients that stream targets count on being heard in the same cycle."""
 
@@ -127,3 +138,61 @@ class ScriptProgram:
         self.controller.protective_stop(error)
         yield
         raise ScriptFaultError(why)
+
+
+def dialled(
+    controller: "Controller", links: Links, host: str, port: int, name: str
+) -> Generator[None, None, Link | None]:
+    """Wait for a connection; None where it is not open after `DIAL_S`."""
+    link, end = links.dial(host, port, name), controller.now + DIAL_S
+    while link is not None and link.dialling and controller.now < end:
+        yield
+    return link if link is not None and link.open else None
+
+
+class ExternalControl:
+    """A program that the controller fetches from a computer when it plays."""
+
+    direct = False
+    name = "external_control"
+
+    def __init__(self, controller: "Controller") -> None:
+        self._controller = controller
+        self._links = Links(controller.address)
+        self._steps = self._fetch()
+        self._program: ScriptProgram | None = None
+
+    def cycle(self, now: float) -> bool:
+        """Take one control cycle; False at its end."""
+        if self._program is None:
+            next(self._steps, None)
+            return True
+        return self._program.cycle(now)
+
+    def close(self) -> None:
+        """End the program and close all its connections."""
+        self._links.close()
+        if self._program is not None:
+            self._program.close()
+
+    def _fetch(self) -> Iterator[None]:
+        controller, (host, port) = self._controller, self._controller.settings.computer
+        link = yield from dialled(controller, self._links, host, port, "program")
+        if link is None or not link.send(_REQUEST):
+            raise ScriptFaultError(f"External Control: no connection to {host}:{port}")
+        text, heard, end = bytearray(), controller.now, controller.now + _ANSWER_S
+        while not text or (not link.lost and controller.now - heard < _SILENT_S):
+            data = link.all()
+            if data:
+                text += data
+                heard = controller.now
+            if _END in text or len(text) > 4 * LONGEST:
+                break
+            if not text and (link.lost or controller.now > end):
+                raise ScriptFaultError(f"External Control: {host}:{port} sends no program")
+            yield
+        self._links.close()
+        code = controller.compiling(text.decode("utf-8", "replace"))
+        while not code.done():
+            yield
+        self._program = ScriptProgram(controller, code.result())

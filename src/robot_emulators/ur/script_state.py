@@ -1,18 +1,24 @@
-"""Functions of URScript that read the robot, or set what changes without time."""
+"""Functions of URScript that compute, read the robot, or set what changes without time."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
-from robot_emulators.ur.kinematics import vector as pose_of
+from robot_emulators.ur import kinematics
 from robot_emulators.ur.messages import PROTECTIVE_STOP, popup_shown, said
-from robot_emulators.ur.script_math import made
 from robot_emulators.ur.script_program import ScriptProgram
+from robot_emulators.ur.urscript import values
 from robot_emulators.ur.urscript.functions import Six, Steps, Table, Three, vector
-from robot_emulators.ur.urscript.values import Pose, ScriptFaultError
+from robot_emulators.ur.urscript.values import Pose, ScriptFaultError, kind, real
 
 TABLE = Table()
+_PLAIN: dict[str, Callable[..., float]] = {
+    "acos": math.acos, "asin": math.asin, "atan": math.atan, "atan2": math.atan2, "cos": math.cos,
+    "sin": math.sin, "tan": math.tan, "sqrt": math.sqrt, "d2r": math.radians, "r2d": math.degrees,
+    "ceil": math.ceil, "floor": math.floor,
+}  # fmt: skip
 CONTACT_FORCE = 10.0
 """Force against the direction of motion from which the tool touches something [N]."""
 _CYCLES_BACK = 3
@@ -25,7 +31,9 @@ _POSES: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
     "get_actual_tcp_pose": lambda p: p.arm.kinematics.pose(p.arm.plant.q, p.arm.tcp),
     "get_target_tcp_pose": lambda p: p.arm.kinematics.pose(p.arm.q, p.arm.tcp),
     "get_target_waypoint": lambda p: p.arm.kinematics.pose(p.arm.q, p.arm.tcp),
-    "get_actual_tool_flange_pose": lambda p: pose_of(*p.arm.kinematics.flange(p.arm.plant.q)),
+    "get_actual_tool_flange_pose": lambda p: kinematics.vector(
+        *p.arm.kinematics.flange(p.arm.plant.q)
+    ),
     "get_tcp_offset": lambda p: p.arm.tcp,
 }
 """Function → the pose that it returns."""
@@ -40,6 +48,86 @@ _NUMBERS: dict[str, Callable[[ScriptProgram], Any]] = {
     "protective_stop": lambda p: p.controller.protective_stop(PROTECTIVE_STOP),
 }
 """Function without arguments → what it returns or does."""
+
+
+def _of_one(act: Callable[[float], float]) -> Callable[[Any, Any], float]:
+    return lambda _, f: act(real(f))
+
+
+def _of_two(act: Callable[[float, float], float]) -> Callable[[Any, Any, Any], float]:
+    return lambda _, x, y: act(real(x), real(y))
+
+
+for _name, _act in _PLAIN.items():
+    TABLE.add(_name)(_of_two(_act) if _name == "atan2" else _of_one(_act))
+
+
+@TABLE.add("pow")
+def power(_: Any, base: Any, exponent: Any) -> Any:
+    """Power."""
+    return values.ACTS["^"](real(base), real(exponent))
+
+
+@TABLE.add()
+def norm(_: Any, a: Any) -> float:
+    """Length of a list, or size of a number."""
+    if isinstance(a, list):
+        return math.sqrt(sum(real(v) ** 2 for v in a))
+    return abs(real(a))
+
+
+@TABLE.add("get_list_length", "length")
+def length(_: Any, v: Any) -> int:
+    """Elements of a list, characters of a text."""
+    if isinstance(v, list | str):
+        return len(v)
+    raise ScriptFaultError(f"{kind(v)} has no length")
+
+
+@TABLE.add()
+def struct(_: Any, **fields: Any) -> dict[str, Any]:
+    """A struct of its fields."""
+    return fields
+
+
+def made(pose: np.ndarray) -> Pose:
+    """A pose (6,) as a value of URScript."""
+    return Pose(pose.tolist())
+
+
+@TABLE.add()
+def pose_trans(_: Any, p_from: Six, p_from_to: Six) -> Pose:
+    """Product of two poses (6,)."""
+    return made(kinematics.pose_trans(p_from, p_from_to))
+
+
+@TABLE.add()
+def pose_inv(_: Any, p_from: Six) -> Pose:
+    """Inverse of a pose (6,)."""
+    rotation, position = kinematics.matrix(p_from)
+    return made(kinematics.vector(rotation.T, -(rotation.T @ position)))
+
+
+@TABLE.add()
+def pose_sub(_: Any, p_to: Six, p_from: Six) -> Pose:
+    """Difference of positions, and the rotation between."""
+    (last, b), (first, a) = kinematics.matrix(p_to), kinematics.matrix(p_from)
+    return made(kinematics.vector(last @ first.T, b - a))
+
+
+@TABLE.add()
+def to_str(_: Any, val: str) -> str:
+    """Text of a value."""
+    return val
+
+
+@TABLE.add()
+def str_cat(_: Any, op1: str, op2: str) -> str:
+    """Two values as one text."""
+    text = op1 + op2
+    if len(text) > values.LONGEST_TEXT:
+        raise ScriptFaultError(f"a text of more than {values.LONGEST_TEXT} characters")
+    return text
 
 
 def _speed(program: ScriptProgram, q: np.ndarray, qd: np.ndarray) -> np.ndarray:
@@ -146,13 +234,13 @@ def solve(
     Raises:
         ScriptFaultError: there are none.
     """
-    kinematics = program.arm.kinematics
+    solver = program.arm.kinematics
     start = program.arm.q if near is None else near
     active = _tcp(program, tcp)
-    q = kinematics.follow(pose, active, start)
-    if q is None or np.abs(q - start).max() > _NEAR or not kinematics.within(q):
-        q = kinematics.inverse(pose, active, start)
-    if q is None or not kinematics.within(q):
+    q = solver.follow(pose, active, start)
+    if q is None or np.abs(q - start).max() > _NEAR or not solver.within(q):
+        q = solver.inverse(pose, active, start)
+    if q is None or not solver.within(q):
         raise ScriptFaultError("get_inverse_kin: no solution for this pose")
     return q
 

@@ -1,0 +1,253 @@
+"""What a URScript program exchanges with others: registers, inputs and outputs, sockets."""
+
+import struct
+from collections.abc import Callable
+from typing import Any
+
+from robot_emulators.ur.links import Link
+from robot_emulators.ur.packets import BIT_REGISTERS
+from robot_emulators.ur.script_program import ScriptProgram, dialled
+from robot_emulators.ur.urscript.functions import Steps, Table
+from robot_emulators.ur.urscript.values import ScriptFaultError, real, shown, truth
+
+TABLE = Table()
+_KINDS: dict[str, tuple[str, Callable[[Any], Any]]] = {
+    "integer": ("int", int), "float": ("double", float), "boolean": ("bit", bool),
+}  # fmt: skip
+"""Kind of register in URScript → in RTDE, and the type of its values."""
+_WORD = 32
+"""Bit registers that RTDE shows in one word; those from 64 on have a field each."""
+_GROUPS = {"standard": (0, 8), "configurable": (8, 8), "tool": (16, 2)}
+"""First bit and number of each group of digital outputs."""
+_NAME = "socket_0"
+_MOST = 255
+"""Numbers that one call can read."""
+
+_SENT: dict[str, Callable[[Any], bytes]] = {
+    "int": lambda value: struct.pack(">i", int32(value)),
+    "byte": lambda value: bytes([int(real(value, "a byte")) & 0xFF]),
+    "string": lambda value: shown(value).encode("latin-1", "replace"),
+    "line": lambda value: shown(value).encode("latin-1", "replace") + b"\n",
+}
+"""What a program sends of a value over a connection."""
+
+
+def _register(way: str, kind: str, address: Any, known: Any) -> tuple[str, int | None]:
+    """Field of a register, and its bit where it is one of those that share a word."""
+    where = real(address, "an address")
+    if where != int(where):
+        raise ScriptFaultError(f"an address must be a whole number, not {where:g}")
+    number = int(where)
+    if kind == "bit" and 0 <= number < BIT_REGISTERS.start:
+        first = number // _WORD * _WORD
+        return f"{way}_bit_registers{first}_to_{first + _WORD - 1}", number - first
+    name = f"{way}_{kind}_register_{number}"
+    if name not in known:
+        raise ScriptFaultError(f"there is no {name}")
+    return name, None
+
+
+def _reads(way: str, kind: str, as_value: Callable[[Any], Any]) -> Callable[..., Any]:
+    def read(program: ScriptProgram, address: Any) -> Any:
+        controller = program.controller
+        values = controller.inputs.values if way == "input" else controller.values
+        name, bit = _register(way, kind, address, values)
+        return as_value(values[name][0] >> bit & 1 if bit is not None else values[name][0])
+
+    return read
+
+
+def _writes(kind: str) -> Callable[..., None]:
+    def write(program: ScriptProgram, address: Any, value: Any) -> None:
+        values = program.controller.values
+        name, bit = _register("output", kind, address, program.controller.fields)
+        if bit is not None:
+            values[name] = (values[name][0] & ~(1 << bit) | truth(value) << bit,)
+        elif kind == "bit":
+            values[name] = (truth(value),)
+        else:
+            values[name] = (real(value, "a value") if kind == "double" else int32(value),)
+
+    return write
+
+
+def int32(value: Any) -> int:
+    """A whole number of 32 bits."""
+    whole = int(real(value, "a value"))
+    if not -(2**31) <= whole < 2**31:
+        raise ScriptFaultError(f"{whole} is no 32 bit integer")
+    return whole
+
+
+for _word, (_kind, _type) in _KINDS.items():
+    for _way in ("input", "output"):
+        TABLE.add(f"read_{_way}_{_word}_register")(_reads(_way, _kind, _type))
+    TABLE.add(f"write_output_{_word}_register")(_writes(_kind))
+
+
+def _bit(group: str, n: float) -> int:
+    """Number of an output's bit; standard outputs from 8 on are the tool's."""
+    if group == "standard" and n >= 8:
+        group, n = "tool", n - 8
+    first, count = _GROUPS[group]
+    if not 0 <= n < count or n != int(n):
+        raise ScriptFaultError(f"there is no {group} digital output {n:g}")
+    return first + int(n)
+
+
+def _sets(group: str) -> Callable[..., None]:
+    def set_output(program: ScriptProgram, n: float, b: bool) -> None:
+        bit, terminals = _bit(group, n), program.controller.terminals
+        terminals.bits = terminals.bits & ~(1 << bit) | b << bit
+
+    return set_output
+
+
+def _gets(group: str) -> Callable[..., bool]:
+    def get_output(program: ScriptProgram, n: float) -> bool:
+        return bool(program.controller.terminals.bits >> _bit(group, n) & 1)
+
+    return get_output
+
+
+for _group in _GROUPS:
+    _names = [f"{_group}_digital_out", *(["digital_out"] if _group == "standard" else [])]
+    TABLE.add(*(f"set_{name}" for name in _names))(_sets(_group))
+    TABLE.add(*(f"get_{name}" for name in _names))(_gets(_group))
+
+
+@TABLE.add(
+    "get_standard_digital_in", "get_digital_in", "get_configurable_digital_in",
+    "get_tool_digital_in",
+)  # fmt: skip
+def digital_in(program: ScriptProgram, n: float) -> bool:
+    """Nothing is wired to the inputs."""
+    return False
+
+
+@TABLE.add("get_standard_analog_in", "get_analog_in")
+def analog_in(program: ScriptProgram, n: float) -> float:
+    """Nothing is wired to the inputs."""
+    return 0.0
+
+
+@TABLE.add("set_standard_analog_out", "set_analog_out")
+def set_standard_analog_out(program: ScriptProgram, n: float, f: float) -> None:
+    """An analog output, as a fraction of its range."""
+    if n not in (0, 1):
+        raise ScriptFaultError(f"there is no analog output {n:g}")
+    program.controller.terminals.analog[int(n)] = min(max(f, 0.0), 1.0)
+
+
+@TABLE.add()
+def socket_open(
+    program: ScriptProgram, address: str, port: float, socket_name: str = _NAME
+) -> Steps:
+    """True once it is connected, False after 2 s."""
+    link = yield from dialled(program.controller, program.links, address, int(port), socket_name)
+    if link is not None:
+        return True
+    program.links.hang_up(socket_name)
+    yield
+    return False
+
+
+@TABLE.add()
+def socket_close(program: ScriptProgram, socket_name: str = _NAME) -> None:
+    """End a connection."""
+    program.links.hang_up(socket_name)
+
+
+def _waited(
+    program: ScriptProgram, name: str, timeout: float, read: Callable[[Link], bytes | None]
+) -> Steps:
+    """Bytes that a read finds before the timeout [s], else None; a timeout of zero never ends.
+
+    A read that finds the connection closed takes a control cycle, so that no program can spin.
+    """
+    end = program.controller.now + timeout if timeout > 0.0 else float("inf")
+    while True:
+        link = program.links.of(name)
+        data = None if link is None else read(link)
+        if data is not None:
+            return data
+        over = link is None or link.lost or program.controller.now >= end
+        yield
+        if over:
+            return None
+
+
+def _count(number: float) -> int:
+    if not 1 <= number <= _MOST:
+        raise ScriptFaultError(f"{number:g} numbers at once: 1 to {_MOST}")
+    return int(number)
+
+
+@TABLE.add()
+def socket_read_binary_integer(
+    program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
+) -> Steps:
+    """Read ``number`` 32 bit integers: a list of their count and themselves; of 0 and not-a-numbers
+    if they do not come in time."""
+    count = _count(number)
+    data = yield from _waited(program, socket_name, timeout, lambda link: link.read(4 * count))
+    if data is None:
+        return [0] + [float("nan")] * count
+    return [count, *struct.unpack(f">{count}i", data)]
+
+
+@TABLE.add()
+def socket_read_byte_list(
+    program: ScriptProgram, number: float, socket_name: str = _NAME, timeout: float = 2.0
+) -> Steps:
+    """Read ``number`` bytes: a list of their count and themselves; of 0 and −1s if they do not come
+    in time."""
+    count = _count(number)
+    data = yield from _waited(program, socket_name, timeout, lambda link: link.read(count))
+    return [0] + [-1] * count if data is None else [count, *data]
+
+
+@TABLE.add()
+def socket_read_line(
+    program: ScriptProgram, socket_name: str = _NAME, timeout: float = 2.0
+) -> Steps:
+    """Read a line without its end; empty if none comes in time."""
+    data = yield from _waited(program, socket_name, timeout, lambda link: link.until(b"\n"))
+    return "" if data is None else data.decode("latin-1").rstrip("\r")
+
+
+@TABLE.add()
+def socket_get_var(
+    program: ScriptProgram, name: str, socket_name: str = _NAME, timeout: float = 2.0
+) -> Steps:
+    """Ask ``GET name``; the whole number of the answer ``name value``, 0 without one."""
+    if not _send(program, socket_name, f"GET {name}\n".encode()):
+        yield
+        return 0
+    words = str((yield from socket_read_line(program, socket_name, timeout))).split()
+    answered = len(words) == 2 and words[0] == name and words[1].lstrip("-").isdecimal()
+    return int(words[1][:16]) if answered else 0
+
+
+@TABLE.add()
+def socket_set_var(
+    program: ScriptProgram, name: str, value: float, socket_name: str = _NAME
+) -> bool:
+    """Send ``SET name value``."""
+    return _send(program, socket_name, f"SET {name} {int(value)}\n".encode())
+
+
+def _sends(packed: Callable[[Any], bytes]) -> Callable[..., bool]:
+    def send(program: ScriptProgram, value: Any, socket_name: str = _NAME) -> bool:
+        return _send(program, socket_name, packed(value))
+
+    return send
+
+
+for _what, _packed in _SENT.items():
+    TABLE.add(f"socket_send_{_what}")(_sends(_packed))
+
+
+def _send(program: ScriptProgram, name: str, data: bytes) -> bool:
+    link = program.links.of(name)
+    return link is not None and link.send(data)
