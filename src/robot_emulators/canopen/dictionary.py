@@ -196,16 +196,6 @@ def _entry(section: configparser.SectionProxy, node: int) -> Entry:
     )  # fmt: skip
 
 
-@dataclass
-class _Upload:
-    """A segmented transfer of an object to the client: data still to send, and the toggle bit of
-    the next segment."""
-
-    key: Key
-    data: bytes
-    toggle: int = 0
-
-
 class SdoServer:
     """Answers the requests of a client."""
 
@@ -213,7 +203,9 @@ class SdoServer:
         self, objects: Objects, locked: Callable[[Key], None], written: Callable[[Key], None]
     ) -> None:
         self._objects, self._locked, self._written = objects, locked, written
-        self._transfer: _Upload | None = None
+        self._transfer: Key | None = None
+        """Object sent in segments; then its data that are left, and the next toggle bit."""
+        self._left, self._toggle = b"", 0
         self._due = 0.0
 
     def answer(self, t: float, request: bytes) -> list[bytes]:
@@ -240,12 +232,12 @@ class SdoServer:
         """The abort of a transfer whose client stayed away, at a time [s]."""
         if self._transfer is None or t < self._due:
             return []
-        return [self._aborted(self._transfer.key, Abort.TIMEOUT)]
+        return [self._aborted(self._transfer, Abort.TIMEOUT)]
 
     def _aborted(self, key: Key, code: int) -> bytes:
         """The abort frame; it ends the transfer under way, whose key it names."""
         if self._transfer is not None:
-            key, self._transfer = self._transfer.key, None
+            key, self._transfer = self._transfer, None
         return struct.pack("<BHBI", 0x80, *key, code)
 
     def _download(self, request: bytes) -> bytes:
@@ -273,19 +265,18 @@ class SdoServer:
         if 0 < len(raw) <= _EXPEDITED:
             first = 0x43 | (_EXPEDITED - len(raw)) << 2
             return struct.pack("<BHB", first, *key) + raw.ljust(4, b"\0")
-        self._transfer = _Upload(key, raw)
+        self._transfer, self._left, self._toggle = key, raw, 0
         return struct.pack("<BHBI", 0x41, *key, len(raw))
 
     def _give_segment(self, request: bytes) -> bytes:
-        transfer = self._transfer
-        if transfer is None:
+        if self._transfer is None:
             raise AbortError(Abort.COMMAND)
-        if request[0] >> 4 & 1 != transfer.toggle:
+        if request[0] >> 4 & 1 != self._toggle:
             raise AbortError(Abort.TOGGLE)
-        part, transfer.data = transfer.data[:_PART], transfer.data[_PART:]
-        last = not transfer.data
+        part, self._left = self._left[:_PART], self._left[_PART:]
+        last = not self._left
         if last:
             self._transfer = None
-        first = transfer.toggle << 4 | (_PART - len(part)) << 1 | last
-        transfer.toggle ^= 1
+        first = self._toggle << 4 | (_PART - len(part)) << 1 | last
+        self._toggle ^= 1
         return bytes([first]) + part.ljust(_PART, b"\0")

@@ -13,21 +13,14 @@ count/s, accelerations in count/s². Source: CiA 402-2 (IEC 61800-7-201).
 
 import threading
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from importlib import resources
 
 from robot_emulators.can_bus import Frame
-from robot_emulators.canopen.dictionary import Abort, AbortError, Key, Objects
+from robot_emulators.canopen.dictionary import Abort, AbortError, Key
 from robot_emulators.canopen.node import OPERATIONAL, Node
-from robot_emulators.medrue.axis import (
-    CYCLIC,
-    HOMING,
-    METHODS,
-    MODE,
-    PROFILE,
-    RPDO_TIMEOUT,
-    SYNC_ERROR,
-    Axis,
-)
+from robot_emulators.medrue import axis as cia402
+from robot_emulators.medrue.axis import Axis
 
 SHEET = resources.files(__package__).joinpath("cia402.eds").read_text("utf-8")
 """The EDS file; its values after power-up are those of an axis of 2,000,000 counts."""
@@ -39,8 +32,8 @@ FAULT_SIGNAL, QUICK_STOP = 1, 3
 ALLOWED: dict[Key, tuple[int, ...]] = {
     (0x6007, 0): (0, FAULT_SIGNAL, QUICK_STOP),
     (0x605A, 0): (0, 1, 2, 5, 6),
-    (0x6060, 0): (PROFILE, HOMING, CYCLIC),
-    (0x6098, 0): (0, *METHODS),
+    (0x6060, 0): (cia402.PROFILE, cia402.HOMING, cia402.CYCLIC),
+    (0x6098, 0): (0, *cia402.METHODS),
 }
 """Objects of which only some values may be written."""
 _RATED_A = 4.0
@@ -80,15 +73,9 @@ def rated(
     }  # fmt: skip
 
 
-def refuse_others(objects: Objects) -> None:
-    """Refuse values that are not `ALLOWED`."""
-    for key, values in ALLOWED.items():
-
-        def refuse(value: int, values: tuple[int, ...] = values) -> None:
-            if value not in values:
-                raise AbortError(Abort.VALUE)
-
-        objects.entry(key).check = refuse
+def _refuse_others(allowed: Sequence[int], value: int) -> None:
+    if value not in allowed:
+        raise AbortError(Abort.VALUE)
 
 
 class DriveEmulator(Node):
@@ -108,7 +95,8 @@ class DriveEmulator(Node):
         position: float, watchdog: float, lock: threading.RLock,
     ) -> None:  # fmt: skip
         super().__init__(node, send, SHEET, lock)
-        refuse_others(self.objects)
+        for key, allowed in ALLOWED.items():
+            self.objects.entry(key).check = partial(_refuse_others, allowed)
         self._rated, self._position = rated, round(position)
         self._rate()
         self.axis = Axis(self.objects, position)
@@ -135,7 +123,7 @@ class DriveEmulator(Node):
 
     def on_written(self, keys: Sequence[Key]) -> None:
         for key in keys:
-            if key == MODE:
+            if key == cia402.MODE:
                 self.axis.take_mode()
             elif key == CONTROL:
                 self._control(self.objects[CONTROL])
@@ -149,9 +137,9 @@ class DriveEmulator(Node):
             return
         option = self.objects[0x6007, 0]
         if option == FAULT_SIGNAL:
-            self.axis.fault(code or RPDO_TIMEOUT)
+            self.axis.fault(code or cia402.RPDO_TIMEOUT)
         elif option == QUICK_STOP:
-            self.axis.quick_stop(code or RPDO_TIMEOUT)
+            self.axis.quick_stop(code or cia402.RPDO_TIMEOUT)
         self._report()
 
     def track(
@@ -229,9 +217,9 @@ class DriveEmulator(Node):
             return
         cycle = self.objects[0x1006, 0] * 1e-6 if self._synced else 0.0
         if any(rpdo.late(t) for rpdo in self.rpdos):
-            self.on_connection_lost(RPDO_TIMEOUT)
+            self.on_connection_lost(cia402.RPDO_TIMEOUT)
         elif cycle and t - self._synced > max(_SYNC_LOSS * cycle, self.rpdos[0].timer):
-            self.on_connection_lost(SYNC_ERROR)
+            self.on_connection_lost(cia402.SYNC_ERROR)
 
 
 def _thousandths(ratio: float) -> int:

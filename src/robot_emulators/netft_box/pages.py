@@ -24,14 +24,9 @@ from urllib.parse import parse_qsl, urlsplit
 import numpy as np
 
 from robot_emulators.base.faults import Faults
+from robot_emulators.netft_box import sensing as units
 from robot_emulators.netft_box.rdt import Pace
-from robot_emulators.netft_box.sensing import (
-    LARGEST_BUFFER,
-    NEWTON,
-    NEWTON_METRE,
-    BoxSettings,
-    Sensing,
-)
+from robot_emulators.netft_box.sensing import BoxSettings, Sensing
 
 Reply = tuple[str, str, str]
 """Status line, content type and text."""
@@ -94,7 +89,8 @@ class Pages:
         index = dict(asked).get("index", "")
         index = index if index.isdecimal() and int(index) < SLOTS else "0"
         if name == "netftcalapi.xml":
-            fields, root = self._calibration(index), "netftCalibration"
+            known = {"calid": index, "calsn": _SERIAL, "calpn": "emulated", "caldt": "2020/01/01"}
+            fields, root = known | self._scale("cal"), "netftCalibration"
         elif name == "netftapi2.xml":
             fields, root = self._fields(index), "netft"
         else:
@@ -106,28 +102,25 @@ class Pages:
 
     def _fields(self, index: str) -> dict[str, str]:
         """Elements of netftapi2.xml."""
-        s, pace, sensing = self._settings, self._pace, self._sensing
+        pace, sensing = self._pace, self._sensing
         rate = sensing.rate / pace.every(sensing.rate)
-        return _CONSTANT | {
+        return _CONSTANT | self._scale("cfg") | {
             "runstat": f"0x{sensing.status:08x}", "runft": _row(sensing.newest),
             "runrate": str(sensing.rate), "setbias": _row(sensing.bias), "cfgid": index,
-            "cfgfu": _code(_FORCE, s.force_unit), "scfgfu": s.force_unit,
-            "cfgtu": _code(_TORQUE, s.torque_unit), "scfgtu": s.torque_unit,
-            "cfgcpf": f"{s.counts_per_force:.12g}",
-            "cfgcpt": f"{s.counts_per_torque:.12g}", "cfgmr": self._ratings(),
             "comrdte": "Enabled" if pace.on else "Disabled",
             "comrdtrate": f"{math.ceil(rate - 1e-9)}", "comrdtbsiz": str(pace.buffer),
         }  # fmt: skip
 
-    def _calibration(self, index: str) -> dict[str, str]:
-        """Elements of netftcalapi.xml."""
+    def _scale(self, kind: str) -> dict[str, str]:
+        """Units, counts and ratings as a configuration (``cfg``) or a calibration (``cal``)."""
         s = self._settings
+        si = np.repeat([units.NEWTON[s.force_unit], units.NEWTON_METRE[s.torque_unit]], 3)
         return {
-            "calid": index, "calsn": _SERIAL, "calpn": "emulated", "caldt": "2020/01/01",
-            "calfu": _code(_FORCE, s.force_unit), "scalfu": s.force_unit,
-            "caltu": _code(_TORQUE, s.torque_unit), "scaltu": s.torque_unit,
-            "calmr": self._ratings(),
-            "calcpf": f"{s.counts_per_force:.12g}", "calcpt": f"{s.counts_per_torque:.12g}",
+            f"{kind}fu": _code(_FORCE, s.force_unit), f"s{kind}fu": s.force_unit,
+            f"{kind}tu": _code(_TORQUE, s.torque_unit), f"s{kind}tu": s.torque_unit,
+            f"{kind}cpf": f"{s.counts_per_force:.12g}",
+            f"{kind}cpt": f"{s.counts_per_torque:.12g}",
+            f"{kind}mr": ";".join(f"{v:.9g}" for v in self._sensing.range / si),
         }  # fmt: skip
 
     def _set(self, name: str, value: str) -> None:
@@ -142,15 +135,9 @@ class Pages:
         elif name == "comrdtrate":
             self._pace.rate = min(max(number, 1.0), float(self._sensing.rate))
         elif name == "comrdtbsiz":
-            self._pace.buffer = min(max(int(number), 1), LARGEST_BUFFER)
+            self._pace.buffer = min(max(int(number), 1), units.LARGEST_BUFFER)
         elif name == "comrdte":
             self._pace.on = number != 0.0
-
-    def _ratings(self) -> str:
-        """The sensor's range, each channel in its unit."""
-        s = self._settings
-        si = np.repeat([NEWTON[s.force_unit], NEWTON_METRE[s.torque_unit]], 3)
-        return ";".join(f"{v:.9g}" for v in self._sensing.range / si)
 
 
 def _code(known: dict[str, int], unit: str) -> str:

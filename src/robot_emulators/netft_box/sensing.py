@@ -91,7 +91,8 @@ class Sensing:
         self._lock = threading.Lock()
         self._power_up = time.monotonic()
         self._raw = np.zeros(6)
-        self._bias = np.zeros(6)
+        self.bias = np.zeros(6)
+        """(6,) counts that read as zero."""
         self._frozen: np.ndarray | None = None
         self._skew = (0.0, 0.0, 1.0)
         self.status = 0
@@ -143,7 +144,7 @@ class Sensing:
         raw = np.maximum(np.minimum(values, self.range), -self.range) * self.per_si
         with self._lock:
             self._raw = raw[-1]
-            counts = raw - self._bias
+            counts = raw - self.bias
         if wrong and (one := wrong("wrong_counts")):
             counts *= one["factor"]
         if wrong and (one := wrong("status")):
@@ -160,28 +161,23 @@ class Sensing:
     def zero(self) -> None:
         """Software bias: what is measured now reads as zero from now on."""
         with self._lock:
-            self._bias = self._raw.copy()
-
-    @property
-    def bias(self) -> np.ndarray:
-        """(6,) counts that read as zero."""
-        return self._bias
+            self.bias = self._raw.copy()
 
     @property
     def newest(self) -> np.ndarray:
         """(6,) counts of the newest sample."""
-        return self._raw - self._bias
+        return self._raw - self.bias
 
     def set_bias(self, channel: int, counts: float) -> None:
         """Set one channel's zero [count]."""
         with self._lock:
-            self._bias = np.where(np.arange(6) == channel, counts, self._bias)
+            self.bias = np.where(np.arange(6) == channel, counts, self.bias)
 
     def restart(self) -> None:
         """Power off and on: samples are counted from 0 and the zero is lost."""
         with self._lock:
             self._power_up = time.monotonic()
-            self._bias = np.zeros(6)
+            self.bias = np.zeros(6)
             self._skew = (0.0, 0.0, 1.0)
 
     def stamps(self, ticks: np.ndarray) -> np.ndarray:

@@ -149,12 +149,9 @@ class ControlledArm:
         braking = Braking(deceleration, seconds)
         if self._frozen:
             self._interrupted = None
-            braking.done = True
-            return braking
-        if self.motion is None:  # the target stands still already
-            braking.done = True
-            return braking
-        self.start(braking)
+        braking.done = self._frozen or self.motion is None  # the target stands still already
+        if not braking.done:
+            self.start(braking)
         return braking
 
     def release(self, motion: ArmMotion | None) -> None:

@@ -7,13 +7,8 @@ from math import atan2, cos, exp, pi, sin, sqrt
 
 import numpy as np
 
-from robot_emulators.ur.kinematics import (
-    Kinematics,
-    UnreachableError,
-    matrix,
-    rotation_vector,
-    vector,
-)
+from robot_emulators.ur import kinematics as poses
+from robot_emulators.ur.kinematics import Kinematics, UnreachableError, matrix, rotation_vector
 
 ROTATION_REACH = 0.25
 """A turn of 1 rad of the tool takes a straight move as long as this way does [m]."""
@@ -203,7 +198,7 @@ class ToPose(_Planned):
 
     def _at(self, share: float, q: np.ndarray) -> np.ndarray:
         turn, _ = matrix(np.concatenate([np.zeros(3), share * self._turn]))
-        pose = vector(turn @ self._rotation, self._place(share))
+        pose = poses.vector(turn @ self._rotation, self._place(share))
         joints = self._kinematics.follow(pose, self._tcp, q)
         if joints is None:
             raise UnreachableError("the straight way leaves the robot's reach")

@@ -26,11 +26,6 @@ _STILL: dict[str, Values] = {
     "target_execution_time": (0.35,),
     "actual_current_window": (1.0,) * 6,
 }
-_TOOL_FIELDS = frozenset(
-    """actual_TCP_pose target_TCP_pose actual_TCP_speed target_TCP_speed actual_TCP_force
-    tcp_force_scalar tcp_offset actual_tool_accelerometer elbow_position payload payload_cog
-    payload_inertia target_gravity""".split()
-)
 _SAFETY_BITS = {
     SafetyMode.NORMAL: 1 << 0,
     SafetyMode.PROTECTIVE_STOP: 1 << 2 | 1 << 10,
@@ -51,6 +46,7 @@ class Outputs:
     def __init__(self, controller: Controller, shared: bool) -> None:
         self._controller, self._shared = controller, shared
         self._count = 0
+        self._tool_fields = frozenset(self._tool())
         controller.values.update({k: v for k, v in _STILL.items() if k in controller.fields})
 
     def restart(self) -> None:
@@ -63,7 +59,7 @@ class Outputs:
         self._count += 1
         outputs: dict[str, Values] = {"timestamp": (timestamp,), "control_step": (self._count,)}
         outputs |= self._joints() | self._modes()
-        if not wanted.isdisjoint(_TOOL_FIELDS):
+        if not wanted.isdisjoint(self._tool_fields):
             outputs |= self._tool()
         if "ft_raw_wrench" in wanted:
             outputs["ft_raw_wrench"] = self._raw()
