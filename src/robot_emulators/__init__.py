@@ -5,7 +5,6 @@ one that is built in. See README.md. This package imports nothing of wrenchbed.
 Read first: plant.py, base/emulator.py, then the folder of a device.
 """
 
-from robot_emulators.base.arguments import Settings, described, read, setting
 from robot_emulators.base.emulator import Emulator, Options
 from robot_emulators.base.faults import Faults, TimedFault
 from robot_emulators.errors import EmulatorError, EmulatorWarning, FaultError, SettingError
@@ -27,12 +26,8 @@ __all__ = [
     "PlantMaker",
     "PlantRequest",
     "SettingError",
-    "Settings",
     "TimedFault",
-    "described",
     "load",
-    "read",
     "serve",
-    "setting",
     "ur5",
 ]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.modes import Runtime
-from robot_emulators.ur.network import Peer
+from robot_emulators.ur.network import Conversation, Peer
 from robot_emulators.ur.programs import ProgramFileError
 
 GREETING = "Connected: Universal Robots Dashboard Server"
@@ -23,7 +23,7 @@ _TOO_EARLY = (
 )
 
 
-class Dashboard:
+class Dashboard(Conversation):
     """Answers the commands of one client of the dashboard server."""
 
     def __init__(self, controller: Controller, peer: Peer, shut_down: Callable[[], None]) -> None:
@@ -94,10 +94,6 @@ class Dashboard:
             if self._ended:
                 return False
         return len(self._line) <= _LONGEST_LINE
-
-    def end(self) -> None:
-        """Forget the client, which is gone."""
-        self._line = b""
 
     def _say(self, answer: str) -> None:
         self._peer.send(answer.encode("latin-1") + b"\n")

@@ -1,8 +1,8 @@
 """The controller's TCP ports: what waits for a client is bounded, and ports can misbehave."""
 
 import time
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Protocol
 
 from robot_emulators.base.event_loop import Connection, Listener, LoopThread
 from robot_emulators.base.faults import Faults, TimedFault
@@ -14,16 +14,16 @@ _HOLDS = 1 << 18
 """Bytes that wait for a client beyond what the kernel holds."""
 
 
-class Conversation(Protocol):
+class Conversation(ABC):
     """Server's side of one connection."""
 
+    @abstractmethod
     def receive(self, data: bytes, now: float) -> bool:
         """Take bytes; False ends the connection."""
-        ...
 
     def end(self) -> None:
         """The connection is gone."""
-        ...
+        return None
 
 
 class Peer(Connection):

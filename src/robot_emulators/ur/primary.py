@@ -13,7 +13,7 @@ from robot_emulators.ur import messages
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.messages import Event
 from robot_emulators.ur.modes import Runtime
-from robot_emulators.ur.network import Peer
+from robot_emulators.ur.network import Conversation, Peer
 from robot_emulators.ur.outputs import Timestamp
 from robot_emulators.ur.packets import Values
 from robot_emulators.ur.urscript.tokens import Collector
@@ -160,7 +160,7 @@ class Primary:
         return list(peers)
 
 
-class ScriptClient:
+class ScriptClient(Conversation):
     """One client of a port that takes URScript: it uploads a program to the controller, or runs a
     command of the pendant, such as ``power on``, that is sent as if it were a program."""
 
@@ -186,7 +186,3 @@ class ScriptClient:
             else:
                 self._controller.upload([text])
         return scripts is not None
-
-    def end(self) -> None:
-        """Forget the client, which is gone, and its unfinished program."""
-        self._collector = Collector()

@@ -8,7 +8,7 @@ from typing import Any
 
 from robot_emulators.errors import EmulatorError
 from robot_emulators.ur import packets as wire
-from robot_emulators.ur.network import Peer
+from robot_emulators.ur.network import Conversation, Peer
 from robot_emulators.ur.packets import Recipe, Values, zero
 
 IN_USE, NOT_FOUND = "IN_USE", "NOT_FOUND"
@@ -116,7 +116,7 @@ class Offer:
     fault: Callable[[str], Mapping[str, Any] | None] = lambda kind: None
 
 
-class RtdeSession:
+class RtdeSession(Conversation):
     """Session of one RTDE client: answers its packets.
 
     Attributes:

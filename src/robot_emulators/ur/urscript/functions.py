@@ -12,7 +12,7 @@ from typing import Annotated, Any, get_args
 
 import numpy as np
 
-from robot_emulators.ur.urscript.values import ScriptFaultError, Value, real, reals, shown, truth
+from robot_emulators.ur.urscript.values import ScriptFaultError, Value, real, shown, truth
 
 Steps = Generator[None, None, Any]
 """What a function that takes time makes: one `next` a control cycle, then its value."""
@@ -35,7 +35,9 @@ def number(value: Value, what: str) -> float:
 
 def vector(value: Value, what: str, count: int = 6) -> np.ndarray:
     """Numbers of a list (count,) that a quantity of a robot can have."""
-    numbers = np.array(reals(value, count, what))
+    if not isinstance(value, list) or len(value) != count:
+        raise ScriptFaultError(f"{what} must be a list of {count} numbers")
+    numbers = np.array([real(v, f"each element of {what}") for v in value])
     if not (np.abs(numbers) <= MOST).all():
         raise ScriptFaultError(f"{what} holds what no quantity of a robot can be")
     return numbers
@@ -47,12 +49,8 @@ CONVERTERS: dict[str, Callable[[Value, str], Any]] = {
 }  # fmt: skip
 """Kind of an argument → what makes it of a value and its name."""
 _KINDS: dict[object, str] = {
-    float: "number",
-    Six: "six",
-    Three: "three",
-    bool: "truth",
-    str: "text",
-}
+    float: "number", Six: "six", Three: "three", bool: "truth", str: "text",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,8 @@ _MOST_THREADS = 50
 _MISTAKES = (ArithmeticError, LookupError, NameError, TypeError, ValueError)
 _HELPERS = {
     "ProgramEndsError": ProgramEndsError, "Pose": values.Pose, "copied": values.copied,
-    "get": values.get, "put": values.put, "truth": values.truth, "o_negative": values.negative,
+    "get": values.get, "put": values.put, "truth": values.truth,
+    "o_negative": lambda value: values.ACTS["-"](0, value),
 } | {f"o_{name}": values.ACTS[sign] for sign, name in OPERATORS.items()} | {
     f"as_{kind}": convert for kind, convert in CONVERTERS.items()}  # fmt: skip
 

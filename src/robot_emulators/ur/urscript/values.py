@@ -84,18 +84,6 @@ def real(value: Value, what: str = "an argument") -> float:
     raise ScriptFaultError(f"{what} must be a number, not {kind(value)}")
 
 
-def reals(value: Value, count: int, what: str = "an argument") -> list[float]:
-    """Check that a value is a list of ``count`` finite numbers."""
-    if isinstance(value, list) and len(value) == count:
-        return [real(v, f"each element of {what}") for v in value]
-    raise ScriptFaultError(f"{what} must be a list of {count} numbers")
-
-
-def negative(value: Value) -> Value:
-    """``-value``."""
-    return _arithmetic("-", lambda a, b: a - b)(0, value)
-
-
 def _arithmetic(sign: str, act: Callable[[Any, Any], Any]) -> Callable[[Value, Value], Value]:
     def number(left: Value, right: Value) -> Value:
         try:
