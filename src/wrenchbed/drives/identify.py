@@ -202,15 +202,25 @@ def load_columns(robot: SimulatedRobot, theta: np.ndarray) -> np.ndarray:
     rotation, place = (np.asarray(v)[0] for v in robot.sensor_pose(q, theta))
     turn, lever = link.T @ rotation, link.T @ (place - origin)
     result = np.zeros((INERTIAL, INERTIAL))
-    result[:, 0] = [1.0, *lever, *_six(_second(lever, lever))]
-    for k in range(3):
-        result[:, 1 + k] = [0.0, *turn[:, k], *_six(2.0 * _second(lever, turn[:, k]))]
+    result[:, 0] = of_mass(lever)
+    result[:, 1:4] = np.stack([of_moment(lever, axis) for axis in turn.T], axis=1)
     for k, axes in enumerate(INERTIA_AXES):
         one = np.zeros((3, 3))
         i, j = "xyz".index(axes[0]), "xyz".index(axes[1])
         one[i, j] = one[j, i] = 1.0
         result[4:, 4 + k] = _six(turn @ one @ turn.T)
     return result
+
+
+def of_mass(place: np.ndarray) -> np.ndarray:
+    """Inertial parameters (10,) of 1 kg at a place (3,) [m]."""
+    return np.array([1.0, *place, *_six(_second(place, place))])
+
+
+def of_moment(place: np.ndarray, way: np.ndarray) -> np.ndarray:
+    """Change of inertial parameters (10,) by 1 kg·m along a way (3,), of a mass at a place (3,)
+    [m]."""
+    return np.array([0.0, *way, *_six(2.0 * _second(place, way))])
 
 
 def _second(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from arm_gaps import case
 
 from altered import with_columns
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
-from wrenchbed.diagnosis.efforts.options import Weighed, facts_of
+from wrenchbed.diagnosis.efforts.options import facts_of
 from wrenchbed.diagnosis.efforts.signs import episode, held, outliers, peak
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.gaps import Interval
@@ -70,6 +70,6 @@ def test_a_cause_that_leaves_much_or_a_gap_in_its_joint_is_less_sure(closed, aft
     channels = {"tau1": {"before": 9.0, "after": 5.0}, "tau2": {"before": 9.0, "after": after}}
     share = Interval(closed, closed - 0.1, closed + 0.1)
     gap = SimpleNamespace(closed=share, per_channel=channels)
-    facts = facts_of(SimpleNamespace(blocks=[]), Weighed(()), SimpleNamespace(gap=None))
+    facts = facts_of(SimpleNamespace(d=SimpleNamespace(blocks=[])), (), 0)
     assert facts.right(verdict, gap) == right
     assert facts.right(replace(verdict, word="none", causes=()), gap) == 0.85

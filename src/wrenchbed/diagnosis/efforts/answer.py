@@ -14,11 +14,12 @@ from wrenchbed.diagnosis.efforts.search import Structure
 from wrenchbed.diagnosis.efforts.signs import Sign
 from wrenchbed.diagnosis.efforts.simulator import Simulator, Simulators
 from wrenchbed.diagnosis.efforts.sizes import mass_of_tool, parameters
-from wrenchbed.diagnosis.evidence.search import UNKNOWN
+from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import Scale, cause, families
+from wrenchbed.diagnosis.gap.where import located
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 
 _NEXT: Mapping[str, str] = {
@@ -46,21 +47,16 @@ def place(key: Key) -> tuple[str, str]:
 
 def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, Any]]:
     """Entries of ``which`` of the diagnosis: the claimed causes with sizes and probabilities."""
-    if not v.causes:
-        return []
-    fit = s.of(blocks(v.causes))
-    result = []
+    fit, result = s.of(blocks(v.causes)), []
     for c in v.causes:
         assert c.part.index is not None
-        numbers = parameters(fit, c.part.index)
-        same = [k[1] for k in c.keys[1:] if k[0] == c.part.key[0] and k[1] is not None]
-        if same and "joint" in numbers:
-            numbers["joint"] = {"value": c.part.key[1], "rivals": same}
-        elements = [place(k)[1] for k in c.keys if k[0] == c.part.key[0]]
-        others = blocks([x for x in v.causes if x is not c])
-        rivals = _rivals(s, c, others)
-        share = gap.shares[c.part.label]
-        entry = cause(c.part.name, c.probability, numbers, rivals, share, elements)
+        numbers, (effect, joint) = parameters(fit, c.part.index), c.part.key
+        alike = [key for key in c.keys if key[0] == effect]
+        if joint is not None and alike[1:]:
+            numbers["joint"] = {"value": joint, "rivals": [k for _, k in alike[1:]]}
+        rivals = _rivals(s, c, blocks([x for x in v.causes if x is not c]))
+        share, elements = gap.shares[c.part.label], [place(key)[1] for key in alike]
+        entry = cause(effect, c.probability, numbers, rivals, share, elements)
         result.append(entry | {"channels": families(gap)})
     return result
 
@@ -70,7 +66,7 @@ def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, An
     come out with it in the cause's place."""
     by_effect: dict[str, list[tuple[Key, float]]] = {}
     for key, share in zip(c.keys[1:], c.shares[1:], strict=True):
-        if key[0] != c.part.key[0]:
+        if key[0] != c.part.name:
             by_effect.setdefault(key[0], []).append((key, share))
     result = []
     for effect, keys in by_effect.items():
@@ -83,14 +79,14 @@ def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, An
     return result
 
 
-def minor(s: Simulators, w: Weighed, v: Verdict[Structure]) -> list[dict[str, Any]]:
+def minor(s: Simulators, every: Sequence[Weighed], v: Verdict[Structure]) -> list[dict[str, Any]]:
     """Entries of ``minor``: causes that are there and add less than what counts."""
     present: dict[int, float] = {}
     gaps: dict[int, float] = {}
-    for _, p, added in w.structures:
-        for block, gap in added.items():
+    for w in every:
+        for block, gap in w.gaps.items():
             if LEAST_MINOR <= gap < CLAIMABLE and not s.d.blocks[block].outside:
-                present[block] = present.get(block, 0.0) + p
+                present[block] = present.get(block, 0.0) + w.probability
                 gaps.setdefault(block, gap)
     claimed = {key for c in v.causes for key in c.keys}
     result = []
@@ -107,37 +103,30 @@ def minor(s: Simulators, w: Weighed, v: Verdict[Structure]) -> list[dict[str, An
 def fitted(fit: Simulator) -> list[dict[str, Any]]:
     """Entries of ``fitted``: friction, rotor inertia and tool, as far as nobody states them."""
     d, result = fit.d, list[dict[str, Any]]()
-    for column in np.flatnonzero(fit.d.free).tolist():
-        kind, _, which = d.names[column].partition(".")
+    for name in (d.names[k] for k in np.flatnonzero(d.free)):
+        kind, _, of = name.partition(".")
         if kind == "tool":
-            name, unit = f"tool.{which}", "kg" if which == "mass" else "m"
+            label, unit = name, "kg" if of == "mass" else "m"
         elif kind in _UNITS:
-            joint = d.scene.robot.joints[int(which) - 1]
-            name, unit = f"drive.{kind}.{which}", joint.own(_UNITS[kind])
+            label, unit = f"drive.{name}", d.scene.robot.joints[int(of) - 1].own(_UNITS[kind])
         else:
             continue
-        number = fit.number(partial(_value, d, column))
-        result.append({"name": name, **number, "unit": unit, "stated": None})
+        number = fit.number(partial(_value, d, name))
+        result.append({"name": label, **number, "unit": unit, "stated": None})
     return result
 
 
-def _value(d: Dictionary, column: int, x: np.ndarray) -> float:
-    """Value of a free number at the amplitudes x (P,): of a drive, or the tool's mass or CoG."""
-    kind, _, which = d.names[column].partition(".")
+def _value(d: Dictionary, name: str, x: np.ndarray) -> float:
+    """Value of a drive, or the tool's mass or CoG, by its column, at the amplitudes x (P,)."""
+    (kind, _, of), amplitude = name.partition("."), float(x[d.names.index(name)])
     if kind != "tool":
-        return _start(d, kind, int(which) - 1) + float(x[column])
+        start = dict(zip(_UNITS, (*d.scene.levels, d.scene.inertias.rotor), strict=True))
+        return float(start[kind][int(of) - 1]) + amplitude
     tool = d.scene.model.robot.tool(d.scene.theta)
-    if which == "mass":
-        return float(tool.mass) + float(x[column])
-    moment = float(x[column])  # beside that of the mass at the model's centre of gravity [kg·m]
-    return float(np.asarray(tool.cog)["xyz".index(which[-1])]) + moment / mass_of_tool(d, x)
-
-
-def _start(d: Dictionary, kind: str, j: int) -> float:
-    """Value of a drive's parameter to which a fit's amplitude adds."""
-    if kind == "inertia":
-        return float(d.scene.inertias.rotor[j])
-    return float(d.scene.levels[("coulomb", "viscous", "offset").index(kind), j])
+    if of == "mass":
+        return float(tool.mass) + amplitude
+    # a moment beside that of the mass at the model's centre of gravity [kg·m]
+    return float(np.asarray(tool.cog)["xyz".index(of[-1])]) + amplitude / mass_of_tool(d, x)
 
 
 def scales(d: Dictionary) -> dict[str, Scale]:
@@ -150,70 +139,56 @@ def where(
     d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = ()
 ) -> list[dict[str, Any]]:
     """Places: of each claim, or the joints in which an unknown gap lies."""
+    if v.word == NONE:
+        return []
     if v.causes:
         return [_claimed(c, gap.shares[c.part.label]) for c in v.causes]
-    before = {c: max(x["before"], 0.0) for c, x in gap.per_channel.items()}
-    total = sum(before.values())
-    if v.word == "none":
-        return []
-    texts = [_seen(d, s) for s in seen[:2]]
-    if total <= 0.0 or texts:
-        return texts
-    for channel, gap_of in sorted(before.items(), key=lambda kv: -kv[1])[:2]:
-        share = gap_of / total
-        number = "".join(filter(str.isdigit, channel))
-        subsystem, detail = ("drive", f"joint {number}") if number else ("sensor", channel)
-        seen_in = f"the effort of {detail}" if number else f"channel {channel}"
-        text = f"{100 * share:.0f} % of the gap lies in {seen_in}"
-        texts.append({
-            "subsystem": subsystem, "detail": detail, "share": share, "p_value": 1.0,
-            "sentence": f"{text}; this is only a hint: no cause is claimed.",
-        })  # fmt: skip
-    return texts
+    if seen:
+        return [
+            located(*_channel(d, s.joint - 1), 0.0, 1.0,
+                  f"{s.text[:1].upper()}{s.text[1:]}: no cause is claimed.")
+            for s in seen[:2]
+        ]  # fmt: skip
+    before = [max(gaps["before"], 0.0) for gaps in gap.per_channel.values()]
+    result = []
+    for j in sorted(range(len(before)), key=lambda j: -before[j])[: 2 * (sum(before) > 0.0)]:
+        (subsystem, detail), share = _channel(d, j), before[j] / sum(before)
+        of = "the effort of" if subsystem == "drive" else "channel"
+        text = f"{100 * share:.0f} % of the gap lies in {of} {detail}; this is only a hint"
+        result.append(located(subsystem, detail, share, 1.0, f"{text}: no cause is claimed."))
+    return result
 
 
-def _seen(d: Dictionary, sign: Sign) -> dict[str, Any]:
-    subsystem = "drive" if sign.joint <= d.scene.joints else "sensor"
-    detail = d.scene.channels[sign.joint - 1]
-    return {
-        "subsystem": subsystem, "detail": detail, "share": 0.0, "p_value": 1.0,
-        "sentence": f"{sign.text[:1].upper()}{sign.text[1:]}: no cause is claimed.",
-    }  # fmt: skip
+def _channel(d: Dictionary, j: int) -> tuple[str, str]:
+    """Subsystem and name of a channel, from 0."""
+    return "drive" if j < d.scene.joints else "sensor", d.scene.channels[j]
 
 
 def _claimed(c: Cause, share: float) -> dict[str, Any]:
     subsystem, detail = place(c.part.key)
-    others = " or ".join(f"{k[0]} of {place(k)[1]}" for k in c.keys[1:])
-    text = f"{100 * share:.0f} % of the gap is closed by {c.part.key[0]} of {detail}"
-    return {
-        "subsystem": subsystem, "detail": detail, "share": share,
-        "p_value": max(1.0 - c.probability, 0.0),
-        "sentence": f"{text}{f', or by {others}' if others else ''}.",
-    }  # fmt: skip
+    text = f"{100 * share:.0f} % of the gap is closed by {c.part.name} of {detail}"
+    if c.keys[1:]:
+        text += f", or by {' or '.join(f'{k[0]} of {place(k)[1]}' for k in c.keys[1:])}"
+    return located(subsystem, detail, share, 1.0 - c.probability, f"{text}.")
 
 
 def cannot_tell(v: Verdict[Structure]) -> tuple[str, ...]:
     """Sentences on causes that this recording does not distinguish."""
-    result = []
-    for c in v.causes:
-        if c.keys[1:]:
-            titles = " or ".join(title(*k) for k in c.keys)
-            result.append(f"{titles}: this recording does not distinguish them")
-    return tuple(result)
+    classes = (" or ".join(title(*key) for key in c.keys) for c in v.causes if c.keys[1:])
+    return tuple(f"{titles}: this recording does not distinguish them" for titles in classes)
 
 
 def next_steps(v: Verdict[Structure]) -> list[dict[str, Any]]:
     """Entries of ``next`` of the diagnosis: actions that would separate causes from their
     rivals."""
-    found: dict[str, dict[str, Any]] = {}
-    for c in v.causes:
-        drive = drive_effects().get(c.part.key[0])
-        text = _NEXT.get(c.part.key[0], "") if drive is None else drive.remedy
-        if c.keys[1:] and text:
-            both = list(dict.fromkeys((c.part.key[0], c.keys[1:][0][0])))
-            sentence = f"{text[:1].upper()}{text[1:]}."
-            found[text] = {"action": text, "separates": both, "gain": 0.0, "sentence": sentence}
-    return list(found.values())
+    steps: dict[str, dict[str, Any]] = {}
+    for c in (c for c in v.causes if c.keys[1:]):
+        drive = drive_effects().get(c.part.name)
+        text = _NEXT.get(c.part.name, "") if drive is None else drive.remedy
+        both = list(dict.fromkeys((c.part.name, c.keys[1][0])))
+        sentence = f"{text[:1].upper()}{text[1:]}."
+        steps[text] = {"action": text, "separates": both, "gain": 0.0, "sentence": sentence}
+    return [step for text, step in steps.items() if text]
 
 
 def notes(
@@ -241,7 +216,7 @@ def notes(
     if scene.currents and not scene.drives.known("drive.constant").all():
         result.append("drive constants are fitted, and no cause: they hold as the link masses do")
     result += [f"not ordinary noise: {s.text}" for s in seen]
-    if v.word == "none":
+    if v.word == NONE:
         result.append(
             "ordinary errors of links and drives together may imitate a cause: none is never surer"
         )
@@ -257,16 +232,11 @@ def notes(
 
 def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Values of the drives as a recording's metadata state them, and the named effects."""
-    at = {n: k for k, n in enumerate(d.names)}
-    values: dict[str, float] = {}
-    for j in range(d.scene.joints):
-        for kind in _UNITS:
-            if f"{kind}.{j + 1}" in at:
-                amplitude = float(x[at[f"{kind}.{j + 1}"]])
-                values[f"drive.{kind}.{j + 1}"] = _start(d, kind, j) + amplitude
-    for entry in entries:
-        if entry["effect"] == "drive.hysteresis":  # it slides at the level that friction gained
-            figures = entry["parameters"]
+    names = [n for n in d.names if n.partition(".")[0] in _UNITS]
+    values = {f"drive.{n}": _value(d, n, x) for n in names}
+    for found in entries:
+        if found["effect"] == "drive.hysteresis":  # it slides at the level that friction gained
+            figures = found["parameters"]
             name = f"drive.coulomb.{figures['joint']['value']}"
             if name in values:
                 values[name] -= figures["size"]["value"]

@@ -8,7 +8,7 @@ from wrenchbed import registry
 from wrenchbed.channels.held import LINK_CENTRE, LINK_MASS
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.prepare.baseline import COG_M, MASS_SHARE
-from wrenchbed.drives.identify import carrier_columns, load_columns
+from wrenchbed.drives.identify import carrier_columns, load_columns, of_mass, of_moment
 from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.effects.drives.base import Block, Column
 from wrenchbed.effects.drives.operators import late, slow
@@ -33,7 +33,6 @@ _NOTHING = 1e-9
 limit drops small but real causes, a smaller one than 1e-15 keeps rounding of doubles as a cause."""
 _LAST = -2.0
 """Log odds of the link that carries the tool against the tool that hangs on it; estimate."""
-_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 
 def of_arm(scene: EffortScene) -> tuple[list[Column], list[Block]]:
@@ -41,41 +40,30 @@ def of_arm(scene: EffortScene) -> tuple[list[Column], list[Block]]:
     columns, blocks = _links(scene)
     columns += _lag(scene)
     unseen = np.zeros((len(scene.signals.t), len(scene.channels) - scene.joints))
-    columns = [replace(c, data=np.concatenate([c.data, unseen], axis=1)) for c in columns]
-    for more in (_tool(scene), _tilt(scene)):
-        columns += more[0]
-        blocks += more[1]
-    size = max(float(np.abs(c.data).max()) for c in columns)
-    seen = {c.name for c in columns if np.abs(c.data).max() > _NOTHING * size}
-    visible = []
-    for b in blocks:
-        names = tuple(n for n in b.columns if n in seen)
-        if names:
-            visible.append(Block(b.effect, b.joint, b.outside, names, b.value, b.prior))
-    return [c for c in columns if c.name in seen], visible
+    columns = [replace(c, data=np.hstack([c.data, unseen])) for c in columns]
+    for more, causes in (_tool(scene), _tilt(scene)):
+        columns += more
+        blocks += causes
+    largest = {c.name: float(np.abs(c.data).max()) for c in columns}
+    seen = {name for name, size in largest.items() if size > _NOTHING * max(largest.values())}
+    visible = [replace(b, columns=tuple(n for n in b.columns if n in seen)) for b in blocks]
+    return [c for c in columns if c.name in seen], [b for b in visible if b.columns]
 
 
 def _links(scene: EffortScene) -> tuple[list[Column], list[Block]]:
     columns, blocks = list[Column](), list[Block]()
-    for k, phi in enumerate(scene.inertias.phi):
-        y = scene.regressor[..., INERTIAL * k : INERTIAL * (k + 1)]
+    for k in np.flatnonzero(scene.inertias.phi[:, 0] > 0.0).tolist():
+        phi, y = scene.inertias.phi[k], scene.regressor[..., INERTIAL * k : INERTIAL * (k + 1)]
         mass, cog = phi[0], phi[1:4] / max(phi[0], 1e-9)
-        forms = {"mass": [np.concatenate([[1.0], cog, _six(_second(cog, cog))])], "cog": [],
-                 "inertia": []}  # fmt: skip
-        for axis in range(3):
-            one = np.eye(3)[axis]  # a moment m δ = 1 kg·m
-            forms["cog"].append(np.concatenate([[0.0], one, _six(2.0 * _second(cog, one))]))
-        for i in range(6):
-            forms["inertia"].append(np.concatenate([np.zeros(4), np.eye(6)[i]]))
-        if mass <= 0.0:
-            continue
-        for kind, of_kind in forms.items():
-            ends = {"mass": ("mass",), "cog": tuple("xyz"), "inertia": INERTIA_AXES}[kind]
+        inertia = _LINK_INERTIA * mean_inertia(phi)
+        last = k == scene.robot.carrier  # the tool hangs on it, and is the more likely cause
+        for kind, ends, forms, std in (
+            ("mass", ("mass",), [of_mass(cog)], LINK_MASS * mass),
+            ("cog", "xyz", [of_moment(cog, axis) for axis in np.eye(3)], LINK_CENTRE * mass),
+            ("inertia", INERTIA_AXES, np.eye(INERTIAL)[4:], inertia),
+        ):
             names = tuple(f"link.{kind}.{k + 1}.{end}" for end in ends)
-            std = {"mass": LINK_MASS * mass, "cog": LINK_CENTRE * mass,
-                   "inertia": _LINK_INERTIA * mean_inertia(phi)}[kind]  # fmt: skip
-            columns += [Column(n, y @ form, std) for n, form in zip(names, of_kind, strict=True)]
-            last = k == scene.robot.carrier  # the tool hangs on it, and is the more likely cause
+            columns += [Column(n, y @ form, std) for n, form in zip(names, forms, strict=True)]
             blocks.append(Block(f"link.{kind}", k + 1, False, names, prior=_LAST * last))
     return columns, blocks
 
@@ -83,43 +71,33 @@ def _links(scene: EffortScene) -> tuple[list[Column], list[Block]]:
 def _tool(scene: EffortScene) -> tuple[list[Column], list[Block]]:
     """Mass and moments of the tool; free where they are not stated."""
     y = scene.regressor[..., carrier_columns(scene.robot)] @ load_columns(scene.robot, scene.theta)
-    stated, tool = scene.recording.metadata.tool, scene.model.robot.tool(scene.theta)
-    cog = np.asarray(tool.cog, dtype=float)
-    mass = float(tool.mass)
-    along = np.concatenate([[1.0], cog, _six(_second(cog, cog))])
+    stated, tool = scene.recording.metadata.tool, scene.robot.tool(scene.theta)
+    cog, mass = np.asarray(tool.cog, dtype=float), float(tool.mass)
     by_file = registry.record_of("robots", scene.robot.name) is not None  # its [tool] says so
     known = by_file or stated.mass is not None, by_file or stated.cog is not None
     gravity = np.asarray(scene.model.gravity, dtype=float)
 
-    def sensed(moved: np.ndarray, more: float) -> np.ndarray:
-        """Change of the wrench (N, 6) by a mass [kg] and a moment (3,) [kg·m]."""
+    def seen(form: np.ndarray, moved: np.ndarray, more: float) -> np.ndarray:
+        """Change of all channels (N, C) by a mass [kg] and a moment (3,) [kg·m]."""
         ends = list[np.ndarray]()
-        for half in (0.5, -0.5):
+        for half in (0.5 * _STEP, -0.5 * _STEP):
             place = [float(c) for c in cog + half * moved / max(mass, LIGHT)]
-            heavy = max(mass, more) + half * more  # no tool weighs less than nothing
-            theta = scene.model.robot.theta_of_tool(scene.theta, heavy, place)
+            heavy = max(mass, _STEP * more) + half * more  # no tool weighs less than nothing
+            theta = scene.robot.theta_of_tool(scene.theta, heavy, place)
             ends.append(scene.sensed(theta, gravity))
-        return ends[0] - ends[1]
-
-    def both(form: np.ndarray, moved: np.ndarray, more: float) -> np.ndarray:
-        return np.concatenate([y @ form, sensed(_STEP * moved, _STEP * more) / _STEP], axis=1)
+        return np.hstack([y @ form, (ends[0] - ends[1]) / _STEP])
 
     fit = scene.drives.tool
     mass_std, cog_std = (0.0, (0.0,) * 3) if fit is None else (fit.mass_std, fit.cog_std)
     std = float(np.hypot(MASS_SHARE * mass, mass_std)) if known[0] else None
-    columns = [Column("tool.mass", both(along, np.zeros(3), 1.0), std, not known[0])]
-    for axis in range(3):
-        form = np.concatenate([[0.0], np.eye(3)[axis], _six(2.0 * _second(cog, np.eye(3)[axis]))])
-        within = float(np.hypot(COG_M, cog_std[axis])) * max(mass, 1.0)
-        std = within if known[1] else None
-        data = both(form, np.eye(3)[axis], 0.0)
-        columns.append(Column(f"tool.cog.{'xyz'[axis]}", data, std, not known[1]))
-    blocks = []
-    if known[0]:
-        blocks.append(Block("tool.mass", None, False, ("tool.mass",)))
-    if known[1]:
-        blocks.append(Block("tool.cog", None, False, tuple(c.name for c in columns[1:])))
-    return columns, blocks
+    columns = [Column("tool.mass", seen(of_mass(cog), np.zeros(3), 1.0), std, not known[0])]
+    for name, axis, off in zip("xyz", np.eye(3), cog_std, strict=True):
+        std = float(np.hypot(COG_M, off)) * max(mass, 1.0) if known[1] else None
+        data = seen(of_moment(cog, axis), axis, 0.0)
+        columns.append(Column(f"tool.cog.{name}", data, std, not known[1]))
+    names = tuple(c.name for c in columns)
+    causes = (Block("tool.mass", None, False, names[:1]), Block("tool.cog", None, False, names[1:]))
+    return columns, [cause for cause, is_stated in zip(causes, known, strict=True) if is_stated]
 
 
 def _lag(scene: EffortScene) -> list[Column]:
@@ -138,12 +116,9 @@ def _tilt(scene: EffortScene) -> tuple[list[Column], list[Block]]:
     for k, axis in enumerate((np.cross(down, side), np.cross(down, np.cross(down, side)))):
         axis = axis / np.linalg.norm(axis)
         turned = gravity + np.cross(axis, gravity)  # for 1 rad, to first order
-        y = torque_regressor(scene.robot, scene.theta, scene.q, turned)
-        rigid = scene.regressor @ phi
-        seen = scene.sensed(scene.theta, turned) - scene.sensed(scene.theta, gravity)
-        columns.append(
-            Column(f"base.tilt.{k}", np.concatenate([y @ phi - rigid, seen], axis=1), _TILT)
-        )
+        y = torque_regressor(scene.robot, scene.theta, scene.q, turned) - scene.regressor
+        seen = scene.sensed(scene.theta, turned) - scene.load
+        columns.append(Column(f"base.tilt.{k}", np.hstack([y @ phi, seen]), _TILT))
     return columns, [Block("base.tilt", None, False, tuple(c.name for c in columns))]
 
 
@@ -152,12 +127,3 @@ def mean_inertia(phi: np.ndarray) -> float:
     moment = phi[1:4]
     about = float(phi[4:7].sum()) - 2.0 * float(moment @ moment) / phi[0]
     return max(about / 3.0, phi[0] * _GYRATION**2)
-
-
-def _second(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Inertia of a product of two lever arms: (a·b) 1 − (a bᵀ + b aᵀ)/2 (3, 3)."""
-    return np.asarray((a @ b) * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))
-
-
-def _six(matrix: np.ndarray) -> list[float]:
-    return [float(matrix[i, j]) for i, j in _PAIRS]

@@ -32,15 +32,13 @@ def blind_spots(d: Dictionary, evidence: Evidence) -> tuple[BlindSpot, ...]:
     for effect, number in _every(d):
         blocks = [k for k, b in enumerate(d.blocks) if b.key == (effect, number)]
         element = "" if number is None else place((effect, number))[1]
-        if not blocks:
-            spots.append(BlindSpot(effect, element, None, "", _why(effect)))
-            continue
-        smallest = min(shows_from(d, evidence, k) for k in blocks)
+        smallest, unit, why = None, "", NOTHING if blocks else _why(effect)
         most = _plausible(d, effect, number)
-        if smallest > ABSURD * most:
-            spots.append(BlindSpot(effect, element, None, ""))
-        elif smallest > most:
-            spots.append(BlindSpot(effect, element, smallest, unit_of(d, blocks[0])))
+        shown = min((shows_from(d, evidence, k) for k in blocks), default=np.inf)
+        if shown <= ABSURD * most:
+            smallest, unit = shown, unit_of(d, blocks[0])
+        if shown > most:
+            spots.append(BlindSpot(effect, element, smallest, unit, why))
     return tuple(spots)
 
 

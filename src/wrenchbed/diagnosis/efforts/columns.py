@@ -3,8 +3,6 @@
 Causes without a name (`outside`) have columns too: what these explain best is unknown.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from wrenchbed.channels.effort import ZERO
@@ -34,10 +32,11 @@ def of_joint(scene: EffortScene, j: int) -> tuple[list[Column], list[Block]]:
         columns += some
         if (block := effect.block(rows, some)) is not None:
             blocks.append(block)
-    for made in (_of_link(rows), _unnamed(scene, rows)):
-        for more, block in made:
-            columns += more
-            blocks.append(block)
+    for word, shapes in _forms(scene, rows).items():
+        named, more = "." in word, [rows.column(name, shape) for name, shape in shapes.items()]
+        columns += more
+        names = (*(c.name for c in columns[:1] if named), *(c.name for c in more))
+        blocks.append(Block(word, rows.joint, not named, names))
     return columns, blocks
 
 
@@ -94,27 +93,9 @@ def _offset(scene: EffortScene, rows: DriveRows) -> Column:
     return rows.column("offset", np.ones_like(rows.speed), None if free else spread, free=free)
 
 
-def _of_link(rows: DriveRows) -> Iterator[tuple[list[Column], Block]]:
-    """Springs between links."""
-    cable = [rows.column("cable", rows.angle - rows.angle.mean())]
-    yield cable, _block(rows, "link.cable", cable, "offset")
-    if rows.hinge:
-        spring = [
-            rows.column("sine", np.sin(rows.angle)),
-            rows.column("cosine", np.cos(rows.angle)),
-        ]
-        yield spring, _block(rows, "link.spring", spring, "offset")
-
-
-def _block(
-    rows: DriveRows, effect: str, columns: list[Column], beside: str = "", *, outside: bool = False
-) -> Block:
-    names = [f"{beside}.{rows.joint}"] if beside else []
-    return Block(effect, rows.joint, outside, (*names, *(c.name for c in columns)))
-
-
-def _unnamed(scene: EffortScene, rows: DriveRows) -> Iterator[tuple[list[Column], Block]]:
-    """Torque errors for which the library has no name."""
+def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarray]]:
+    """Columns of springs between links, beside a constant, then of torque errors for which the
+    library has no name."""
     size, t = np.abs(rows.total), rows.t
     place = (t - t[0]) / (t[-1] - t[0]) * (STRETCHES - 1)
     hats = [np.maximum(1.0 - np.abs(place - k), 0.0) for k in range(1, STRETCHES)]
@@ -122,7 +103,10 @@ def _unnamed(scene: EffortScene, rows: DriveRows) -> Iterator[tuple[list[Column]
     turns = [(k, k * rows.angle / way) for k in (1, 2)]
     low, high = np.quantile(rows.angle, ENDS)
     others = [k for k in range(scene.joints) if k != rows.joint - 1]
-    forms = {
+    spring = {"sine": np.sin(rows.angle), "cosine": np.cos(rows.angle)}
+    return {
+        "link.cable": {"cable": rows.angle - rows.angle.mean()},
+        **({"link.spring": spring} if rows.hinge else {}),
         "limited": {
             f"limit{k}": np.sign(rows.total) * np.maximum(size - at, 0.0)
             for k, at in enumerate(np.quantile(size, LIMITS))
@@ -138,6 +122,3 @@ def _unnamed(scene: EffortScene, rows: DriveRows) -> Iterator[tuple[list[Column]
         },
         "torque of other joints": {f"of{k + 1}": scene.total[:, k] for k in others},
     }
-    for word, shapes in forms.items():
-        columns = [rows.column(name, shape) for name, shape in shapes.items()]
-        yield columns, _block(rows, word, columns, outside=True)

@@ -1,6 +1,6 @@
 """What is stated of an arm's drives: in the recording's metadata, or by an earlier fit."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -66,16 +66,8 @@ def stated_drives(recording: Recording, path: str | Path | None = None) -> Drive
     joints = len(recording.joints)
     value = {k: np.full(joints, np.nan) for k in KINDS}
     std = {k: np.zeros(joints) for k in KINDS}
-    raw = recording.metadata.extra.get(FIELD, {})
     where = f"{recording.name}: metadata {FIELD}"
-    if not isinstance(raw, Mapping):
-        raise DiagnosisError(f"{where}: must be values by name, as drive.coulomb.2")
-    for kind in KINDS:
-        if kind in raw:
-            value[kind][:] = _numbers(raw[kind], joints, f"{where}.{kind}")
-        for j in range(joints):
-            if (name := f"{kind}.{j + 1}") in raw:
-                value[kind][j] = _numbers([raw[name]], 1, f"{where}.{name}")[0]
+    _state(value, recording.metadata.extra.get(FIELD, {}), where)
     tool = None if path is None else _from_fit(recording, Path(path), value, std)
     return Drives(value, std, tool)
 
@@ -87,14 +79,26 @@ def with_tool(recording: Recording, drives: Drives) -> Recording:
     return replace(recording, metadata=replace(recording.metadata, tool=drives.tool.tool))
 
 
+def _state(value: Mapping[str, np.ndarray], raw: Any, where: str) -> None:
+    """Fill in values by name, or lists of one a joint."""
+    if not isinstance(raw, Mapping):
+        raise DiagnosisError(f"{where}: must be values by name, as drive.coulomb.2")
+    for kind, values in value.items():
+        if kind in raw:
+            values[:] = _numbers(raw[kind], len(values), f"{where}.{kind}")
+        for j in range(len(values)):
+            if (name := f"{kind}.{j + 1}") in raw:
+                values[j] = _numbers([raw[name]], 1, f"{where}.{name}")[0]
+
+
 def _numbers(raw: Any, count: int, where: str) -> np.ndarray:
     try:
-        found = np.asarray(raw, dtype=float)
+        numbers = np.asarray(raw, dtype=float)
     except (TypeError, ValueError):
-        found = np.zeros(0)
-    if found.shape != (count,) or not np.isfinite(found).all():
+        numbers = np.zeros(0)
+    if numbers.shape != (count,) or not np.isfinite(numbers).all():
         raise DiagnosisError(f"{where}: must be {count} finite number{'s' * (count > 1)}")
-    return found
+    return numbers
 
 
 def _from_fit(
@@ -104,10 +108,7 @@ def _from_fit(
     raw = checked.load(path, DiagnosisError)
     fields = checked.Fields(raw, f"{path}: ", DiagnosisError)
     if FIELD in fields.raw:  # of an earlier diagnosis
-        for name, known in fields.part(FIELD).raw.items():
-            kind, _, number = str(name).rpartition(".")
-            if kind in value and number.isdigit() and 1 <= int(number) <= len(value[kind]):
-                value[kind][int(number) - 1] = _numbers([known], 1, f"{path}: {FIELD}.{name}")[0]
+        _state(value, fields.raw[FIELD], f"{path}: {FIELD}")
         return None
     if fields.raw.get("channels") != "effort":
         raise fields.error("channels", "must be 'effort': give a fit of joint efforts")
@@ -116,33 +117,25 @@ def _from_fit(
     if "constants" in fields.raw:
         many = len(value["drive.constant"])
         value["drive.constant"][:] = _numbers(fields.raw["constants"], many, f"{path}: constants")
-    for name, entry in fields.part("parameters").raw.items():
-        kind, _, number = str(name).rpartition(".")
-        if kind not in value or not number.isdigit() or not 1 <= int(number) <= len(value[kind]):
-            continue
-        entries = checked.Fields(entry, f"{path}: parameters.{name}.", DiagnosisError)
-        found, spread = entries.number("value", ""), entries.number("std", "", nonnegative=True)
-        if found is not None and spread is not None:  # without one, that motion did not tell it
-            value[kind][int(number) - 1] = found
-            std[kind][int(number) - 1] = spread
-    return _tool(fields.part("parameters"), path)
-
-
-def _tool(parameters: checked.Fields, path: Path) -> FittedTool | None:
-    """Tool of a fit; None where it tells no mass or no centre of gravity."""
-
-    def known(names: Sequence[str]) -> list[tuple[float, float]]:
-        entries = [parameters.raw.get(name) for name in names]
-        found = [
-            (entry.number("value", ""), entry.number("std", "", nonnegative=True))
-            for name, raw in zip(names, entries, strict=True)
-            if raw is not None
-            for entry in [checked.Fields(raw, f"{path}: parameters.{name}.", DiagnosisError)]
-        ]
-        return [(v, s) for v, s in found if v is not None and s is not None]
-
-    load = known(LOAD)
-    if len(load) != len(LOAD) or load[0][0] <= 0.0:
+    known = _parameters(fields.part("parameters"))
+    for kind, values in value.items():
+        for j in range(len(values)):
+            if (name := f"{kind}.{j + 1}") in known:
+                values[j], std[kind][j] = known[name]
+    load = [known[name] for name in LOAD if name in known]
+    if len(load) < len(LOAD) or load[0][0] <= 0.0:
         return None
-    cog, cog_std = zip(*load[1:], strict=True)
-    return FittedTool(ToolInfo(load[0][0], cog), load[0][1], cog_std)
+    (mass, *cog), (mass_std, *cog_std) = zip(*load, strict=True)
+    return FittedTool(ToolInfo(mass, tuple(cog)), mass_std, tuple(cog_std))
+
+
+def _parameters(parameters: checked.Fields) -> dict[str, tuple[float, float]]:
+    """Values with standard uncertainties of a fit's parameters, of those that its motion told."""
+    result = {}
+    for name in parameters.raw:
+        if name in LOAD or name.startswith(KINDS):
+            entry = parameters.part(name)
+            number, spread = entry.number("value", ""), entry.number("std", "", nonnegative=True)
+            if number is not None and spread is not None:
+                result[name] = number, spread
+    return result

@@ -13,7 +13,7 @@ from wrenchbed.diagnosis.efforts import answer
 from wrenchbed.diagnosis.efforts.blind import blind_spots
 from wrenchbed.diagnosis.efforts.configured import stated_drives, with_tool
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
-from wrenchbed.diagnosis.efforts.options import Claims, blocks, facts_of, outside, weighed
+from wrenchbed.diagnosis.efforts.options import blocks, facts_of, outside, weighed
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.search import Search, Structure, search
 from wrenchbed.diagnosis.efforts.signs import signs
@@ -116,14 +116,13 @@ def diagnose_efforts(
     structures = search(d, seed)
     likely = weighed(structures)
     progress("held-out rows")
-    simulators, seen = Simulators(d), signs(d)
-    claims = Claims(simulators, scene.columns, seed)
-    decision = decide(facts_of(d, likely, claims))
+    simulators, seen, unnamed = Simulators(d), signs(d), outside(d, likely[0])
+    decision = decide(facts_of(simulators, likely, seed))
     final = conclude(decision, [{} for _ in decision.verdict.causes], [s.text for s in seen])
-    gap, fit = claims.gap(final), simulators.of(blocks(final.causes))
-    unnamed = outside(d, likely)
+    gap, fit = decision.gap, simulators.of(blocks(final.causes))
     members = {c.part.name: gap.members[c.part.label] for c in final.causes}
-    twin = Twin(scene.model, _theta(d), (), recording.name)
+    theta = np.asarray(scene.model.configured(scene.recording.metadata))
+    twin = Twin(scene.model, theta, (), recording.name)
     diagnosis = Diagnosis(
         recording.name, recording.metadata.robot, final.word, replace(gap, members=members),
         answer.where(d, final, gap, seen), answer.which(simulators, final, gap),
@@ -136,8 +135,3 @@ def diagnose_efforts(
         familiar="the probabilities were chosen on simulated arms of six and seven joints",
     )  # fmt: skip
     return EffortFindings(diagnosis, d, structures, final, simulators, unnamed, seed)
-
-
-def _theta(d: Dictionary) -> np.ndarray:
-    """Parameters of robot and sensor as stated (P,)."""
-    return np.asarray(d.scene.model.configured(d.scene.recording.metadata))

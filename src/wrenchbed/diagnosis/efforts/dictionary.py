@@ -47,9 +47,7 @@ class Dictionary:
         free, stated: which amplitudes (P,) every fit leaves free, or free within `std`.
         size: rms that an amplitude of 1 adds, in noises of a row (P,): of its joint, or of the
             root mean square over joints times √J.
-        blocks: causes, named and not; ``at`` their columns.
-        fold: block of time of each row (M,).
-        gram, right, square: whitened products of each block (B, P, P), (B, P), (B, C).
+        blocks: causes, named and not.
     """
 
     scene: EffortScene
@@ -66,11 +64,31 @@ class Dictionary:
     stated: np.ndarray
     size: np.ndarray
     blocks: tuple[Block, ...]
-    at: tuple[np.ndarray, ...]
-    fold: np.ndarray
-    gram: np.ndarray
-    right: np.ndarray
-    square: np.ndarray
+
+    @cached_property
+    def at(self) -> tuple[np.ndarray, ...]:
+        """Indices of each cause's columns."""
+        place = {name: k for k, name in enumerate(self.names)}
+        return tuple(np.array([place[n] for n in b.columns]) for b in self.blocks)
+
+    @property
+    def fold(self) -> np.ndarray:
+        """Block of time of each row (M,)."""
+        return np.arange(len(self.y)) * BLOCKS // len(self.y)
+
+    @cached_property
+    def products(self) -> tuple[np.ndarray, np.ndarray]:
+        """Whitened products of each block: of columns (B, P, P), and with the residual (B, P)."""
+        count = len(self.names)
+        gram, right = np.zeros((BLOCKS, count, count)), np.zeros((BLOCKS, count))
+        for j, noise in enumerate(self.noise):
+            at, data = self.columns(j)
+            white, columns = noise.white(self.y[:, j]), noise.white(data)
+            for b in range(BLOCKS):
+                some = columns[self.fold == b]
+                gram[b][np.ix_(at, at)] += some.T @ some
+                right[b][at] += some.T @ white[self.fold == b]
+        return gram, right
 
     def by_joint(self, j: int) -> tuple[np.ndarray, np.ndarray]:
         """Indices (K,) of the columns that act on joint j and their mean products (K, K).
@@ -80,7 +98,7 @@ class Dictionary:
         """
         if j not in self._by_joint:
             at, data = self.columns(j)
-            speed = np.abs(self.scene.speeds[:, j])
+            speed = np.abs(self.scene.speeds[self.scene.kept(), j])
             seen = data[speed > REST * speed.max()] / self.counts[j]
             self._by_joint[j] = at, seen.T @ seen / len(seen)
         return self._by_joint[j]
@@ -127,7 +145,6 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
     ]
     flat = [c for channel in each for c in channel.columns] + arm_columns
     blocks = (*(b for channel in each for b in channel.blocks), *arm_blocks)
-    names, where = tuple(c.name for c in flat), {c.name: k for k, c in enumerate(flat)}
     joint = [np.full(len(channel.columns), j) for j, channel in enumerate(each)]
     std_rows = np.array([channel.noise.std for channel in each])
     size = np.concatenate([
@@ -138,18 +155,14 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
     std = np.array([
         _prior(c, max(s, _NOTHING), c.name in unnamed) for c, s in zip(flat, size, strict=True)
     ])  # fmt: skip
-    count = len(names)
-    return _with_products(Dictionary(
-        scene, y, use, tuple(channel.data for channel in each), arm, names,
-        np.concatenate([*joint, np.full(len(arm_columns), -1)]),
+    return Dictionary(
+        scene, y, use, tuple(channel.data for channel in each), arm,
+        tuple(c.name for c in flat), np.concatenate([*joint, np.full(len(arm_columns), -1)]),
         tuple(channel.noise for channel in each),
         (material or Material()).counts(scene.units, std_rows), std,
         np.array([c.free for c in flat]),
         np.array([c.std is not None and not c.free for c in flat]), size, blocks,
-        tuple(np.array([where[n] for n in b.columns]) for b in blocks),
-        np.arange(len(y)) * BLOCKS // len(y), np.zeros((BLOCKS, count, count)),
-        np.zeros((BLOCKS, count)), np.zeros((BLOCKS, y.shape[1])),
-    ))  # fmt: skip
+    )  # fmt: skip
 
 
 class _Channel(NamedTuple):
@@ -166,23 +179,23 @@ def _channel(
     arm: np.ndarray,
 ) -> _Channel:  # fmt: skip
     """Channel j, from 0, of the residual y (M,) beside the arm's columns (M, A)."""
-    speed = scene.speeds[:, j]
-    if scene.wrench is not None and j >= scene.joints:
-        first = scene.joints + 1
-        columns, blocks = of_channel(scene.wrench[1], scene.signals.t, j - scene.joints, first)
-        data = scene.thin(np.column_stack([c.data for c in columns]))
-    else:
-        columns, blocks = of_joint(scene, j)
-        data = scene.thin(np.column_stack([c.data for c in columns]))
+    sensor = j - scene.joints
+    columns, blocks = (
+        of_joint(scene, j) if sensor < 0
+        else of_channel(scene.load, scene.signals.t, sensor, scene.joints + 1)
+    )  # fmt: skip
+    data = scene.thin(np.column_stack([c.data for c in columns]))
+    if sensor < 0:
         rows = rows_of(scene, j)
-        residual = _residual(scene, j, y, use, columns, arm_columns, data, arm)
+        residual = _residual(scene, j, y, use, [*columns, *arm_columns], np.hstack([data, arm]))
         for effect in drive_effects().values():
             if (scanned := effect.scan(rows, residual)) is not None:
                 some, block = scanned
                 columns, blocks = [*columns, *some], [*blocks, block]
                 more = scene.thin(np.column_stack([c.data for c in some]))
-                data = np.concatenate([data, more], axis=1)
-    noise = joint_noise(y, np.concatenate([data, arm], axis=1), speed, use)
+                data = np.hstack([data, more])
+    speed = scene.speeds[scene.kept(), j]
+    noise = joint_noise(y, np.hstack([data, arm]), speed, use)
     return _Channel(columns, data, blocks, noise)
 
 
@@ -195,32 +208,16 @@ def _prior(column: Column, size: float, unnamed: bool) -> float:
 
 
 def _residual(
-    scene: EffortScene, j: int, y: np.ndarray, use: np.ndarray, columns: list[Column],
-    arm_columns: list[Column], data: np.ndarray, arm: np.ndarray,
+    scene: EffortScene, j: int, y: np.ndarray, use: np.ndarray, known: list[Column],
+    whole: np.ndarray,
 ) -> DriveResidual:  # fmt: skip
-    """What is left of the effort of joint j (M,) [N·m], beside its columns (M, K) and the arm's
-    (M, A)."""
-    whole = np.concatenate([data, arm], axis=1)
-    own = [k for k, c in enumerate(columns) if c.free or c.std is not None]
-    known = [*columns, *arm_columns]
-    ordinary = [
-        k for k, c in enumerate(known)
-        if (c.free or c.std is not None) and not c.name.startswith(("late", "common"))
-    ]  # fmt: skip
-    stds = [np.inf if known[k].free else known[k].std for k in ordinary]
+    """What is left of the effort of joint j (M,) [N·m], beside columns (M, K)."""
+    std = np.array([np.inf if c.free else c.std or 0.0 for c in known])
+    ordinary = std > 0.0
+    timed = np.array([c.name.startswith(("late", "common")) for c in known])
+    of_joint = np.array([c.data.ndim == 1 for c in known])
     return DriveResidual(
         y, use, scene.q.v[scene.kept(), j], np.where(use, remains(y, whole, use), 0.0),
-        data[:, own], whole[:, ordinary], np.array(stds, dtype=float), scene.thin,
+        whole[:, ordinary & of_joint], whole[:, ordinary & ~timed], std[ordinary & ~timed],
+        scene.thin,
     )  # fmt: skip
-
-
-def _with_products(d: Dictionary) -> Dictionary:
-    for j, noise in enumerate(d.noise):
-        at, data = d.columns(j)
-        white, columns = noise.white(d.y[:, j]), noise.white(data)
-        d.square[:, j] = np.bincount(d.fold, white**2, BLOCKS)
-        for b in range(BLOCKS):
-            some = columns[d.fold == b]
-            d.gram[b][np.ix_(at, at)] += some.T @ some
-            d.right[b][at] += some.T @ white[d.fold == b]
-    return d

@@ -25,23 +25,23 @@ class Evidence:
     Attributes:
         d: the columns.
         weight: of each block (B,).
-        misfit: factor on the noise variance that structures leave, at least 1.
+        temper: factor on the variance of noise.
     """
 
     d: Dictionary
     weight: np.ndarray
-    misfit: float = 1.0
+    temper: float = 1.0
 
     @cached_property
     def level(self) -> Products:
         """The background: no cause is free."""
-        gram = np.tensordot(self.weight, self.d.gram, axes=1) / self.misfit
+        gram = np.tensordot(self.weight, self.d.products[0], axes=1) / self.temper
         return Products(gram, self.d.std**2)
 
     @cached_property
     def right(self) -> np.ndarray:
         """Weighted products (P, 1) of columns and torque residual."""
-        return np.asarray(self.weight @ self.d.right / self.misfit)[:, None]
+        return np.asarray(self.weight @ self.d.products[1] / self.temper)[:, None]
 
     @cached_property
     def known(self) -> tuple[np.ndarray, np.ndarray]:
@@ -83,8 +83,3 @@ class Evidence:
         more_of = np.zeros((len(score), 1))
         more_of[at, 0] = more**2 * np.linalg.solve(inner, score[at])
         return (more_of + self.level.held(self.right - self.level.gram @ more_of))[:, 0]
-
-    def left_square(self, x: np.ndarray) -> float:
-        """Weighted square of the whitened residual beside amplitudes (P,)."""
-        square = float(self.weight @ self.d.square.sum(axis=1)) / self.misfit
-        return square - 2.0 * float(x @ self.right[:, 0]) + float(x @ self.level.gram @ x)

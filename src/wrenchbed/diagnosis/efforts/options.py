@@ -2,13 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 
 from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
 from wrenchbed.diagnosis.efforts.held_out import judged
 from wrenchbed.diagnosis.efforts.search import Search, Structure
-from wrenchbed.diagnosis.efforts.simulator import Simulator, Simulators
+from wrenchbed.diagnosis.efforts.simulator import Simulator, Simulators, added
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Option, Part, Verdict
@@ -31,59 +32,58 @@ _MOSTLY = 2.0 / 3.0
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """Structures that have a probability, with what each of their causes adds."""
+    """A structure with its probability, and the gap that each of its causes adds, by block."""
 
-    structures: tuple[tuple[Structure, float, Mapping[int, float]], ...]
+    structure: Structure
+    probability: float
+    gaps: Mapping[int, float]
 
-    def counting(self, k: int) -> dict[int, float]:
-        """Gap of each cause of structure k that counts, by block."""
-        return {b: g for b, g in self.structures[k][2].items() if g >= CLAIMABLE}
+    @property
+    def counting(self) -> dict[int, float]:
+        """Gap of each cause that counts, by block."""
+        return {b: g for b, g in self.gaps.items() if g >= CLAIMABLE}
 
 
-def weighed(s: Search) -> Weighed:
-    """Probable structures with the gap that each of their causes adds."""
-    candidates = list[tuple[Structure, float, dict[int, float]]]()
-    for structure, p in zip(s.structures, s.probability, strict=True):
-        if p >= _SMALL or not candidates:
-            fit = Simulator(s.d, structure)
-            gaps = {k: fit.added(k) if _plausible(fit, k) else 0.0 for k in structure}
-            candidates.append((structure, float(p), gaps))
-    total = sum(p for _, p, _ in candidates)
-    return Weighed(tuple((x, p / total, g) for x, p, g in candidates))
+def weighed(s: Search) -> tuple[Weighed, ...]:
+    """Probable structures with the gap that each of their causes adds, best first."""
+    likely = [k for k, p in enumerate(s.probability.tolist()) if p >= _SMALL or k == 0]
+    total, result = float(s.probability[likely].sum()), list[Weighed]()
+    for k in likely:
+        fit = Simulator(s.d, s.structures[k])
+        gaps = {b: added(s.d, fit.x, b) if _plausible(fit, b) else 0.0 for b in fit.blocks}
+        result.append(Weighed(fit.blocks, float(s.probability[k]) / total, gaps))
+    return tuple(result)
 
 
 def _plausible(fit: Simulator, block: int) -> bool:
     """Whether a fitted lag lies within the range for which its linear column holds."""
-    d = fit.d
-    if d.blocks[block].effect not in ("drive.delay", "drive.bandwidth"):
-        return True
-    return _LAG[0] <= float(fit.x[d.at[block][0]]) <= _LAG[1]
+    at, lags = fit.d.at[block], ("drive.delay", "drive.bandwidth")
+    lag = fit.d.blocks[block].effect in lags
+    return not lag or _LAG[0] <= float(fit.x[at[0]]) <= _LAG[1]
 
 
-def outside(d: Dictionary, w: Weighed) -> str:
+def outside(d: Dictionary, best: Weighed) -> str:
     """Unnamed cause that adds most, with its channel; empty if there is none."""
-    unnamed = {b: g for b, g in w.counting(0).items() if d.blocks[b].outside}
+    unnamed = {b: g for b, g in best.counting.items() if d.blocks[b].outside}
     if not unnamed:
         return ""
-    best = d.blocks[max(unnamed, key=lambda b: unnamed[b])]
-    return f"{best.effect} of {d.scene.channels[(best.joint or 1) - 1]}"
+    most = d.blocks[max(unnamed, key=lambda b: unnamed[b])]
+    return f"{most.effect} of {d.scene.channels[(most.joint or 1) - 1]}"
 
 
-def options(d: Dictionary, w: Weighed) -> tuple[tuple[Option[Structure], ...], float]:
+def options(d: Dictionary, every: Sequence[Weighed]) -> tuple[tuple[Option[Structure], ...], float]:
     """Structures that name what they say, and the probability of those that do not."""
     result, unknown = list[Option[Structure]](), 0.0
-    for k, (structure, p, _) in enumerate(w.structures):
-        gaps = w.counting(k)
-        named = {b: g for b, g in gaps.items() if not d.blocks[b].outside}
-        unnamed = sum(gaps.values()) - sum(named.values())
-        if unnamed > _BESIDE * sum(named.values()):
-            unknown += p
+    for w in every:
+        named = {b: g for b, g in w.counting.items() if not d.blocks[b].outside}
+        if sum(w.counting.values()) > (1.0 + _BESIDE) * sum(named.values()):
+            unknown += w.probability
             continue
         in_order = sorted(named, key=lambda b: -named[b])
         parts = (
             Part(d.blocks[b].effect, named[b], index=b, joint=d.blocks[b].joint) for b in in_order
         )
-        result.append(Option(structure, p, tuple(parts)))
+        result.append(Option(w.structure, w.probability, tuple(parts)))
     return tuple(result) or (Option((), 0.0, ()),), unknown
 
 
@@ -92,39 +92,29 @@ def blocks(causes: Sequence[Cause]) -> tuple[int, ...]:
     return tuple(sorted(c.part.index for c in causes if c.part.index is not None))
 
 
-class Claims:
-    """Gaps on held-out rows with the causes of a verdict; each is made once.
+def facts_of(s: Simulators, every: Sequence[Weighed], seed: int) -> Facts[Structure]:
+    """What a decision on joint efforts rests on; see `Facts`.
 
     Args:
-        simulators: with causes.
-        names: of the recording's columns, channel by channel.
+        s: simulators with causes.
+        every: probable structures, best first.
         seed: of the bootstrap.
     """
+    some, unknown = options(s.d, every)
 
-    def __init__(self, simulators: Simulators, names: Sequence[str], seed: int) -> None:
-        self._simulators, self._names, self._seed = simulators, names, seed
-        self._made: dict[tuple[int, ...], Closure] = {}
+    @cache
+    def measured(causes: tuple[int, ...]) -> Closure:
+        each, names = [judged(s, causes)], s.d.scene.columns
+        gap = closure(each, names, BLOCKS, seed, stated=False)
+        stated = all(s.d.stated[s.d.at[b]].all() for b in causes)
+        if gap.closed is None or gap.closed.high < 0.0 or not (small(gap) and stated):
+            return gap
+        # the usual fit takes wrong stated numbers: they close the configured gap
+        return closure(each, names, BLOCKS, seed, stated=True)
 
-    def gap(self, verdict: Verdict[Structure]) -> Closure:
-        """Gaps there; where the usual fit leaves hardly a gap since it takes wrong stated numbers,
-        the share of the configured gap that these close."""
-        key, d = blocks(verdict.causes), self._simulators.d
-        if key not in self._made:
-            each = [judged(self._simulators, key)]
-            gap = closure(each, self._names, BLOCKS, self._seed, stated=False)
-            stated = all(d.stated[d.at[b]].all() for b in key)
-            if gap.closed is not None and gap.closed.high >= 0.0 and small(gap) and stated:
-                gap = closure(each, self._names, BLOCKS, self._seed, stated=True)
-            self._made[key] = gap
-        return self._made[key]
-
-
-def facts_of(d: Dictionary, w: Weighed, claims: Claims) -> Facts[Structure]:
-    """What a decision on joint efforts rests on; see `Facts`."""
-    some, unknown = options(d, w)
     return Facts(
-        some, unknown, claims.gap, _right, doubt=1.0, rival=_RIVAL,
-        ordinary_fitted=True,
+        some, unknown, lambda verdict: measured(blocks(verdict.causes)), _right,
+        doubt=1.0, rival=_RIVAL, ordinary_fitted=True,
     )  # fmt: skip
 
 

@@ -4,13 +4,13 @@ Columns of every cause are made at the recording's rate and thinned as the effor
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.configured import Drives
-from wrenchbed.diagnosis.efforts.sensed_wrench import measured, predicted
 from wrenchbed.drives.identify import CONSTANT, FRICTION, arm_of, calibrate_efforts
 from wrenchbed.drives.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.drives.signals import DriveSignals, drive_signals
@@ -53,7 +53,7 @@ class EffortScene:
         drives: what is stated of the drives.
         currents: whether currents were recorded and turned into torques.
         step: rows from one kept row to the next.
-        wrench: measured and predicted (N, 6) where both kinds of data testify, else None.
+        wrench: measured (N, 6) [N, N·m] where both kinds of data testify, else None.
     """
 
     recording: Recording
@@ -69,7 +69,7 @@ class EffortScene:
     drives: Drives
     currents: bool
     step: int
-    wrench: tuple[np.ndarray, np.ndarray] | None = None
+    wrench: np.ndarray | None = None
 
     @property
     def joints(self) -> int:
@@ -92,12 +92,28 @@ class EffortScene:
         return self.body + self.friction
 
     @property
+    def measured(self) -> np.ndarray:
+        """Readings (N, C): efforts [N·m, of slides N], then the wrench if any."""
+        efforts = self.signals.effort
+        return efforts if self.wrench is None else np.hstack([efforts, self.wrench])
+
+    @property
     def residual(self) -> np.ndarray:
-        """Measured less predicted (N, C): efforts [N·m, of slides N], then the wrench if any."""
-        effort = self.signals.effort - self.total
+        """Measured less predicted (N, C)."""
+        return self.measured - np.hstack([self.total, self.load])
+
+    @cached_property
+    def load(self) -> np.ndarray:
+        """Predicted wrench (N, 6) [N, N·m]; (N, 0) without a measured one."""
+        return self.sensed(self.theta, np.asarray(self.model.gravity))
+
+    def sensed(self, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
+        """Wrench (N, 6) of other parameters (P,) or gravity (3,) [m/s²]; (N, 0) without one."""
         if self.wrench is None:
-            return effort
-        return np.concatenate([effort, self.wrench[0] - self.wrench[1]], axis=1)
+            return np.zeros((len(self.signals.t), 0))
+        whole = self.model.configured(self.recording.metadata)
+        whole[: len(theta)] = theta
+        return replace(self.model, gravity=tuple(map(float, gravity))).predict(self.q, whole)
 
     @property
     def channels(self) -> tuple[str, ...]:
@@ -117,20 +133,11 @@ class EffortScene:
         joints = tuple(joint.own("N·m") for joint in self.robot.joints[: self.joints])
         return joints if self.wrench is None else (*joints, *UNITS)
 
-    @property
+    @cached_property
     def speeds(self) -> np.ndarray:
-        """Speeds at the kept rows (M, C) by which rows count; the arm's for the wrench."""
-        speeds = self.q.d[self.kept()]
-        if self.wrench is None:
-            return speeds
-        arm = np.abs(speeds).max(axis=1, keepdims=True)
-        return np.concatenate([speeds, np.repeat(arm, len(CHANNELS), axis=1)], axis=1)
-
-    def sensed(self, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Wrench (N, 6) of other parameters (P,) or gravity (3,) [m/s²]; (N, 0) without one."""
-        if self.wrench is None:
-            return np.zeros((len(self.signals.t), 0))
-        return predicted(self.model, self.recording, theta, self.q, gravity)
+        """Speeds (N, C) by which rows count; the arm's for the wrench."""
+        arm = np.abs(self.q.d).max(axis=1, keepdims=True)
+        return np.hstack([self.q.d, np.repeat(arm, self.load.shape[1], axis=1)])
 
     @property
     def rate(self) -> float:
@@ -166,7 +173,10 @@ def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) 
         NotFoundError: the robot's model has no links.
         DiagnosisError: the motion is too short, or there is no wrench.
     """
-    sensor = measured(recording) if wrench else None
+    if wrench and not recording.has_wrench:
+        raise DiagnosisError(
+            f"{recording.name}: has no wrench fx … tz: use --channels effort, which needs none"
+        )
     robot = arm_of(recording)
     signals = drive_signals(recording)
     rows = len(signals.t)
@@ -187,46 +197,42 @@ def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) 
     inertias = replace(inertias, rotor=rotor)
     y = torque_regressor(robot, theta, signals.q, np.asarray(model.gravity))
     body = y @ inertias.phi.ravel() + rotor_torque(robot, theta, inertias, signals.q)
-    scene = EffortScene(
-        recording, robot, model, theta, inertias, signals, body, np.zeros_like(body),
-        np.zeros((3, body.shape[1])), y, drives, currents, step,
+    friction, levels = _friction(drives, signals.q.d, signals.effort - body)
+    return EffortScene(
+        recording, robot, model, theta, inertias, signals, body, friction, levels, y, drives,
+        currents, step, np.asarray(recording.wrench, dtype=float) if wrench else None,
     )  # fmt: skip
-    if sensor is not None:
-        predicted_wrench = predicted(model, recording, theta, signals.q, np.asarray(model.gravity))
-        scene = replace(scene, wrench=(sensor, predicted_wrench))
-    friction, levels = _friction(scene)
-    return replace(scene, friction=friction, levels=levels)
 
 
 def _constants(recording: Recording, drives: Drives) -> np.ndarray:
     """Drive constants (J,) [N·m/A, of slides N/A]: stated, else fitted with ordinary friction."""
-    known = drives.known("drive.constant")
+    known, stated = drives.known("drive.constant"), drives.of("drive.constant")
     if known.all():
-        return drives.of("drive.constant")
+        return stated
     fit = calibrate_efforts(recording, (*FRICTION, CONSTANT), force=True)
     constants = np.array([fit[f"{CONSTANT}.{j + 1}"].value for j in range(len(known))])
-    if not (np.isfinite(constants) & (constants > 0.0)).all():
-        joint = int(np.flatnonzero(~(np.isfinite(constants) & (constants > 0.0)))[0]) + 1
+    wrong = np.flatnonzero(~(np.isfinite(constants) & (constants > 0.0)))
+    if wrong.size:
+        joint = int(wrong[0]) + 1
         raise DiagnosisError(
             f"{recording.name}: the drive constant of joint {joint} comes out negative: state "
             f"metadata configured.drive.constant.{joint} [N·m/A; N/A], or record with another "
             "sign"
         )
-    return np.where(known, drives.of("drive.constant"), constants)
+    return np.where(known, stated, constants)
 
 
-def _friction(scene: EffortScene) -> tuple[np.ndarray, np.ndarray]:
-    """Stated friction (N, J) and its levels (3, J); what is not stated is fitted by least
-    squares."""
-    drives, residual = scene.drives, scene.signals.effort - scene.body
-    friction, levels = list[np.ndarray](), list[np.ndarray]()
-    for j in range(scene.joints):
-        speed = scene.q.d[:, j]
+def _friction(
+    drives: Drives, speeds: np.ndarray, residual: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Stated friction (N, J) at speeds (N, J) and its levels (3, J); what is not stated is fitted
+    to the residual (N, J) of the rigid body by least squares."""
+    friction, levels = np.zeros_like(speeds), np.zeros((3, speeds.shape[1]))
+    for j, speed in enumerate(speeds.T):
         columns = np.column_stack([direction(speed), speed, np.ones_like(speed)])
         stated = [drives.value[k][j] for k in ("drive.coulomb", "drive.viscous", "drive.offset")]
-        if np.isfinite(stated[0]):
-            levels.append(np.nan_to_num(stated))
-        else:
-            levels.append(np.linalg.lstsq(columns, residual[:, j], rcond=None)[0])
-        friction.append(columns @ levels[-1])
-    return np.stack(friction, axis=-1), np.stack(levels, axis=-1)
+        known = np.isfinite(stated[0])
+        fit = stated if known else np.linalg.lstsq(columns, residual[:, j], rcond=None)[0]
+        levels[:, j] = np.nan_to_num(fit)
+        friction[:, j] = columns @ levels[:, j]
+    return friction, levels

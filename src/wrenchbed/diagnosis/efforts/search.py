@@ -5,8 +5,7 @@ Forward search with a beam; probabilities are means over resampled blocks of tim
 answer less sure.
 """
 
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.special import softmax
@@ -39,7 +38,7 @@ class Search:
 
     Attributes:
         d: the columns.
-        evidence: of all rows, noise widened by the misfit of the best structure.
+        evidence: of all rows.
         structures: best first.
         probability: of each (S,), resampled and tempered.
     """
@@ -52,60 +51,48 @@ class Search:
 
 def search(d: Dictionary, seed: int = 0) -> Search:
     """Structures of up to `MOST_CAUSES` causes."""
-    every = np.ones(BLOCKS)
-    best = _Found(Evidence(d, every, TEMPER)).best[0]
-    rows = sum(float(n.weight.sum()) for n in d.noise)
-    evidence = Evidence(d, every)
-    misfit = TEMPER * max(1.0, evidence.left_square(evidence.amplitudes(best)) / rows)
-    found = _Found(Evidence(d, every, misfit))
-    structures, rng = found.best, np.random.default_rng([seed, 7])
+    evidence = Evidence(d, np.ones(BLOCKS), TEMPER)
+    structures, rng = _best(evidence), np.random.default_rng([seed, 7])
     prior, chance = np.array([evidence.prior(s) for s in structures]), np.zeros(len(structures))
     for _ in range(_DRAWS):
         weight = np.bincount(rng.integers(BLOCKS, size=BLOCKS), minlength=BLOCKS).astype(float)
-        drawn = Evidence(d, weight, misfit)
+        drawn = Evidence(d, weight, TEMPER)
         chance += softmax([drawn.log(s) for s in structures] + prior) / _DRAWS
     order = np.argsort(-chance, kind="stable")
-    return Search(d, found.evidence, tuple(structures[k] for k in order), chance[order])
+    return Search(d, evidence, tuple(structures[k] for k in order), chance[order])
 
 
-@dataclass(frozen=True, eq=False)
-class _Found:
-    """Structures with their log posterior, which a beam search found."""
+def _best(evidence: Evidence) -> list[Structure]:
+    """The best structures first, that of nothing among them, by a beam search."""
+    every = range(len(evidence.d.blocks))
+    score: dict[Structure, float] = {(): evidence.prior(())}
 
-    evidence: Evidence
-    score: dict[Structure, float] = field(default_factory=dict)
-
-    @cached_property
-    def best(self) -> list[Structure]:
-        """The best structures first, that of nothing among them."""
-        score, every = self.score, range(len(self.evidence.d.blocks))
-        beam: list[Structure] = [()]
-        score[()] = self.evidence.prior(())
-        for size in range(1, MOST_CAUSES + 1):
-            gains = {k: self._extended(beam[0], k) for k in every}
-            likely = sorted(every, key=lambda k: -gains[k])[:_LIKELY]
-            for s in beam[1:]:
-                for k in likely:
-                    self._extended(s, k)
-            beam = sorted((s for s in score if len(s) == size), key=lambda s: -score[s])[:_BEAM]
-            if score[beam[0]] < max(score.values()) - _HOPELESS:
-                break
-        result = sorted(score, key=lambda s: -score[s])[:_KEPT]
-        return result if () in result else [*result, ()]
-
-    def _extended(self, s: Structure, block: int) -> float:
-        """Log posterior of a structure with one more cause; −∞ where it has that cause already."""
-        blocks = self.evidence.d.blocks
+    def extended(s: Structure, block: int) -> float:
+        """Log posterior of a structure with one more cause; −∞ where its slot is taken."""
+        blocks = evidence.d.blocks
         if blocks[block].slot in {blocks[k].slot for k in s}:
             return -np.inf
         grown = tuple(sorted((*s, block)))
-        if grown not in self.score:
-            log = self.evidence.log(grown) + self.evidence.prior(grown)
-            self.score[grown] = log if self._resisting(grown) else -np.inf
-        return self.score[grown]
+        if grown not in score:
+            log = evidence.log(grown) + evidence.prior(grown)
+            score[grown] = log if _resisting(evidence, grown) else -np.inf
+        return score[grown]
 
-    def _resisting(self, s: Structure) -> bool:
-        """Whether effects of a structure that can only resist motion do resist it."""
-        d, signed = self.evidence.d, [b for k in s if (b := self.evidence.d.blocks[k]).resists]
-        amplitudes = self.evidence.amplitudes(s) if signed else np.zeros(0)
-        return all(amplitudes[np.isin(d.names, b.resists)].sum() >= 0.0 for b in signed)
+    beam: list[Structure] = [()]
+    for size in range(1, MOST_CAUSES + 1):
+        likely = sorted(every, key=lambda k: -extended(beam[0], k))[:_LIKELY]
+        for s in beam[1:]:
+            for k in likely:
+                extended(s, k)
+        beam = sorted((s for s in score if len(s) == size), key=lambda s: -score[s])[:_BEAM]
+        if score[beam[0]] < max(score.values()) - _HOPELESS:
+            break
+    result = sorted(score, key=lambda s: -score[s])[:_KEPT]
+    return result if () in result else [*result, ()]
+
+
+def _resisting(evidence: Evidence, s: Structure) -> bool:
+    """Whether effects of a structure that can only resist motion do resist it."""
+    d, signed = evidence.d, [b for k in s if (b := evidence.d.blocks[k]).resists]
+    amplitudes = evidence.amplitudes(s) if signed else np.zeros(0)
+    return all(amplitudes[np.isin(d.names, b.resists)].sum() >= 0.0 for b in signed)

@@ -37,8 +37,6 @@ _HELD_S, _HELD_ROWS = 0.15, 12
 quantised noise reaches 0.07 s."""
 _REST = 0.03
 """Share of the largest speed below which a joint rests; estimate, as in `operators`."""
-HELD = "held"
-"""Kind of the sign that an effort repeats exactly while its joint moves."""
 
 
 @dataclass(frozen=True)
@@ -46,44 +44,29 @@ class Sign:
     """One sign of trouble in the residual of a joint.
 
     Attributes:
-        kind: ``held``, ``episode``, ``peak`` or ``outliers``.
         joint: number of the channel, from 1.
         text: what was seen and when; begins small.
     """
 
-    kind: str
     joint: int
     text: str
 
 
 def signs(d: Dictionary) -> tuple[Sign, ...]:
     """Signs of faults in the efforts of all channels that rest on no model of a cause."""
-    found = list[Sign]()
-    time = d.scene.signals.t[d.scene.kept()]
-    for j in range(d.y.shape[1]):
+    scene, found = d.scene, list[Sign]()
+    time = scene.signals.t[scene.kept()]
+    for j, channel in enumerate(scene.channels):
         use = d.use[:, j]
-        residual = np.where(use, remains(d.y[:, j], d.columns(j)[1], use), 0.0)
+        left = np.where(use, remains(d.y[:, j], d.columns(j)[1], use), 0.0)
         every = (
-            _held(d, j),
-            episode(time, residual, use),
-            peak(residual, d.scene.rate),
-            outliers(time, residual, use),
+            held(scene.signals.t, scene.measured[:, j], scene.speeds[:, j]),
+            episode(time, left, use),
+            peak(left, scene.rate),
+            outliers(time, left, use),
         )
-        kinds = (HELD, "episode", "peak", "outliers")
-        found += [
-            Sign(k, j + 1, f"{d.scene.channels[j]}: {text}")
-            for k, text in zip(kinds, every, strict=True) if text
-        ]  # fmt: skip
+        found += [Sign(j + 1, f"{channel}: {text}") for text in every if text]
     return tuple(found)
-
-
-def _held(d: Dictionary, j: int) -> str:
-    scene = d.scene
-    if j < scene.joints:
-        return held(scene.signals.t, scene.signals.effort[:, j], scene.q.d[:, j])
-    assert scene.wrench is not None
-    arm = np.abs(scene.q.d).max(axis=1)
-    return held(scene.signals.t, scene.wrench[0][:, j - scene.joints], arm)
 
 
 def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:

@@ -6,9 +6,9 @@ which grows with noise that remembers and with a law that is not right, and what
 all stated values move a fit by: the same in every block of time.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
 
@@ -64,10 +64,6 @@ class Simulator:
         stated = sum((of(self.x + error) - value) ** 2 for error in self.errors)
         return {"value": value, "std": float(np.sqrt(scatter + stated))}
 
-    def added(self, block: int) -> float:
-        """Gap that a cause adds; see `added`."""
-        return added(self.d, self.x, block)
-
     @cached_property
     def _fit(self) -> tuple[np.ndarray, Products]:
         return self._fitted(np.ones(BLOCKS))
@@ -102,22 +98,14 @@ class Simulator:
 
 
 class Simulators:
-    """Simulators with causes, each of which is fitted once.
-
-    Args:
-        d: the columns.
-    """
+    """Simulators with causes, each of which is fitted once; of columns ``d``."""
 
     def __init__(self, d: Dictionary) -> None:
-        self.d = d
-        self._made: dict[tuple[int, ...], Simulator] = {}
+        self.d, self._made = d, cache(partial(Simulator, d))
 
-    def of(self, blocks: Sequence[int] = ()) -> Simulator:
+    def of(self, blocks: Iterable[int] = ()) -> Simulator:
         """The simulator with some causes."""
-        key = tuple(sorted(blocks))
-        if key not in self._made:
-            self._made[key] = Simulator(self.d, key)
-        return self._made[key]
+        return self._made(tuple(sorted(blocks)))
 
 
 def added(d: Dictionary, x: np.ndarray, block: int) -> float:
@@ -127,18 +115,15 @@ def added(d: Dictionary, x: np.ndarray, block: int) -> float:
     Columns shared by all joints are known from the other joints, so they take up no part of a
     cause in one drive.
     """
-    joint = d.blocks[block].joint
-    if joint is not None and bool((d.joint[d.at[block]] >= 0).all()):
-        return _added(d, x, block, joint - 1, d.free & (d.joint >= 0))
-    return max(_added(d, x, block, j, d.free) for j in range(d.y.shape[1]))
-
-
-def _added(d: Dictionary, x: np.ndarray, block: int, j: int, free: np.ndarray) -> float:
-    at, gram = d.by_joint(j)
-    here = np.isin(at, d.at[block])
-    beside = free[at] & ~here
-    amplitudes = x[at[here]]
-    square = float(amplitudes @ gram[np.ix_(here, here)] @ amplitudes)
-    across, taking = gram[np.ix_(beside, here)] @ amplitudes, gram[np.ix_(beside, beside)]
-    scale = np.maximum(np.diagonal(taking), 1e-300) * _RIDGE
-    return max(square - float(across @ np.linalg.solve(taking + np.diag(scale), across)), 0.0)
+    own, gap = d.joint[d.at[block]], 0.0
+    free = d.free & (d.joint >= 0) if (own >= 0).all() else d.free
+    for j in own[:1].tolist() if (own >= 0).all() else range(d.y.shape[1]):
+        at, gram = d.by_joint(j)
+        here = np.isin(at, d.at[block])
+        beside = free[at] & ~here
+        amplitudes = x[at[here]]
+        square = float(amplitudes @ gram[np.ix_(here, here)] @ amplitudes)
+        across, taking = gram[np.ix_(beside, here)] @ amplitudes, gram[np.ix_(beside, beside)]
+        ridge = np.diag(np.maximum(np.diagonal(taking), 1e-300) * _RIDGE)
+        gap = max(gap, square - float(across @ np.linalg.solve(taking + ridge, across)))
+    return gap

@@ -350,7 +350,7 @@ def _of_cause(effect: str, detail: str, share: float, p_value: float) -> dict[st
     place = f" ({detail})" if detail else ""
     much = "Less than 1 %" if share < 0.005 else f"{100 * share:.0f} %"
     text = f"{much} of the gap lies in the {subsystem}: {effect}{place}."
-    return _entry(subsystem, detail, share, p_value, text)
+    return located(subsystem, detail, share, p_value, text)
 
 
 def _of_rows(
@@ -359,7 +359,7 @@ def _of_rows(
     text = f"{effect} acts on single rows of {channels}, not on their means"
     if share >= 0.005:
         text += f": up to {100 * share:.0f} % of a row's variance comes from it"
-    return _entry(effect.split(".")[0], channels, share if alone else 0.0, p_value, f"{text}.")
+    return located(effect.split(".")[0], channels, share if alone else 0.0, p_value, f"{text}.")
 
 
 def _of_hints(findings: Sequence[Finding]) -> list[dict[str, Any]]:
@@ -370,14 +370,14 @@ def _of_hints(findings: Sequence[Finding]) -> list[dict[str, Any]]:
         subsystem, text = _HINTS[hint], finding.sentence
         if subsystem not in {e["subsystem"] for e in result}:
             text += f" This is only a hint at the {subsystem}: no cause is claimed."
-        entry = _entry(subsystem, finding.variable, finding.share, finding.p_value, text)
-        result.append(entry)
+        result.append(located(subsystem, finding.variable, finding.share, finding.p_value, text))
     return result
 
 
-def _entry(
+def located(
     subsystem: str, detail: str, share: float, p_value: float, sentence: str
 ) -> dict[str, Any]:
+    """An entry of ``where``."""
     return {
         "subsystem": subsystem, "detail": detail, "share": float(share),
         "p_value": max(float(p_value), LEAST_P), "sentence": sentence,
