@@ -163,11 +163,11 @@ class Answer(ABC):
         """Whether the causes leave so much of the gap that their twin is not to be used."""
         return any(_DISTRUST in note for note in self.d.notes)
 
-    def shrinks(self, start: float) -> tuple[str, str]:
-        """How far the claimed causes close the gap, from its start: a figure, and sentences."""
+    def shrinks(self) -> tuple[str, str]:
+        """How far the claimed causes close the gap: a figure, and sentences."""
         g = self.d.gap
         assert g.with_effects is not None
-        both = f"from {numbers.gap(start)} to {numbers.gap(g.with_effects.value)}"
+        both = f"from {numbers.gap(g.start)} to {numbers.gap(g.with_effects.value)}"
         if g.closed is None:
             return "", f"The gap goes {both} {self.on}; both are within the noise."
         if g.closed.value <= 0:

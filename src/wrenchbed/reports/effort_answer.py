@@ -119,8 +119,7 @@ class EffortAnswer(Answer):
                 f"Gap {numbers.gap(g.calibrated.value)}",
                 f"{text}. No cause is named; there is nothing to close.",
             )
-        before = g.configured if self.findings.of_configured else g.calibrated.value
-        return self.shrinks(before)
+        return self.shrinks()
 
     @property
     def nothing_more(self) -> str:

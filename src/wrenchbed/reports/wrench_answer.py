@@ -145,8 +145,7 @@ class WrenchAnswer(Answer):
     def far(self) -> tuple[str, str]:
         g = self.d.gap
         if g.with_effects is not None:
-            start = g.calibrated.value if self.d.twin.active else g.configured
-            return self.shrinks(start)
+            return self.shrinks()
         figure = f"Gap {numbers.gap(g.calibrated.value)}"
         if self.d.verdict == UNKNOWN and self._unexplained == _GAP:
             text = f"It stays {self.on}: without a cause there is nothing to close it with."

@@ -8,7 +8,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.answer import notes as of_gap
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.names import drive_effects, title
+from wrenchbed.diagnosis.efforts.names import known, title
 from wrenchbed.diagnosis.efforts.options import BELIEVED, Weighed, blocks
 from wrenchbed.diagnosis.efforts.search import Structure
 from wrenchbed.diagnosis.efforts.signs import Sign
@@ -22,16 +22,6 @@ from wrenchbed.diagnosis.gap.result import Scale, cause, families
 from wrenchbed.diagnosis.gap.where import located
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 
-_NEXT: Mapping[str, str] = {
-    "link.cable": "record the joint over its whole range, which tells a cable from a spring",
-    "link.spring": "record the joint over its whole range, which tells a cable from a spring",
-    "link.mass": "record poses with the arm stretched and folded, at rest in both directions",
-    "link.cog": "record poses with the arm stretched and folded, at rest in both directions",
-    "tool.mass": "weigh the tool, or record the same motion without it",
-    "tool.cog": "record the same motion without the tool",
-    "base.tilt": "put a level on the base, or record with joint 1 in several directions",
-}
-"""A recording or a look that separates a cause from its usual rivals; drive effects have theirs."""
 _UNITS = {"coulomb": "N·m", "viscous": "N·m·s/rad", "offset": "N·m", "inertia": "kg·m²"}
 """Units of the values that every drive has, of hinges."""
 
@@ -47,7 +37,7 @@ def place(key: Key) -> tuple[str, str]:
 
 def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, Any]]:
     """Entries of ``which`` of the diagnosis: the claimed causes with sizes and probabilities."""
-    fit, result = s.of(blocks(v.causes)), []
+    fit, result = s.of(blocks(v.causes)), list[dict[str, Any]]()
     for c in v.causes:
         assert c.part.index is not None
         numbers, (effect, joint) = parameters(fit, c.part.index), c.part.key
@@ -183,8 +173,7 @@ def next_steps(v: Verdict[Structure]) -> list[dict[str, Any]]:
     rivals."""
     steps: dict[str, dict[str, Any]] = {}
     for c in (c for c in v.causes if c.keys[1:]):
-        drive = drive_effects().get(c.part.name)
-        text = _NEXT.get(c.part.name, "") if drive is None else drive.remedy
+        text = known()[c.part.name].remedy
         both = list(dict.fromkeys((c.part.name, c.keys[1][0])))
         sentence = f"{text[:1].upper()}{text[1:]}."
         steps[text] = {"action": text, "separates": both, "gain": 0.0, "sentence": sentence}

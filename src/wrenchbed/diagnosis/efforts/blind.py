@@ -11,7 +11,7 @@ from wrenchbed.diagnosis.efforts.answer import place
 from wrenchbed.diagnosis.efforts.arm_columns import mean_inertia
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 from wrenchbed.diagnosis.efforts.evidence import AMPLITUDE, Evidence
-from wrenchbed.diagnosis.efforts.names import size_of, titles
+from wrenchbed.diagnosis.efforts.names import known
 from wrenchbed.diagnosis.efforts.simulator import added
 from wrenchbed.diagnosis.efforts.sizes import scale, sized, unit_of
 from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot, reported_from
@@ -32,13 +32,12 @@ def blind_spots(d: Dictionary, evidence: Evidence) -> tuple[BlindSpot, ...]:
     for effect, number in _every(d):
         blocks = [k for k, b in enumerate(d.blocks) if b.key == (effect, number)]
         element = "" if number is None else place((effect, number))[1]
-        smallest, unit, why = None, "", NOTHING if blocks else _why(effect)
-        most = _plausible(d, effect, number)
+        most, why = _plausible(d, effect, number), NOTHING if blocks else _why(effect)
         shown = min((shows_from(d, evidence, k) for k in blocks), default=np.inf)
-        if shown <= ABSURD * most:
-            smallest, unit = shown, unit_of(d, blocks[0])
-        if shown > most:
-            spots.append(BlindSpot(effect, element, smallest, unit, why))
+        if shown > ABSURD * most:
+            spots.append(BlindSpot(effect, element, None, "", why))
+        elif shown > most:
+            spots.append(BlindSpot(effect, element, shown, unit_of(d, blocks[0])))
     return tuple(spots)
 
 
@@ -51,14 +50,14 @@ def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
     odds = np.array([evidence.prior((block,)) - evidence.prior(())])
     gap = np.array([max(added(d, one, block), 1e-300)])
     times = float(reported_from(information[None], np.array([[AMPLITUDE]]), odds, gap)[0])
-    length = len(some) ** 0.5 if size_of(effect).vector else 1.0
+    length = len(some) ** 0.5 if known()[effect].size.vector else 1.0
     return abs(scale(d, block, np.zeros(len(one)))) * unit * times * length
 
 
 def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:
     """Effects with each joint, or link that weighs something."""
-    for effect, title in titles().items():
-        if "{joint}" not in title:
+    for effect, about in known().items():
+        if "{joint}" not in about.title:
             yield effect, None
         elif effect in ("link.mass", "link.cog", "link.inertia"):
             heavy = np.flatnonzero(d.scene.inertias.phi[:, 0] > 0.0)
@@ -78,7 +77,7 @@ def _why(effect: str) -> str:
 
 def _plausible(d: Dictionary, effect: str, number: int | None) -> float:
     """Largest size of an effect that a fault in use has."""
-    size, scene = size_of(effect), d.scene
+    size, scene = known()[effect].size, d.scene
     level = 1.0
     if size.of == "friction" and number is not None:
         level = abs(float(scene.levels[0, number - 1]))

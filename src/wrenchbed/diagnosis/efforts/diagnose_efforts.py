@@ -59,15 +59,6 @@ class EffortFindings:
         """The better simulator."""
         return self.simulators.of(blocks(self.verdict.causes))
 
-    @property
-    def of_configured(self) -> bool:
-        """Whether closure counts from the configured simulator."""
-        g = self.diagnosis.gap
-        if g.closed is None or g.with_effects is None:
-            return False
-        back = (g.calibrated.value - g.with_effects.value) / max(g.calibrated.value, 1e-300)
-        return abs(g.closed.value - back) > 1e-6
-
     def write(self, folder: str | Path) -> None:
         """Write ``diagnosis.json``, ``twin.json`` and ``drives.json``."""
         self.diagnosis.write(folder)

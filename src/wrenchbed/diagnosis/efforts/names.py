@@ -2,31 +2,50 @@
 
 from collections.abc import Mapping
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.effects.drives.base import DriveEffect, Size
 
-OTHERS: Mapping[str, tuple[str, Size]] = {
-    "link.mass": ("the mass of link {joint} differs from the model",
-                  Size("mass", "kg", 0.5, "mass")),
-    "link.cog": ("the centre of gravity of link {joint} differs from the model",
-                 Size("moment", "kg·m", 0.05, "mass", vector=True)),
-    "link.inertia": ("the inertia of link {joint} differs from the model",
-                     Size("inertia", "kg·m²", 1.0, "inertia", vector=True)),
-    "link.cable": ("a cable bundle pulls at joint {joint} like a spring",
-                   Size("stiffness", "N·m/rad", 2.0, columns=("cable",))),
-    "link.spring": ("the spring that balances gravity at joint {joint} is wrong",
-                    Size("amplitude", "N·m", 2.0, columns=("sine", "cosine"), vector=True)),
-    "tool.mass": ("the tool's mass differs from its stated value",
-                  Size("mass", "kg", 1.0, "mass")),
-    "tool.cog": ("the tool's centre of gravity differs from its stated place",
-                 Size("distance", "m", 0.05, "1", vector=True)),
-    "base.tilt": ("the base is tilted",
-                  Size("angle", "rad", float(np.deg2rad(5.0)), "1", vector=True)),
+_RANGE = "record the joint over its whole range, which tells a cable from a spring"
+_REACH = "record poses with the arm stretched and folded, at rest in both directions"
+
+
+class Carried(NamedTuple):
+    """An effect of what the drives carry; see `DriveEffect`."""
+
+    title: str
+    size: Size
+    remedy: str = ""
+
+
+OTHERS: Mapping[str, Carried] = {
+    "link.mass": Carried("the mass of link {joint} differs from the model",
+                         Size("mass", "kg", 0.5, "mass"), _REACH),
+    "link.cog": Carried("the centre of gravity of link {joint} differs from the model",
+                        Size("moment", "kg·m", 0.05, "mass", vector=True), _REACH),
+    "link.inertia": Carried("the inertia of link {joint} differs from the model",
+                            Size("inertia", "kg·m²", 1.0, "inertia", vector=True)),
+    "link.cable": Carried("a cable bundle pulls at joint {joint} like a spring",
+                          Size("stiffness", "N·m/rad", 2.0, columns=("cable",)), _RANGE),
+    "link.spring": Carried(
+        "the spring that balances gravity at joint {joint} is wrong",
+        Size("amplitude", "N·m", 2.0, columns=("sine", "cosine"), vector=True), _RANGE,
+    ),
+    "tool.mass": Carried("the tool's mass differs from its stated value",
+                         Size("mass", "kg", 1.0, "mass"),
+                         "weigh the tool, or record the same motion without it"),
+    "tool.cog": Carried("the tool's centre of gravity differs from its stated place",
+                        Size("distance", "m", 0.05, "1", vector=True),
+                        "record the same motion without the tool"),
+    "base.tilt": Carried("the base is tilted",
+                         Size("angle", "rad", float(np.deg2rad(5.0)), "1", vector=True),
+                         "put a level on the base, or record with joint 1 in several directions"),
 }  # fmt: skip
-"""Title, ``{joint}`` in the place of its number, and size; plausible sizes are estimates."""
+"""By name, ``{joint}`` in the place of the joint's or link's number; plausible sizes are
+estimates."""
 
 
 @cache
@@ -35,18 +54,12 @@ def drive_effects() -> Mapping[str, DriveEffect]:
     return {name: registry.load("drives", name) for name in registry.names("drives")}
 
 
-def titles() -> dict[str, str]:
-    """Title of every effect by name, ``{joint}`` in the place of the joint's or link's number."""
-    drives = {name: effect.title for name, effect in drive_effects().items()}
-    return drives | {name: text for name, (text, _) in OTHERS.items()}
+@cache
+def known() -> Mapping[str, DriveEffect | Carried]:
+    """All effects by name."""
+    return {**drive_effects(), **OTHERS}
 
 
 def title(effect: str, joint: int | None) -> str:
     """Description of an effect with its joint, beginning in lower case."""
-    return titles()[effect].format(joint=joint)
-
-
-def size_of(effect: str) -> Size:
-    """What the size of an effect is."""
-    drive = drive_effects().get(effect)
-    return OTHERS[effect][1] if drive is None else drive.size
+    return known()[effect].title.format(joint=joint)

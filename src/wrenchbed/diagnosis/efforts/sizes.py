@@ -7,7 +7,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.efforts.arm_columns import LIGHT
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.names import drive_effects, size_of
+from wrenchbed.diagnosis.efforts.names import known
 from wrenchbed.diagnosis.efforts.simulator import Simulator
 from wrenchbed.effects.drives.lag import Lag
 from wrenchbed.effects.drives.wave import Wave
@@ -16,11 +16,11 @@ from wrenchbed.effects.drives.wave import Wave
 def parameters(fit: Simulator, block: int) -> dict[str, Any]:
     """``parameters`` of an entry of ``which``: the size, and what else belongs to the cause."""
     d, b = fit.d, fit.d.blocks[block]
-    size = size_of(b.effect)
+    size = known()[b.effect].size
     result: dict[str, Any] = {
         size.name: {**fit.number(partial(_size, d, block)), "unit": unit_of(d, block)}
     }
-    if b.joint is not None and isinstance(drive_effects().get(b.effect), Wave):
+    if b.joint is not None and isinstance(known()[b.effect], Wave):
         slides = d.scene.robot.joints[b.joint - 1].unit == "m"
         result["periods"] = (
             {"value": b.value / (2.0 * np.pi), "std": None, "unit": "1/m"} if slides
@@ -42,7 +42,7 @@ def _amplitude(d: Dictionary, block: int, i: int, x: np.ndarray) -> float:
 def unit_of(d: Dictionary, block: int) -> str:
     """Unit of a cause's size, that of a slide where its joint is one."""
     b = d.blocks[block]
-    unit = size_of(b.effect).unit
+    unit = known()[b.effect].size.unit
     if b.joint is None or not (d.joint[d.at[block]] >= 0).all():
         return unit
     return d.scene.robot.joints[b.joint - 1].own(unit)
@@ -50,7 +50,7 @@ def unit_of(d: Dictionary, block: int) -> str:
 
 def sized(d: Dictionary, block: int) -> list[int]:
     """Indices of the columns whose amplitudes make a cause's size."""
-    begins = size_of(d.blocks[block].effect).columns or ("",)
+    begins = known()[d.blocks[block].effect].size.columns or ("",)
     return [int(k) for k in d.at[block] if d.names[k].startswith(begins)]
 
 
@@ -59,7 +59,7 @@ def scale(d: Dictionary, block: int, x: np.ndarray) -> float:
     effect = d.blocks[block].effect
     if effect == "tool.cog":  # moments
         return 1.0 / mass_of_tool(d, x)
-    return d.blocks[block].value if isinstance(drive_effects().get(effect), Lag) else 1.0
+    return d.blocks[block].value if isinstance(known()[effect], Lag) else 1.0
 
 
 def mass_of_tool(d: Dictionary, x: np.ndarray) -> float:
@@ -74,4 +74,6 @@ def _amplitudes(d: Dictionary, block: int, x: np.ndarray) -> np.ndarray:
 
 def _size(d: Dictionary, block: int, x: np.ndarray) -> float:
     parts = _amplitudes(d, block, x)
-    return float(np.linalg.norm(parts) if size_of(d.blocks[block].effect).vector else parts.sum())
+    return float(
+        np.linalg.norm(parts) if known()[d.blocks[block].effect].size.vector else parts.sum()
+    )

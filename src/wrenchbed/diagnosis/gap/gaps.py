@@ -39,6 +39,7 @@ class Closure:
         readings: (M, 6) of the scene's rows by simulator: ``calibrated``, ``with_effects``.
         in_all: share of the gaps of all channels together that the effects close.
         further: gap of further channels than the first that each cause closes, by name.
+        start: gap of which ``closed`` is a share.
     """
 
     configured: float
@@ -55,6 +56,7 @@ class Closure:
     readings: Mapping[str, np.ndarray]
     in_all: Interval | None = None
     further: Mapping[str, Interval] = field(default_factory=dict)
+    start: float = 0.0
 
     @property
     def closed_least(self) -> float:
@@ -184,6 +186,7 @@ def closure(
         readings=each[0].readings,
         in_all=in_all,
         further=further,
+        start=drawn.average(gaps["configured"] if stated else fitted),
     )
 
 
