@@ -190,9 +190,9 @@ def notes(
     noise = f"{', '.join(each)} {units[0]}"
     if len(set(units)) > 1:
         noise = ", ".join(f"{n} {unit}" for n, unit in zip(each, units, strict=True))
+    by = "joint" if scene.wrench is None else "channel"
     result = [
-        f"noise of a row by {'channel' if scene.wrench else 'joint'}: {noise}, estimated from "
-        "what all effects together leave",
+        f"noise of a row by {by}: {noise}, estimated from what all effects together leave",
     ]
     if scene.loops:
         links = ", ".join(f"{k} {n}" for k, n in enumerate(scene.inertias.names, start=1))
