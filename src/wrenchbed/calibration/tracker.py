@@ -25,7 +25,8 @@ from wrenchbed.data.recording import TARGET, Recording
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, exp
-from wrenchbed.robots.base import STEP, Robot, complex_steps
+from wrenchbed.physics.time_derivatives import STEP
+from wrenchbed.robots.base import Robot, complex_steps
 from wrenchbed.simulation.closed_form import Model, robot_of
 
 GIVE = {"rad": ("rad/(N·m)", 7e-5), "m": ("m/N", 3e-6)}

@@ -6,8 +6,8 @@ import numpy as np
 
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.newton_euler import twist_of
-from wrenchbed.physics.time_derivatives import Jet, Value
-from wrenchbed.robots.base import STEP, Robot, SimulatedRobot
+from wrenchbed.physics.time_derivatives import STEP, Jet, Value
+from wrenchbed.robots.base import Robot, SimulatedRobot
 
 LINK_MASS, LINK_CENTRE = 0.03, 3e-3
 """Ordinary errors of a link's stated mass, relative, and of its stated centre of gravity [m]:

@@ -5,9 +5,8 @@ import numpy as np
 from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
+from wrenchbed.physics.time_derivatives import STEP
 from wrenchbed.robots.base import Robot
-
-_STEP = 1e-30
 
 
 class CableTorsion(LoadEffect):
@@ -66,9 +65,9 @@ class CableTorsion(LoadEffect):
 def joint_axis(scene: Scene) -> np.ndarray:
     """Unit vector (M, 3) about which the last joint turns the sensor, sensor axes."""
     q = scene.joints.astype(complex)
-    q[:, -1] += 1j * _STEP
+    q[:, -1] += 1j * STEP
     rotation, _ = scene.robot.sensor_pose(q, scene.theta)
-    spin = np.swapaxes(rotation.real, -1, -2) @ (rotation.imag / _STEP)
+    spin = np.swapaxes(rotation.real, -1, -2) @ (rotation.imag / STEP)
     axis = np.stack([spin[:, 2, 1], spin[:, 0, 2], spin[:, 1, 0]], axis=-1)
     return np.asarray(axis / np.linalg.norm(axis, axis=-1, keepdims=True))
 

@@ -8,6 +8,7 @@ from wrenchbed.effects.base import JointEffect, MjSpec, Pose, Published, Values,
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, exp
+from wrenchbed.physics.time_derivatives import STEP
 from wrenchbed.physics.wrench import wrench
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.medrue.kinematics import five_bar
@@ -19,7 +20,6 @@ DISTAL = ("L12", "L14", "L22", "L24")
 MOMENT = 0.05
 """Moment on a serial arm's last bearing at which it leaves the middle of its clearance [N·m];
 estimate."""
-_STEP = 1e-30
 
 
 class JointClearance(JointEffect):
@@ -80,8 +80,8 @@ class JointClearance(JointEffect):
             links = links / np.linalg.norm(links, axis=-1, keepdims=True)  # rows: directions
             slack = _moved(scene, links, {f"L{i}{k}": p[f"slack.L{i}{k}"] for k in (2, 4)})
             by = [
-                five_bar(theta, i, first + 1j * _STEP, second),
-                five_bar(theta, i, first, second + 1j * _STEP),
+                five_bar(theta, i, first + 1j * STEP, second),
+                five_bar(theta, i, first, second + 1j * STEP),
             ]
             turned = apply(np.linalg.inv(_rates([b.E for b in by])), slack + p[f"play.{i}"] * down)
             dq[:, 2 * i - 1 : 2 * i + 1] = turned
@@ -137,7 +137,7 @@ def _push(scene: Scene, link: str) -> np.ndarray:
 
 def _rates(points: list[np.ndarray]) -> np.ndarray:
     """Columns (M, 2, 2): velocities of a point as the first and the second joint turns."""
-    return np.stack([p.imag / _STEP for p in points], axis=-1)
+    return np.stack([p.imag / STEP for p in points], axis=-1)
 
 
 EFFECT = JointClearance()

@@ -20,8 +20,9 @@ from wrenchbed.data.metadata import stated_robot
 from wrenchbed.errors import ExportError
 from wrenchbed.files import checked
 from wrenchbed.physics.rotations import exp
+from wrenchbed.physics.time_derivatives import STEP
 from wrenchbed.physics.wrench import CHANNELS, six_of, symmetric
-from wrenchbed.robots.base import STEP, complex_steps
+from wrenchbed.robots.base import complex_steps
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.twin.twin import Twin

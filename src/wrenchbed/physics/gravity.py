@@ -7,13 +7,8 @@ import numpy as np
 
 from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.rotations import cross
-from wrenchbed.physics.time_derivatives import Jet, Value, value
+from wrenchbed.physics.time_derivatives import STEP, Jet, Value, stack_jets, transposed, value
 from wrenchbed.physics.wrench import Tool
-
-_STEP = 1e-6
-"""Step of the central differences, relative to max(1, |q|)."""
-_INSTANT = 1e-3
-"""Step in time of the differences for a centre's acceleration [s]; estimate."""
 
 
 @dataclass(frozen=True)
@@ -44,8 +39,8 @@ class ArmBodies(ABC):
     def tool(self, theta: np.ndarray) -> Tool:
         """The load on the sensor."""
 
-    def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Masses (B,) [kg] and centres of gravity in the world (N, B, 3) [m] of the moving bodies.
+    def links(self, q: Value, theta: np.ndarray) -> tuple[np.ndarray, list[Value]]:
+        """Masses (B,) [kg] and centres of gravity in the world (N, 3) [m] of the moving bodies.
 
         All but the tool: the links, and the part of the sensor on the flange's side.
 
@@ -58,13 +53,6 @@ class ArmBodies(ABC):
         """The base's origin in the world (3,) [m]."""
         return np.zeros(3)
 
-    def load_moment(self, q: np.ndarray, theta: np.ndarray) -> tuple[float, np.ndarray]:
-        """Mass [kg] and Σ m p (N, 3) [kg·m] in the world of the tool and the sensor's own mass."""
-        rotation, origin = self.sensor_pose(q, theta)
-        tool = self.tool(theta)
-        mass = float(tool.mass + tool.sensor_mass)
-        return mass, mass * origin + rotation @ (tool.mass * tool.cog)
-
     def push_along(
         self, q: Value, theta: np.ndarray, gravity: np.ndarray, length: int
     ) -> np.ndarray:
@@ -75,13 +63,10 @@ class ArmBodies(ABC):
         Raises:
             NotFoundError: the model of this robot has no masses of links.
         """
-        step = np.zeros(len(theta))
-        step[length] = _STEP
-        fallen = []
-        for moved in (theta - step, theta + step):
-            mass, centres = self._centres(value(q), moved)
-            fallen.append(np.einsum("b,nbi,i->n", mass, centres, gravity))
-        return (fallen[1] - fallen[0]) / (2.0 * _STEP)
+        longer = theta.astype(complex)
+        longer[length] += 1j * STEP
+        mass, centres = self._centres(value(q), longer)
+        return np.asarray(np.einsum("b,nbi,i->n", mass, centres.imag / STEP, gravity))
 
     def gravity_torque(self, q: Value, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
         """Torque or force of weight on each actuated joint (N, J) [N·m or N].
@@ -93,18 +78,13 @@ class ArmBodies(ABC):
         Raises:
             NotFoundError: the model of this robot has no masses of links.
         """
-        at = value(q)
-        each, _ = self._centres(at[:1], theta)
-        pull = each[:, None] * (gravity - self._acceleration(q, theta))  # (N, B, 3)
+        at, (pull, _) = value(q), self._pull(q, theta, gravity)
         result = np.empty(at.shape)
         for j in range(at.shape[1]):
-            step = _STEP * np.maximum(1.0, np.abs(at[:, j]))
-            pair = np.stack([at, at])
-            pair[:, :, j] += step, -step
-            _, centres = self._centres(pair.reshape(-1, at.shape[1]), theta)
-            up, down = centres.reshape(2, len(at), -1, 3)
-            way = pair[0, :, j] - pair[1, :, j]
-            result[:, j] = (pull * (up - down)).sum(axis=(1, 2)) / way
+            turned = at.astype(complex)
+            turned[:, j] += 1j * STEP
+            _, centres = self._centres(turned, theta)
+            result[:, j] = (pull * centres.imag / STEP).sum(axis=(1, 2))
         return result
 
     def base_moment(self, q: Value, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
@@ -115,26 +95,24 @@ class ArmBodies(ABC):
         Raises:
             NotFoundError: the model of this robot has no masses of links.
         """
-        each, centres = self._centres(value(q), theta)
-        pull = each[:, None] * (gravity - self._acceleration(q, theta))
+        pull, centres = self._pull(q, theta, gravity)
         return np.asarray(cross(centres - self.base_origin(theta), pull).sum(axis=1))
 
-    def _centres(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Masses (B + 1,) [kg] and centres in the world (N, B + 1, 3) [m] of all that moves."""
-        each, centres = self.links(q, theta)
-        mass, moment = self.load_moment(q, theta)
-        load = moment[:, None] / mass
-        return np.append(each, mass), np.concatenate([centres, load], axis=1)
+    def _pull(
+        self, q: Value, theta: np.ndarray, gravity: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Weights m (g − a) [N] of all that moves, and their places in the world [m], (N, B, 3)
+        each."""
+        mass, centres = self._centres(q, theta)
+        acceleration = centres.dd if isinstance(centres, Jet) else 0.0
+        return mass[:, None] * (gravity - acceleration), value(centres)
 
-    def _acceleration(self, q: Value, theta: np.ndarray) -> np.ndarray:
-        """Of each centre (N, B + 1, 3) [m/s²], by a central difference along the motion; 0 at rest.
-
-        p(q + ε q̇ + ½ ε² q̈) is p after ε to second order.
-        """
-        if not isinstance(q, Jet):
-            return np.zeros(3)
-        e = _INSTANT
-        centre = self._centres(q.v, theta)[1]
-        later = self._centres(q.v + e * q.d + 0.5 * e**2 * q.dd, theta)[1]
-        before = self._centres(q.v - e * q.d + 0.5 * e**2 * q.dd, theta)[1]
-        return np.asarray((later - 2.0 * centre + before) / e**2)
+    def _centres(self, q: Value, theta: np.ndarray) -> tuple[np.ndarray, Value]:
+        """Masses (B,) [kg] and centres in the world (N, B, 3) [m] of the moving bodies and the
+        tool, with the part of the sensor that loads its gauges."""
+        masses, centres = self.links(q, theta)
+        rotation, origin = self.sensor_pose(q, theta)
+        tool = self.tool(theta)
+        mass = tool.mass + tool.sensor_mass
+        load = origin + rotation @ (tool.mass / mass * tool.cog)
+        return np.append(masses, mass.real), transposed(stack_jets([*centres, load]))

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.time_derivatives import STEP, Jet
 
 Vector = Sequence[np.ndarray] | np.ndarray
 """Components first: (3, …), or three arrays."""
@@ -30,10 +30,6 @@ class Motion(NamedTuple):
     origin: np.ndarray
     spin: np.ndarray
     turning: np.ndarray
-
-    def map(self, columns: np.ndarray) -> "Motion":
-        """All three under a matrix (3, 3)."""
-        return Motion(*(np.tensordot(columns, x, axes=1) for x in self))
 
 
 def motion_of(rotation: Jet, position: Jet, gravity: np.ndarray) -> Motion:
@@ -69,51 +65,14 @@ def load(motion: Motion, phi: np.ndarray) -> np.ndarray:
 
 
 def change(motion: Motion, slope: Motion, phi: np.ndarray) -> np.ndarray:
-    """Derivative (…, N, 6) of `load` of one φ (10,) along a change of the motion."""
-    mass, h, inertia = _split(phi)
-    spin, by = motion.spin, slope.spin
-    swing = _cross(spin, _cross(by, h)), _cross(by, _cross(spin, h)), _cross(slope.turning, h)
-    couple = (
-        _cross(spin, _times(inertia, by)),
-        _cross(by, _times(inertia, spin)),
-        _times(inertia, slope.turning),
-    )
-    lever = _cross(h, slope.origin)
-    force = [-mass * slope.origin[k] - swing[0][k] - swing[1][k] - swing[2][k] for k in range(3)]
-    torque = [-lever[k] - couple[0][k] - couple[1][k] - couple[2][k] for k in range(3)]
-    return np.stack([*force, *torque], axis=-1)
+    """Derivative (…, N, 6) of `load` of one φ (10,) along a change of the motion; complex step."""
+    moved = Motion(*(x + 1j * STEP * s for x, s in zip(motion, slope, strict=True)))
+    return load(moved, phi).imag / STEP
 
 
 def regressor(motion: Motion) -> np.ndarray:
     """Y (N, 6, 10) with `load` = Y φ of one motion (3, N)."""
-    n = motion.origin.shape[-1]
-    result = np.zeros((6, INERTIAL, n))
-    result[:3, 0] = -motion.origin
-    a, b, c = motion.spin
-    swing = _turn_matrix(motion)
-    for i in range(3):
-        for j in range(3):
-            result[i, 1 + j] = -swing[i][j]
-    o = motion.origin
-    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):  # torque −h × o
-        result[3 + i, 1 + j] = -o[k]
-        result[3 + i, 1 + k] = o[j]
-    u, v, w = motion.turning
-    # J ω̇ + ω × J ω with J = xx yy zz xy xz yz
-    result[3, 4:] = -u, b * c, -b * c, a * c - v, -a * b - w, c * c - b * b
-    result[4, 4:] = -a * c, -v, a * c, -b * c - u, a * a - c * c, a * b - w
-    result[5, 4:] = a * b, -a * b, -w, b * b - a * a, b * c - u, -a * c - v
-    return np.ascontiguousarray(np.moveaxis(result, -1, 0))
-
-
-def _turn_matrix(motion: Motion) -> list[list[np.ndarray]]:
-    """[ω̇]× + [ω]×² row by row."""
-    (a, b, c), (u, v, w) = motion.spin, motion.turning
-    return [
-        [-b * b - c * c, a * b - w, a * c + v],
-        [a * b + w, -a * a - c * c, b * c - u],
-        [a * c - v, b * c + u, -a * a - b * b],
-    ]
+    return np.moveaxis(load(motion, np.eye(INERTIAL)[:, None]), 0, -1)
 
 
 def _split(phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

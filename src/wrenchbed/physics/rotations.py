@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from wrenchbed.physics.time_derivatives import Value, cos, reshape_matrix, sin, stack_jets
+from wrenchbed.physics.time_derivatives import STEP, Value, cos, reshape_matrix, sin, stack_jets
 
 _TERMS = 18
 """Of the series, by definition φ²ᵏ/(2k + 1)!: at φ = π the first omitted one, 6e-26, is below
@@ -75,8 +75,8 @@ def exp_rates(vector: np.ndarray) -> np.ndarray:
     columns = []
     for k in range(3):
         shifted = vector.astype(complex)
-        shifted[k] += 1e-30j
-        spin = exp(*shifted).imag / 1e-30 @ exp(*vector).T
+        shifted[k] += 1j * STEP
+        spin = exp(*shifted).imag / STEP @ exp(*vector).T
         columns.append([spin[2, 1], spin[0, 2], spin[1, 0]])
     return np.array(columns).T
 

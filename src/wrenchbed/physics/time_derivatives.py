@@ -15,6 +15,8 @@ import numpy as np
 
 Value = Any
 """A real or complex array, a number, or a `Jet`."""
+STEP = 1e-30
+"""Imaginary step of the complex-step derivative; exact to rounding however small."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +141,13 @@ def reshape_matrix(rows: Value) -> Value:
     if isinstance(rows, Jet):
         return Jet(reshape_matrix(rows.v), reshape_matrix(rows.d), reshape_matrix(rows.dd))
     return rows.reshape(*rows.shape[:-1], 3, 3)
+
+
+def transposed(x: Value) -> Value:
+    """(…, m, n) → (…, n, m)."""
+    if isinstance(x, Jet):
+        return Jet(transposed(x.v), transposed(x.d), transposed(x.dd))
+    return np.swapaxes(x, -1, -2)
 
 
 def value(x: Value) -> np.ndarray:

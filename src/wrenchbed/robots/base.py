@@ -18,7 +18,7 @@ from wrenchbed.physics.gravity import ArmBodies, BodyMass
 from wrenchbed.physics.newton_euler import Motion, motion_of
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, exp
-from wrenchbed.physics.time_derivatives import Jet, Value, stack_jets
+from wrenchbed.physics.time_derivatives import STEP, Jet, Value, stack_jets
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.compiled.statics import Packed
 
@@ -27,8 +27,6 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
 
-STEP = 1e-30
-"""Imaginary step of the complex-step derivative; exact to rounding however small."""
 Values = Mapping[str, Any]
 """Parameter values by name: numbers, or (K, 1) for a batch of K vectors against N poses."""
 _OF_SLIDES: Mapping[str, str] = {
@@ -260,10 +258,10 @@ class SimulatedRobot(Robot):
         """
         raise NotFoundError(f"robot {self.name!r} has no frames of links: its joints no torques")
 
-    def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def links(self, q: Value, theta: np.ndarray) -> tuple[np.ndarray, list[Value]]:
         frames = zip(self.link_frames(q, theta), self.bodies, strict=True)
         centres = [origin + turn @ np.array(body.cog) for (turn, origin), body in frames]
-        return np.array([body.mass for body in self.bodies]), np.stack(centres, axis=1)
+        return np.array([body.mass for body in self.bodies]), centres
 
     @property
     @abstractmethod

@@ -12,7 +12,7 @@ R_k = Rz(φ) Rx(α) Rz(ψ) costs no more than a twist, because φ and ψ join th
 
 from abc import abstractmethod
 from collections import deque
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import reduce
 
 import numpy as np
@@ -20,8 +20,8 @@ import numpy as np
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.newton_euler import Motion, Vector
 from wrenchbed.physics.rotations import apply, cross, exp_rates
-from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets
-from wrenchbed.robots.base import STEP, MountedArm, complex_steps, mount_turn
+from wrenchbed.physics.time_derivatives import STEP, Jet, Value, cos, sin, stack_jets
+from wrenchbed.robots.base import MountedArm, complex_steps, mount_turn
 from wrenchbed.robots.compiled.statics import Packed
 
 _WRIST = 3
@@ -187,37 +187,12 @@ class SerialChain(MountedArm):
             origin, spin, turning = (_turned_back(x, turn) for x in (origin, spin, turning))
         return Motion(*(_stacked(x, at.shape[1:]) for x in (origin, spin, turning)))
 
-    def links(self, q: np.ndarray, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return np.array([b.mass for b in self.bodies]), self._centres_at(self.frames(q, theta))
-
-    def _centres_at(self, frames: Iterable[tuple[Value, Value, Value, Value]]) -> np.ndarray:
-        """Centres of gravity (N, B, 3) [m] of the bodies in their frames."""
-        each = [
+    def links(self, q: Value, theta: np.ndarray) -> tuple[np.ndarray, list[Value]]:
+        centres = [
             origin + link.cog[0] * x + link.cog[1] * y + link.cog[2] * z
-            for link, (x, y, z, origin) in zip(self.bodies, frames, strict=False)
+            for link, (x, y, z, origin) in zip(self.bodies, self.frames(q, theta), strict=False)
         ]
-        return np.stack(np.broadcast_arrays(*each), axis=1)
-
-    def gravity_torque(self, q: Value, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Torque or force about each joint's axis (N, J) [N·m or N] by the weight of all that the
-        joint carries; exact at rest."""
-        if isinstance(q, Jet):
-            return super().gravity_torque(q, theta, gravity)
-        frames = list(self.frames(q, theta))
-        each, centres = [b.mass for b in self.bodies], self._centres_at(frames)
-        mass, moment = self.load_moment(q, theta)
-        result = np.empty(q.shape)
-        behind = len(each)
-        for j in reversed(range(len(self.joints))):  # from the flange inwards
-            for b in range(j, behind):
-                mass, moment = mass + each[b], moment + each[b] * centres[:, b]
-            behind = j
-            _, _, axis, origin = frames[j]
-            if self._slides[j]:
-                result[:, j] = mass * (axis @ gravity)
-            else:
-                result[:, j] = ((moment - mass * origin) * cross(gravity, axis)).sum(axis=-1)
-        return result
+        return np.array([link.mass for link in self.bodies]), centres
 
     def infeasible(self, q: np.ndarray, theta: np.ndarray) -> dict[int, str]:
         return self._outside_limits(q)

@@ -19,7 +19,7 @@ import numpy as np
 
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.rotations import apply
-from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets, value
+from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets, transposed, value
 from wrenchbed.robots.arm_model import CONNECT, COUPLED, HINGE, WELD, ArmModel, Closure
 
 _STRIDE, _CAREFUL = 0.2, 0.05
@@ -108,12 +108,12 @@ class ClosedLoops:
                 continue
             (one, first), (two, second) = frames[closure.first + 1], frames[closure.second + 1]
             here, there = closure.places
-            back = _transposed(frames[self._shared[n] + 1][0])
+            back = transposed(frames[self._shared[n] + 1][0])
             gap = first + apply(one, here) - second - apply(two, there)
             gap = apply(back, gap) * (1.0 / self._scale)
             parts += [gap[..., i] for i in range(3)]
             if closure.kind == WELD:
-                turned = back @ (one @ closure.turn @ _transposed(two)) @ _transposed(back)
+                turned = back @ (one @ closure.turn @ transposed(two)) @ transposed(back)
                 pairs = ((2, 1), (0, 2), (1, 0))
                 parts += [0.5 * (turned[..., i, j] - turned[..., j, i]) for i, j in pairs]
         return stack_jets(parts)
@@ -132,7 +132,7 @@ class ClosedLoops:
                     block[..., 0, closure.second] = -law(at[..., closure.second] - closure.law[1])
                 continue
             shared = self._shared[n] + 1
-            back, common = _transposed(frames[shared][0]), len(self._ways[shared])
+            back, common = transposed(frames[shared][0]), len(self._ways[shared])
             sides = zip((closure.first, closure.second), closure.places, (1, -1), strict=True)
             for link, place, sign in sides:
                 point = frames[link + 1][1] + apply(frames[link + 1][0], place)
@@ -384,9 +384,3 @@ def _coupled(closure: Closure, at: Sequence[Value]) -> Value:
             power = x * power
             total = total - power * a
     return total
-
-
-def _transposed(turn: Value) -> Value:
-    if isinstance(turn, Jet):
-        return Jet(*(np.swapaxes(x, -1, -2) for x in (turn.v, turn.d, turn.dd)))
-    return np.swapaxes(turn, -1, -2)

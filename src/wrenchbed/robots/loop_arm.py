@@ -13,9 +13,9 @@ import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.rotations import apply
-from wrenchbed.physics.time_derivatives import Value, stack_jets, value
+from wrenchbed.physics.time_derivatives import STEP, Value, stack_jets, value
 from wrenchbed.robots.arm_model import COUPLED, WELD, ArmModel, Closure
-from wrenchbed.robots.base import STEP, complex_steps, sample_until
+from wrenchbed.robots.base import complex_steps, sample_until
 from wrenchbed.robots.closed_loop import ClosedLoops
 from wrenchbed.robots.file_arm import ArmDescription, DescribedArm, turned
 

@@ -20,8 +20,9 @@ import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.rotations import quaternion, rot_x, rot_z
+from wrenchbed.physics.rotations import rot_x, rot_z
 from wrenchbed.physics.time_derivatives import Value
+from wrenchbed.robots.arm_model import HINGE, ArmLink, ArmModel, Load
 from wrenchbed.robots.base import (
     ANGLE,
     Joint,
@@ -37,36 +38,6 @@ if TYPE_CHECKING:
 
 _GYRATION_M = 0.08
 """Radius of gyration of a link about each axis [m]; estimate."""
-_TIP_M = 0.14
-"""Distance of the example tool's tip from the sensor along its z [m]; estimate."""
-_TEXT = """<!-- {title}, without geometry. Inertias of links: estimates. -->
-<mujoco model="{name}">
-  <compiler angle="radian" autolimits="true"/>
-  <option gravity="0 0 -9.80665" timestep="0.002" integrator="discrete" solver="Newton"
-    iterations="20" tolerance="1e-12">
-    <flag contact="disable"/>
-  </option>
-  <default>
-    <joint type="hinge" axis="0 0 1" armature="0.1"/>
-  </default>
-  <worldbody>
-    <body name="base" gravcomp="1">
-      <inertial pos="0 0 0.07" mass="5" diaginertia="0.05 0.05 0.03"/>
-{bodies}
-    </body>
-  </worldbody>
-  <actuator>
-{servos}
-  </actuator>
-  <keyframe>
-    <key name="home" qpos="{home}" ctrl="{still}"/>
-  </keyframe>
-  <sensor>
-    <force name="force" site="ft"/>
-    <torque name="torque" site="ft"/>
-  </sensor>
-</mujoco>
-"""
 Spot = tuple[int, float, float]
 """A point of the arm: number of a link from 0, x and z in its axes [m]."""
 
@@ -215,15 +186,10 @@ class SerialArm(SerialChain):
         }
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        """The MJCF of the arm's file, or, without shapes, from its data if there is no file."""
-        import mujoco
+        """The MJCF of the arm's file, or from its data if there is no file."""
+        from wrenchbed.robots.mjcf import bare, place, write_load
 
-        from wrenchbed.robots.mjcf import bare, frictionless, place, write_load
-
-        if self.mjcf.is_file():
-            spec = bare(self.mjcf)
-        else:
-            spec = frictionless(mujoco.MjSpec.from_string(mjcf_of(self.arm)))
+        spec = bare(self.mjcf) if self.mjcf.is_file() else self.drawn()
         place(spec, "base", [0, 0, 0], self._leaning(np.eye(3), theta))
         frame, origin = np.eye(3), [0.0, 0.0, 0.0]
         table = zip(*(theta[columns].tolist() for columns in self._dh), strict=True)
@@ -237,69 +203,42 @@ class SerialArm(SerialChain):
         write_load(spec, self.tool(theta))
         return spec
 
+    def drawn(self) -> "mujoco.MjSpec":
+        """MJCF from the arm's data, with sticks for its links.
+
+        Inertias of links are estimates: no force that the sensor reads depends on them.
+        """
+        from wrenchbed.robots.arm_spec import spec_of
+        from wrenchbed.robots.mjcf import write_load
+
+        arm, links = self.arm, list[ArmLink]()
+        turn, shift, axis = np.eye(3), np.zeros(3), np.array([0.0, 0.0, 1.0])
+        for joint, link, home in zip(self.joints, arm.links, arm.home, strict=True):
+            body, inertia = link.body, link.body.mass * _GYRATION_M**2 * np.eye(3)
+            links.append(
+                ArmLink(
+                    joint.name, body.body, HINGE, axis, turn, shift, joint.lower, joint.upper,
+                    joint.speed, home, body.mass, np.array(body.cog), inertia,
+                )
+            )  # fmt: skip
+            turn, shift = rot_x(link.alpha), np.array([link.a, 0.0, link.d])
+        last = len(links) - 1
+        model = ArmModel(
+            arm.name, np.eye(3), np.zeros(3), (), tuple(links), turn, shift, None, self.gravity,
+            tuple(range(-1, last)), last, tuple(range(last + 1)),
+        )  # fmt: skip
+        spec = spec_of(
+            model, Load(arm.tool_mass, arm.tool_cog, arm.tool_inertia), np.zeros(last + 1)
+        )
+        flange = spec.body("flange")
+        flange.mass, flange.ipos, flange.explicitinertial = arm.flange.mass, arm.flange.cog, True
+        flange.inertia = [arm.flange.mass * _GYRATION_M**2] * 3
+        write_load(spec, self.tool(self.parameters.nominal))
+        return spec
+
 
 def _at(frames: list[tuple[Value, Value, Value, Value]], spot: Spot) -> np.ndarray:
     """Position of a point of the arm in the world (N, 3) [m]."""
     k, along_x, along_z = spot
     x, _, z, origin = frames[k]
     return np.asarray(origin + along_x * x + along_z * z)
-
-
-def mjcf_of(arm: ArmData) -> str:
-    """MJCF from an arm's data: bodies, joints, servos and sensors, no shapes.
-
-    Each link stands at its home, turned by the twist before it. Inertias of links are estimates: no
-    force that the sensor reads depends on them.
-    """
-    from wrenchbed.robots.mjcf import DAMPING, STIFFNESS
-
-    opened, turn, place = [], np.eye(3), (0.0, 0.0, 0.0)
-    for k, (link, home) in enumerate(zip(arm.links, arm.home, strict=True), start=1):
-        opened += [
-            _body(link.body.body, place, turn @ rot_z(home)),
-            f'<joint name="q{k}" ref="{home:.9g}" range="{_words(link.lower, link.upper)}"/>',
-            _inertial(link.body),
-        ]
-        turn, place = rot_x(link.alpha), (link.a, 0.0, link.d)
-    ixx = arm.tool_inertia
-    opened += [
-        _body(arm.flange.body, place, turn),
-        _inertial(arm.flange),
-        _body("tool", (0.0, 0.0, 0.0), np.eye(3)),
-        f'<inertial pos="{_words(*arm.tool_cog)}" mass="{arm.tool_mass:.9g}" '
-        f'{"fullinertia" if any(ixx[3:]) else "diaginertia"}="'
-        f'{_words(*(ixx if any(ixx[3:]) else ixx[:3]))}"/>',
-        '<body name="sensor_side" gravcomp="1"><inertial pos="0 0 0" mass="0" '
-        'diaginertia="0 0 0"/></body>',
-        '<site name="ft"/>',
-        f'<site name="tcp" pos="{_words(0.0, 0.0, _TIP_M)}"/>',
-    ]
-    closed = ["</body>"] * (len(arm.links) + 2)
-    servos = [
-        f'<general name="q{k}" joint="q{k}" biastype="affine" gainprm="{STIFFNESS:g}" '
-        f'biasprm="{STIFFNESS * home!r} {-STIFFNESS:g} {-DAMPING:g}" '
-        f'ctrlrange="{_words(link.lower - home, link.upper - home)}"/>'
-        for k, (link, home) in enumerate(zip(arm.links, arm.home, strict=True), start=1)
-    ]
-    return _TEXT.format(
-        name=arm.name,
-        title=arm.title,
-        bodies="\n".join(f"      {line}" for line in (*opened, *closed)),
-        servos="\n".join(f"    {line}" for line in servos),
-        home=_words(*arm.home),
-        still=_words(*[0.0] * len(arm.home)),
-    )
-
-
-def _words(*values: float) -> str:
-    return " ".join(f"{v + 0.0:.12g}" for v in values)
-
-
-def _body(name: str, place: tuple[float, ...], turn: np.ndarray) -> str:
-    quat = quaternion(turn)
-    return f'<body name="{name}" pos="{_words(*place)}" quat="{_words(*quat)}" gravcomp="1">'
-
-
-def _inertial(link: BodyMass) -> str:
-    inertia = _words(*[link.mass * _GYRATION_M**2] * 3)
-    return f'<inertial pos="{_words(*link.cog)}" mass="{link.mass:.9g}" diaginertia="{inertia}"/>'

@@ -15,9 +15,9 @@ from wrenchbed.errors import NotFoundError, PlanError, RecordingError
 from wrenchbed.physics.newton_euler import INERTIAL, Motion, change, load, regressor
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import matrix
-from wrenchbed.physics.time_derivatives import Jet, Value
+from wrenchbed.physics.time_derivatives import STEP, Jet, Value
 from wrenchbed.physics.wrench import CHANNELS, UNITS, weight
-from wrenchbed.robots.base import INERTIA_AXES, STEP, Robot, complex_steps
+from wrenchbed.robots.base import INERTIA_AXES, Robot, complex_steps
 from wrenchbed.robots.compiled import statics
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
 
