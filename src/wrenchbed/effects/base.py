@@ -139,19 +139,6 @@ class Curve(NamedTuple):
     y_unit: str
 
 
-class Variable(NamedTuple):
-    """Variable over which an effect's own figure is drawn.
-
-    Attributes:
-        values: of each row (M,), in ``unit``.
-        label, unit: for people.
-    """
-
-    values: np.ndarray
-    label: str
-    unit: str
-
-
 class Residual(NamedTuple):
     """Residual that a calibrated simulator leaves.
 
@@ -274,11 +261,6 @@ class Effect(ABC):
     def curves(self, scene: Scene, variant: Variant) -> tuple[Curve, ...]:
         """Curves of a form-free variant, one for each channel."""
         return ()
-
-    def variable(self, scene: Scene, p: Values) -> Variable | None:
-        """Variable over which the effect's own figure is drawn, if only the effect knows it;
-        default: None."""
-        return None
 
     def usual(self, variant: Variant) -> tuple[str, ...]:
         """Amplitudes of a variant that a robot with the effect at its typical size has."""

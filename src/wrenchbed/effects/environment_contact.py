@@ -10,7 +10,6 @@ from wrenchbed.effects.base import (
     Pose,
     Residual,
     Values,
-    Variable,
     Variant,
     alike,
     direction,
@@ -124,10 +123,6 @@ class EnvironmentContact(LoadEffect):
             text = f"fitted plane {len(result) + 1}"
             result.append(Variant(text, ("stiffness",), begin, SHAPE, {}, 0.1))
         return tuple(result)
-
-    def variable(self, scene: Scene, p: Values) -> Variable:
-        """Depth of the tip in the plane [m], negative above it."""
-        return Variable(1e3 * _depth(scene, Pose(*scene.pose), p), "depth of the tip", "mm")
 
     def pull(self, scene: Scene, pose: Pose, load: np.ndarray, p: Values) -> np.ndarray:
         rotation, lever = value(pose.rotation), touching(scene, p)
