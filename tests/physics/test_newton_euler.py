@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.physics.newton_euler import Motion, change, load, motion_of, regressor
+from wrenchbed.physics.newton_euler import Motion, load, motion_of, regressor
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.simulation.closed_form import Model
@@ -31,15 +31,6 @@ def by_hand(motion):
 def test_a_load_is_that_of_newton_and_euler_also_by_the_regressor():
     np.testing.assert_allclose(load(MOTION, TOOL.inertial), by_hand(MOTION), atol=1e-13)
     np.testing.assert_allclose(regressor(MOTION) @ TOOL.inertial, by_hand(MOTION), atol=1e-13)
-
-
-def test_the_change_along_a_change_of_motion():
-    slope, h = Motion(*RNG.standard_normal((3, 3, 20))), 1e-5
-    up, down = (
-        Motion(*(a + s * h * b for a, b in zip(MOTION, slope, strict=True))) for s in (1, -1)
-    )
-    expected = (by_hand(up) - by_hand(down)) / (2 * h)
-    np.testing.assert_allclose(change(MOTION, slope, TOOL.inertial), expected, atol=1e-8)
 
 
 @pytest.mark.parametrize("name", ["ur5", "medrue"])

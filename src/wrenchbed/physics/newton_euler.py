@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from wrenchbed.physics.time_derivatives import STEP, Jet
+from wrenchbed.physics.time_derivatives import Jet
 
 Vector = Sequence[np.ndarray] | np.ndarray
 """Components first: (3, …), or three arrays."""
@@ -62,12 +62,6 @@ def load(motion: Motion, phi: np.ndarray) -> np.ndarray:
         for k in range(3):
             parts[k] = parts[k] - more[0][k] - more[1][k]
     return np.stack(np.broadcast_arrays(*force, *torque), axis=-1)
-
-
-def change(motion: Motion, slope: Motion, phi: np.ndarray) -> np.ndarray:
-    """Derivative (…, N, 6) of `load` of one φ (10,) along a change of the motion; complex step."""
-    moved = Motion(*(x + 1j * STEP * s for x, s in zip(motion, slope, strict=True)))
-    return load(moved, phi).imag / STEP
 
 
 def regressor(motion: Motion) -> np.ndarray:

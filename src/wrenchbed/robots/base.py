@@ -40,8 +40,6 @@ a fit's columns, and is the spread of priors and of simulated robots."""
 TILT = "rotation vector that turns gravity as the base sees it, g → Exp(α) g"
 _USUAL = {"rad": (7.0, " (is it in degrees?)"), "m": (5.0, " (is it in mm?)")}
 """Largest joint value that is usual, by its unit, and the likely cause of a larger one."""
-_ROWS_AT_ONCE = 200_000
-"""Poses times parameters of which derivatives are taken at once: complex numbers of every link."""
 INERTIA_AXES = ("xx", "yy", "zz", "xy", "xz", "yz")
 LOAD = frozenset([*(f"tool.inertia.{a}" for a in INERTIA_AXES), "sensor.mass"])
 """Names of `load_parameters`."""
@@ -132,18 +130,6 @@ class Robot(ArmBodies):
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
         """Input of `compiled.statics` for parameters (P,), or (R, P) of robots that broadcast."""
         raise NotImplementedError
-
-    def gravity_slopes(
-        self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, columns: Sequence[int]
-    ) -> np.ndarray:
-        """Derivative (N, 3, K) of gravity in sensor axes [m/s²] by K parameters; complex steps."""
-        slopes = np.empty((len(columns), len(q), 3))
-        at_once = max(1, _ROWS_AT_ONCE // max(len(q), 1))
-        for start in range(0, len(columns), at_once):
-            some = slice(start, start + at_once)
-            shifted = complex_steps(theta, columns[some])
-            slopes[some] = self.gravity_seen(q, shifted, gravity).imag / STEP
-        return np.moveaxis(slopes, 0, -1)
 
     def motion_seen(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
         """Motion of the sensor under gravity in world axes (3,), with vectors (3, …, N)."""

@@ -19,9 +19,9 @@ import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.newton_euler import Motion, Vector
-from wrenchbed.physics.rotations import apply, cross, exp_rates
-from wrenchbed.physics.time_derivatives import STEP, Jet, Value, cos, sin, stack_jets
-from wrenchbed.robots.base import MountedArm, complex_steps, mount_turn
+from wrenchbed.physics.rotations import apply, exp_rates
+from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets
+from wrenchbed.robots.base import MountedArm, mount_turn
 from wrenchbed.robots.compiled.statics import Packed
 
 _WRIST = 3
@@ -127,35 +127,6 @@ class SerialChain(MountedArm):
         twist = np.append(twist, 0.0)
         joints = np.stack([hinges, zeros, np.cos(twist), np.sin(twist)], axis=-1)
         return Packed(gravity @ between[0], between[-1], joints.ravel())
-
-    def gravity_slopes(
-        self, q: np.ndarray, theta: np.ndarray, gravity: np.ndarray, columns: Sequence[int]
-    ) -> np.ndarray:
-        """Written out: a turn by ω changes γ by γ × ω, both in sensor axes.
-
-        Complex steps give what each parameter (K) turns: R_k → R_k (1 + [ω]×), and joints' zeros.
-        """
-        shifted = complex_steps(theta, columns)
-        turns, _ = self._mounted(theta)
-        zeros = self.zeros(shifted)[:, 0].imag / STEP
-        turned = np.zeros((len(columns), 3, len(q)))  # Σ ω in sensor axes
-        axes = np.eye(3)[..., None]  # of the frame behind S_k in sensor axes: (component, axis, N)
-        at = (q + self.zeros(theta)).T
-        pairs = list(zip(turns, self._mounted(shifted)[0], strict=True))
-        for k, (turn, slope) in reversed(list(enumerate(pairs))):
-            skew = turn.T @ np.broadcast_to(slope.imag / STEP, (len(columns), 1, 3, 3))[:, 0]
-            spin = np.stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]], axis=-1)
-            some = spin.any(axis=1)
-            turned[some] += np.tensordot(spin[some], axes, axes=(1, 1))
-            axes = turn @ axes
-            if k and not self._slides[k - 1]:
-                some = zeros[:, k - 1] != 0.0
-                turned[some] += zeros[some, k - 1, None, None] * axes[:, 2]
-                c, s = np.cos(at[k - 1]), np.sin(at[k - 1])
-                x, y, z = axes[:, 0], axes[:, 1], axes[:, 2]
-                axes = np.stack(np.broadcast_arrays(c * x - s * y, s * x + c * y, z), axis=1)
-        seen = self.gravity_seen(q, theta, gravity)[:, None]  # (N, 1, 3)
-        return np.swapaxes(cross(seen, np.moveaxis(turned, -1, 0)), 1, 2)
 
     def motion_seen(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
         """Passed on from joint to joint in the links' own axes, then through the mount.

@@ -12,10 +12,10 @@ from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import NotFoundError, PlanError, RecordingError
-from wrenchbed.physics.newton_euler import INERTIAL, Motion, change, load, regressor
+from wrenchbed.physics.newton_euler import Motion, load
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import matrix
-from wrenchbed.physics.time_derivatives import STEP, Jet, Value
+from wrenchbed.physics.time_derivatives import STEP, Jet, Value, value
 from wrenchbed.physics.wrench import CHANNELS, UNITS, weight
 from wrenchbed.robots.base import INERTIA_AXES, Robot, complex_steps
 from wrenchbed.robots.compiled import statics
@@ -26,6 +26,8 @@ _KEPT = 32
 """Parameter vectors whose constants are kept: a fit compares a few."""
 _IDEAL = np.append(np.zeros(6), np.eye(3))
 """Bias and gains of a sensor whose reading is its load."""
+_ROWS_AT_ONCE = 200_000
+"""Poses times parameters of which derivatives are taken at once: complex numbers of every link."""
 _LOAD = slice(3, 8)
 """Constants that are mass, CoG and the sensor's own mass, by definition in `_statics.c`."""
 _PAST_LIMIT = 1e-3
@@ -153,10 +155,6 @@ class Model:
         object.__setattr__(self, "parameters", self.robot.parameters + SENSOR)
         object.__setattr__(self, "_compiled", CompiledForm(self.robot, self.gravity))
 
-    @property
-    def _gravity(self) -> np.ndarray:
-        return np.asarray(self.gravity)
-
     @classmethod
     def of(cls, robot: Robot, metadata: Metadata | None = None) -> "Model":
         """The model under the gravity that a recording states, else the robot's default."""
@@ -194,18 +192,24 @@ class Model:
 
     def plain_wrench(self, q: Value, theta: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
         """`true_wrench` in numpy: of all robots and parameters, and what is compiled is held to."""
-        n, gravity = len(self.robot.parameters), self._gravity
-        place, tool = (theta if at is None else at)[..., :n], self.robot.tool(theta[..., :n])
-        if not isinstance(q, Jet):
-            return weight(self.robot.gravity_seen(q, place, gravity), tool)
-        return load(self.robot.motion_seen(q, place, gravity), tool.inertial)
+        return self._load(self._seen(q, theta if at is None else at), theta)
+
+    def _seen(self, q: Value, theta: np.ndarray) -> np.ndarray | Motion:
+        """Gravity in sensor axes (…, N, 3) [m/s²], or for jets the sensor's motion under it."""
+        place, gravity = theta[..., : len(self.robot.parameters)], np.asarray(self.gravity)
+        see = self.robot.motion_seen if isinstance(q, Jet) else self.robot.gravity_seen
+        return see(q, place, gravity)
+
+    def _load(self, seen: np.ndarray | Motion, theta: np.ndarray) -> np.ndarray:
+        tool = self.robot.tool(theta[..., : len(self.robot.parameters)])
+        return load(seen, tool.inertial) if isinstance(seen, Motion) else weight(seen, tool)
 
     def gravity_seen(self, q: Value, theta: np.ndarray) -> np.ndarray:
         """Gravity in sensor axes (N, 3) [m/s²] at joint values (N, J), of parameters (P,)."""
         compiled = self._compiled.gravity_seen(q, theta)
         if compiled is not None:
             return compiled
-        return self.robot.gravity_seen(q, self.robot.robot_theta(theta), self._gravity)
+        return np.asarray(self._seen(q, theta))
 
     def read(self, load: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Reading of the sensor for a load (…, N, 6), with its force gains and its bias."""
@@ -229,53 +233,18 @@ class Model:
 
         Complex-step derivative: Squire & Trapp 1998, doi 10.1137/S003614459631241X.
         """
-        if isinstance(q, Jet):
-            return self._in_motion(q, theta, columns)
         compiled = self._compiled.jacobian(q, theta, columns)
         if compiled is not None:
             return compiled
-        # the reading is linear in gravity as the sensor sees it, γ: dw = dγ·M + γ·dM + db, with
-        # M (3, 6) and b of the load and the sensor alone
-        moving, gravity = [k for k, c in enumerate(columns) if self.moves_pose(c)], self._gravity
-        place, (here, _) = self.robot.robot_theta(theta), self._linear(theta)
-        slopes, offset = (x.imag / STEP for x in self._linear(complex_steps(theta, columns)))
-        result = self.robot.gravity_seen(q, place, gravity) @ slopes + offset
-        turned = self.robot.gravity_slopes(q, place, gravity, [columns[k] for k in moving])
-        for k, column in enumerate(moving):
-            result[column] += turned[..., k] @ here
-        return np.moveaxis(result, 0, -1)
-
-    def _in_motion(self, q: Jet, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
-        """The Jacobian in motion: one regressor for all that changes the load or the sensor."""
-        parameter_count, gravity = len(self.robot.parameters), self._gravity
-        motion = self.robot.motion_seen(q, theta[:parameter_count], gravity)
-        shifted = complex_steps(theta, columns)[:, 0, :parameter_count]
-        slopes = self.robot.tool(shifted).inertial.imag / STEP
-        phi = self.robot.tool(theta[:parameter_count]).inertial
-        given = regressor(motion)
-        result = (given.reshape(-1, INERTIAL) @ slopes.T).reshape(len(given), 6, -1)
-        for k, c in enumerate(columns):
-            if self.moves_pose(c):
-                slope = self.robot.motion_seen(q, shifted[k], gravity)
-                result[:, :, k] += change(motion, Motion(*(x.imag / STEP for x in slope)), phi)
-        gain = theta[parameter_count + 6 :].reshape(3, 3)
-        if not np.array_equal(gain, np.eye(3)):
-            result[:, :3] = np.einsum("ij,njk->nik", gain, result[:, :3])
-        force = given[:, :3] @ phi
-        for k, c in enumerate(columns):
-            if parameter_count <= c < parameter_count + 6:
-                result[:, c - parameter_count, k] += 1.0
-            elif c >= parameter_count + 6:
-                row, column = divmod(c - parameter_count - 6, 3)
-                result[:, row, k] += force[:, column]
-        return result
-
-    def _linear(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Reading at rest = γ·M + b: M (…, 3, 6) and b (…, 1, 6), of one robot or (K, 1, P)."""
-        axes = np.vstack([np.eye(3), np.zeros(3)])
-        tool = self.robot.tool(theta[..., : len(self.robot.parameters)])
-        rows = self.read(weight(axes, tool), theta)
-        return rows[..., :3, :] - rows[..., 3:, :], rows[..., 3:, :]
+        still, rows = self._seen(q, theta), len(value(q))
+        slopes = np.empty((len(columns), rows, 6))
+        moving = np.array([self.moves_pose(c) for c in columns], dtype=bool)
+        for moves, group in ((True, np.flatnonzero(moving)), (False, np.flatnonzero(~moving))):
+            for some in np.array_split(group, 1 + rows * len(group) // _ROWS_AT_ONCE):
+                shifted = complex_steps(theta, [columns[k] for k in some])
+                seen = self._seen(q, shifted) if moves and len(some) else still
+                slopes[some] = self.read(self._load(seen, shifted), shifted).imag / STEP
+        return np.moveaxis(slopes, 0, -1)
 
     def moves_pose(self, column: int) -> bool:
         """Whether the sensor's pose depends on a parameter; the others cost no kinematics."""
