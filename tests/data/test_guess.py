@@ -28,7 +28,7 @@ OFF = 0.03
 def reads(found: Guess, k: int, log: Written) -> bool:
     """Whether a guessed map gives the wrench and gravity that were written."""
     mapping = found.column_map(k)
-    data, left, name = merged(log.files, mapping)
+    data, left, name, _ = merged(log.files, mapping)
     if len(data["t"]) + left != len(log.wrench):
         return False
     if "qw" in data:

@@ -21,6 +21,17 @@ from wrenchbed.exports.urdf import read_urdf
 from wrenchbed.files import write_text
 
 
+@dataclass(frozen=True)
+class RowOptions:
+    """How the rows are read."""
+
+    # static, dynamic, or auto: a log of holds and moves is split into poses by itself. As the map
+    # says if none.
+    mode: Literal["static", "dynamic", "auto"] | None = None
+    # Leave out rows that lack a value in a column that is used.
+    skip_incomplete: Flag = False
+
+
 def import_(
     files: tyro.conf.Positional[tuple[Path, ...]],
     /,
@@ -28,7 +39,7 @@ def import_(
     stated: wb.Stated,
     guess: Flag = False,
     map: Path | None = None,
-    mode: Literal["static", "dynamic", "auto"] | None = None,
+    rows_read: RowOptions = RowOptions(),
     force: Flag = False,
     as_json: Json = False,
 ) -> None:
@@ -39,8 +50,6 @@ def import_(
         out: Recording to write; of a log of holds and moves, OUT.motion.parquet gets all of it.
         guess: Find the map: each convention is tried on one rigid load. Writes OUT.map.toml.
         map: TOML or JSON column map (docs/how-to/import.md), or the name of a ready one.
-        mode: static, dynamic, or auto: a log of holds and moves is split into poses by itself. As
-            the map says if none.
         force: Replace recordings at OUT; they are kept as OUT~, or OUT~2 and so on.
     """
     if guess == (map is not None):
@@ -51,7 +60,7 @@ def import_(
     console.check_out(out, Kind.RECORDING, *inputs, force=force)
     if map is None:
         console.check_out(map_file, Kind.MAP, *files)
-        guesses = wb.guess_map(files, stated, mode)
+        guesses = wb.guess_map(files, stated, rows_read.mode, rows_read.skip_incomplete)
         write_text(map_file, guesses.text(map_file.parent))
         column_map, guessed = guesses.column_map(), {"guess": [*guesses.lines, f"map → {map_file}"]}
     else:
@@ -59,7 +68,7 @@ def import_(
             flag = flags[0].replace("_", "-")
             raise ParameterError(f"--{flag} belongs to --guess; a map states it itself")
         column_map = wb.read_map(map)
-    imported = wb.import_files(files, _changed(column_map, mode))
+    imported = wb.import_files(files, _changed(column_map, rows_read))
     if imported.motion is not None:
         console.check_out(whole, Kind.RECORDING, *inputs, out, force=force)
     keeping(out, imported.recording.write)
@@ -92,8 +101,12 @@ def _doubt(recording: Recording) -> str | None:
     return None if finding is None else finding.sentence
 
 
-def _changed(column_map: ColumnMap, mode: str | None) -> ColumnMap:
-    """A map with the mode of the command line, if one is given there."""
+def _changed(column_map: ColumnMap, options: RowOptions) -> ColumnMap:
+    """A map with what the command line states of it."""
+    mode = options.mode
+    if options.skip_incomplete:
+        files = tuple(replace(f, skip_incomplete=True) for f in column_map.files)
+        column_map = replace(column_map, files=files)
     if mode is None:
         return column_map
     metadata = replace(column_map.metadata, mode="dynamic" if mode == "auto" else mode)

@@ -38,8 +38,8 @@ UNITS: dict[str, tuple[str, float]] = {
 AUTO = "auto"
 """Mode of a log of holds and moves, whose rows are classified automatically."""
 TOLERANCES = ("tool.mass", "tool.cog", "sensor.bias")
-_FILE = ("match", "topic", "delimiter", "columns")
-_COLUMN = ("column", "unit", "sign", "zero", "per")
+_FILE = ("match", "topic", "delimiter", "skip_incomplete", "columns")
+_COLUMN = ("column", "unit", "sign", "zero", "per", "nanoseconds")
 _UNIT_SQUARE = 2e-3
 """Largest error of a unit quaternion's square: four digits are enough."""
 ORTHONORMAL = 1e-3
@@ -68,7 +68,10 @@ _JOINT = {"q": ("angle", "length"), "qd": ("angular velocity",), "q_target": ("a
 
 @dataclass(frozen=True)
 class Source:
-    """Source of a column of the recording: (column / per − zero) of a file, in SI."""
+    """Source of a column of the recording: (column / per − zero) of a file, in SI.
+
+    A clock of two columns has the parts of its seconds in ``nanoseconds``.
+    """
 
     target: str
     column: str
@@ -76,6 +79,7 @@ class Source:
     sign: float
     zero: float = 0.0
     per: float = 1.0
+    nanoseconds: str | None = None
 
     @property
     def factor(self) -> float:
@@ -89,12 +93,14 @@ class FileMap:
     Attributes:
         topic: of a log, whose messages' fields are its columns.
         delimiter: of a text file; found out if none.
+        skip_incomplete: whether rows that lack a value are left out; else they are refused.
     """
 
     match: str
     columns: tuple[Source, ...]
     topic: str | None = None
     delimiter: str | None = None
+    skip_incomplete: bool = False
 
 
 @dataclass(frozen=True)
@@ -237,11 +243,15 @@ def _file(where: str, entry: Any) -> FileMap:
     delimiter = fields.text("delimiter", "must be one character")
     if delimiter is not None and len(delimiter) != 1:
         raise fields.error("delimiter", "must be one character")
+    skip = fields.raw.get("skip_incomplete", False)
+    if not isinstance(skip, bool):
+        raise fields.error("skip_incomplete", "must be true or false")
     return FileMap(
         fields.text("match", "must be a file name or pattern") or "*",
         tuple(_source(where, target, entry) for target, entry in columns.raw.items()),
         fields.text("topic", "must be the name of one"),
         delimiter,
+        skip,
     )
 
 
@@ -277,7 +287,10 @@ def _source(where: str, target: str, entry: Any) -> Source:
         raise fields.error("sign", "must be 1 or -1")
     zero = fields.number("zero", unit) or 0.0
     per = fields.number("per", f"per {unit}", positive=True) or 1.0
-    return Source(target, column, unit, float(sign), zero, per)
+    parts = fields.text("nanoseconds", "must be the name of a column")
+    if parts is not None and target != "t":
+        raise fields.error("nanoseconds", "belongs to t")
+    return Source(target, column, unit, float(sign), zero, per, parts)
 
 
 def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:

@@ -16,7 +16,7 @@ import pyarrow as pa
 from scipy.spatial.transform import Rotation, Slerp
 
 from wrenchbed import registry
-from wrenchbed.data.column_map import ANGLES, AUTO, ROTATION, ColumnMap, FileMap, turned
+from wrenchbed.data.column_map import ANGLES, AUTO, ROTATION, ColumnMap, FileMap, Source, turned
 from wrenchbed.data.holds import Split, check_at_rest, split, with_noise
 from wrenchbed.data.logs import is_log
 from wrenchbed.data.logs import table as log_table
@@ -147,21 +147,22 @@ def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported
             a clock that does not advance, or files whose times do not overlap.
         RecordingError: the result is no valid recording.
     """
-    data, left_out, name = merged(files, column_map)
+    data, left_out, name, skipped = merged(files, column_map)
     metadata = column_map.metadata
     if column_map.mode == "static":
         recording = _recording(data, metadata, name)
         check_at_rest(recording)
-        return Imported(recording, left_out)
+        return Imported(recording, left_out, skipped)
     if column_map.mode != AUTO:
         data, notes = _even(data)
-        return Imported(with_noise(_recording(data, metadata, name)), left_out, notes)
+        recording = with_noise(_recording(data, metadata, name))
+        return Imported(recording, left_out, skipped + notes)
     log = _recording(data, metadata, name)
     holds = split(log)
     rest = holds.at_rest(log, replace(metadata, mode="static"))
     data, notes = _even(data | {HOLD: holds.hold})
     motion = with_noise(_recording(data, metadata, name))
-    return Imported(rest, left_out, (*notes, holds.sentence), motion, holds)
+    return Imported(rest, left_out, (*skipped, *notes, holds.sentence), motion, holds)
 
 
 def _recording(data: Mapping[str, np.ndarray], metadata: Metadata, name: str) -> Recording:
@@ -184,9 +185,9 @@ def _even(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str
 
 def merged(
     files: Sequence[str | Path], column_map: ColumnMap
-) -> tuple[dict[str, np.ndarray], int, str]:
-    """Columns of a recording (t, wrench in sensor axes, joints or quaternion), rows left out, and
-    the first file's name.
+) -> tuple[dict[str, np.ndarray], int, str, tuple[str, ...]]:
+    """Columns of a recording (t, wrench in sensor axes, joints or quaternion), rows outside the
+    other files' times, the first file's name, and notes on rows without a value.
 
     Raises:
         MapError: see `import_files`.
@@ -195,7 +196,8 @@ def merged(
     names = [_matching(m, paths, column_map.name) for m in column_map.files]
     if unused := [path for path in paths if path not in names]:
         raise MapError(f"{unused[0]}: no [[file]] of {column_map.name} matches this file")
-    first, *others = (_columns(p, m) for p, m in zip(names, column_map.files, strict=True))
+    tables = [_table(p, m) for p, m in zip(names, column_map.files, strict=True)]
+    first, *others = (_columns(t, m) for (t, _), m in zip(tables, column_map.files, strict=True))
     rows, start = len(next(iter(first.values()))), 0
     if "t" in first:
         start = first["t"][0]
@@ -220,7 +222,11 @@ def merged(
     if not inside.any():
         raise MapError(f"{column_map.name}: the files' times do not overlap")
     data = _in_sensor_axes({k: v[inside] for k, v in data.items()}, column_map, names[0])
-    return data, int((~inside).sum()), str(names[0])
+    notes = tuple(
+        f"{path.name}: {skipped} rows without a value left out"
+        for path, (_, skipped) in zip(names, tables, strict=True) if skipped
+    )  # fmt: skip
+    return data, int((~inside).sum()), str(names[0]), notes
 
 
 def _matching(file_map: FileMap, paths: list[Path], name: str) -> Path:
@@ -233,31 +239,50 @@ def _matching(file_map: FileMap, paths: list[Path], name: str) -> Path:
     return hits[0]
 
 
-def _columns(path: Path, file_map: FileMap) -> dict[str, np.ndarray]:
-    """Columns in SI, times in whole ns, any orientation as a quaternion."""
+def _table(path: Path, file_map: FileMap) -> tuple[Columns, int]:
+    """Columns of a file, and how many rows of it were left out because they lack a value."""
     if is_log(path):
         wanted = [c.column for c in file_map.columns]
         table = Columns(log_table(path, file_map.topic, wanted), str(path))
     else:
         blanks = file_map.delimiter in (" ", "\t ")
         table = read_text(path, BLANKS if blanks else file_map.delimiter)
+    rows = table.table.num_rows
+    if file_map.skip_incomplete:
+        table = table.complete([c.column for c in file_map.columns])
     if table.table.num_rows == 0:
-        raise MapError(f"{path}: the file has 0 rows")
+        raise MapError(f"{path}: the file has 0 rows{' with all values' if rows else ''}")
+    return table, rows - table.table.num_rows
+
+
+def _columns(table: Columns, file_map: FileMap) -> dict[str, np.ndarray]:
+    """Columns in SI, times in whole ns, any orientation as a quaternion."""
     data: dict[str, np.ndarray] = {}
     for source in file_map.columns:
-        values = table.numbers(source.column)
         if source.target == "t":
-            raw = table.table.column(source.column)
-            if pa.types.is_integer(raw.type) and source.per == 1.0:
-                values = raw.to_numpy()
-            where = f"{path}: column {source.column!r}"
-            values = values / source.per if source.per != 1.0 else values
-            data["t"] = nanoseconds(values, source.zero, source.factor, where)
+            data["t"] = _clock(table, source)
         else:
+            values = table.numbers(source.column)
             data[source.target] = (values / source.per - source.zero) * source.factor
-    given = turned(data, str(path))
+    given = turned(data, table.where)
     kept = {k: v for k, v in data.items() if k not in _GIVEN}
     return kept if given is None else kept | quaternion_columns(given)
+
+
+def _clock(table: Columns, source: Source) -> np.ndarray:
+    """Times (N,) [ns] of numbers in a unit, of two columns, or of stamps in text."""
+    where = f"{table.where}: column {source.column!r}"
+    if (stamps := table.times(source.column)) is not None:
+        return nanoseconds(stamps, 0.0, 1.0 / PER_S, where)
+    values, raw = table.numbers(source.column), table.table.column(source.column)
+    if source.nanoseconds is not None:
+        parts = np.rint(table.numbers(source.nanoseconds)).astype(np.int64)
+        t = np.rint(values).astype(np.int64) * round(source.factor * PER_S) + parts
+        return nanoseconds(t, source.zero, 1.0 / PER_S, where)
+    if pa.types.is_integer(raw.type) and source.per == 1.0:
+        values = raw.to_numpy()
+    values = values / source.per if source.per != 1.0 else values
+    return nanoseconds(values, source.zero, source.factor, where)
 
 
 def _in_sensor_axes(

@@ -8,8 +8,8 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import accumulate
 from pathlib import Path
 
@@ -17,6 +17,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pcsv
 
+from wrenchbed.data.stamps import nanoseconds_of
 from wrenchbed.errors import MapError, raise_shortage
 
 _SAMPLE = 200
@@ -35,6 +36,8 @@ _COMMENT = re.compile(r"^\s*(?:#+|%+|//)\s*")
 _COMMA_NUMBER = re.compile(r"^[+-]?\d+(?:,\d+)?(?:[eE][+-]?\d+)?$")
 _NULLS = ["", *"nan NaN NAN null NULL none None NA N/A #N/A -nan -NaN -nan(ind)".split()]
 """Texts that programs write for a missing number."""
+SKIP = "--skip-incomplete"
+"""Option of the command line that leaves such rows out."""
 _EMPTY = {text.lower() for text in _NULLS}
 
 
@@ -47,12 +50,14 @@ class Layout:
         decimal: mark of decimal fractions, point or comma.
         skipped: lines before the first row of numbers, the header among them.
         names: of the columns.
+        units: of the columns, where a line below the names has them.
     """
 
     separator: str
     decimal: str
     skipped: int
     names: tuple[str, ...]
+    units: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +69,28 @@ class Columns:
         where: name of the file, for messages.
         first_line: of the file, counted from 1, that holds row 0; none in a log, or if notes stand
             between rows.
+        units: of columns, where a line below the names has them.
     """
 
     table: pa.Table
     where: str
     first_line: int | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+
+    def complete(self, names: Sequence[str]) -> "Columns":
+        """The rows in which none of some columns lacks its number."""
+        keep = np.ones(self.table.num_rows, dtype=bool)
+        for name in set(names) & set(self.table.column_names):
+            column = self.table.column(name)
+            keep &= ~column.is_null().to_numpy()
+            if pa.types.is_floating(column.type):
+                keep &= np.isfinite(column.to_numpy())
+        return self if keep.all() else replace(self, table=self.table.filter(keep), first_line=None)
+
+    def times(self, name: str) -> np.ndarray | None:
+        """A column (N,) as nanoseconds since 1970, if it is text or stamps of time."""
+        once = self.table.column_names.count(name) == 1
+        return nanoseconds_of(self.table.column(name)) if once else None
 
     def numbers(self, name: str) -> np.ndarray:
         """A column (N,) as numbers.
@@ -91,12 +113,13 @@ class Columns:
             values = np.array([np.nan if c.strip().lower() in _EMPTY else float(c) for c in cells])
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
-            raise self._wrong(name, int(bad[0]), "the value is missing or not finite")
+            why = "the value is missing or not finite"
+            raise self._wrong(name, int(bad[0]), why, f"; {SKIP} leaves out {len(bad)} such rows")
         return values
 
-    def _wrong(self, name: str, row: int, why: str) -> MapError:
+    def _wrong(self, name: str, row: int, why: str, remedy: str = "") -> MapError:
         line = "" if self.first_line is None else f" (line {self.first_line + row})"
-        return MapError(f"{self.where}: column {name!r}, row {row}: {why}{line}")
+        return MapError(f"{self.where}: column {name!r}, row {row}: {why}{line}{remedy}")
 
 
 def read_text(path: Path, separator: str | None = None) -> Columns:
@@ -140,7 +163,7 @@ def read_text(path: Path, separator: str | None = None) -> Columns:
         table = _parsed(io.BytesIO("\n".join(rows).encode()), replace(layout, skipped=0), rows[0])
     except pa.ArrowException as error:
         raise MapError(f"{path}: not a table: {str(error).splitlines()[0]}") from error
-    return Columns(table, str(path), first_line)
+    return Columns(table, str(path), first_line, _stated_units(layout))
 
 
 def _streamed(path: Path, separator: str | None) -> Columns | None:
@@ -161,7 +184,12 @@ def _streamed(path: Path, separator: str | None) -> Columns | None:
     plain = all(pa.types.is_floating(c.type) or pa.types.is_integer(c.type) for c in table.columns)
     if not plain or any(c.null_count for c in table.columns):
         return None
-    return Columns(table, str(path), layout.skipped + 1)
+    return Columns(table, str(path), layout.skipped + 1, _stated_units(layout))
+
+
+def _stated_units(layout: Layout) -> dict[str, str]:
+    """Units by the names of the columns."""
+    return {n: u for n, u in zip(layout.names, layout.units, strict=False) if u}
 
 
 def _parsed(source: "Path | io.BytesIO", layout: Layout, row: str) -> pa.Table:
@@ -248,12 +276,12 @@ def _table_at(
     rows = [k for k in body if k >= first]
     numeric = sum(_numeric(cells[k], decimal) for k in rows) / (width * max(len(rows), 1))
     same = len(rows) / max(sum(first <= k <= last for k in plain), 1)
-    names = _names(lines, some, first, separator, decimal, width)
+    names, units = _header(lines, some, first, separator, decimal, width)
     while names and not names[-1] and width == len(names) and not any(cells[k][-1] for k in rows):
         width, names = width - 1, names[:-1]  # every line ends in a separator
     names = [name or str(k + 1) for k, name in enumerate(names)]
     enough = min(width, 7) / 7.0  # a wrench and more
-    layout = Layout(separator, decimal, first, tuple(names))
+    layout = Layout(separator, decimal, first, tuple(names), tuple(units))
     return numeric * same * (0.5 + enough) + 1e-3 * len(rows) / len(plain), layout
 
 
@@ -271,17 +299,31 @@ def _first_row(cells: dict[int, list[str]], body: Sequence[int], decimal: str) -
     return body[0]
 
 
-def _names(
+def _header(
     lines: Sequence[str], some: Sequence[int], first: int, separator: str, decimal: str, width: int
-) -> list[str]:
-    """Names of the columns: the line before the first row, a comment perhaps; else numbers."""
+) -> tuple[list[str], list[str]]:
+    """Names of the columns, and their units if a line of them stands below; the lines before the
+    first row, comments perhaps; else numbers.
+
+    A line in which a word stands twice, below one of different words, is of units.
+    """
     before = [k for k in some if k < first]
-    for mark in (separator, BLANKS, ",", ";", "\t") if before else ():
-        cells = split(_COMMENT.sub("", lines[before[-1]]), mark)
+    names = _words(lines[before[-1]], separator, decimal, width) if before else None
+    if names is not None and len(set(names)) < len(names) and len(before) > 1:
+        above = _words(lines[before[-2]], separator, decimal, width)
+        if above is not None and len(set(above)) == len(above):
+            return above, names
+    return names or [str(k + 1) for k in range(width)], []
+
+
+def _words(line: str, separator: str, decimal: str, width: int) -> list[str] | None:
+    """As many words as columns; None if the line has none or has numbers."""
+    for mark in (separator, BLANKS, ",", ";", "\t"):
+        cells = split(_COMMENT.sub("", line), mark)
         names = [name.strip().strip('"').strip() for name in cells]
         if len(names) in (width, width - 1) and not _numeric(names, decimal):
             return names + [""] * (width - len(names))
-    return [str(k + 1) for k in range(width)]
+    return None
 
 
 def split(line: str, separator: str) -> list[str]:

@@ -107,13 +107,19 @@ class Guess:
         return tuple(lines)
 
 
-def guess(files: Sequence[str | Path], stated: Stated = NOTHING, mode: str | None = None) -> Guess:
+def guess(
+    files: Sequence[str | Path],
+    stated: Stated = NOTHING,
+    mode: str | None = None,
+    skip_incomplete: bool = False,
+) -> Guess:
     """Find the map of text files.
 
     Args:
         files: of one recording.
         stated: what is known besides.
         mode: static, dynamic or auto; found out if none.
+        skip_incomplete: leave rows out that lack a value.
 
     Raises:
         MapError: no wrench, no orientation and no known robot's joints, or nothing that looks like
@@ -125,7 +131,7 @@ def guess(files: Sequence[str | Path], stated: Stated = NOTHING, mode: str | Non
             f"{logs[0]}: --guess reads text files; a log's topics and fields have names: give "
             f"--map, a file or one of {', '.join(ready())}"
         )
-    tables = [sheet_of(path) for path in paths]
+    tables = [sheet_of(path, skip_incomplete) for path in paths]
     fitting, untried = candidates(tables, stated)
     more = f" ({untried})" if untried else ""
     if not fitting:
@@ -241,7 +247,8 @@ def raw_map(
             columns |= _turn_columns(c)
         time = sheet.clock
         if time is not None and time.column not in {x["column"] for x in columns.values()}:
-            columns = {"t": {"column": time.column, "unit": time.unit}} | columns
+            parts = {} if sheet.nanoseconds is None else {"nanoseconds": sheet.nanoseconds}
+            columns = {"t": {"column": time.column, "unit": time.unit} | parts} | columns
         if "temperature" in sheet.roles:
             columns["temperature"] = {"column": sheet.roles["temperature"], "unit": "°C"}
         if "segment" in sheet.roles and sheet is load:
@@ -249,7 +256,8 @@ def raw_map(
         if "ax" in sheet.roles and not c.in_base:
             columns |= _accelerometer(c, sheet)
         if set(columns) - {"t"}:
-            entries.append({"match": _pattern(sheet.path.name, names), "columns": columns})
+            skip = {"skip_incomplete": True} if sheet.incomplete else {}
+            entries.append({"match": _pattern(sheet.path.name, names), **skip, "columns": columns})
     axes = {"wrench": {"axes": "base"}} if c.in_base else {}
     inverse = {"orientation": {"inverse": True}} if c.inverse else {}
     return {"recording": recording} | axes | inverse | {"file": entries}

@@ -7,10 +7,11 @@ from functools import cached_property
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 
 from wrenchbed.data.column_map import ANGLES, ROLL_PITCH_YAW, ROTATION, ROTATION_VECTOR, UNITS
 from wrenchbed.data.recording import QUATERNION
-from wrenchbed.data.text_table import read_text
+from wrenchbed.data.text_table import Columns, read_text
 from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -42,6 +43,9 @@ _JOINT_STEM = re.compile(
     r"^(?:.*_)?(?:q|joints?|j|axis|theta|jpos|jnt_?pos|(?:joint_?)?(?:positions?|angles?))$"
 )
 _NO_JOINT = re.compile(r"target|desired|command|vel|speed|current|torque|effort|qd|acc|_d$")
+_PARTS = re.compile(r"_?n(?:ano)?_?sec(?:ond)?s?$")
+"""End of the name of a column with the parts of a second, and of one with whole seconds."""
+_SECONDS = re.compile(r"_?sec(?:ond)?s?$")
 _UNIT_AT_END = re.compile(r"^(.*?)\s*[\[(/]\s*([^\])]+?)\s*[\])]?\s*$")
 _SHORT_UNITS = {"ms": "ms", "us": "us", "ns": "ns", "deg": "deg", "rad": "rad", "sec": "s",
                 "degrees": "deg", "nmm": "Nmm", "nm": "Nm", "kgf": "kgf", "lbf": "lbf"}  # fmt: skip
@@ -85,6 +89,8 @@ class Sheet:
         units: by column, where the name states one.
         loads: every six columns whose names say that they are a wrench.
         unread: why other columns are not used: cells without a number.
+        nanoseconds: column of the parts of a second that belong to the clock.
+        incomplete: whether rows were left out that lack a value.
     """
 
     path: Path
@@ -93,6 +99,8 @@ class Sheet:
     units: Mapping[str, str] = field(default_factory=dict)
     loads: tuple[Mapping[str, str], ...] = ()
     unread: tuple[str, ...] = ()
+    nanoseconds: str | None = None
+    incomplete: bool = False
 
     def __len__(self) -> int:
         return len(next(iter(self.values.values())))
@@ -160,31 +168,61 @@ class Reading:
         return tuple(self.targets.values())
 
 
-def sheet_of(path: Path) -> Sheet:
+def sheet_of(path: Path, skip_incomplete: bool = False) -> Sheet:
     """Table of a text file.
+
+    Args:
+        path: of the file.
+        skip_incomplete: leave out rows that lack a value of a column that is seldom without one.
 
     Raises:
         MapError: a file without a table of numbers.
     """
     text = read_text(path)
+    rows = text.table.num_rows
+    if skip_incomplete:
+        names = [n for n in text.table.column_names if _missing(text, n) <= rows // 2]
+        text = text.complete(names)
     values: dict[str, np.ndarray] = {}
     unread = []
+    units = {name: unit for name in text.table.column_names if (unit := unit_of(name)) is not None}
+    below = {name: _UNIT_NAMES.get(unit.lower()) for name, unit in text.units.items()}
+    units |= {name: unit for name, unit in below.items() if unit is not None}
     for name in dict.fromkeys(text.table.column_names):
         try:
             values[name] = text.numbers(name)
         except MapError as error:
-            unread.append(str(error))
+            if (stamps := text.times(name)) is not None:
+                values[name], units[name] = stamps / 1e9, "s"
+            else:
+                unread.append(str(error))
             continue
         raw = text.table.column(name).to_numpy()
         if raw.dtype.kind == "i":
             values[name] = raw.astype(np.int64)
     if not values:
         raise MapError(unread[0])
-    units = {name: unit for name in values if (unit := unit_of(name)) is not None}
     roles = _roles(values)
+    parts = next((n for n in values if _PARTS.search(plain(n))), None)
+    if (
+        parts is not None
+        and "t" in roles
+        and _PARTS.sub("", plain(parts)) == _SECONDS.sub("", plain(roles["t"]))
+    ):
+        values[roles["t"]], units[roles["t"]] = values[roles["t"]] + 1e-9 * values[parts], "s"
+    else:
+        parts = None
     loads = [{c: roles[c] for c in CHANNELS}] if "fx" in roles else []
     loads += _numbered_wrenches(values)
-    return Sheet(path, values, roles, units, tuple(loads), tuple(unread))
+    left_out = text.table.num_rows < rows
+    return Sheet(path, values, roles, units, tuple(loads), tuple(unread), parts, left_out)
+
+
+def _missing(text: Columns, name: str) -> int:
+    """Cells of a column that lack a number."""
+    column = text.table.column(name)
+    lost = int(np.isnan(column.to_numpy()).sum()) if pa.types.is_floating(column.type) else 0
+    return max(lost, column.null_count)
 
 
 # names
