@@ -22,7 +22,7 @@ from wrenchbed.data.logs import is_log
 from wrenchbed.data.logs import table as log_table
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import QUATERNION, Recording, joint_columns
-from wrenchbed.data.text_table import BLANKS, Columns, read_text
+from wrenchbed.data.text_table import BLANKS, SKIP, Columns, read_text
 from wrenchbed.errors import MapError, NotFoundError
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -262,7 +262,7 @@ def _columns(table: Columns, file_map: FileMap) -> dict[str, np.ndarray]:
         if source.target == "t":
             data["t"] = _clock(table, source)
         else:
-            values = table.numbers(source.column)
+            values = table.numbers(source.column, SKIP)
             data[source.target] = (values / source.per - source.zero) * source.factor
     given = turned(data, table.where)
     kept = {k: v for k, v in data.items() if k not in _GIVEN}
@@ -274,7 +274,7 @@ def _clock(table: Columns, source: Source) -> np.ndarray:
     where = f"{table.where}: column {source.column!r}"
     if (stamps := table.times(source.column)) is not None:
         return nanoseconds(stamps, 0.0, 1.0 / PER_S, where)
-    values, raw = table.numbers(source.column), table.table.column(source.column)
+    values, raw = table.numbers(source.column, SKIP), table.table.column(source.column)
     if source.nanoseconds is not None:
         parts = np.rint(table.numbers(source.nanoseconds)).astype(np.int64)
         t = np.rint(values).astype(np.int64) * round(source.factor * PER_S) + parts

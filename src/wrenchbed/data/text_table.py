@@ -36,8 +36,8 @@ _COMMENT = re.compile(r"^\s*(?:#+|%+|//)\s*")
 _COMMA_NUMBER = re.compile(r"^[+-]?\d+(?:,\d+)?(?:[eE][+-]?\d+)?$")
 _NULLS = ["", *"nan NaN NAN null NULL none None NA N/A #N/A -nan -NaN -nan(ind)".split()]
 """Texts that programs write for a missing number."""
-SKIP = "--skip-incomplete"
-"""Option of the command line that leaves such rows out."""
+SKIP = "; --skip-incomplete leaves such rows out"
+"""What helps where an import meets such a text."""
 _EMPTY = {text.lower() for text in _NULLS}
 
 
@@ -92,8 +92,12 @@ class Columns:
         once = self.table.column_names.count(name) == 1
         return nanoseconds_of(self.table.column(name)) if once else None
 
-    def numbers(self, name: str) -> np.ndarray:
+    def numbers(self, name: str, remedy: str = "") -> np.ndarray:
         """A column (N,) as numbers.
+
+        Args:
+            name: of the column.
+            remedy: words behind the refusal of a missing value.
 
         Raises:
             MapError: no such column, or a cell that holds text or nothing; names row and line.
@@ -113,8 +117,7 @@ class Columns:
             values = np.array([np.nan if c.strip().lower() in _EMPTY else float(c) for c in cells])
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
-            why = "the value is missing or not finite"
-            raise self._wrong(name, int(bad[0]), why, f"; {SKIP} leaves out {len(bad)} such rows")
+            raise self._wrong(name, int(bad[0]), "the value is missing or not finite", remedy)
         return values
 
     def _wrong(self, name: str, row: int, why: str, remedy: str = "") -> MapError:

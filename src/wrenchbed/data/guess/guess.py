@@ -20,6 +20,7 @@ from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.column_map import ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.guess.candidates import at_rows, candidates, rows_at
 from wrenchbed.data.guess.convention import Convention
+from wrenchbed.data.guess.joint_torques import by_names
 from wrenchbed.data.guess.sheets import Sheet, orientations, sheet_of, wrenches
 from wrenchbed.data.guess.stated import NOTHING, Stated
 from wrenchbed.data.logs import is_log
@@ -66,13 +67,15 @@ class Guess:
         conventions: those that fit alike, the most usual first.
         maps: raw column map of each.
         others: the next best that fit worse.
-        untried: what was not tried, in words; empty if all was.
+        notes: sentences on what was taken for granted, not used or not tried.
+        by_names: what the names of the columns say, in words, where there is no convention to find.
     """
 
     conventions: tuple[Convention, ...]
     maps: tuple[dict[str, Any], ...]
     others: tuple[Convention, ...]
-    untried: str = ""
+    notes: tuple[str, ...] = ()
+    by_names: str = ""
 
     def column_map(self, k: int = 0) -> ColumnMap:
         """Column map of the k-th best convention, checked."""
@@ -82,13 +85,15 @@ class Guess:
     def text(self, folder: Path, k: int = 0) -> str:
         """A map as TOML for a file in a folder, from which it names files of robot and sensor."""
         recording = seen_from(self.maps[k]["recording"], lambda file: relpath(file, folder))
-        c = self.conventions[k]
-        comments = ("Found by wrenchbed import --guess:", c.sentence, c.quality)
+        found = [(c.sentence, c.quality) for c in self.conventions] or [(self.by_names,)]
+        comments = ("Found by wrenchbed import --guess:", *found[k])
         return toml(self.maps[k] | {"recording": recording}, comments)
 
     @property
     def lines(self) -> tuple[str, ...]:
         """Lines for people on the best convention, equal ones and excluded ones."""
+        if self.by_names:
+            return (f"found: {self.by_names}",)
         first = self.conventions[0]
         lines = [f"found: {first.sentence}", f"  {first.quality}"]
         same = [c for c in self.conventions[1:] if c.units == first.units]
@@ -103,8 +108,7 @@ class Guess:
         lines += [
             f"fits worse: {c.words()}; leaves {c.fit.share:.0%} of the force" for c in self.others
         ]
-        lines += [self.untried] if self.untried else []
-        return tuple(lines)
+        return (*lines, *self.notes)
 
 
 def guess(
@@ -134,6 +138,10 @@ def guess(
     tables = [sheet_of(path, skip_incomplete) for path in paths]
     fitting, untried = candidates(tables, stated)
     more = f" ({untried})" if untried else ""
+    if not fitting and len(tables) == 1:
+        named = by_names(tables[0], stated, mode)
+        if named is not None:
+            return Guess((), (named[0],), (), by_names=named[1])
     if not fitting:
         raise MapError(f"{_nothing(tables)}{more}")
     # of several wrenches in the files; six columns in a row share their forces with others
@@ -170,7 +178,13 @@ def guess(
         )
     chosen = tuple(sorted(whole, key=lambda c: c.cost))
     maps = tuple(raw_map(c, tables, stated, mode) for c in chosen)
-    return Guess(chosen, maps, tuple(others), untried)
+    notes = [untried] if untried else []
+    if chosen[0].reading.robot is not None and stated.robot is None:
+        notes.insert(0, f"no --robot is stated: {chosen[0].reading.robot}'s joints explain it")
+    for load in (x for sheet in tables for x in sheet.loads if x != chosen[0].wrench):
+        ends = list(load.values())
+        notes.append(f"not used: another wrench, {ends[0]} … {ends[-1]}; give it a map of its own")
+    return Guess(chosen, maps, tuple(others), tuple(notes))
 
 
 def _nothing(tables: Sequence[Sheet]) -> str:

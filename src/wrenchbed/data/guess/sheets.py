@@ -11,7 +11,7 @@ import pyarrow as pa
 
 from wrenchbed.data.column_map import ANGLES, ROLL_PITCH_YAW, ROTATION, ROTATION_VECTOR, UNITS
 from wrenchbed.data.recording import QUATERNION
-from wrenchbed.data.text_table import Columns, read_text
+from wrenchbed.data.text_table import SKIP, Columns, read_text
 from wrenchbed.errors import MapError
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -43,6 +43,12 @@ _JOINT_STEM = re.compile(
     r"^(?:.*_)?(?:q|joints?|j|axis|theta|jpos|jnt_?pos|(?:joint_?)?(?:positions?|angles?))$"
 )
 _NO_JOINT = re.compile(r"target|desired|command|vel|speed|current|torque|effort|qd|acc|_d$")
+_OF_JOINTS = {
+    "tau": re.compile(r"^(?:.*_)?(?:tau(?:_?j)?|torques?|efforts?|moments?)$"),
+    "i": re.compile(r"^(?:.*_)?currents?$"),
+    "qd": re.compile(r"^(?:.*_)?(?:qd|dq|vel|velocit(?:y|ies)|speeds?)$"),
+}
+"""Stems of numbered columns with one value a joint that are no joint values, by their target."""
 _PARTS = re.compile(r"_?n(?:ano)?_?sec(?:ond)?s?$")
 """End of the name of a column with the parts of a second, and of one with whole seconds."""
 _SECONDS = re.compile(r"_?sec(?:ond)?s?$")
@@ -190,7 +196,7 @@ def sheet_of(path: Path, skip_incomplete: bool = False) -> Sheet:
     units |= {name: unit for name, unit in below.items() if unit is not None}
     for name in dict.fromkeys(text.table.column_names):
         try:
-            values[name] = text.numbers(name)
+            values[name] = text.numbers(name, SKIP)
         except MapError as error:
             if (stamps := text.times(name)) is not None:
                 values[name], units[name] = stamps / 1e9, "s"
@@ -260,6 +266,9 @@ def _roles(values: Mapping[str, np.ndarray]) -> dict[str, str]:
         joints = _JOINT_STEM.match(stem) and not _NO_JOINT.search(stem) and len(names) > 4
         if joints and "q1" not in roles:
             roles |= {f"q{k}": name for k, name in enumerate(names, start=1)}
+        for target, pattern in _OF_JOINTS.items() if len(names) > 4 else ():
+            if pattern.match(stem) and f"{target}1" not in roles:
+                roles |= {f"{target}{k}": name for k, name in enumerate(names, start=1)}
     from_zero = {f"r{i}{j}": f"r{i + 1}{j + 1}" for i in range(3) for j in range(3)}
     if from_zero.keys() <= roles.keys():
         counted = [roles.pop(role) for role in from_zero]

@@ -1,0 +1,117 @@
+"""Logs as programs write them: stamps of time, lines of units, holes; one load in all of them."""
+
+from datetime import datetime, timedelta
+
+import numpy as np
+import pytest
+
+from plain_ur5 import PlainUr5
+from wrenchbed.cli import main
+from wrenchbed.data.recording import Recording
+
+NAMES = ("q1", "q2", "q3", "q4", "q5", "q6", "fx", "fy", "fz", "tx", "ty", "tz")
+MIDNIGHT = datetime(2025, 3, 1, 23, 59, 30)
+
+
+@pytest.fixture(scope="module")
+def log():
+    """A UR5 in plain numpy: time [s] and twelve columns."""
+    recording = PlainUr5().recording(0, count=20)
+    return recording.t, np.stack([recording.columns[n] for n in NAMES], axis=1)
+
+
+def write(path, header, clock, values, spoil=lambda cells, row: cells):
+    """A table of a clock's cells and of values."""
+    lines = list(header)
+    for row, (stamp, of_row) in enumerate(zip(clock, values.tolist(), strict=True)):
+        lines.append(",".join([stamp, *spoil([repr(x) for x in of_row], row)]))
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def came(path, t, values, *options):
+    """The guessed recording, and again by its map; both are what was written."""
+    out = path.with_suffix(".parquet")
+    assert (
+        main(["import", str(path), "--guess", "--robot", "ur5", "--out", str(out), *options]) == 0
+    )
+    again = path.with_suffix(".again.parquet")
+    line = ["import", str(path), "--map", str(path.with_suffix(".map.toml")), "--out", str(again)]
+    assert main(line) == 0
+    for file in (out, again):
+        recording = Recording.read(file)
+        assert recording.t == pytest.approx(t - t[0], abs=2e-6)
+        assert np.allclose([recording.columns[n] for n in NAMES], values.T)
+    return recording
+
+
+def seconds_and_parts(moment):
+    return str(1740872370 + moment // 10**9), str(moment % 10**9)
+
+
+@pytest.mark.parametrize(
+    ("names", "stamp"),
+    [
+        ("t", lambda s: (MIDNIGHT + timedelta(seconds=s)).isoformat() + "Z"),
+        ("stamp", lambda s: f"{MIDNIGHT + timedelta(seconds=s):%Y/%m/%d %H:%M:%S.%f}"),
+        ("time", lambda s: f"{MIDNIGHT + timedelta(seconds=s):%H:%M:%S:%f}"),
+        ("secs,nsecs", lambda s: ",".join(seconds_and_parts(round(s * 1e9)))),
+        ("stamp.sec,stamp.nanosec", lambda s: ",".join(seconds_and_parts(round(s * 1e9)))),
+    ],
+    ids=["iso", "slashes", "over midnight", "secs", "ros 2"],
+)
+def test_a_clock_of_text_or_of_two_columns_is_a_clock(tmp_path, log, names, stamp):
+    t, values = log
+    header = [",".join((names, *NAMES))]
+    came(write(tmp_path / "log.csv", header, map(stamp, t.tolist()), values), t, values)
+
+
+def test_a_line_of_units_is_none_of_names(tmp_path, log):
+    t, values = log
+    values = values * np.repeat([np.rad2deg(1.0), 1.0, 1e3], [6, 3, 3])
+    units = ",".join(["s", *["deg"] * 6, *["N"] * 3, *["Nmm"] * 3])
+    path = write(
+        tmp_path / "log.csv", [",".join(("t", *NAMES)), units], map(repr, t.tolist()), values
+    )
+    came(path, t, log[1])
+
+
+def test_rows_without_a_value_are_left_out_where_that_is_asked_for(tmp_path, log, capsys):
+    t, values = log
+    path = write(
+        tmp_path / "log.csv", [",".join(("t", *NAMES))], map(repr, t.tolist()), values,
+        lambda cells, row: [*cells[:8], "" if row in (7, 50) else cells[8], *cells[9:]],
+    )  # fmt: skip
+    out = str(tmp_path / "rec.parquet")
+    assert main(["import", str(path), "--guess", "--robot", "ur5", "--out", out]) == 1
+    assert "--skip-incomplete leaves such rows out" in capsys.readouterr().err
+    keep = np.delete(np.arange(len(t)), [7, 50])
+    came(path, t[keep], values[keep], "--skip-incomplete")
+    assert "2 rows without a value left out" in capsys.readouterr().out
+
+
+def test_torques_of_joints_are_never_a_wrench(tmp_path, log, capsys):
+    _, values = log
+    names = [f"{stem}_{k}" for stem in ("q", "tau") for k in range(6)]
+    rows = [",".join(map(repr, row)) for row in values.tolist()]
+    (tmp_path / "log.csv").write_text("\n".join([",".join(names), *rows]) + "\n")
+    line = ["import", str(tmp_path / "log.csv"), "--guess", "--out", str(tmp_path / "rec.parquet")]
+    assert main(line) == 1
+    assert "joint torques, and no wrench: --robot NAME" in capsys.readouterr().err
+    assert main([*line, "--robot", "ur5"]) == 0
+    assert "no name states a unit" in capsys.readouterr().out
+    recording = Recording.read(tmp_path / "rec.parquet")
+    assert not recording.has_wrench
+    assert np.allclose(recording.columns["tau6"], values[:, 11])
+
+
+def test_what_was_taken_for_granted_and_what_is_not_used_is_said(tmp_path, log, capsys):
+    t, values = log
+    others = np.hstack([values, values[:, 6:] + 1.0])
+    names = ("t", *NAMES[:6], *(f"left_{n}" for n in NAMES[6:]), *(f"right_F{k}" for k in range(6)))
+    header = ",".join(names).replace("right_F", "right_wrench_")
+    path = write(tmp_path / "log.csv", [header], map(repr, t.tolist()), others)
+    assert main(["import", str(path), "--guess", "--out", str(tmp_path / "rec.parquet")]) == 0
+    out = capsys.readouterr().out
+    assert "no --robot is stated: ur5's joints explain it" in out
+    assert "not used: another wrench" in out
