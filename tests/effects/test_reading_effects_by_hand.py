@@ -7,8 +7,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 
 from wrenchbed import registry
+from wrenchbed.effects.drives.operators import play
 from wrenchbed.effects.scene import Scene
-from wrenchbed.effects.sensor_hysteresis import play
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS
@@ -326,4 +326,4 @@ def test_play_in_blocks_is_the_loop_bit_for_bit(rows, channels, half, seed):
         state = np.clip(state, value - half, value + half)
         path.append(state)
     for _ in range(2):  # computed, then kept
-        assert np.array_equal(play(x, np.full(channels, half)), np.array(path))
+        assert np.array_equal(play(x, half), np.array(path))

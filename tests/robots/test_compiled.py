@@ -81,14 +81,11 @@ def test_it_is_what_numpy_computes(robot):
     vectors = thetas(model, 4)
     q = feasible(robot, 200, vectors)
     assert len(q) > 150
-    for theta, place in zip(vectors, np.roll(vectors, 1, axis=0), strict=True):
+    for theta in vectors:
         assert apart(model.predict(q, theta), plain(model, q, theta)) < 1e-13
         assert apart(model.true_wrench(q, theta), model.plain_wrench(q, theta)) < 1e-13
         own, gravity = theta[: len(robot.parameters)], np.asarray(model.gravity)
         assert apart(model.gravity_seen(q, theta), robot.gravity_seen(q, own, gravity)) < 1e-13
-        elsewhere = model.plain_wrench(q, theta, place)
-        assert apart(model.true_wrench(q, theta, place), elsewhere) < 1e-13
-        assert apart(model.plain_wrench(q, theta), elsewhere) > 1e-4
 
 
 GANTRY = """
@@ -227,7 +224,7 @@ def test_what_does_not_fit_is_refused(library):
     for name in ("ur5", "medrue"):
         model = Model.of(registry.load("robots", name))
         theta = model.parameters.nominal
-        constants[name] = model._compiled.constants(theta, theta, sensed=True).tobytes()
+        constants[name] = model._compiled.constants(theta, sensed=True).tobytes()
     ours, theirs = constants.values()
     library.chain(q, 6, ours, out)
     library.medrue_slopes(q, 6, theirs, out, theirs)

@@ -1,7 +1,6 @@
 """The sensor's reading depends on its earlier loads."""
 
 from collections.abc import Iterator, Mapping
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,6 +14,7 @@ from wrenchbed.effects.base import (
     per_channel,
     vector,
 )
+from wrenchbed.effects.drives.operators import stop
 from wrenchbed.effects.free_form import POINTS, channel_curves, falling, free_variants
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
@@ -29,8 +29,6 @@ TURNED = (1, 3)
 """Numbers (from 0) of the plays in `PLAYS` whose lag may also turn with the load; estimate."""
 LAGS = (*(f"play{k + 1}" for k in range(len(PLAYS))), *(f"turn{k + 1}" for k in range(len(TURNED))))
 FORMS = tuple(f"{w}{s}" for w in WIDTHS for s in ("", ".slope"))
-_LARGEST_KEPT, _MOST_KEPT = 1 << 19, 64
-"""Largest input of `play` that is kept [B], and how many: with their paths 64 MiB. Estimates."""
 
 
 class SensorHysteresis(ReadingEffect):
@@ -100,7 +98,7 @@ class SensorHysteresis(ReadingEffect):
 
         def basis(name: str, x: np.ndarray) -> np.ndarray:
             u = way[:, None]
-            lag = _lag(u, 2.0 * _width(name), u if _turned(name) else 1.0)
+            lag = -stop(u, 2.0 * _width(name)) * (u if _turned(name) else 1.0)
             return np.asarray(lag[2 * POINTS :, 0])
 
         return channel_curves(variant, load, basis)
@@ -118,7 +116,7 @@ class SensorHysteresis(ReadingEffect):
         for name, on in used.items():
             width = _width(name) * (p["width"] if name in FORMS else 1.0)
             growth = u[:, on] if _turned(name) else 1.0
-            result[:, on] += sizes[name][on] * _lag(u[:, on], 2.0 * width, growth)
+            result[:, on] -= sizes[name][on] * growth * stop(u[:, on], 2.0 * width)
         return result
 
     def taken(self, robot: Robot) -> tuple[str, ...]:
@@ -142,57 +140,6 @@ def _width(name: str) -> float:
 def _turned(name: str) -> bool:
     """Whether a lag turns with the load."""
     return ".slope" in name or name.startswith("turn")
-
-
-def _lag(u: np.ndarray, half: float, growth: np.ndarray | float) -> np.ndarray:
-    """Lag (M, K) behind loads (M, K) of −1 … 1, at most 1 times its growth (M, K)."""
-    return np.asarray(growth * (play(u, np.full(u.shape[1], half)) - u) / half)
-
-
-def play(x: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """The play operator along the rows of (M, K) with half widths (K,).
-
-    A fit asks for the same path again and again while other numbers change: it is kept.
-    """
-    if x.nbytes > _LARGEST_KEPT:
-        return _path(x, width)
-    return _kept_path(x.tobytes(), width.tobytes())
-
-
-@lru_cache(maxsize=_MOST_KEPT)
-def _kept_path(x: bytes, width: bytes) -> np.ndarray:
-    """`play` of numbers as bytes; the result cannot be changed."""
-    widths = np.frombuffer(width)
-    path = _path(np.frombuffer(x).reshape(-1, len(widths)), widths)
-    path.flags.writeable = False
-    return path
-
-
-def _path(x: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """The play operator.
-
-    Each row clips the state into x ± width, and clips composed are a clip. So all blocks of about
-    √M rows are composed side by side, and one pass over the blocks finds the states between them.
-    The numbers are those of a loop over rows, bit for bit.
-    """
-    rows, channels = x.shape
-    length = max(1, int(np.sqrt(rows)))
-    blocks = -(-rows // length)
-    padded = np.concatenate([x, np.broadcast_to(x[-1:], (blocks * length - rows, channels))])
-    below = np.ascontiguousarray(padded.reshape(blocks, length, channels).transpose(1, 0, 2))
-    above = below + width
-    below -= width
-    for k in range(1, length):
-        low, high = below[k], above[k]
-        below[k] = np.minimum(np.maximum(below[k - 1], low), high)
-        above[k] = np.minimum(np.maximum(above[k - 1], low), high)
-    states = np.empty((blocks, channels))
-    state = x[0]
-    for k in range(blocks):
-        states[k] = state
-        state = np.minimum(np.maximum(state, below[-1, k]), above[-1, k])
-    path = np.minimum(np.maximum(states, below), above)
-    return np.asarray(path.transpose(1, 0, 2).reshape(-1, channels)[:rows])
 
 
 EFFECT = SensorHysteresis()

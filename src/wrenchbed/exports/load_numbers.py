@@ -21,7 +21,7 @@ from wrenchbed.errors import ExportError
 from wrenchbed.files import checked
 from wrenchbed.physics.rotations import exp
 from wrenchbed.physics.time_derivatives import STEP
-from wrenchbed.physics.wrench import CHANNELS, six_of, symmetric
+from wrenchbed.physics.wrench import CHANNELS, about_centre, six_of
 from wrenchbed.robots.base import complex_steps
 from wrenchbed.robots.oriented import ROBOT as ORIENTED
 from wrenchbed.simulation.closed_form import Model
@@ -227,12 +227,10 @@ def _trusted(fields: checked.Fields) -> None:
 
 def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> Vectors:
     value = dict(zip(model.parameters.names, theta, strict=True))
-    about_origin = model.robot.tool(model.robot.robot_theta(theta)).inertial
-    mass, first, second = about_origin[0], about_origin[1:4], symmetric(about_origin[4:])
-    if not mass.real > 0.0:
-        raise ExportError(f"the mass is {mass.real:g} kg: there is no load to export")
-    cog = first / mass
-    own = second - mass * (cog @ cog * np.eye(3) - np.outer(cog, cog))
+    phi = model.robot.tool(model.robot.robot_theta(theta)).inertial
+    if not phi[0].real > 0.0:
+        raise ExportError(f"the mass is {phi[0].real:g} kg: there is no load to export")
+    mass, cog, own = about_centre(phi)
     vector, shift = (np.zeros(3), np.zeros(3)) if mount is None else mount
     if "mount.position.x" in value:
         vector = np.array([value[f"mount.rotation.{a}"] for a in "xyz"])

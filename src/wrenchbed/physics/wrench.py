@@ -54,6 +54,12 @@ class Tool:
         return np.stack(np.broadcast_arrays(*parts), axis=-1)
 
 
+def about_centre(phi: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Mass [kg], CoG (3,) [m] and inertia about it (3, 3) [kg·m²] of ten parameters (10,)."""
+    mass, cog = phi[0], phi[1:4] / phi[0]
+    return mass, cog, symmetric(phi[4:]) - mass * (cog @ cog * np.eye(3) - np.outer(cog, cog))
+
+
 def wrench(rotation: Value, position: Value, tool: Tool, gravity: np.ndarray) -> np.ndarray:
     """Load on the sensor (…, N, 6) [N, N·m]; static for arrays, Newton–Euler for jets.
 

@@ -141,7 +141,7 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
         k = last if model.body_jntnum[body] else joint_of[model.body_parentid[body]]
         joint_of.append(k)
         if k >= 0:
-            phi[k] += _seen(model, data, body, *frames[k])
+            phi[k] += inertial_of(model, data, body, *frames[k])
     motors = [int(model.joint(joint.name).dofadr[0]) for joint in robot.joints]
     passive = model.dof_armature.copy()
     passive[motors] = 0.0
@@ -154,7 +154,7 @@ def at_home(turn: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarra
     return np.broadcast_to(turn, (1, 3, 3))[0], np.broadcast_to(origin, (1, 3))[0]
 
 
-def _seen(
+def inertial_of(
     model: mujoco.MjModel, data: mujoco.MjData, body: int, turn: np.ndarray, origin: np.ndarray
 ) -> np.ndarray:
     """The ten parameters (10,) of a body in axes (3, 3) about an origin (3,) of the world."""

@@ -1,16 +1,14 @@
-"""Universal Robots' arms with an ATI Gamma: the UR5 (CB3), its inverse kinematics, and the others.
+"""Universal Robots' arms with an ATI Gamma, the UR5 (CB3) first, and their inverse kinematics.
 
-UR5: kinematics of the maker's Denavit–Hartenberg parameters (CB3 manual, table "UR5 serie 3");
-masses and CoGs of "Parameters for calculations of kinematics and dynamics", there in the axes at a
+Their data are in ``models/universal_robots.toml``, with sources; there CoGs are in the axes at a
 link's end, here in those at its joint, as in ``models/ur5/ur5.xml``. Flange: the housing of an ATI
-Gamma. The others are in ``models/universal_robots.toml``, with their sources.
+Gamma.
 
 Joints turn ±360°: in the maker's manuals; the ROS description has ±180° at the elbow for its
 planners. Where poses are sampled is the UR5's, scaled: an estimate.
 """
 
 import tomllib
-from dataclasses import replace
 from functools import cache
 from itertools import product
 
@@ -32,48 +30,18 @@ SAMPLED = ((-np.pi, np.pi), (-2.6, -0.5), (-2.4, 2.4), *[(-np.pi, np.pi)] * 3)
 JOINTS = ("shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint", "wrist_1_joint",
           "wrist_2_joint", "wrist_3_joint")  # fmt: skip
 """Names of the joints in ROS (ur_robot_driver)."""
+_BODIES = ("shoulder", "upper_arm", "forearm", "wrist_1", "wrist_2", "wrist_3")
 _SINGULAR = 1e-9
 """Sine of joint 5 below which joints 4 and 6 turn about one axis."""
-_A = (0.0, -0.425, -0.39225, 0.0, 0.0, 0.0)
-_D = (0.089159, 0.0, 0.0, 0.10915, 0.09465, 0.0823)
-_BODIES = (
-    BodyMass("shoulder", 3.7, (0.0, -0.00193, 0.063549)),
-    BodyMass("upper_arm", 8.393, (-0.2125, 0.0, 0.11336)),
-    BodyMass("forearm", 2.33, (-0.24225, 0.0, 0.0265)),
-    BodyMass("wrist_1", 1.219, (0.0, -0.01634, 0.10735)),
-    BodyMass("wrist_2", 1.219, (0.0, 0.01634, 0.09285)),
-    BodyMass("wrist_3", 0.1879, (0.0, 0.0, 0.081141)),
-)
-TOP_SPEED = np.pi
-"""180°/s at every joint: the same specifications [rad/s]."""
-
-ARM = ArmData(
-    name="ur5",
-    title="Universal Robots UR5 (CB3) with an ATI Gamma",
-    sensor="ati-gamma",
-    links=tuple(
-        Link(a, d, alpha, body, -LIMIT, LIMIT, TOP_SPEED, sampled, GEAR_RATIO)
-        for a, d, alpha, body, sampled in zip(_A, _D, ALPHA, _BODIES, SAMPLED, strict=True)
-    ),
-    flange=BodyMass("flange", 0.255, (0.0, 0.0, 0.0167)),
-    home=(0.0, -1.2, -1.9, -1.6, 1.5708, 0.0),
-    # the example tool: a 1.35 kg cylinder of 40 mm radius and 140 mm length, a little off centre
-    tool_mass=1.35,
-    tool_cog=(0.004, -0.006, 0.071),
-    tool_inertia=(2.7e-3, 2.7e-3, 1.1e-3, 0.0, 0.0, 0.0),
-    limbs=(
-        ((1, 0.0, 0.13585), (1, _A[1], 0.13585)),
-        ((2, 0.0, 0.0165), (2, _A[2], 0.0165)),
-    ),
-    wrist=(4, 5),
-    tool_axis=(0.0, 0.07, 0.14, 0.2),
-    table=0.12,
-    column=0.2,
-    clearance=0.13,  # the limbs' radii and the tool's
-)
+_LIMBS = ((1, 0.13585), (2, 0.0165))
+"""Links of a UR5 along which limbs lie, and where in the axes of their joints, along z [m]."""
+_UR5_ARM, _UR5_SIDE = -0.425, 0.10915
+"""Length of a UR5's upper arm and offset of its wrist [m], to which others' are compared."""
+_TABLE, _COLUMN, _CLEARANCE = 0.12, 0.2, 0.13
+"""Of a UR5, see `ArmData` [m]; the clearance is the limbs' radii and the tool's."""
 _PUBLISHED = tomllib.loads((models() / "universal_robots.toml").read_text(encoding="utf-8"))
-NAMES = tuple(_PUBLISHED)
-"""Arms beside the UR5, whose data and model are its own."""
+NAMES = tuple(name for name in _PUBLISHED if name != "ur5")
+"""Arms beside the UR5, whose model is its own."""
 
 
 class URArm(SerialArm):
@@ -116,35 +84,43 @@ class URArm(SerialArm):
         return np.asarray(np.pi - np.mod(np.pi - solutions, 2 * np.pi))
 
 
-ROBOT = URArm(ARM)
-
-
 @cache
 def ur_arm(name: str) -> URArm:
-    """An arm of `NAMES`, with the UR5's sensor and tool."""
+    """The UR5 or an arm of `NAMES`, with the same sensor and tool."""
     published = _PUBLISHED[name]
     d1, a2, a3, d4, d5, d6 = published["lengths"]
     table = ((0.0, d1), (a2, 0.0), (a3, 0.0), (0.0, d4), (0.0, d5), (0.0, d6))
-    figures = (published[name] for name in ("masses", "cogs", "speeds"))
+    figures = (published[key] for key in ("masses", "cogs", "speeds"))
     links = []
-    for usual, (a, d), mass, at_end, speed in zip(ARM.links, table, *figures, strict=True):
-        cog = rot_x(usual.alpha) @ np.array(at_end) + np.array([a, 0.0, d])
+    each = zip(_BODIES, table, ALPHA, SAMPLED, *figures, strict=True)
+    for body, (a, d), alpha, sampled, mass, at_end, speed in each:
+        cog = rot_x(alpha) @ np.array(at_end) + np.array([a, 0.0, d])
         x, y, z = (float(round(c, 9)) for c in cog)
-        body = BodyMass(usual.body.body, mass, (x, y, z))
-        links.append(replace(usual, a=a, d=d, body=body, speed=float(np.deg2rad(speed))))
-    scale, side = a2 / ARM.links[1].a, d4 / ARM.links[3].d
+        top = float(np.deg2rad(speed))
+        bodied = BodyMass(body, mass, (x, y, z))
+        links.append(Link(a, d, alpha, bodied, -LIMIT, LIMIT, top, sampled, GEAR_RATIO))
+    scale, side = a2 / _UR5_ARM, d4 / _UR5_SIDE
     title = name.removeprefix("ur").replace("long", " Long")  # ``ur8long`` is the UR8 Long
     return URArm(
-        replace(
-            ARM,
+        ArmData(
             name=name,
-            title=f"Universal Robots UR{title} with an ATI Gamma",
+            title=f"Universal Robots UR{title}{' (CB3)' * (name == 'ur5')} with an ATI Gamma",
+            sensor="ati-gamma",
             links=tuple(links),
-            limbs=tuple(
-                ((k, 0.0, z * side), (k, links[k].a, z * side)) for (k, _, z), _ in ARM.limbs
-            ),
-            table=ARM.table * scale,
-            column=ARM.column * scale,
-            clearance=ARM.clearance * max(scale, 1.0),
+            flange=BodyMass("flange", 0.255, (0.0, 0.0, 0.0167)),
+            home=(0.0, -1.2, -1.9, -1.6, 1.5708, 0.0),
+            # a 1.35 kg cylinder of 40 mm radius and 140 mm length, a little off centre
+            tool_mass=1.35,
+            tool_cog=(0.004, -0.006, 0.071),
+            tool_inertia=(2.7e-3, 2.7e-3, 1.1e-3, 0.0, 0.0, 0.0),
+            limbs=tuple(((k, 0.0, z * side), (k, links[k].a, z * side)) for k, z in _LIMBS),
+            wrist=(4, 5),
+            tool_axis=(0.0, 0.07, 0.14, 0.2),
+            table=_TABLE * scale,
+            column=_COLUMN * scale,
+            clearance=_CLEARANCE * max(scale, 1.0),
         )
     )
+
+
+ROBOT = ur_arm("ur5")

@@ -64,65 +64,63 @@ class CompiledForm:
 
     robot: Robot
     gravity: tuple[float, ...]
-    _kept: dict[tuple[bytes, ...], bytes] = field(init=False, repr=False, default_factory=dict)
+    _kept: dict[tuple[bytes, bool, bool], bytes] = field(
+        init=False, repr=False, default_factory=dict
+    )
 
-    def readings(
-        self, q: Value, theta: np.ndarray, at: np.ndarray, sensed: bool
-    ) -> np.ndarray | None:
-        """`Model.predict`, or `Model.true_wrench` if not sensed, the pose by parameters ``at``."""
+    def readings(self, q: Value, theta: np.ndarray, sensed: bool) -> np.ndarray | None:
+        """`Model.predict`, or `Model.true_wrench` if not sensed."""
         name = self.robot.compiled
-        if not statics.available(name) or not self._takes(q, theta, at):
+        if not statics.available(name) or not self._takes(q, theta):
             return None
         if theta.ndim == 1:
-            return statics.readings(name, q, self._of_one(theta, at, sensed))
-        every = self.constants(theta[:, 0], at[:, 0], sensed)
+            return statics.readings(name, q, self._of_one(theta, sensed))
+        every = self.constants(theta[:, 0], sensed)
         return np.stack([statics.readings(name, q, each.tobytes()) for each in every])
 
-    def gravity_seen(self, q: Value, at: np.ndarray) -> np.ndarray | None:
+    def gravity_seen(self, q: Value, theta: np.ndarray) -> np.ndarray | None:
         """Force on a tool of 1 kg, as `Model.gravity_seen` gives it."""
         name = self.robot.compiled
-        if not statics.available(name) or at.ndim > 1 or not self._takes(q, at, at):
+        if not statics.available(name) or theta.ndim > 1 or not self._takes(q, theta):
             return None
-        constants = self._of_one(at, at, sensed=False, unit=True)
+        constants = self._of_one(theta, sensed=False, unit=True)
         return statics.readings(name, q, constants)[:, :3]
 
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray | None:
         """`Model.jacobian`: slopes by the constants; complex steps of the constants alone."""
         name = self.robot.compiled
-        one = theta.ndim == 1 and self._takes(q, theta, theta)
+        one = theta.ndim == 1 and self._takes(q, theta)
         if not one or not statics.available(name, slopes=True):
             return None
         shifted = np.repeat(theta.astype(complex).reshape(1, 1, -1), len(columns), 1)
         shifted[:, np.arange(len(columns)), list(columns)] += 1j * STEP
-        changes = self.constants(shifted, shifted, sensed=True).imag / STEP
-        slopes = statics.slopes(name, q, self._of_one(theta, theta, True), changes[0])
+        changes = self.constants(shifted, sensed=True).imag / STEP
+        slopes = statics.slopes(name, q, self._of_one(theta, sensed=True), changes[0])
         return np.moveaxis(slopes, -3, -1)
 
-    def _of_one(self, theta: np.ndarray, at: np.ndarray, sensed: bool, unit: bool = False) -> bytes:
+    def _of_one(self, theta: np.ndarray, sensed: bool, unit: bool = False) -> bytes:
         """Constants of one vector, kept: of one pose they take longer than the wrench.
 
         Args:
             unit: of a tool of 1 kg, at the sensor's origin, and no other.
         """
-        given = b"1" * sensed + b"0" * unit
-        key = (theta.tobytes(), at.tobytes() if at is not theta else b"", given)
+        key = theta.tobytes(), sensed, unit
         constants = self._kept.get(key)
         if constants is None:
             if len(self._kept) >= _KEPT:
                 self._kept.clear()
-            numbers = self.constants(theta, at, sensed)
+            numbers = self.constants(theta, sensed)
             if unit:
                 numbers[_LOAD] = (1.0, 0.0, 0.0, 0.0, 0.0)
             constants = self._kept[key] = numbers.tobytes()
         return constants
 
-    def constants(self, theta: np.ndarray, at: np.ndarray, sensed: bool) -> np.ndarray:
+    def constants(self, theta: np.ndarray, sensed: bool) -> np.ndarray:
         """Constants (…, C) in the order of `_statics.c` for parameters (…, P)."""
         if theta.ndim == 2 and not self.robot.broadcasts:
-            pairs = zip(theta, at, strict=True)
-            return np.stack([self.constants(one, place, sensed) for one, place in pairs])
+            return np.stack([self.constants(one, sensed) for one in theta])
         parameter_count = len(self.robot.parameters)
-        packed = self.robot.packed(at[..., :parameter_count], np.asarray(self.gravity))
+        packed = self.robot.packed(theta[..., :parameter_count], np.asarray(self.gravity))
         tool = self.robot.tool(theta[..., :parameter_count])
         sensor = theta[..., parameter_count:] if sensed else _IDEAL
         parts = (
@@ -133,13 +131,12 @@ class CompiledForm:
         rows = theta.shape[:-1]
         return np.concatenate([np.broadcast_to(x, (*rows, x.shape[-1])) for x in parts], axis=-1)
 
-    def _takes(self, q: Value, theta: np.ndarray, at: np.ndarray) -> bool:
+    def _takes(self, q: Value, theta: np.ndarray) -> bool:
         """Whether joint values are real (N, J), parameters real (P,) or, of many, (R, 1, P)."""
         if not isinstance(q, np.ndarray) or q.ndim != 2 or q.shape[1] != len(self.robot.joints):
             return False
         many = theta.ndim == 3 and theta.shape[1] == 1
-        native = q.dtype == theta.dtype == at.dtype == _DOUBLE
-        return native and theta.shape == at.shape and (theta.ndim == 1 or many)
+        return q.dtype == theta.dtype == _DOUBLE and (theta.ndim == 1 or many)
 
 
 @dataclass(frozen=True)
@@ -182,17 +179,14 @@ class Model:
             stated["sensor.mass"] = sensor.mass
         return names.vector(stated, start=theta)
 
-    def true_wrench(self, q: Value, theta: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
-        """Load on the sensor (…, N, 6) [N, N·m] before the sensor changes it.
+    def true_wrench(self, q: Value, theta: np.ndarray) -> np.ndarray:
+        """Load on the sensor (…, N, 6) [N, N·m] before the sensor changes it."""
+        compiled = self._compiled.readings(q, theta, sensed=False)
+        return self.plain_wrench(q, theta) if compiled is None else compiled
 
-        ``at`` (P,) gives the pose other parameters than ``theta`` gives the load.
-        """
-        compiled = self._compiled.readings(q, theta, theta if at is None else at, sensed=False)
-        return self.plain_wrench(q, theta, at) if compiled is None else compiled
-
-    def plain_wrench(self, q: Value, theta: np.ndarray, at: np.ndarray | None = None) -> np.ndarray:
+    def plain_wrench(self, q: Value, theta: np.ndarray) -> np.ndarray:
         """`true_wrench` in numpy: of all robots and parameters, and what is compiled is held to."""
-        return self._load(self._seen(q, theta if at is None else at), theta)
+        return self._load(self._seen(q, theta), theta)
 
     def _seen(self, q: Value, theta: np.ndarray) -> np.ndarray | Motion:
         """Gravity in sensor axes (…, N, 3) [m/s²], or for jets the sensor's motion under it."""
@@ -225,7 +219,7 @@ class Model:
             theta: parameters (P,), or (K, 1, P) for K vectors at once → (K, N, 6); what is
                 compiled gives each the bits that it has alone.
         """
-        compiled = self._compiled.readings(q, theta, theta, sensed=True)
+        compiled = self._compiled.readings(q, theta, sensed=True)
         return self.read(self.plain_wrench(q, theta), theta) if compiled is None else compiled
 
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:

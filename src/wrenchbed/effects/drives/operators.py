@@ -1,7 +1,9 @@
 """Operators with memory on the motion or the torque of a joint: what friction and drives remember.
 
-Each maps rows of one joint (N,) to rows (N,).
+Each maps rows of one joint (N,) to rows (N,); `stop` and `play` also those of a sensor's channels.
 """
+
+from functools import lru_cache
 
 import numpy as np
 import scipy  # which loads its slow submodules when they are first used
@@ -11,6 +13,8 @@ REST = 0.03
 there, and encoders' noise has one of its own. Estimate, as in `drives.signals`."""
 _MEMORY_S = 0.04
 """Time around rest that does not count either [s]; estimate: bristles and filters settle."""
+_LARGEST_KEPT, _MOST_KEPT = 1 << 19, 64
+"""Largest input of `play` that is kept [B], and how many: with their paths 64 MiB. Estimates."""
 
 
 def direction(speed: np.ndarray) -> np.ndarray:
@@ -38,17 +42,59 @@ def since_reversal(q: np.ndarray, sign: np.ndarray) -> np.ndarray:
     return np.asarray(np.where(fresh, np.inf, path - start))
 
 
-def stop(q: np.ndarray, width: float) -> np.ndarray:
-    """Stop operator of a half width [rad], −1 … 1 (N,): elastic up to it, then sliding.
+def stop(x: np.ndarray, width: float) -> np.ndarray:
+    """Stop operator of a half width along rows (M, …), −1 … 1: elastic up to it, then sliding.
 
-    Brokate & Sprekels 1996, "Hysteresis and Phase Transitions", Section 2.1; a sum over widths is
-    a Prandtl–Ishlinskii model.
+    It is what a play operator of that width lags behind. Brokate & Sprekels 1996, "Hysteresis and
+    Phase Transitions", Section 2.1; a sum over widths is a Prandtl–Ishlinskii model.
     """
-    steps, found, z = np.diff(q).tolist(), [0.0], 0.0
-    for step in steps:
-        z = min(width, max(-width, z + step))
-        found.append(z)
-    return np.array(found) / width
+    flat = x.reshape(len(x), -1)
+    return np.asarray((flat - play(flat, width)).reshape(x.shape) / width)
+
+
+def play(x: np.ndarray, width: float) -> np.ndarray:
+    """The play operator of a half width along the rows of (M, K).
+
+    A fit asks for the same path again and again while other numbers change: it is kept.
+    """
+    if x.nbytes > _LARGEST_KEPT:
+        return _path(x, width)
+    return _kept_path(x.tobytes(), x.shape[1], width)
+
+
+@lru_cache(maxsize=_MOST_KEPT)
+def _kept_path(x: bytes, columns: int, width: float) -> np.ndarray:
+    """`play` of numbers as bytes; the result cannot be changed."""
+    path = _path(np.frombuffer(x).reshape(-1, columns), width)
+    path.flags.writeable = False
+    return path
+
+
+def _path(x: np.ndarray, width: float) -> np.ndarray:
+    """The play operator.
+
+    Each row clips the state into x ± width, and clips composed are a clip. So all blocks of about
+    √M rows are composed side by side, and one pass over the blocks finds the states between them.
+    The numbers are those of a loop over rows, bit for bit.
+    """
+    rows, channels = x.shape
+    length = max(1, int(np.sqrt(rows)))
+    blocks = -(-rows // length)
+    padded = np.concatenate([x, np.broadcast_to(x[-1:], (blocks * length - rows, channels))])
+    below = np.ascontiguousarray(padded.reshape(blocks, length, channels).transpose(1, 0, 2))
+    above = below + width
+    below -= width
+    for k in range(1, length):
+        low, high = below[k], above[k]
+        below[k] = np.minimum(np.maximum(below[k - 1], low), high)
+        above[k] = np.minimum(np.maximum(above[k - 1], low), high)
+    states = np.empty((blocks, channels))
+    state = x[0]
+    for k in range(blocks):
+        states[k] = state
+        state = np.minimum(np.maximum(state, below[-1, k]), above[-1, k])
+    path = np.minimum(np.maximum(states, below), above)
+    return np.asarray(path.transpose(1, 0, 2).reshape(-1, channels)[:rows])
 
 
 def late(torque: np.ndarray, t: np.ndarray, delay: float) -> np.ndarray:
