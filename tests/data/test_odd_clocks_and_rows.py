@@ -7,6 +7,7 @@ import pytest
 
 from plain_ur5 import PlainUr5
 from wrenchbed.cli import main
+from wrenchbed.data.import_files import _even
 from wrenchbed.data.recording import Recording
 
 NAMES = ("q1", "q2", "q3", "q4", "q5", "q6", "fx", "fy", "fz", "tx", "ty", "tz")
@@ -115,3 +116,29 @@ def test_what_was_taken_for_granted_and_what_is_not_used_is_said(tmp_path, log, 
     out = capsys.readouterr().out
     assert "no --robot is stated: ur5's joints explain it" in out
     assert "not used: another wrench" in out
+
+
+def motion(gap_s):
+    """Two joints at 500 Hz that turn by sines of up to 1 Hz, without the rows of a gap."""
+    t = np.arange(6000) / 500.0
+    path = {"q1": np.sin(4.0 * t), "q2": 0.3 * np.sin(6.0 * t + 1.0)}
+    keep = (t < 5.0) | (t >= 5.0 + gap_s)
+    return t, path, {"t": t[keep]} | {name: q[keep] for name, q in path.items()}
+
+
+def test_a_short_gap_of_a_motion_is_filled_along_the_joints_path():
+    t, path, data = motion(0.026)
+    (even, sentence) = _even(data)
+    assert "13 dropped frames interpolated" in sentence[0]
+    assert even["t"] == pytest.approx(t, abs=1e-9)
+    for name, q in path.items():
+        assert np.abs(even[name] - q).max() < 1e-6
+        second = np.diff(even[name], 2) * 500.0**2
+        assert np.abs(second - np.diff(q, 2) * 500.0**2).max() < 0.2  # a line would leave 4 rad/s²
+
+
+def test_a_gap_in_which_the_path_is_not_known_stays():
+    t, _, data = motion(0.5)
+    (even, sentence) = _even(data)
+    assert "1 gaps of 0.502 s in all kept" in sentence[0]
+    assert len(even["t"]) == len(t) - 250

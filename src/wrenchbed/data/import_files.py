@@ -31,8 +31,12 @@ PER_S = 1e9
 JITTER = 0.02
 """Steps that differ by less than this fraction are even; as `calibrate` demands of a motion."""
 _GAP = 3.5
-"""A step of more than so many usual ones is a gap and is not filled: over two lost frames in a row
-the joints' path is known, over more of them an acceleration would be invented."""
+"""A step of more than so many usual ones is a gap: over two lost frames in a row a straight line is
+the joints' path."""
+_PATH_KNOWN, _FASTEST, _DEGREE = 0.1, 0.99, 5
+"""Longest gap that is filled, in periods of the frequency below which so much of the power of the
+joints' speeds lies: a polynomial of that degree through as long a stretch on both sides is off by
+2e-6 of a sine's amplitude. Over longer gaps an acceleration would be invented."""
 _LATEST_S = 9e9
 """Largest time [s], in the year 2255: a larger one is in another unit."""
 HOLD = "hold"
@@ -68,9 +72,14 @@ def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.
     return np.asarray(t)
 
 
-def even_clock(t: np.ndarray) -> tuple[np.ndarray, str] | None:
+def even_clock(t: np.ndarray, bridged: float = 0.0) -> tuple[np.ndarray, str] | None:
     """The even clock (M,) [s] nearest to a clock (N,) [s], without times in gaps, and what was done
-    in words; None if the clock is even already, or too short."""
+    in words; None if the clock is even already, or too short.
+
+    Args:
+        t: clock.
+        bridged: longest step that is no gap [s], however many frames are lost in it.
+    """
     step = np.diff(t)
     if len(step) < 2:
         return None
@@ -79,13 +88,14 @@ def even_clock(t: np.ndarray) -> tuple[np.ndarray, str] | None:
     h = float(step[(step > 0.5 * usual) & (step < 1.5 * usual)].mean())
     if np.abs(step - h).max() <= JITTER * h:
         return None
-    breaks = np.flatnonzero(step > _GAP * usual)
+    most = max(_GAP * usual, bridged)
+    breaks = np.flatnonzero(step > most)
     parts = []
     for begin, end in zip([0, *(breaks + 1)], [*breaks, len(t) - 1], strict=True):
         first = np.ceil((t[begin] - t[0]) / h - 1e-6)
         last = np.floor((t[end] - t[0]) / h + 1e-6)
         parts.append(t[0] + h * np.arange(first, last + 1))
-    inside = step[step <= _GAP * usual]
+    inside = step[step <= most]
     sentence = (
         f"steps of {1e3 * inside.min():.3g} … {1e3 * inside.max():.3g} ms resampled to "
         f"{1.0 / h:.6g} Hz"
@@ -176,11 +186,45 @@ def _recording(data: Mapping[str, np.ndarray], metadata: Metadata, name: str) ->
 
 def _even(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
     """A motion of joints on an even clock, whose acceleration can be taken; and what was done."""
-    clock = even_clock(data["t"]) if joint_columns(data) else None
+    joints = joint_columns(data)
+    if not joints or len(data["t"]) < 2:
+        return data, ()
+    t, step = data["t"], float(np.median(np.diff(data["t"])))
+    even = np.arange(t[0], t[-1], step)
+    q = np.stack([np.interp(even, t, data[name]) for name in joints], axis=1)
+    period = _shortest_period(q, step)
+    clock = even_clock(data["t"], _PATH_KNOWN * period)
     if clock is None:
         return data, ()
     t, sentence = clock
-    return {"t": t} | at_times(data, t), (sentence,)
+    return {"t": t} | at_times(data, t) | _bridged(data, joints, t), (sentence,)
+
+
+def _shortest_period(q: np.ndarray, step: float) -> float:
+    """Period [s] of the fastest part of a motion (N, J); 0 where nothing moves."""
+    power = (np.abs(np.fft.rfft(np.gradient(q, axis=0), axis=0)) ** 2).sum(axis=1)
+    frequency = np.fft.rfftfreq(len(q), step)
+    if not power.sum() > 0.0:
+        return 0.0
+    fastest = frequency[np.searchsorted(np.cumsum(power) / power.sum(), _FASTEST)]
+    return float(1.0 / max(fastest, frequency[1]))
+
+
+def _bridged(
+    data: Mapping[str, np.ndarray], joints: Sequence[str], t: np.ndarray
+) -> dict[str, np.ndarray]:
+    """Joint values at times (M,), in gaps by a polynomial through the rows on both sides."""
+    old, step = data["t"], np.diff(data["t"])
+    values = {name: np.interp(t, old, data[name]) for name in joints}
+    for k in np.flatnonzero(step > _GAP * np.median(step)):
+        inside = (t > old[k]) & (t < old[k + 1])
+        near = (old > old[k] - step[k]) & (old < old[k + 1] + step[k])
+        if inside.any() and near.sum() > 2 * _DEGREE:
+            middle, half = (old[k] + old[k + 1]) / 2.0, 1.5 * step[k]
+            x, at = (old[near] - middle) / half, (t[inside] - middle) / half
+            for name, path in values.items():
+                path[inside] = np.polyval(np.polyfit(x, data[name][near], _DEGREE), at)
+    return values
 
 
 def merged(
