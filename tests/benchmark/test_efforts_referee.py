@@ -12,8 +12,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark.efforts import case, world
 from wrenchbed.benchmark.efforts.arm import Path as Motion
 from wrenchbed.benchmark.efforts.arm import TrueArm, draw, of_values
-from wrenchbed.benchmark.efforts.faults import FAMILIES
-from wrenchbed.benchmark.efforts.outside import OUTSIDE
+from wrenchbed.benchmark.efforts.case import FAMILIES, OUTSIDE
 from wrenchbed.benchmark.efforts.world import bouc_wen, lugre
 from wrenchbed.benchmark.sealed import commitments, make, score
 from wrenchbed.benchmark.sealed.families import EffortFamily
@@ -120,7 +119,7 @@ def test_every_family_changes_the_effort_of_its_joint(name):
     sizes = np.sqrt((added**2).mean(axis=0))
     assert np.isfinite(added).all() and sizes.max() > 0.0
     if name.startswith("drive."):
-        assert fault.joint == 3 and np.flatnonzero(sizes).tolist() == [2]
+        assert fault.joint == 2 and np.flatnonzero(sizes).tolist() == [2]
 
 
 @pytest.mark.slow

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from wrenchbed.benchmark.frame import elapsed, register
+from wrenchbed.benchmark.frame import elapsed, named
 from wrenchbed.benchmark.referee.case import as_case, robot_with_minor
-from wrenchbed.benchmark.referee.fault import RefereeFault, touched
+from wrenchbed.benchmark.referee.fault import BEND, LOOP, ZERO, RefereeFault, touched
 from wrenchbed.benchmark.referee.laws import dahl
-from wrenchbed.benchmark.referee.sensor import BEND, LOOP, ZERO
 from wrenchbed.diagnosis.diagnose import diagnose
 
 
@@ -57,7 +56,7 @@ def test_a_form_without_a_formula_has_the_name_of_its_effect(effect):
     seed = (101, list(FORMS).index(effect))
     rng = np.random.default_rng([*seed, 7])
     world, minor = robot_with_minor("ur5", "static", seed, rng)
-    draw, size = register({}, effect)(FORMS[effect]), 1.0
+    draw, size = named(effect, FORMS[effect]), 1.0
     for _ in range(3):  # to a gap of 15
         cause = world.measured(draw(world.setting, np.random.default_rng(seed), size))
         size *= float(np.sqrt(15.0 / cause.gap))

@@ -129,7 +129,7 @@ def faults_of(name, seed, draws, share):
 
     def recorded(number, *items):
         reading = truth.reading(items)
-        return recording(design, LookalikeCase(number, "", (), None, {}, {}, reading, items=items))
+        return recording(design, LookalikeCase(number, "", reading, items=items))
 
     nominal = prepare(recorded(seed))
     baseline = calibrate(nominal)

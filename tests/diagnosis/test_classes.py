@@ -81,9 +81,9 @@ def recordings(robot, members, seed):
         size = first
         for _ in range(4):  # the gap grows nearly as the square of a size
             items = [*around, (wrong(design, effect, element, size), 1.0)]
-            reached = design.gap(truth.reading(items) - base)
+            reached = design.usual.gap(truth.reading(items) - base)
             size *= float(np.sqrt(gap / reached))
-        case = LookalikeCase(seed, "single", (effect,), None, {}, {}, truth.reading(items))
+        case = LookalikeCase(seed, "single", truth.reading(items))
         yield (effect, element), recording(design, case)
 
 

@@ -13,9 +13,9 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import log_uniform
+from wrenchbed.benchmark.lookalikes.catalogue import DRAWS as FAULTS
 from wrenchbed.benchmark.lookalikes.catalogue import LARGEST, background
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import DRAWS as FAULTS
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot
 from wrenchbed.data.metadata import Metadata, SensorInfo
 from wrenchbed.data.plan import Plan
@@ -108,7 +108,7 @@ class MonthlyRobot:
             item, amount = FAULTS[self.fault](self._design, rng, size), 1.0
             for _ in range(SCALINGS):
                 changed = self._readings.reading([*self._around, (item, amount)]) - base
-                added = self._design.gap(changed, configured=True)
+                added = self._design.usual.gap(changed, configured=True)
                 if abs(added - self.gap) < 0.01 * self.gap:
                     return item, amount
                 amount *= float(np.clip(np.sqrt(self.gap / max(added, 1e-12)), 0.05, 20.0))

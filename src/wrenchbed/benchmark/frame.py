@@ -5,6 +5,8 @@ Look-alikes, the referee and the efforts fill it, each with physics of its own; 
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from inspect import isfunction
+from types import ModuleType
 from typing import Any, Generic, ParamSpec, TypeVar
 
 import numpy as np
@@ -175,19 +177,29 @@ class Fault:
 AnyFault = TypeVar("AnyFault", bound=Fault)
 
 
-def register(
-    draws: dict[str, Callable[..., AnyFault]], name: str
-) -> Callable[[Callable[P, AnyFault]], Callable[P, AnyFault]]:
-    """Decorator that keeps a draw under a name, which its faults get."""
+def named(name: str, draw: Callable[P, AnyFault]) -> Callable[P, AnyFault]:
+    """A draw whose faults have a name."""
 
-    def named(draw: Callable[P, AnyFault]) -> Callable[P, AnyFault]:
-        def drawn(*args: P.args, **options: P.kwargs) -> AnyFault:
-            return replace(draw(*args, **options), name=name)
+    def drawn(*args: P.args, **options: P.kwargs) -> AnyFault:
+        return replace(draw(*args, **options), name=name)
 
-        draws[name] = drawn
-        return drawn
+    return drawn
 
-    return named
+
+def draws(*modules: ModuleType, mark: str = ".") -> dict[str, Callable[..., Any]]:
+    """Draws of faults by name: each public function of some modules, in their order.
+
+    Args:
+        mark: stands for the first underscore: ``sensor_gain`` draws ``sensor.gain``.
+    """
+    functions = (
+        f
+        for module in modules
+        for f in vars(module).values()
+        if isfunction(f) and f.__module__ == module.__name__ and not f.__name__.startswith("_")
+    )
+    every = {f.__name__.replace("_", mark, 1): f for f in functions}
+    return {name: named(name, f) for name, f in every.items()}
 
 
 def true_numbers(cause: Fault, faults: Iterable[tuple[Fault, float]]) -> dict[str, float]:
@@ -207,10 +219,20 @@ def true_numbers(cause: Fault, faults: Iterable[tuple[Fault, float]]) -> dict[st
     return sums
 
 
+def by_axis(vector: np.ndarray, stem: str = "") -> dict[str, float]:
+    """Components (3,) of a vector by axis, after a stem."""
+    return {f"{stem}{a}": float(v) for a, v in zip("xyz", vector, strict=True)}
+
+
 def by_channel(values: np.ndarray, stem: str = "") -> dict[str, float]:
     """Nonzero values (6,) by channel name, after a stem."""
     pairs = zip(CHANNELS, values.tolist(), strict=True)
     return {f"{stem}{c}": v for c, v in pairs if v != 0.0}
+
+
+def numbered(stem: str, values: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns (N,) of values (N, J) by a stem and their number from 1."""
+    return {f"{stem}{j + 1}": column for j, column in enumerate(values.T)}
 
 
 def elapsed(t: np.ndarray) -> np.ndarray:
@@ -233,21 +255,19 @@ class Shown:
     Attributes:
         gap: that it adds; of a cause between rows the mean rise of a row's variance.
         rows: largest rise of a channel's row variance, 0 for a cause that shows in means.
-        between: whether it shows between rows.
     """
 
     gap: float
     rows: float
-    between: bool
 
     @property
     def amount(self) -> float:
         """Size by which a fault shows: the gap, or the rise of variance between rows."""
-        return self.rows if self.between else self.gap
+        return self.rows or self.gap
 
     def needed(self, kind: str) -> float:
         """Amount from which it counts in a kind of case."""
-        return (ROWS_NEEDED if self.between else NEEDED)[kind]
+        return (ROWS_NEEDED if self.rows else NEEDED)[kind]
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,12 +288,30 @@ class RowChange(Generic[Shake]):
     stale: tuple[float, float] = (0.0, 1.0)
     limit: np.ndarray = field(default_factory=lambda: np.full(6, np.inf))
 
-    def rise(self, noise: np.ndarray) -> np.ndarray:
-        """Rise of a row's variance (6,) over the noise (6,) by gain and rounding.
+    def rise(
+        self,
+        noise: np.ndarray,
+        y: np.ndarray,
+        shaken: Callable[[Shake], np.ndarray],
+        held: Callable[[int, tuple[float, float], Rng], np.ndarray],
+    ) -> np.ndarray:
+        """Rise of a row's variance (6,) over the noise (6,) [N, N·m].
 
         Rounding adds the variance of a uniform distribution, by definition step²/12.
+
+        Args:
+            noise: standard deviation of a row (6,) [N, N·m].
+            y: readings (N, 6) that may become stale [N, N·m].
+            shaken: wrench (N, 6) that shakes the sensor [N, N·m].
+            held: index of the row that is shown in the place of each of N.
         """
-        return np.asarray(self.gain**2 - 1.0 + (self.step / noise) ** 2 / 12.0)
+        rise = self.gain**2 - 1.0 + (self.step / noise) ** 2 / 12.0
+        if self.shake is not None:
+            rise = rise + ((shaken(self.shake) / noise) ** 2).mean(axis=0)
+        if self.stale[0] > 0.0:
+            shown = held(len(y), self.stale, np.random.default_rng(len(y)))
+            rise = rise + (((y[shown] - y) / noise) ** 2).mean(axis=0)
+        return np.asarray(rise)
 
 
 def converted(y: np.ndarray, changes: Sequence[RowChange[Any]]) -> np.ndarray:
@@ -299,8 +337,10 @@ class Usual:
     basis: np.ndarray
 
     @classmethod
-    def of(cls, columns: np.ndarray, noise: np.ndarray) -> "Usual":
-        """Basis of the columns (n, 6, 10) [N, N·m] of bias, mass and CoG."""
+    def of(cls, differences: Sequence[np.ndarray], noise: np.ndarray) -> "Usual":
+        """Basis of what a bias adds, and another mass and CoG, four differences (n, 6) [N, N·m]."""
+        biases = [np.broadcast_to(axis, differences[0].shape) for axis in np.eye(6)]
+        columns = np.stack([*biases, *differences], axis=-1)
         white = (columns / noise[:, None]).reshape(-1, columns.shape[-1])
         return cls(noise, np.linalg.qr(white / np.linalg.norm(white, axis=0))[0])
 
@@ -309,7 +349,7 @@ class Usual:
         x = (signal / self.noise).ravel()
         return np.asarray(x if configured else x - self.basis @ (self.basis.T @ x))
 
-    def gap(self, signal: np.ndarray, configured: bool) -> float:
+    def gap(self, signal: np.ndarray, configured: bool = False) -> float:
         """Mean square of a difference (n, 6) in noises of a row."""
         x = self.white(signal, configured)
         return float(x @ x) / len(x)

@@ -7,7 +7,7 @@ and a family imitates a cause if, at its best size, it leaves of the cause no mo
 sizes of noise are estimates.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import mujoco
@@ -15,10 +15,11 @@ import numpy as np
 from scipy import signal
 
 from wrenchbed import registry
+from wrenchbed.benchmark import frame
+from wrenchbed.benchmark.efforts import faults, outside
 from wrenchbed.benchmark.efforts.arm import FINE, TrueArm
 from wrenchbed.benchmark.efforts.arm import Path as Motion
-from wrenchbed.benchmark.efforts.faults import FAMILIES, WARMING, WHOLE, since_reversal
-from wrenchbed.benchmark.efforts.outside import OUTSIDE
+from wrenchbed.benchmark.efforts.faults import WARMING, WHOLE
 from wrenchbed.benchmark.efforts.world import (
     HEALTHY,
     EffortFault,
@@ -26,16 +27,21 @@ from wrenchbed.benchmark.efforts.world import (
     bouc_wen,
     draw_setting,
     simulate,
+    since_reversal,
     state_of,
     warmed,
 )
-from wrenchbed.benchmark.frame import NEEDED, Rng, as_stated
+from wrenchbed.benchmark.frame import NEEDED, Rng, as_stated, numbered
 from wrenchbed.data.metadata import SensorInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
 
+FAMILIES: dict[str, Callable[..., EffortFault]] = frame.draws(faults)
+"""Draws of the library's effects by name, in the order in which they take turns."""
+OUTSIDE: dict[str, Callable[..., EffortFault]] = frame.draws(outside, mark=" ")
+"""Draws of families outside the library by name, in the order in which they take turns."""
 SAME, SHARE = 0.1, 0.02
 """Gap that is left, alone and over the cause's own, up to which two causes are alike: estimates,
 the first as the wrench referee's."""
@@ -85,7 +91,7 @@ def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> 
     """Gap at the worst joint that each family's best imitation leaves of a cause (N, J)."""
     unit = _seen(setting, added)[::_EVERY]
     energy = (unit**2).mean(axis=0)
-    joint = int(energy.argmax()) if fault.joint is None else fault.joint - 1
+    joint = int(energy.argmax()) if fault.joint is None else fault.joint
     others = float(np.delete(energy, joint).max())
     gaps: dict[Key, float] = {}
     use = setting.moving[::_EVERY]
@@ -102,7 +108,7 @@ def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> 
 
 def classed(fault: EffortFault, size: float, rest: dict[Key, float]) -> tuple[Key, ...]:
     """Families with joints that no data of this motion tell from the cause, itself first."""
-    cause: Key = (fault.name, fault.joint)
+    cause: Key = (fault.name, None if fault.joint is None else fault.joint + 1)
     same = [k for k, v in rest.items() if v <= SAME + SHARE * size and k != cause]
     return (cause, *same)
 
@@ -260,7 +266,7 @@ def _counted(
     gaps = remaining(setting, fault, added)
     if kind == "single":
         return gap, classed(fault, gap, gaps)
-    return gap, ((fault.name, fault.joint),) if min(gaps.values()) >= IMITATED else ()
+    return gap, ((fault.name, None),) if min(gaps.values()) >= IMITATED else ()
 
 
 def _family(kind: str, number: int, wrench: bool) -> str:
@@ -280,12 +286,11 @@ def _recorded(setting: EffortSetting, fault: EffortFault, rng: Rng, wrench: bool
     q = setting.path.q[rows]
     q = np.round((q + 0.3 * _ENCODER * rng.normal(size=q.shape)) / _ENCODER) * _ENCODER
     columns = {"t": setting.path.t[rows] - setting.path.t[0]}
-    columns |= {f"q{j + 1}": q[:, j] for j in range(joints)}
-    columns |= {f"{setting.prefix}{j + 1}": effort[:, j] for j in range(joints)}
+    columns |= numbered("q", q) | numbered(setting.prefix, effort)
     offsets = rng.normal(0.0, 1.5, joints)  # [K]
     noise = 0.05 * rng.normal(size=(len(rows), joints))  # [K]
     warm = np.round(setting.temperature[rows][:, None] + offsets + noise, 2)
-    columns |= {f"joint_temperature{j + 1}": warm[:, j] for j in range(joints)}
+    columns |= numbered("joint_temperature", warm)
     robot = setting.robot
     registry.remember("robots", robot.name, getattr(robot, "record", None) or {})
     tool, sensor = robot.tool(setting.stated), SensorInfo()
@@ -294,7 +299,7 @@ def _recorded(setting: EffortSetting, fault: EffortFault, rng: Rng, wrench: bool
         state = state_of(setting, fault)
         load = TrueArm(robot, state.arm.theta, state.arm.edits).wrench(state.path)[rows]
         load = load + SENSOR_STD * rng.normal(size=load.shape)
-        columns |= {c: load[:, k] for k, c in enumerate(CHANNELS)}
+        columns |= dict(zip(CHANNELS, load.T, strict=True))
         sensor = SensorInfo(noise_std=tuple(SENSOR_STD.tolist()))
     configured = {"configured": dict(setting.configured)}
     return Recording(replace(stated, sensor=sensor, extra=configured), columns, "case")

@@ -1,17 +1,15 @@
 """Faults of efforts that no effect of the library is: the right answer to them is ``unknown``.
 
-Sizes and shapes are estimates.
+Every public function draws the family of its name. Sizes and shapes are estimates.
 """
 
 import numpy as np
 from scipy import signal
 
 from wrenchbed.benchmark.efforts.arm import Path, of_values
-from wrenchbed.benchmark.efforts.faults import OUTSIDE, family, vector, way_of
-from wrenchbed.benchmark.efforts.world import EffortFault, EffortSetting, State
+from wrenchbed.benchmark.efforts.world import EffortFault, EffortSetting, State, vector, way_of
 from wrenchbed.benchmark.frame import Rng, log_uniform
 
-__all__ = ["OUTSIDE"]
 _FAR = 50.0
 """Length [m] of a line that pulls: its force has one direction all over the workspace."""
 
@@ -25,8 +23,7 @@ def _episodes(t: np.ndarray, rng: Rng, count: int, share: float) -> np.ndarray:
     return on
 
 
-@family("clipped effort")
-def _clipped(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+def clipped_effort(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     share = rng.uniform(0.35, 0.75)
 
     def reading(_: State, effort: np.ndarray) -> np.ndarray:
@@ -34,18 +31,16 @@ def _clipped(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
         limit = share * np.abs(effort - middle).max()
         return np.clip(effort, middle - limit, middle + limit)
 
-    return EffortFault({"share": share}, reading=reading)
+    return EffortFault({"share": share}, joint, reading=reading)
 
 
-@family("dragging brake")
-def _brake(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+def dragging_brake(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     drag = log_uniform(rng, 1.0, 4.0) * setting.drives.coulomb[joint]
     on = _episodes(setting.path.t, rng, int(rng.integers(2, 5)), rng.uniform(0.2, 0.4))
-    return EffortFault({"drag": drag}, level=lambda state: drag * on)
+    return EffortFault({"drag": drag}, joint, level=lambda state: drag * on)
 
 
-@family("slipping belt")
-def _belt(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+def slipping_belt(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     """Stick-slip: under load the belt creeps and catches, a sawtooth that grows with torque."""
     size, hertz = log_uniform(rng, 0.3, 1.5), rng.uniform(1.5, 6.0)
 
@@ -55,11 +50,10 @@ def _belt(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
         slip = signal.sawtooth(2.0 * np.pi * phase)
         return np.asarray(effort - size * np.sign(effort) * over * slip)
 
-    return EffortFault({"size": size}, reading=reading)
+    return EffortFault({"size": size}, joint, reading=reading)
 
 
-@family("loose tooth")
-def _tooth(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+def loose_tooth(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     """A damaged tooth hits once per turn of an intermediate wheel and rings."""
     size, wheel = log_uniform(rng, 0.08, 0.4) * setting.rated[joint], rng.uniform(5.0, 12.0)
     hertz, damping = rng.uniform(6.0, 15.0), rng.uniform(0.05, 0.15)
@@ -71,11 +65,10 @@ def _tooth(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
         ring = np.exp(-damping * w * t) * np.sin(w * t)
         return np.asarray(size * np.convolve(hits, ring)[: len(hits)])
 
-    return EffortFault({"size": size}, torque=torque)
+    return EffortFault({"size": size}, joint, torque=torque)
 
 
-@family("external push", whole=True)
-def _push(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+def external_push(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     """Someone leans on the arm now and then."""
     on = _episodes(setting.path.t, rng, int(rng.integers(2, 5)), rng.uniform(0.15, 0.35))
     smooth = signal.windows.hann(int(0.4 / setting.path.step))
@@ -91,8 +84,7 @@ def _push(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     return EffortFault({"force": size}, torque=torque)
 
 
-@family("held samples", whole=True)
-def _held(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+def held_samples(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     """The bus repeats old efforts of all joints for a while."""
     seconds, each = rng.uniform(0.3, 1.0), rng.uniform(1.5, 4.0)
     seed = int(rng.integers(2**31))
@@ -111,8 +103,7 @@ def _held(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     return EffortFault({"seconds": seconds}, rows=rows)
 
 
-@family("swapped channels")
-def _swapped(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+def swapped_channels(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     other = joint + 1 if joint + 1 < len(setting.rated) else joint - 1
     start, length = rng.uniform(0.1, 0.5), rng.uniform(0.15, 0.4)
 
@@ -122,11 +113,10 @@ def _swapped(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
         swapped[part, [joint, other]] = effort[part, [other, joint]]
         return swapped
 
-    return EffortFault({"length": length}, rows=rows)
+    return EffortFault({"length": length}, joint, rows=rows)
 
 
-@family("thermal derating")
-def _derating(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+def thermal_derating(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     """The amplifier folds back its gain in steps as its heat sink fills, and recovers."""
     lost, memory = log_uniform(rng, 0.15, 0.5), rng.uniform(5.0, 12.0)
 
@@ -141,11 +131,10 @@ def _derating(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
             on[k] = folded
         return np.asarray(effort * (1.0 - lost * on))
 
-    return EffortFault({"lost": lost}, reading=reading)
+    return EffortFault({"lost": lost}, joint, reading=reading)
 
 
-@family("encoder eccentricity")
-def _eccentric(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+def encoder_eccentricity(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     """The joint is not where its encoder says, by a wave of its angle."""
     size, order = np.radians(log_uniform(rng, 0.5, 4.0)), int(rng.integers(3, 9))
     phase = rng.uniform(0.0, 2.0 * np.pi)
@@ -155,11 +144,10 @@ def _eccentric(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
         q[:, joint] += size * np.sin(order * q[:, joint] + phase)
         return of_values(path.kind, path.rate, path.t, q)
 
-    return EffortFault({"size": float(size)}, motion=motion)
+    return EffortFault({"size": float(size)}, joint, motion=motion)
 
 
-@family("supply sag", whole=True)
-def _sag(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+def supply_sag(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     """All drives lose gain while together they draw much power."""
     lost = log_uniform(rng, 0.1, 0.5)
 
@@ -173,8 +161,7 @@ def _sag(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     return EffortFault({"lost": lost}, reading=reading)
 
 
-@family("flexible joint")
-def _flexible(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+def flexible_joint(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     """A gear's spring rings after each change of its load."""
     hertz, damping = rng.uniform(4.0, 14.0), rng.uniform(0.01, 0.05)
     size = log_uniform(rng, 0.3, 3.0)
@@ -187,11 +174,10 @@ def _flexible(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
         )
         return np.asarray(size * signal.lfilter(b, a, jolt - jolt[0]))
 
-    return EffortFault({"hz": hertz}, torque=torque)
+    return EffortFault({"hz": hertz}, joint, torque=torque)
 
 
-@family("jumping zero")
-def _jumping(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+def jumping_zero(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     """The current sensor's zero hops between levels, as a bad contact makes it."""
     size, seed = log_uniform(rng, 0.01, 0.08) * setting.rated[joint], int(rng.integers(2**31))
 
@@ -201,4 +187,4 @@ def _jumping(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
         level = draw.choice((-1.0, 0.0, 1.0), 201)[np.searchsorted(edges, state.path.t)]
         return np.asarray(effort + size * level / setting.scale[joint])
 
-    return EffortFault({"size": size}, reading=reading)
+    return EffortFault({"size": size}, joint, reading=reading)

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import signal
 
 from wrenchbed.benchmark.efforts.arm import Edit, Path, TrueArm, draw, manufactured
-from wrenchbed.benchmark.frame import Fault, Rng
+from wrenchbed.benchmark.frame import Fault, Rng, log_uniform
 from wrenchbed.robots.base import SimulatedRobot
 
 UNITS = ("tau", "i")
@@ -22,6 +22,8 @@ _LEAST_RATED = 0.12
 """Rated torque of a wrist over that of the strongest joint, at least."""
 _MOVING = 0.03
 """Share of a joint's top speed below which it counts as at rest."""
+_TURN = 0.01
+"""Speed [rad/s] over which friction that a fault adds turns its sign."""
 _SIDE_FILTER = 0.3
 """Cutoff of the controller's own filter over the rate of rows."""
 
@@ -137,6 +139,30 @@ class State:
         return float(self.drives.viscous[self.joint])
 
 
+def way_of(state: State) -> np.ndarray:
+    """Direction of motion (T,) in −1 … 1."""
+    return np.asarray(np.tanh(state.qd / _TURN))
+
+
+def since_reversal(speed: np.ndarray, step: float) -> np.ndarray:
+    """Distance (T,) [rad] that a joint has moved since it last turned around."""
+    sign = np.sign(np.where(np.abs(speed) < 1e-4, 0.0, speed))
+    way, gone, last = np.empty_like(speed), np.inf, 0.0
+    for k, s in enumerate(sign.tolist()):
+        if s not in (0.0, last):
+            gone, last = 0.0, s
+        gone += abs(float(speed[k])) * step
+        way[k] = gone
+    return way
+
+
+def vector(rng: Rng, low: float, high: float) -> np.ndarray:
+    """A vector (3,) of random direction, its length log-uniform."""
+    direction = rng.normal(size=3)
+    direction *= log_uniform(rng, low, high) / np.linalg.norm(direction)
+    return direction
+
+
 Hook = Callable[[State], np.ndarray]
 
 
@@ -148,6 +174,7 @@ class EffortFault(Fault):
     columns (T, J) of a fault without a joint.
 
     Attributes:
+        joint: 0-based joint or link; None of faults of tool and base.
         theta: changes the true parameters (P,).
         edit: changes the compiled true model.
         drives: changes the drives.
@@ -156,9 +183,9 @@ class EffortFault(Fault):
         reading: changes the effort [effort's unit].
         rows: changes recorded rows (N, J).
         motion: changes the true motion against the one that encoders report.
-        joint: 1-based joint or link; None of faults of tool and base.
     """
 
+    joint: int | None = None
     theta: Callable[[np.ndarray], np.ndarray] | None = None
     edit: Edit | None = None
     drives: Callable[[TrueDrives], TrueDrives] | None = None
@@ -167,14 +194,13 @@ class EffortFault(Fault):
     reading: Callable[[State, np.ndarray], np.ndarray] | None = None
     rows: Callable[[np.ndarray], np.ndarray] | None = None
     motion: Callable[[Path], Path] | None = None
-    joint: int | None = None
 
     def changed(self, matrix: np.ndarray, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """A matrix (T, J) whose column of the fault's joint was changed; all of them without."""
         if self.joint is None:
             return change(matrix)
         result = matrix.copy()
-        result[:, self.joint - 1] = change(matrix[:, self.joint - 1])
+        result[:, self.joint] = change(matrix[:, self.joint])
         return result
 
 
@@ -254,8 +280,7 @@ def state_of(setting: EffortSetting, fault: EffortFault) -> State:
     rigid_fault = fault.theta is not None or fault.edit is not None or fault.motion is not None
     rigid = arm.torque(path) if rigid_fault else setting.healthy_torque
     drives = setting.drives if fault.drives is None else fault.drives(setting.drives)
-    joint = 0 if fault.joint is None else fault.joint - 1
-    return State(path, rigid, setting.temperature, setting.rated, drives, arm, joint)
+    return State(path, rigid, setting.temperature, setting.rated, drives, arm, fault.joint or 0)
 
 
 def drive_torque(state: State, gear: float, fault: EffortFault) -> np.ndarray:

@@ -4,14 +4,15 @@ Typical sizes and ranges are estimates.
 """
 
 import re
+from functools import lru_cache
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from wrenchbed.benchmark.frame import Rng, register
+from wrenchbed.benchmark.frame import Rng, by_axis
 from wrenchbed.benchmark.lookalikes import imperfection
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import DRAWS, Imperfection
+from wrenchbed.benchmark.lookalikes.imperfection import Imperfection
 from wrenchbed.benchmark.lookalikes.loads import link_forces, rotate_back, wrench_at
 from wrenchbed.robots.base import SimulatedRobot
 
@@ -19,7 +20,6 @@ _CROSSING_S = 0.04
 """Time in which a motion crosses backlash or clearance [s]: an estimate."""
 
 
-@register(DRAWS, "mount.rotation")
 def mount_rotation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The sensor is mounted on the flange with a rotation of about 0.5°."""
     axis = rng.standard_normal(3)
@@ -27,12 +27,10 @@ def mount_rotation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
         axis = np.array([0.15, 0.15, 1.0]) * rng.standard_normal(3)
     angle = np.deg2rad(0.5) * size * imperfection.spread(rng)
     vector = angle * axis / np.linalg.norm(axis)
-    true = {f"rotation.{a}": v for a, v in zip("xyz", vector.tolist(), strict=True)}
-    return Imperfection(true, mount=vector)
+    return Imperfection(by_axis(vector, "rotation."), mount=vector)
 
 
-@register(DRAWS, "joint.offset")
-def offset(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def joint_offset(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Zeros of joints are wrong by about 0.2°, the rail's by 1 mm."""
     true: dict[str, float] = {}
     dq = np.zeros_like(design.q)
@@ -44,8 +42,7 @@ def offset(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(true, joint=dq)
 
 
-@register(DRAWS, "joint.compliance")
-def compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def joint_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Joints deflect under their torque, a little stiffer at higher torque.
 
     The true compliance is the one at small torque under the nominal masses.
@@ -65,8 +62,7 @@ def compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(true, joint=dq)
 
 
-@register(DRAWS, "joint.backlash")
-def backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def joint_backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Backlash of a joint: the load holds one side until it clearly pulls to the other."""
     (j,) = _joints(design, rng, rotating=True, several=0.0)
     width = np.deg2rad(0.1) * size * imperfection.spread(rng)
@@ -76,13 +72,11 @@ def backlash(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     side = imperfection.relay(torque, np.array(-friction), np.array(friction))
     soft = np.tanh(torque / (friction + 0.02 * scale))
     state = _crossed(design, 0.85 * side + 0.15 * soft)
-    dq = np.zeros_like(design.q)
-    dq[:, j] = -0.5 * width * state[design.path.at]
+    dq = _off(design, j, -0.5 * width * state[design.path.at])
     return Imperfection({"joint": j + 1, "width": width}, joint=dq)
 
 
-@register(DRAWS, "joint.gear_error")
-def gear_error(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def joint_gear_error(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A periodic error of a gear: a few times per turn of the joint, seldom of the motor."""
     (j,) = _joints(design, rng, rotating=True, several=0.0)
     if rng.uniform() < 0.88 or design.moving:
@@ -93,25 +87,18 @@ def gear_error(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     phase = rng.uniform(-np.pi, np.pi)
     second = rng.uniform(0.0, 0.25)
     angle = harmonic * design.q[:, j] + phase
-    dq = np.zeros_like(design.q)
-    dq[:, j] = amplitude * (np.sin(angle) + second * np.sin(2.0 * angle + rng.uniform(0, 6.28)))
+    wave = amplitude * (np.sin(angle) + second * np.sin(2.0 * angle + rng.uniform(0, 6.28)))
     values = {"joint": j + 1, "harmonic": harmonic, "amplitude": amplitude, "phase": phase}
-    return Imperfection(values, joint=dq)
+    return Imperfection(values, joint=_off(design, j, wave))
 
 
-def distal_links(design: ExperimentDesign) -> list[str]:
-    """Names of the links that end in passive joints of the five-bars."""
-    return [n for n in design.robot.parameters.names if re.fullmatch(r"L\d[24]", n)]
-
-
-@register(DRAWS, "joint.clearance")
-def clearance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def joint_clearance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Passive joints of the five-bars have clearance: the weight pushes each link to one end."""
-    names = distal_links(design)
+    names = design.distal_links
     count = int(rng.choice([1, 2, len(names)], p=[0.3, 0.2, 0.5]))
     chosen = rng.choice(len(names), count, replace=False)
     radius = 5e-5 * size * imperfection.spread(rng)
-    force = design.once("distal forces", lambda: _distal_forces(design))
+    force = _distal_forces(design)
     delta = np.zeros((len(design), len(design.theta)))
     values: dict[str, float] = {"radius": radius}
     for k in chosen:
@@ -123,16 +110,16 @@ def clearance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(values, link=delta)
 
 
+@lru_cache(maxsize=8)
 def _distal_forces(design: ExperimentDesign) -> np.ndarray:
     assert isinstance(design.robot, SimulatedRobot)
-    names = tuple(distal_links(design))
+    names = tuple(design.distal_links)
     rows = np.arange(len(design))
     pick = rows[:: max(1, len(rows) // 500)]
     force = link_forces(design.robot, design.theta, design.q[pick], design.gravity, names)
     return np.stack([np.interp(rows, pick, force[:, k]) for k in range(len(names))], axis=1)
 
 
-@register(DRAWS, "link.length")
 def link_length(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Links of a closed chain that are about 1 mm too long or short."""
     names = [n for n in design.robot.parameters.names if re.fullmatch(r"L\d\d", n)]
@@ -147,8 +134,7 @@ def link_length(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
     return Imperfection(true, link=delta)
 
 
-@register(DRAWS, "base.tilt")
-def tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def base_tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The base is about 0.5° out of level."""
     angle = np.deg2rad(0.5) * size * imperfection.spread(rng)
     heading = rng.uniform(-np.pi, np.pi)
@@ -159,7 +145,6 @@ def tilt(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(values, base=vector + about_vertical)
 
 
-@register(DRAWS, "base.compliance")
 def base_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The base leans under the moment of the arm's weight, unequally about two axes."""
     c = 2e-5 * size * imperfection.spread(rng) * np.array([1.0, rng.uniform(0.5, 1.0)])
@@ -173,8 +158,7 @@ def base_compliance(design: ExperimentDesign, rng: Rng, size: float) -> Imperfec
     return Imperfection(values, base=vector)
 
 
-@register(DRAWS, "base.vibration")
-def vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def base_vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The floor shakes the base along one axis, at 5 to 45 Hz or with a broad spectrum."""
     axis = rng.standard_normal(3) * [1.0, 1.0, 0.6]
     axis /= np.linalg.norm(axis)
@@ -186,8 +170,7 @@ def vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     world = np.broadcast_to(-level * axis, (len(design), 3))
     force = design.load.mass * rotate_back(design.motion.rotation, world)
     shake = wrench_at(design.load.cog, force)
-    values = {"acceleration": level, "frequency": frequency}
-    values |= dict(zip("xyz", axis.tolist(), strict=True))
+    values = {"acceleration": level, "frequency": frequency} | by_axis(axis)
     rows = imperfection.RowImperfection(shake=imperfection.Shaking(shake, frequency))
     return Imperfection(values, rows=rows)
 
@@ -199,15 +182,20 @@ def _crossed(design: ExperimentDesign, state: np.ndarray) -> np.ndarray:
     return np.asarray(gaussian_filter1d(state, max(1.0, _CROSSING_S * design.rate)))
 
 
+def _off(design: ExperimentDesign, j: int, change: np.ndarray | float) -> np.ndarray:
+    """Change of the joint values (N, J) of which one joint changes by (N,) [rad or m]."""
+    dq = np.zeros_like(design.q)
+    dq[:, j] = change
+    return dq
+
+
+@lru_cache(maxsize=8)
 def _visibility(design: ExperimentDesign) -> np.ndarray:
     """Relative effect of 0.2° at each joint (J,) after the usual fit."""
-    robot, count = imperfection.ImperfectRobot(design), design.q.shape[1]
-    seen = np.empty(count)
-    for j in range(count):
-        dq = np.zeros_like(design.q)
-        dq[:, j] = np.deg2rad(0.2)
-        shifted = robot.reading([(Imperfection(joint=dq), 1.0)])
-        seen[j] = np.sqrt(design.gap(shifted - design.nominal))
+    robot, seen = imperfection.ImperfectRobot(design), np.empty(design.q.shape[1])
+    for j in range(len(seen)):
+        item = Imperfection(joint=_off(design, j, np.deg2rad(0.2)))
+        seen[j] = np.sqrt(design.usual.gap(robot.reading([(item, 1.0)]) - design.nominal))
     return np.asarray(seen / max(float(seen.max()), 1e-12))
 
 
@@ -215,7 +203,7 @@ def _joints(
     design: ExperimentDesign, rng: Rng, *, rotating: bool = False, several: float = 0.2
 ) -> list[int]:
     """Numbers of one joint, sometimes two or three; visible ones more often."""
-    visibility = design.once("visibility", lambda: _visibility(design))
+    visibility = _visibility(design)
     weight = 0.03 + visibility
     weight[visibility < 1e-3] = 1e-6
     if rotating:

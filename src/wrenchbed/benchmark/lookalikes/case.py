@@ -40,12 +40,10 @@ class LookalikeCase:
     Attributes:
         seed: that it was drawn with.
         kind: ``none``, ``single``, ``pair`` or ``outside``.
-        causes: the contract's names of the effects, empty for ``none`` and ``outside``.
-        outside: name of the family outside the library, else None.
-        sizes: true parameters of each cause, SI.
-        gaps: what each cause (or outside family) adds to the gap; of a cause between rows, the
-            mean rise of a row's variance over the channels.
         clean: noise-free reading of each hold or sample (N, 6) [N, N·m], with all causes.
+        gaps: what each cause adds to the gap, by the contract's name of its effect, or by the
+            family outside the library; of a cause between rows, the mean rise of a row's variance
+            over the channels.
         rows: largest rise of a channel's row variance, of the causes that show between rows.
         background: gap of all small imperfections together.
         items: everything that is wrong, and how much of it.
@@ -53,14 +51,21 @@ class LookalikeCase:
 
     seed: int
     kind: str
-    causes: tuple[str, ...]
-    outside: str | None
-    sizes: Mapping[str, Mapping[str, float]]
-    gaps: Mapping[str, float]
     clean: np.ndarray
+    gaps: Mapping[str, float] = field(default_factory=dict)
     rows: Mapping[str, float] = field(default_factory=dict)
     background: float = 0.0
     items: tuple[Scaled, ...] = ()
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Names of the library's effects that are causes."""
+        return () if self.kind == "outside" else tuple(self.gaps)
+
+    @property
+    def outside(self) -> str | None:
+        """Name of the family outside the library, if one is the cause."""
+        return next(iter(self.gaps)) if self.kind == "outside" else None
 
     def true(self, effect: str) -> dict[str, float]:
         """True parameters of a cause by name, SI, with what the background adds to them."""
@@ -116,7 +121,7 @@ class _Drawing:
         self.robot = ImperfectRobot(design)
         self.around = catalogue.background(self.robot, self.rng)
         self.base = self.robot.reading(self.around)
-        self.minor = design.gap(self.base - design.nominal)
+        self.minor = design.usual.gap(self.base - design.nominal)
 
     def any_of(self, known: Sequence[str], effect: str | None) -> _Measured:
         """A cause that shows: the effect if one is given, else a random one."""
@@ -156,33 +161,23 @@ class _Drawing:
             target = frame.log_uniform(self.rng, 2.5, 40.0)
             amount = 1.0
             for _ in range(5):
-                items = [*self.around, (item, amount)]
-                reached = self.design.gap(self.robot.reading(items) - self.base)
+                reading = self.robot.reading([*self.around, (item, amount)])
+                reached = self.design.usual.gap(reading - self.base)
                 if frame.NEEDED["outside"] <= reached <= 2.0 * target:
-                    clean = self.robot.reading(items)
-                    return LookalikeCase(
-                        self.seed, "outside", (), name, {}, {name: reached}, clean,
-                        background=self.minor, items=tuple(items),
-                    )  # fmt: skip
+                    return self.case([_Measured(reached, 0.0, item, reading)], amount)
                 amount *= float(np.clip(np.sqrt(target / max(reached, 1e-12)), 1e-3, 30.0))
         raise ParameterError(f"{family or 'no family'} shows enough in this design")
 
-    def case(self, causes: Sequence[_Measured]) -> LookalikeCase:
-        """Make the case with some causes; the first one is measured in the presence of all
-        others."""
-        items = [*self.around, *[(c.item, 1.0) for c in reversed(causes)]]
-        clean = causes[0].reading if causes else self.base
+    def case(self, causes: Sequence[_Measured], amount: float = 1.0) -> LookalikeCase:
+        """The case of some causes; the first one is measured in the presence of all others."""
         return LookalikeCase(
-            seed=self.seed,
-            kind=self.kind,
-            causes=tuple(c.item.name for c in causes),
-            outside=None,
-            sizes={c.item.name: {k: float(v) for k, v in c.item.true.items()} for c in causes},
-            gaps={c.item.name: c.gap for c in causes},
-            clean=clean,
-            rows={c.item.name: c.rows for c in causes if c.between},
-            background=self.minor,
-            items=tuple(items),
+            self.seed,
+            self.kind,
+            causes[0].reading if causes else self.base,
+            {c.item.name: c.gap for c in causes},
+            {c.item.name: c.rows for c in causes if c.rows},
+            self.minor,
+            (*self.around, *[(c.item, amount) for c in reversed(causes)]),
         )
 
     def _surround(self, around: list[Scaled]) -> None:
@@ -192,7 +187,7 @@ class _Drawing:
         """An effect that shows enough, None if it does not within the tries."""
         now = self.size if self.size is not None else frame.log_uniform(self.rng, *frame.SIZES)
         for _ in range(_TRIES):
-            cause = self._measure(imperfection.DRAWS[name](self.design, self.rng, now))
+            cause = self._measure(catalogue.DRAWS[name](self.design, self.rng, now))
             needed = cause.needed(self.kind)
             if (self.size is not None and np.isfinite(cause.gap)) or cause.amount >= needed:
                 return cause
@@ -207,15 +202,16 @@ class _Drawing:
 
     def _measure(self, item: Imperfection) -> _Measured:
         """Change of the reading that an imperfection adds to everything around it."""
-        if frame.between(item.name):
-            rise = imperfection.raised_variance(self.design, item, self.base)
-            return _Measured(float(rise.mean()), float(rise.max()), True, item, self.base)
+        if frame.between(item.name) and item.rows is not None:
+            noise, held = self.design.noise_std, imperfection.held_rows
+            rise = item.rows.rise(noise, self.base, lambda shake: shake.wrench, held)
+            return _Measured(float(rise.mean()), float(rise.max()), item, self.base)
         with np.errstate(invalid="ignore"):
             reading = self.robot.reading([*self.around, (item, 1.0)])
         if not np.isfinite(reading).all():
-            return _Measured(float("nan"), 0.0, False, item, self.base)
-        size = self.design.gap(reading - self.base, item.name in frame.STATED)
-        return _Measured(size, 0.0, False, item, reading)
+            return _Measured(float("nan"), 0.0, item, self.base)
+        gap = self.design.usual.gap(reading - self.base, item.name in frame.STATED)
+        return _Measured(gap, 0.0, item, reading)
 
 
 def recording(design: ExperimentDesign, case: LookalikeCase) -> Recording:
@@ -234,16 +230,13 @@ def recording(design: ExperimentDesign, case: LookalikeCase) -> Recording:
         t = t - min(0.0, float(t[0]))
     q = np.repeat(design.q, samples, axis=0)
     q = q + rng.normal(0.0, _ENCODER * (0.01 if design.moving else 1.0), q.shape)
-    names: tuple[str, ...] = QUATERNION
-    if design.has_joints:
-        names = tuple(f"q{j + 1}" for j in range(q.shape[1]))
-    else:
+    placed = frame.numbered("q", q)
+    if not design.robot.joints:
         q = q / np.linalg.norm(q, axis=1, keepdims=True)
-    y = rows.reshape(-1, 6)
+        placed = dict(zip(QUATERNION, q.T, strict=True))
     segment = np.zeros(count) if design.moving else np.arange(count)
     columns = {"t": t, "segment": np.repeat(segment.astype(np.int64), samples)}
-    columns |= {name: q[:, j] for j, name in enumerate(names)}
-    columns |= {c: y[:, k] for k, c in enumerate(CHANNELS)}
+    columns |= placed | dict(zip(CHANNELS, rows.reshape(-1, 6).T, strict=True))
     if design.temperature is not None:
         warm = np.repeat(design.temperature, samples)
         columns["temperature"] = np.round(warm + rng.normal(0.0, 0.02, len(warm)), 2)

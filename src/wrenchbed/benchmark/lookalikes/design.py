@@ -3,10 +3,9 @@
 Typical tolerances and steps in this module are estimates.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+import re
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, TypeVar
 
 import numpy as np
 from scipy.signal import savgol_filter
@@ -15,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import Usual, as_stated, hold_means
 from wrenchbed.benchmark.lookalikes import loads
-from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, Weights
+from wrenchbed.benchmark.lookalikes.loads import SensorMotion, Weights
 from wrenchbed.calibration.calibrate import IdentifiedLoad, identify_from_gravity
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.plan import Plan
@@ -23,7 +22,6 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import INERTIA_AXES, Robot
 
-Value = TypeVar("Value")
 STEPS = 4
 """Points on the move to each pose; the last one is the pose itself."""
 STILL = 1e-3
@@ -113,7 +111,6 @@ class ExperimentDesign:
     noise_std: np.ndarray
     temperature: np.ndarray | None = None
     measured: np.ndarray | None = None
-    _computed: dict[str, Any] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, recording: Recording) -> "ExperimentDesign":
@@ -160,13 +157,6 @@ class ExperimentDesign:
         t = np.cumsum(dwell) - 0.5 * samples / rate
         return cls(robot, "static", plan.q, t, samples, rate, meta, noise)
 
-    def once(self, name: str, compute: Callable[[], Value]) -> Value:
-        """A result of ``compute`` that belongs to this design, computed once."""
-        if name not in self._computed:
-            self._computed[name] = compute()
-        value: Value = self._computed[name]
-        return value
-
     def __len__(self) -> int:
         return len(self.t)
 
@@ -175,10 +165,10 @@ class ExperimentDesign:
         """Whether the samples are of one motion."""
         return self.mode == "dynamic"
 
-    @cached_property
-    def has_joints(self) -> bool:
-        """Whether the robot has a model of joints."""
-        return len(self.robot.joints) > 0
+    @property
+    def distal_links(self) -> list[str]:
+        """Names of the links that end in passive joints of the five-bars."""
+        return [n for n in self.robot.parameters.names if re.fullmatch(r"L\d[24]", n)]
 
     @cached_property
     def gravity(self) -> np.ndarray:
@@ -214,10 +204,9 @@ class ExperimentDesign:
         return robot.theta_of_tool(theta, mass, cog)
 
     @cached_property
-    def load(self) -> RigidLoad:
+    def load(self) -> Tool:
         """Stated load on the sensor."""
-        tool = self.robot.tool(self.theta)
-        return RigidLoad(float(tool.mass), tool.cog, tool.inertia, float(tool.sensor_mass))
+        return self.robot.tool(self.theta)
 
     @cached_property
     def motion(self) -> SensorMotion:
@@ -279,17 +268,8 @@ class ExperimentDesign:
         load = self.load
         changed = [replace(load, mass=load.mass + 1.0)]
         changed += [replace(load, cog=load.cog + 0.01 * axis) for axis in np.eye(3)]
-        columns = [np.broadcast_to(axis, self.nominal.shape) for axis in np.eye(6)]
-        columns += [loads.load_wrench(self.motion, other) - self.nominal for other in changed]
-        return Usual.of(np.stack(columns, axis=-1), self.noise_std)
-
-    def gap(self, difference: np.ndarray, configured: bool = False) -> float:
-        """Mean of r'Σ⁻¹r/6 of a noise-free difference (N, 6), Σ from ``noise_std``.
-
-        Args:
-            configured: count all of it, not only what bias, mass and CoG cannot take up.
-        """
-        return self.usual.gap(difference, configured)
+        differences = [loads.load_wrench(self.motion, other) - self.nominal for other in changed]
+        return Usual.of(differences, self.noise_std)
 
 
 def _noise(meta: Metadata, robot: Robot, measured: np.ndarray | None) -> np.ndarray:

@@ -1,19 +1,20 @@
 """One imperfection of a robot: where it acts and how; and a robot that has several of them.
 
-The laws with a memory that several families use are here too: relays, Preisach's hysteresis,
-relaxation in time, 1/f noise. Numbers without a source are estimates.
+Here too is what several families draw or use: channels, relays, Preisach's hysteresis, lags, 1/f
+noise. Numbers without a source are estimates.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import solve_banded
 
-from wrenchbed.benchmark.frame import Fault, Rng, RowChange
+from wrenchbed.benchmark.frame import Fault, Rng, RowChange, by_axis, by_channel
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion, load_wrench
+from wrenchbed.benchmark.lookalikes.loads import SensorMotion, load_wrench
+from wrenchbed.physics.wrench import Tool
 
 Act = Callable[[np.ndarray], np.ndarray]
 """Function that changes a wrench (N, 6) [N, N·m]."""
@@ -107,22 +108,15 @@ class Imperfection(Fault):
     link: np.ndarray | None = None
     base: np.ndarray | None = None
     mount: np.ndarray | None = None
-    tool: Callable[[RigidLoad, SensorMotion], RigidLoad] | None = None
-    load: Callable[[SensorMotion, RigidLoad], np.ndarray] | None = None
+    tool: Callable[[Tool, SensorMotion], Tool] | None = None
+    load: Callable[[SensorMotion, Tool], np.ndarray] | None = None
     sensor: Act | None = None
     clock: Act | None = None
     rows: RowImperfection | None = None
 
-    @property
-    def moves(self) -> bool:
-        """Whether the imperfection moves the sensor by its part in a joint or a link."""
-        return self.joint is not None or self.link is not None
 
-
-DRAWS: dict[str, Callable[[ExperimentDesign, Rng, float], Imperfection]] = {}
-"""Draws of the library's effects by name, of a size in multiples of typical.
-
-Importing `arm`, `sensor` and `tool` fills it."""
+Scaled = tuple[Imperfection, float]
+"""An imperfection and how much of it is there: 1 is all."""
 
 
 def spread(rng: Rng) -> float:
@@ -130,8 +124,35 @@ def spread(rng: Rng) -> float:
     return rng.uniform(0.8, 1.25)
 
 
-Scaled = tuple[Imperfection, float]
-"""An imperfection and how much of it is there: 1 is all."""
+def channels(rng: Rng, one: float = 0.6) -> np.ndarray:
+    """Random weights (6,) of either sign: one channel, the forces or torques, or all."""
+    kind = rng.uniform()
+    chosen = np.zeros(6, dtype=bool)
+    if kind < one:
+        chosen[rng.integers(6)] = True
+    elif kind < one + 0.2:
+        chosen[slice(0, 3) if rng.uniform() < 0.5 else slice(3, 6)] = True
+    else:
+        chosen[:] = True
+    weight = rng.uniform(0.5, 1.0, 6) * rng.choice([-1.0, 1.0], 6) * chosen
+    return np.asarray(weight / np.abs(weight).max())
+
+
+def heavier(error: float) -> Imperfection:
+    """A tool that is heavier by ``error`` [kg]."""
+    return Imperfection({"mass": error}, tool=lambda load, _: replace(load, mass=load.mass + error))
+
+
+def off(error: np.ndarray, true: dict[str, float] | None = None) -> Imperfection:
+    """A tool whose centre of gravity is off by (3,), or row by row by (N, 3) [m]."""
+    known = by_axis(error, "cog.") if true is None else true
+    return Imperfection(known, tool=lambda load, _: replace(load, cog=load.cog + error))
+
+
+def biased(shift: np.ndarray, true: dict[str, float] | None = None) -> Imperfection:
+    """A zero that is off by (6,), or row by row by (N, 6) [N, N·m]."""
+    known = by_channel(shift, "bias.") if true is None else true
+    return Imperfection(known, sensor=lambda y: y + shift)
 
 
 class ImperfectRobot:
@@ -147,7 +168,8 @@ class ImperfectRobot:
 
     def reading(self, items: Sequence[Scaled], *, clip: bool = True) -> np.ndarray:
         """Noise-free reading (N, 6) [N, N·m]; without range limits if not ``clip``."""
-        motion = self._motion([(i, k) for i, k in items if i.moves])
+        moving = [(i, k) for i, k in items if i.joint is not None or i.link is not None]
+        motion = self._motion(moving)
         tilts = [k * i.base for i, k in items if i.base is not None]
         if tilts:
             motion = motion.tilted(sum(tilts, np.zeros(3)))
@@ -157,7 +179,9 @@ class ImperfectRobot:
         load = self.design.load
         for item, k in items:
             if item.tool is not None:
-                load = _blend(load, item.tool(load, motion), k)
+                new = item.tool(load, motion)
+                pairs = zip(vars(load).values(), vars(new).values(), strict=True)
+                load = new if k == 1.0 else Tool(*(a + k * (b - a) for a, b in pairs))
         y = load_wrench(motion, load)
         forces = [k * i.load(motion, load) for i, k in items if i.load is not None]
         y = sum(forces, y)
@@ -187,34 +211,6 @@ class ImperfectRobot:
             self._known += [item for item, _ in items]
             self._motions[key] = self.design.moved(dq, theta)
         return self._motions[key]
-
-
-def _blend(old: RigidLoad, new: RigidLoad, k: float) -> RigidLoad:
-    if k == 1.0:
-        return new
-    return RigidLoad(
-        old.mass + k * (new.mass - old.mass),
-        old.cog + k * (new.cog - old.cog),
-        old.inertia + k * (new.inertia - old.inertia),
-        old.sensor_mass + k * (new.sensor_mass - old.sensor_mass),
-    )
-
-
-def raised_variance(design: ExperimentDesign, item: Imperfection, base: np.ndarray) -> np.ndarray:
-    """Rise of a row's variance (6,) over the noise, by an imperfection between rows.
-
-    Args:
-        base: noise-free reading (N, 6) of all else.
-    """
-    r = item.rows
-    assert r is not None
-    rise = r.rise(design.noise_std)
-    if r.shake is not None:
-        rise = rise + ((r.shake.wrench / design.noise_std) ** 2).mean(axis=0)
-    if r.stale[0] > 0.0:
-        held = base[held_rows(len(base), r.stale, np.random.default_rng(len(base)))]
-        rise = rise + (((held - base) / design.noise_std) ** 2).mean(axis=0)
-    return np.asarray(rise)
 
 
 def held_rows(rows: int, stale: tuple[float, float], rng: Rng) -> np.ndarray:

@@ -5,6 +5,7 @@ Velocities and accelerations of the sensor come from finite differences of its p
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -12,22 +13,13 @@ from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.physics.rotations import cross
+from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import Robot, SimulatedRobot
 
 FINER = 4
 """Central differences in time step by the time between samples divided by this."""
 _STEP = 1e-5
 """Step of central differences of potential energy [rad or m]: an estimate."""
-
-
-@dataclass(frozen=True, eq=False)
-class RigidLoad:
-    """Rigid load of the sensor: mass [kg], cog (3,) or (N, 3) [m], inertia (3, 3) [kg·m²]."""
-
-    mass: float
-    cog: np.ndarray
-    inertia: np.ndarray
-    sensor_mass: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +120,8 @@ def _rotation_vector(start: np.ndarray, end: np.ndarray) -> np.ndarray:
     return sine * (1.0 + square / 6.0 + 3.0 * square**2 / 40.0)
 
 
-def load_wrench(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
-    """Load on the sensor (N, 6) [N, N·m], torque about the sensor's origin."""
+def load_wrench(motion: SensorMotion, load: Tool) -> np.ndarray:
+    """Load on the sensor (N, 6) [N, N·m] of a tool whose CoG (3,) or (N, 3) may move."""
     specific = motion.specific_force
     if motion.spin is None or motion.spin_rate is None:
         force = load.mass * specific
@@ -143,12 +135,8 @@ def load_wrench(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
     return np.concatenate([force + load.sensor_mass * specific, torque], axis=1)
 
 
-@dataclass(frozen=True, eq=False)
-class Weights:
-    """Torques that the joints carry (N, J) [N·m or N] and the moment on the base (N, 3) [N·m].
-
-    Both are empty, (N, 0) and (N, 3) zeros, for a robot without a model.
-    """
+class Weights(NamedTuple):
+    """Torques that the joints carry (N, J) [N·m or N] and the moment on the base (N, 3) [N·m]."""
 
     torque: np.ndarray
     moment: np.ndarray

@@ -8,12 +8,13 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform, register
+from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import (
-    DRAWS,
     Imperfection,
     RowImperfection,
+    biased,
+    channels,
     preisach,
     relax,
     spread,
@@ -27,15 +28,13 @@ _STEADY, _SWINGING = 0.65, 0.2
 """Share of drifts that are steady, and that swing; the others wander. Estimates."""
 
 
-@register(DRAWS, "timing.delay")
-def delay(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def timing_delay(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The wrench is about 8 ms older than the joints."""
     lag = 8e-3 * size * spread(rng)
     return Imperfection({"delay": lag}, clock=lambda y: _at(design, y, design.t - lag))
 
 
-@register(DRAWS, "timing.lowpass")
-def lowpass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def timing_lowpass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The electronics smooth the reading, one or two stages of together about 6 ms."""
     time = 6e-3 * size * spread(rng)
     order = int(rng.integers(1, 3))
@@ -53,8 +52,7 @@ def lowpass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection({"time": time, "order": float(order)}, clock=act)
 
 
-@register(DRAWS, "timing.stale")
-def stale(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def timing_stale(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Now and then the last reading is repeated for some 30 ms."""
     length = max(1.0, 0.03 * size * design.rate * spread(rng))
     share = min(0.6, 0.06 * size * spread(rng))
@@ -63,8 +61,7 @@ def stale(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(values, rows=RowImperfection(stale=(chance, length)))
 
 
-@register(DRAWS, "timing.skew")
-def skew(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def timing_skew(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The sensor's clock runs fast or slow, or its channels are read one after the other."""
     t = design.t
     if rng.uniform() < 0.65:
@@ -84,61 +81,35 @@ def _at(design: ExperimentDesign, y: np.ndarray, t: np.ndarray) -> np.ndarray:
     return np.asarray(CubicSpline(design.t, y)(np.clip(t, design.t[0], design.t[-1])))
 
 
-def channels(rng: Rng, one: float = 0.6) -> np.ndarray:
-    """Random weights (6,) of either sign: one channel, the forces or torques, or all."""
-    kind = rng.uniform()
-    chosen = np.zeros(6, dtype=bool)
-    if kind < one:
-        chosen[rng.integers(6)] = True
-    elif kind < one + 0.2:
-        chosen[slice(0, 3) if rng.uniform() < 0.5 else slice(3, 6)] = True
-    else:
-        chosen[:] = True
-    weight = rng.uniform(0.5, 1.0, 6) * rng.choice([-1.0, 1.0], 6) * chosen
-    return np.asarray(weight / np.abs(weight).max())
-
-
-@register(DRAWS, "sensor.bias")
-def bias(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def sensor_bias(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A zero that is off by about 0.4 % of full scale, more than the stated tolerance."""
-    weight = channels(rng)
     amount = np.maximum(0.004 * size * design.full_scale, 1.5 * design.tolerance[2])
-    return biased(weight * amount)
+    return biased(channels(rng) * amount)
 
 
-def biased(value: np.ndarray) -> Imperfection:
-    """A zero that is off by (6,) [N, N·m]."""
-    return Imperfection(by_channel(value, "bias."), sensor=lambda y: y + value)
-
-
-@register(DRAWS, "sensor.drift")
-def drift(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def sensor_drift(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A zero that drifts steadily, swings or wanders, by about 0.4 % of full scale over the run."""
     span = 4e-3 * size * design.full_scale * channels(rng)
     progress, kind = elapsed(design.t), rng.uniform()
     if kind < _STEADY:
         shift = (progress ** rng.uniform(0.85, 1.2))[:, None] * span
-        true = by_channel(span / float(np.ptp(design.t)), "rate.")
-        return Imperfection(true, sensor=lambda y: y + shift)
+        return biased(shift, by_channel(span / float(np.ptp(design.t)), "rate."))
     if kind < _STEADY + _SWINGING:
         turns = 2.0 * np.pi * rng.uniform(0.5, 3.0) * progress + rng.uniform(0.0, 2.0 * np.pi)
         shift = 0.5 * np.sin(turns)[:, None] * span
     else:
         steps = np.sqrt(np.diff(design.t, prepend=design.t[0])) * rng.standard_normal(len(design))
         shift = (np.cumsum(steps) / np.sqrt(float(np.ptp(design.t))))[:, None] * span
-    return Imperfection({}, sensor=lambda y: y + shift)
+    return biased(shift, {})
 
 
-@register(DRAWS, "sensor.gain")
-def gain(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def sensor_gain(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Sensitivities that are off by about 1.5 %."""
-    weight = channels(rng)
-    error = 0.015 * size * weight
+    error = 0.015 * size * channels(rng)
     return Imperfection(by_channel(error, "gain."), sensor=lambda y: y * (1.0 + error))
 
 
-@register(DRAWS, "sensor.crosstalk")
-def crosstalk(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def sensor_crosstalk(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Channels that read a share of others: one quarter of the matrix, one entry or all."""
     lever = np.array([1.0, 1.0, 1.0, 0.1, 0.1, 0.1])
     matrix = np.zeros((6, 6))
@@ -160,21 +131,17 @@ def crosstalk(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(values, sensor=lambda y: y + y @ matrix.T)
 
 
-@register(DRAWS, "sensor.hysteresis")
-def hysteresis(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def sensor_hysteresis(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A reading that lags behind its own history, about 0.15 % of full scale wide."""
     width = 1.5e-3 * size * design.full_scale * np.abs(channels(rng))
     reach = rng.uniform(0.05, 0.3)
     used = np.flatnonzero(width)
     loop = np.zeros((len(design), 6))
     loop[:, used] = preisach(design.path.wrench[:, used], rng, reach)[design.path.at]
-    shift = -width * loop
-    values = {"reach": reach} | by_channel(width)
-    return Imperfection(values, sensor=lambda y: y + shift)
+    return biased(-width * loop, {"reach": reach} | by_channel(width))
 
 
-@register(DRAWS, "sensor.saturation")
-def saturation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def sensor_saturation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A channel whose range ends a few per cent below its largest load.
 
     At most one pose in five is clipped: more is a fault that anyone sees.
@@ -188,39 +155,33 @@ def saturation(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection(values, rows=RowImperfection(limit=limit))
 
 
-@register(DRAWS, "sensor.quantization")
-def quantization(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def sensor_quantization(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Coarse steps, typically 2.5 times the noise of a row."""
     step = 2.5 * size * design.noise_std * np.abs(channels(rng, one=0.4))
     return Imperfection(by_channel(step), rows=RowImperfection(step=step))
 
 
-@register(DRAWS, "sensor.noise")
-def noise(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def sensor_noise(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """More noise than stated: half as much again, typically."""
     factor = 1.0 + 0.5 * size * np.abs(channels(rng, one=0.4))
-    rows = RowImperfection(gain=factor)
-    return Imperfection(by_channel(factor - 1.0), rows=rows)
+    return Imperfection(by_channel(factor - 1.0), rows=RowImperfection(gain=factor))
 
 
-@register(DRAWS, "sensor.temperature")
-def temperature(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def sensor_temperature(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Zeros and gains that follow the recorded temperature."""
     zero = 2.5e-3 * size * design.full_scale * channels(rng, one=0.4)
     gain_error = 2e-3 * size * rng.normal(0.0, 1.0, 6)
     warm = np.asarray(design.temperature, dtype=float)
     rise = relax(design.t, warm[:, None], rng.uniform(5.0, 60.0))
-    level = rise[:, 0] - rise[0, 0]
-    level = level / max(float(np.abs(level).max()), 1e-9)
-    column = level[:, None]
+    level = rise - rise[0, 0]
+    column = level / max(float(np.abs(level).max()), 1e-9)
     return Imperfection(
         by_channel(zero / float(np.ptp(warm))),
         sensor=lambda y: y * (1.0 + gain_error * column) + zero * column,
     )
 
 
-@register(DRAWS, "sensor.nonlinearity")
-def nonlinearity(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def sensor_nonlinearity(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """An even or odd curvature, about 0.2 % of full scale at the largest load.
 
     Now and then another gain in one direction than in the other.
@@ -240,8 +201,7 @@ def nonlinearity(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
     return Imperfection({"power": power} | unit, sensor=act)
 
 
-@register(DRAWS, "sensor.creep")
-def creep(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def sensor_creep(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """About 1 % of a change of load appears late, within 20 s to 10 min: two rates."""
     share = 0.01 * size * np.abs(channels(rng, one=0.3))
     path = design.path
@@ -249,15 +209,11 @@ def creep(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     mix = rng.uniform(0.6, 1.0)
     late = mix * relax(path.t, path.wrench, slow)
     late += (1.0 - mix) * relax(path.t, path.wrench, slow * rng.uniform(0.1, 0.4))
-    shift = share * (late - path.wrench)[path.at]
-    values = {"time": slow} | by_channel(share)
-    return Imperfection(values, sensor=lambda y: y + shift)
+    return biased(share * (late - path.wrench)[path.at], {"time": slow} | by_channel(share))
 
 
-@register(DRAWS, "sensor.jump")
-def jump(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def sensor_jump(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The zero jumps once, by about 0.25 % of full scale."""
     step = 2.5e-3 * size * design.full_scale * channels(rng)
     when = float(np.quantile(design.t, rng.uniform(0.15, 0.85)))
-    shift = (design.t > when)[:, None] * step
-    return Imperfection({"time": when} | by_channel(step, "step."), sensor=lambda y: y + shift)
+    return biased((design.t > when)[:, None] * step, {"time": when} | by_channel(step, "step."))

@@ -8,11 +8,12 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from wrenchbed.benchmark.frame import Rng, elapsed, register
+from wrenchbed.benchmark.frame import Rng, by_axis, elapsed
 from wrenchbed.benchmark.lookalikes import loads
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import DRAWS, Imperfection, relay, spread
-from wrenchbed.benchmark.lookalikes.loads import RigidLoad, SensorMotion
+from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, heavier, off, relay, spread
+from wrenchbed.benchmark.lookalikes.loads import SensorMotion
+from wrenchbed.physics.wrench import Tool
 
 _AXES = 8
 """Directions that are tried until a loose part really moves to and fro."""
@@ -22,34 +23,20 @@ _G = 9.81
 """Gravity for typical forces [m/s²]: an estimate."""
 
 
-@register(DRAWS, "tool.mass")
-def mass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def tool_mass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The tool weighs about 2 % more or less than stated."""
     amount = max(0.02 * size * design.load.mass, 2.5 * design.tolerance[0])
     return heavier(float(amount * rng.choice([-1.0, 1.0])))
 
 
-def heavier(error: float) -> Imperfection:
-    """A tool that is heavier by ``error`` [kg]."""
-    return Imperfection({"mass": error}, tool=lambda load, _: replace(load, mass=load.mass + error))
-
-
-@register(DRAWS, "tool.cog")
-def cog(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def tool_cog(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The centre of gravity is about 1.5 mm from where it is stated."""
     axis = rng.standard_normal(3)
     amount = max(1.5e-3 * size, 2.5 * design.tolerance[1])
     return off(amount * axis / np.linalg.norm(axis))
 
 
-def off(error: np.ndarray) -> Imperfection:
-    """A tool whose centre of gravity is off by (3,) [m]."""
-    true = {f"cog.{a}": e for a, e in zip("xyz", error.tolist(), strict=True)}
-    return Imperfection(true, tool=lambda load, _: replace(load, cog=load.cog + error))
-
-
-@register(DRAWS, "tool.inertia")
-def inertia(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def tool_inertia(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The tool's moments of inertia are about 30 % off, with small products."""
     stated = design.load.inertia
     error = 0.3 * size * stated * rng.normal(0.0, 1.0, (3, 3))
@@ -64,8 +51,7 @@ def inertia(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     )
 
 
-@register(DRAWS, "tool.loose")
-def loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def tool_loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A loose part shifts the CoG by about 1 mm when gravity clearly pulls it to the other stop."""
     travel = 1e-3 * size * spread(rng)
     path = design.path
@@ -79,14 +65,11 @@ def loose(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
             break
     if design.moving:
         state = gaussian_filter1d(state, max(1.0, _FALL_S * design.rate))
-    shift = 0.5 * travel * state[:, None] * axis
-    values = {"travel": travel, "stick": stick, "lean": lean}
-    values |= dict(zip("xyz", axis.tolist(), strict=True))
-    return Imperfection(values, tool=lambda load, _: replace(load, cog=load.cog + shift))
+    values = {"travel": travel, "stick": stick, "lean": lean} | by_axis(axis)
+    return off(0.5 * travel * state[:, None] * axis, values)
 
 
-@register(DRAWS, "tool.leak")
-def leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def tool_leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """About 1.5 % of the mass runs out by Torricelli's law or a power of time, or falls off."""
     progress = elapsed(design.t)
     kind = rng.choice(["tank", "power", "part"], p=[0.4, 0.4, 0.2])
@@ -100,14 +83,13 @@ def leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     lost = 0.015 * size * design.load.mass * spread(rng) * float(rng.choice([1.0, 1.0, 1.0, -1.0]))
     place = design.load.cog + rng.normal(0.0, 0.02, 3)
 
-    def act(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
-        return loads.wrench_at(place, -lost * law[:, None] * motion.specific_force)
+    return Imperfection(
+        {"lost": lost},
+        load=lambda m, _: loads.wrench_at(place, -lost * law[:, None] * m.specific_force),
+    )
 
-    return Imperfection({"lost": lost}, load=act)
 
-
-@register(DRAWS, "tool.slide")
-def slide(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def tool_slide(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The CoG moves by about 2 mm: a clamp creeps, slips in steps, or the tool bows as it warms."""
     progress = elapsed(design.t)
     kind = rng.choice(["creeps", "slips", "bows"])
@@ -124,12 +106,10 @@ def slide(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
         law = law / np.abs(law).max()
     axis = rng.standard_normal(3)
     amount = 2e-3 * size * spread(rng)
-    shift = amount * law[:, None] * axis / np.linalg.norm(axis)
-    return Imperfection({"moved": amount}, tool=lambda load, _: replace(load, cog=load.cog + shift))
+    return off(amount * law[:, None] * axis / np.linalg.norm(axis), {"moved": amount})
 
 
-@register(DRAWS, "tool.flexure")
-def flexure(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def tool_flexure(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The tool bends under its own weight, softer across than along: about 5e-5 m/N."""
     base = 5e-5 * size * spread(rng)
     along = design.load.cog / max(float(np.linalg.norm(design.load.cog)), 1e-9)
@@ -141,7 +121,7 @@ def flexure(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     matrix = base * (even * across + (1.0 - even) * np.outer(side, side))
     matrix = matrix + base * stiff * np.outer(along, along)
 
-    def act(load: RigidLoad, motion: SensorMotion) -> RigidLoad:
+    def act(load: Tool, motion: SensorMotion) -> Tool:
         force = load.mass * motion.specific_force
         deflection = force @ matrix.T
         bent = load.cog + deflection
@@ -154,20 +134,6 @@ def flexure(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     return Imperfection({"compliance": base}, tool=act)
 
 
-def self_weight(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
-    """The sensor's tool side, about 40 g, loads its gauges.
-
-    It is exactly a mass and a CoG, so no design shows it: it is drawn for the background only.
-    """
-    weight = 0.04 * size * spread(rng)
-    return Imperfection(
-        {"mass": weight},
-        tool=lambda load, _: replace(load, sensor_mass=load.sensor_mass + weight),
-        name="tool.self_weight",
-    )
-
-
-@register(DRAWS, "cable.pull")
 def cable_pull(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A hose between a hook in the world and the tool pulls once it is taut: about 0.2 N."""
     point = np.array([rng.normal(0.0, 0.02), rng.normal(0.0, 0.02), rng.uniform(0.02, 0.1)])
@@ -183,7 +149,7 @@ def cable_pull(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     power = rng.uniform(0.9, 1.2)
     lever = np.broadcast_to(point, place.shape)
 
-    def act(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
+    def act(motion: SensorMotion, load: Tool) -> np.ndarray:
         line = hook - (motion.position + loads.rotate(motion.rotation, lever))
         length = np.linalg.norm(line, axis=1, keepdims=True)
         taut = np.maximum(length - slack, 0.0)
@@ -191,12 +157,9 @@ def cable_pull(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
         return loads.wrench_at(lever, loads.rotate_back(motion.rotation, pull))
 
     values = {"stiffness": stiffness, "slack": slack}
-    values |= {f"hook_{a}": float(h) for a, h in zip("xyz", hook, strict=True)}
-    values |= {f"point_{a}": float(p) for a, p in zip("xyz", point, strict=True)}
-    return Imperfection(values, load=act)
+    return Imperfection(values | by_axis(hook, "hook_") | by_axis(point, "point_"), load=act)
 
 
-@register(DRAWS, "cable.torsion")
 def cable_torsion(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """A cable wound with the last joint twists the tool, with some friction: 1 % of its torque."""
     path, last = design.path, design.q.shape[1] - 1
@@ -217,8 +180,7 @@ def cable_torsion(design: ExperimentDesign, rng: Rng, size: float) -> Imperfecti
     return Imperfection(values, load=lambda motion, load: wrench)
 
 
-@register(DRAWS, "environment.contact")
-def contact(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
+def environment_contact(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The tool's end presses on an obstacle in one corner of the workspace: about 0.3 N."""
     tip = np.array([0.0, 0.0, 2.0 * max(float(design.load.cog[2]), 0.03)])
     lever = np.broadcast_to(tip, (len(design), 3))
@@ -238,12 +200,11 @@ def contact(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     along = np.cross(normal, rng.standard_normal(3))
     along /= np.linalg.norm(along)
 
-    def act(motion: SensorMotion, load: RigidLoad) -> np.ndarray:
+    def act(motion: SensorMotion, load: Tool) -> np.ndarray:
         at = motion.position + loads.rotate(motion.rotation, lever)
         depth = np.maximum(level - at @ normal, 0.0) / mean
         push = (force * depth**power)[:, None] * (normal + friction * along)
         return loads.wrench_at(lever, loads.rotate_back(motion.rotation, push))
 
     values = {"stiffness": force / mean, "level": level, "power": power, "friction": friction}
-    values |= {f"normal_{a}": float(n) for a, n in zip("xyz", normal, strict=True)}
-    return Imperfection(values, load=act)
+    return Imperfection(values | by_axis(normal, "normal_"), load=act)

@@ -8,10 +8,27 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.frame import Rng, elapsed, register, sign
-from wrenchbed.benchmark.referee.fault import DRAWS, RefereeFault, RowFault, about, direction
+from wrenchbed.benchmark.frame import Rng, by_axis, elapsed, sign
+from wrenchbed.benchmark.referee.fault import (
+    RefereeFault,
+    RowFault,
+    about,
+    direction,
+    heavier,
+    misshapen,
+    not_as_drawn,
+    off,
+)
 from wrenchbed.benchmark.referee.laws import dahl
-from wrenchbed.benchmark.referee.machine import Backlash, Hose, LoosePart, Mechanics, Pad, Ride
+from wrenchbed.benchmark.referee.machine import (
+    Backlash,
+    Hose,
+    LoosePart,
+    Mechanics,
+    Pad,
+    Ride,
+    wrench_at,
+)
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.robots.base import INERTIA_AXES
 
@@ -21,38 +38,35 @@ _G = 9.81
 """Gravity for typical forces [m/s²]: an estimate."""
 
 
-@register(DRAWS, "mount.rotation")
-def mount(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def mount_rotation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A sensor mounted with a rotation of about 0.4°, often about the axis of its bolts."""
     axis = direction(rng)
     if rng.uniform() < 0.35:
         axis = np.array([0.0, 0.0, sign(rng)]) + 0.2 * axis
     vector = about(rng, np.deg2rad(0.4) * size) * axis / np.linalg.norm(axis)
-    true = {f"rotation.{a}": float(v) for a, v in zip("xyz", vector, strict=True)}
 
     def body(m: Mechanics) -> Mechanics:
         both = Rotation.from_rotvec(m.mount) * Rotation.from_rotvec(vector)
         return replace(m, mount=both.as_rotvec())
 
-    return RefereeFault(true, body=body)
+    return RefereeFault(by_axis(vector, "rotation."), body=body)
 
 
-@register(DRAWS, "joint.offset")
-def offset(setting: RefereeSetting, rng: Rng, size: float, j: int | None = None) -> RefereeFault:
+def joint_offset(
+    setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
+) -> RefereeFault:
     """The zero of a joint, about 0.2° or 1 mm off."""
     k = _joint(setting, rng) if j is None else j
     unit = np.deg2rad(0.2) if setting.robot.joints[k].unit == "rad" else 1e-3
     value = sign(rng) * about(rng, unit * size)
     row = value * np.eye(len(setting.robot.joints))[k]
+    return RefereeFault(
+        {f"offset.q{k + 1}": value},
+        body=lambda m: replace(m, drive=(*m.drive, lambda q: np.broadcast_to(row, q.shape))),
+    )
 
-    def body(m: Mechanics) -> Mechanics:
-        return replace(m, drive=(*m.drive, lambda q: np.broadcast_to(row, q.shape)))
 
-    return RefereeFault({f"offset.q{k + 1}": value}, body=body)
-
-
-@register(DRAWS, "joint.compliance")
-def compliance(
+def joint_compliance(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
     """A compliant gear: a hinge behind the drive, about 15,000 or 5,000 N·m/rad."""
@@ -66,8 +80,7 @@ def compliance(
     )
 
 
-@register(DRAWS, "joint.backlash")
-def backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def joint_backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Backlash between drive and link, about 0.08° wide: the weight decides the side."""
     k = _rotating(setting, rng)
     width = about(rng, np.deg2rad(0.08) * size)
@@ -77,8 +90,7 @@ def backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(true, body=lambda m: replace(m, backlash={**m.backlash, k: gap}))
 
 
-@register(DRAWS, "joint.gear_error")
-def gear_error(
+def joint_gear_error(
     setting: RefereeSetting, rng: Rng, size: float, j: int | None = None
 ) -> RefereeFault:
     """A gear that runs unevenly, about 4′, with an overtone; lowest order 1 to 4 a turn."""
@@ -96,40 +108,22 @@ def gear_error(
     return RefereeFault(true, body=lambda m: replace(m, drive=(*m.drive, drive)))
 
 
-@register(DRAWS, "joint.clearance")
-def clearance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def joint_clearance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Pins that close loops, with a clearance of about 40 µm."""
-    pins = loops(setting)
+    pins = setting.loops
     count = int(rng.integers(1, len(pins) + 1))
     chosen = rng.choice(len(pins), count, replace=False)
     radius = {pins[int(k)]: about(rng, 4e-5 * size) for k in chosen}
     return RefereeFault(radius, body=lambda m: replace(m, clearance={**m.clearance, **radius}))
 
 
-@register(DRAWS, "link.length")
 def link_length(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A link of a closed chain, about 0.7 mm too long or too short."""
     names = [n for n in setting.robot.parameters.names if n[0] == "L" and n[1:].isdigit()]
-    return geometry(setting, {str(rng.choice(names)): sign(rng) * about(rng, 7e-4 * size)})
+    return not_as_drawn(setting, {str(rng.choice(names)): sign(rng) * about(rng, 7e-4 * size)})
 
 
-def geometry(setting: RefereeSetting, errors: dict[str, float]) -> RefereeFault:
-    """Links that are not as drawn."""
-    return shifted(setting, {f"length.{k}": v for k, v in errors.items()}, errors)
-
-
-def shifted(
-    setting: RefereeSetting, true: dict[str, float], errors: dict[str, float]
-) -> RefereeFault:
-    """Errors of the machine's parameters by name."""
-    shift = np.zeros(len(setting.theta))
-    for name, value in errors.items():
-        shift[setting.robot.parameters.index(name)] = value
-    return RefereeFault(true, lambda m: replace(m, theta=m.theta + shift))
-
-
-@register(DRAWS, "base.tilt")
-def tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def base_tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A base about 0.4° out of level: gravity rotates in its axes."""
     heading = rng.uniform(-np.pi, np.pi)
     vector = about(rng, np.deg2rad(0.4) * size) * np.array([np.cos(heading), np.sin(heading), 0.0])
@@ -140,7 +134,6 @@ def tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     )
 
 
-@register(DRAWS, "base.compliance")
 def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A floor with a compliance of about 2e-5 rad/(N·m) about one axis, less about the other."""
     most = about(rng, 2e-5 * size)
@@ -151,8 +144,7 @@ def base_compliance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
     )
 
 
-@register(DRAWS, "base.vibration")
-def vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def base_vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A machine nearby: a varying tone of 7 to 40 Hz with an overtone, or a rumble."""
     level = about(rng, 1.3 * float(setting.noise[:3].min()) / setting.mass * size)
     axis = direction(rng) * [1.0, 1.0, 0.7]
@@ -175,12 +167,6 @@ def vibration(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault({"acceleration": level}, rows=RowFault(shake=shake))
 
 
-def loops(setting: RefereeSetting) -> list[str]:
-    """Names of the pins that close loops by two distal links."""
-    spec = setting.robot.spec(setting.theta)
-    return [e.name for e in spec.equalities if e.name.startswith("tip")]
-
-
 def _joint(setting: RefereeSetting, rng: Rng) -> int:
     """Any joint but the first: no wrench shows a rail's position or a rotation about gravity."""
     return int(rng.integers(1, len(setting.robot.joints)))
@@ -191,34 +177,20 @@ def _rotating(setting: RefereeSetting, rng: Rng) -> int:
     return int(rng.choice(rotating))
 
 
-@register(DRAWS, "tool.mass")
-def mass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def tool_mass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool is about 2 % heavier or lighter than stated."""
     least = 2.0 * setting.tolerance[0]
     error = sign(rng) * max(least, about(rng, 0.02 * size * setting.mass))
     return heavier(setting, error)
 
 
-def heavier(setting: RefereeSetting, error: float) -> RefereeFault:
-    """A tool that is heavier by ``error`` [kg]."""
-    return RefereeFault({"mass": error}, body=lambda m: _loaded(setting, m, dm=error))
-
-
-@register(DRAWS, "tool.cog")
-def cog(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def tool_cog(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool's centre of gravity is about 1.5 mm away from where it is stated."""
-    error = max(2.0 * setting.tolerance[1], about(rng, 1.5e-3 * size)) * direction(rng)
-    return off(setting, error)
+    away = max(2.0 * setting.tolerance[1], about(rng, 1.5e-3 * size))
+    return off(setting, away * direction(rng))
 
 
-def off(setting: RefereeSetting, error: np.ndarray) -> RefereeFault:
-    """A tool whose centre of gravity is off by (3,) [m]."""
-    true = {f"cog.{a}": float(e) for a, e in zip("xyz", error, strict=True)}
-    return RefereeFault(true, body=lambda m: _loaded(setting, m, dc=error))
-
-
-@register(DRAWS, "tool.inertia")
-def inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def tool_inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool's moments of inertia are up to 25 % off at size 1, their axes turned by 0.15 rad."""
     stated = setting.metadata.tool.inertia
     assert stated is not None
@@ -229,11 +201,10 @@ def inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     pick = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
     names = [f"inertia.{a}" for a in INERTIA_AXES]
     change = {n: float((new - old)[i]) for n, i in zip(names, pick, strict=True)}
-    return shifted(setting, change, {f"tool.{n}": v for n, v in change.items()})
+    return misshapen(setting, change, {f"tool.{n}": v for n, v in change.items()})
 
 
-@register(DRAWS, "tool.loose")
-def loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def tool_loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A part that slides to and fro in the tool and shifts its CoG by about 1.5 mm."""
     travel = about(rng, 1.5e-3 * size)
     mass_fraction = float(rng.uniform(0.08, 0.2))
@@ -243,8 +214,7 @@ def loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault({"travel": travel}, body=lambda m: replace(m, loose=part))
 
 
-@register(DRAWS, "tool.leak")
-def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def tool_leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool loses mass in the recording, in one case of four gains it: 1.5 % at size 1, by an
     exponential law, at a rate that grows at some moment, or drop by drop."""
     progress = elapsed(setting.path.t)  # 0 … 1
@@ -261,15 +231,13 @@ def leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     lost = lost * float(rng.choice([1.0, 1.0, 1.0, -1.0]))  # or it fills up
     place = setting.cog + 0.02 * rng.standard_normal(3)
 
-    def load(ride: Ride, y: np.ndarray) -> np.ndarray:
-        pull = -lost[:, None] * _pull(ride, place)
-        return y + np.concatenate([pull, np.cross(place, pull)], axis=1)
+    return RefereeFault(
+        {"lost": float(lost[-1])},
+        load=lambda ride, y: y + wrench_at(place, -lost[:, None] * _pull(ride, place)),
+    )
 
-    return RefereeFault({"lost": float(lost[-1])}, load=load)
 
-
-@register(DRAWS, "tool.slide")
-def slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def tool_slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The CoG moves by about 2 mm: a clamp creeps (Kohlrausch), or it sticks and slips."""
     progress = elapsed(setting.path.t)
     if rng.uniform() < 0.5:
@@ -284,12 +252,10 @@ def slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         torque = np.cross(moved, setting.mass * _pull(ride, setting.cog))
         return y + np.concatenate([np.zeros_like(torque), torque], axis=1)
 
-    true = {f"moved.{a}": float(m) for a, m in zip("xyz", moved[-1], strict=True)}
-    return RefereeFault(true, load=load)
+    return RefereeFault(by_axis(moved[-1], "moved."), load=load)
 
 
-@register(DRAWS, "tool.flexure")
-def flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def tool_flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A tool whose root bends, so that its CoG moves by about 5e-5 m/N, unequally across."""
     root = float(rng.uniform(0.0, 0.3)) * float(setting.cog[2])
     lever = max(float(np.linalg.norm(setting.cog - [0.0, 0.0, root])), 0.02)
@@ -301,8 +267,7 @@ def flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     )
 
 
-@register(DRAWS, "cable.pull")
-def hose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def cable_pull(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A hose from a hook above the robot: taut in part of the workspace, pulling about 0.3 N."""
     place = _places(setting)
     spread = max(float(np.linalg.norm(place.std(axis=0))), 0.05)
@@ -318,8 +283,7 @@ def hose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(true, body=lambda m: replace(m, hose=rope))
 
 
-@register(DRAWS, "environment.contact")
-def pad(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def environment_contact(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Something soft in a corner of the workspace that the tool's end presses on: about 0.4 N."""
     tip = np.array([0.0, 0.0, 1.9 * max(float(setting.cog[2]), 0.03)])
     rotation, position = setting.robot.sensor_pose(setting.mean(setting.path.q), setting.theta)
@@ -337,8 +301,7 @@ def pad(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault({"stiffness": k}, body=lambda m: replace(m, pad=block))
 
 
-@register(DRAWS, "cable.torsion")
-def torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def cable_torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A cable wound about the last joint, with dry friction (Dahl) in its jacket."""
     last = setting.path.q.shape[1] - 1
     angle = setting.path.q[:, last]
@@ -355,16 +318,6 @@ def torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         return y + np.concatenate([np.zeros_like(torque), torque], axis=1)
 
     return RefereeFault({"stiffness": k}, load=load)
-
-
-def _loaded(
-    setting: RefereeSetting, m: Mechanics, dm: float = 0.0, dc: np.ndarray | float = 0.0
-) -> Mechanics:
-    """The machine with another mass and CoG of its tool."""
-    tool = setting.robot.tool(m.theta)
-    centre = np.asarray(tool.cog) + dc
-    theta = setting.robot.theta_of_tool(m.theta, float(tool.mass) + dm, centre.tolist())
-    return replace(m, theta=theta)
 
 
 def _pull(ride: Ride, place: np.ndarray) -> np.ndarray:

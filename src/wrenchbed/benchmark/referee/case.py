@@ -11,9 +11,9 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.benchmark import frame
-from wrenchbed.benchmark.frame import Rng, Usual
-from wrenchbed.benchmark.referee.catalogue import FAMILIES, background, possible
-from wrenchbed.benchmark.referee.fault import DRAWS, RefereeFault, mechanics, signal
+from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.referee.catalogue import DRAWS, FAMILIES, background, possible
+from wrenchbed.benchmark.referee.fault import RefereeFault, signal
 from wrenchbed.benchmark.referee.laws import held, rows, shaken
 from wrenchbed.benchmark.referee.machine import Mechanics, Ride, ride
 from wrenchbed.benchmark.referee.scenario import SAMPLES, RefereeSetting, draw
@@ -64,20 +64,21 @@ class FaultyRobot:
 
     @classmethod
     def of(cls, setting: RefereeSetting, around: Sequence[RefereeFault] = ()) -> "FaultyRobot":
-        """Robot of a setting with given faults."""
-        gravity, joints = np.array(setting.robot.gravity, dtype=float), len(setting.robot.joints)
-        machine = mechanics(Mechanics(setting.theta, gravity, np.zeros(joints)), around)
-        return cls(setting, tuple(around), ride(setting.robot, machine, setting.path))
+        """Robot of a setting with given faults.
 
-    @property
-    def usual(self) -> Usual:
-        """Readings that every calibration removes: those of bias, mass and CoG."""
-        return self.setting.usual
+        Raises:
+            ParameterError: they are too much for the machine.
+        """
+        gravity, joints = np.array(setting.robot.gravity, dtype=float), len(setting.robot.joints)
+        machine = Mechanics(setting.theta, gravity, np.zeros(joints))
+        for fault in around:
+            machine = machine if fault.body is None else fault.body(machine)
+        return cls(setting, tuple(around), ride(setting.robot, machine, setting.path))
 
     @cached_property
     def signatures(self) -> Bench:
         """Signatures of the library's effects on this robot."""
-        return bench(self.setting, self.way, self.usual)
+        return bench(self.setting, self.way)
 
     @cached_property
     def clean(self) -> np.ndarray:
@@ -100,53 +101,29 @@ class FaultyRobot:
             return FaultyRobot.of(self.setting, around)
         return replace(self, around=around)
 
-    def measured(self, fault: RefereeFault) -> TrueCause:
+    def measured(self, fault: RefereeFault, together: "FaultyRobot | None" = None) -> TrueCause:
         """Readings and gap that a fault adds to this robot.
+
+        Args:
+            together: this robot with the fault, if it is known already.
 
         Raises:
             ParameterError: it is too much for the machine.
         """
-        return self._difference(fault, self.with_(fault))
-
-    def again(self, first: TrueCause, second: TrueCause) -> TrueCause:
-        """Readings and gap that the first of two causes adds beside the second."""
-        return self.with_(second.fault)._difference(first.fault, second.world)
-
-    def _difference(self, fault: RefereeFault, other: "FaultyRobot") -> TrueCause:
-        if frame.between(fault.name):
-            rise = self.risen(fault)
-            signature, mean, most = np.zeros_like(other.base), rise.mean(), rise.max()
-            return TrueCause(float(mean), float(most), True, fault, signature, other)
+        other = together or self.with_(fault)
+        if frame.between(fault.name) and fault.rows is not None:
+            t, rows = self.setting.path.t, self.setting.path.rows
+            rise = fault.rows.rise(
+                self.setting.noise,
+                self.clean[rows],
+                lambda shake: shaken(self.setting, self.way, shake(t[rows])),
+                held,
+            )
+            nothing = np.zeros_like(other.base)
+            return TrueCause(float(rise.mean()), float(rise.max()), fault, nothing, other)
         signature = other.base - self.base
-        gap = self.usual.gap(signature, fault.name in frame.STATED)
-        return TrueCause(gap, 0.0, False, fault, signature, other)
-
-    def compared(self, wrench: np.ndarray) -> np.ndarray:
-        """Recorded rows (N, 6) less the readings of the stated robot, at the instants where
-        readings are compared (n, 6)."""
-        every = np.zeros((len(self.setting.path.t), 6))
-        every[self.setting.path.rows] = wrench
-        return self.setting.thin(every) - self.setting.nominal[:: self.setting.stride]
-
-    def risen(self, fault: RefereeFault) -> np.ndarray:
-        """Rise of a row's variance over stated noise (6,) by a fault between rows."""
-        r = fault.rows
-        assert r is not None
-        path, noise = self.setting.path, self.setting.noise
-        rise = r.rise(noise)
-        if r.shake is not None:
-            shaken_rows = shaken(self.setting, self.way, r.shake(path.t[path.rows]))
-            rise = rise + ((shaken_rows / noise) ** 2).mean(axis=0)
-        if r.stale[0] > 0.0:
-            y = self.clean[path.rows]
-            shown = held(len(y), r, np.random.default_rng(len(y)))
-            rise = rise + (((y[shown] - y) / noise) ** 2).mean(axis=0)
-        return np.asarray(rise)
-
-    @property
-    def row_noise(self) -> float:
-        """Gap of noise alone where readings are compared."""
-        return 1.0 if self.setting.mode == "dynamic" else 1.0 / SAMPLES
+        gap = self.setting.usual.gap(signature, fault.name in frame.STATED)
+        return TrueCause(gap, 0.0, fault, signature, other)
 
     def causes(self, kind: str, rng: Rng) -> list[TrueCause]:
         """Causes that show, as many as the kind has.
@@ -185,7 +162,7 @@ class FaultyRobot:
         others = frame.of_another_subsystem(possible(self.setting), first.fault.name)
         for _ in range(_PAIRS):
             second = first.world._one("pair", others, rng)
-            again = self.again(first, second)
+            again = self.with_(second.fault).measured(first.fault, second.world)
             if again.amount >= again.needed("pair"):
                 return [again, second]
         raise ParameterError("no second cause leaves the first one visible")
@@ -226,6 +203,54 @@ class RefereeCase:
     measured: np.ndarray
     world: FaultyRobot
 
+    def true(self, cause: TrueCause) -> dict[str, float]:
+        """True numbers of a cause by name, SI, with what minor imperfections of its name add.
+
+        The weight of the sensor's own tool side acts like a mass at the sensor's origin.
+        """
+        sums = frame.true_numbers(cause.fault, [(fault, 1.0) for fault in self.faults])
+        if cause.fault.name in ("tool.mass", "tool.cog"):
+            weights = (f.true["mass"] for f in self.faults if f.name == "tool.self_weight")
+            weight, setting = sum(weights, 0.0), self.world.setting
+            if "mass" in sums:
+                return {"mass": sums["mass"] + weight}
+            shift = dict(zip("xyz", setting.cog, strict=True))
+            sums = {k: v - weight / setting.mass * shift[k[-1]] for k, v in sums.items()}
+        return {k: float(v) for k, v in sums.items()}
+
+    def alike(self, cause: TrueCause) -> tuple[str, ...]:
+        """Effects that this very data cannot tell from a cause."""
+        if self.kind == "outside" or cause.rows:
+            return ()
+        return tuple(self.world.signatures.alike(cause.fault.name, cause.signature))
+
+    def seen(self) -> list[tuple[str, ...]]:
+        """Causes that the data show to one who knows their form and size, each with those alike."""
+        means = [c for c in self.causes if not c.rows]
+        classes = []
+        for cause in self.causes:
+            name = cause.fault.name
+            others: np.ndarray = sum((c.signature for c in means if c is not cause), np.zeros(1))
+            rest = self.measured - others
+            configured = name in frame.STATED
+            if cause.rows or self.world.signatures.shows(rest, cause.signature, configured):
+                classes.append((name, *self.alike(cause)))
+        return classes
+
+    def closed(self) -> float | None:
+        """Share of the gap that vanishes with the exact signatures of the causes that means show;
+        None if there are none."""
+        causes = [c for c in self.causes if not c.rows]
+        if not causes:
+            return None
+        setting = self.world.setting
+        configured = all(c.fault.name in frame.STATED for c in causes)
+        noise = 1.0 if setting.mode == "dynamic" else 1.0 / SAMPLES
+        known: np.ndarray = sum((c.signature for c in causes), np.zeros(1))
+        start = setting.usual.gap(self.measured, configured) - noise
+        after = setting.usual.gap(self.measured - known, configured) - noise
+        return (start - after) / start if start > 0 else None
+
 
 def make(robot: str, mode: str, kind: str, seed: tuple[int, ...]) -> RefereeCase:
     """A case that depends on its seed alone.
@@ -255,7 +280,7 @@ def robot_with_minor(
     for _ in range(8):
         faults = background(setting, np.random.default_rng(around), scale)
         world = FaultyRobot.of(setting, faults)
-        minor = world.usual.gap(world.base - setting.nominal[:: setting.stride], configured=False)
+        minor = setting.usual.gap(world.base - setting.nominal[:: setting.stride])
         if minor <= LARGEST_MINOR:
             return world, minor
         scale *= float(np.sqrt(rng.uniform(0.3, 0.85) * LARGEST_MINOR / minor))
@@ -263,11 +288,7 @@ def robot_with_minor(
 
 
 def as_case(
-    kind: str,
-    world: FaultyRobot,
-    causes: Sequence[TrueCause],
-    minor: float,
-    rng: Rng,
+    kind: str, world: FaultyRobot, causes: Sequence[TrueCause], minor: float, rng: Rng
 ) -> RefereeCase:
     """Make the case of a robot with causes: its recording and its truth."""
     setting, path = world.setting, world.setting.path
@@ -275,12 +296,13 @@ def as_case(
     wrench, q = rows(setting, last.way, last.clean, last.around, rng)
     t = path.t[path.rows] - path.t[path.rows][0]
     t[1:] += np.clip(2e-5 * rng.standard_normal(len(t) - 1), -6e-5, 6e-5)
-    columns = {"t": t, "segment": path.hold.astype(np.int64)}
-    columns |= {f"q{j + 1}": q[:, j] for j in range(q.shape[1])}
-    columns |= {c: wrench[:, k] for k, c in enumerate(CHANNELS)}
+    columns = {"t": t, "segment": path.hold.astype(np.int64)} | frame.numbered("q", q)
+    columns |= dict(zip(CHANNELS, wrench.T, strict=True))
     if setting.temperature is not None:
         warm = setting.temperature[path.rows]
         columns["temperature"] = np.round(warm + 0.03 * rng.standard_normal(len(t)), 2)
     recording = Recording(setting.metadata, columns, "case")
-    measured = world.compared(wrench)
+    every = np.zeros((len(path.t), 6))
+    every[path.rows] = wrench
+    measured = setting.thin(every) - setting.nominal[:: setting.stride]
     return RefereeCase(kind, recording, tuple(causes), last.around, minor, measured, world)

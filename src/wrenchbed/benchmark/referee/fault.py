@@ -4,14 +4,16 @@ Ranges of the random draws that many faults share are estimates.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import Fault, Rng, RowChange
+from wrenchbed.benchmark.frame import Fault, Rng, RowChange, by_axis
 from wrenchbed.benchmark.referee.machine import Mechanics, Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 
+GAIN, MIX, BEND, LOOP, CREEP, ZERO = range(6)
+"""Order in which the sensor's faults act."""
 Change = Callable[[Ride, np.ndarray], np.ndarray]
 """Makes another signal (T, 6) [N, N·m] of one, over the instants of a ride."""
 RowFault = RowChange[Callable[[np.ndarray], np.ndarray]]
@@ -65,18 +67,42 @@ class RefereeFault(Fault):
     size: float = 0.0
 
 
-Draw = Callable[[RefereeSetting, Rng, float], RefereeFault]
-"""Draws a fault of a size in multiples of typical."""
-DRAWS: dict[str, Callable[..., RefereeFault]] = {}
-"""Draws of the library's effects by name; importing `body` and `sensor` fills it."""
+def shifted(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
+    """A zero that shifts by (6,), or instant by instant by (T, 6) [N, N·m]."""
+    return RefereeFault(true, gauge=lambda ride, y: y + shift, stage=ZERO)
 
 
-def mechanics(start: Mechanics, faults: Sequence[RefereeFault]) -> Mechanics:
-    """Machine with all faults of its body."""
-    for fault in faults:
-        if fault.body is not None:
-            start = fault.body(start)
-    return start
+def misshapen(
+    setting: RefereeSetting, true: dict[str, float], errors: dict[str, float]
+) -> RefereeFault:
+    """Errors of the machine's parameters by name."""
+    shift = np.zeros(len(setting.theta))
+    for name, value in errors.items():
+        shift[setting.robot.parameters.index(name)] = value
+    return RefereeFault(true, lambda m: replace(m, theta=m.theta + shift))
+
+
+def not_as_drawn(setting: RefereeSetting, errors: dict[str, float]) -> RefereeFault:
+    """Links whose parameters are off by name."""
+    return misshapen(setting, {f"length.{k}": v for k, v in errors.items()}, errors)
+
+
+def heavier(setting: RefereeSetting, error: float) -> RefereeFault:
+    """A tool that is heavier by ``error`` [kg]."""
+    return RefereeFault({"mass": error}, lambda m: _loaded(setting, m, error, np.zeros(3)))
+
+
+def off(setting: RefereeSetting, error: np.ndarray) -> RefereeFault:
+    """A tool whose centre of gravity is off by (3,) [m]."""
+    return RefereeFault(by_axis(error, "cog."), lambda m: _loaded(setting, m, 0.0, error))
+
+
+def _loaded(setting: RefereeSetting, m: Mechanics, mass: float, cog: np.ndarray) -> Mechanics:
+    """The machine with another mass [kg] and CoG (3,) [m] of its tool."""
+    tool = setting.robot.tool(m.theta)
+    centre = (np.asarray(tool.cog) + cog).tolist()
+    theta = setting.robot.theta_of_tool(m.theta, float(tool.mass) + mass, centre)
+    return replace(m, theta=theta)
 
 
 def signal(ride: Ride, faults: Sequence[RefereeFault]) -> np.ndarray:

@@ -12,9 +12,9 @@ import numpy as np
 from scipy.signal import lfilter
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import converted
-from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault
-from wrenchbed.benchmark.referee.machine import Ride
+from wrenchbed.benchmark.frame import Rng, converted
+from wrenchbed.benchmark.referee.fault import RefereeFault
+from wrenchbed.benchmark.referee.machine import Ride, wrench_at
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 
 _ROUNDING = 1e-9
@@ -91,7 +91,7 @@ def lowpass(y: np.ndarray, dt: float, time: float, stages: int) -> np.ndarray:
     return np.asarray(y)
 
 
-def ornstein(t: np.ndarray, time: float, columns: int, rng: np.random.Generator) -> np.ndarray:
+def ornstein(t: np.ndarray, time: float, columns: int, rng: Rng) -> np.ndarray:
     """Stationary Ornstein–Uhlenbeck signals (T, columns) of unit variance."""
     keep = np.exp(-np.diff(t) / time)
     kicks = rng.standard_normal((len(t), columns))
@@ -119,7 +119,7 @@ def rows(
     ride: Ride,
     clean: np.ndarray,
     faults: Sequence[RefereeFault],
-    rng: np.random.Generator,
+    rng: Rng,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Recorded wrenches (N, 6) [N, N·m] of a clean signal at all instants (T, 6), and reported
     joints (N, J)."""
@@ -136,7 +136,7 @@ def rows(
             y = y + shaken(setting, ride, r.shake(t))
     y = converted(y, changed)
     for r in changed:
-        y = y[held(len(y), r, rng)]
+        y = y[held(len(y), r.stale, rng)]
     unit = np.array([_ENCODER[j.unit] for j in setting.robot.joints])
     unit = unit * (0.01 if setting.mode == "dynamic" else 1.0)
     q = path.q[path.rows]
@@ -146,13 +146,12 @@ def rows(
 def shaken(setting: RefereeSetting, ride: Ride, a: np.ndarray) -> np.ndarray:
     """Wrench (N, 6) of accelerations of the base (N, 3) [m/s²] at the recorded rows."""
     rotation = ride.rotation[setting.path.rows]
-    force = -setting.mass * np.einsum("nij,ni->nj", rotation, a)
-    return np.concatenate([force, np.cross(setting.cog, force)], axis=1)
+    return wrench_at(setting.cog, -setting.mass * np.einsum("nij,ni->nj", rotation, a))
 
 
-def held(n: int, fault: RowFault, rng: np.random.Generator) -> np.ndarray:
-    """Index of the row (N,) that is reported in each row's place."""
-    chance, length = fault.stale
+def held(n: int, stale: tuple[float, float], rng: Rng) -> np.ndarray:
+    """Index of the row (N,) that is reported in each row's place: `RowChange.stale`."""
+    chance, length = stale
     if chance == 0.0:
         return np.arange(n)
     shown = np.arange(n)
@@ -164,7 +163,7 @@ def held(n: int, fault: RowFault, rng: np.random.Generator) -> np.ndarray:
     return shown
 
 
-def _noise(setting: RefereeSetting, rng: np.random.Generator) -> np.ndarray:
+def _noise(setting: RefereeSetting, rng: Rng) -> np.ndarray:
     """Noise (N, 6): Laplace and normal parts, AR(2), correlated as the sensor was measured."""
     n = len(setting.path.rows)
     heavy = rng.uniform(0.0, 0.5)
@@ -181,7 +180,7 @@ def _noise(setting: RefereeSetting, rng: np.random.Generator) -> np.ndarray:
     return np.asarray(colour * setting.noise * rng.uniform(0.95, 1.05, 6))
 
 
-def _slow(setting: RefereeSetting, t: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+def _slow(setting: RefereeSetting, t: np.ndarray, rng: Rng) -> np.ndarray:
     """A wander (N, 6) of four rates, together at most 0.3 noises of a row."""
     span = float(t[-1] - t[0])
     times = span * np.array([0.5, 0.1, 0.02, 0.004])

@@ -179,6 +179,12 @@ class RefereeSetting:
         assert self.metadata.tool.mass is not None
         return self.metadata.tool.mass
 
+    @property
+    def loops(self) -> list[str]:
+        """Names of the pins that close loops by two distal links."""
+        spec = self.robot.spec(self.theta)
+        return [e.name for e in spec.equalities if e.name.startswith("tip")]
+
     @cached_property
     def cog(self) -> np.ndarray:
         """Stated centre of gravity of the tool (3,) [m]."""
@@ -213,17 +219,12 @@ class RefereeSetting:
     @cached_property
     def usual(self) -> Usual:
         """Readings that a wrong bias, mass and CoG add, which every fit removes."""
-        return Usual.of(self.nuisance(), self.noise)
-
-    def nuisance(self) -> np.ndarray:
-        """Columns of bias, mass and CoG, which every fit removes (n, 6, 10)."""
         base, tool = self.nominal[:: self.stride], self.robot.tool(self.theta)
-        mass, cog = float(tool.mass), np.asarray(tool.cog)
-        columns = [np.broadcast_to(e, base.shape) for e in np.eye(6)]
+        mass, cog, differences = float(tool.mass), np.asarray(tool.cog), []
         for dm, dc in [(0.01, np.zeros(3)), *((0.0, 1e-3 * e) for e in np.eye(3))]:
             theta = self.robot.theta_of_tool(self.theta, mass + dm, (cog + dc).tolist())
-            columns.append((self.stated(theta, every=self.stride) - base) / 1e-3)
-        return np.stack(columns, axis=-1)
+            differences.append((self.stated(theta, every=self.stride) - base) / 1e-3)
+        return Usual.of(differences, self.noise)
 
     @cached_property
     def swing(self) -> np.ndarray:

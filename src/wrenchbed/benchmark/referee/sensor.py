@@ -8,28 +8,36 @@ saturation and quantization have the same formula there; here only their sizes a
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform, register, sign
-from wrenchbed.benchmark.referee.fault import DRAWS, RefereeFault, RowFault, about, touched
+from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform, sign
+from wrenchbed.benchmark.referee.fault import (
+    BEND,
+    CREEP,
+    GAIN,
+    LOOP,
+    MIX,
+    ZERO,
+    RefereeFault,
+    RowFault,
+    about,
+    shifted,
+    touched,
+)
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.physics.wrench import CHANNELS
 
-GAIN, MIX, BEND, LOOP, CREEP, ZERO = range(6)
-"""Order in which the sensor's faults act."""
 _ARM = 0.05
 """Typical lever of crosstalk between forces and torques [m]."""
 
 
-@register(DRAWS, "timing.delay")
-def delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def timing_delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Wrenches about 7 ms older than the joints."""
     lag = about(rng, 7e-3 * size)
     return RefereeFault({"delay": lag}, clock=lambda ride, y: _at(ride, y, -lag))
 
 
-@register(DRAWS, "timing.lowpass")
-def smooth(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def timing_lowpass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A filter of one to three stages, about 7 ms slow in all."""
     time, stages = about(rng, 7e-3 * size), int(rng.integers(1, 4))
 
@@ -39,8 +47,7 @@ def smooth(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault({"time": time}, clock=clock)
 
 
-@register(DRAWS, "timing.stale")
-def stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def timing_stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Readings that are repeated now and then, for about 30 ms."""
     rate = setting.metadata.rate_hz or 1.0
     length = max(1.0, about(rng, 0.03 * size) * rate)
@@ -48,8 +55,7 @@ def stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(rows=RowFault(stale=(share / (length * (1 - share)), length)))
 
 
-@register(DRAWS, "timing.skew")
-def skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def timing_skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A sensor's clock that gains or loses about 12 ms over the run."""
     t = setting.path.t
     ahead = sign(rng) * about(rng, 0.012 * size)
@@ -63,17 +69,14 @@ def _at(ride: Ride, y: np.ndarray, shift: np.ndarray | float) -> np.ndarray:
     return np.asarray(CubicSpline(t, y)(np.clip(t + shift, t[0], t[-1])))
 
 
-@register(DRAWS, "sensor.bias")
-def bias(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def sensor_bias(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A zero that is off by about 0.4 % of full scale."""
-    weight = touched(rng)
     least = 1.5 * setting.tolerance[2]
-    value = weight * np.maximum(least, about(rng, 4e-3 * size) * setting.full_scale)
+    value = touched(rng) * np.maximum(least, about(rng, 4e-3 * size) * setting.full_scale)
     return shifted(by_channel(value, "bias."), value)
 
 
-@register(DRAWS, "sensor.drift")
-def drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def sensor_drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A zero that drifts by about 0.3 % of full scale over the run, nearly evenly."""
     t = setting.path.t
     span = about(rng, 3e-3 * size) * setting.full_scale * touched(rng)
@@ -82,8 +85,7 @@ def drift(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return shifted(by_channel(span / (t[-1] - t[0]), "rate."), np.outer(shape, span))
 
 
-@register(DRAWS, "sensor.gain")
-def gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def sensor_gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Sensitivities about 1 % off."""
     error = about(rng, 0.01 * size) * touched(rng)
     return RefereeFault(
@@ -91,8 +93,7 @@ def gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     )
 
 
-@register(DRAWS, "sensor.crosstalk")
-def crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def sensor_crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Channels that read about 0.8 % of another: one pair, one row, one quarter or all."""
     lever = np.array([1.0, 1.0, 1.0, _ARM, _ARM, _ARM])
     typical = about(rng, 8e-3 * size) * np.outer(lever, 1.0 / lever)
@@ -116,8 +117,7 @@ def crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(true, gauge=lambda ride, y: y + y @ matrix.T, stage=MIX)
 
 
-@register(DRAWS, "sensor.hysteresis")
-def hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def sensor_hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A reading that lags by Bouc and Wen's law, about 0.15 % of full scale wide."""
     width = about(rng, 1.5e-3 * size) * setting.full_scale * np.abs(touched(rng))
     reach = rng.uniform(0.06, 0.3) * setting.swing
@@ -132,8 +132,7 @@ def hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(by_channel(width, "width."), gauge=gauge, stage=LOOP)
 
 
-@register(DRAWS, "sensor.saturation")
-def saturation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def sensor_saturation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A range that is too small for a few poses, of one or two channels."""
     limit = np.full(6, np.inf)
     largest = np.abs(setting.nominal)
@@ -144,22 +143,19 @@ def saturation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(true, rows=RowFault(limit=limit))
 
 
-@register(DRAWS, "sensor.quantization")
-def quantization(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def sensor_quantization(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Counts as coarse as about twice the noise."""
     step = about(rng, 2.0 * size) * setting.noise * np.abs(touched(rng))
     return RefereeFault(rows=RowFault(step=step))
 
 
-@register(DRAWS, "sensor.noise")
-def noise(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def sensor_noise(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Noise about one and a half times what is stated."""
-    factor = 1.0 + about(rng, 0.5 * size) * np.abs(touched(rng))
-    return RefereeFault(rows=RowFault(gain=factor))
+    more = about(rng, 0.5 * size) * np.abs(touched(rng))
+    return RefereeFault(rows=RowFault(gain=1.0 + more))
 
 
-@register(DRAWS, "sensor.temperature")
-def temperature(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def sensor_temperature(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Zeros and spans that follow the room, or a warm-up of two time constants."""
     t = setting.path.t
     span = float(t[-1] - t[0])
@@ -181,8 +177,7 @@ def temperature(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(gauge=gauge, stage=ZERO)
 
 
-@register(DRAWS, "sensor.nonlinearity")
-def nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def sensor_nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """An even or odd curvature of about 0.2 % of full scale at most."""
     bend = about(rng, 2e-3 * size) * setting.full_scale * touched(rng)
     swing = setting.swing
@@ -198,8 +193,7 @@ def nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
     return RefereeFault(gauge=gauge, stage=BEND)
 
 
-@register(DRAWS, "sensor.creep")
-def creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def sensor_creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """After a change of load about 0.8 % of it comes late: a chain of three time constants."""
     share = about(rng, 8e-3 * size) * np.abs(touched(rng))
     first = log_uniform(rng, 8.0, 60.0)
@@ -213,8 +207,7 @@ def creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     return RefereeFault(gauge=gauge, stage=CREEP)
 
 
-@register(DRAWS, "sensor.jump")
-def jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
+def sensor_jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A zero that jumps once, by about 0.4 % of full scale, within half a second."""
     t = setting.path.t
     when = float(t[0] + rng.uniform(0.12, 0.88) * (t[-1] - t[0]))
@@ -223,8 +216,3 @@ def jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     first = float(t[setting.path.rows[0]])
     true = {"time": when - first} | by_channel(step, "step.")
     return shifted(true, np.outer(ramp, step))
-
-
-def shifted(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
-    """A zero that shifts by (6,), or instant by instant by (T, 6) [N, N·m]."""
-    return RefereeFault(true, gauge=lambda ride, y: y + shift, stage=ZERO)

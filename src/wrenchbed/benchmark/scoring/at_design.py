@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import true_numbers
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, LookalikeCase, draw, recording
 from wrenchbed.benchmark.scoring.case_rows import numbers
 from wrenchbed.data.parquet import FORMAT
@@ -135,9 +134,8 @@ def _errors(weighed: Weighed, case: LookalikeCase) -> tuple[float, ...]:
     result = list[float]()
     for entry in answer.causes(a, final, gap, 1.0, ()):
         name = entry["effect"]
-        cause = next((item for item, _ in reversed(case.items) if item.name == name), None)
-        if name in case.causes and cause is not None:
-            of_it = numbers(name, entry["parameters"], true_numbers(cause, case.items))
+        if name in case.causes:
+            of_it = numbers(name, entry["parameters"], case.true(name))
             result += [(n.value - n.truth) / n.std for n in of_it if n.std]
     return tuple(result)
 

@@ -7,16 +7,13 @@ import hashlib
 import json
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow.parquet as pq
 
-from wrenchbed.benchmark.frame import STATED, true_numbers
-from wrenchbed.benchmark.referee.case import RefereeCase, TrueCause
 from wrenchbed.data import parquet
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
@@ -214,15 +211,6 @@ class Fact:
     true: Mapping[str, float]
     alike: tuple[str, ...]
 
-    @classmethod
-    def of(cls, case: RefereeCase, cause: TrueCause) -> "Fact":
-        """Fact of one of a case's causes."""
-        fault, alike = cause.fault, list[str]()
-        if case.kind != "outside" and not cause.rows:
-            alike = case.world.signatures.alike(fault.name, cause.signature)
-        true = {k: float(v) for k, v in _numbers(case, cause).items()}
-        return cls(fault.name, fault.size, cause.gap, cause.rows, true, tuple(alike))
-
 
 @dataclass(frozen=True)
 class Oracle:
@@ -286,70 +274,3 @@ def read_answer(path: Path) -> Answer:
         return Answer(**{**raw, "causes": tuple(causes), "oracle": oracle})
     except (ValueError, KeyError, TypeError) as cause:
         raise BenchmarkError(f"{path}: is not a sealed answer: {cause}") from cause
-
-
-def of_case(case: RefereeCase, name: str, salt: str) -> Answer:
-    """Answer of a case."""
-    meta = case.world.setting.metadata
-    per_pose = 1 if meta.mode == "dynamic" else len(case.recording) // len(case.measured)
-    return Answer(
-        case=name,
-        robot=meta.robot,
-        mode=meta.mode,
-        kind=case.kind,
-        causes=tuple(Fact.of(case, c) for c in case.causes),
-        minor=case.minor,
-        rows=len(case.measured) * per_pose,
-        oracle=_oracle(case),
-        salt=salt,
-    )
-
-
-def _numbers(case: RefereeCase, cause: TrueCause) -> Mapping[str, float]:
-    """True numbers of a cause with what minor imperfections of the same name add.
-
-    The weight of the sensor's own tool side acts like a mass at the sensor's origin.
-    """
-    sums = true_numbers(cause.fault, [(fault, 1.0) for fault in case.faults])
-    if cause.fault.name not in STATED[1:]:
-        return sums
-    weights = (f.true["mass"] for f in case.faults if f.name == "tool.self_weight")
-    weight, setting = sum(weights, 0.0), case.world.setting
-    if "mass" in sums:
-        return {"mass": sums["mass"] + weight}
-    shift = dict(zip("xyz", setting.cog, strict=True))
-    return {k: v - weight / setting.mass * shift[k[-1]] for k, v in sums.items()}
-
-
-def _oracle(case: RefereeCase) -> Oracle:
-    """Answer of the oracle: true causes that the data show, with all that imitate them there."""
-    if not case.causes:
-        return Oracle("none", (), None)
-    means = [c for c in case.causes if not c.rows]
-    signatures = case.world.signatures
-    seen: list[tuple[str, ...]] = []
-    for cause in case.causes:
-        name, configured = cause.fault.name, cause.fault.name in STATED
-        others: np.ndarray = sum((c.signature for c in means if c is not cause), np.zeros(1))
-        if cause.rows:
-            seen.append((name,))
-        elif signatures.shows(case.measured - others, cause.signature, configured):
-            known = case.kind != "outside"
-            seen.append((name, *(signatures.alike(name, cause.signature) if known else ())))
-    verdict = "identified" if all(len(c) == 1 for c in seen) else "ambiguous"
-    if case.kind == "outside" or any(len(c) > MOST for c in seen):
-        verdict = "unknown"
-    named = seen if verdict != "unknown" else ()
-    return Oracle(verdict if seen else "none", tuple(named), _closed(case, means))
-
-
-def _closed(case: RefereeCase, causes: Sequence[TrueCause]) -> float | None:
-    """Share of the gap that vanishes with the exact signatures of the true causes."""
-    if not causes:
-        return None
-    configured = all(c.fault.name in STATED for c in causes)
-    usual, noise = case.world.usual, case.world.row_noise
-    start = usual.gap(case.measured, configured) - noise
-    known: np.ndarray = sum((c.signature for c in causes), np.zeros(1))
-    after = usual.gap(case.measured - known, configured) - noise
-    return (start - after) / start if start > 0 else None

@@ -1,9 +1,9 @@
-"""Families of the other worlds: look-alikes at several designs, and arms with measured efforts.
+"""Families of sealed cases, each from one seed: the referee's, look-alikes, arms with efforts.
 
-Their cases are written, answered and scored as those of the referee. An answer has no oracle.
+Cases of all worlds are written, answered and scored alike. Only the referee's have an oracle.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from typing import ClassVar
 
@@ -11,10 +11,10 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.benchmark.efforts import case as efforts
-from wrenchbed.benchmark.lookalikes import ExperimentDesign, LookalikeCase, draw, recording
-from wrenchbed.benchmark.sealed import commitments
-from wrenchbed.benchmark.sealed.commitments import Answer, Fact
-from wrenchbed.benchmark.sealed.make import Family
+from wrenchbed.benchmark.frame import KINDS, attempts
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
+from wrenchbed.benchmark.referee import case as referee
+from wrenchbed.benchmark.sealed.commitments import MOST, Answer, Fact, Oracle, salt
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError
@@ -29,6 +29,99 @@ DESIGNS = {"static": 6, "dynamic": 3}
 """Number of designs over which the look-alikes of a mode are spread."""
 _SEEDED = ("single", "none", "outside", "pair")
 """Kinds in the order that seeds of look-alikes follow from."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """Cases of the referee; base of families of other worlds.
+
+    Attributes:
+        robot: registry name.
+        mode: ``static`` or ``dynamic``.
+        cases: how many.
+        seed: not negative; who knows it knows the answers.
+        tries: draws of a case before giving up: an estimate.
+        world: its name in ``family.json``, none of the referee's.
+        several: whether the names of several robots may be joined by commas.
+    """
+
+    robot: str
+    mode: str
+    cases: int
+    seed: int
+    tries: ClassVar[int] = 12
+    world: ClassVar[str] = ""
+    several: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if self.cases < 1:
+            raise ParameterError(f"a family of {self.cases} cases is empty")
+        if self.seed < 0:
+            raise ParameterError(f"seed {self.seed} must not be negative")
+
+    def kinds(self) -> list[str]:
+        """Kind of each case: shares of `referee.SHARES`, filled up with single effects, in random
+        order."""
+        counts = np.floor(np.array(referee.SHARES) * self.cases + 1e-9).astype(int)
+        counts[KINDS.index("single")] += self.cases - int(counts.sum())
+        every = np.repeat(np.arange(len(counts)), counts)
+        return [KINDS[k] for k in np.random.default_rng([self.seed, 1]).permutation(every)]
+
+    def robots(self) -> list[SimulatedRobot]:
+        """The robots that cases are made with.
+
+        Raises:
+            ParameterError: one has no model.
+        """
+        names = self.robot.split(",") if self.several else [self.robot]
+        arms = [registry.load("robots", name) for name in names]
+        for arm in arms:
+            if not isinstance(arm, SimulatedRobot):
+                raise ParameterError(f"robot {arm.name!r} has no model to make cases with")
+        return arms
+
+    def about(self) -> dict[str, object]:
+        """Contents of ``family.json``."""
+        return asdict(self) | ({"world": self.world} if self.world else {})
+
+    def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
+        """Answer and recording of one case, without its name and salt.
+
+        Raises:
+            ParameterError: this attempt finds none.
+        """
+        kind = self.kinds()[index]
+        case = referee.make(self.robot, self.mode, kind, (self.seed, index, attempt))
+        facts = tuple(
+            Fact(c.fault.name, c.fault.size, c.gap, c.rows, case.true(c), case.alike(c))
+            for c in case.causes
+        )
+        per_pose = 1 if self.mode == "dynamic" else len(case.recording) // len(case.measured)
+        rows = len(case.measured) * per_pose
+        oracle = Oracle("none", (), None)
+        if case.causes:
+            seen = case.seen()
+            verdict = "identified" if all(len(c) == 1 for c in seen) else "ambiguous"
+            if kind == "outside" or any(len(c) > MOST for c in seen):
+                verdict = "unknown"
+            named = tuple(seen) if verdict != "unknown" else ()
+            oracle = Oracle(verdict if seen else "none", named, case.closed())
+        answer = Answer("", self.robot, self.mode, kind, facts, case.minor, rows, oracle, "")
+        return answer, case.recording
+
+    def found(self, index: int) -> tuple[Answer, Recording]:
+        """Answer and recording of one case, of the first attempt that finds one.
+
+        Raises:
+            ParameterError: no attempt does.
+        """
+        answer, rows = attempts(self.tries, lambda k: self.case(index, k), ParameterError)
+        name = self.names()[index]
+        return replace(answer, case=name, salt=salt(self.seed, name)), rows
+
+    def names(self) -> list[str]:
+        """Names of the cases: numbers."""
+        return [f"{k:04d}" for k in range(1, self.cases + 1)]
 
 
 @lru_cache(maxsize=8)
@@ -48,46 +141,28 @@ class LookalikeFamily(Family):
     """Look-alikes, which the probabilities of the diagnosis are learnt on."""
 
     tries: ClassVar[int] = 8
+    world: ClassVar[str] = "look-alikes"
 
-    def about(self) -> dict[str, object]:
-        """Contents of ``family.json``."""
-        return {**asdict(self), "world": "look-alikes"}
-
-    def drawn(self, index: int, attempt: int) -> tuple[ExperimentDesign, LookalikeCase]:
-        """Design and look-alike of one case.
-
-        Raises:
-            ParameterError: this attempt finds none.
-        """
+    def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
         kinds = self.kinds()
         kind = kinds[index]
         number = kinds[:index].count(kind)
         rng = np.random.default_rng((self.seed, 60, _SEEDED.index(kind), number))
         first = int(rng.integers(2**40)) * self.tries  # room for draws that show nothing
         place = design(self.robot, self.mode, self.seed, number % DESIGNS[self.mode])
-        return place, draw(place, first + attempt, kind)
-
-    def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
-        """Answer and recording of one case.
-
-        Raises:
-            ParameterError: this attempt finds none.
-        """
-        place, case = self.drawn(index, attempt)
-        rows, name = recording(place, case), self.names()[index]
+        case = draw(place, first + attempt, kind)
+        rows = recording(place, case)
         facts = tuple(
             Fact(effect, None, gap, case.rows.get(effect, 0.0), case.true(effect), ())
             for effect, gap in case.gaps.items()
         )
-        salt = commitments.salt(self.seed, name)
-        return Answer(
-            name, self.robot, self.mode, case.kind, facts, case.background, len(rows), None, salt
-        ), rows
+        minor, count = case.background, len(rows)
+        return Answer("", self.robot, self.mode, kind, facts, minor, count, None, ""), rows
 
 
 @dataclass(frozen=True)
 class EffortFamily(Family):
-    """Moving arms with torques or currents of their joints; several robots are joined by commas.
+    """Moving arms with torques or currents of their joints.
 
     Attributes:
         wrench: whether a force/torque sensor is read, too.
@@ -95,51 +170,20 @@ class EffortFamily(Family):
 
     wrench: bool = False
     tries: ClassVar[int] = efforts.TRIES
-
-    def about(self) -> dict[str, object]:
-        """Contents of ``family.json``."""
-        return {**asdict(self), "world": "efforts"}
-
-    def check(self) -> None:
-        """Refuse robots that cannot be simulated.
-
-        Raises:
-            ParameterError: one has no model.
-        """
-        assert self.robots()
-
-    def robots(self) -> list[SimulatedRobot]:
-        """The arms.
-
-        Raises:
-            ParameterError: one has no model.
-        """
-        arms = [registry.load("robots", name) for name in self.robot.split(",")]
-        for arm in arms:
-            if not isinstance(arm, SimulatedRobot):
-                raise ParameterError(f"robot {arm.name!r} has no model to make cases with")
-        return arms
+    world: ClassVar[str] = "efforts"
+    several: ClassVar[bool] = True
 
     def kinds(self) -> list[str]:
         """Kind of each case."""
         return [efforts.kind_of(self.seed, k, self.wrench) for k in range(self.cases)]
 
     def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
-        """Answer and recording of one case.
-
-        Raises:
-            ParameterError: this attempt finds none.
-        """
-        made = efforts.make(self.robots(), self.seed, index, self.wrench, attempt)
-        name, fault = self.names()[index], made.fault
+        case = efforts.make(self.robots(), self.seed, index, self.wrench, attempt)
         facts: tuple[Fact, ...] = ()
-        if made.kind != "none":
-            effect = fault.name if made.kind == "outside" else efforts.name_of(made.alike[0])
-            alike = tuple(map(efforts.name_of, made.alike[1:]))
-            true = {k: float(v) for k, v in fault.true.items()}
-            facts = (Fact(effect, None, made.gap, 0.0, true, alike),)
-        salt = commitments.salt(self.seed, name)
-        robot, rows = made.recording.metadata.robot, len(made.recording)
-        return Answer(
-            name, robot, self.mode, made.kind, facts, None, rows, None, salt
-        ), made.recording
+        if case.kind != "none":
+            names = [efforts.name_of(key) for key in case.alike]
+            true = {k: float(v) for k, v in case.fault.true.items()}
+            effect = case.fault.name if case.kind == "outside" else names[0]
+            facts = (Fact(effect, None, case.gap, 0.0, true, tuple(names[1:])),)
+        rows, robot = case.recording, case.recording.metadata.robot
+        return Answer("", robot, self.mode, case.kind, facts, None, len(rows), None, ""), rows
