@@ -59,8 +59,12 @@ MIRRORED = 0.1
 """A CoG that comes out at minus the stated one, within this share, is a wrong sign of torques."""
 STANDARD_GRAVITY = 9.80665
 """Standard gravity [m/s²], by definition."""
-SAME_UNIT = 0.03
-"""A stated mass and a found one whose ratio is that of two units within this share."""
+SAME_UNIT, NEAR_UNIT, EXACT_UNIT = 0.03, 0.05, 0.01
+"""Relative differences from the ratio of two units: of torques, whose arms are stated to some mm;
+up to which a unit is possible; and up to which it explains forces, which sensors know to 1 %."""
+COUNTS, SUBTRACTED = 20.0, 0.5
+"""Ratio of the forces to the stated weight from which they are counts, and below which a controller
+subtracts a payload: nobody states a tool twice as heavy as it is."""
 _UNITS = {
     "kgf": 1.0 / 9.80665, "lbf": 1.0 / 4.4482216, "mN": 1e3, "kN": 1e-3, "gf": 101.97162,
 }  # fmt: skip
@@ -120,7 +124,7 @@ def _as_mounted(seen: Observed) -> Observed:
 def _refuted(seen: Observed, load: Load) -> Finding | None:
     """Find the reason why no load fits; None if the residual may be due to imperfections of the
     robot."""
-    finding = mistake(seen) or changed(seen) or touched(seen)
+    finding = _overcompensated(seen) or mistake(seen) or changed(seen) or touched(seen)
     if finding is not None or load.share < REFUTED:
         return finding
     for check in (_one_channel, _other_robot, _beyond, _weight):
@@ -331,12 +335,16 @@ def sphere(force: np.ndarray) -> tuple[float, float]:
 
 
 def _units(seen: Observed, load: Load) -> Finding | None:
+    finding = _unlike_stated(seen, load) if seen.stated else None
+    if finding is not None:
+        return finding
     mass = float(load.phi[0])
     lever = np.abs(load.phi[1:4]) / max(abs(mass), 1e-300)
     if abs(mass) > LARGEST_KG:
         return Finding(
             "units",
-            f"the forces are those of {mass:.3g} kg: state fx fy fz in N (are they in mN?)",
+            f"the forces are those of {mass:.3g} kg: state fx fy fz in N (are they in mN, or "
+            "counts?)",
         )
     if lever.max() > LARGEST_M:
         return Finding(
@@ -352,20 +360,84 @@ def _units(seen: Observed, load: Load) -> Finding | None:
             "the torques have the opposite sign: the forces are a load's, the torques those of its "
             "reaction. Give both as the load on the sensor",
         )
-    if seen.cog is not None and np.linalg.norm(seen.cog) > 0.0:
-        for unit, factor in TORQUES.items():
-            off = np.linalg.norm(load.phi[1:4] / mass / factor - seen.cog)
-            if off < SAME_UNIT * np.linalg.norm(seen.cog):
-                return Finding(
-                    "units",
-                    f"the torques are those of a load {factor:.3g} times as far from the sensor as "
-                    f"is stated: are they in {unit}? State them in N·m",
-                )
-    for unit, factor in _UNITS.items() if seen.stated else ():
-        if abs(mass / (factor * seen.mass) - 1.0) < SAME_UNIT:
+    longer = _longer(seen, load)
+    for unit, factor in TORQUES.items() if longer is not None else ():
+        if longer is not None and abs(longer / factor - 1.0) < SAME_UNIT:
             return Finding(
                 "units",
-                f"the forces are those of {mass:.3g} kg, {mass / seen.mass:.3g} of the stated "
-                f"{seen.mass:.3g} kg: are they in {unit}? State fx fy fz in N",
+                f"the torques are those of a load {factor:.3g} times as far from the sensor as "
+                f"is stated: are they in {unit}? State them in N·m",
             )
     return None
+
+
+def _longer(seen: Observed, load: Load) -> float | None:
+    """Ratio of the load's distance from the sensor to the stated one; None where it lies in another
+    direction, or none is stated."""
+    if seen.cog is None or not (square := float(seen.cog @ seen.cog)):
+        return None
+    lever = load.phi[1:4] / load.phi[0]
+    ratio = float(lever @ seen.cog) / square
+    aside = float(np.linalg.norm(lever - ratio * seen.cog))
+    return ratio if aside < SAME_UNIT * abs(ratio) * np.sqrt(square) else None
+
+
+def _unlike_stated(seen: Observed, load: Load) -> Finding | None:
+    """Forces in another unit, in counts, or without a payload that a controller subtracts, by the
+    mass that is stated."""
+    mass, longer = float(load.phi[0]), _longer(seen, load)
+    ratio = mass / seen.mass
+    begin = f"the forces are those of {mass:.4g} kg, {ratio:.4g} of the stated {seen.mass:.4g} kg"
+    near = {u: abs(ratio / factor - 1.0) for u, factor in _UNITS.items()}
+    unit = min(near, key=lambda u: near[u])
+    if near[unit] < EXACT_UNIT:
+        of_torque = [
+            name.partition(" (")[0] for name, factor in TORQUES.items()
+            if longer is not None and name.endswith(f"forces in {unit})")
+            and abs(longer / factor - 1.0) < SAME_UNIT
+        ]  # fmt: skip
+        torques = f", and tx ty tz, which then are in {of_torque[0]}, in N·m" if of_torque else ""
+        return Finding(
+            "units", f"{begin}: are they in {unit}? State fx fy fz in N{torques}"
+        )  # fmt: skip
+    if ratio > COUNTS:
+        torques = "" if longer is None else f" and per = {longer * ratio:.4g} with tx ty tz"
+        return Finding(
+            "units",
+            f"{begin}: are they counts? State per = {ratio:.4g} with fx fy fz{torques} in the "
+            "column map",
+        )
+    if ratio > SUBTRACTED:
+        return None
+    return _without_payload(
+        seen, load, f" (lbf would be {_UNITS[unit]:.4g} of it)" if near[unit] < NEAR_UNIT else ""
+    )
+
+
+def _without_payload(seen: Observed, load: Load, doubt: str = "") -> Finding:
+    """A controller that subtracts a payload: what it subtracts by what is left."""
+    mass = float(load.phi[0])
+    less = seen.mass - mass
+    where = ""
+    if seen.cog is not None:
+        centre = 1e3 * (seen.mass * seen.cog - load.phi[1:4]) / less
+        where = f" at ({', '.join(f'{x:.0f}' for x in centre)}) mm"
+    return Finding(
+        "compensated",
+        f"the forces are those of {mass:.4g} kg, the stated tool has {seen.mass:.4g} kg: does the "
+        f"controller subtract a payload of {less:.3g} kg{where}? Set its payload to zero, or state "
+        f"the tool without it{doubt}",
+    )
+
+
+def _overcompensated(seen: Observed) -> Finding | None:
+    """A payload heavier than the tool that a controller subtracts; forces of the opposite sign have
+    the stated weight."""
+    load = seen.moments.mended(-np.eye(6)[None])[0]
+    if not seen.stated or load.share > CLEAN:
+        return None
+    mass = float(load.phi[0])
+    units = (1.0, *_UNITS.values())
+    if any(abs(mass / (factor * seen.mass) - 1.0) < NEAR_UNIT for factor in units):
+        return None
+    return _without_payload(seen, replace(load, phi=-load.phi))

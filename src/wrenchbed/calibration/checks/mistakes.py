@@ -56,7 +56,26 @@ def mistake(seen: Observed) -> Finding | None:
     limit = min(MENDED * before, CLEAN)
     mistakes = [m for m in _mistakes(some) if m.load.share < limit and _whole(m)]
     least = min((m.load.share for m in mistakes), default=0.0)
-    return next((m.finding for m in mistakes if m.load.share <= least + TIE * limit), None)
+    best = [m for m in mistakes if m.load.share <= least + TIE * limit]
+    if not best:
+        return None
+    alike = [m for m in best if m.finding.reason == best[0].finding.reason == "left-handed"]
+    return _mirrored(seen, alike) if len(alike) > 1 else best[0].finding
+
+
+def _mirrored(seen: Observed, alike: Sequence[Mistake]) -> Finding:
+    """The mirrored axis that leaves the load where it is stated; else all of them, with the loads
+    that they leave."""
+    centres = [m.load.phi[1:4] / m.load.phi[0] for m in alike]
+    if seen.cog is not None and float(np.linalg.norm(seen.cog)) > 0.0:
+        away = [float(np.linalg.norm(centre - seen.cog)) for centre in centres]
+        return alike[int(np.argmin(away))].finding
+    loads = (", ".join(f"{1e3 * x:.0f}" for x in centre) for centre in centres)
+    ways = " Or ".join(
+        f"{m.finding.sentence}: the load is then at ({load}) mm."
+        for m, load in zip(alike, loads, strict=True)
+    )
+    return Finding("left-handed", f"{ways} The stated centre of the tool would tell")
 
 
 def _whole(mistake: Mistake) -> bool:
@@ -167,6 +186,10 @@ def _mends() -> Iterator[tuple[str, str, np.ndarray]]:
             f"the wrench is given in left-handed axes ({axis} is mirrored): turn over f{axis} and "
             "the torques about the other two axes in the column map", "left-handed",
             np.diag([*mirror, *-mirror]),
+        )  # fmt: skip
+        yield (
+            f"{axis} of the wrench points the other way than the sensor's: turn over f{axis} and "
+            f"t{axis} in the column map", "left-handed", np.diag([*mirror, *mirror]),
         )  # fmt: skip
     for a, b in combinations(range(6), 2):
         order = np.arange(6)
