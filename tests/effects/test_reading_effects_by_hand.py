@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from wrenchbed import registry
 from wrenchbed.effects.drives.operators import play
 from wrenchbed.effects.scene import Scene
-from wrenchbed.errors import ParameterError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -71,19 +70,6 @@ def test_a_loop_of_hysteresis_is_as_wide_as_twice_its_lag(kind, half, width):
 
 
 # ---- levels, temperatures ------------------------------------------------------------------------
-
-
-def test_a_channel_is_clipped_by_its_short_names():
-    effect, robot = registry.load("effects", "sensor.saturation"), registry.load("robots", "ur5")
-    nominal = effect.values(robot, {})
-    assert effect.values(robot, {"channel": "tz", "level": 0.2}) == nominal | {
-        "share.tz": 1.0, "level.tz": 0.2,
-    }  # fmt: skip
-    half = effect.values(robot, {"channel": "fx", "level": 10.0, "share": 0.5, "level.fy": 3.0})
-    assert half == nominal | {"share.fx": 0.5, "level.fx": 10.0, "level.fy": 3.0}
-    assert effect.values(robot, {"share.fx": 0.5}) == nominal | {"share.fx": 0.5}
-    with pytest.raises(ParameterError):
-        effect.values(robot, {"level": 10.0})
 
 
 def test_every_channel_bends_about_its_own_full_scale():
@@ -269,14 +255,11 @@ def test_few_rows_have_a_jump_between_any_two():
 def test_a_clipped_channel_has_a_flat_top():
     y = np.outer([-20.0, -5.0, 5.0, 20.0], np.ones(6))
     scene = rows_at(np.arange(4.0))
-    effect = registry.load("effects", "sensor.saturation")
-    values = effect.values(scene.robot, {"channel": "fy", "level": 10.0})
-    assert np.array_equal(effect.read(scene, y, values)[:, 1], [-10.0, -5.0, 5.0, 10.0])
+    clipped = reading("sensor.saturation", scene, y, share_fy=1.0, level_fy=10.0)
+    assert np.array_equal(clipped[:, 1], [-10.0, -5.0, 5.0, 10.0])
     half = reading("sensor.saturation", scene, y, share_fy=0.5, level_fy=10.0)
     assert np.array_equal(half[:, 1], [-15.0, -5.0, 5.0, 15.0])
     assert np.array_equal(half[:, 0], y[:, 0])
-    with pytest.raises(ParameterError, match="there is no channel 'fq': fx, fy"):
-        effect.values(scene.robot, {"channel": "fq", "level": 1.0})
 
 
 def test_temperature_moves_zero_and_span():

@@ -220,7 +220,6 @@ def test_what_shows_only_in_motion_does_not_act_at_rest():
         ("joint.backlash:joint=2,side=approach", {"approach.q2": 2e-4}),
         ("sensor.gain:channel=fz", {"gain.fz": 0.01}),
         ("sensor.hysteresis:channel=tx", {"middle.tx": 0.01, "width": 1.0}),
-        ("sensor.hysteresis:lag.fx=0.3", {"middle.fx": 0.3, "width": 1.0}),
         ("tool.cog", {f"cog.{a}": 2e-3 for a in "xyz"}),
         ("tool.cog:axis=y", {"cog.y": 2e-3}),
         ("tool.cog: cog.x = 1e-3 , cog.z=-2e-3", {"cog.x": 1e-3, "cog.z": -2e-3}),

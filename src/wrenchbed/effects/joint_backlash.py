@@ -1,8 +1,5 @@
 """Joints have backlash."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from wrenchbed.effects.base import (
@@ -69,13 +66,6 @@ class JointBacklash(JointEffect):
         load, approach = (vector(p, each_joint(side, scene.robot)) for side in SIDES)
         lag = -approach * scene.coming
         return lag + load * np.tanh(scene.joint_torque / SOFT) if load.any() else lag
-
-    def taken(self, robot: Robot) -> tuple[str, ...]:
-        return ("side", *super().taken(robot))
-
-    def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """All parameters by name; the side of ``joint=2,side=load,load=2e-4`` says nothing more."""
-        return super().values(robot, {k: v for k, v in given.items() if k != "side"})
 
     def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
         """Add joints with play in series, some of which lag."""

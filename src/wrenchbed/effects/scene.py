@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import solve_banded
 
+from wrenchbed.physics.noise import carried
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.physics.wrench import Tool, wrench
@@ -203,18 +203,9 @@ def lagging(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
     g = (1 − a) τ/Δt.
     """
     step = np.maximum(np.diff(t), 1e-9)
-    if not len(step):
-        return x.copy()
-    a = np.exp(-step / tau)
-    g = -np.expm1(-step / tau) * tau / step
-    if np.ptp(step) < 1e-6 * step[0]:  # an even clock: one filter
-        from scipy.signal import lfilter  # slow to load: only when it is used
-
-        forward, back = [1.0 - g[0], g[0] - a[0]], [1.0, -a[0]]
-        return np.asarray(lfilter(forward, back, x, axis=0, zi=g[0] * x[:1])[0])
+    a, g = np.exp(-step / tau), -np.expm1(-step / tau) * tau / step
     push = np.concatenate([x[:1], (1.0 - g)[:, None] * x[1:] + (g - a)[:, None] * x[:-1]])
-    bands = np.stack([np.ones(len(x)), np.append(-a, 0.0)])  # z₁ − a z₀ = push
-    return np.asarray(solve_banded((1, 0), bands, push, check_finite=False))
+    return carried(np.append(1.0, a), np.ascontiguousarray(push.T)).T
 
 
 def held_on(sign: np.ndarray) -> np.ndarray:

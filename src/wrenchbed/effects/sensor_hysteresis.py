@@ -1,7 +1,6 @@
 """The sensor's reading depends on its earlier loads."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -19,7 +18,6 @@ from wrenchbed.effects.free_form import POINTS, channel_curves, falling, free_va
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS, UNITS
-from wrenchbed.robots.base import Robot
 
 WIDTHS = {"narrow": 0.04, "middle": 0.15, "wide": 0.5}
 """Half widths of the play operators, relative to a channel's range in the recording; estimates."""
@@ -118,14 +116,6 @@ class SensorHysteresis(ReadingEffect):
             growth = u[:, on] if _turned(name) else 1.0
             result[:, on] -= sizes[name][on] * growth * stop(u[:, on], 2.0 * width)
         return result
-
-    def taken(self, robot: Robot) -> tuple[str, ...]:
-        return (*per_channel("lag"), *super().taken(robot))
-
-    def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """All parameters by name; also takes ``lag.fx=0.1``: the middle play of a channel."""
-        short = dict(zip(per_channel("lag"), per_channel("middle"), strict=True))
-        return super().values(robot, {short.get(k, k): v for k, v in given.items()})
 
 
 def _width(name: str) -> float:

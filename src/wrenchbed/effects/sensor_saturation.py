@@ -1,14 +1,10 @@
 """A channel saturates at a level."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.effects.base import ReadingEffect, Values, Variant, per_channel, vector
 from wrenchbed.effects.scene import Scene
-from wrenchbed.errors import ParameterError
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.wrench import CHANNELS, UNITS, wrench
 from wrenchbed.robots.base import Robot
@@ -64,21 +60,6 @@ class SensorSaturation(ReadingEffect):
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         share, level = vector(p, per_channel("share")), vector(p, per_channel("level"))
         return reading + share * (np.clip(reading, -level, level) - reading)
-
-    def values(self, robot: Robot, given: Mapping[str, Any]) -> dict[str, float]:
-        """All parameters by name; also takes ``channel=fx,level=20`` for one channel, clipped
-        fully."""
-        if "channel" not in given:
-            return super().values(robot, given)
-        remaining = dict(given)
-        channel = remaining.pop("channel")
-        if channel not in CHANNELS:
-            known = ", ".join(CHANNELS)
-            raise ParameterError(f"{self.name}: there is no channel {channel!r}: {known}")
-        named = {
-            f"{k}.{channel}" if k in ("share", "level") else k: remaining[k] for k in remaining
-        }
-        return super().values(robot, {f"share.{channel}": 1.0} | named)
 
 
 EFFECT = SensorSaturation()

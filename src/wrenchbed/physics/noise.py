@@ -27,13 +27,6 @@ REST_S = 10.0
 
 _DECADES = 0.9
 """Spacing of the rates: the summed density ripples by ± 2/cosh(π²/(0.9 ln 10)) = 3.4 % at most."""
-_TICK_S = 1e-9
-"""Steps in time are rounded to this, so that a regular clock is one filter despite rounding."""
-_LONG_RUN = 100
-"""From this many equal steps on, one filter call a rate is faster than a loop over rows: measured
-with one sensor."""
-_ROWS_AT_ONCE = 50
-"""Rows whose random numbers are drawn together, so that they stay in a cache."""
 
 
 def channels(values: ArrayLike, name: str, *, signed: bool = False) -> Array:
@@ -221,52 +214,34 @@ class NoiseStream:
 
     def _wander(self, time: Array) -> Array:
         """Sums (R, 6, N) of unit Ornstein–Uhlenbeck processes, one a rate, at times (N,) [s]."""
-        ticks = np.rint(np.diff(time, prepend=self._last) / _TICK_S)
-        steps, which = np.unique(ticks, return_inverse=True)
-        exponent = -self._rates * (steps * _TICK_S)[:, None]
-        keep, kick = np.exp(exponent), np.sqrt(-np.expm1(2.0 * exponent))  # (S, K) each
-        total: Array = np.zeros((len(self._white), 6, len(time)))
-        done = 0
-        for first, last in _long_runs(which):
-            for start in range(done, first, _ROWS_AT_ONCE):
-                rows = slice(start, min(start + _ROWS_AT_ONCE, first))
-                self._step(keep[which[rows]], kick[which[rows]], total[:, :, rows])
-            if last > first:
-                self._filter(keep[which[first]], kick[which[first]], total[:, :, first:last])
-            done = last
-        return total
-
-    def _normals(self, rows: int) -> Array:
-        """The next random numbers (R, rows, K, 6) behind the 1/f parts, one for each rate."""
-        drawn = np.empty((len(self._flicker), rows, *self._state.shape[1:]))
-        for normal, rng in zip(drawn, self._flicker, strict=True):
-            rng.standard_normal(out=normal)
-        return drawn
-
-    def _filter(self, keep: Array, kick: Array, total: Array) -> None:
-        """Equal steps, keep and kick (K,): as `_step` to the last bit, in total (R, 6, n)."""
-        from scipy.signal import lfilter  # slow to load: only when it is used
-
-        normal = self._normals(total.shape[-1])
-        for j, pole in enumerate(keep):
-            kicks = np.multiply(np.swapaxes(normal[:, :, j], 1, 2), kick[j], order="C")
-            carried = (pole * self._state[:, j])[..., None]
-            path = lfilter([1.0], [1.0, -pole], kicks, zi=carried)[0]
+        exponent = -self._rates[:, None] * np.diff(time, prepend=self._last)
+        keep, kick = np.exp(exponent), np.sqrt(-np.expm1(2.0 * exponent))  # (K, N) each
+        normal = np.empty((len(self._flicker), len(time), *self._state.shape[1:]))
+        for drawn, rng in zip(normal, self._flicker, strict=True):
+            rng.standard_normal(out=drawn)
+        total: Array = np.zeros((len(normal), 6, len(time)))
+        for j in range(len(self._rates)):
+            push = np.multiply(np.swapaxes(normal[:, :, j], 1, 2), kick[j], order="C")
+            push[..., 0] += keep[j, 0] * self._state[:, j]
+            path = carried(keep[j], push)
             self._state[:, j] = path[..., -1]
             total += path
+        return total
 
-    def _step(self, keep: Array, kick: Array, total: Array) -> None:
-        """Any steps: keep and kick (n, K), added up in total (R, 6, n)."""
-        paths = np.ascontiguousarray(np.swapaxes(self._normals(len(keep)), 0, 1))
-        paths *= kick[:, None, :, None]
-        factors = np.broadcast_to(keep[:, None, :, None], paths.shape).copy()
-        state, carried = self._state, np.empty(self._state.shape)
-        for row, factor in zip(paths, factors, strict=True):
-            np.multiply(factor, state, out=carried)
-            row += carried
-            state = row
-        self._state = state.copy()
-        total += paths.sum(axis=2).transpose(1, 2, 0)
+
+def carried(keep: Array, push: Array) -> Array:
+    """x of x_k = keep_k x_(k−1) + push_k along rows, and x_0 = push_0.
+
+    Args:
+        keep: (N,), of which the first is not used.
+        push: (…, N); may be overwritten.
+    """
+    from scipy.linalg.lapack import dtbtrs  # slow to load: only when it is used
+
+    bands = np.stack([np.ones(len(keep)), np.append(-keep[1:], 0.0)])  # x_k − keep_k x_(k−1)
+    columns = push.reshape(-1, len(keep)).T
+    path, _ = dtbtrs(bands, columns, uplo="L", diag="U", overwrite_b=True)
+    return np.asarray(path.T.reshape(push.shape))
 
 
 def shown(model: NoiseModel, wrench: Array) -> tuple[Array, NDArray[np.uint32]]:
@@ -302,14 +277,6 @@ def _mix(rows: Array, root: Array) -> Array:
         for j in range(1, 6):
             mixed[i] += root[i, j] * rows[j]
     return mixed
-
-
-def _long_runs(which: NDArray[np.intp]) -> list[tuple[int, int]]:
-    """Rows (first, last + 1) of the runs of equal numbers worth a filter; an empty run ends."""
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(which)) + 1, [len(which)]])
-    long = np.flatnonzero(np.diff(edges) >= _LONG_RUN)
-    runs = [(int(edges[i]), int(edges[i + 1])) for i in long]
-    return [*runs, (len(which), len(which))]
 
 
 def _rates(f_low: float, f_high: float) -> tuple[Array, float]:
