@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from wrenchbed.diagnosis.several import diagnose_several
     from wrenchbed.drives.fit import DriveFit
     from wrenchbed.drives.identify import calibrate_efforts
+    from wrenchbed.drives.servo import calibrate_servos
     from wrenchbed.errors import WrenchbedError
     from wrenchbed.exports.base import ExportOptions, export_to
     from wrenchbed.exports.load_numbers import LoadNumbers, load_numbers
@@ -61,6 +62,7 @@ if TYPE_CHECKING:
     from wrenchbed.studies import run as study
     from wrenchbed.twin.export import export
     from wrenchbed.twin.replay import simulate
+    from wrenchbed.twin.servos import export_servos, is_of_servos
     from wrenchbed.twin.twin import Twin
     from wrenchbed.viewer.show import view
 
@@ -101,6 +103,7 @@ __all__ = [
     "blind_score",
     "calibrate",
     "calibrate_efforts",
+    "calibrate_servos",
     "calibrate_tracker",
     "campaign",
     "check",
@@ -114,11 +117,13 @@ __all__ = [
     "dry_run",
     "excite",
     "export",
+    "export_servos",
     "export_to",
     "for_tracker",
     "guess_map",
     "import_files",
     "informative",
+    "is_of_servos",
     "learn_sensor",
     "live",
     "load",

@@ -7,13 +7,11 @@ from typing import Self
 import numpy as np
 
 from wrenchbed.channels.base import PLACING, Channel
-from wrenchbed.channels.held import held, held_weight, nominal, nominal_ways, of_links, ways
+from wrenchbed.channels.held import held_torques, of_links, pulled_torques
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import EffectChain
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.time_derivatives import value
-from wrenchbed.physics.wrench import weight
 from wrenchbed.robots.base import SimulatedRobot
 
 PREFIX = "tau"
@@ -66,27 +64,10 @@ class EffortAtRest(Channel):
 
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
         """Readings of poses; on the ways between them 0."""
-        robot, theta, at = scene.robot, chain.theta(scene.robot, scene.theta), scene.held
-        shift, turn = chain.displacement(scene), chain.turned_base(scene)
-        moved = theta is not scene.theta or turn is not None or not isinstance(shift, float)
-        q = (scene.joints + value(shift))[at]
-        gravity = scene.gravity[None] if turn is None else (scene.gravity @ turn)[at]
-        result = np.zeros((len(scene), self.joints))
-        result[at] = held_weight(robot, q, theta, gravity) if moved else nominal(scene)
-        if not {"pose", "load"}.isdisjoint(chain.stages):
-            rotation, _ = robot.sensor_pose(q, theta)
-            unmoved = weight((gravity[:, None] @ rotation)[:, 0], robot.tool(theta))
-            more = (load + chain.pull(scene, pose, load))[at] - unmoved
-            result[at] += held(ways(robot, q, theta) if moved else nominal_ways(scene), more)
-        return result
+        return held_torques(chain, scene, pose, load)
 
     def late(self, chain: EffectChain, scene: Scene, nominal: np.ndarray) -> np.ndarray:
-        if "load" not in chain.stages:
-            return nominal
-        pull = chain.pull(scene, Pose(*scene.pose), scene.load)
-        result = nominal.copy()
-        result[scene.held] += held(nominal_ways(scene), np.asarray(pull)[scene.held])
-        return result
+        return nominal + pulled_torques(chain, scene)
 
     def imperfections(self, scene: Scene) -> np.ndarray:
         sensors, others = self.kinds(scene)

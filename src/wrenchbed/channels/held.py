@@ -4,9 +4,12 @@ from functools import lru_cache
 
 import numpy as np
 
+from wrenchbed.effects.base import Pose
+from wrenchbed.effects.chain import EffectChain
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.newton_euler import twist_of
-from wrenchbed.physics.time_derivatives import STEP, Jet, Value
+from wrenchbed.physics.time_derivatives import STEP, Jet, Value, value
+from wrenchbed.physics.wrench import weight
 from wrenchbed.robots.base import Robot, SimulatedRobot
 
 LINK_MASS, LINK_CENTRE = 0.03, 3e-3
@@ -48,6 +51,37 @@ def held_weight(robot: Robot, q: np.ndarray, theta: np.ndarray, gravity: np.ndar
         return -robot.gravity_torque(q, theta, gravity[0])
     each = np.stack([robot.gravity_torque(q, theta, axis) for axis in np.eye(3)])
     return -np.einsum("nk,knj->nj", gravity, each)
+
+
+def held_torques(chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
+    """Torques (M, J) that hold arm and load as effects leave them; on ways between poses 0.
+
+    Args:
+        pose: of the sensor, placed by the effects.
+        load: on the sensor (M, 6) [N, N·m].
+    """
+    robot, theta, at = scene.robot, chain.theta(scene.robot, scene.theta), scene.held
+    shift, turn = chain.displacement(scene), chain.turned_base(scene)
+    moved = theta is not scene.theta or turn is not None or not isinstance(shift, float)
+    q = (scene.joints + value(shift))[at]
+    gravity = scene.gravity[None] if turn is None else (scene.gravity @ turn)[at]
+    result = np.zeros(scene.joints.shape)
+    result[at] = held_weight(robot, q, theta, gravity) if moved else nominal(scene)
+    if not {"pose", "load"}.isdisjoint(chain.stages):
+        rotation, _ = robot.sensor_pose(q, theta)
+        unmoved = weight((gravity[:, None] @ rotation)[:, 0], robot.tool(theta))
+        more = (load + chain.pull(scene, pose, load))[at] - unmoved
+        result[at] += held(ways(robot, q, theta) if moved else nominal_ways(scene), more)
+    return result
+
+
+def pulled_torques(chain: EffectChain, scene: Scene) -> np.ndarray:
+    """Torques (M, J) that hold what effects of the load alone add."""
+    result = np.zeros(scene.joints.shape)
+    if "load" in chain.stages:
+        pull = chain.pull(scene, Pose(*scene.pose), scene.load)
+        result[scene.held] = held(nominal_ways(scene), np.asarray(pull)[scene.held])
+    return result
 
 
 def of_links(scene: Scene) -> np.ndarray:

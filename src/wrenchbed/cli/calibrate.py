@@ -22,17 +22,21 @@ from wrenchbed.errors import ParameterError
 from wrenchbed.pages.numbers import HUMAN, percent
 from wrenchbed.physics.wrench import CHANNELS
 
+_OF = {"effort": "efforts", "pose": "a tracker's readings", "command": "commands"}
+"""What the channels but the wrench are, for people."""
+
 
 @dataclass(frozen=True)
 class DataArguments:
-    """What is fitted: the wrench, with touches of known points, joint efforts, or a tracker's
-    readings."""
+    """What is fitted: the wrench, with touches of known points, joint efforts, a tracker's
+    readings, or commands."""
 
     # What is fitted; the wrench, or the joint efforts (tau1 … or i1 …) of a recording without one,
-    # or the places of a target (mx my mz). Of efforts, --free takes drive, drive.coulomb,
-    # drive.viscous, drive.offset, drive.inertia, drive.constant, tool, link; of a tracker the
-    # geometry (a2, dq3, …) and the joints' compliances (compliance.q?).
-    channels: Literal["wrench", "effort", "pose"] | None = None
+    # or the places of a target (mx my mz), or what position servos were told (q_target1 …). Of
+    # efforts, --free takes drive, drive.coulomb, drive.viscous, drive.offset, drive.inertia,
+    # drive.constant, tool, link; of a tracker the geometry (a2, dq3, …) and the joints'
+    # compliances (compliance.q?); of commands servo, tool.
+    channels: Literal["wrench", "effort", "pose", "command"] | None = None
     # Known drive constants of motor currents, one a joint, gear included [N·m/A].
     constants: tuple[float, ...] | None = None
     # Recording of touches (columns px py pz) of the same robot, fitted together.
@@ -78,10 +82,10 @@ def calibrate(
             "--touches": given.touches, "--truth": truth, "--report": report,
             "--loss": fit.loss != "linear",
         }  # fmt: skip
-        if channels == "effort":
+        if channels != "pose":
             others = {"--hold": fit.hold, "--prior": fit.prior, **others}
         if refused := [flag for flag, value in others.items() if value]:
-            what = "efforts have none" if channels == "effort" else "a tracker's readings have none"
+            what = f"{_OF[channels]} have none"
             raise ParameterError(f"{refused[0]} is for wrenches: leave it out, {what}")
     if channels == "effort":
         _efforts(data, fit, given.constants, out, as_json)
@@ -90,6 +94,11 @@ def calibrate(
         raise ParameterError("--constants is for joint efforts: leave it out, or --channels effort")
     if channels == "pose":
         _places(data, fit, out, as_json)
+        return
+    if channels == "command":
+        with console.progress(f"calibrate {len(data):,} rows", None):
+            servos = wb.calibrate_servos(data, fit.free, force=fit.force)
+        _written(servos, out, as_json)
         return
     with console.progress(f"calibrate {len(data):,} rows", None):
         result = wb.calibrate(data, fit, given.read())
@@ -112,9 +121,12 @@ def calibrate(
 
 
 def _channels(data: wb.Recording) -> str:
-    """What is fitted where nothing else is said: the wrench, else joint efforts, else places."""
+    """What is fitted where nothing else is said: the wrench, else joint efforts, else places, else
+    commands."""
     if data.has_wrench:
         return "wrench"
+    if data.only_commanded:
+        return "command"
     return "pose" if data.effort is None else "effort"
 
 
@@ -148,6 +160,10 @@ def _efforts(
 ) -> None:
     with console.progress(f"calibrate {len(data):,} rows", None):
         result = wb.calibrate_efforts(data, options.free, constants=constants, force=options.force)
+    _written(result, out, as_json)
+
+
+def _written(result: DriveFit, out: Path | None, as_json: bool) -> None:
     if out is not None:
         result.write(out)
     written = [] if out is None else [f"fit → {out}"]
@@ -195,9 +211,10 @@ def _residuals(words: FitWords) -> Table:
 def drive_fit_table(fit: DriveFit) -> Group:
     """Parameters, errors of each joint on held-out rows, and the status."""
     head = Text.assemble(
-        ("joint efforts ", "bold"), f"{fit.recording}  {fit.robot}, {fit.about}"
+        (f"joint {fit.word}s ", "bold"), f"{fit.recording}  {fit.robot}, {fit.about}"
     )  # fmt: skip
     parts: list[Any] = [head, "", _parameters(fit.identified), "", _errors(fit)]
+    parts += console.section("what this data cannot tell", fit.cannot_tell)
     title = "refuted by the data" if fit.refuted else "status"
     return Group(*parts, *console.section(title, [fit.refuted or fit.status]))
 
@@ -210,7 +227,7 @@ def _errors(fit: DriveFit) -> Table:
     table = console.table(head, *(f">{e.joint}" for e in fit.joints))
     if not alike:
         table.add_row("unit", *units, style="dim")
-    table.add_row("effort itself", *(f"{e.measured:.3g}" for e in fit.joints))
+    table.add_row(f"{fit.word} itself", *(f"{e.measured:.3g}" for e in fit.joints))
     if all(e.nominal is not None for e in fit.joints):
         table.add_row("left by the nominal robot", *(f"{e.nominal:.3g}" for e in fit.joints))
     table.add_row("left by the fit", *(f"{e.left:.3g}" for e in fit.joints))

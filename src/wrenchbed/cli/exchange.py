@@ -139,7 +139,8 @@ def export(
     """Write a calibration for controllers, ROS 2 or URDF; a twin as MJCF; a recording as MCAP.
 
     Args:
-        file: fit.json or twin.json; with --mcap a recording.
+        file: fit.json or twin.json; with --mcap a recording. Of a fit of commands --to mjcf writes
+            the robot with the fitted position servos.
         to: Format: ur, ros2, urdf, franka, kuka, xarm or mjcf, see `wrenchbed list exports`.
         out: File to write; with --to mjcf a folder.
         mjcf: The same as --to mjcf --out MJCF.
@@ -173,6 +174,12 @@ def _export_log(file: Path, mcap: Path, force: bool, as_json: bool) -> None:
 
 
 def _export_model(file: Path, mjcf: Path, as_json: bool) -> None:
+    if wb.is_of_servos(file):
+        console.check_folder(mjcf, {"README.md": Kind.NOTES})
+        model, notes = wb.export_servos(file, mjcf)
+        result = {"mjcf": str(model), "notes": str(notes)}
+        console.answer(result, as_json, f"exported → {model}, {notes}")
+        return
     twin = calibrated_twin(file)
     model = {f"{twin.model.robot.name}.xml": Kind.MODEL, "effects.json": Kind.OUTSIDE}
     console.check_folder(mjcf, model | {"README.md": Kind.NOTES})

@@ -31,6 +31,8 @@ TARGET = ("mx", "my", "mz")
 """Place of a target on the flange in a tracker's axes [m]."""
 EFFORT_UNITS = {"tau": "N·m", "i": "A"}
 """Column prefixes of joint torques and of motor currents, with their units."""
+COMMAND = "q_target"
+"""Column prefix of joint targets."""
 _UNIT_LENGTH = 1e-3
 """Largest error of a unit quaternion's length: four digits are enough."""
 JOURNAL = ".journal"
@@ -81,6 +83,13 @@ class Recording:
         """Whether there is a wrench; otherwise there are joint efforts, or places of a target."""
         return CHANNELS[0] in self.columns
 
+    @property
+    def only_commanded(self) -> bool:
+        """Whether joint targets are all that there is beside joint values."""
+        columns = self.columns
+        other = self.has_wrench or self.effort is not None or TARGET[0] in columns
+        return not other and commanded(columns)
+
     def require_wrench(self) -> None:
         """Refuse a recording of joint efforts, or of places of a target, alone.
 
@@ -89,6 +98,7 @@ class Recording:
         """
         if not self.has_wrench:
             held = "the places of a target" if self.effort is None else "the effort of its joints"
+            held = "what its joints were told" if self.only_commanded else held
             raise RecordingError(
                 f"{self.name}: has no wrench fx … tz, only {held}: this needs a force/torque sensor"
             )
@@ -186,9 +196,16 @@ def effort_prefix(columns: Container[str]) -> str | None:
     return None
 
 
+def commanded(columns: Container[str]) -> bool:
+    """Whether columns hold a target of each joint."""
+    joints = range(1, len(joint_columns(columns)) + 1)
+    return bool(joints) and all(f"{COMMAND}{j}" in columns for j in joints)
+
+
 def holds_readings(columns: Container[str]) -> bool:
     """Whether columns hold readings of some sensor, as a recording's do and a plan's do not."""
-    return CHANNELS[0] in columns or TARGET[0] in columns or effort_prefix(columns) is not None
+    read = CHANNELS[0] in columns or TARGET[0] in columns or commanded(columns)
+    return read or effort_prefix(columns) is not None
 
 
 def _from_journal(path: Path, recording: Path) -> pa.Table:
@@ -236,7 +253,8 @@ def _wrong_values(columns: Mapping[str, np.ndarray]) -> Iterator[str]:
     """Sentences on columns of another kind, and on rows with a wrong value."""
     rows, joints, prefix = len(columns["t"]), joint_columns(columns), effort_prefix(columns)
     efforts = [f"{prefix}{j + 1}" for j in range(len(joints))]
-    numeric = {"t", *CHANNELS, *efforts, *joints, *QUATERNION, *POINT, *TARGET}
+    targets = [f"{COMMAND}{j + 1}" for j in range(len(joints))]
+    numeric = {"t", *CHANNELS, *efforts, *targets, *joints, *QUATERNION, *POINT, *TARGET}
     for column, array in columns.items():
         kind = array.dtype.kind
         if array.shape != (rows,):

@@ -8,10 +8,13 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.calibration.fit import FORMAT, IdentifiedValue
+from wrenchbed.data.metadata import carried_robot
 from wrenchbed.files import write_json
 from wrenchbed.pages.numbers import percent
 
-POSITIVE = ("drive.constant", "drive.coulomb", "drive.viscous")
+EFFORT_FIT, COMMAND_FIT = "effort", "command"
+"""What was fitted: joint efforts, or tracking errors of servos."""
+POSITIVE = ("drive.constant", "drive.coulomb", "drive.viscous", "servo.stiffness")
 """Groups of values that cannot be negative."""
 
 
@@ -82,6 +85,8 @@ class DriveFit:
         refuted: why the held-out rows refute these values, None if they do not.
         constants: of the drives, where they were stated (J,) [N·m/A, of slides N/A].
         rest: of efforts at rest.
+        channels: `EFFORT_FIT`, or `COMMAND_FIT`, whose errors are in rad, of slides in m.
+        cannot_tell: sentences on what the data do not tell, of commands.
     """
 
     recording: str
@@ -96,6 +101,8 @@ class DriveFit:
     refuted: str | None = None
     constants: tuple[float, ...] | None = None
     rest: AtRest | None = None
+    channels: str = EFFORT_FIT
+    cannot_tell: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> IdentifiedValue:
         return next(p for p in self.identified if p.name == name)
@@ -106,6 +113,11 @@ class DriveFit:
         if self.rest is not None:
             return f"{self.rest.poses} poses at rest, {self.rows} rows"
         return f"{self.seconds:.0f} s, {self.rows} rows below {self.cutoff:.3g} Hz"
+
+    @property
+    def word(self) -> str:
+        """What was fitted of each joint, for people."""
+        return "tracking error" if self.channels == COMMAND_FIT else "effort"
 
     @property
     def explained(self) -> float:
@@ -130,9 +142,14 @@ class DriveFit:
             return text + self.rest.sentence(self.unit) + untold_text
         text = (
             f"on rows that no fit saw it explains {percent(worst.explained)} % or more of each "
-            f"joint's effort, least of joint {worst.joint}"
+            f"joint's {self.word}, least of joint {worst.joint}"
         )
-        if "link" not in names and "tool" in names:
+        if self.channels == COMMAND_FIT:
+            text += (
+                "; what is in N·m and kg holds as far as the model's link masses do; drive.viscous "
+                "is the damping of servo and joint together"
+            )
+        elif "link" not in names and "tool" in names:
             text += "; the tool and drive constants hold as far as the model's link masses do"
         return text + untold_text
 
@@ -141,9 +158,10 @@ class DriveFit:
         refuted = {} if self.refuted is None else {"refuted": self.refuted}
         return {
             "format": FORMAT,
-            "channels": "effort",
+            "channels": self.channels,
             "recording": self.recording,
             "robot": self.robot,
+            **carried_robot(self.robot),
             **refuted,
             **({} if self.constants is None else {"constants": list(self.constants)}),
             "status": self.status,
@@ -155,6 +173,7 @@ class DriveFit:
             "parameters": {
                 p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in self.identified
             },
+            **({"cannot_tell": list(self.cannot_tell)} if self.cannot_tell else {}),
             "joints": [asdict(e) | {"explained": e.explained} for e in self.joints],
             "covariance": self.covariance.tolist(),
         }

@@ -38,7 +38,7 @@ _WORSE = 1.0
 LOAD = ("tool.mass", *(f"tool.moment.{a}" for a in "xyz"),
         *(f"tool.second.{a}" for a in INERTIA_AXES))  # fmt: skip
 """The ten inertial parameters of the load, about the sensor's origin in its axes."""
-_WIDE = float(stdtrit(FOLDS - 1, 0.975))
+WIDE = float(stdtrit(FOLDS - 1, 0.975))
 """Half the width of a 95 % interval in standard errors, with one degree of freedom less than
 folds."""
 _COG = tuple(f"tool.cog.{a}" for a in "xyz")
@@ -117,6 +117,19 @@ def _groups(free: Sequence[str], signals: DriveSignals) -> tuple[str, ...]:
 def _problem(
     recording: Recording, signals: DriveSignals, groups: tuple[str, ...]
 ) -> tuple[Problem, dict[str, float]]:
+    problem, starts = problem_of(recording, signals, groups)
+    check_moves(recording.name, problem)
+    dead = np.flatnonzero(np.ptp(signals.effort, axis=0) == 0.0)
+    if dead.size:
+        column = f"{signals.prefix}{dead[0] + 1}"
+        raise CalibrationError(f"{recording.name}: column {column!r} never changes")
+    return problem, starts
+
+
+def problem_of(
+    recording: Recording, signals: DriveSignals, groups: tuple[str, ...]
+) -> tuple[Problem, dict[str, float]]:
+    """Columns of `GROUPS` for the signals of an arm, and the nominal values of what is free."""
     robot = arm_of(recording)
     model = Model.of(robot, recording.metadata)
     theta = robot.robot_theta(model.configured(recording.metadata))
@@ -137,7 +150,9 @@ def _problem(
     if FRICTION[3] in groups:
         starts |= {f"{FRICTION[3]}.{j + 1}": float(r) for j, r in enumerate(inertias.rotor)}
     friction, kinds = _friction(signals, groups)
-    use = _used(recording, signals, kinds)
+    use = signals.moving()
+    if FRICTION[0] not in kinds:
+        use = np.ones_like(use)
     problem = Problem(
         signals.filtered(signals.effort), signals.filtered(nominal, coarse),
         signals.filtered(loads, coarse), changes, signals.filtered(friction), kinds, use,
@@ -166,21 +181,14 @@ def _friction(signals: DriveSignals, groups: tuple[str, ...]) -> tuple[np.ndarra
     return np.stack(columns, axis=-1) if columns else np.zeros((*speed.shape, 0)), kinds
 
 
-def _used(recording: Recording, signals: DriveSignals, kinds: tuple[str, ...]) -> np.ndarray:
-    """Which filtered rows and joints count (M, J), boolean."""
-    use = signals.moving()
-    if FRICTION[0] not in kinds:
-        use = np.ones_like(use)
+def check_moves(name: str, problem: Problem) -> None:
+    """Refuse a motion of too few rows, or in which a joint rests."""
+    use = problem.use
     rows = len(use)
     if rows < 2 * FOLDS or not use.any(axis=0).all():
         lazy = [j + 1 for j in range(use.shape[1]) if not use[:, j].any()]
         why = f"joint {lazy[0]} never moves" if lazy else f"{rows} rows are left after the filter"
-        raise CalibrationError(f"{recording.name}: {why}: record a longer motion of all joints")
-    dead = np.flatnonzero(np.ptp(signals.effort, axis=0) == 0.0)
-    if dead.size:
-        column = f"{signals.prefix}{dead[0] + 1}"
-        raise CalibrationError(f"{recording.name}: column {column!r} never changes")
-    return use
+        raise CalibrationError(f"{name}: {why}: record a longer motion of all joints")
 
 
 def about_origin(tool: Tool) -> np.ndarray:
@@ -241,28 +249,38 @@ def _fit(
     starts: dict[str, float],
 ) -> DriveFit:
     joints = arm_of(recording).joints
-    names, determined = _names(problem, _certain(problem, solution, starts), joints)
-    values = _reported(problem, solution.x, starts)
-    before = _reported(problem, start(problem), starts)
-    each = np.array([_reported(problem, x, starts) for x in solution.folds])
-    covariance = _jackknife(each)
-    identified = []
-    for k, (name, unit) in enumerate(names):
-        std = float(np.sqrt(covariance[k, k])) if determined[k] else None
-        half = None if std is None else _WIDE * std
-        identified.append(
-            IdentifiedValue(name, float(values[k]), std, unit, float(before[k]), half)
-        )
+    covariance = jackknife(np.array([published(problem, x, starts) for x in solution.folds]))
+    identified = values_of(problem, solution, starts, joints, covariance)
     units = [joint.own(signals.unit) for joint in joints]
-    errors = _errors(problem, solution, units)
+    errors = errors_of(problem, solution, units)
     return DriveFit(
-        recording.name, recording.metadata.robot, signals.unit, tuple(identified), errors,
+        recording.name, recording.metadata.robot, signals.unit, identified, errors,
         covariance, signals.cutoff, float(signals.t[-1] - signals.t[0]), len(problem.use),
-        _refuted(errors, identified),
+        refutation(errors, identified),
     )  # fmt: skip
 
 
-def _jackknife(folds: np.ndarray) -> np.ndarray:
+def values_of(
+    problem: Problem, solution: Solution, starts: dict[str, float], joints: Sequence[Joint],
+    covariance: np.ndarray,
+) -> tuple[IdentifiedValue, ...]:  # fmt: skip
+    """The published parameters of a fit, of a covariance (K, K)."""
+    names, determined = _names(problem, _certain(problem, solution, starts), joints)
+    values = published(problem, solution.x, starts)
+    before = published(problem, start(problem), starts)
+    std = np.sqrt(np.diagonal(covariance))
+    return tuple(
+        IdentifiedValue(
+            name, float(value), float(s) if told else None, unit, float(begun),
+            WIDE * float(s) if told else None,
+        )
+        for (name, unit), value, s, begun, told in zip(
+            names, values, std, before, determined, strict=True
+        )
+    )  # fmt: skip
+
+
+def jackknife(folds: np.ndarray) -> np.ndarray:
     """Covariance (K, K) of values that were found without each block (FOLDS, K)."""
     off = folds - folds.mean(axis=0)
     return np.asarray((FOLDS - 1) / FOLDS * off.T @ off)
@@ -275,7 +293,7 @@ def _certain(p: Problem, solution: Solution, starts: dict[str, float]) -> np.nda
     centre.
     """
     determined = solution.determined.copy()
-    half = _WIDE * np.sqrt(np.diagonal(_jackknife(solution.folds)))
+    half = WIDE * np.sqrt(np.diagonal(jackknife(solution.folds)))
     if p.gains:
         joints = p.y.shape[1]
         determined[:joints] &= np.abs(solution.x[:joints]) > half[:joints]
@@ -310,7 +328,7 @@ def _names(
     return names, np.array(good, dtype=bool)
 
 
-def _reported(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray:
+def published(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray:
     """Reported parameters from the parameters x (K,) of the fit."""
     gain, change, friction = parts(p, x)
     change = change + [starts[c] for c in p.changes]
@@ -327,7 +345,8 @@ def _about_cog(load: np.ndarray) -> np.ndarray:
     return np.array([mass, *cog, *(load[4:] - mass * np.array(_six(_second(cog, cog))))])
 
 
-def _errors(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[JointError, ...]:
+def errors_of(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[JointError, ...]:
+    """Errors of each joint, those on held-out blocks by the fit without each."""
     residuals, unseen = residual(p, solution.x), np.zeros_like(p.y)
     for k, x in enumerate(solution.folds):
         unseen[p.fold == k] = residual(p, x)[p.fold == k]
@@ -341,7 +360,8 @@ def _errors(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[Joint
     return tuple(errors)
 
 
-def _refuted(joints: tuple[JointError, ...], values: list[IdentifiedValue]) -> str | None:
+def refutation(joints: Sequence[JointError], values: Sequence[IdentifiedValue]) -> str | None:
+    """Why held-out rows or a value refute a fit, for people; None if they do not."""
     bad = [e for e in joints if not e.held_out < _WORSE * e.measured]
     if bad:
         return (

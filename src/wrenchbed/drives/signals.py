@@ -60,6 +60,7 @@ class DriveSignals:
         effort: torques [N·m] or currents [A] (N, J) as measured.
         prefix: ``tau`` or ``i``.
         cutoff: of the filter [Hz].
+        edges: of the filters of joint values (J,) [Hz].
     """
 
     t: np.ndarray
@@ -67,6 +68,7 @@ class DriveSignals:
     effort: np.ndarray
     prefix: str
     cutoff: float
+    edges: tuple[float, ...]
 
     @property
     def rate(self) -> float:
@@ -162,8 +164,17 @@ def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSig
         RecordingError: no torques or currents, or an uneven clock.
         CalibrationError: nothing moves, or the motion is too short.
     """
-    name, (prefix, effort) = recording.name, efforts_of(recording)
-    t, q = np.asarray(recording.t, dtype=float), np.asarray(recording.q, dtype=float)
+    prefix, effort = efforts_of(recording)
+    return motion_signals(recording.name, recording.t, recording.q, effort, prefix, cutoff)
+
+
+def motion_signals(
+    name: str, t: np.ndarray, q: np.ndarray, effort: np.ndarray, prefix: str,
+    cutoff: float | None = None, edges: Sequence[float] | None = None,
+) -> DriveSignals:  # fmt: skip
+    """Speeds and accelerations of joint values (N, J) at times (N,) [s], beside what drives
+    report (N, J); see `drive_signals`. The edges of their filters are found if none."""
+    t, q = np.asarray(t, dtype=float), np.asarray(q, dtype=float)
     steps = np.diff(t)
     if len(t) < _LEAST_ROWS or np.ptp(q, axis=0).max() == 0.0:
         raise CalibrationError(
@@ -179,31 +190,48 @@ def drive_signals(recording: Recording, cutoff: float | None = None) -> DriveSig
             f"{usual:.4g} s: make the clock even (import with rate_hz) or cut the gap out"
         )
     rate = 1.0 / usual
-    cutoff = _cutoff(q, rate) if cutoff is None else min(cutoff, _HIGHEST * rate)
+    cutoff = cutoff_of(q, rate) if cutoff is None else min(cutoff, _HIGHEST * rate)
     most = min(4.0 * cutoff, 0.45 * rate)
-    smooth = make_interp_spline(t, np.stack([_smoothed(x, rate, most) for x in q.T], axis=-1), k=5)
+    edges = tuple(_edge(x, rate, most) for x in q.T) if edges is None else tuple(edges)
+    each = [_smoothed(x, rate, edge) for x, edge in zip(q.T, edges, strict=True)]
+    smooth = make_interp_spline(t, np.stack(each, axis=-1), k=5)
     values = Jet(smooth(t), smooth.derivative(1)(t), smooth.derivative(2)(t))
-    return DriveSignals(t, values, effort, prefix, cutoff)
+    return DriveSignals(t, values, effort, prefix, cutoff, edges)
 
 
-def _smoothed(q: np.ndarray, rate: float, most: float) -> np.ndarray:
-    """A joint's values (N,) without the frequencies at which they are an encoder's noise alone.
+def _edge(q: np.ndarray, rate: float, most: float) -> float:
+    """Frequency [Hz] above which a joint's values (N,) are an encoder's noise alone.
 
     Differentiated twice, that noise would be a torque: of an outstretched arm several times the
     noise of its first joint.
     """
+    frequency, power, floor = _spectrum(q, rate)
+    above_noise = np.flatnonzero(power > _OVER_NOISE * floor)
+    last = float(frequency[above_noise[-1]]) if above_noise.size else 0.0
+    return float(np.clip(_BEYOND * last, min(_LOWEST, most), most))
+
+
+def _smoothed(q: np.ndarray, rate: float, edge: float) -> np.ndarray:
+    """A joint's values (N,) without frequencies above an edge [Hz]."""
+    return np.asarray(
+        scipy.signal.sosfiltfilt(scipy.signal.butter(_ORDER, edge, fs=rate, output="sos"), q)
+    )
+
+
+def encoder_noise(q: np.ndarray, rate: float) -> float:
+    """Standard deviation of the white noise of a joint's values (N,), counts of an encoder."""
+    return float(np.sqrt(0.5 * rate * _spectrum(q, rate)[2]))
+
+
+def _spectrum(q: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Frequencies [Hz], power of a joint's values (N,) there, and that of its noise."""
     rows = min(len(q), int(_SPECTRUM_S * rate))
     straight = np.asarray(scipy.signal.detrend(q), dtype=np.float64)
     frequency, power = scipy.signal.welch(straight, rate, window="blackmanharris", nperseg=rows)
-    floor = float(np.median(power[frequency > _NOISE_FROM * rate]))
-    above_noise = np.flatnonzero(power > _OVER_NOISE * floor)
-    last = float(frequency[above_noise[-1]]) if above_noise.size else 0.0
-    edge = float(np.clip(_BEYOND * last, min(_LOWEST, most), most))
-    sections = scipy.signal.butter(_ORDER, edge, fs=rate, output="sos")
-    return np.asarray(scipy.signal.sosfiltfilt(sections, q))
+    return frequency, power, float(np.median(power[frequency > _NOISE_FROM * rate]))
 
 
-def _cutoff(q: np.ndarray, rate: float) -> float:
+def cutoff_of(q: np.ndarray, rate: float) -> float:
     """Five times the frequency below which nearly all of the speeds' power lies [Hz]."""
     frequency, power = scipy.signal.periodogram(np.gradient(q, axis=0), fs=rate, axis=0)
     share = np.cumsum(power.sum(axis=1)) / power.sum()

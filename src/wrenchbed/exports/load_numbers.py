@@ -43,7 +43,7 @@ _TITLES = {
     "bias": ("zero of the sensor", "N, N·m"), "gravity": ("gravity in base axes", "m/s²"),
 }  # fmt: skip
 """Title and unit of each quantity of `LoadNumbers`."""
-_NO_LOAD = {"effort": "joint efforts", "pose": "a tracker's readings"}
+_NO_LOAD = {"effort": "joint efforts", "pose": "a tracker's readings", "command": "commands"}
 """Fits without a load, by what their ``channels`` say."""
 _OF_TWIN = ("format", "robot", "robot_model", "gravity", "theta", "effects", "recording")
 """Fields of a fit to a tracker's readings that make a twin."""

@@ -45,13 +45,13 @@ def export(twin: Twin, folder: str | Path) -> tuple[Path, Path]:
     model = spec.compile()
     read = README.format(robot=robot.name, weights=_IN_FULL if springs else "")
     with atomic_folder(folder) as new:
-        write_text(new / mjcf.name, _exact(spec.to_xml(), model))
+        write_text(new / mjcf.name, exact(spec.to_xml(), model))
         write_json(new / outside.name, _outside(twin, inside))
         write_text(new / "README.md", read.rstrip() + "\n")
     return mjcf, outside
 
 
-def _exact(xml: str, model: mujoco.MjModel) -> str:
+def exact(xml: str, model: mujoco.MjModel) -> str:
     """The model's XML with all digits of what a wrench depends on: MuJoCo writes six.
 
     These are places, axes, masses, inertias and zeros of named bodies, joints and sites, the points

@@ -51,6 +51,13 @@ def prepare(recording: Recording, seed: int = 0, material: Material | None = Non
 
 def gathered(recording: Recording, seed: int = 0) -> Prepared:
     """Poses at rest, samples of a motion of joints, or averages of a motion without."""
+    if recording.only_commanded:
+        raise DiagnosisError(
+            f"{recording.name}: holds commands and joint values alone, which are not diagnosed "
+            "yet: `wrenchbed calibrate` fits the servos to them, and `wrenchbed export --to mjcf` "
+            "writes these; a recording with joint torques, currents, a wrench or a tracker can be "
+            "diagnosed"
+        )
     configuration, data = configured(recording), observe(recording)
     if orientations.applies(recording):
         return orientations.averaged(recording, configuration, data, seed)

@@ -1,0 +1,337 @@
+"""Gains, friction and delay of position servos, fitted to what was commanded and what was reached.
+
+M q̈ + C + g = kp (u(t − T) − q) − kv q̇ − friction, u the target that is held from one row to the
+next: so the tracking error is the effort of a drive whose constant is kp, what `identify` fits to
+currents, and T joins as a column that is linear near it. Of kv and viscous friction only the sum is
+told. Pieces between gaps and episodes are filtered apart.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
+
+from wrenchbed.calibration.fit import IdentifiedValue
+from wrenchbed.channels.command import CHANNEL
+from wrenchbed.data.recording import Recording
+from wrenchbed.drives.fit import COMMAND_FIT, DriveFit
+from wrenchbed.drives.identify import (
+    CONSTANT,
+    FRICTION,
+    WIDE,
+    arm_of,
+    check_moves,
+    errors_of,
+    jackknife,
+    problem_of,
+    published,
+    refutation,
+    values_of,
+)
+from wrenchbed.drives.signals import DriveSignals, cutoff_of, encoder_noise, motion_signals
+from wrenchbed.drives.solution import FOLDS, Problem, Solution, solve
+from wrenchbed.errors import CalibrationError, ParameterError
+from wrenchbed.robots.base import Joint
+
+STIFFNESS, DELAY = "servo.stiffness", "servo.delay"
+SERVO, TOOL = "servo", "tool"
+"""Groups that may be free: the servos always are; of the load mass, centre and inertia."""
+_QUADRATIC = "quadratic"
+"""Column that nobody reads: setpoints of limited speed trail by the square of the speed, and
+friction falls with it; without it both pass for Coulomb friction and delay."""
+LATEST = 0.3
+"""Longest delay that is sought [s]: a policy's or a network's; estimate."""
+_PER_ROW = 4.0
+"""Delays a row's time at which the search begins."""
+_STEPS, _CLOSE = 20, 1e-5
+"""Steps towards the delays at most, and the change [s] that ends them."""
+_LEAST_ROWS = 100
+"""Fewest rows of a piece between gaps: its filter takes dozens at both ends."""
+_REST = 0.25
+"""Share of the correction for encoders' noise that may be wrong: of counts of 1.5, 3 and 6 mrad it
+left 0.2 to 0.4 of what they moved damping and inertia by (`tests/drives/test_servos.py`)."""
+_GAP = 1.5
+"""Step over the usual one from which rows do not follow each other."""
+_NOTHING = 1e-6
+"""Largest tracking error [rad or m] that is none: an echo of the command."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """Rows that follow each other.
+
+    Attributes:
+        signals: motion, and joint values as read in the place of efforts.
+        target: integral of each joint's targets over time.
+    """
+
+    signals: DriveSignals
+    target: tuple[BSpline, ...]
+
+    def noise(self, rng: np.random.Generator) -> np.ndarray:
+        """Noise (N, J) like that of the encoders."""
+        std = [encoder_noise(x, self.signals.rate) for x in self.signals.effort.T]
+        return rng.normal(size=self.signals.effort.shape) * std
+
+    def shaken(self, noise: np.ndarray) -> "_Piece":
+        """The piece with more noise (N, J) on its joint values."""
+        s, q = self.signals, self.signals.effort + noise
+        return replace(self, signals=motion_signals("", s.t, q, q, s.prefix, s.cutoff, s.edges))
+
+    def error(self, delay: np.ndarray) -> np.ndarray:
+        """Tracking error (M, J), filtered, of targets that came delays (J,) [s] ago."""
+        return self.signals.filtered(self._held(delay) - self.signals.effort)
+
+    def by_speed(self, delay: np.ndarray) -> np.ndarray:
+        """What it falls by with the square of the targets' speed, and with a longer delay
+        (M, J, 2)."""
+        step = 0.5 / self.signals.rate
+        speed = (self._held(delay - step) - self._held(delay + step)) / (2.0 * step)
+        return self.signals.filtered(np.stack([speed * np.abs(speed), speed], axis=2))
+
+    def _held(self, delay: np.ndarray) -> np.ndarray:
+        """Targets (N, J), each held until the next: means of their smooth course over a row's
+        time, which lack what is too fast for any filter here."""
+        t, period = self.signals.t, 1.0 / self.signals.rate
+        each = zip(self.target, delay.tolist(), strict=True)
+        means = [(s(t - d) - s(t - d - period)) / period for s, d in each]
+        return np.stack(means, axis=1)
+
+
+def calibrate_servos(
+    recording: Recording,
+    free: Sequence[str] = (),
+    *,
+    cutoff: float | None = None,
+    force: bool = False,
+) -> DriveFit:
+    """Fit the position servos of an arm to commanded and reached joint values of a motion.
+
+    Args:
+        recording: with ``q_target1…`` beside ``q1…``; ``segment`` or gaps of the clock part its
+            pieces.
+        free: of ``servo`` and ``tool``; the servos are always free, and the load if none is named.
+        cutoff: of the filter [Hz]; five times the motion's bandwidth if none.
+        force: give the values all the same where the data refute them.
+
+    Raises:
+        RecordingError, CalibrationError: the recording cannot be fitted, or refutes the fit.
+        ParameterError: ``free`` names what is no group.
+        NotFoundError: the robot's model has no joint torques.
+    """
+    if unknown := [name for name in free if name not in (SERVO, TOOL)]:
+        raise ParameterError(
+            f"--free {unknown[0]}: of commands {SERVO} and {TOOL} can be freed, no other"
+        )
+    pieces = _pieces(recording, cutoff)
+    groups = (*FRICTION, CONSTANT, *(() if free and TOOL not in free else (TOOL,)))
+    problem, starts = _problem(recording, pieces, groups)
+    check_moves(recording.name, problem)
+    about, solution, delay = _solved(problem, pieces)
+    noise = [p.noise(np.random.default_rng(k)) for k, p in enumerate(pieces)]
+
+    def with_more(size: float) -> Solution:
+        shaken = [p.shaken(size * n) for p, n in zip(pieces, noise, strict=True)]
+        return solve(_about(_problem(recording, shaken, groups)[0], shaken, delay))
+
+    once, twice = ([with_more(s), with_more(-s)] for s in (1.0, float(np.sqrt(2.0))))
+    better = _extrapolated(solution, once, twice)
+    doubt = _REST * (better.x - solution.x)
+    fit = _fit(recording, pieces, about, better, doubt, delay, starts)
+    if fit.refuted is not None and not force:
+        raise CalibrationError(
+            f"{recording.name}: {fit.refuted}; --force gives the values all the same"
+        )
+    return fit
+
+
+def _extrapolated(
+    solution: Solution, once: Sequence[Solution], twice: Sequence[Solution]
+) -> Solution:
+    """A solution less what encoders' noise moves it by, from what as much noise again does, once
+    and twice (SIMEX: Cook & Stefanski 1994, doi 10.1080/01621459.1994.10476871)."""
+
+    def without(name: str) -> np.ndarray:
+        one, two = (np.mean([getattr(s, name) for s in some], axis=0) for some in (once, twice))
+        return np.asarray(3.0 * (getattr(solution, name) - one) + two)
+
+    return replace(solution, x=without("x"), folds=without("folds"))
+
+
+def _pieces(recording: Recording, cutoff: float | None) -> list[_Piece]:
+    name, t, q = recording.name, recording.t, recording.q
+    channel = CHANNEL.of(recording)
+    if missing := [c for c in channel.columns if c not in recording.columns]:
+        raise CalibrationError(
+            f"{name}: no column {missing[0]}: a fit of servos needs what was commanded, "
+            "q_target1…, beside what was reached, q1…"
+        )
+    if recording.metadata.mode != "dynamic":
+        raise CalibrationError(f"{name}: servos at rest do not tell their gains: record a motion")
+    target = np.stack([recording.columns[c] for c in channel.columns], axis=-1)
+    if np.abs(target - q).max() < _NOTHING:
+        raise CalibrationError(
+            f"{name}: q_target1… are q1…: the targets only echo what was reached"
+        )
+    step = np.diff(t)
+    parted = step > _GAP * float(np.median(step))
+    if (segment := recording.columns.get("segment")) is not None:
+        parted |= np.diff(segment) != 0
+    ends = [0, *(np.flatnonzero(parted) + 1).tolist(), len(t)]
+    parts = [slice(a, b) for a, b in pairwise(ends)]
+    long = [part for part in parts if part.stop - part.start >= _LEAST_ROWS]
+    if not long:
+        raise CalibrationError(
+            f"{name}: no {_LEAST_ROWS} rows follow each other evenly: record longer pieces"
+        )
+    if cutoff is None:
+        rate = 1.0 / float(np.median(step))
+        cutoff = float(np.median([cutoff_of(q[part], rate) for part in long]))
+    return [_piece(name, t[part], q[part], target[part], cutoff) for part in long]
+
+
+def _piece(name: str, t: np.ndarray, q: np.ndarray, target: np.ndarray, cutoff: float) -> _Piece:
+    signals = motion_signals(name, t, q, q, "q", cutoff)
+    period = 1.0 / signals.rate
+    before = int(LATEST / period) + 3  # rows for which the first target stood
+    rows = np.arange(-before, len(t) + 3)
+    course = target[np.clip(rows, 0, len(t) - 1)]
+    splines = [make_interp_spline(t[0] + rows * period, x, k=3) for x in course.T]
+    return _Piece(signals, tuple(spline.antiderivative() for spline in splines))
+
+
+def _problem(
+    recording: Recording, pieces: Sequence[_Piece], groups: tuple[str, ...]
+) -> tuple[Problem, dict[str, float]]:
+    """Columns of all pieces, and nominal values."""
+    parts, starts = zip(*(problem_of(recording, p.signals, groups) for p in pieces), strict=True)
+    y, nominal, loads, own, use = (
+        np.concatenate([getattr(p, name) for p in parts])
+        for name in ("y", "nominal", "loads", "own", "use")
+    )
+    fold = np.arange(len(y)) * FOLDS // len(y)
+    whole = replace(parts[0], y=y, nominal=nominal, loads=loads, own=own, use=use, fold=fold)
+    return whole, starts[0]
+
+
+def _solved(problem: Problem, pieces: Sequence[_Piece]) -> tuple[Problem, Solution, np.ndarray]:
+    """The problem about the best delays, its solution, and these (J,) [s]."""
+    delay, most = _begun(problem, pieces), 1.0 / pieces[0].signals.rate
+    for _ in range(_STEPS):
+        about = _about(problem, pieces, delay)
+        solution = solve(about)
+        change = _delays(about, solution.x)
+        if np.abs(change).max() < _CLOSE:
+            break
+        delay = np.clip(delay + np.clip(change, -most, most), -most, LATEST)
+    return about, solution, delay
+
+
+def _about(problem: Problem, pieces: Sequence[_Piece], delay: np.ndarray) -> Problem:
+    """A problem about delays (J,) [s], with two more columns of each joint: by the square of the
+    targets' speed, and last by its delay."""
+    y = np.concatenate([p.error(delay) for p in pieces])
+    more = np.concatenate([p.by_speed(delay) for p in pieces])
+    own = np.concatenate([problem.own, more], axis=2)
+    return replace(problem, y=y, own=own, kinds=(*problem.kinds, _QUADRATIC, DELAY))
+
+
+def _begun(problem: Problem, pieces: Sequence[_Piece]) -> np.ndarray:
+    """Delays (J,) [s] of a grid that fit each joint alone best, with the stated load."""
+    period, joints = 1.0 / pieces[0].signals.rate, problem.y.shape[1]
+    grid = np.arange(-period, LATEST, period / _PER_ROW)
+    errors = np.stack([
+        np.concatenate([p.error(np.full(joints, d)) for p in pieces]) for d in grid
+    ])  # fmt: skip
+    best = []
+    for j in range(joints):
+        use = problem.use[:, j]
+        columns = np.column_stack([problem.nominal[use, j], problem.own[use, j]])
+        basis = np.linalg.qr(columns)[0]
+        y = errors[:, use, j]
+        best.append(grid[np.argmin((y**2).sum(axis=1) - ((y @ basis) ** 2).sum(axis=1))])
+    return np.array(best)
+
+
+def _delays(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """Entries (…, J) of the last column of each joint, among those of parameters (…, K)."""
+    return _of_joints(problem, x)[..., -1]
+
+
+def _of_joints(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """Entries (…, J, F) of columns of single joints, among those of parameters (…, K)."""
+    joints = problem.y.shape[1]
+    own = x[..., joints + len(problem.changes) :]
+    return own.reshape(*x.shape[:-1], joints, -1)
+
+
+def _fit(
+    recording: Recording, pieces: Sequence[_Piece], problem: Problem, solution: Solution,
+    doubt: np.ndarray, delay: np.ndarray, starts: dict[str, float],
+) -> DriveFit:  # fmt: skip
+    joints = arm_of(recording).joints
+    more = _of_joints(problem, np.arange(len(solution.x)))[:, -2:].ravel()
+    drive = replace(problem, own=problem.own[:, :, :-2], kinds=problem.kinds[:-2])
+    of_drive = Solution(
+        np.delete(solution.x, more), np.delete(solution.folds, more, axis=1),
+        np.delete(solution.determined, more),
+    )  # fmt: skip
+    late = delay + _delays(problem, solution.x)
+
+    def all_published(x: np.ndarray) -> np.ndarray:
+        of_servos = published(drive, np.delete(x, more), starts)
+        return np.concatenate([of_servos, delay + _delays(problem, x)])
+
+    shift = all_published(solution.x + doubt) - all_published(solution.x)
+    covariance = jackknife(np.array([all_published(x) for x in solution.folds]))
+    covariance += np.outer(shift, shift)
+    values = values_of(drive, of_drive, starts, joints, covariance[: -len(joints), : -len(joints)])
+    std = np.sqrt(np.diagonal(covariance))[-len(joints) :]
+    told = _delays(problem, solution.determined)
+    identified = [_own(p, joints) for p in values]
+    identified += [
+        IdentifiedValue(
+            f"{DELAY}.{j}", float(d), float(s) if seen else None, "s", 0.0,
+            float(WIDE * s) if seen else None,
+        )
+        for j, (d, s, seen) in enumerate(zip(late, std, told, strict=True), start=1)
+    ]  # fmt: skip
+    errors = errors_of(problem, solution, [joint.unit for joint in joints])
+    signals = [p.signals for p in pieces]
+    return DriveFit(
+        recording.name, recording.metadata.robot, "rad", tuple(identified), errors, covariance,
+        signals[0].cutoff, sum(float(s.t[-1] - s.t[0]) for s in signals),
+        sum(len(s.t) for s in signals), refutation(errors, identified), channels=COMMAND_FIT,
+        cannot_tell=_ratios(problem, solution, identified, joints),
+    )  # fmt: skip
+
+
+def _own(p: IdentifiedValue, joints: Sequence[Joint]) -> IdentifiedValue:
+    """A parameter by the name and unit that servos have for it."""
+    kind, _, number = p.name.rpartition(".")
+    if kind != CONSTANT:
+        return p
+    unit = joints[int(number) - 1].own("N·m/rad")
+    return replace(p, name=f"{STIFFNESS}.{number}", unit=unit)
+
+
+def _ratios(
+    problem: Problem, solution: Solution, identified: Sequence[IdentifiedValue],
+    joints: Sequence[Joint],
+) -> tuple[str, ...]:  # fmt: skip
+    """Of joints whose stiffness is not told, what is told of their friction and damping."""
+    told = {p.name: p.std is not None for p in identified}
+    own, folds = (_of_joints(problem, x) for x in (solution.x, solution.folds))
+    sentences = []
+    for j, joint in enumerate(joints):
+        if told[f"{STIFFNESS}.{j + 1}"]:
+            continue
+        size, std = own[j], np.sqrt(np.diagonal(jackknife(folds[:, j])))
+        rub, drag = (f"{size[k]:.3g} ± {std[k]:.2g}" for k in (0, 1))
+        sentences.append(
+            f"joint {j + 1}: too little known weight loads it to tell its stiffness; friction over "
+            f"stiffness is {rub} {joint.unit}, damping over stiffness {drag} s"
+        )
+    return tuple(sentences)
