@@ -6,15 +6,15 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
-    ".": 609,
+    ".": 615,
     "benchmark": 8610,
     "calibration": 5687,
     "campaigns": 1388,
-    "channels": 887,
-    "cli": 2680,
-    "data": 4421,
+    "channels": 985,
+    "cli": 2730,
+    "data": 4749,
     "diagnosis": 14238,
-    "drives": 1388,
+    "drives": 1802,
     "effects": 4919,
     "environments": 618,
     "exports": 849,
@@ -31,7 +31,7 @@ WRENCHBED = {
     "sensors": 330,
     "simulation": 1318,
     "studies": 1458,
-    "twin": 1065,
+    "twin": 1187,
     "viewer": 1098,
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
@@ -43,7 +43,7 @@ IN_ALL = {
     "scripts": 3520,
 }
 """Lines of Python below a folder at most; of scripts every line."""
-MOST_FILES = 487
+MOST_FILES = 489
 """Files of Python below src at most."""
 
 
