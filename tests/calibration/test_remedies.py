@@ -100,3 +100,17 @@ def test_a_payload_that_the_controller_subtracts(sound, mass):
     kilograms, *centre = (float(x) for x in found.groups())
     assert kilograms == pytest.approx(mass, rel=0.01)
     assert centre == pytest.approx([0.0, 10.0, 50.0], abs=2.0)
+
+
+def test_torques_about_another_point_are_said_to_be(sound):
+    tcp = np.array([0.0, 0.0, 0.15])
+    force = sound.wrench[:, :3]
+    torque = sound.wrench[:, 3:] - np.cross(tcp, force)
+    columns = dict(zip(CHANNELS, np.hstack([force, torque]).T, strict=True))
+    moved = Recording(sound.metadata, {**sound.columns, **columns}, sound.name)
+    status = calibrate(moved).status
+    x, y, z = (
+        float(v) for v in re.findall(r"lies \((.*), (.*), (.*)\) mm from the stated", status)[0]
+    )
+    assert (x, y, z) == pytest.approx((0.0, 0.0, -150.0), abs=2.0) and "[wrench] about" in status
+    assert "stated" not in calibrate(sound).status

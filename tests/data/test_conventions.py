@@ -88,6 +88,24 @@ def test_a_wrench_in_the_axes_of_base_or_flange_is_turned(tmp_path):
     assert np.abs(found.wrench - LOAD).max() < 1e-9
 
 
+@pytest.mark.parametrize("axes", ["sensor", "base"])
+def test_torques_about_a_tcp_are_brought_to_the_sensor(tmp_path, axes):
+    tcp = np.array([0.01, -0.02, 0.15])
+    force, torque = LOAD[:, :3], LOAD[:, 3:] - np.cross(tcp, LOAD[:, :3])
+    turn = TURN if axes == "base" else TURN.inv() * TURN
+    wrench = np.hstack([turn.apply(force), turn.apply(torque)])
+    section = {"axes": axes, "about": tcp.tolist()}
+    mapping = mapped(tmp_path, ["qx", "qy", "qz", "qw"], wrench=section)
+    found = import_files([written(tmp_path, TURN.as_quat(), wrench)], mapping).recording
+    assert np.abs(found.wrench - LOAD).max() < 1e-9
+
+
+def test_angles_of_an_orientation_in_degrees_are_no_radians(tmp_path):
+    mapping = mapped(tmp_path, ["roll", "pitch", "yaw"], "rad")
+    with pytest.raises(MapError, match=r"roll pitch yaw reach .* rad: are they in degrees\?"):
+        import_files([written(tmp_path, TURN.as_euler("xyz", True))], mapping)
+
+
 def test_a_wrench_in_base_axes_is_turned_by_the_robots_joints(tmp_path):
     from wrenchbed import registry
 

@@ -1,5 +1,6 @@
 """Logs as programs write them: stamps of time, lines of units, holes; one load in all of them."""
 
+import json
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -142,3 +143,19 @@ def test_a_gap_in_which_the_path_is_not_known_stays():
     (even, sentence) = _even(data)
     assert "1 gaps of 0.502 s in all kept" in sentence[0]
     assert len(even["t"]) == len(t) - 250
+
+
+def test_a_joint_that_passes_half_a_turn_is_unwrapped(tmp_path, capsys):
+    t = np.arange(1500) / 125.0
+    q = np.stack([3.0 + 0.5 * np.sin(1.3 * t + k) for k in range(6)], axis=1)
+    values = np.hstack([(q + np.pi) % (2 * np.pi) - np.pi, np.ones((len(t), 6)) + q])
+    path = write(tmp_path / "log.csv", [",".join(("t", *NAMES))], map(repr, t.tolist()), values)
+    unit = {"t": "s", "q": "rad", "f": "N"}
+    columns = {n: {"column": n, "unit": unit[n[0]]} for n in ("t", *NAMES[:9])}
+    columns |= {n: {"column": n, "unit": "N·m"} for n in NAMES[9:]}
+    raw = {"recording": {"robot": "ur5", "mode": "dynamic"}, "file": [{"columns": columns}]}
+    (tmp_path / "map.json").write_text(json.dumps(raw))
+    out = tmp_path / "rec.parquet"
+    assert main(["import", str(path), "--map", str(tmp_path / "map.json"), "--out", str(out)]) == 0
+    assert "q1 passes ±180°: unwrapped" in capsys.readouterr().out
+    assert np.ptp(Recording.read(out).q, axis=0).max() < 1.1

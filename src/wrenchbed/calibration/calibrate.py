@@ -5,7 +5,7 @@ linear in the mass m, the first moment h = m c and the six biases, and with inde
 normal equations are sums over gravity directions.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -28,6 +28,7 @@ from wrenchbed.calibration.observations import Observations, fallback_covariance
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.calibration.trust import GENERAL, OUTLIERS, of_observations
 from wrenchbed.calibration.weighting import fit
+from wrenchbed.data.metadata import ToolInfo
 from wrenchbed.data.recording import POINT, QUATERNION, Recording
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.time_derivatives import Jet
@@ -39,6 +40,9 @@ _ENOUGH_ROWS = 500
 CANDIDATES, DEFAULT = "candidates", "default"
 """Stand for all that a robot might have wrong, and for what it frees by itself, in
 `CalibrationOptions.free`."""
+_OTHER_MASS, _OTHER_CENTRE = 0.1, 0.02
+"""Relative difference of a mass, and distance of a centre [m], from which a tool is another than is
+stated: nobody weighs or measures worse."""
 _NOISE = {"repeats": "the noise of the repeats", "stated": "the stated noise"}
 
 
@@ -390,7 +394,12 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
     return Fit(
         recording=recording.name,
         robot=recording.metadata.robot,
-        status=_status(solution, outcome.noise, identified, problem.data, agreement),
+        status="; ".join(
+            (
+                *_status(solution, outcome.noise, identified, problem.data, agreement),
+                *_unlike_stated(recording.metadata.tool, float(tool.mass), np.asarray(tool.cog)),
+            )
+        ),
         converged=solution.converged,
         iterations=solution.steps,
         identified=tuple(identified),
@@ -449,7 +458,7 @@ def _status(
     identified: list[IdentifiedValue],
     data: Observations,
     agreement: Agreement | None,
-) -> str:
+) -> list[str]:
     step = "step" if solution.steps == 1 else "steps"
     parts = [
         f"converged in {solution.steps} {step}"
@@ -479,4 +488,17 @@ def _status(
         parts.append(f"{data.left_out} saturated rows were left out")
     if data.flagged:
         parts.append(f"the sensor's status word is not 0 in {data.flagged} of the rows used")
-    return "; ".join(parts)
+    return parts
+
+
+def _unlike_stated(stated: ToolInfo, mass: float, cog: np.ndarray) -> Iterator[str]:
+    """What of a fitted tool [kg, m] is far from what the recording states."""
+    if stated.mass is not None and abs(mass / stated.mass - 1.0) > _OTHER_MASS:
+        yield f"{stated.mass:.4g} kg is stated, the load is another"
+    away = cog - np.asarray(cog if stated.cog is None else stated.cog)
+    if float(np.linalg.norm(away)) > _OTHER_CENTRE:
+        where = ", ".join(f"{1e3 * x:.0f}" for x in away)
+        yield (
+            f"the centre of gravity lies ({where}) mm from the stated one: another tool, or "
+            "torques about another point (state it as [wrench] about in the column map)"
+        )

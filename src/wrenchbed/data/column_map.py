@@ -53,6 +53,8 @@ ROTATION_VECTOR = ("rx", "ry", "rz")
 ROLL_PITCH_YAW = ("roll", "pitch", "yaw")
 """R = Rz(yaw) Ry(pitch) Rx(roll): ROS's angles, and KUKA's C, B, A."""
 ANGLES = (ROTATION_VECTOR, ROLL_PITCH_YAW)
+_MOST_TURN = 4.0 * np.pi
+"""Largest angle of an orientation [rad]: a rotation vector that turns on is hardly longer."""
 _ORIENTATIONS = (QUATERNION, ROTATION, *ANGLES)
 _FIXED = {
     "t": "time", "temperature": "temperature", "ax": "acceleration", "ay": "acceleration",
@@ -109,12 +111,14 @@ class Conventions:
 
     Attributes:
         wrench_axes: ``sensor``, ``flange`` (torque about the flange's origin) or ``base``.
+        about: point that the torque is about, in sensor axes from the sensor's origin [m].
         of: whose orientation is given, ``sensor`` or ``flange``.
         inverse: whether it is that of the base in the sensor or flange (a conjugate).
         constant: orientation w x y z of a sensor that is never turned.
     """
 
     wrench_axes: str = "sensor"
+    about: tuple[float, ...] = (0.0, 0.0, 0.0)
     of: str = "sensor"
     inverse: bool = False
     constant: tuple[float, ...] | None = None
@@ -213,7 +217,7 @@ def seen_from(recording: Mapping[str, Any], moved: Callable[[str], str]) -> dict
 
 
 def _conventions(raw: Fields, metadata: Metadata) -> Conventions:
-    wrench = raw.part("wrench").only({"axes"}, "[wrench]")
+    wrench = raw.part("wrench").only({"axes", "about"}, "[wrench]")
     turn = raw.part("orientation").only({"of", "inverse", "constant"}, "[orientation]")
     mounted = metadata.sensor.pose_flange is not None
     bodies = ("sensor", "flange")
@@ -232,7 +236,8 @@ def _conventions(raw: Fields, metadata: Metadata) -> Conventions:
     for asks, key, of in ((turn, "of", body), (wrench, "axes", axes)):
         if of == "flange" and not mounted:
             raise asks.error(key, "needs recording.sensor.pose_flange = [x, y, z, qw, qx, qy, qz]")
-    return Conventions(axes, body, inverse, constant)
+    about = wrench.numbers("about", 3, rule="must be a point x, y, z [m] in sensor axes")
+    return Conventions(axes, tuple(about or (0.0, 0.0, 0.0)), body, inverse, constant)
 
 
 def _file(where: str, entry: Any) -> FileMap:
@@ -338,6 +343,11 @@ def turned(data: Mapping[str, np.ndarray], where: str) -> Rotation | None:
     if kind is None:
         return None
     values = np.stack([data[c] for c in kind], axis=-1)
+    if kind in ANGLES and (largest := float(np.abs(values).max(initial=0.0))) > _MOST_TURN:
+        raise MapError(
+            f"{where}: {' '.join(kind)} reach {largest:.4g} rad: are they in degrees? State their "
+            'unit as "deg"'
+        )
     if kind == ROTATION_VECTOR:
         return Rotation.from_rotvec(values)
     if kind == ROLL_PITCH_YAW:

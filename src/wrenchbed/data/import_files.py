@@ -16,7 +16,16 @@ import pyarrow as pa
 from scipy.spatial.transform import Rotation, Slerp
 
 from wrenchbed import registry
-from wrenchbed.data.column_map import ANGLES, AUTO, ROTATION, ColumnMap, FileMap, Source, turned
+from wrenchbed.data.column_map import (
+    ANGLES,
+    AUTO,
+    ROTATION,
+    UNITS,
+    ColumnMap,
+    FileMap,
+    Source,
+    turned,
+)
 from wrenchbed.data.holds import Split, check_at_rest, split, with_noise
 from wrenchbed.data.logs import is_log
 from wrenchbed.data.logs import table as log_table
@@ -159,6 +168,9 @@ def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported
     """
     data, left_out, name, skipped = merged(files, column_map)
     metadata = column_map.metadata
+    if column_map.mode != "static":
+        data, unwrapped = _unwrapped(data, column_map)
+        skipped += unwrapped
     if column_map.mode == "static":
         recording = _recording(data, metadata, name)
         check_at_rest(recording)
@@ -182,6 +194,20 @@ def _recording(data: Mapping[str, np.ndarray], metadata: Metadata, name: str) ->
         if whole in columns:
             columns[whole] = columns[whole].astype(np.int64)
     return Recording(metadata, columns, name)
+
+
+def _unwrapped(
+    data: dict[str, np.ndarray], column_map: ColumnMap
+) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """A motion whose joints turn on where their reports pass from π to −π, and which these are."""
+    angles = {c.target for f in column_map.files for c in f.columns if UNITS[c.unit][0] == "angle"}
+    turned_on = dict[str, np.ndarray]()
+    for name in angles & set(joint_columns(data)):
+        unwrapped = np.unwrap(data[name])
+        if np.abs(unwrapped - data[name]).max(initial=0.0) > np.pi:
+            turned_on[name] = unwrapped
+    notes = [f"{name} passes ±180°: unwrapped" for name in sorted(turned_on)]
+    return data | turned_on, tuple(notes)
 
 
 def _even(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
@@ -346,17 +372,21 @@ def _in_sensor_axes(
         if conventions.of == "flange" and flange is not None:
             rotation = rotation * flange
         data |= quaternion_columns(rotation)
-    if conventions.wrench_axes == "sensor":
+    about = np.asarray(conventions.about)
+    if conventions.wrench_axes == "sensor" and not about.any():
         return data
     force, torque = (np.stack([data[c] for c in three], axis=1) for three in _FORCE_TORQUE)
     if conventions.wrench_axes == "flange":
         assert pose is not None and flange is not None  # the map was refused without
         back, torque = flange.inv(), torque - np.cross(np.asarray(pose[:3]), force)
+    elif conventions.wrench_axes == "sensor":
+        back = Rotation.identity()
     else:
         if rotation is None:
             rotation = sensor_by_joints(data, stated, str(path))
         back = rotation.inv()
-    wrench = np.concatenate([back.apply(force), back.apply(torque)], axis=1)
+    force, torque = back.apply(force), back.apply(torque)
+    wrench = np.concatenate([force, torque + np.cross(about, force)], axis=1)
     return data | dict(zip(CHANNELS, wrench.T, strict=True))
 
 

@@ -253,7 +253,7 @@ def raw_map(
     if c.fit.mount is not None:
         turn = c.fit.mount.inv().as_quat(canonical=True, scalar_first=True)
         recording["sensor"] = {"pose_flange": [0.0, 0.0, 0.0, *map(float, np.round(turn, 9))]}
-    stated.put(recording, wrench, load)
+    stated.put(recording, wrench, load, c.in_base)
     names, entries = [sheet.path.name for sheet in tables], []
     for sheet in sorted(tables, key=lambda sheet: sheet is not load):
         columns = dict(wrench) if sheet is load else {}

@@ -68,9 +68,18 @@ class Stated:
         return calibrated if self.tool_mass is None else self.tool_mass
 
     def put(
-        self, recording: dict[str, Any], wrench: dict[str, dict[str, Any]], sheet: Sheet
+        self,
+        recording: dict[str, Any],
+        wrench: dict[str, dict[str, Any]],
+        sheet: Sheet,
+        in_base: bool,
     ) -> None:
         """Write it into ``[recording]`` and the columns of the wrench.
+
+        Args:
+            recording, wrench: what is written into.
+            sheet: table with the wrench.
+            in_base: whether its columns are in the base's axes: each may be any of the sensor's.
 
         Raises:
             MapError: the fit or the rows at rest cannot be read.
@@ -87,6 +96,8 @@ class Stated:
             recording["tool"] = {"mass": self.tool_mass}
         entries = [wrench[channel] for channel in CHANNELS]
         largest = [sheet.largest[e["column"]] * UNITS[e["unit"]][1] for e in entries]
+        if in_base:
+            largest = [max(three) for three in (largest[:3], largest[3:]) for _ in range(3)]
         zeros = [float(f"{_ZERO_FREE * size:.2g}") or 1.0 for size in largest]
         recording["tolerance"] = {"sensor.bias": zeros}
 
