@@ -396,7 +396,7 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
         robot=recording.metadata.robot,
         status="; ".join(
             (
-                *_status(solution, outcome.noise, identified, problem.data, agreement),
+                _status(solution, outcome.noise, identified, problem.data, agreement),
                 *_unlike_stated(recording.metadata.tool, float(tool.mass), np.asarray(tool.cog)),
             )
         ),
@@ -458,7 +458,7 @@ def _status(
     identified: list[IdentifiedValue],
     data: Observations,
     agreement: Agreement | None,
-) -> list[str]:
+) -> str:
     step = "step" if solution.steps == 1 else "steps"
     parts = [
         f"converged in {solution.steps} {step}"
@@ -488,7 +488,7 @@ def _status(
         parts.append(f"{data.left_out} saturated rows were left out")
     if data.flagged:
         parts.append(f"the sensor's status word is not 0 in {data.flagged} of the rows used")
-    return parts
+    return "; ".join(parts)
 
 
 def _unlike_stated(stated: ToolInfo, mass: float, cog: np.ndarray) -> Iterator[str]:
