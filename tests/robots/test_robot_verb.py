@@ -214,6 +214,10 @@ REFUSALS = {
     "no such frame": (URDF.format(kind="revolute", more="", rest=""), "tt", "mean 't'.* w?.*l, t"),
     "nothing moves it": (URDF.format(kind="fixed", more="", rest=""), "t", "no joint moves"),
     "floating": (URDF.format(kind="floating", more="", rest=""), "t", "base floats"),
+    "no speed": (
+        URDF.format(kind="revolute", more="", rest="").replace('velocity="2"', 'velocity="fast"'),
+        "t", "velocity of a joint's limit: .*'fast'",
+    ),
     "mimic": (
         URDF.format(kind="revolute", more='<mimic joint="o0"/>', rest=""),
         "t", "couples joints 'j'",
@@ -251,6 +255,14 @@ def test_a_second_arm_is_held_on_request(tmp_path, capsys):
     assert refused(tmp_path, text, "t", "--hold-others") == (0, True)
     assert "o0, o1, o2 stay" in capsys.readouterr().err
     assert len(read(tmp_path / "my.toml").joints) == 1
+
+
+def test_an_element_whose_prefix_nobody_declares_is_passed_over(tmp_path):
+    """Drake's, as MuJoCo reads it."""
+    text = URDF.format(
+        kind="revolute", more="", rest="<drake:proximity><drake:x/></drake:proximity>"
+    )
+    assert refused(tmp_path, text, "t") == (0, True)
 
 
 def test_a_fixed_joints_name_is_its_childs_frame_and_speeds_are_the_files(tmp_path):

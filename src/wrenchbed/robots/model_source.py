@@ -5,6 +5,8 @@ MuJoCo's reader looks at no signal, and its time grows with the square of the nu
 that belong to a model, and the number of elements that it expands to, are bounded first.
 """
 
+import math
+import re
 import stat
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +24,7 @@ _DEEPEST = 200
 """Levels of elements: MuJoCo descends by recursion; robots have 20 levels."""
 _SOFT = ("flexcomp", "composite")
 """Elements of many nodes: MuJoCo takes 43 s for 10,000 of them."""
+_PREFIX = re.compile(r"<([A-Za-z_][\w.-]*):")
 _XACRO = "{http://www.ros.org/wiki/xacro}"
 Element = ElementTree.Element
 
@@ -78,10 +81,18 @@ class ModelSource:
                 )
 
     def speeds(self) -> dict[str, float]:
-        """Top speed of each joint for which a URDF states one above 0, by name [rad/s, m/s]."""
+        """Top speed of each joint for which a URDF states one above 0, by name [rad/s, m/s].
+
+        Raises:
+            ParameterError: a velocity that is no number.
+        """
         limits = {joint.get("name", ""): joint.find("limit") for joint in self.root.iter("joint")}
-        stated = {n: float(x.get("velocity", 0.0)) for n, x in limits.items() if x is not None}
-        return {name: speed for name, speed in stated.items() if speed > 0.0}
+        stated = {n: x.get("velocity", "0") for n, x in limits.items() if x is not None}
+        try:
+            speeds = {name: float(text) for name, text in stated.items()}
+        except ValueError as cause:
+            raise ParameterError(f"{self.path}: velocity of a joint's limit: {cause}") from None
+        return {name: speed for name, speed in speeds.items() if 0.0 < speed < math.inf}
 
     def fixed_joints(self) -> dict[str, str]:
         """Child link of each fixed joint of a URDF."""
@@ -121,6 +132,15 @@ def content(path: Path, most: int = _MOST_BYTES) -> bytes:
     )
 
 
+def _declared(text: str) -> str:
+    """XML in which the prefixes of elements that no one declares are declared at its root: MuJoCo
+    reads such files, as Drake's ``<drake:joint>``."""
+    for prefix in dict.fromkeys(_PREFIX.findall(text)):
+        if f"xmlns:{prefix}=" not in text:
+            text = re.sub(r"<(robot|mujoco)\b", rf'<\1 xmlns:{prefix}="{prefix}"', text, count=1)
+    return text
+
+
 class _Files:
     """Text files that belong to one model, each read once."""
 
@@ -140,6 +160,7 @@ class _Files:
                     raise ParameterError(
                         f"{path}: defines entities: leave them out, no robot needs them"
                     )
+                text = _declared(text)
                 self._read[place] = text, ElementTree.fromstring(text)
             except UnicodeDecodeError:
                 raise ParameterError(f"{path}: is no text: state an MJCF or URDF file") from None
