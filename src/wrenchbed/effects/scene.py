@@ -6,7 +6,6 @@ from functools import cached_property
 
 import numpy as np
 
-from wrenchbed.physics.noise import carried
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.physics.wrench import Tool, wrench
@@ -194,18 +193,6 @@ def examples(robot: Robot) -> list[Scene]:
     if robot.joints:
         return [still, replace(still, q=Jet(q, 0.0 * q, 0.0 * q))]
     return [still, replace(still, averaged=True)]
-
-
-def lagging(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
-    """z of τ ż = x − z along the rows of (M, K) at times (M,) [s], z = x at the first row.
-
-    With x linear between rows, z₁ = a z₀ + (1 − g) x₁ + (g − a) x₀, a = e^(−Δt/τ),
-    g = (1 − a) τ/Δt.
-    """
-    step = np.maximum(np.diff(t), 1e-9)
-    a, g = np.exp(-step / tau), -np.expm1(-step / tau) * tau / step
-    push = np.concatenate([x[:1], (1.0 - g)[:, None] * x[1:] + (g - a)[:, None] * x[:-1]])
-    return carried(np.append(1.0, a), np.ascontiguousarray(push.T)).T
 
 
 def held_on(sign: np.ndarray) -> np.ndarray:

@@ -14,7 +14,8 @@ from wrenchbed.effects.base import (
     per_channel,
     vector,
 )
-from wrenchbed.effects.scene import Scene, lagging
+from wrenchbed.effects.drives.operators import lagging
+from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 
 TAUS = (30.0, 150.0, 600.0)

@@ -14,7 +14,8 @@ from wrenchbed.effects.base import (
     vector,
     warm_variants,
 )
-from wrenchbed.effects.scene import Scene, lagging
+from wrenchbed.effects.drives.operators import lagging
+from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 
 LAG_S = 20.0

@@ -3,7 +3,8 @@
 import numpy as np
 
 from wrenchbed.effects.base import ReadingEffect, Values, Variant, alike
-from wrenchbed.effects.scene import Scene, lagging
+from wrenchbed.effects.drives.operators import lagging
+from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 
 FINE, MOST = 4.0, 32

@@ -6,7 +6,8 @@ Each maps rows of one joint (N,) to rows (N,); `stop` and `play` also those of a
 from functools import lru_cache
 
 import numpy as np
-import scipy  # which loads its slow submodules when they are first used
+
+from wrenchbed.physics.noise import carried
 
 REST = 0.03
 """Share of a joint's largest speed below which it counts as at rest: friction has no known sign
@@ -102,10 +103,19 @@ def late(torque: np.ndarray, t: np.ndarray, delay: float) -> np.ndarray:
     return np.asarray(np.interp(t - delay, t, torque) - torque)
 
 
+def lagging(x: np.ndarray, t: np.ndarray, tau: float) -> np.ndarray:
+    """z of τ ż = x − z along the rows of (M, K) at times (M,) [s], z = x at the first row.
+
+    With x linear between rows, z₁ = a z₀ + (1 − g) x₁ + (g − a) x₀, a = e^(−Δt/τ),
+    g = (1 − a) τ/Δt.
+    """
+    step = np.maximum(np.diff(t), 1e-9)
+    a, g = np.exp(-step / tau), -np.expm1(-step / tau) * tau / step
+    push = np.concatenate([x[:1], (1.0 - g)[:, None] * x[1:] + (g - a)[:, None] * x[:-1]])
+    return carried(np.append(1.0, a), np.ascontiguousarray(push.T)).T
+
+
 def slow(torque: np.ndarray, rate: float, time: float) -> np.ndarray:
     """Change of a torque (N,) by a first-order low-pass of a time constant [s]."""
-    steps = rate * time  # exact where the torque is straight between rows
-    keep = float(np.exp(-1.0 / steps))
-    b = [1.0 - steps * (1.0 - keep), steps * (1.0 - keep) - keep]
-    begin = scipy.signal.lfilter_zi(b, [1.0, -keep]) * torque[0]
-    return np.asarray(scipy.signal.lfilter(b, [1.0, -keep], torque, zi=begin)[0] - torque)
+    clock = np.arange(len(torque)) / rate
+    return np.asarray(lagging(torque[:, None], clock, time)[:, 0] - torque)
