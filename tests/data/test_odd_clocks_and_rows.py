@@ -159,3 +159,25 @@ def test_a_joint_that_passes_half_a_turn_is_unwrapped(tmp_path, capsys):
     assert main(["import", str(path), "--map", str(tmp_path / "map.json"), "--out", str(out)]) == 0
     assert "q1 passes ±180°: unwrapped" in capsys.readouterr().out
     assert np.ptp(Recording.read(out).q, axis=0).max() < 1.1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_stamps_of_arrival_give_way_to_the_clock_by_which_joints_were_read(seed):
+    """Even reads that arrive late by up to 1.4 ms, encoder counts of 1e-5 rad."""
+    rng = np.random.default_rng(seed)
+    t, path, _ = motion(0.0)
+    read = {name: np.round(q, 5) for name, q in path.items()}
+    late = t + np.minimum(rng.exponential(0.35e-3, len(t)), 1.2e-3)
+    even, sentence = _even({"t": late, **read})
+    assert "their own clock restored" in sentence[0]
+    assert np.diff(even["t"]) == pytest.approx(0.002, rel=1e-3)
+    assert all(np.array_equal(even[name], q) for name, q in read.items())
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_reads_at_uneven_times_keep_their_stamps(seed):
+    rng = np.random.default_rng(seed)
+    t = np.arange(6000) / 500.0 + rng.uniform(-0.4e-3, 0.4e-3, 6000)
+    even, sentence = _even({"t": t, "q1": np.round(np.sin(4.0 * t), 5)})
+    assert "resampled" in sentence[0]
+    assert np.abs(even["q1"] - np.sin(4.0 * even["t"])).max() < 3e-5
