@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from wrenchbed.data.guess.guess import guess as guess_map
     from wrenchbed.data.guess.stated import Stated
     from wrenchbed.data.import_files import import_files
+    from wrenchbed.data.lerobot import import_lerobot, is_lerobot
     from wrenchbed.data.logs import write_mcap
     from wrenchbed.data.plan import Plan
     from wrenchbed.data.plan import read as read_points
@@ -122,7 +123,9 @@ __all__ = [
     "for_tracker",
     "guess_map",
     "import_files",
+    "import_lerobot",
     "informative",
+    "is_lerobot",
     "is_of_servos",
     "learn_sensor",
     "live",

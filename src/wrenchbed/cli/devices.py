@@ -41,7 +41,8 @@ def robot(
     from the file; it may be edited.
 
     Args:
-        file: MJCF, or URDF (expanded xacro). It is only read.
+        file: MJCF, or URDF (expanded xacro); it is only read. Or the name of a robot of MuJoCo
+            Menagerie, as universal_robots_ur5e (extra menagerie).
         frame: Site, body, link or fixed frame where the sensor sits.
         out: TOML file to write.
         sensor: Name, see `wrenchbed list sensors`, or a sensor's TOML file.

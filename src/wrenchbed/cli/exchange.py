@@ -43,15 +43,20 @@ def import_(
     force: Flag = False,
     as_json: Json = False,
 ) -> None:
-    """Bring text files (CSV, …), rosbags and MCAP files in, by a map of columns or by a guess.
+    """Bring text files (CSV, …), rosbags, MCAP files and LeRobot data sets in, by a map of columns
+    or by a guess.
 
     Args:
-        files: CSV files, rosbags (1 or 2), MCAP files; several are merged on time.
+        files: CSV files, rosbags (1 or 2), MCAP files; several are merged on time. Or the folder of
+            a LeRobot data set, whose map says in [lerobot] what its values are.
         out: Recording to write; of a log of holds and moves, OUT.motion.parquet gets all of it.
         guess: Find the map: each convention is tried on one rigid load. Writes OUT.map.toml.
         map: TOML or JSON column map (docs/how-to/import.md), or the name of a ready one.
         force: Replace recordings at OUT; they are kept as OUT~, or OUT~2 and so on.
     """
+    if any(wb.is_lerobot(file) for file in files):
+        _import_lerobot(files, map, rows_read, out, force, as_json)
+        return
     if guess == (map is not None):
         raise ParameterError("give either --map MAP or --guess")
     guessed: dict[str, list[str]] = {}
@@ -87,6 +92,23 @@ def import_(
     rest = f", {excluded} outside the other files' times left out" if excluded else ""
     lines.append(f"imported {rows} rows{rest} → {out}")
     console.answer(result, as_json, "\n".join(lines))
+
+
+def _import_lerobot(
+    files: tuple[Path, ...], map: Path | None, options: RowOptions, out: Path, force: bool,
+    as_json: bool,
+) -> None:  # fmt: skip
+    if len(files) > 1 or map is None or options != RowOptions():
+        raise ParameterError(
+            "import of a LeRobot data set takes one folder, with --map MAP and no --guess, --mode "
+            "or --skip-incomplete: [lerobot] unit of the map says what its values are"
+        )
+    console.check_out(out, Kind.RECORDING, map, force=force)
+    imported = wb.import_lerobot(files[0], map)
+    keeping(out, imported.recording.write)
+    rows, notes = len(imported.recording), list(imported.notes)
+    result = {"recording": str(out), "rows": rows, "notes": notes}
+    console.answer(result, as_json, "\n".join([*notes, f"imported {rows} rows → {out}"]))
 
 
 def _doubt(recording: Recording) -> str | None:

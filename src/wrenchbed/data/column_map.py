@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.data.metadata import MODES, Metadata, SensorInfo, ToolInfo, parse
-from wrenchbed.data.recording import QUATERNION, TARGET, effort_prefix
+from wrenchbed.data.recording import QUATERNION, TARGET, commanded, effort_prefix
 from wrenchbed.errors import MapError, RecordingError, did_you_mean
 from wrenchbed.files.checked import Fields, load
 from wrenchbed.physics.wrench import CHANNELS
@@ -174,7 +174,7 @@ def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
         NotFoundError, ParameterError: a robot's or sensor's file cannot be read.
     """
     raw.only({"recording", "file", "wrench", "orientation"}, "a map")
-    mode, metadata = _recording(raw.part("recording"), name, folder)
+    mode, metadata = stated_recording(raw.part("recording"), name, folder)
     entries = raw.raw.get("file")
     if not isinstance(entries, list) or not entries:
         raise MapError(f'{name}: needs at least one [[file]] with match = "*.csv" and columns')
@@ -187,7 +187,7 @@ def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
     return ColumnMap(files, metadata, metadata.rate_hz, name, conventions, mode)
 
 
-def _recording(stated: Fields, name: str, folder: Path) -> tuple[str, Metadata]:
+def stated_recording(stated: Fields, name: str, folder: Path) -> tuple[str, Metadata]:
     """Mode and metadata; keys that do not exist are refused."""
     stated.only(set(Metadata.__dataclass_fields__) - {"extra"} | {"format"}, "[recording]")
     parts = {"tool": ToolInfo.__dataclass_fields__, "sensor": SensorInfo.__dataclass_fields__}
@@ -310,7 +310,7 @@ def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
             stated = ", ".join(f"{t} in {units[t]}" for t in group if t in units)
             raise MapError(f"mixed units: {stated}; one sensor reports in one unit")
     missing = [c for c in CHANNELS if c not in units]
-    other = effort_prefix(units) is not None or units.keys() >= set(TARGET)
+    other = effort_prefix(units) is not None or units.keys() >= set(TARGET) or commanded(units)
     without = len(missing) == len(CHANNELS) and other
     if missing and not without:
         raise MapError(f"no column is mapped to {', '.join(missing)}")

@@ -20,6 +20,7 @@ from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.files import write_text
 from wrenchbed.files.checked import Fields, listed, quoted, text_of, toml_fields
 from wrenchbed.physics.wrench import physical_inertia
+from wrenchbed.robots import menagerie
 from wrenchbed.robots.arm_model import ArmLink, ArmModel, Load
 from wrenchbed.robots.file_arm import ArmDescription, FileArm
 from wrenchbed.robots.loop_arm import LoopArm
@@ -101,7 +102,7 @@ def describe(
     """Make a robot from MJCF or URDF, and write its TOML.
 
     Args:
-        file: MJCF or URDF.
+        file: MJCF or URDF, or the name of a robot of MuJoCo Menagerie.
         frame: site, body, link or fixed frame where the sensor sits; its axes are the sensor's.
         out: TOML file to write; a file of this name is replaced.
         sensor: registry name, or the path of a user's TOML file.
@@ -115,6 +116,7 @@ def describe(
     """
     from wrenchbed.robots.model_file import read_arm
 
+    file = menagerie.model_of(file.name) if menagerie.is_name(file) else file
     if out.resolve() == file.resolve():
         raise ParameterError(f"--out {out} is the model file: nothing is written into it")
     arm, held, notes = read_arm(file, frame, hold_others)
