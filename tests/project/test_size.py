@@ -6,13 +6,13 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
-    ".": 615,
+    ".": 618,
     "benchmark": 8610,
     "calibration": 5687,
     "campaigns": 1388,
     "channels": 985,
-    "cli": 2730,
-    "data": 4749,
+    "cli": 2753,
+    "data": 5009,
     "diagnosis": 14238,
     "drives": 1802,
     "effects": 4919,
@@ -36,14 +36,14 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 81934,
-    "src/wrenchbed": 72168,
+    "src": 82010,
+    "src/wrenchbed": 72481,
     "src/robot_emulators": 9766,
     "tests": 42272,
     "scripts": 3520,
 }
 """Lines of Python below a folder at most; of scripts every line."""
-MOST_FILES = 489
+MOST_FILES = 491
 """Files of Python below src at most."""
 
 
