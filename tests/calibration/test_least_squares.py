@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from wrenchbed.calibration import weighting
 from wrenchbed.calibration.fit_problem import Problem, _robust_weight
-from wrenchbed.calibration.least_squares import MAX_STEPS, Solution, solve, triangular
+from wrenchbed.calibration.least_squares import Solution, solve, triangular
 from wrenchbed.calibration.observability import analyse, null_space
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.calibration.touches import Agreement, Touches
@@ -50,13 +50,6 @@ def test_where_nothing_is_better_the_iteration_ends():
         lambda _: np.ones((1, 1)), np.array([2.0]), np.ones(1),
     )  # fmt: skip
     assert (told.x[0], told.steps, told.converged) == (2.0, 1, True)
-
-
-def test_fifty_steps_without_an_end_are_no_convergence():
-    """Slopes ten times too steep: a tenth of the way is left out at each step."""
-    told = solve(lambda x: -x, lambda _: np.full((1, 1), 10.0), np.ones(1), np.ones(1))
-    assert (told.steps, told.converged) == (MAX_STEPS, False) == (50, False)
-    assert told.x == pytest.approx([0.9**50])
 
 
 # ---- the problem --------------------------------------------------------------------------------
@@ -135,19 +128,6 @@ def test_robust_weights():
     small = np.array([0.1, -0.2, 0.1, 3.0, 0.1])  # typical ones below 1 stay in their unit
     assert _robust_weight(small, "huber") == pytest.approx([1, 1, 1, 1.345 / 3.0, 1])
     assert _robust_weight(small, "student") == pytest.approx(5.0 / (4.0 + small**2))
-
-
-@pytest.mark.parametrize("loss", ["huber", "student"])
-def test_an_outlier_loses_its_say(loss):
-    design, rng = designed(60, 4)
-    truth = np.array([1.0, -2.0, 0.5, 0.0])
-    y = design @ truth + 0.01 * rng.standard_normal((60, 6))
-    y[5] += 50.0
-    linear, robust = (
-        problem(y, design, loss=kind).solve(lambda r: r / 0.01, np.zeros(3)).x
-        for kind in ("linear", loss)
-    )
-    assert np.abs(robust - truth[:3]).max() < 0.01 < 0.1 < np.abs(linear - truth[:3]).max()
 
 
 # ---- weights ------------------------------------------------------------------------------------
@@ -321,12 +301,6 @@ def test_both_levels_are_found_and_the_independent_one_is_at_least_what_is_known
     floored = weighting.estimate(modes, residual, design, np.full(6, 3.0))
     assert floored.independent == pytest.approx(np.full(6, 3.0))
     assert floored.level == pytest.approx(told.level)
-
-
-def test_independent_rows_are_divided_by_their_channel_s_deviation():
-    turned = weighting.none_of(np.array([1.0, 4.0, 9.0, 16.0, 25.0, 36.0]))
-    assert turned(np.ones((2, 6)))[1] == pytest.approx(1.0 / np.arange(1.0, 7.0))
-    assert turned(np.ones((2, 6, 3)))[1, 2] == pytest.approx(np.full(3, 1 / 3))
 
 
 def test_only_columns_that_move_a_channel_are_taken_away():

@@ -1,7 +1,4 @@
-"""Recordings on which other diagnoses were sure and wrong: right here, or unknown.
-
-Each is made in MuJoCo, its fault by formulas that the library lacks.
-"""
+"""Recordings on which other diagnoses were sure and wrong: right here, or unknown."""
 
 from dataclasses import replace
 
@@ -9,8 +6,9 @@ import numpy as np
 import pytest
 
 import consistent
-from altered import with_added, with_columns, with_metadata
-from simulated import WHITE, recording, static, with_tool
+import wrenchbed as wb
+from altered import with_added, with_columns, with_metadata, with_wrench
+from simulated import UR5_TRUTH, WHITE, recording, static, with_tool
 from wrenchbed import registry
 from wrenchbed.campaigns.recording.run import record
 from wrenchbed.data.metadata import ToolInfo
@@ -126,16 +124,14 @@ def test_rivals_without_a_stated_tool_have_a_next_experiment():
 # ---- a tool that changes with time: named as such, never as a temperature ----------------------
 
 
-def recorded(name, mass=None, cog=None):
-    """60 poses at rest; mass [kg] and CoG [m] of each are the stated ones times and plus these."""
+def recorded(name, mass):
+    """60 poses at rest; the mass of each is the stated one times this (60,)."""
     robot, rng = registry.load("robots", name), np.random.default_rng(4)
     q, theta = robot.sample(POSES, rng), robot.parameters.nominal
     tool = robot.tool(theta)
-    factor = np.ones(POSES) if mass is None else mass
-    moved = np.zeros((POSES, 3)) if cog is None else cog
     load = np.empty((POSES, 6))
     for i in range(POSES):
-        by_now = robot.theta_of_tool(theta, factor[i] * tool.mass, (tool.cog + moved[i]).tolist())
+        by_now = robot.theta_of_tool(theta, mass[i] * tool.mass, tool.cog.tolist())
         load[i] = Simulation(robot, by_now).wrench(q[i : i + 1])[0]
     return with_tool(recording(name, q, load, ROWS, WHITE / 2.0, 0.0, rng), tool.mass, *tool.cog)
 
@@ -143,7 +139,7 @@ def recorded(name, mass=None, cog=None):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["ur5", "medrue"])
 def test_a_payload_that_leaks_3_percent_steadily_is_a_leak(name):
-    rec = recorded(name, mass=1.0 - 0.03 * np.linspace(0.0, 1.0, POSES))
+    rec = recorded(name, 1.0 - 0.03 * np.linspace(0.0, 1.0, POSES))
     found = diagnose(rec).diagnosis
     lead = found.which[0]
     assert lead["effect"] == "tool.leak" and lead["probability"] > 0.8
@@ -153,3 +149,54 @@ def test_a_payload_that_leaks_3_percent_steadily_is_a_leak(name):
     rate = lead["parameters"]["rate"]
     assert rate["value"] == pytest.approx(stated, abs=4.0 * rate["std"])
     assert rate["value"] == pytest.approx(stated, rel=0.2)
+
+
+# ---- several changes of zero are that, at their moments, and no drift ---------------------------
+
+HOLDS, EACH = 40, 10
+"""Of a sensor that slips or is zeroed: poses, and rows in each."""
+STEP = np.array([1.0, 1.0, 1.0, 0.05, 0.05, 0.05])
+"""Standard deviation of a slip of the zero [N, N·m]."""
+
+
+def slipping(change, seed):
+    truth = {k: v for k, v in UR5_TRUTH.items() if k.startswith("tool")}
+    rec = static("ur5", truth, poses=HOLDS, samples=EACH, noise=WHITE, seed=seed)
+    return with_wrench(with_tool(rec, *truth.values()), change(rec.wrench.copy()))
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("seed", range(10))
+def test_a_sensor_that_was_zeroed_twice_jumps_twice(seed):
+    rows = [13 * EACH, 27 * EACH]
+
+    def zeroed(wrench):
+        for k in rows:
+            wrench[k:] -= wrench[k]
+        return wrench
+
+    rec = slipping(zeroed, seed)
+    answer = wb.diagnose(rec).diagnosis.to_json()
+    (cause,) = answer["which"]
+    assert cause["effect"] == "sensor.jump" and cause["probability"] > 0.9
+    found = [cause["parameters"][name]["value"] for name in ("time", "time2")]
+    between = rec.t[EACH] - rec.t[EACH - 1]
+    for at, value in zip(rec.t[rows], found, strict=True):
+        assert at - between <= value <= at
+    assert answer["gap"]["with_effects"] < 0.5
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("seed", range(10))
+def test_three_slips_are_no_drift(seed):
+    rng = np.random.default_rng(seed)
+    rows = [k * EACH for k in np.sort(rng.choice(np.arange(6, HOLDS - 5, 5), 3, replace=False))]
+
+    def slipped(wrench):
+        for k in rows:
+            wrench[k:] += np.where(rng.random(6) < 0.5, -1.0, 1.0) * rng.uniform(0.6, 1.4, 6) * STEP
+        return wrench
+
+    answer = wb.diagnose(slipping(slipped, seed)).diagnosis.to_json()
+    assert [w["effect"] for w in answer["which"]] == ["sensor.jump"]
+    assert "time3" in answer["which"][0]["parameters"]

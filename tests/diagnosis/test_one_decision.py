@@ -1,8 +1,10 @@
-"""One place makes or changes a verdict: read from the source."""
+"""The room's shape, read from its source: one place decides, folders import downwards only."""
 
 import ast
 import re
 from pathlib import Path
+
+import pytest
 
 import wrenchbed
 from wrenchbed.diagnosis.decision import decide
@@ -48,3 +50,30 @@ def test_the_decision_is_a_page_with_few_rules():
     assert len(RULES) + 1 <= MOST_RULES  # with that of rivals
     assert len(Path(decide.__file__).read_text(encoding="utf-8").splitlines()) <= MOST_LINES
     assert all(rule.__doc__ for rule in RULES.values())
+
+
+ABOVE = {
+    "prepare": set(),
+    "evidence": {"prepare"},
+    "explain": {"prepare", "evidence"},
+    "gap": {"prepare", "evidence", "explain", "next"},
+    "decision": {"prepare", "evidence", "explain", "gap"},
+    "efforts": {"prepare", "evidence", "explain", "gap", "decision", "next", "answer"},
+    "between_rows": {"prepare"},
+    "next": {"prepare", "evidence", "explain"},
+}
+"""What each folder may import of the others."""
+
+
+@pytest.mark.parametrize("folder", ABOVE)
+def test_a_folder_imports_only_what_is_below_it(folder):
+    prefix = "wrenchbed.diagnosis."
+    for path in (HOME / "diagnosis" / folder).glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith(prefix):
+                other = node.module.removeprefix(prefix).split(".")[0]
+                assert other == folder or other in ABOVE[folder], f"{path.name}: {node.module}"
+
+
+def test_every_folder_is_listed():
+    assert {p.parent.name for p in HOME.glob("diagnosis/*/__init__.py")} == set(ABOVE)

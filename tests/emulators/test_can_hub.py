@@ -260,11 +260,3 @@ def test_a_hub_whose_thread_ends_says_so_and_hangs_up(monkeypatch):
                 socket.create_connection((HOST, hub.port), 0.5)
     finally:
         hub.stop()
-
-
-def test_an_emulator_whose_board_fails_reports_it():
-    with emulated("medrue", EmulatorOptions(HOST, noise="off", setting={"port": "0"})) as emulator:
-        emulator.board.status = 1 << 31
-        send = emulator.hub.attach()
-        send(Frame(0x680, b""))
-        assert emulator.failed.wait(2.0) and isinstance(emulator.failure, struct.error)

@@ -214,17 +214,6 @@ def test_effects_of_the_net_ft_do_not_act_on_the_arms_wrench():
     assert (first == again).all() and (first != other).all()
 
 
-def test_both_readings_of_an_e_series_are_of_one_sensor():
-    emulator = made(CABLE, noise="real", series="e", box="on")
-    force = forces(emulator, 30)[-1]
-    raw = np.array(emulator.controller.values["ft_raw_wrench"])
-    arm = emulator.controller.arm
-    rotation, _ = arm.kinematics.flange(arm.plant.q)
-    weight = arm.estimate.payload.mass * arm.estimate.gravity
-    assert rotation @ raw[:3] - weight == pytest.approx(force[:3], abs=1e-9)
-    assert np.abs(raw - emulator.plant.load).max() > 0.1
-
-
 def at_the_tcp(major: int, wrench: np.ndarray, pose: np.ndarray, tcp: np.ndarray) -> np.ndarray:
     """What Universal Robots' ROS 2 driver makes of actual_TCP_force: TCP axes, about the TCP.
 

@@ -8,7 +8,7 @@ from robot_emulators.kinematic_plant import known_arm
 from robot_emulators.ur.arm import GRAVITY
 from robot_emulators.ur.kinematics import NO_TOOL, Kinematics, matrix, rotation_vector
 from robot_emulators.ur.modes import Runtime, SafetyMode
-from robot_emulators.ur.motions import Pace, Profile, ToPose
+from robot_emulators.ur.motions import Profile
 from robot_emulators.ur.outputs import Outputs
 from ur5_bench import CYCLE, Bench
 from wrenchbed import registry
@@ -129,20 +129,6 @@ def test_joint_limits_stop_the_robot():
     bench.run(2.5)
     assert bench.controller.modes.safety is SafetyMode.PROTECTIVE_STOP
     assert np.abs(bench.arm.q).max() <= 6.2832
-
-
-def test_a_way_through_the_column_is_unreachable():
-    kinematics = Kinematics(known_arm("ur5"))
-    q = kinematics.inverse(DOWN, NO_TOOL, ROBOT.home)
-    goal = DOWN * np.array([-1.0, -1.0, 1.0, 1.0, 1.0, 1.0])
-    motion = ToPose(kinematics, NO_TOOL, goal, Pace(5.0, 50.0))
-    motion.begin(q, np.zeros(6))
-    with pytest.raises(Exception, match="reach"):
-        for _ in range(200):
-            following = motion.step(q, CYCLE)
-            if np.abs(following - q).max() > np.pi * CYCLE:
-                raise RuntimeError("beyond reach of the joints' speed")
-            q = following
 
 
 def pressing(bench: Bench) -> None:
