@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from wrenchbed.calibration import weighting
 from wrenchbed.calibration.fit_problem import Problem, _robust_weight
-from wrenchbed.calibration.least_squares import Solution, solve, triangular
+from wrenchbed.calibration.least_squares import MAX_STEPS, Solution, solve, triangular
 from wrenchbed.calibration.observability import analyse, null_space
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.calibration.touches import Agreement, Touches
@@ -50,6 +50,13 @@ def test_where_nothing_is_better_the_iteration_ends():
         lambda _: np.ones((1, 1)), np.array([2.0]), np.ones(1),
     )  # fmt: skip
     assert (told.x[0], told.steps, told.converged) == (2.0, 1, True)
+
+
+def test_fifty_steps_without_an_end_are_no_convergence():
+    """Slopes ten times too steep: a tenth of the way is left out at each step."""
+    told = solve(lambda x: -x, lambda _: np.full((1, 1), 10.0), np.ones(1), np.ones(1))
+    assert (told.steps, told.converged) == (MAX_STEPS, False) == (50, False)
+    assert told.x == pytest.approx([0.9**50])
 
 
 # ---- the problem --------------------------------------------------------------------------------

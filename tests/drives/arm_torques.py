@@ -30,7 +30,7 @@ def by_joint(**groups):
     return {
         f"drive.{group}.{j}": float(x)
         for group, values in groups.items()
-        for j, x in enumerate(np.broadcast_to(values, 6), 1)
+        for j, x in enumerate(values if np.ndim(values) else [values] * 6, 1)
     }
 
 

@@ -1,6 +1,7 @@
 """Before a first session: what would fail is named, and which robots the driver takes."""
 
 import contextlib
+import itertools
 import json
 import re
 from types import SimpleNamespace
@@ -54,7 +55,7 @@ def look(monkeypatch):
 
     def run(stream=None, told=None, closed=(), remote="true", robot=UR5):
         stream = stream or Stream()
-        clock = iter(np.arange(0.0, 1e6, 0.008))
+        clock = itertools.count(0.0, 0.008)
         monkeypatch.setattr(looking.time, "monotonic", lambda: next(clock))
         monkeypatch.setattr(looking, "_open", lambda host, port: port not in closed)
         monkeypatch.setattr(states, "Outputs", lambda *a: contextlib.nullcontext(stream))

@@ -1,22 +1,16 @@
-"""Torques of other people's arms: the file in plain MuJoCo, links a little off, bristles.
-
-No column of the diagnosis is used: MuJoCo's inverse dynamics of the user's own file with a tool
-hung at its frame, links as castings are, LuGre friction and coloured noise.
+"""Torques of other people's arms, without a column of the diagnosis: MuJoCo's inverse dynamics,
+links as castings are, LuGre friction and coloured noise.
 """
 
 from dataclasses import dataclass
 
-import mujoco
 import numpy as np
-from arm_torques import bristles, castings, coloured, fourier, recording
+from arm_torques import ROTOR, bristles, by_joint, castings, coloured, fourier, inverse, recording
 
-from arm_files import DATA, PlainArm
+from arm_files import DATA
 from wrenchbed import registry
-from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.described import describe
 
-GYRATION = 0.045
-"""Radius of gyration of a tool about its centre of gravity [m]."""
 SPREAD = 0.02
 """Standard deviation of friction over its stated value."""
 
@@ -31,7 +25,6 @@ class Arm:
         coulomb, viscous, noise: of each joint (J,) [N·m, N·m·s/rad, N·m].
         home: middle of the motion (J,) [rad].
         constant: of each drive (J,) [N·m/A].
-        rotor: inertia of each motor [kg·m²].
     """
 
     file: str
@@ -43,41 +36,17 @@ class Arm:
     noise: np.ndarray
     home: np.ndarray
     constant: np.ndarray
-    rotor: float = 0.1
-
-    @property
-    def joints(self):
-        return len(self.home)
 
     def registered(self, folder):
-        """Name of the robot, described in a folder and known to the registry from then on."""
+        """The robot, described in a folder and known to the registry from then on."""
         stated = {"tool_mass": self.mass, "tool_cog": self.cog}
         robot = describe(DATA / self.file, self.frame, folder / "arm.toml", **stated).robot
         registry.remember("robots", robot.name, robot.record)
-        return robot.name
+        return robot
 
     def configured(self):
         """Stated drives by name."""
-        groups = {"coulomb": self.coulomb, "viscous": self.viscous,
-                  "inertia": np.full(self.joints, self.rotor)}  # fmt: skip
-        return {f"drive.{k}.{j}": float(x) for k, v in groups.items() for j, x in enumerate(v, 1)}
-
-    def torques(self, q, mass, edit):
-        """MuJoCo's torques (N, J) [N·m] without friction, with a tool of some mass."""
-        inertia = mass * GYRATION**2 * np.eye(3)
-        tool = Tool(mass, np.asarray(self.cog), inertia, 0.0)
-        model = PlainArm(DATA / self.file, self.frame, tool).model
-        model.dof_armature[:], model.dof_damping[:] = self.rotor, 0.0
-        model.dof_frictionloss[:], model.body_gravcomp[:] = 0.0, 0.0
-        model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-        edit(model)
-        data, torque = mujoco.MjData(model), np.zeros(q.v.shape)
-        for k in range(len(torque)):
-            data.qpos[:], data.qvel[:], data.qacc[:] = q.v[k], q.d[k], q.dd[k]
-            mujoco.mj_inverse(model, data)
-            torque[k] = data.qfrc_inverse
-        return torque
+        return by_joint(coulomb=self.coulomb, viscous=self.viscous, inertia=0.0 * self.home + ROTOR)
 
 
 IIWA = Arm(
@@ -108,12 +77,20 @@ def case(arm, folder, robot, seed, load=0.0, current=False, **stated):
     own, rng = np.random.default_rng(robot), np.random.default_rng(seed)
     t, q = fourier(rng, home=arm.home)
     coulomb, viscous = (
-        v * (1.0 + SPREAD * own.normal(size=arm.joints)) for v in (arm.coulomb, arm.viscous)
+        v * (1.0 + SPREAD * own.normal(size=len(v))) for v in (arm.coulomb, arm.viscous)
     )
-    effort = arm.torques(q, arm.mass + load, castings(own)) + viscous * q.d
-    for j in range(arm.joints):
-        level = np.full(len(t), coulomb[j])
-        effort[:, j] += bristles(q.d[:, j], t[1] - t[0], level, level)
+    described = arm.registered(folder)
+    theta = described.theta_of_tool(described.parameters.nominal, arm.mass + load, arm.cog)
+    linked = castings(own)
+
+    def edit(model):
+        model.dof_armature[:] = ROTOR
+        linked(model)
+
+    effort = inverse(described, theta, q, edit=edit) + viscous * q.d
+    for j, level in enumerate(coulomb):
+        levels = np.full(len(t), level)
+        effort[:, j] += bristles(q.d[:, j], t[1] - t[0], levels, levels)
     effort = effort + arm.noise * coloured(rng, effort.shape)
     effort, prefix = (effort / arm.constant, "i") if current else (effort, "tau")
-    return recording(t, q.v, effort, prefix, robot=arm.registered(folder), **stated)
+    return recording(t, q.v, effort, prefix, robot=described.name, **stated)
