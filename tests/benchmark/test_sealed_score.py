@@ -6,7 +6,6 @@ import shlex
 import time
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
 from sealed_family import COUNT, SAYS_NONE, SEED, script, truthful
@@ -315,16 +314,6 @@ def test_our_own_methods_answer_a_case(tmp_path, monkeypatch):
     assert enter(cases, tmp_path / "claims", 0.01, ("0001", entrants[1:2])) == ["diagnose"]
     found = claims.read(tmp_path / "claims" / "diagnose" / "0001")
     assert "longer than" in found.error
-
-
-def test_an_entrant_whose_time_ends_while_it_reads_is_over_time(family, tmp_path, monkeypatch):
-    def slow(*_, **__):
-        time.sleep(5.0)
-
-    monkeypatch.setattr(pq.ParquetFile, "read", slow)
-    cases, _, _ = family
-    assert enter(cases, tmp_path, 0.1, ("0001", [Entrant.of("none")])) == ["none"]
-    assert "longer than" in claims.read(tmp_path / "none" / "0001").error
 
 
 DEEP = "[" * 200_000 + "]" * 200_000

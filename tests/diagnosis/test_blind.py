@@ -30,7 +30,7 @@ from wrenchbed.diagnosis.prepare.baseline import calibrate, tolerances
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.physics.wrench import CHANNELS
 
-DRAWS = 400
+DRAWS = 200
 ROBOTS = (lambda: "ur5", lambda: "medrue", arm_of_file)
 FAULTS = ("joint.offset", "mount.rotation", "base.tilt", "sensor.gain")
 """Effects whose numbers mean the same in the look-alikes' physics."""

@@ -1,9 +1,8 @@
 """The core of the diagnosis on a linear robot whose gaps are known: what is named, and what not."""
 
-import numpy as np
 import pytest
 
-from linear_case import dictionary, named, readings, refitter
+from linear_case import dictionary, readings, refitter
 from wrenchbed.diagnosis.decision.decide import leading
 from wrenchbed.diagnosis.decision.options import facts_of
 from wrenchbed.diagnosis.explain.structures import rank
@@ -108,18 +107,3 @@ def test_every_explanation_is_better_than_negligible_and_one_says_nothing():
     assert (verdict.word, verdict.causes) == ("none", ())  # noise alone is no gap
     assert verdict.probabilities["none"] > 0.99
     assert ranking.gap == pytest.approx(0.0, abs=1e-9)
-
-
-def test_the_evidence_of_a_structure_is_that_of_its_amplitudes():
-    """A fit's values and their covariance are those of the linear model."""
-    d = dictionary()
-    r = refitter(d, readings(d, {"cable.pull": 1.0}))
-    (pull,) = parts = named(d, "cable.pull")
-    f = r.fit(parts, 0)
-    assert f.x == pytest.approx([0.5, 0.0], abs=5e-3)  # a gap of 1 with columns of 4
-    v0 = float(r.searcher.rungs[f.rung].level.v0[0])
-    own = 4.0 * len(r.y) / v0
-    background = float(r.searcher.rungs[f.rung].level.V[pull.columns[0]])
-    expected = 1.0 / (1.0 / (1.0 / own + background) + 1.0 / f.spread[0] ** 2)
-    assert np.diagonal(f.covariance) == pytest.approx([expected] * 2, rel=1e-3)
-    assert f.residual @ f.residual == pytest.approx(len(r.y), rel=0.02)

@@ -13,7 +13,7 @@ from wrenchbed.diagnosis.decision.decide import RULES
 HOME = Path(wrenchbed.__file__).parent
 MADE_OF = {"word", "causes", "probabilities", "keys"}
 """Fields of a verdict and of its causes that only the decision sets."""
-MAKES = re.compile(r"\bVerdict\(|(?<!\.)\breplace\(")
+MAKES = re.compile(r"\bVerdict\(|\b(?:word|causes|probabilities|keys)=")
 MOST_RULES, MOST_LINES = 12, 400
 
 

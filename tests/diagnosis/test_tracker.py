@@ -191,14 +191,6 @@ def test_imperfections_of_an_accelerometer_are_no_cause(seed, bent):
     assert (found.verdict, found.which, found.minor) == ("none", [], [])
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_bent_accelerometer_still_measures_a_tilt(seed):
-    found = answer(PlainUr5(tilt=(0.007, -0.005), bent=0.005, noise=0.005), seed)
-    assert list(causes(found)) == [TILT]
-    assert off(causes(found)[TILT], x=0.007, y=-0.005) < 3.0
-
-
 @pytest.mark.sampled
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_tilt_that_the_wrench_contradicts_is_not_claimed(seed):
@@ -224,11 +216,3 @@ def test_what_moves_the_arm_speaks_through_both():
     assert list(causes(found)) == ["joint.offset"]
     assert found.which[0]["elements"] == ["joint 5"]
     assert off(causes(found)["joint.offset"], **{"offset.q5": truth}) < 3.0
-
-
-@pytest.mark.slow
-def test_without_the_accelerometer_nothing_is_named():
-    full = PlainUr5(tilt=SMALL).recording(0)
-    bare = {k: v for k, v in full.columns.items() if k not in ("ax", "ay", "az")}
-    found = diagnose(Recording(full.metadata, bare, full.name)).diagnosis
-    assert (found.verdict, found.which) == ("none", [])

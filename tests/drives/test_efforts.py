@@ -11,13 +11,12 @@ import pytest
 from arm_torques import COULOMB, MASS, UR5, VISCOUS, bristles, coloured, fourier, torques
 
 from wrenchbed.cli import main
-from wrenchbed.data.column_map import read as read_map
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.configured import stated_drives
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.drives.inverse_dynamics import torque_regressor
-from wrenchbed.errors import CalibrationError, MapError, ParameterError, RecordingError
+from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet
 
 CONSTANT = np.array([13.0, 13.0, 12.0, 9.0, 9.0, 9.0])
@@ -248,16 +247,6 @@ def test_a_ur_rtde_file_of_currents_is_imported_and_fitted(clean, tmp_path):
     assert made.metadata.sensor.noise_std is None  # of a wrench; this has none
     fit = calibrate_efforts(made)
     assert abs(fit["tool.mass"].value - MASS) < fit["tool.mass"].interval95
-
-
-def test_a_map_of_some_joints_currents_is_no_effort(tmp_path):
-    text = '[recording]\nrobot = "ur5"\nmode = "dynamic"\n[[file]]\nmatch = "*"\n[file.columns]\n'
-    columns = ["t", *(f"q{j + 1}" for j in range(6)), *(f"i{j + 1}" for j in range(5))]
-    units = {"t": "s", "q": "rad", "i": "A"}
-    text += "".join(f'{c} = {{ column = "{c}", unit = "{units[c[0]]}" }}\n' for c in columns)
-    (tmp_path / "map.toml").write_text(text)
-    with pytest.raises(MapError, match="no column is mapped to fx"):
-        read_map(tmp_path / "map.toml")
 
 
 def test_what_is_divided_by_a_number_that_may_be_zero_is_not_told():

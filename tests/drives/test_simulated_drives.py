@@ -64,7 +64,7 @@ def test_the_wrench_stays_as_it_is_and_off_has_no_efforts(tmp_path):
 
 
 def test_medrue_has_efforts(tmp_path):
-    rec = simulated(tmp_path, seconds=9.0, robot=MEDRUE, effort="torque", noise="off")
+    rec = simulated(tmp_path, seconds=5.0, robot=MEDRUE, effort="torque", noise="off")
     assert rec.effort == "tau" and np.abs(rec.columns["tau3"]).max() > 1.0
     assert np.all(np.isfinite([rec.columns[f"tau{j}"] for j in range(1, 7)]))
 

@@ -11,7 +11,7 @@ import pytest
 
 from netft_scene import StandIn, boxed, plain
 from robot_emulators.base.faults import Faults
-from robot_emulators.errors import EmulatorError, SettingError
+from robot_emulators.errors import SettingError
 from robot_emulators.netft_box.pages import Pages, Web
 from robot_emulators.netft_box.rdt import Pace
 from robot_emulators.netft_box.sensing import BoxSettings, Sensing
@@ -102,14 +102,6 @@ def test_pages_report_and_take_settings():
         with pytest.raises(urllib.error.HTTPError) as refused:
             page(scene, "/other")
         refused.value.close()
-
-
-@pytest.mark.wire
-def test_a_taken_port_is_named():
-    with boxed("127.0.3.32"):
-        for settings, words in (({}, "UDP.*:49152"), ({"rdt_port": 49153}, "TCP.*:80")):
-            with pytest.raises(EmulatorError, match=words), boxed("127.0.3.32", **settings):
-                pass
 
 
 @pytest.mark.parametrize(

@@ -101,20 +101,6 @@ def test_straight_moves_and_circles_keep_their_way(bench):
     assert spots[:, 2].max() == pytest.approx(centre[2] + 0.05, abs=1e-4)
 
 
-def test_streams_and_stops(bench):
-    bench.play("k = 0", "q = get_target_joint_positions()", "while k < 100:",
-               "  q[5] = q[5] + 0.002", "  servoj(q, t=get_steptime(), lookahead_time=0.05)",
-               "  k = k + 1", "end", "stopj(4)", seconds=1.2)  # fmt: skip
-    assert not bench.plays and not bench.faults
-    start = bench.arm.q.copy()
-    bench.play("speedj([0, 0, 0, 0, 0, 0.5], 5, 0.4)", "stopj(5)", seconds=1.0)
-    assert 0.15 < bench.arm.q[5] - start[5] < 0.25 and not bench.arm.moving
-    z = bench.arm.kinematics.pose(bench.arm.q, bench.arm.tcp)[2]
-    bench.play("speedl([0, 0, 0.05, 0, 0, 0], 1, 0.5)", "stopl(2)", seconds=1.0)
-    rose = bench.arm.kinematics.pose(bench.arm.q, bench.arm.tcp)[2] - z
-    assert 0.02 < rose < 0.03 and not bench.arm.moving
-
-
 def test_two_threads_cannot_move_the_arm(bench):
     goal = q_text(bench.arm.q + 0.3)
     bench.play(f"thread t():\n movej({goal})\nend", "run t()", "sync()", f"movej({goal})")

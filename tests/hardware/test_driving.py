@@ -61,6 +61,8 @@ def test_a_noise_free_campaign_reads_the_true_robots_wrench(tmp_path, robot, tru
     stated = rec.metadata
     assert stated.source == "sim"
     assert stated.sensor.noise_std == (0.0,) * 6
+    assert stated.sensor.mass == model.robot.values(model.robot.parameters.nominal)["sensor.mass"]
+    assert stated.sensor.pose_flange == ((0, 0, 0, 1, 0, 0, 0) if robot == "ur5" else None)
     nominal = model.robot.tool(model.robot.parameters.nominal)
     assert stated.tool.mass == float(nominal.mass)  # the truth does not leak into the metadata
     assert stated.gravity == model.robot.gravity

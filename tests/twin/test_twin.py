@@ -14,7 +14,6 @@ from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import NotFoundError, ParameterError, TwinError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.twin.export import export
-from wrenchbed.twin.mechanics import edited
 from wrenchbed.twin.twin import Twin, nominal
 
 SECOND_ORDER = {
@@ -149,24 +148,6 @@ def test_the_closed_form_is_not_called_for_mechanical_effects(monkeypatch):
             if hasattr(type(effect), method):
                 monkeypatch.setattr(type(effect), method, refuse)
         assert np.array_equal(nominal(scene.robot, [active]).wrench(scene), before), name
-
-
-def test_the_cables_pull_is_mujocos_own_tendon_force():
-    robot = SCENES["ur5"].robot
-    cable = ActiveEffect.of(robot, "cable.pull", {"stiffness": 5.0, "anchor.x": 1.0, "length": 0.3})
-    spec = edited(robot, robot.parameters.nominal, robot.gravity, [cable])
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    data.qpos[:] = SCENES["ur5"].joints[0]
-    mujoco.mj_forward(model, data)
-    tension = 5.0 * (data.ten_length[0] - 0.3)
-    reach = data.site("cable.pull:cable.anchor").xpos - data.site("cable.pull:cable.point").xpos
-    assert np.linalg.norm(reach) == pytest.approx(data.ten_length[0])
-    applied = np.zeros(model.nv)
-    point = data.site("cable.pull:cable.point").xpos
-    force = tension * reach / np.linalg.norm(reach)
-    mujoco.mj_applyFT(model, data, force, np.zeros(3), point, model.body("tool").id, applied)
-    assert np.allclose(applied, data.qfrc_spring, atol=1e-9)
 
 
 def test_an_inertia_of_no_body_is_simulated_too():

@@ -48,7 +48,7 @@ def consistent(found):
      ("drive.cogging", 2, 6.0)],
 )  # fmt: skip
 def test_a_cause_is_named_in_its_joint(effect, joint, size):
-    found = diagnose_efforts(case(Gap(effect, joint, size), seed=20 + joint))
+    found = diagnose_efforts(case(Gap(effect, joint, size), seed=20 + joint, seconds=30.0))
     consistent(found)
     d = found.diagnosis
     assert d.verdict in ("identified", "ambiguous")
@@ -171,7 +171,7 @@ def test_a_cause_that_leaves_much_or_a_gap_in_its_joint_is_less_sure(closed, aft
 def test_links_about_the_vertical_and_a_joint_that_hardly_moves_are_blind():
     swing = np.full(6, SWING)
     swing[4] = 0.01
-    found = diagnose_efforts(case(seed=3, swing=swing)).diagnosis
+    found = diagnose_efforts(case(seed=3, seconds=30.0, swing=swing)).diagnosis
     blind = {(s.effect, s.element): s for s in found.blind}
     assert found.verdict == "none"
     assert blind["link.mass", "link 1"].smallest is None  # its axis is vertical
@@ -185,7 +185,7 @@ def test_links_about_the_vertical_and_a_joint_that_hardly_moves_are_blind():
 
 
 def test_what_nobody_states_is_fitted_and_shows_at_no_size():
-    found = diagnose_efforts(case(seed=4, seconds=30.0, configured=False)).diagnosis
+    found = diagnose_efforts(case(seed=4, seconds=20.0, configured=False)).diagnosis
     blind = {(s.effect, s.element): s for s in found.blind}
     assert "nobody states" in blind["drive.coulomb", "joint 2"].sentence
     assert ("drive.load", "joint 2") not in blind
@@ -238,9 +238,7 @@ def both(gap=HEALTHY, more=0.0):
     path = Path("fourier", 1.0 / (t[1] - t[0]), t, q.v, q.d, q.dd)
     theta = UR5.theta_of_tool(UR5.parameters.nominal.copy(), MASS + more, COG)
     load = TrueArm(UR5, theta).wrench(path)
-    load = (
-        load + OF_SENSOR * np.random.default_rng(9).normal(size=load.shape) + [3, -2, 5, 0, 0.1, 0]
-    )
+    load += OF_SENSOR * np.random.default_rng(9).normal(size=load.shape) + [3, -2, 5, 0, 0.1, 0]
     columns = dict(made.columns) | {c: load[:, k] for k, c in enumerate(CHANNELS)}
     return replace(made, columns=columns)
 

@@ -72,7 +72,7 @@ def test_a_load_beside_drives_of_a_healthy_fit_is_named_from_currents(tmp_path, 
 
 def test_what_is_fitted_because_nobody_states_it_is_said():
     gap = Gap("tool.mass", size=0.9)
-    found = diagnose_efforts(unstated(case(gap, 6, configured=False, links=True)))
+    found = diagnose_efforts(unstated(case(gap, 6, 30.0, configured=False, links=True)))
     words = EffortAnswer(found)
     assert found.diagnosis.verdict == "none" and found.diagnosis.gap.configured > 5.0
     (load,) = (n for n in found.diagnosis.fitted if n["name"] == "tool.mass")
