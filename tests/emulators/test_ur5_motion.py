@@ -226,6 +226,15 @@ def test_no_program_is_loaded_and_scripts_start(bench):
     bench.script()
 
 
+def test_a_press_that_was_tolerated_is_not_any_more(bench):
+    bench.controller.protective_stop()
+    for reboot_first in (False, True):
+        if reboot_first:
+            bench.controller.reboot()
+        bench.controller.estimate.wrench = np.array([0.0, 0.0, 200.0, 0.0, 0.0, 0.0])
+        assert bench.controller._pressed_too_hard() is reboot_first
+
+
 def test_the_arm_stays_where_it_is(bench):
     bench.command(1, *(bench.arm.q + 0.5), 0.5, 5.0)
     bench.run(0.5)
