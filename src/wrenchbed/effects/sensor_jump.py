@@ -26,7 +26,7 @@ SCANNED = 200
 most recordings at rest, and two or three a second in motion."""
 LEAST_FIRST = 0.1
 """Share of the squared residual that one jump explains at least where there are several; measured:
-with 0.5 two of the twenty recordings of tests/diagnosis/test_misleading_recordings.py are missed."""
+with 0.5 two of the twenty of tests/diagnosis/test_misleading_recordings.py are missed."""
 EXPLAINED = 0.5
 """Share of what the jumps before it leave that a further one explains at least."""
 
