@@ -15,7 +15,7 @@ from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
 from wrenchbed.effects.chain import ActiveEffect, EffectChain
 from wrenchbed.effects.scene import Scene
-from wrenchbed.hardware.drivers.sim import Tracker
+from wrenchbed.hardware.drivers.sim import Beside, SimOptions
 from wrenchbed.physics.time_derivatives import Jet, value
 from wrenchbed.twin.twin import nominal
 
@@ -181,13 +181,16 @@ def test_the_sensor_is_where_mujoco_has_it(name, effect):
     assert value(pose.rotation) == pytest.approx(turn, abs=1e-12)
 
 
-def test_a_simulated_tracker_is_seen_by_the_channel_to_its_noise():
-    robot, q = registry.load("robots", "ur5"), Q
-    for std in (1e-12, 5e-5):
-        tracker = Tracker(nominal(robot), std, 3)
-        read = np.array([[tracker.columns(x, 1)[c][0] for c in POSE.columns] for x in q])
-        fitted = POSE.fitted(read, scene(robot, q))
-        left = read - readings((fitted,), scene(robot, q))
-        assert 0.5 * std < left.std() < 1.5 * std + 1e-11
-    first, again = tracker.columns(q[0], 4)["mx"], tracker.columns(q[0], 4)["mx"]
-    assert np.ptp(first) > 0.0 and abs(first.mean() - again.mean()) < 3e-4
+@pytest.mark.parametrize(("channel", "std"), [(POSE, 5e-5), (ACCELEROMETER, 0.02)])
+def test_what_is_simulated_beside_the_wrench_is_seen_by_its_channel_to_its_noise(channel, std):
+    robot, q, option = registry.load("robots", "ur5"), Q, "tracker" if channel is POSE else "imu"
+    for noise in ("off", "real"):
+        options = SimOptions("ur5", noise=noise, seed=3, **{option: std})
+        beside = Beside(nominal(robot), options)
+        read = np.array([[beside.columns(x, 1)[c][0] for c in channel.columns] for x in q])
+        fitted = channel.fitted(read, scene(robot, q))
+        left = (read - readings((fitted,), scene(robot, q))).std()
+        assert left < 1e-9 if noise == "off" else 0.5 * std < left < 1.5 * std
+    name = next(iter(channel.columns))
+    first, again = (beside.columns(q[0], 4)[name] for _ in range(2))
+    assert np.ptp(first) > 0.0 and abs(first.mean() - again.mean()) < 6.0 * std

@@ -53,6 +53,19 @@ def test_a_pose_in_the_bench_is_refused_before_anything_moves(tmp_path, capsys):
     assert not (tmp_path / "r.parquet").exists()
 
 
+@pytest.mark.parametrize(
+    ("channels", "there", "absent"),
+    [
+        ("wrench,effort,pose,imu", ("fx", "tau6", "mz", "ax"), ("q_target1",)),
+        ("pose", ("mx", "q6"), ("fx", "tau1", "ax")),
+    ],
+)
+def test_the_channels_that_are_asked_for_are_recorded(record, channels, there, absent):
+    code, out = record("--channels", channels)
+    columns = Recording.read(out).columns
+    assert code == 0 and set(there) <= columns.keys() and not columns.keys() & set(absent)
+
+
 def test_revisit_shows_the_drift(record, capsys):
     code, _ = record("--revisit", "yes", "--json")
     drift = json.loads(capsys.readouterr().out)["drift"]
@@ -66,6 +79,9 @@ def test_revisit_shows_the_drift(record, capsys):
     [
         (("--host", "127.0.0.2"), "--host: driver 'sim' does not take it"),
         (("--driver", "rtde", "--effect", "base.tilt"), "does not simulate effects"),
+        (("--driver", "rtde", "--channels", "pose"), "--channels: driver 'rtde' does not take it"),
+        (("--channels", "wrench,force"), "--channels force: is none of wrench, effort, pose"),
+        (("--channels", "command"), "--channels command: is simulated in motion only"),
         (("--speed", "3"), "speed 3 must be above 0 and at most 1"),
         (("--dry-run", "--resume"), "leave --resume out"),
         (("--workspace", *"0 0 0 0.1 0.1 0.1".split()), "outside the workspace"),

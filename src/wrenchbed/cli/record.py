@@ -22,6 +22,15 @@ from wrenchbed.hardware.drivers.live import LIVE, LiveDriver
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.motion_limits import Limits
 
+CHANNELS_OF = {
+    "wrench": CHANNELS, "effort": (), "pose": (), "command": ("q_target",), "imu": (),
+}  # fmt: skip
+"""Channels by name, and the columns (or their stems) that a recording has unless they are left
+out."""
+_OPTION_OF = {"effort": "effort", "pose": "tracker", "imu": "imu"}
+_USUAL = {"effort": "torque", "pose": 5e-5, "imu": 0.02}
+"""Options of the simulated driver by channel, and their values if none is stated: a laser tracker's
+noise [m], and a MEMS accelerometer's in 50 Hz [m/s²]."""
 _MOST_LEGS = 12
 """Most rows of a dry run's table."""
 _YES = ("y", "yes")
@@ -47,9 +56,29 @@ class DeviceArguments:
     # What recordings keep of the joints: current as i1… [A] (rtde, its default; sim, can), torque
     # as tau1… [N·m] (sim, can), or off.
     effort: Literal["torque", "current", "off"] | None = None
+    # With sim: which of wrench, effort, pose (of a tracker's target), command and imu are recorded,
+    # with commas between; the wrench, and in motion the command, if none.
+    channels: str | None = None
     # NAME=VALUE of a setting that this driver alone has, for instance base=0x68 with can or
     # frequency=none with rtde; a wrong NAME lists them. May be repeated.
     set: Repeated = ()
+
+    @property
+    def recorded(self) -> tuple[str, ...]:
+        """Channels that were asked for."""
+        names = tuple((self.channels or "").replace(" ", "").split(",")) if self.channels else ()
+        if self.channels is not None and self.driver != "sim":
+            raise ParameterError(f"--channels: driver {self.driver!r} does not take it")
+        if wrong := [name for name in names if name not in CHANNELS_OF]:
+            raise ParameterError(f"--channels {wrong[0]}: is none of {', '.join(CHANNELS_OF)}")
+        return names
+
+    def check(self, mode: str) -> None:
+        """Refuse channels that a plan of a mode does not show."""
+        other = ("command",) if mode == "static" else ("pose", "imu")
+        if wrong := [name for name in self.recorded if name in other]:
+            when = "in motion" if mode == "static" else "at rest"
+            raise ParameterError(f"--channels {wrong[0]}: is simulated {when} only")
 
     def options(self, device: type[Driver], robot: str, limits: Limits) -> Any:
         """The driver's options; an argument that it does not take is refused by its flag."""
@@ -62,6 +91,8 @@ class DeviceArguments:
         flagged = ("robot", "limits", *given)
         words = console.typed(device.options, console.pairs(self.set), flagged)
         chosen = {k: v for k, v in given.items() if v is not None}
+        usual = {_OPTION_OF[c]: _USUAL[c] for c in self.recorded if c in _OPTION_OF}
+        chosen = {k: v for k, v in usual.items() if k not in words} | chosen
         for name in chosen:
             if name == "effects" and name not in known:
                 raise ParameterError(f"--effect: driver {self.driver!r} does not simulate effects")
@@ -139,6 +170,7 @@ def record(
     inputs = (plan, device.parameters)
     console.check_out(out, Kind.RECORDING, *inputs, force=run.force or run.resume)
     todo = wb.Plan.read(plan)
+    device.check(todo.mode)
     # of a user's description without its version: limits are checked anyway
     stated, given = (n.partition("@")[0] for n in (todo.robot, wb.load("robots", robot).name))
     if stated != given:
@@ -159,7 +191,19 @@ def record(
             link, todo, out, samples=run.samples, rate=run.rate, progress=report, revisit=revisit,
             resume=run.resume, clear=run.dry_run or None, limits=complete,
         )  # fmt: skip
+    _leave_out(out, device.recorded)
     _answer(done, todo, device.driver, as_json)
+
+
+def _leave_out(path: Path, recorded: tuple[str, ...]) -> None:
+    """Take the columns of channels that were not asked for out of a recording."""
+    stems = {s for name, columns in CHANNELS_OF.items() if name not in recorded for s in columns}
+    if not recorded or not stems:
+        return
+    recording = wb.Recording.read(path)
+    kept = {n: x for n, x in recording.columns.items() if n.rstrip("0123456789") not in stems}
+    if len(kept) < len(recording.columns):
+        wb.Recording(recording.metadata, kept, recording.name).write(path)
 
 
 def _rehearse(plan: wb.Plan, limits: Limits, run: RunArguments) -> None:

@@ -50,6 +50,7 @@ from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.replay import Playback
 from wrenchbed.twin.twin import Twin
 
+_IMU = ("ax", "ay", "az")
 CONTROL_S = 0.008
 """Period of the position targets in a move [s], that of a CB3."""
 _BLOCK_S = 4.0
@@ -110,6 +111,8 @@ class SimOptions:
             what the controller wants and the drives' temperatures; ``off``: they do not.
         tracker: standard deviation of a tracker's readings [m]: recordings at rest have the place
             of a target on the flange as mx my mz; 0: they do not.
+        imu: standard deviation of an accelerometer's readings [m/s²]: recordings at rest have them
+            as ax ay az; 0: they do not.
     """
 
     robot: str
@@ -121,32 +124,46 @@ class SimOptions:
     limits: Limits | None = None
     effort: str = "off"
     tracker: float = 0.0
+    imu: float = 0.0
 
 
-class Tracker:
-    """A tracker somewhere in the room, and a target somewhere on the flange.
+class Beside:
+    """What is read at rest beside the wrench: by a tracker somewhere in the room of a target
+    somewhere on the flange, and by an accelerometer mounted anyhow, its scales off by 2 % and its
+    zeros by 0.3 m/s².
 
     The rows of a pose share an error, as of the target's seat and the air, of half the noise of a
     row.
     """
 
-    def __init__(self, twin: Twin, std: float, seed: int) -> None:
-        self._twin, self._std, self._rng = twin, std, np.random.default_rng([seed, 4])
+    def __init__(self, twin: Twin, options: SimOptions) -> None:
+        quiet = 0.0 if options.noise == "off" else 1.0
+        self._twin, self._rng = twin, np.random.default_rng([options.seed, 4])
         self._turn = value(exp(*self._rng.uniform(-1.5, 1.5, 3)))
         self._stand, self._target = self._rng.uniform(-2.0, 2.0, (2, 3)) * [[1.0], [0.05]]
+        mount = value(exp(*self._rng.uniform(-1.5, 1.5, 3)))
+        self._gain = mount @ (np.eye(3) + 0.02 * self._rng.standard_normal((3, 3)))
+        self._zero = 0.3 * self._rng.standard_normal(3)
+        sizes = {TARGET: options.tracker, _IMU: options.imu}
+        self._std = {names: quiet * std for names, std in sizes.items() if std > 0.0}
         self._before: np.ndarray | None = None
 
     def columns(self, q: np.ndarray, n: int) -> Block:
         """Readings of n rows at joint values (J,)."""
         before = q if self._before is None else self._before
-        rotation, position = self._twin.place(
-            self._twin.scene(np.stack([before, q]), np.arange(2.0))
-        )
+        scene = self._twin.scene(np.stack([before, q]), np.arange(2.0))
+        rotation, position = (part[1] for part in self._twin.place(scene))
         self._before = q
-        place = self._turn @ (position[1] + rotation[1] @ self._target) + self._stand
-        seat = 0.5 * self._std * self._rng.standard_normal(3)
-        rows = place + seat + self._std * self._rng.standard_normal((n, 3))
-        return dict(zip(TARGET, rows.T, strict=True))
+        true = {
+            TARGET: self._turn @ (position + rotation @ self._target) + self._stand,
+            _IMU: self._gain @ -(scene.gravity @ rotation) + self._zero,
+        }
+        block = dict[str, np.ndarray]()
+        for names, std in self._std.items():
+            shared = true[names] + 0.5 * std * self._rng.standard_normal(3)
+            rows = shared + std * self._rng.standard_normal((n, 3))
+            block |= dict(zip(names, rows.T, strict=True))
+        return block
 
 
 class SimDriver(Driver):
@@ -179,8 +196,7 @@ class SimDriver(Driver):
         active = tuple(active_effect(robot, text) for text in effects)
         self._efforts = self._reported(options, active, drives, faults)
         twin = Twin(self.model, self.theta, active)
-        noisy = options.tracker if options.noise != "off" else 1e-12
-        self._tracker = Tracker(twin, noisy, options.seed) if options.tracker > 0.0 else None
+        self._beside = Beside(twin, options)
         self._playback = Playback(twin, options.seed) if active else None
         self._plant = ServoDrivenRobot(self._simulation, robot.home)
         self._time = 0.0
@@ -306,8 +322,7 @@ class SimDriver(Driver):
             reading = self._playback.rest(t, q, self._contact)
         still = np.repeat(q[None], n, axis=0)
         columns = dict(self._columns(t, still, reading))
-        if self._tracker is not None:
-            columns |= self._tracker.columns(q, n)
+        columns |= self._beside.columns(q, n)
         if self._efforts is not None:
             targets = np.repeat(self._plant.target[None], n, axis=0)
             columns |= self._efforts.columns(t, Jet(still, 0.0 * still, 0.0 * still), targets, rate)
