@@ -15,7 +15,7 @@ import wrenchbed as wb
 from wrenchbed.campaigns import summary
 from wrenchbed.campaigns.result_rows import SECONDS, CampaignRows, empty
 from wrenchbed.campaigns.settings import Fleet, varied
-from wrenchbed.campaigns.simulated_robots import campaign, recorded, robot_rows
+from wrenchbed.campaigns.simulated_robots import campaign, recorded, robot_row, tasks
 from wrenchbed.cli import main
 from wrenchbed.errors import FleetError, ParameterError
 
@@ -44,20 +44,27 @@ def bare(row):
 
 
 def test_a_row_follows_from_its_number_and_seed_alone():
-    here, there = robot_rows(small(4), [3])[0], robot_rows(small(9), [3])[0]
+    here, there = robot_row(small(4), 3), robot_row(small(9), 3)
     assert bare(here) == bare(there)
     assert here["error"] == "" and here["rank"] == 22
-    assert here["fit.tool.mass"] != robot_rows(small(4, seed=1), [3])[0]["fit.tool.mass"]
-    quiet = robot_rows(small(4, ("parameters",)), [3])[0]
+    assert here["fit.tool.mass"] != robot_row(small(4, seed=1), 3)["fit.tool.mass"]
+    quiet = robot_row(small(4, ("parameters",)), 3)
     assert quiet["true.tool.mass"] == here["true.tool.mass"]  # noise is drawn apart
     assert quiet["fit.tool.mass"] != here["fit.tool.mass"]
+
+
+@pytest.mark.parametrize(("robots", "most"), [(12, 1), (90, 11), (900, 25)])
+def test_every_robot_is_in_one_task(robots, most):
+    numbers = tasks(range(robots), 2)
+    assert [k for some in numbers for k in some] == list(range(robots))
+    assert max(map(len, numbers)) == most
 
 
 @pytest.mark.parametrize("robot", ["ur5", "medrue"])
 def test_calibration_brings_robots_close_to_their_truth(robot):
     fleet = Fleet(robot, 3, ("noise", "parameters"), poses=60, samples=20)
     model = wb.Model.of(fleet.model_robot())
-    for row in robot_rows(fleet, range(3)):
+    for row in (robot_row(fleet, k) for k in range(3)):
         assert row["error"] == ""
         assert row["force.after"] < 0.05 * row["force.before"]
         assert row["torque.after"] < 0.05 * row["torque.before"]
@@ -70,21 +77,21 @@ def test_calibration_brings_robots_close_to_their_truth(robot):
 
 
 def test_what_does_not_vary_is_the_same_for_all():
-    still = [bare(row) for row in robot_rows(small(3, ()), range(2))]
+    still = [bare(robot_row(small(3, ()), k)) for k in range(2)]
     assert {**still[0], "robot": 1} == still[1]
     assert still[0]["force.before"] == 0.0
-    (a, _), (b, _) = recorded(small(3, ("poses",)), range(2))
+    (a, _), (b, _) = (recorded(small(3, ("poses",)), k) for k in range(2))
     assert np.abs(a.q - b.q).max() > 0.1
-    (a, _), (b, _) = recorded(small(3, ("noise",)), range(2))
+    (a, _), (b, _) = (recorded(small(3, ("noise",)), k) for k in range(2))
     assert np.array_equal(a.q, b.q) and not np.array_equal(a.wrench, b.wrench)
 
 
 def test_a_plan_is_run_by_all_robots_at_rest_and_in_motion():
     plan = wb.multisine(wb.load("robots", "ur5"), 8.0, 60.0, 1)
     fleet = Fleet("ur5", 2, ("noise",), plan=plan)
-    ((recording, _),) = recorded(fleet, [1])
+    recording, _ = recorded(fleet, 1)
     assert recording.metadata.mode == "dynamic" and np.array_equal(recording.q, plan.q)
-    assert robot_rows(fleet, [0])[0]["error"] == ""
+    assert robot_row(fleet, 0)["error"] == ""
     with pytest.raises(ParameterError, match="the plan is for robot 'ur5'"):
         Fleet("medrue", 2, plan=plan)
     with pytest.raises(ParameterError, match="same for all"):
@@ -101,7 +108,7 @@ def test_settings_that_make_no_sense_are_named(tmp_path):
     CampaignRows(tmp_path, small(1))
     with pytest.raises(FleetError, match="seed = 0, not 5"):
         CampaignRows(tmp_path, small(1, seed=5))
-    row = robot_rows(Fleet("ur5", 1, poses=2, samples=2), [0])[0]  # too few poses: a row says so
+    row = robot_row(Fleet("ur5", 1, poses=2, samples=2), 0)  # too few poses: a row says so
     assert "Error" in row["error"] and row["robot"] == 0
 
 

@@ -190,14 +190,6 @@ def test_splitting_rows_into_calls_changes_no_bit(cuts: set[int]) -> None:
     np.testing.assert_array_equal(np.concatenate([p[1] for p in parts]), WHOLE[1])
 
 
-def test_sensors_drawn_together_read_what_each_reads_alone() -> None:
-    together = NoiseStream(FULL, 3, 11).corrupt(CLOCK, [0.0 * LOAD, LOAD])
-    for both, alone in zip(together, WHOLE, strict=True):
-        np.testing.assert_array_equal(both[1], alone)
-    with pytest.raises(ParameterError, match=r"\(N,\) and \(2, N, 6\)"):
-        NoiseStream(FULL, 3, 11).corrupt(CLOCK, LOAD)
-
-
 def test_the_seed_decides_the_noise() -> None:
     model = NoiseModel(white=SIX, flicker=SIX)
     one, other = rest(model, 100.0, 100.0, 1), rest(model, 100.0, 100.0, 2)

@@ -29,7 +29,7 @@ from wrenchbed.planning.choose import poses
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration
 from wrenchbed.simulation.closed_form import Model
-from wrenchbed.twin.replay import readings, recorded_together
+from wrenchbed.twin.replay import simulate
 from wrenchbed.twin.twin import Twin
 
 RATE_HZ = 100.0
@@ -43,8 +43,7 @@ _FLEET: list[Fleet] = []
 _LEAST_TASKS = 4
 """Tasks of each worker at least, so that none works long after the others."""
 _TOGETHER = 25
-"""Most robots that a worker takes at once: their numbers must fit into its cache, and a kill loses
-the rows of a task, which reach the disk together."""
+"""Most robots of a task: its rows reach the disk together, and a kill loses them."""
 
 
 def course(fleet: Fleet, k: int) -> Recording:
@@ -82,70 +81,27 @@ def _rests(robot: SimulatedRobot, plan: Plan, samples: int) -> tuple[np.ndarray,
     return t, np.repeat(np.arange(len(plan)), samples)
 
 
-def robot_rows(fleet: Fleet, numbers: Sequence[int]) -> list[Row]:
-    """Rows of some robots, each the same to the last bit whichever others it is worked on with.
-
-    A named error of the package stands in column ``error``.
-    """
-    rows, begun = {k: empty(fleet, k) for k in numbers}, time.perf_counter()
-    done: dict[int, tuple[Recording, np.ndarray]] = {}
-    for k, result in zip(numbers, recorded(fleet, numbers), strict=True):
-        if isinstance(result, WrenchbedError):
-            rows[k]["error"] = _named(result)
-        else:
-            done[k] = result
-            rows[k] |= _of_truth(fleet, *result)
-    now = time.perf_counter()
-    seconds, begun = (now - begun) / max(len(numbers), 1), now
-    fits = [_fitted(recording) for recording, _ in done.values()]
-    calibrated = (time.perf_counter() - begun) / max(len(done), 1)
-    errors = _errors(fleet, [theta for _, theta in done.values()], fits)
-    for (k, (_, theta)), fit, error in zip(done.items(), fits, errors, strict=True):
-        rows[k]["seconds.record"] = seconds
-        if isinstance(fit, WrenchbedError):
-            rows[k]["error"] = _named(fit)
-            continue
-        rows[k] |= _of_fit(fleet, theta, fit) | error | {"seconds.calibrate": calibrated}
-    return list(rows.values())
-
-
-def _fitted(recording: Recording) -> Fit | WrenchbedError:
-    """Fit of a robot by the default options; the error where it cannot be calibrated."""
+def robot_row(fleet: Fleet, k: int) -> Row:
+    """Row of robot k; a named error of the package stands in column ``error``."""
+    row, begun = empty(fleet, k), time.perf_counter()
     try:
-        return calibrate(recording)
+        recording, theta = recorded(fleet, k)
+        row |= _of_truth(fleet, recording, theta)
+        now = time.perf_counter()
+        row["seconds.record"], begun = now - begun, now
+        fit = calibrate(recording)
     except WrenchbedError as error:
-        return error
+        return row | {"error": f"{type(error).__name__}: {error}"}
+    row["seconds.calibrate"] = time.perf_counter() - begun
+    return row | _of_fit(fleet, theta, fit) | _errors(fleet, theta, fit)
 
 
-def _named(error: WrenchbedError) -> str:
-    return f"{type(error).__name__}: {error}"
-
-
-def recorded(
-    fleet: Fleet, numbers: Sequence[int]
-) -> list[tuple[Recording, np.ndarray] | WrenchbedError]:
-    """Recordings of the robots ``numbers``, and the true parameters (P,) of each.
-
-    The error of a robot that cannot be recorded stands for it.
-    """
+def recorded(fleet: Fleet, k: int) -> tuple[Recording, np.ndarray]:
+    """Recording of robot k, and its true parameters (P,)."""
     model = Model.of(fleet.model_robot())
-    results: dict[int, tuple[Recording, np.ndarray] | WrenchbedError] = {}
-    ready: dict[int, tuple[Recording, Twin, np.ndarray]] = {}
-    for k in numbers:
-        try:
-            path = course(fleet, k) if "poses" in fleet.vary else _shared_course(fleet)
-            twin = Twin(model, draw(fleet, k, model, _visited(path)))
-            ready[k] = path, twin, readings(twin, path)
-        except WrenchbedError as error:
-            results[k] = error
-    for group in [[k] for k in ready] if "poses" in fleet.vary else [list(ready)] if ready else []:
-        recordings = recorded_together(
-            [ready[k][1] for k in group], ready[group[0]][0], [ready[k][2] for k in group], "real",
-            [_seed(fleet, k) for k in group],
-        )  # fmt: skip
-        for k, recording in zip(group, recordings, strict=True):
-            results[k] = recording, ready[k][1].theta
-    return [results[k] for k in numbers]
+    path = course(fleet, k) if "poses" in fleet.vary else _shared_course(fleet)
+    twin = Twin(model, draw(fleet, k, model, _visited(path)))
+    return simulate(twin, path, noise="real", seed=_seed(fleet, k)), twin.theta
 
 
 @lru_cache(1)
@@ -187,30 +143,22 @@ def _of_fit(fleet: Fleet, theta: np.ndarray, fit: Fit) -> Row:
     return row
 
 
-def _errors(
-    fleet: Fleet, thetas: Sequence[np.ndarray], fits: Sequence[Fit | WrenchbedError]
-) -> list[Row]:
-    """Rms over fresh poses of the error of each robot's reading [N, N·m], and of its tool's
-    position [m], if it has one, before its fit and after it; nothing of one without a fit."""
-    model, rows = Model.of(fleet.model_robot()), [Row() for _ in fits]
-    fitted = {k: fit for k, fit in enumerate(fits) if isinstance(fit, Fit)}
-    if not fitted:
-        return rows
+def _errors(fleet: Fleet, true: np.ndarray, fit: Fit) -> Row:
+    """Rms over fresh poses of the error of a robot's reading [N, N·m], and of its tool's
+    position [m], if it has one, before its fit and after it."""
+    model, row = Model.of(fleet.model_robot()), Row()
     q, target = judged(fleet.robot)
-    true = np.stack([thetas[k] for k in fitted])
-    after = np.stack([model.parameters.vector(dict(fit.theta)) for fit in fitted.values()])
-    for when, theta in (("before", model.parameters.nominal[None]), ("after", after)):
-        off = model.predict(q, theta[:, None]) - model.predict(q, true[:, None])
-        vectors = {"force": off[..., :3], "torque": off[..., 3:]}
+    fitted = model.parameters.vector(dict(fit.theta))
+    for when, theta in (("before", model.parameters.nominal), ("after", fitted)):
+        off = model.predict(q, theta) - model.predict(q, true)
+        vectors = {"force": off[:, :3], "torque": off[:, 3:]}
         if target is not None:
-            own, robot = len(model.robot.parameters), model.robot
-            places = [robot.tool_pose(target, x[:, None, :own])[1] for x in (true, theta)]
+            robot_parameters, robot = len(model.robot.parameters), model.robot
+            places = [robot.tool_pose(target, x[:robot_parameters])[1] for x in (true, theta)]
             vectors["position"] = places[1] - places[0]
         for what, error in vectors.items():  # where a tool cannot reach, it has no position
-            rms = np.sqrt(np.nanmean((error**2).sum(axis=2), axis=1))
-            for k, value in zip(fitted, rms.tolist(), strict=True):
-                rows[k][f"{what}.{when}"] = value
-    return rows
+            row[f"{what}.{when}"] = float(np.sqrt(np.nanmean((error**2).sum(axis=1))))
+    return row
 
 
 @cache
@@ -256,7 +204,7 @@ def campaign(
 
 
 def tasks(todo: Sequence[int], workers: int) -> list[list[int]]:
-    """Robots that a worker takes at once; a task lasts long enough and all end about together."""
+    """Robots of each task of a worker; a task lasts long enough and all end about together."""
     size = max(1, min(_TOGETHER, len(todo) // (_LEAST_TASKS * workers)))
     return [list(todo[first : first + size]) for first in range(0, len(todo), size)]
 
@@ -266,4 +214,4 @@ def _share(fleet: Fleet) -> None:
 
 
 def _work(numbers: list[int]) -> list[Row]:
-    return robot_rows(_FLEET[0], numbers)
+    return [robot_row(_FLEET[0], k) for k in numbers]

@@ -145,24 +145,19 @@ def noise_model(kind: str, model: NoiseModel) -> NoiseModel:
 class NoiseStream:
     """Draws a model's noise along one clock: calls continue where the last one ended.
 
-    The numbers depend on model, seed and times alone: how the rows are split into calls, and how
-    many sensors are drawn together, changes no bit.
-
-    Args:
-        model: of the sensor, or of each of R sensors.
-        seeds: one (≥ 0) for each sensor.
+    The numbers depend on model, seed (≥ 0) and times alone: how the rows are split into calls
+    changes no bit.
     """
 
-    def __init__(self, model: NoiseModel, *seeds: int) -> None:
+    def __init__(self, model: NoiseModel, seed: int) -> None:
         self.model = model
-        spawned = [np.random.SeedSequence(seed).spawn(3) for seed in seeds]
-        generators = [[np.random.default_rng(part) for part in parts] for parts in spawned]
-        self._white, self._flicker, phase = zip(*generators, strict=True)
-        self._phase = np.stack([rng.uniform(0.0, 2.0 * np.pi, 6) for rng in phase])[:, None]
+        parts = np.random.SeedSequence(seed).spawn(3)
+        self._white, self._flicker, phase = (np.random.default_rng(part) for part in parts)
+        self._phase = phase.uniform(0.0, 2.0 * np.pi, 6)
         self._rates, weight = _rates(model.f_low, model.f_high)
         self._levels = model.flicker * weight
         self._root = _root(model.correlation)
-        self._state = np.zeros((len(seeds), len(self._rates), 6))
+        self._state = np.zeros((len(self._rates), 6))
         self._last = -np.inf
 
     def corrupt(self, t: ArrayLike, wrench: ArrayLike) -> tuple[Array, NDArray[np.uint32]]:
@@ -170,25 +165,23 @@ class NoiseStream:
 
         Args:
             t: (N,) [s].
-            wrench: (N, 6) of one sensor, or (R, N, 6) [N, N·m].
+            wrench: (N, 6) [N, N·m].
 
         Returns:
-            Measured wrenches like ``wrench``, and status words (N,) or (R, N). Bit i of the status
-            word is set where channel i is saturated, see ``SATURATED_BITS``.
+            Measured wrenches (N, 6) and status words (N,). Bit i of the status word is set where
+            channel i is saturated, see ``SATURATED_BITS``.
 
         Raises:
             ParameterError: shapes do not fit, or t does not increase, also from the last call on.
         """
-        time, load = np.asarray(t, dtype=np.float64), np.array(wrench, dtype=np.float64)
-        self._check(time, load)
-        model, measured = self.model, load.reshape(len(self._white), len(time), 6)
+        time, measured = np.asarray(t, dtype=np.float64), np.array(wrench, dtype=np.float64)
+        self._check(time, measured)
+        model = self.model
         if model.white.any():
-            for rows, rng in zip(measured, self._white, strict=True):
-                normal = rng.standard_normal((len(time), 6)).T
-                rows += _mix(normal, self._root * model.white[:, None]).T
+            normal = self._white.standard_normal((len(time), 6)).T
+            measured += _mix(normal, self._root * model.white[:, None]).T
         if model.flicker.any() and len(time):
-            for rows, wander in zip(measured, self._wander(time), strict=True):
-                rows += _mix(wander, self._root * self._levels[:, None]).T
+            measured += _mix(self._wander(time), self._root * self._levels[:, None]).T
         if model.mains_amplitude.any():
             angle = (2.0 * np.pi * model.mains_frequency) * time[:, None] + self._phase
             measured += model.mains_amplitude * np.sin(angle)
@@ -197,15 +190,12 @@ class NoiseStream:
             measured += model.warmup_drift * (start * -np.expm1(-time[:, None] / model.warmup_time))
         if len(time):
             self._last = float(time[-1])
-        return shown(model, measured.reshape(load.shape))
+        return shown(model, measured)
 
     def _check(self, time: Array, wrench: Array) -> None:
-        many = len(self._white)
-        shapes = [(many, len(time), 6), *([(len(time), 6)] if many == 1 else [])]
-        if time.ndim != 1 or wrench.shape not in shapes:
-            wanted = "(N, 6)" if many == 1 else f"({many}, N, 6)"
+        if time.ndim != 1 or wrench.shape != (len(time), 6):
             raise ParameterError(
-                f"t {time.shape} and wrench {wrench.shape} must be (N,) and {wanted}"
+                f"t {time.shape} and wrench {wrench.shape} must be (N,) and (N, 6)"
             )
         steps = np.diff(time, prepend=self._last)
         if not (steps > 0.0).all():
@@ -213,18 +203,16 @@ class NoiseStream:
             raise ParameterError(f"t = {time[row]!r} in row {row} does not increase")
 
     def _wander(self, time: Array) -> Array:
-        """Sums (R, 6, N) of unit Ornstein–Uhlenbeck processes, one a rate, at times (N,) [s]."""
+        """Sums (6, N) of unit Ornstein–Uhlenbeck processes, one a rate, at times (N,) [s]."""
         exponent = -self._rates[:, None] * np.diff(time, prepend=self._last)
         keep, kick = np.exp(exponent), np.sqrt(-np.expm1(2.0 * exponent))  # (K, N) each
-        normal = np.empty((len(self._flicker), len(time), *self._state.shape[1:]))
-        for drawn, rng in zip(normal, self._flicker, strict=True):
-            rng.standard_normal(out=drawn)
-        total: Array = np.zeros((len(normal), 6, len(time)))
+        normal = self._flicker.standard_normal((len(time), *self._state.shape))
+        total: Array = np.zeros((6, len(time)))
         for j in range(len(self._rates)):
-            push = np.multiply(np.swapaxes(normal[:, :, j], 1, 2), kick[j], order="C")
-            push[..., 0] += keep[j, 0] * self._state[:, j]
+            push = np.multiply(normal[:, j].T, kick[j], order="C")
+            push[:, 0] += keep[j, 0] * self._state[j]
             path = carried(keep[j], push)
-            self._state[:, j] = path[..., -1]
+            self._state[j] = path[:, -1]
             total += path
         return total
 

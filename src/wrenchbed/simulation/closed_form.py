@@ -73,15 +73,12 @@ class CompiledForm:
         name = self.robot.compiled
         if not statics.available(name) or not self._takes(q, theta):
             return None
-        if theta.ndim == 1:
-            return statics.readings(name, q, self._of_one(theta, sensed))
-        every = self.constants(theta[:, 0], sensed)
-        return np.stack([statics.readings(name, q, each.tobytes()) for each in every])
+        return statics.readings(name, q, self._of_one(theta, sensed))
 
     def gravity_seen(self, q: Value, theta: np.ndarray) -> np.ndarray | None:
         """Force on a tool of 1 kg, as `Model.gravity_seen` gives it."""
         name = self.robot.compiled
-        if not statics.available(name) or theta.ndim > 1 or not self._takes(q, theta):
+        if not statics.available(name) or not self._takes(q, theta):
             return None
         constants = self._of_one(theta, sensed=False, unit=True)
         return statics.readings(name, q, constants)[:, :3]
@@ -89,8 +86,7 @@ class CompiledForm:
     def jacobian(self, q: Value, theta: np.ndarray, columns: Sequence[int]) -> np.ndarray | None:
         """`Model.jacobian`: slopes by the constants; complex steps of the constants alone."""
         name = self.robot.compiled
-        one = theta.ndim == 1 and self._takes(q, theta)
-        if not one or not statics.available(name, slopes=True):
+        if not statics.available(name, slopes=True) or not self._takes(q, theta):
             return None
         shifted = np.repeat(theta.astype(complex).reshape(1, 1, -1), len(columns), 1)
         shifted[:, np.arange(len(columns)), list(columns)] += 1j * STEP
@@ -117,8 +113,6 @@ class CompiledForm:
 
     def constants(self, theta: np.ndarray, sensed: bool) -> np.ndarray:
         """Constants (…, C) in the order of `_statics.c` for parameters (…, P)."""
-        if theta.ndim == 2 and not self.robot.broadcasts:
-            return np.stack([self.constants(one, sensed) for one in theta])
         parameter_count = len(self.robot.parameters)
         packed = self.robot.packed(theta[..., :parameter_count], np.asarray(self.gravity))
         tool = self.robot.tool(theta[..., :parameter_count])
@@ -132,11 +126,10 @@ class CompiledForm:
         return np.concatenate([np.broadcast_to(x, (*rows, x.shape[-1])) for x in parts], axis=-1)
 
     def _takes(self, q: Value, theta: np.ndarray) -> bool:
-        """Whether joint values are real (N, J), parameters real (P,) or, of many, (R, 1, P)."""
+        """Whether joint values are real (N, J) and parameters real (P,)."""
         if not isinstance(q, np.ndarray) or q.ndim != 2 or q.shape[1] != len(self.robot.joints):
             return False
-        many = theta.ndim == 3 and theta.shape[1] == 1
-        return q.dtype == theta.dtype == _DOUBLE and (theta.ndim == 1 or many)
+        return q.dtype == theta.dtype == _DOUBLE and theta.ndim == 1
 
 
 @dataclass(frozen=True)
@@ -216,8 +209,7 @@ class Model:
 
         Args:
             q: joint values, or orientations of a robot without a model.
-            theta: parameters (P,), or (K, 1, P) for K vectors at once → (K, N, 6); what is
-                compiled gives each the bits that it has alone.
+            theta: parameters (P,).
         """
         compiled = self._compiled.readings(q, theta, sensed=True)
         return self.read(self.plain_wrench(q, theta), theta) if compiled is None else compiled

@@ -1,6 +1,5 @@
 """What a twin's sensor reads in a recording, and in a campaign as it goes on."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -33,7 +32,13 @@ def simulate(twin: Twin, recording: Recording, *, noise: str = "off", seed: int 
         RecordingError: it is of another robot, or a motion without an even clock.
         ParameterError: no such noise.
     """
-    return recorded_together([twin], recording, [readings(twin, recording)], noise, [seed])[0]
+    robot = twin.model.robot
+    stream = NoiseStream(noise_model(noise, registry.load("sensors", robot.sensor).noise), seed)
+    rows, status = stream.corrupt(recording.t, readings(twin, recording))
+    rows = twin.corrupt(rows, recording.t, seed)
+    kept = {c: v for c, v in recording.columns.items() if c in _TAKEN or c[0] == "q"}
+    columns = kept | dict(zip(CHANNELS, rows.T, strict=True)) | {"status": status}
+    return Recording(replace(recording.metadata, source="sim"), columns, "simulation")
 
 
 def readings(twin: Twin, recording: Recording) -> np.ndarray:
@@ -51,35 +56,6 @@ def readings(twin: Twin, recording: Recording) -> np.ndarray:
     robot.check(recording.q, twin.robot_theta, recording.name) if robot.joints else None
     moving = recording.metadata.mode == "dynamic"
     return _in_motion(twin, recording) if moving else _at_rest(twin, recording)
-
-
-def recorded_together(
-    twins: Sequence[Twin],
-    recording: Recording,
-    readings: Sequence[np.ndarray],
-    noise: str,
-    seeds: Sequence[int],
-) -> list[Recording]:
-    """Recordings of twins of one robot on one motion, from `readings` (N, 6) of each.
-
-    Args:
-        noise: ``real``, ``white`` or ``off``, of the robot's sensor.
-        seeds: of the noise and of the effects' random parts, one for each.
-
-    Raises:
-        ParameterError: no such noise.
-    """
-    sensor = registry.load("sensors", twins[0].model.robot.sensor)
-    stream = NoiseStream(noise_model(noise, sensor.noise), *seeds)
-    kept = {c: v for c, v in recording.columns.items() if c in _TAKEN or c[0] == "q"}
-    metadata = replace(recording.metadata, source="sim")
-    results = []
-    each = zip(twins, seeds, *stream.corrupt(recording.t, np.stack(readings)), strict=True)
-    for twin, seed, rows, status in each:
-        rows = twin.corrupt(rows, recording.t, seed)
-        columns = kept | dict(zip(CHANNELS, rows.T, strict=True)) | {"status": status}
-        results.append(Recording(metadata, columns, "simulation"))
-    return results
 
 
 def holds(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
