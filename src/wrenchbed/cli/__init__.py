@@ -6,6 +6,7 @@ Used by: the program ``wrenchbed``.
 
 import ast
 import io
+import os
 import signal
 import sys
 import textwrap
@@ -21,6 +22,7 @@ from typing import Any
 from wrenchbed.cli.start import check_memory, prepare
 from wrenchbed.errors import (
     OBEYED,
+    ParameterError,
     ShortageError,
     WrenchbedError,
     WrenchbedWarning,
@@ -124,10 +126,24 @@ def _summary(module: str, function: str) -> str:
     return (ast.get_docstring(node) or "").partition("\n\n")[0]
 
 
+def _check_epoch() -> None:
+    """Refuse a SOURCE_DATE_EPOCH that is no time: numpy throws on it wherever it is loaded.
+
+    Raises:
+        ParameterError: it is no whole number of seconds before the year 10000.
+    """
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "0")
+    if not (epoch.isascii() and epoch.isdecimal() and len(epoch) < 12):
+        raise ParameterError(
+            f"SOURCE_DATE_EPOCH is {one_line(epoch)[:40]!r}: must be whole seconds since 1970"
+        )
+
+
 def _run(words: Sequence[str]) -> int:
     try:
         check_memory(words[0])
-    except ShortageError as error:  # before libraries are loaded
+        _check_epoch()
+    except (ShortageError, ParameterError) as error:  # before libraries are loaded
         print(f"wrenchbed: error: {error}", file=sys.stderr)
         return 1
     from wrenchbed.cli.console import Console
