@@ -116,10 +116,13 @@ def _stride(expected: np.ndarray, period: float) -> int:
 def _row_noise(recording: Recording, data: Observations, robot: Robot) -> tuple[np.ndarray, str]:
     """Covariance (6, 6) of one row: from repeats, else stated."""
     if data.source == "residual":
+        remedy = "record several rows a pose, or state"
+        if recording.metadata.mode == "dynamic":
+            remedy = "let the robot rest for some seconds before it moves, or state"
         raise DiagnosisError(
             f"{recording.name}: cannot distinguish a gap from noise: there are no repeats at "
-            "rest and the metadata states no sensor.noise_std. State it, or record several rows "
-            "a pose"
+            f"rest and no sensor.noise_std is stated: {remedy} noise_std = [fx, fy, fz, tx, ty, "
+            "tz] in N and N·m under [recording.sensor] of the column map"
         )
     if data.row_covariance.any():
         return data.row_covariance, data.source
