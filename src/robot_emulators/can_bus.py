@@ -61,23 +61,18 @@ class Command(NamedTuple):
 def split(buffer: bytes) -> tuple[list[Command], bytes, int]:
     """Split bytes of a client into commands, the bytes of an unfinished one, and the number of
     pieces that are no command."""
+    *pieces, rest = buffer.split(b">")
     commands: list[Command] = []
     rubbish = 0
-    while True:
-        start = buffer.find(b"<")
-        if start < 0:
-            return commands, b"", rubbish + bool(buffer.strip())
-        rubbish += bool(buffer[:start].strip())
-        end = buffer.find(b">", start)
-        if end < 0 and len(buffer) - start <= LONGEST:
-            return commands, buffer[start:], rubbish
-        text = buffer[start + 1 : end]
-        buffer = buffer[end + 1 :] if end >= 0 else b""
-        if end >= 0 and text.isascii() and text.split():
-            verb, *words = text.decode("ascii").split()
-            commands.append(Command(verb, tuple(words)))
-        else:
-            rubbish += 1
+    for piece in pieces:
+        before, _, text = piece.partition(b"<")
+        words = text.decode("ascii", "ignore").split() if text.isascii() else []
+        if words:
+            commands.append(Command(words[0], tuple(words[1:])))
+        rubbish += bool(before.strip()) + (not words)
+    before, mark, text = rest.partition(b"<")
+    short = mark if len(text) < LONGEST else b""
+    return commands, short and mark + text, rubbish + bool(before.strip()) + (mark != short)
 
 
 def frame_of(words: tuple[str, ...]) -> Frame | None:
@@ -297,7 +292,6 @@ class Client(Connection):
             self.answer("error unknown command")
 
     def answer(self, text: str) -> None:
-        """Queue an answer."""
         self._out += f"< {text} >".encode("ascii")
 
     def say(self, text: bytes) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from robot_emulators.base import faults as timed
 from robot_emulators.base.emulator import Emulator, Options
-from robot_emulators.base.real_time import objects_kept
+from robot_emulators.base.real_time import given_way
 from robot_emulators.errors import SettingError
 from robot_emulators.plant import Plant, PlantMaker
 
@@ -62,7 +62,7 @@ def serve(
     try:
         server.start()
         server.faults.start(script)
-        with objects_kept():
+        with given_way():
             yield server
     finally:
         server.faults.stop()

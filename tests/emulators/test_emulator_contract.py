@@ -20,7 +20,7 @@ from robot_emulators.base import arguments as asks
 from robot_emulators.base import faults as timed
 from robot_emulators.base.emulator import Emulator
 from robot_emulators.base.faults import Faults, TimedFault
-from robot_emulators.base.real_time import objects_kept
+from robot_emulators.base.real_time import given_way
 from robot_emulators.errors import EmulatorError, FaultError, SettingError
 from robot_emulators.kinematic_plant import KinematicPlant, known_arm
 from ur5_socket import Client
@@ -181,7 +181,7 @@ def test_an_unknown_emulator_is_refused_with_those_that_exist(wrong, capsys):
 
 def test_what_exists_before_is_left_out_of_garbage_collection_while_an_emulator_serves():
     before = gc.get_freeze_count()
-    with objects_kept():
+    with given_way():
         assert gc.get_freeze_count() > before + 10_000
     assert gc.get_freeze_count() == 0
 

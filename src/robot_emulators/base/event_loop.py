@@ -11,7 +11,6 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, Generic, TypeVar
 
-from robot_emulators.base.real_time import quick_switching
 from robot_emulators.errors import EmulatorError
 
 Task = Callable[[], Any]
@@ -31,14 +30,11 @@ class LoopThread:
     Args:
         name: of the thread.
         broken: called in the thread with the error of a callback that nobody caught.
-        cyclic: whether a control cycle runs in it, for which other threads give way quickly.
     """
 
-    def __init__(
-        self, name: str, broken: Callable[[Exception], None], cyclic: bool = False
-    ) -> None:
+    def __init__(self, name: str, broken: Callable[[Exception], None]) -> None:
         self.loop: asyncio.AbstractEventLoop
-        self._name, self._broken, self._cyclic = name, broken, cyclic
+        self._name, self._broken = name, broken
         self._thread: threading.Thread | None = None
 
     @property
@@ -47,7 +43,6 @@ class LoopThread:
         return threading.current_thread() is self._thread
 
     def start(self) -> None:
-        """Start the thread."""
         self.loop = asyncio.SelectorEventLoop(selectors.SelectSelector())
         self.loop.set_exception_handler(self._report)
         self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
@@ -89,8 +84,7 @@ class LoopThread:
 
     def _run(self) -> None:
         try:
-            with quick_switching() if self._cyclic else contextlib.nullcontext():
-                self.loop.run_forever()
+            self.loop.run_forever()
             self.loop.run_until_complete(self._end())
         finally:
             self.loop.close()

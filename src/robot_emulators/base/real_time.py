@@ -67,7 +67,6 @@ class CycleThread:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
-        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
@@ -78,36 +77,28 @@ class CycleThread:
 
     def _run(self) -> None:
         try:
-            with quick_switching():
-                clock = CycleClock(self._period, self._give_up)
-                while not self._stopped.is_set():
-                    time.sleep(clock.remaining)
-                    clock.advance()
-                    self._step(clock.due - self._period)
+            clock = CycleClock(self._period, self._give_up)
+            while not self._stopped.is_set():
+                time.sleep(clock.remaining)
+                clock.advance()
+                self._step(clock.due - self._period)
         except Exception as error:
             self._failed(error)
 
 
 @contextmanager
-def quick_switching() -> Iterator[None]:
-    """Let Python change threads so often that a real-time thread is not kept waiting."""
+def given_way() -> Iterator[None]:
+    """Let real-time threads of this process wait for Python neither long nor often.
+
+    Threads change more often, and the cyclic garbage collection leaves out all that exists already:
+    a full one of this package's modules stops every thread for some 50 ms.
+    """
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_S)
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(before)
-
-
-@contextmanager
-def objects_kept() -> Iterator[None]:
-    """Keep Python's cyclic garbage collection from looking through all that exists already.
-
-    A full collection of this package's modules stops every thread for some 50 ms.
-    """
     gc.collect()
     gc.freeze()
     try:
         yield
     finally:
         gc.unfreeze()
+        sys.setswitchinterval(before)

@@ -255,7 +255,6 @@ class Node:
                 self._lose_connection()
 
     def _lose_connection(self) -> None:
-        """A heartbeat stayed away."""
         self.error(HEARTBEAT_LOST)
         self.on_connection_lost(HEARTBEAT_LOST)
         behaviour = self.objects[0x1029, 1]

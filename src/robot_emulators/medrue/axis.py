@@ -125,7 +125,6 @@ class Axis:
 
     @property
     def statusword(self) -> int:
-        """Statusword of the drive (0x6041)."""
         word = self.state.value | _VOLTAGE | _REMOTE
         if self.code and self.state is not AxisState.FAULT:
             word |= _WARNING
@@ -238,7 +237,6 @@ class Axis:
         self.code = 0
 
     def _change(self, state: AxisState) -> None:
-        """Make a transition."""
         if state is AxisState.ENABLED and not self._point.speed:
             self._point = SetPoint(self.actual)
         stopped = self.state is AxisState.QUICK_STOP and state is AxisState.DISABLED

@@ -167,7 +167,6 @@ class DriveEmulator(Node):
         return command
 
     def _rate(self) -> None:
-        """Values of the axis after power-up."""
         position = dict.fromkeys((ACTUAL, TARGET, (0x6062, 0)), self._position)
         for key, value in (*self._rated.items(), *position.items()):
             self.objects[key] = value

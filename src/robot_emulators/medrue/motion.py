@@ -70,7 +70,6 @@ class Interpolation:
         self._lines: deque[Line] = deque(maxlen=_LINES)
 
     def clear(self) -> None:
-        """Forget all targets."""
         self._lines.clear()
 
     def take(self, t: float, command: float, target: float, period: float) -> None:

@@ -101,7 +101,6 @@ class Pages:
         return "200 OK", "text/xml", text
 
     def _fields(self, index: str) -> dict[str, str]:
-        """Elements of netftapi2.xml."""
         pace, sensing = self._pace, self._sensing
         rate = sensing.rate / pace.every(sensing.rate)
         return _CONSTANT | self._scale("cfg") | {

@@ -87,7 +87,6 @@ class Dashboard(Conversation):
         self._say(GREETING)
 
     def receive(self, data: bytes, now: float) -> bool:
-        """Take bytes; False ends the connection."""
         *lines, self._line = (self._line + data).split(b"\n")
         for line in lines:
             self._say(self._answer(line.decode("latin-1").strip()))

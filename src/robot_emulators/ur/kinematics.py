@@ -52,7 +52,6 @@ def compose(first: Transform, second: Transform) -> Transform:
 
 
 def pose_trans(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """URScript's pose_trans of two poses (6,)."""
     return vector(*compose(matrix(first), matrix(second)))
 
 

@@ -75,7 +75,6 @@ class Link:
         return sent == len(data)
 
     def close(self) -> None:
-        """Close the connection."""
         self.lost = True
         self._socket.close()
 
@@ -135,6 +134,5 @@ class Links:
             link.close()
 
     def close(self) -> None:
-        """Close all connections."""
         for name in list(self._links):
             self.hang_up(name)

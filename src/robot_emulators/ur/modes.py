@@ -53,12 +53,10 @@ class Modes:
 
     @property
     def powered(self) -> bool:
-        """Whether the arm has power."""
         return self.robot not in (RobotMode.POWER_OFF, RobotMode.BOOTING)
 
     @property
     def emergency(self) -> bool:
-        """Whether an emergency stop is pressed."""
         return self.safety is SafetyMode.ROBOT_EMERGENCY_STOP
 
     @property

@@ -50,7 +50,6 @@ class Outputs:
         controller.values.update({k: v for k, v in _STILL.items() if k in controller.fields})
 
     def restart(self) -> None:
-        """Count control cycles from zero."""
         self._count = 0
 
     def update(self, timestamp: float, wanted: Set[str]) -> None:

@@ -177,7 +177,6 @@ class ScriptClient(Conversation):
         }
 
     def receive(self, data: bytes, now: float) -> bool:
-        """Take bytes of programs; False once a program is longer than the collector allows."""
         scripts = self._collector.feed(data)
         for text in scripts or ():
             command = self._commands.get(text.strip())

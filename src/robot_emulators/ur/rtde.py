@@ -140,7 +140,6 @@ class RtdeSession(Conversation):
         }  # fmt: skip
 
     def receive(self, data: bytes, now: float) -> bool:
-        """Take bytes; False where they are not RTDE and the connection must end."""
         self._now = now
         try:
             complete = self.splitter.feed(data)
@@ -167,7 +166,6 @@ class RtdeSession(Conversation):
         return b"" if self.output is None else self.output.pack(values)
 
     def end(self) -> None:
-        """Forget the client, which is gone."""
         self.started = False
         self._offer.inputs.release(id(self))
 

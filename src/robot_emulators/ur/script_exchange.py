@@ -154,7 +154,6 @@ def socket_open(
 
 @TABLE.add()
 def socket_close(program: ScriptProgram, socket_name: str = _NAME) -> None:
-    """End a connection."""
     program.links.hang_up(socket_name)
 
 
@@ -233,7 +232,6 @@ def socket_get_var(
 def socket_set_var(
     program: ScriptProgram, name: str, value: float, socket_name: str = _NAME
 ) -> bool:
-    """Send ``SET name value``."""
     return _send(program, socket_name, f"SET {name} {int(value)}\n".encode())
 
 

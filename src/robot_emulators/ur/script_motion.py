@@ -182,7 +182,6 @@ def direct_torque(
 
 @TABLE.add()
 def stopj(program: ScriptProgram, a: float = 2.0) -> Steps:
-    """Come to rest, all joints at once."""
     yield from program.until_done(program.arm.brake(a))
 
 
@@ -207,13 +206,11 @@ def force_mode(
 
 @TABLE.add()
 def end_force_mode(program: ScriptProgram) -> None:
-    """Stiff again."""
     program.arm.end_force_mode()
 
 
 @TABLE.add()
 def force_mode_set_gain_scaling(program: ScriptProgram, scaling: float) -> None:
-    """Gain of the force controller."""
     program.arm.force_scaling = min(max(scaling, 0.0), 2.0)
 
 
@@ -225,5 +222,4 @@ def freedrive_mode(program: ScriptProgram, freeAxes: Any = None, feature: Any = 
 
 @TABLE.add("end_freedrive_mode", "end_teach_mode")
 def end_freedrive_mode(program: ScriptProgram) -> None:
-    """Stiff again."""
     program.controller.freedrive = False

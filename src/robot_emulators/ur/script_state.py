@@ -64,7 +64,6 @@ for _name, _act in _PLAIN.items():
 
 @TABLE.add("pow")
 def power(_: Any, base: Any, exponent: Any) -> Any:
-    """Power."""
     return values.ACTS["^"](real(base), real(exponent))
 
 
@@ -86,7 +85,6 @@ def length(_: Any, v: Any) -> int:
 
 @TABLE.add()
 def struct(_: Any, **fields: Any) -> dict[str, Any]:
-    """A struct of its fields."""
     return fields
 
 
@@ -97,13 +95,11 @@ def made(pose: np.ndarray) -> Pose:
 
 @TABLE.add()
 def pose_trans(_: Any, p_from: Six, p_from_to: Six) -> Pose:
-    """Product of two poses (6,)."""
     return made(kinematics.pose_trans(p_from, p_from_to))
 
 
 @TABLE.add()
 def pose_inv(_: Any, p_from: Six) -> Pose:
-    """Inverse of a pose (6,)."""
     rotation, position = kinematics.matrix(p_from)
     return made(kinematics.vector(rotation.T, -(rotation.T @ position)))
 
@@ -117,13 +113,11 @@ def pose_sub(_: Any, p_to: Six, p_from: Six) -> Pose:
 
 @TABLE.add()
 def to_str(_: Any, val: str) -> str:
-    """Text of a value."""
     return val
 
 
 @TABLE.add()
 def str_cat(_: Any, op1: str, op2: str) -> str:
-    """Two values as one text."""
     text = op1 + op2
     if len(text) > values.LONGEST_TEXT:
         raise ScriptFaultError(f"a text of more than {values.LONGEST_TEXT} characters")
@@ -189,7 +183,6 @@ def popup(
 
 @TABLE.add()
 def sync(program: ScriptProgram) -> Steps:
-    """The rest of this control cycle."""
     yield
 
 
@@ -250,7 +243,6 @@ def get_inverse_kin(
     program: ScriptProgram, x: Six, qnear: Six | None = None, maxPositionError: Any = 1e-10,
     maxOrientationError: Any = 1e-10, tcp: Any = _ACTIVE,
 ) -> list[float]:  # fmt: skip
-    """Joint values for a pose."""
     return [float(v) for v in solve(program, x, qnear, tcp)]
 
 

@@ -59,11 +59,40 @@ class UREmulator(Emulator):
 
     def __init__(self, options: Options, make_plant: PlantMaker) -> None:
         super().__init__(options, make_plant)
-        self._settings, box = read(options.setting, ControllerSettings, BoxSettings)
-        self._thread = LoopThread("ur5 emulator", self._break_down, cyclic=True)
+        settings, box = read(options.setting, ControllerSettings, BoxSettings)
+        self._thread = LoopThread("ur5 emulator", self._break_down)
         self._clock: CycleClock
         self._sent_at = 0.0
-        self._build(options, self._settings, box)
+        self._settings: ControllerSettings = settings
+        request = PlantRequest(
+            settings.model, settings.cycle, drives=True, wrench_error=settings.wrench_error
+        )
+        self.plant = self.make_plant(request)
+        self.controller = Controller(settings, self.plant)
+        self._outputs = Outputs(self.controller, shared=not settings.box)
+        self.timestamp = Timestamp(self.plant)
+        self.controller.address = options.host
+        self.primary = Primary(self.controller, self.timestamp)
+        offer = Offer(
+            settings.version, 1.0 / settings.cycle, self.controller.fields, self.controller.inputs,
+            partial(self.faults.now, "rtde"),
+        )  # fmt: skip
+        self.rtde = Rtde(offer)
+        answers: dict[str, Callable[[Peer], Conversation]] = {
+            "rtde": self.rtde.answer,
+            "dashboard": lambda peer: Dashboard(self.controller, peer, self._shut_down),
+            "primary": self.primary.primary,
+            "secondary": self.primary.secondary,
+            "script": lambda peer: ScriptClient(self.controller),
+        }
+        self.ports = {
+            name: Port(self._thread, (options.host, _PORTS[name]), self.faults, name, answer)
+            for name, answer in answers.items()
+        }
+        self._register()
+        self._box: Box | None = None
+        if settings.box:
+            self._box = Box(self.plant, options.host, self.faults, box, options.seed, self.fail)
 
     def serve(self) -> dict[str, str]:
         served = dict(self.ports)
@@ -97,37 +126,6 @@ class UREmulator(Emulator):
             except TimeoutError:
                 why = self.failure or f"it does not answer within {_INJECT_S:g} s"
         raise EmulatorError(f"the emulator's loop has stopped: {why}")
-
-    def _build(self, options: Options, settings: ControllerSettings, box: BoxSettings) -> None:
-        request = PlantRequest(
-            settings.model, settings.cycle, drives=True, wrench_error=settings.wrench_error
-        )
-        self.plant = self.make_plant(request)
-        self.controller = Controller(settings, self.plant)
-        self._outputs = Outputs(self.controller, shared=not settings.box)
-        self.timestamp = Timestamp(self.plant)
-        self.controller.address = options.host
-        self.primary = Primary(self.controller, self.timestamp)
-        offer = Offer(
-            settings.version, 1.0 / settings.cycle, self.controller.fields, self.controller.inputs,
-            partial(self.faults.now, "rtde"),
-        )  # fmt: skip
-        self.rtde = Rtde(offer)
-        answers: dict[str, Callable[[Peer], Conversation]] = {
-            "rtde": self.rtde.answer,
-            "dashboard": lambda peer: Dashboard(self.controller, peer, self._shut_down),
-            "primary": self.primary.primary,
-            "secondary": self.primary.secondary,
-            "script": lambda peer: ScriptClient(self.controller),
-        }
-        self.ports = {
-            name: Port(self._thread, (options.host, _PORTS[name]), self.faults, name, answer)
-            for name, answer in answers.items()
-        }
-        self._register()
-        self._box: Box | None = None
-        if settings.box:
-            self._box = Box(self.plant, options.host, self.faults, box, options.seed, self.fail)
 
     def _register(self) -> None:
         """Register the faults of ports and robot; those at once run in the loop's thread."""

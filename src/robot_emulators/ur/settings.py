@@ -88,7 +88,6 @@ class ControllerSettings(Settings):
 
     @property
     def version(self) -> Version:
-        """Version of the controller's software."""
         if not self.software:
             return _SERIES[self.series][0]
         major, minor, bugfix = (int(word) for word in self.software.split("."))

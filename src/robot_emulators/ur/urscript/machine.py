@@ -104,7 +104,6 @@ class Machine:
             raise ScriptFaultError("infinite loop: the thread takes no time, it lacks a sync()")
 
     def _run(self, steps: Steps) -> int:
-        """Begin a thread; its number."""
         if len(self._threads) >= _MOST_THREADS:
             raise ScriptFaultError(f"more than {_MOST_THREADS} threads")
         self._count += 1
@@ -117,7 +116,6 @@ class Machine:
             self._threads.pop(number).close()
 
     def _join(self, number: Any) -> Steps:
-        """Wait for a thread's end."""
         while isinstance(number, int) and number != self.current and number in self._threads:
             yield
 

@@ -470,7 +470,6 @@ def _call(place: Token, name: str, *arguments: ast.expr) -> ast.Call:
 
 
 def _truth(test: ast.expr) -> ast.expr:
-    """A condition, checked to be one."""
     sure = isinstance(test, ast.Compare | ast.BoolOp | ast.UnaryOp)
     return test if sure else ast.Call(_name("truth"), [test], [])
 
