@@ -15,7 +15,7 @@ from emulator_process import running
 from simulated import UR5_TRUTH
 from wrenchbed import registry
 from wrenchbed.cli import main
-from wrenchbed.cli.live import _Gauge
+from wrenchbed.cli.monitoring import _Gauge
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.effects.chain import active_effect
 from wrenchbed.errors import DriverError, ParameterError, TwinError
@@ -264,6 +264,11 @@ def test_a_key_makes_the_mean_at_rest_the_zero(monkeypatch):
 def test_addresses_are_checked(address):
     with pytest.raises(ParameterError, match="give HOST:PORT"):
         Datagrams(address)
+
+
+def test_a_host_that_nobody_knows_is_refused_before_anything_is_lost():
+    with pytest.raises(ParameterError, match="no such host, nothing is sent"):
+        Datagrams(f"{'n' * 70}:9")  # longer than a name may be: nobody is asked for it
 
 
 # ---- through the wires of an emulator ----------------------------------------------------------

@@ -9,10 +9,9 @@ from hypothesis import strategies as st
 
 from wrenchbed import registry
 from wrenchbed.errors import PlanError
-from wrenchbed.planning.certificate import certify, rounded
 from wrenchbed.planning.choose import informative, poses
 from wrenchbed.planning.criteria import INDICES, a_optimality, i_optimality, observability_indices
-from wrenchbed.planning.exchange import Pool, exchange
+from wrenchbed.planning.exchange import Pool, certify, exchange, rounded
 from wrenchbed.simulation.closed_form import Model
 
 M = 4

@@ -87,37 +87,19 @@ def calibrate(
         if refused := [flag for flag, value in others.items() if value]:
             what = f"{_OF[channels]} have none"
             raise ParameterError(f"{refused[0]} is for wrenches: leave it out, {what}")
-    if channels == "effort":
-        _efforts(data, fit, given.constants, out, as_json)
-        return
-    if given.constants is not None:
+    if channels != "effort" and given.constants is not None:
         raise ParameterError("--constants is for joint efforts: leave it out, or --channels effort")
-    if channels == "pose":
-        _places(data, fit, out, as_json)
-        return
-    if channels == "command":
-        with console.progress(f"calibrate {len(data):,} rows", None):
-            servos = wb.calibrate_servos(data, fit.free, force=fit.force)
-        _written(servos, out, as_json)
-        return
     with console.progress(f"calibrate {len(data):,} rows", None):
-        result = wb.calibrate(data, fit, given.read())
-    for name, value in (known or {}).items():
-        if (
-            name not in result.theta
-            or isinstance(value, bool)
-            or not isinstance(value, int | float)
-        ):
-            raise ParameterError(f"{truth}: {name!r} = {value!r} is no parameter with a number")
+        result, display = _fitted(channels, data, fit, given, truth, known)
     if out is not None:
         result.write(out)
-    if report is not None:
+    if report is not None and isinstance(result, wb.Fit):
         from wrenchbed.reports.fit_page import fit_page
 
         fit_page(result, data, console.command()).write(report)
     named = (("fit", out), ("page", report))
     written = [f"{what} → {path}" for what, path in named if path is not None]
-    console.answer(result.to_json(), as_json, fit_table(result, known), *written)
+    console.answer(result.to_json(), as_json, display, *written)
 
 
 def _channels(data: wb.Recording) -> str:
@@ -130,13 +112,28 @@ def _channels(data: wb.Recording) -> str:
     return "pose" if data.effort is None else "effort"
 
 
-def _places(data: wb.Recording, options: wb.Options, out: Path | None, as_json: bool) -> None:
-    with console.progress(f"calibrate {len(data):,} rows", None):
-        result = wb.calibrate_tracker(data, options)
-    if out is not None:
-        result.write(out)
-    written = [] if out is None else [f"fit → {out}"]
-    console.answer(result.to_json(), as_json, tracker_fit_table(result), *written)
+def _fitted(
+    channels: str, data: wb.Recording, options: wb.Options, given: DataArguments,
+    truth: Path | None, known: Mapping[str, float] | None,
+) -> tuple[wb.Fit | DriveFit | TrackerFit, Group]:  # fmt: skip
+    """The fit to a recording's channels and its display, beside known true values."""
+    if channels == "effort":
+        efforts = wb.calibrate_efforts(
+            data, options.free, constants=given.constants, force=options.force
+        )
+        return efforts, drive_fit_table(efforts)
+    if channels == "command":
+        servos = wb.calibrate_servos(data, options.free, force=options.force)
+        return servos, drive_fit_table(servos)
+    if channels == "pose":
+        places = wb.calibrate_tracker(data, options)
+        return places, tracker_fit_table(places)
+    result = wb.calibrate(data, options, given.read())
+    for name, value in (known or {}).items():
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        if name not in result.theta or not number:
+            raise ParameterError(f"{truth}: {name!r} = {value!r} is no parameter with a number")
+    return result, fit_table(result, known)
 
 
 def tracker_fit_table(fit: TrackerFit) -> Group:
@@ -149,25 +146,6 @@ def tracker_fit_table(fit: TrackerFit) -> Group:
     parts: list[Any] = [head, "", _parameters(fit.identified), "", errors]
     parts += console.section("what this data cannot tell", fit.cannot_tell)
     return Group(*parts, *console.section("status", [fit.status]))
-
-
-def _efforts(
-    data: wb.Recording,
-    options: wb.Options,
-    constants: tuple[float, ...] | None,
-    out: Path | None,
-    as_json: bool,
-) -> None:
-    with console.progress(f"calibrate {len(data):,} rows", None):
-        result = wb.calibrate_efforts(data, options.free, constants=constants, force=options.force)
-    _written(result, out, as_json)
-
-
-def _written(result: DriveFit, out: Path | None, as_json: bool) -> None:
-    if out is not None:
-        result.write(out)
-    written = [] if out is None else [f"fit → {out}"]
-    console.answer(result.to_json(), as_json, drive_fit_table(result), *written)
 
 
 def fit_table(result: wb.Fit, truth: Mapping[str, float] | None = None) -> Group:

@@ -1,5 +1,7 @@
-"""The verbs with few options: list, simulate, compare, study, doctor, view and report."""
+"""The verbs with few options: list, simulate, compare, campaign, study, doctor, view, report."""
 
+import os
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -11,19 +13,13 @@ import wrenchbed as wb
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json
 from wrenchbed.data.outputs import Kind, keeping
+from wrenchbed.errors import MissingExtraError
 from wrenchbed.pages.numbers import quantity
 
 Kinds = Literal[
-    "robots",
-    "sensors",
-    "drivers",
-    "transducers",
-    "emulators",
-    "twins",
-    "effects",
-    "exports",
+    "robots", "sensors", "drivers", "transducers", "emulators", "twins", "effects", "exports",
     "checks",
-]
+]  # fmt: skip
 _MARKS = {"ok": ("ok", "green"), "note": ("note", "yellow"), "fails": ("FAILS", "bold red")}
 """Word and style of a grade of the doctor."""
 
@@ -112,6 +108,62 @@ def compared(result: wb.Comparison) -> Group:
     parts = [Text(s, style="bold" if k == 0 else "") for k, s in enumerate(result.sentences)]
     unlike = [Text(f"not compared  {x}", style="dim") for x in result.left]
     return Group(*parts, "", table, *([""] if unlike else []), *unlike)
+
+
+@dataclass(frozen=True)
+class RobotArguments:
+    """The simulated robots."""
+
+    robots: int = 100  # Number of them.
+    # What differs from robot to robot, with commas: noise, parameters, poses.
+    vary: str = "noise,parameters"
+    plan: Path | None = None  # That all robots run; random poses if none.
+    poses: int = 100  # Of each robot, without --plan.
+    samples: int = 50  # Rows a pose.
+    seed: int = 0  # All follows from it.
+
+    def fleet(self, robot: str) -> wb.Fleet:
+        """What the rows of the campaign follow from."""
+        words = tuple(w.strip() for w in self.vary.split(",") if w.strip())
+        plan = None if self.plan is None else wb.Plan.read(self.plan)
+        return wb.Fleet(robot, self.robots, words, self.poses, self.samples, self.seed, plan)
+
+
+def campaign(
+    robot: tyro.conf.Positional[str],
+    /,
+    out: Path,
+    simulated: RobotArguments,
+    workers: int | None = None,
+    as_json: Json = False,
+) -> None:
+    """Plan, record and calibrate many simulated robots: one row each, and a summary.
+
+    A stopped campaign goes on when the same line is given again; with more robots it grows.
+
+    Args:
+        robot: Name of a simulated robot.
+        out: Folder for robots.parquet and summary.html, .md and figures.
+        workers: Processes; as many as cores if left out.
+        as_json: Print the key results as JSON.
+    """
+    from wrenchbed.campaigns import summary
+
+    fleet = simulated.fleet(robot)
+    console.check_folder(out, {"summary.html": Kind.PAGE})
+    count = console.check_positive("--workers", os.cpu_count() or 1 if workers is None else workers)
+    with console.progress(f"campaign {robot}", simulated.robots) as report:
+        table = wb.campaign(fleet, out, workers=count, progress=report)
+    results = summary.figures(table)
+    written = ["robots.parquet"]
+    try:
+        summary.page(fleet, table, out, console.command()).write(out, "summary")
+        written += ["summary.html", "summary.md"]
+    except MissingExtraError as error:
+        console.say(f"no summary: {error}")
+    lines = [f"{n.replace('_', ' '):32}{v:12.6g}" for n, v in results.items() if v is not None]
+    lines.append(f"{', '.join(written)} → {out}")
+    console.answer(results | {"folder": str(out)}, as_json, "\n".join(lines))
 
 
 def study(

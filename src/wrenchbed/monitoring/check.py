@@ -337,9 +337,10 @@ def _judged(
     """Judgement of a new check, and the check with it.
 
     Raises:
-        HistoryError: it does not continue the history, see `history.agrees`.
+        HistoryError: it does not continue the history, see `history.continues`.
     """
-    history.agrees(folder, checks, new, datetime.now(UTC))
+    history.continues(folder / history.FILE, checks, new, "the new check")
+    history.in_time(folder, checks, new.time, datetime.now(UTC))
     judgement = judge(robot, [*checks, new])
     series, values = judgement.history, dict[str, float]()
     for name, value, std in zip(NUMBERS, series.values[-1], series.std, strict=True):

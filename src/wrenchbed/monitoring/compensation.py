@@ -7,14 +7,12 @@ zero z follows slow drift while nothing pushes.
 
 from collections import deque
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from wrenchbed.effects.chain import ActiveEffect
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import TwinError
-from wrenchbed.exports.load_numbers import calibrated_twin
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.chain import SerialChain
@@ -179,15 +177,6 @@ def _transform(turn: np.ndarray, lever: np.ndarray) -> np.ndarray:
     """Matrix (6, 6) of a wrench turned by (3, 3) whose old origin lies at a lever (3,) [m]."""
     about = np.cross(lever, turn, axisb=0, axisc=0)
     return np.block([[turn, np.zeros((3, 3))], [about, turn]])
-
-
-def compensator(path: str | Path, noise: np.ndarray, frame: str, follow: bool) -> Compensator:
-    """Compensator from fit.json or twin.json.
-
-    Raises:
-        ExportError, TwinError: the file cannot be trusted.
-    """
-    return Compensator(calibrated_twin(path), noise, frame, follow)
 
 
 def _undone(a: ActiveEffect, twin: Twin) -> bool:

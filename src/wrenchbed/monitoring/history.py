@@ -112,7 +112,7 @@ def read(folder: Path) -> list[Check]:
     stated_robot(raw, str(raw.get("robot")))
     checks = _checks(path, columns)
     for k, check in enumerate(checks):
-        _continues(path, checks[:k], check, f"row {k}")
+        continues(path, checks[:k], check, f"row {k}")
     return checks
 
 
@@ -166,17 +166,6 @@ def _checks(path: Path, columns: Mapping[str, np.ndarray]) -> list[Check]:
     ]  # fmt: skip
 
 
-def agrees(folder: Path, checks: Sequence[Check], new: Check, now: datetime) -> None:
-    """Refuse a check that does not continue a history.
-
-    Raises:
-        HistoryError: it is a copy of an old one, not later than the last one, or of another robot;
-            or this machine's clock is behind.
-    """
-    _continues(folder / FILE, checks, new, "the new check")
-    in_time(folder, checks, new.time, now)
-
-
 def in_time(folder: Path, checks: Sequence[Check], time: datetime, now: datetime) -> None:
     """Refuse the time of a new check that this machine's clock or the last check contradicts.
 
@@ -194,7 +183,7 @@ def in_time(folder: Path, checks: Sequence[Check], time: datetime, now: datetime
         raise HistoryError(f"{path}: the new check is of {_day(time)}, and {why}: {remedy}")
 
 
-def _continues(path: Path, before: Sequence[Check], check: Check, where: str) -> None:
+def continues(path: Path, before: Sequence[Check], check: Check, where: str) -> None:
     """Refuse a check that does not continue those before it; a remedy depends on where it is."""
     if not before:
         return

@@ -127,7 +127,7 @@ class Datagrams(AbstractContextManager["Datagrams"]):
     """One datagram of JSON a reading to HOST:PORT; a context manager and a sink.
 
     Raises:
-        ParameterError: the address is no HOST:PORT.
+        ParameterError: the address is no HOST:PORT, or there is no such host.
     """
 
     def __init__(self, address: str) -> None:
@@ -148,4 +148,7 @@ def _address(text: str) -> tuple[str, int]:
     host, colon, port = text.rpartition(":")
     if not colon or not host or not port.isdigit() or not 0 < int(port) < 1 << 16:
         raise ParameterError(f"--udp {text}: give HOST:PORT")
-    return host, int(port)
+    try:
+        return socket.gethostbyname(host), int(port)
+    except (OSError, UnicodeError) as error:
+        raise ParameterError(f"--udp {text}: no such host, nothing is sent: {error}") from error

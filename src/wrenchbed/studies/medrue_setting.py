@@ -10,9 +10,8 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
-from wrenchbed.planning.certificate import Certificate, certify, rounded
 from wrenchbed.planning.criteria import INDICES, Criterion, i_optimality
-from wrenchbed.planning.exchange import Pool, Selection, exchange
+from wrenchbed.planning.exchange import Certificate, Pool, Selection, certify, exchange, rounded
 from wrenchbed.robots.medrue import workspace
 from wrenchbed.robots.medrue.kinematics import IDENTIFIED
 from wrenchbed.robots.medrue.robot import MedRUE
