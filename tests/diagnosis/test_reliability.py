@@ -26,6 +26,7 @@ from wrenchbed.diagnosis.explain.reliability import (
     tempered,
 )
 from wrenchbed.errors import DiagnosisError
+from wrenchbed.jobs.parts import Parts
 from wrenchbed.planning import choose
 
 CLAIM = {"joint.offset": 0.9, "none": 0.04, "unknown": 0.06}
@@ -164,10 +165,10 @@ def test_look_alikes_are_kept_and_not_computed_twice(tmp_path):
     weak = (1.0, 0.1, 0.1, 1.0)
     known = [taught(weak, k % 4 > 0) for k in range(20)]
     known = [replace(x, design=lessons()[0].design) for x in known]
-    text = "".join(
-        json.dumps({"index": k, "lesson": asdict(x)}) + "\n" for k, x in enumerate(known)
-    )
-    (tmp_path / f"look-alikes-{key}.jsonl").write_text(text + '{"index": 20, "ki')
+    parts = Parts(tmp_path / f"look-alikes-{key}")
+    for k, x in enumerate(known):
+        parts.write(k, [{"lesson": json.dumps(asdict(x))}])
+    parts.path(20).write_bytes(b"PAR1 cut")
     asked = []
     model = at_design.reliability_at_design(rows, 20, cache=tmp_path, report=asked.append)
     assert asked == [20]
@@ -178,7 +179,7 @@ def test_look_alikes_are_kept_and_not_computed_twice(tmp_path):
 
 
 def test_one_look_alike_is_drawn_and_judged():
-    at_design._in_process(ExperimentDesign.of(still(poses=30)), 0)
-    lesson = at_design._row_of(6)["lesson"]  # a case without a gap
-    assert (lesson["lead"], lesson["truth"], lesson["features"]) == ("none", ("none",), ())
+    (row,) = at_design._lessons_of((ExperimentDesign.of(still(poses=30)), 0), 6)
+    lesson = json.loads(row["lesson"])  # a case without a gap
+    assert (lesson["lead"], lesson["truth"], lesson["features"]) == ("none", ["none"], [])
     assert len(lesson["design"]) == len(lessons()[0].design)

@@ -58,19 +58,6 @@ def test_parts_are_tables_in_the_order_of_their_numbers(tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["notes.parquet"]
 
 
-def test_a_journal_survives_lines_that_were_cut_short(tmp_path):
-    journal = parts.Journal(tmp_path / "new" / "rows.jsonl")
-    assert journal.read() == []
-    journal.append({"n": 1})
-    with journal.path.open("a") as file:
-        file.write('{"n": 2')
-    assert journal.read() == [{"n": 1}]
-    journal.append({"n": 3})
-    assert journal.read() == [{"n": 1}, {"n": 3}]
-    journal.remove()
-    assert journal.read() == []
-
-
 def test_folders_of_another_run_are_refused(tmp_path):
     settings, folders = tmp_path / "a" / "run.json", (tmp_path / "a", tmp_path / "b")
     parts.check_folders(settings, {"seed": 1}, folders, BenchmarkError)

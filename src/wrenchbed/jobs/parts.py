@@ -1,11 +1,10 @@
 """Finished parts of long work on disk, so that a stopped run continues where it stopped.
 
-Two forms: `Parts` are numbered Parquet files, written atomically; a `Journal` is one file to which
-rows are appended as lines of JSON. `run` computes missing parts in worker processes.
+`Parts` are numbered Parquet files, written atomically; `run` computes missing ones in worker
+processes.
 """
 
 import hashlib
-import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
@@ -18,7 +17,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from wrenchbed.errors import WrenchbedError, raise_shortage
-from wrenchbed.files import TEMPORARY, atomic_write, no_link, remove
+from wrenchbed.files import TEMPORARY, atomic_write, remove
 from wrenchbed.files.checked import parsed
 from wrenchbed.jobs.workers import Progress, in_workers, silent
 
@@ -135,41 +134,6 @@ def _share(*shared: Any) -> None:
 def _compute(number: int) -> None:
     work, shared, parts = _SHARED
     parts.write(number, work(shared, number))
-
-
-class Journal:
-    """Rows as lines of JSON in one file; each is on disk at once, so that a kill loses none."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-
-    def read(self) -> list[Row]:
-        """Rows so far, without lines that a kill cut short."""
-        if not self.path.exists():
-            return []
-        rows = []
-        for line in self.path.read_text(encoding="utf-8").splitlines():
-            try:
-                rows.append(json.loads(line))
-            except (json.JSONDecodeError, RecursionError):
-                continue
-        return rows
-
-    def append(self, row: Mapping[str, Any]) -> None:
-        """Write a row so that it survives a kill."""
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        with open(self.path, "a+b", opener=no_link) as file:
-            if file.tell():
-                file.seek(-1, os.SEEK_END)
-                if file.read(1) != b"\n":  # after a line that a kill cut short
-                    file.write(b"\n")
-            file.write(json.dumps(row, ensure_ascii=False).encode() + b"\n")
-            file.flush()
-            os.fsync(file.fileno())
-
-    def remove(self) -> None:
-        """Delete the file."""
-        self.path.unlink(missing_ok=True)
 
 
 def check_folders(

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import os
-from concurrent.futures import Future
 from dataclasses import asdict
 from pathlib import Path
 
@@ -30,14 +29,13 @@ from wrenchbed.diagnosis.explain.reliability import (
 )
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered
 from wrenchbed.errors import DiagnosisError, ParameterError
-from wrenchbed.jobs.parts import Journal, Row
-from wrenchbed.jobs.workers import Progress, in_workers, silent
+from wrenchbed.jobs.parts import Parts, Row, run
+from wrenchbed.jobs.workers import Progress, silent
 
 TEN_KINDS = ("single",) * 6 + ("none",) * 2 + ("outside",) * 1 + ("pair",) * 1
 """Kinds of ten successive cases."""
 LEAST = 20
 """Fewest cases that anything can be learnt from: an estimate."""
-_SHARED: list[tuple[ExperimentDesign, int]] = []
 
 
 def cache_folder() -> Path:
@@ -71,39 +69,26 @@ def reliability_at_design(
     if count < LEAST:
         raise DiagnosisError(f"{count} look-alikes are too few: take at least {LEAST}")
     design = ExperimentDesign.of(at)
-    journal = Journal((cache or cache_folder()) / f"look-alikes-{_key(design, seed)}.jsonl")
-    known = {int(row["index"]): row for row in journal.read()}
-    todo = [k for k in range(count) if k not in known]
-    report(count - len(todo))
-
-    def finished(index: int, future: Future[Row]) -> None:
-        known[index] = future.result()
-        journal.append(known[index])
-        report(1)
-
-    in_workers(_row_of, todo, finished, processes, _in_process, design, seed)
-    rows = (row["lesson"] for k, row in sorted(known.items()) if k < count)
-    taught = [of_json(lesson) for lesson in rows if lesson is not None]
+    parts = Parts((cache or cache_folder()) / f"look-alikes-{_key(design, seed)}")
+    table = run(_lessons_of, (design, seed), range(count), parts, report, processes)
+    texts = [text for text in table["lesson"].to_pylist() if text]
+    taught = [of_json(json.loads(text)) for text in texts]
     if not taught:
         raise DiagnosisError("none of the look-alikes can be drawn at this design")
     source = f"{len(taught)} look-alikes of this recording and {len(lessons())} other cases"
     return learnt([*lessons(), *taught], source)
 
 
-def _in_process(design: ExperimentDesign, seed: int) -> None:
-    _SHARED[:] = [(design, seed)]
-
-
-def _row_of(index: int) -> Row:
-    """What one look-alike teaches; null where none can be drawn."""
-    design, seed = _SHARED[0]
+def _lessons_of(shared: tuple[ExperimentDesign, int], index: int) -> list[Row]:
+    """What one look-alike teaches, as JSON; empty where none can be drawn."""
+    design, seed = shared
     kind = TEN_KINDS[index % len(TEN_KINDS)]
     number = int(np.random.default_rng([seed, 70, index]).integers(2**40))
     try:
-        taught = asdict(lesson(design, draw(design, number, kind), f"{seed}-{index}"))
+        taught = lesson(design, draw(design, number, kind), f"{seed}-{index}")
     except (ParameterError, DiagnosisError):  # no such case at this design, or refused data
-        taught = None
-    return {"index": index, "lesson": taught}
+        return [{"lesson": ""}]
+    return [{"lesson": json.dumps(asdict(taught))}]
 
 
 def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: float = 1.0) -> Lesson:
