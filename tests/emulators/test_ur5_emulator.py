@@ -195,18 +195,6 @@ def test_two_controllers_of_one_register_range_exclude_each_other(cb3):
         rtde_control.RTDEControlInterface(CB3)
 
 
-@alone
-def test_a_protective_stop_cannot_be_unlocked_at_once(cb3):
-    with controlling(CB3) as arm, receiving(CB3) as robot, dashboard(CB3) as desk:
-        cb3.fault("robot", "protective_stop")
-        assert within(0.5, lambda: robot.getSafetyMode() == 3)
-        assert not arm.moveJ(HOME.tolist())
-        assert desk.safetymode() == "Safetymode: PROTECTIVE_STOP"
-        assert not desk.running() and desk.programState().startswith("PAUSED")
-        with pytest.raises(RuntimeError, match="5s"):
-            desk.unlockProtectiveStop()
-
-
 @pytest.mark.slow
 @alone
 def test_the_e_series_shows_its_sensor_and_box(e_series):
@@ -241,25 +229,6 @@ def test_the_stream_keeps_its_rate(cb3):
         assert np.median(np.diff(stamps)) == pytest.approx(0.008)
 
 
-def unlocked(desk):
-    try:
-        desk.unlockProtectiveStop()
-    except RuntimeError:
-        time.sleep(0.1)
-        return False
-    return True
-
-
-@alone
-def test_a_protective_stop_is_unlocked_later(cb3):
-    with dashboard(CB3) as desk:
-        assert within(8.0, lambda: unlocked(desk))
-        desk.stop()
-        assert desk.safetymode() == "Safetymode: NORMAL"
-    with controlling(CB3) as arm:
-        assert arm.moveJ(HOME.tolist())
-
-
 @alone
 def test_power_off_and_on_by_dashboard(cb3):
     with receiving(CB3) as robot, dashboard(CB3) as desk:
@@ -270,3 +239,15 @@ def test_power_off_and_on_by_dashboard(cb3):
         desk.brakeRelease()
         assert within(2.0, lambda: robot.getRobotMode() == 7)
         assert desk.getRobotModel() == "UR5"
+
+
+@alone
+def test_a_protective_stop_cannot_be_unlocked_at_once(cb3):
+    with controlling(CB3) as arm, receiving(CB3) as robot, dashboard(CB3) as desk:
+        cb3.fault("robot", "protective_stop")
+        assert within(0.5, lambda: robot.getSafetyMode() == 3)
+        assert not arm.moveJ(HOME.tolist())
+        assert desk.safetymode() == "Safetymode: PROTECTIVE_STOP"
+        assert not desk.running() and desk.programState().startswith("PAUSED")
+        with pytest.raises(RuntimeError, match="5s"):
+            desk.unlockProtectiveStop()

@@ -1,16 +1,18 @@
 """Emulators of a UR5 and of MedRUE that all tests of drivers share, and a driver beside each."""
 
+import contextlib
+
 import pytest
 
 import medrue_bench
 import rtde_moves
-from emulator_process import running
+from emulator_process import shared
+from wrenchbed.hardware.drivers.can import CanDriver
 
 
 @pytest.fixture(scope="session")
 def ur5():
-    with running("ur5", rtde_moves.HOST, "--set", "box=off") as emulator:
-        yield emulator
+    return shared("ur5", rtde_moves.HOST)
 
 
 @pytest.fixture(scope="module")
@@ -28,14 +30,24 @@ def link(bench):
 
 @pytest.fixture(scope="session")
 def medrue():
-    with running(
-        "medrue", medrue_bench.HOST, "--set", f"slot={medrue_bench.SLOT}", "--noise", "off"
-    ) as emulator:
-        yield emulator
+    return shared("medrue", medrue_bench.HOST, *medrue_bench.WORDS)
+
+
+@pytest.fixture(scope="module")
+def opened(medrue):
+    """A driver of the emulated MedRUE; its tests share it, as connecting takes a second."""
+    with contextlib.closing(CanDriver(medrue_bench.options())) as one:
+        yield one
 
 
 @pytest.fixture
-def driver(medrue):
-    """A driver of the emulated MedRUE, active and in order."""
-    with medrue_bench.ready() as one:
-        yield one
+def driver(opened):
+    """The driver, active and in order."""
+    return medrue_bench.readied(opened)
+
+
+@pytest.fixture
+def free(medrue, opened):
+    """The emulated MedRUE, and no driver on its bus."""
+    opened.close()
+    return medrue

@@ -30,6 +30,7 @@ def planar(joints: int, kind: type[Driver] = PlanarDriver) -> DriverCase:
 
 
 def check_closed_it_refuses_and_connected_it_waits_for_activate(case, tmp_path):
+    case.close()
     link = case.make()
     assert len(link.robot.joints) > 0
     assert link.health().state == "closed"
@@ -60,7 +61,7 @@ def check_closed_it_refuses_and_connected_it_waits_for_activate(case, tmp_path):
 
 
 def check_reading_never_blocks_and_what_is_beyond_limits_is_refused(case, tmp_path):
-    with case.make() as driver:
+    with case.ready() as driver:
         before = driver.position()
         for _ in range(20):
             begun = time.monotonic()
@@ -86,7 +87,7 @@ def check_reading_never_blocks_and_what_is_beyond_limits_is_refused(case, tmp_pa
 
 
 def check_a_stop_holds_and_a_move_is_polled_and_arrives(case, tmp_path):
-    with case.make() as driver:
+    with case.ready() as driver:
         driver.stop()
         driver.stop("hard")
         driver.recover()
@@ -107,7 +108,7 @@ def check_a_stop_holds_and_a_move_is_polled_and_arrives(case, tmp_path):
 
 
 def check_a_cancelled_move_stops_on_the_way(case, tmp_path):
-    with case.make() as driver:
+    with case.ready() as driver:
         start = driver.position()
         way = 0.5 if driver.robot.joints[0].unit == "rad" else 0.25
         goal = start + way * np.eye(len(start))[0]
@@ -129,9 +130,7 @@ def check_a_cancelled_move_stops_on_the_way(case, tmp_path):
 
 
 def check_a_recording_is_kept_bit_by_bit_and_its_time_only_grows(case, tmp_path):
-    driver = case.make()
-    driver.connect()
-    try:
+    with case.ready() as driver:
         q = case.goals(driver)[:2]
         plan = Plan.of(driver.robot.name, q)
         done = record(driver, plan, tmp_path / "r.parquet", samples=20, rate=100.0)
@@ -149,12 +148,10 @@ def check_a_recording_is_kept_bit_by_bit_and_its_time_only_grows(case, tmp_path)
             model = Model.of(driver.robot)
             wanted = model.predict(q[:1], model.parameters.nominal)[0]
             assert np.abs(rec.wrench[first].mean(axis=0) - wanted)[:3].max() < 0.1
-    finally:
-        driver.close()
 
 
 def check_a_trajectory_is_followed_on_an_even_clock(case, tmp_path):
-    with case.make() as driver:
+    with case.ready() as driver:
         start, rate = driver.position(), 125.0
         t = np.arange(80) / rate
         swing = 0.5 * (1 - np.cos(2 * np.pi * t / t[-1]))

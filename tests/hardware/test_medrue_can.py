@@ -16,7 +16,7 @@ from wrenchbed.robots.motion_limits import Limits
 pytestmark = pytest.mark.wire
 
 
-def test_too_much_force_stops_hard(medrue):
+def test_too_much_force_stops_hard(free):
     with CanDriver(options(limits=Limits(speed=0.25, force=1.0))) as driver:
         with pytest.raises(LimitError, match="above the limit"):
             driver.move(away(driver)).wait()
@@ -106,7 +106,7 @@ def test_a_saturated_gauge_marks_every_channel_that_it_feeds(driver, medrue):
         ({"nodes": (1, 2, 3, 4, 5, 16)}, LinkError, "drive 16"),
     ],
 )
-def test_what_is_not_on_the_bus_is_named(medrue, words, error, named):
+def test_what_is_not_on_the_bus_is_named(free, words, error, named):
     driver = CanDriver(options(**words))
     with pytest.raises(error, match=named):
         driver.connect()
@@ -169,7 +169,7 @@ def test_a_bus_that_is_gone_is_named_and_the_drives_stop(driver, medrue, witness
     assert np.abs(driver.move(goal).wait().q - goal).max() < 1e-3
 
 
-def test_a_master_that_vanishes_leaves_drives_that_stop(medrue):
+def test_a_master_that_vanishes_leaves_drives_that_stop(free):
     code = (
         "import os, numpy as np, time\n"
         "from wrenchbed.hardware.drivers.can import CanDriver, CanOptions\n"

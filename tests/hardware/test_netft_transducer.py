@@ -22,7 +22,7 @@ def scene():
 @pytest.fixture
 def transducer(scene):
     with client(scene) as found:
-        time.sleep(0.1)
+        time.sleep(0.03)
         yield found
 
 

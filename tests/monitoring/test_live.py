@@ -284,7 +284,7 @@ def test_the_ur5_emulator_is_compensated_in_real_time(tmp_path, capfd, rate):
     words = ["--set", "series=e"] if rate == 500 else []
     with running("ur5", "127.0.1.41", *words) as emulator:
         line = ["live", str(tmp_path / "twin.json"), "--driver", "rtde", "--host", "127.0.1.41"]
-        assert main([*line, "--seconds", "4", "--json"]) == 0
+        assert main([*line, "--seconds", "2", "--json"]) == 0
         assert emulator.process.poll() is None
     *rows, last = map(json.loads, capfd.readouterr().out.splitlines())
     wrench = np.array([r["wrench"] for r in rows])

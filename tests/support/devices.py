@@ -6,12 +6,14 @@ option but ``robot`` has one by itself; add one for any other new plug-in.
 
 import os
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import MISSING, dataclass, fields
 
 import numpy as np
 
-from emulator_process import running
+import medrue_bench
+import rtde_moves
+from emulator_process import shared
 from netft_scene import boxed
 from wrenchbed import registry
 from wrenchbed.hardware.drivers.base import Driver
@@ -25,17 +27,41 @@ SLOW = Limits(speed=0.05, tracking=0.05)
 """Limits on real hardware."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class DriverCase:
     """A driver under test.
 
     Attributes:
         make: makes a closed driver; takes further options.
         modelled: whether its sensor reads what the nominal model says.
+        kept: one that is connected and active; over a wire it stays so for the next check.
     """
 
     make: Callable[..., Driver]
     modelled: bool = True
+    kept: Driver | None = None
+
+    @contextmanager
+    def ready(self) -> Iterator[Driver]:
+        """A driver that is connected, active and in order."""
+        driver = self.kept = self.kept or self.make()
+        try:
+            driver.connect()
+            if not driver.health().ok:
+                driver.recover(unlock=True)
+            driver.activate()
+            yield driver
+        except BaseException:
+            self.close()
+            raise
+        if not driver.live:
+            self.close()
+
+    def close(self) -> None:
+        """No driver is connected any more."""
+        if self.kept is not None:
+            self.kept.close()
+        self.kept = None
 
     def goals(self, driver: Driver) -> np.ndarray:
         """Poses (3, J) about where it stands."""
@@ -49,9 +75,10 @@ def _of(name: str, robot: str, **options) -> DriverCase:
 
 
 @contextmanager
-def _emulated(name: str, robot: str, emulator: str, host: str) -> Iterator[DriverCase]:
-    with running(emulator, host):
-        yield _of(name, robot, host=host)
+def _emulated(name: str, robot: str, host: str, *words: str, **options) -> Iterator[DriverCase]:
+    shared(robot, host, *words)
+    with closing(_of(name, robot, host=host, **options)) as case:
+        yield case
 
 
 @contextmanager
@@ -74,8 +101,17 @@ DRIVERS = {
     for name in registry.names("drivers")
     if _needs_only_a_robot(name)
 } | {
-    "rtde": {"ur5": lambda folder: _emulated("rtde", "ur5", "ur5", "127.0.5.1")},
-    "can": {"medrue": lambda folder: _emulated("can", "medrue", "medrue", "127.0.5.2")},
+    "rtde": {"ur5": lambda folder: _emulated("rtde", "ur5", rtde_moves.HOST)},
+    "can": {
+        "medrue": lambda folder: _emulated(
+            "can",
+            "medrue",
+            medrue_bench.HOST,
+            *medrue_bench.WORDS,
+            slot=medrue_bench.SLOT,
+            watchdog=0.3,
+        )
+    },
 }
 """Driver → variant → a context in which its case can be used."""
 

@@ -1,10 +1,12 @@
 """An emulator in a separate process, and faults injected into it."""
 
+import atexit
 import json
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from functools import cache
 from typing import Any
 
 
@@ -42,3 +44,13 @@ def running(name: str, host: str, *more: str) -> Iterator[EmulatorProcess]:
             process.wait()
         process.stdin.close()
         process.stdout.close()
+
+
+_KEPT = ExitStack()
+atexit.register(_KEPT.close)
+
+
+@cache
+def shared(name: str, host: str, *more: str) -> EmulatorProcess:
+    """The same, until all tests of this process end: files of tests share it."""
+    return _KEPT.enter_context(running(name, host, *more))

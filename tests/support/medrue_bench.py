@@ -1,8 +1,7 @@
 """What tests of MedRUE's emulator and driver share."""
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,8 @@ from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 HOST, SLOT = "127.0.4.3", 2
 """Address of the emulator that all tests share, and the calibration of its board: another one than
 a restarted board selects."""
+WORDS = ("--set", f"slot={SLOT}", "--noise", "off")
+"""Further words of the command line that starts it."""
 
 
 def options(host: str = HOST, **more: Any) -> CanOptions:
@@ -20,16 +21,14 @@ def options(host: str = HOST, **more: Any) -> CanOptions:
     return CanOptions(**({"host": host, "watchdog": 0.3, "slot": slot} | more))
 
 
-@contextmanager
-def ready(host: str = HOST, **more: Any) -> Iterator[CanDriver]:
-    """A driver with all drives enabled."""
-    one = CanDriver(options(host, **more))
-    with one:
-        if not one.health().ok:
-            one.recover(unlock=True)
-        one.activate()
-        assert until(lambda: one.health().ok), one.health()
-        yield one
+def readied(one: CanDriver) -> CanDriver:
+    """A driver, with all drives enabled."""
+    one.connect()
+    if not one.health().ok:
+        one.recover(unlock=True)
+    one.activate()
+    assert until(lambda: one.health().ok), one.health()
+    return one
 
 
 def until(done: Callable[[], Any], seconds: float = 2.0) -> Any:
