@@ -10,7 +10,7 @@ import pytest
 from can_witness import Witness, quick_stopped, upload
 from medrue_bench import HOST, away, options, until
 from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError, StoppedError
-from wrenchbed.hardware.drivers.can import CanDriver
+from wrenchbed.hardware.drivers.can import CanDriver, board, network
 from wrenchbed.robots.motion_limits import Limits
 
 pytestmark = pytest.mark.wire
@@ -106,7 +106,9 @@ def test_a_saturated_gauge_marks_every_channel_that_it_feeds(driver, medrue):
         ({"nodes": (1, 2, 3, 4, 5, 16)}, LinkError, "drive 16"),
     ],
 )
-def test_what_is_not_on_the_bus_is_named(free, words, error, named):
+def test_what_is_not_on_the_bus_is_named(free, monkeypatch, words, error, named):
+    monkeypatch.setattr(board, "ANSWER_S", 0.1)
+    monkeypatch.setattr(network, "ANSWER_S", 0.1)
     driver = CanDriver(options(**words))
     with pytest.raises(error, match=named):
         driver.connect()

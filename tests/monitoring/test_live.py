@@ -7,11 +7,13 @@ import socket
 import sys
 import termios
 import time
+from contextlib import nullcontext
 
 import numpy as np
 import pytest
 
-from emulator_process import running
+import rtde_moves
+from emulator_process import running, shared
 from simulated import UR5_TRUTH
 from wrenchbed import registry
 from wrenchbed.cli import main
@@ -281,10 +283,11 @@ def test_the_ur5_emulator_is_compensated_in_real_time(tmp_path, capfd, rate):
     """As JSON lines: no weight left, half of them within a period of a CB3."""
     nominal = Twin(MODEL, MODEL.parameters.nominal)
     nominal.write(tmp_path / "twin.json")
-    words = ["--set", "series=e"] if rate == 500 else []
-    with running("ur5", "127.0.1.41", *words) as emulator:
-        line = ["live", str(tmp_path / "twin.json"), "--driver", "rtde", "--host", "127.0.1.41"]
-        assert main([*line, "--seconds", "2", "--json"]) == 0
+    fast = running("ur5", "127.0.1.41", "--set", "series=e")
+    with fast if rate == 500 else nullcontext(shared("ur5", rtde_moves.HOST)) as emulator:
+        host = emulator.addresses["rtde"].split(":")[0]
+        line = ["live", str(tmp_path / "twin.json"), "--driver", "rtde", "--host", host]
+        assert main([*line, "--seconds", "1.5", "--json"]) == 0
         assert emulator.process.poll() is None
     *rows, last = map(json.loads, capfd.readouterr().out.splitlines())
     wrench = np.array([r["wrench"] for r in rows])

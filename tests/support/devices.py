@@ -21,7 +21,7 @@ from wrenchbed.hardware.transducers.base import Transducer
 from wrenchbed.hardware.transducers.netft import NetftOptions, NetftTransducer
 from wrenchbed.robots.motion_limits import Limits
 
-SMALL = 0.03
+SMALL = 0.02
 """Length of a small move [rad or m]."""
 SLOW = Limits(speed=0.05, tracking=0.05)
 """Limits on real hardware."""
