@@ -1,8 +1,6 @@
 """The emulator's drive without a bus: dictionary, process data, watchdogs, motors' torque."""
 
 import struct
-import threading
-from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -16,7 +14,7 @@ from robot_emulators.can_bus import Frame
 from robot_emulators.canopen.dictionary import Abort
 from robot_emulators.medrue.axis import RPDO_TIMEOUT, SYNC_ERROR
 from robot_emulators.medrue.drive import rated
-from robot_emulators.medrue.server import CYCLE_S, RealTimePlant
+from robot_emulators.medrue.server import CYCLE_S
 from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 from wrenchbed.hardware.drivers.can.cia402 import DriveStatus, Want, controlword, state_of
 from wrenchbed.plant.body import Body, BodyOptions
@@ -194,38 +192,6 @@ def test_torque_and_current_are_reported_in_thousandths_of_the_rated_ones():
         assert struct.unpack_from("<h", answer, 6)[0] == told
         assert told == bench.read(0x6077) == bench.read(0x6078)
         bench.frames.clear()
-
-
-def test_the_object_dictionary_holds_the_state_without_sync():
-    bench = Bench().enabled()
-    bench.drive.axis.fault(0x2310)
-    bench.tick(sync=False)
-    assert bench.read(0x6041) & 0x4F == 0x08 and bench.read(0x603F) == 0x2310
-
-
-def test_the_plants_clock_reports_what_stopped_it():
-    told = []
-    body = SimpleNamespace(time=0.0, readings=lambda t: ([0.0], 0))
-    plant = RealTimePlant(body, [1.0], threading.RLock(), told.append)
-    plant.start()
-    plant._thread._thread.join(2.0)
-    assert [type(error) for error in told] == [AttributeError]
-
-
-def test_a_moving_axis_passes_through_fault_reaction_active():
-    bench = Bench()
-    bench.write(0x6060, 0, 1, 1)
-    bench.write(0x607A, 0, 100_000, 4)
-    for word in (0x06, 0x07, 0x0F, 0x1F):
-        bench.write(0x6040, 0, word, 2)
-    for _ in range(150):
-        bench.tick(rpdo=False, sync=False)
-    assert bench.read(0x606B) > 40_000
-    bench.drive.axis.fault(0x2310)
-    assert bench.read(0x6041) & 0x4F == 0x0F
-    for _ in range(30):
-        bench.tick(rpdo=False, sync=False)
-    assert bench.read(0x6041) & 0x4F == 0x08 and bench.read(0x606B) == 0
 
 
 PLANT = "127.0.4.8"

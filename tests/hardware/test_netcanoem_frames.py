@@ -139,63 +139,11 @@ def test_the_boards_answers_by_hand():
     assert ask(one, sent, 0x2, b"\x06") == [] and ask(one, sent, 0x2) == []
 
 
-def test_gauges_through_the_matrix_that_the_board_tells_are_the_load():
-    one, sent, load = board()
-    ask(one, sent, 0x6, b"\x02")
-    rows = []
-    for axis in range(6):
-        raw = b"".join(data for _, data in ask(one, sent, 0x2, bytes([axis])))
-        rows.append(struct.unpack(">6f", raw))
-    (_, first), (_, second) = ask(one, sent, 0x0)
-    g0, g2, g4 = struct.unpack_from(">hhh", first, 2)
-    g1, g3, g5 = struct.unpack(">hhh", second)
-    wrench = np.array(rows) @ [g0, g1, g2, g3, g4, g5] / 1e6
-    step = np.abs(registry.load("sensors", "ati-mini40").gauges).sum(axis=1) / 3276.8
-    assert (np.abs(wrench - load) < step).all()
-
-
-def test_the_calibration_is_forgotten_at_a_reset_and_a_new_base_waits_for_it():
-    one, sent, _ = board()
-    ask(one, sent, 0x6, b"\x02")
-    right = ask(one, sent, 0x2, b"\x00")
-    assert ask(one, sent, 0xD, b"\x30") == [(0xD, b"")] and one.base == 0x68
-    assert ask(one, sent, 0xC) == [] and one.base == 0x30
-    assert ask(one, sent, 0x2, b"\x00", t=1.01) == []  # it boots
-    assert ask(one, sent, 0x2, b"\x00", t=2.0) != right
-
-
 def test_a_slot_without_calibration_is_told_by_the_status():
     one, sent, _ = board()
     ask(one, sent, 0x6, b"\x05")
     (_, first), _ = ask(one, sent, 0x0)
     assert struct.unpack_from(">H", first)[0] == 0x8040
-
-
-def test_gauges_stop_at_their_range():
-    one, _, _ = board()
-    one.active = 2
-    one._wrench = lambda t: np.array([1e4, 0, 0, 0, 0, 0])
-    assert {32767, -32768} & set(one.gauges(0.0))
-
-
-def rpdo(one, sent, node, word, length=6, t=1.0):
-    """What the board answers to a command of a drive, at the maker's base."""
-    raw = struct.pack("<Hi", word, 123_456)[:length]
-    return ask(one, sent, node, raw, t)
-
-
-def test_the_makers_base_takes_drives_targets_for_requests():
-    """Base 0x20 is RPDO1 of nodes 1 … 15; the low byte of their controlword is what is asked."""
-    one, sent, _ = board(base=0x20)
-    one.active = 2
-    quick_stop, enable = 0x02, 0x0F
-    row = one.matrix()[2].astype(">f4").tobytes()
-    answer = rpdo(one, sent, 2, quick_stop)  # row Fz
-    assert answer == [(2, row[:8]), (3, row[8:16]), (4, row[16:])]
-    assert rpdo(one, sent, 2, enable) == []  # there is no row 15
-    assert rpdo(one, sent, 6, 0x00, length=2) == [(6, b"\0")] and one.active == 0
-    assert rpdo(one, sent, 6, enable) == [(6, b"\x0f")]
-    assert one.active == 15 and one.status == 1 << 6
 
 
 class Late:
