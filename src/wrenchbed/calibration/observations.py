@@ -16,6 +16,9 @@ from wrenchbed.sensors.base import STATUS_SATURATED
 
 _WINDOW_S, _LEAST_WINDOW, _ORDER = 0.085, 11, 5
 """Savitzky–Golay window [s, samples] and order that turn joint values into acceleration."""
+_WIDER, _BENT = (1, 2, 4), 1.25
+"""Factors on the window where the joints' noise would outweigh the sensor's, and the growth of that
+noise, as a window shows it, from which it bends the path itself: white noise shows alike in all."""
 _LEVER = 1.0
 """Joint accelerations are taken to act over this length [m]."""
 _JITTER = 0.02
@@ -102,19 +105,19 @@ def _rows(recording: Recording, keep: np.ndarray) -> Observations:
 def _motion(recording: Recording, keep: np.ndarray) -> Observations:
     step = np.diff(recording.t)
     h = float(np.mean(step)) if len(step) else 1.0
-    window = max(_LEAST_WINDOW, 2 * round(_WINDOW_S / h / 2) + 1)
+    window = window_of(recording)
     if len(step) < 4 * window or np.abs(step - h).max() > _JITTER * h:
         raise CalibrationError(
             f"{recording.name}: motion needs at least {4 * window} rows on an even clock "
             f"(steps {step.min(initial=h):.4g} … {step.max(initial=h):.4g} s)"
         )
-    from scipy.signal import savgol_coeffs, savgol_filter  # slow to load: only when it is used
+    from scipy.signal import savgol_filter  # slow to load: only when it is used
 
     q = recording.q
     smooth, qd, qdd = (
         savgol_filter(q, window, _ORDER, deriv=k, delta=h, axis=0, mode="interp") for k in range(3)
     )
-    _check_smooth(recording, q - smooth, savgol_coeffs(window, _ORDER, deriv=2, delta=h))
+    _check_smooth(recording, _force_of_noise(q - smooth, window, h), q - smooth)
     edge = window // 2
     use = keep.copy()
     use[:edge] = use[-edge:] = False
@@ -126,18 +129,57 @@ def _motion(recording: Recording, keep: np.ndarray) -> Observations:
     )  # fmt: skip
 
 
-def _check_smooth(recording: Recording, rough: np.ndarray, second: np.ndarray) -> None:
+def window_of(recording: Recording) -> int:
+    """Rows over which joint values of a motion are smoothed: a wider window where their noise would
+    outweigh the sensor's, if it does not bend their path."""
+    from scipy.signal import savgol_coeffs, savgol_filter  # slow to load: only when it is used
+
+    q, step = recording.q.astype(float), np.diff(recording.t)
+    h = float(np.mean(step)) if len(step) else 1.0
+    windows = [max(_LEAST_WINDOW, 2 * round(_WINDOW_S * k / h / 2) + 1) for k in _WIDER]
+    first: np.ndarray | None = None
+    for window in windows:
+        if len(q) < 4 * window:
+            break
+        rough = q - savgol_filter(q, window, _ORDER, axis=0, mode="interp")
+        if _force_of_noise(rough, window, h).sum() <= _allowed(recording) ** 2:
+            return window
+        std = rough.std(axis=0) / np.sqrt(1.0 - savgol_coeffs(window, _ORDER).max())
+        first = std if first is None else first
+        if (std > _BENT * first).any():
+            break
+    return windows[0]
+
+
+def _force_of_noise(rough: np.ndarray, window: int, h: float) -> np.ndarray:
+    """Squares (J,) of the forces [N] of 1 kg that noise of joint values makes by acceleration.
+
+    Args:
+        rough: joint values without their smooth course (N, J).
+        window: by which it was smoothed.
+        h: step [s].
+    """
+    from scipy.signal import savgol_coeffs  # slow to load: only when it is used
+
+    second = savgol_coeffs(window, _ORDER, deriv=2, delta=h)
+    return np.asarray((second**2).sum() * rough.var(axis=0) * _LEVER**2)
+
+
+def _allowed(recording: Recording) -> float:
+    """Force of the joints' noise on 1 kg [N] that goes under in the sensor's."""
+    std = recording.metadata.sensor.noise_std
+    force = float(_SCALE[0]) if std is None or min(std[:3]) == 0 else max(std[:3])
+    return force / (recording.metadata.tool.mass or 1.0)
+
+
+def _check_smooth(recording: Recording, force: np.ndarray, rough: np.ndarray) -> None:
     """Refuse joint readings (N, J, their roughness) whose acceleration would be mostly noise.
 
     Noise in a regressor biases the fit towards a smaller mass further in, whatever the sensor.
     """
-    acceleration = np.sqrt((second**2).sum()) * rough.std(axis=0) * _LEVER
-    worst = float(np.sqrt((acceleration**2).sum()))
-    mass = recording.metadata.tool.mass or 1.0
-    std = recording.metadata.sensor.noise_std
-    allowed = _SCALE[0] if std is None or min(std[:3]) == 0 else max(std[:3])
-    if mass * worst > allowed:
-        joint = int(np.argmax(acceleration))
+    worst, allowed = float(np.sqrt(force.sum())), _allowed(recording)
+    if worst > allowed:
+        joint, mass = int(np.argmax(force)), recording.metadata.tool.mass or 1.0
         for name, row, rows in frozen_joints(recording):
             if name == f"q{joint + 1}":
                 raise CalibrationError(
@@ -147,8 +189,8 @@ def _check_smooth(recording: Recording, rough: np.ndarray, second: np.ndarray) -
                 )
         raise CalibrationError(
             f"{recording.name}: q{joint + 1} is rough ({rough[:, joint].std():.1g}): its "
-            f"acceleration would add {mass * worst:.2g} N of noise to a sensor's {allowed:.2g} N; "
-            "smooth the joints, or calibrate at rest"
+            f"acceleration would add {mass * worst:.2g} N of noise to a sensor's "
+            f"{mass * allowed:.2g} N; smooth the joints, or calibrate at rest"
         )
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.calibration.observations import window_of
 from wrenchbed.data.holds import MOVING
 from wrenchbed.data.recording import Recording
 from wrenchbed.effects.scene import WAY
@@ -16,8 +17,8 @@ from wrenchbed.twin.twin import Twin
 
 _BACK = 40
 """Rows before a hold that are gone through again for what sticks."""
-_WINDOW_S, _LEAST_WINDOW, _ORDER = 0.085, 11, 5
-"""Savitzky–Golay window [s, samples] and order that turn joint values into acceleration."""
+_ORDER = 5
+"""Savitzky–Golay order that turns joint values into acceleration."""
 _TAKEN = ("t", "segment", "temperature")
 
 
@@ -76,7 +77,7 @@ def _in_motion(twin: Twin, recording: Recording) -> np.ndarray:
     t = recording.t.astype(float)
     step = np.diff(t)
     h = float(step.mean()) if len(step) else 1.0
-    window = max(_LEAST_WINDOW, 2 * round(_WINDOW_S / h / 2) + 1)
+    window = window_of(recording)
     if not recording.joints or len(t) <= window or np.abs(step - h).max() > 0.02 * h:
         raise RecordingError(
             f"{recording.name}: motion needs joints and more than {window} rows on an even clock"
