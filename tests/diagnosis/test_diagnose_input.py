@@ -105,7 +105,7 @@ OF_UR5 = {
     "few poses": (few_poses, "8 poses cannot separate causes … record at least 12"),
     "one orientation": (one_orientation, "nearly the same orientation … Turn the tool about"),
     "one pose": (one_pose, "1 poses cannot separate causes"),
-    "no noise": (single_rows, "distinguish a gap from noise … record several rows a pose, or state noise_std"),
+    "no noise": (single_rows, "a gap from noise … record several rows a pose, or state noise_std"),
     "constant fx": (known("fx_zero"), "column 'fx' is 0 … in every row … column map"),
     "constant tz": (known("tz_zero"), "column 'tz' is 0 … in every row"),
     "sticks": (known("fz_sticks"), "column 'fz' … from row 400 on … stuck"),
