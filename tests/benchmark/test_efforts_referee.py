@@ -185,9 +185,9 @@ def test_the_diagnosis_of_efforts_enters_and_is_scored(tmp_path):
     entrants = [Entrant.of(m) for m in ("diagnose", "none")]
     assert run(folders[0], tmp_path / "claims", entrants, 1) == {"diagnose": 0, "none": 0}
     found = score.score(folders[0], tmp_path / "claims", folders[1])
-    assert {r.kind for r in found.rows} == set(cases.kinds())
+    assert {r.truth.kind for r in found.rows} == set(cases.kinds())
     for row in found.rows:
-        assert all(n[-1].isdigit() for c in row.answers["wrenchbed"].causes for n in c
+        assert all(n[-1].isdigit() for c in row.claims["wrenchbed"].causes for n in c
                    if n.startswith("drive."))  # fmt: skip
 
 
@@ -199,7 +199,7 @@ def test_causes_of_drives_are_claimed_with_their_joint(tmp_path):
     (tmp_path / CLAIM).write_text(json.dumps(raw))
     found = score.read(tmp_path)
     assert found.error == ""
-    assert found.claim.causes == (
+    assert found.causes == (
         ("drive.load.4", "drive.load.5", "drive.coulomb.4", "drive.coulomb.5"), ("tool.mass",),
     )  # fmt: skip
-    assert found.claim.presence == (0.8, 0.6)
+    assert found.presence == (0.8, 0.6)

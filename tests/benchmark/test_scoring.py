@@ -1,6 +1,7 @@
 """Figures of a benchmark, against numbers computed by hand."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.lookalikes.imperfection import ImperfectRobot
 from wrenchbed.benchmark.scoring.baselines import BASELINES
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number
+from wrenchbed.benchmark.scoring.case_rows import OURS, Answer, CaseRow, Claim, Fact, Oracle
 from wrenchbed.benchmark.scoring.metrics import (
     METRICS,
     effect_cells,
@@ -34,21 +35,24 @@ def named(*classes, p=0.95):
     return Claim("identified", tuple(classes), {key: p, "none": 1 - p}, presence)
 
 
-def row(name, kind, claim, *effects, **more):
-    shown = {"size": dict.fromkeys(effects, 4.0), "detectability": dict.fromkeys(effects, 40.0)}
-    return CaseRow(name, kind, effects, answers={OURS: claim}, **(shown | more))
+def row(kind, claim, *effects, gap=4.0, true=(), closed=None):
+    """A case of 60 rows."""
+    facts = tuple(Fact(effect, 1.0, gap, 0.0, dict(true), ()) for effect in effects)
+    oracle = Oracle("none", (), closed)
+    return CaseRow(Answer("a", "ur5", "static", kind, facts, 0.1, 60, oracle, ""), {OURS: claim})
 
 
-TILT = row("a", "single", named(("base.tilt",)), "base.tilt", where="base")
-RIVAL = row("b", "single", named(("joint.offset", "base.tilt")), "base.tilt", where="joint")
-MISSED = row("c", "single", NONE, "sensor.gain", where="base")
+TILT = row("single", named(("base.tilt",)), "base.tilt")
+RIVAL = row("single", named(("joint.offset", "base.tilt")), "base.tilt")
+MISSED = row("single", replace(NONE, subsystem="base"), "sensor.gain")
+TWO = replace(named(("base.tilt",), ("x.y",)), subsystem="tool")
 ROWS = [
     TILT, RIVAL, MISSED,
-    row("d", "none", NONE),
-    row("e", "none", named(("cable.pull",), p=0.7)),
-    row("f", "outside", UNKNOWN, outside="magnet"),
-    row("g", "outside", named(("cable.pull",), p=0.99), outside="magnet"),
-    row("h", "pair", named(("base.tilt",), ("x.y",)), "base.tilt", "tool.mass", where="tool"),
+    row("none", NONE),
+    row("none", named(("cable.pull",), p=0.7)),
+    row("outside", UNKNOWN, "magnet"),
+    row("outside", named(("cable.pull",), p=0.99), "magnet"),
+    row("pair", TWO, "base.tilt", "tool.mass"),
 ]  # fmt: skip
 
 
@@ -67,7 +71,7 @@ def test_shares_are_counted_over_their_own_kind():
 
 
 def test_effects_below_three_sigma_do_not_count():
-    weak = row("w", "single", NONE, "sensor.gain", detectability={"sensor.gain": 2.9})
+    weak = row("single", NONE, "sensor.gain", gap=2.9**2 / 6 / 60)
     assert figure(METRICS["isolation"], [weak]) is None
     assert value("isolation", [*ROWS, weak]) == pytest.approx(2 / 3)
 
@@ -82,45 +86,46 @@ def test_calibration_error_by_hand():
 
 def test_log_score_by_hand():
     told = [0.95, 0.95, 1e-4, 0.9, 0.3, 0.8, 1e-4, 0.95]
-    assert [probability(r, r.answers[OURS]) for r in (ROWS[0], ROWS[4])] == [0.95, 1 - 0.7]
+    assert [probability(r.truth, r.claims[OURS]) for r in (ROWS[0], ROWS[4])] == [0.95, 1 - 0.7]
     assert value("log_score") == pytest.approx(-sum(map(math.log, told)) / 8)
 
 
 def test_two_effects_by_hand():
-    assert matched(ROWS[-1], ROWS[-1].answers[OURS]) == (1, 1, 1)
+    assert matched(ROWS[-1].truth, TWO) == (1, 1, 1)
     assert value("pairs") == pytest.approx(0.5)
-    both = row("i", "pair", named(("x.y", "base.tilt"), ("tool.mass",)), "base.tilt", "tool.mass")
+    both = row("pair", named(("x.y", "base.tilt"), ("tool.mass",)), "base.tilt", "tool.mass")
     assert value("pairs", [ROWS[-1], both]) == pytest.approx(2 * 3 / (2 * 3 + 1 + 1))
 
 
 def test_coverage_counts_parameters():
-    inside, outside = Number("x", 1.0, 0.1, 1.16), Number("y", 1.0, 0.1, 1.17)
-    told = [
-        row("n", "single", NONE, "base.tilt", numbers=(inside, outside)),
-        row("o", "single", NONE, "base.tilt", numbers=(outside,)),
-    ]
+    x, y = ({"value": 1.0, "std": 0.1} for _ in range(2))
+    both, one = (replace(NONE, parameters={"base.tilt": p}) for p in ({"x": x, "y": y}, {"y": y}))
+    true = {"x": 1.16, "y": 1.17}  # inside, outside
+    told = [row("single", claim, "base.tilt", true=true) for claim in (both, one)]
     assert value("coverage", told) == pytest.approx(1 / 3)
 
 
 def test_closure_against_the_oracle():
+    gaps = {"calibrated": 1.1, "floor": 0.1}
     told = [
-        row("p", "single", NONE, "base.tilt", closed=0.9, oracle=1.0),
-        row("q", "single", NONE, "base.tilt", closed=-5.0, oracle=0.8),
-        row("r", "single", NONE, "base.tilt"),
-    ]
+        row("single", replace(TILT.claims[OURS], gap=gaps | {"with_effects": after}), "base.tilt",
+            closed=oracle)
+        for after, oracle in ((0.2, 1.0), (6.1, 0.8), (0.1, None))
+    ]  # fmt: skip
     assert value("closed", told) == pytest.approx(-0.05)
     assert value("of_oracle", told) == pytest.approx(-0.1 / 1.8)
 
 
 def test_only_none_is_right_where_nothing_is_wrong():
-    assert right(ROWS[3], NONE) and not right(ROWS[3], UNKNOWN)
-    assert right(ROWS[5], UNKNOWN) and not right(ROWS[5], NONE)
-    assert not right(TILT, Claim("error", (), {}))
+    healthy, outside = ROWS[3].truth, ROWS[5].truth
+    assert right(healthy, NONE) and not right(healthy, UNKNOWN)
+    assert right(outside, UNKNOWN) and not right(outside, NONE)
+    assert not right(TILT.truth, Claim())
 
 
 def test_intervals_hold_the_value_and_shrink():
     claims = [named(("base.tilt",)), NONE]
-    rows = [row(str(k), "single", claims[k % 2], "base.tilt") for k in range(400)]
+    rows = [row("single", claims[k % 2], "base.tilt") for k in range(400)]
     wide, tight = (figure(METRICS["isolation"], rows[:n]) for n in (20, 400))
     assert wide.low < 0.5 < wide.high and tight.low < 0.5 < tight.high
     assert tight.high - tight.low == pytest.approx(4 * math.sqrt(0.25 / 400), rel=0.15)
@@ -132,7 +137,7 @@ def test_tables_say_what_was_scored():
     assert head == ["", "target", "ours (95 %)", "n"]
     title = "isolation: a claimed class holds the effect"
     assert lines[0] == [title, "≥ 95 %", "67 % (9–99)", "2 of 3"]
-    joint = row("j", "single", named(("drive.viscous.3",)), "drive.coulomb.2")
+    joint = row("single", named(("drive.viscous.3",)), "drive.coulomb.2")
     lines = effect_cells([*ROWS, joint])[1]
     assert ["base.tilt", "2", "4", "2", "0", "0", "–"] in lines
     assert ["drive.coulomb", "1", "4", "0", "0", "0", "drive.viscous 1"] in lines

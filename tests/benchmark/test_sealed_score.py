@@ -203,10 +203,10 @@ def test_what_fails_is_a_wrong_answer(family, tmp_path, body, said):
     assert enter(cases, tmp_path / "claims", 1.0, ("0001", [entrant])) == ["broken"]
     assert time.monotonic() - begun < 20
     found = claims.read(tmp_path / "claims" / "broken" / "0001")
-    assert found.claim.verdict == "error"
+    assert found.verdict == "error"
     assert said in found.error
     rows = score.score(cases, tmp_path / "claims", answers).rows
-    assert all(r.answers["wrenchbed"].verdict == "error" for r in rows)
+    assert all(r.claims["wrenchbed"].verdict == "error" for r in rows)
 
 
 @pytest.mark.parametrize(
@@ -233,7 +233,7 @@ def test_a_claim_that_breaks_the_contract_is_wrong(tmp_path, change, said):
     told = contract(Claim("none", (), {"none": 1.0}), "a.parquet", "ur5") | change
     (tmp_path / CLAIM).write_text(json.dumps(told))
     found = claims.read(tmp_path)
-    assert found.claim.verdict == "error"
+    assert found.verdict == "error"
     assert said in found.error
 
 
@@ -256,7 +256,7 @@ def test_only_the_first_causes_count_and_odd_numbers_are_left_out(tmp_path):
     (tmp_path / CLAIM).write_text(json.dumps(told))
     found = claims.read(tmp_path)
     assert found.error == ""
-    assert len(found.claim.causes) == claims.COUNTED
+    assert len(found.causes) == claims.COUNTED
     assert found.gap == {"calibrated": 2.0}
     assert set(found.parameters["tool.mass"]) == {"stiffness", "fine"}
     assert found.parameters["tool.mass"]["fine"]["std"] is None
@@ -271,7 +271,8 @@ def test_a_claim_belongs_to_one_case(family, tmp_path):
     with pytest.raises(BenchmarkError, match="another family"):
         run.run(cases, tmp_path / "claims", [entrant])
     found = score.score(cases, tmp_path / "claims", answers)
-    assert {r.error for r in found.rows} == {"no claim", "the claim is about another case"}
+    errors = {row.claims["wrenchbed"].error for row in found.rows}
+    assert errors == {"no claim", "the claim is about another case"}
 
 
 def test_names_of_entrants_do_not_collide(tmp_path):

@@ -1,12 +1,14 @@
-"""Rows of a benchmark: the truth of each case, and what each method answered."""
+"""What is scored: the truth of each case, and what each method claimed about it."""
 
+import json
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import asdict, dataclass, field
+from typing import Any, NamedTuple
 
-from wrenchbed.benchmark.frame import EFFECTS
+from wrenchbed.benchmark.frame import EFFECTS, subsystem
+from wrenchbed.data.parquet import FORMAT
 from wrenchbed.effects.chain import effects
 
 OURS = "wrenchbed"
@@ -14,22 +16,103 @@ OURS = "wrenchbed"
 
 
 @dataclass(frozen=True)
-class Claim:
-    """Claim of a method about a recording.
+class Fact:
+    """True cause of a case.
 
     Attributes:
-        verdict: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``.
-        causes: claimed classes, largest first, each its first choice and then its rivals.
-        probabilities: over the leading answer; a class's key is its members joined by ``|``.
-        presence: probability of each class to be there, where that is not its share as leading.
-        set90: names that are said to hold the truth in 90 % of cases, none of who does not say.
+        effect: the contract's name, or of an outside case the family's.
+        size: in multiples of typical, None in worlds that draw none.
+        gap: that it adds; between rows the mean rise of a row's variance.
+        rows: largest rise of a channel's row variance, 0 where means show it.
+        true: its numbers as a diagnosis publishes them, SI, with what minor imperfections add.
+        alike: effects that this very data cannot tell from it.
+    """
+
+    effect: str
+    size: float | None
+    gap: float
+    rows: float
+    true: Mapping[str, float]
+    alike: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Oracle:
+    """Answer of an oracle that knows the form and size of all possible causes.
+
+    Attributes:
+        verdict: as the contract's.
+        causes: its classes.
+        closed: share of the gap that the true effects close.
     """
 
     verdict: str
     causes: tuple[tuple[str, ...], ...]
-    probabilities: dict[str, float]
+    closed: float | None
+
+
+@dataclass(frozen=True)
+class Answer:
+    """The truth of a case; its salt makes the hash of the file impossible to guess.
+
+    Only the referee knows what an oracle would answer, and minor imperfections of efforts have no
+    gap.
+    """
+
+    case: str
+    robot: str
+    mode: str
+    kind: str
+    causes: tuple[Fact, ...]
+    minor: float | None
+    rows: int
+    oracle: Oracle | None
+    salt: str
+    format: int = FORMAT
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """Names of the library's effects that the case holds."""
+        return () if self.kind == "outside" else tuple(c.effect for c in self.causes)
+
+    @property
+    def alike(self) -> tuple[str, ...]:
+        """Effects that this very data cannot tell from the true ones, and these."""
+        return (*self.effects, *(name for c in self.causes for name in c.alike))
+
+    def to_bytes(self) -> bytes:
+        """Bytes of the answer's file; the commitment is their SHA-256."""
+        return (json.dumps(asdict(self), indent=1, ensure_ascii=False) + "\n").encode()
+
+
+@dataclass(frozen=True)
+class Claim:
+    """Claim of a method about a recording.
+
+    Attributes:
+        verdict: ``none``, ``identified``, ``ambiguous``, ``partial`` or ``unknown``; ``error``
+            where there is no readable one.
+        causes: claimed classes, largest first, each its first choice and then its rivals.
+        probabilities: over the leading answer; a class's key is its members joined by ``|``.
+        presence: probability of each class to be there, where that is not its share as leading.
+        set90: names that are said to hold the truth in 90 % of cases, none of who does not say.
+        subsystem: the first one that it names apart from its causes.
+        parameters: published finite numbers by effect and name: value and std, which may be None.
+        gap: the contract's finite numbers.
+        seconds: that it took.
+        error: what went wrong, empty if nothing did.
+    """
+
+    verdict: str = "error"
+    causes: tuple[tuple[str, ...], ...] = ()
+    probabilities: Mapping[str, float] = field(default_factory=dict)
     presence: tuple[float, ...] = ()
     set90: tuple[str, ...] = ()
+    subsystem: str | None = None
+    parameters: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
+    gap: Mapping[str, float] = field(default_factory=dict)
+    seconds: float | None = None
+    error: str = ""
 
     @property
     def sure(self) -> float:
@@ -39,9 +122,20 @@ class Claim:
         first = "|".join(self.causes[0]) if self.causes else self.verdict
         return self.probabilities.get(first, 0.0)
 
+    @property
+    def where(self) -> str | None:
+        """First subsystem that it names."""
+        return self.subsystem or (subsystem(self.causes[0][0]) if self.causes else None)
 
-@dataclass(frozen=True)
-class Number:
+
+class CaseRow(NamedTuple):
+    """The truth of a case, and the claims about it by method."""
+
+    truth: Answer
+    claims: Mapping[str, Claim]
+
+
+class Number(NamedTuple):
     """A published parameter with its standard uncertainty, and the true one, SI."""
 
     name: str
@@ -65,46 +159,7 @@ def numbers(
     pattern = EFFECTS[effect].compared if effect in EFFECTS else ""
     given = effects()[effect].amplitudes(published) if pattern else None
     return [
-        Number(f"{effect}:{name}", float(p["value"]), float(p["std"]), true.get(name, 0.0))
+        Number(name, float(p["value"]), float(p["std"]), true.get(name, 0.0))
         for name, p in (given or {}).items()
         if re.fullmatch(pattern, name) and p.get("std") is not None and math.isfinite(p["value"])
     ]
-
-
-@dataclass(frozen=True)
-class CaseRow:
-    """Result row of one case.
-
-    Attributes:
-        id: of the case, unique in a benchmark.
-        kind: ``none``, ``single``, ``pair`` or ``outside``.
-        truth: the contract's names of the effects; empty for none and outside.
-        outside: name of the family outside the library.
-        size: what each cause adds to the gap; between rows, the mean rise of a row's variance.
-        detectability: of each cause [σ]; norm of its signature over the noise of a row.
-        between: causes that show between rows only.
-        answers: claim of each method.
-        where: first subsystem that the diagnosis names.
-        numbers: parameters of the true effects as the diagnosis states them.
-        closed, oracle: share of the held-out gap that the diagnosis closes, and what one closes
-            that is told the effects.
-        seconds: that each method took.
-        error: what went wrong, empty if nothing did.
-        alike: effects that this very data cannot tell from the true ones.
-    """
-
-    id: str
-    kind: str
-    truth: tuple[str, ...] = ()
-    outside: str | None = None
-    size: Mapping[str, float] = field(default_factory=dict)
-    detectability: Mapping[str, float] = field(default_factory=dict)
-    between: tuple[str, ...] = ()
-    answers: Mapping[str, Claim] = field(default_factory=dict)
-    where: str | None = None
-    numbers: tuple[Number, ...] = ()
-    closed: float | None = None
-    oracle: float | None = None
-    seconds: Mapping[str, float] = field(default_factory=dict)
-    error: str = ""
-    alike: tuple[str, ...] = ()

@@ -13,8 +13,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import binomtest
 
-from wrenchbed.benchmark.frame import subsystem
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim
+from wrenchbed.benchmark.frame import STATED, subsystem
+from wrenchbed.benchmark.scoring.case_rows import OURS, Answer, CaseRow, Claim, numbers
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 
 VISIBLE = 3.0
@@ -31,9 +31,9 @@ DRAWS = 2000
 """Draws of the bootstrap: its percentiles are then good to about 1 % of the interval."""
 EDGES = (1.0, 2.0, 4.0, 8.0, 16.0, 32.0, np.inf)
 """Edges of the gaps that detection is shown against."""
-Parts = Callable[[CaseRow, str], Sequence[float] | None]
-"""Sums that one case adds for a method, None where it does not count."""
-Test = Callable[[CaseRow, Claim], bool]
+Parts = Callable[[Answer, Claim], Sequence[float] | None]
+"""Sums that a claim about a case adds, None where it does not count."""
+Test = Callable[[Answer, Claim], bool]
 """Condition on a case and a claim about it."""
 Cells = tuple[list[str], list[list[str]]]
 """Column heads and rows of a table."""
@@ -98,9 +98,8 @@ class Metric:
 def share(title: str, target: str, counts: Test, held: Test, *, ours: bool = False) -> Metric:
     """The share of the counted cases in which something holds."""
 
-    def parts(row: CaseRow, method: str) -> Sequence[float] | None:
-        claim = row.answers[method]
-        return (held(row, claim), 1.0) if counts(row, claim) else None
+    def parts(truth: Answer, claim: Claim) -> Sequence[float] | None:
+        return (held(truth, claim), 1.0) if counts(truth, claim) else None
 
     return Metric(title, target, parts, ours=ours)
 
@@ -109,7 +108,7 @@ def figure(
     metric: Metric, rows: Sequence[CaseRow], method: str = OURS, draws: int = DRAWS, seed: int = 0
 ) -> ScoredMetric | None:
     """A metric of a method; None where no case counts."""
-    every = [p for row in rows if (p := metric.parts(row, method)) is not None]
+    every = [p for r in rows if (p := metric.parts(r.truth, r.claims[method])) is not None]
     if not every:
         return None
     sums = np.array(every, dtype=float)
@@ -146,57 +145,62 @@ def holds(claim: Claim, truth: Sequence[str]) -> bool:
     return any(t in c for c in claim.causes for t in truth)
 
 
-def right(row: CaseRow, claim: Claim) -> bool:
+def right(truth: Answer, claim: Claim) -> bool:
     """Whether the first answer is right: its class, none or unknown."""
     if claim.causes:
-        return bool(set(claim.causes[0]) & set(row.truth))
-    return claim.verdict == {"none": NONE, "outside": UNKNOWN}.get(row.kind)
+        return bool(set(claim.causes[0]) & set(truth.effects))
+    return claim.verdict == {"none": NONE, "outside": UNKNOWN}.get(truth.kind)
 
 
-def probability(row: CaseRow, claim: Claim) -> float:
+def probability(truth: Answer, claim: Claim) -> float:
     """Probability that a claim gives the right first answer."""
-    if row.kind in ("none", "outside"):
-        return claim.probabilities.get(NONE if row.kind == "none" else UNKNOWN, 0.0)
+    if truth.kind in ("none", "outside"):
+        return claim.probabilities.get(NONE if truth.kind == "none" else UNKNOWN, 0.0)
     odds = claim.probabilities.items()
-    return float(sum(p for k, p in odds if set(k.split("|")) & set(row.truth)))
+    return float(sum(p for k, p in odds if set(k.split("|")) & set(truth.effects)))
 
 
-def matched(row: CaseRow, claim: Claim) -> tuple[int, int, int]:
+def matched(truth: Answer, claim: Claim) -> tuple[int, int, int]:
     """True effects that are claimed, claims of nothing true, and true effects that are missed."""
-    hits = sum(any(t in c for c in claim.causes) for t in row.truth)
-    wrong = sum(not set(c) & set(row.truth) for c in claim.causes)
-    return hits, wrong, len(row.truth) - hits
+    hits = sum(any(t in c for c in claim.causes) for t in truth.effects)
+    wrong = sum(not set(c) & set(truth.effects) for c in claim.causes)
+    return hits, wrong, len(truth.effects) - hits
 
 
 def of_kind(*kinds: str) -> Test:
     """Condition that a case is of one of these kinds."""
-    return lambda row, claim: row.kind in kinds
+    return lambda truth, claim: truth.kind in kinds
 
 
 def said(verdict: str) -> Test:
     """Condition that a claim has this verdict."""
-    return lambda row, claim: claim.verdict == verdict
+    return lambda truth, claim: claim.verdict == verdict
 
 
-def isolated(row: CaseRow, claim: Claim) -> bool:
+def isolated(truth: Answer, claim: Claim) -> bool:
     """Whether any claimed class holds the true effect."""
-    return holds(claim, row.truth)
+    return holds(claim, truth.effects)
 
 
-def _visible(row: CaseRow, claim: Claim) -> bool:
-    return row.kind == "single" and all(row.detectability[t] > VISIBLE for t in row.truth)
+def _visible(truth: Answer, claim: Claim) -> bool:
+    """Whether a single effect has a signature, or a raised variance over its own scatter √(2/n),
+    whose norm in noises a perfect detector would not miss."""
+    sigmas = [
+        c.rows * np.sqrt(truth.rows / 2) if c.rows else np.sqrt(6 * truth.rows * c.gap)
+        for c in truth.causes
+    ]
+    return truth.kind == "single" and all(s > VISIBLE for s in sigmas)
 
 
-def named(row: CaseRow, claim: Claim) -> bool:
+def named(truth: Answer, claim: Claim) -> bool:
     """Whether a cause is named for sure."""
     return bool(claim.causes) and claim.sure > SURE
 
 
-def _bins(row: CaseRow, method: str) -> Sequence[float]:
-    claim = row.answers[method]
+def _bins(truth: Answer, claim: Claim) -> Sequence[float]:
     sums = np.zeros((BINS, 2))
     k = min(int(claim.sure * BINS), BINS - 1)
-    sums[k] = claim.sure, right(row, claim)
+    sums[k] = claim.sure, right(truth, claim)
     return [*sums.ravel(), 1.0]
 
 
@@ -206,42 +210,65 @@ def _calibration(s: np.ndarray) -> np.ndarray:
     return np.asarray(np.abs(bins[..., 0] - bins[..., 1]).sum(axis=-1) / s[..., -1])
 
 
-def _log_score(row: CaseRow, method: str) -> Sequence[float]:
-    return (-float(np.log(max(probability(row, row.answers[method]), LEAST))), 1.0)
+def _log_score(truth: Answer, claim: Claim) -> Sequence[float]:
+    return (-float(np.log(max(probability(truth, claim), LEAST))), 1.0)
 
 
-def _pairs(row: CaseRow, method: str) -> Sequence[float] | None:
-    return matched(row, row.answers[method]) if row.kind == "pair" else None
+def _pairs(truth: Answer, claim: Claim) -> Sequence[float] | None:
+    return matched(truth, claim) if truth.kind == "pair" else None
 
 
 def _f1(s: np.ndarray) -> np.ndarray:
     return np.asarray(2 * s[..., 0] / (2 * s[..., 0] + s[..., 1] + s[..., 2]))
 
 
-def _where(row: CaseRow, method: str) -> Sequence[float] | None:
+def _where(truth: Answer, claim: Claim) -> Sequence[float] | None:
     """The first subsystem is that of a true effect, or of a rival in a class that holds one."""
-    if not row.truth:
+    if not truth.effects:
         return None
-    causes = row.answers[method].causes
-    first = row.where if method == OURS else next((subsystem(c[0]) for c in causes), None)
-    allowed = {subsystem(t) for t in row.truth}
-    for c in causes:
-        if set(c) & set(row.truth):
+    allowed = {subsystem(t) for t in truth.effects}
+    for c in claim.causes:
+        if set(c) & set(truth.effects):
             allowed |= {subsystem(n) for n in c}
-    return (first in allowed, 1.0)
+    return (claim.where in allowed, 1.0)
 
 
-def _coverage(row: CaseRow, method: str) -> Sequence[float] | None:
-    if not row.numbers:
+def _coverage(truth: Answer, claim: Claim) -> Sequence[float] | None:
+    """Published numbers of every true effect that is named first, beside the true ones.
+
+    Of the referee's robots every number is known, 0 where none is listed.
+    """
+    inside = [
+        abs(n.value - n.truth) <= NORMAL_90 * n.std
+        for cause in (truth.causes if truth.effects else ())
+        for n in numbers(cause.effect, claim.parameters.get(cause.effect, {}), cause.true)
+        if truth.oracle is not None or n.name in cause.true
+    ]
+    return (sum(inside), len(inside)) if inside else None
+
+
+def closed(truth: Answer, claim: Claim) -> float | None:
+    """Share of the gap on rows that no fit saw that a claim says it closes; 0 if it says none.
+
+    None where a cause shows between rows: then the floor itself rose. Of causes that are only wrong
+    stated numbers from the configured simulator on, else from the calibrated one.
+    """
+    if not truth.effects or any(c.rows for c in truth.causes):
         return None
-    inside = [abs(n.value - n.truth) <= NORMAL_90 * n.std for n in row.numbers]
-    return (sum(inside), len(inside))
+    start = "configured" if set(truth.effects) <= set(STATED) else "calibrated"
+    gap = claim.gap
+    if not claim.causes or not {start, "floor", "calibrated"} <= set(gap):
+        return 0.0
+    whole = gap[start] - gap["floor"]
+    after = gap.get("with_effects", gap["calibrated"])
+    return (gap[start] - after) / whole if whole > 0 else 0.0
 
 
-def _closed(row: CaseRow, method: str) -> Sequence[float] | None:
-    if row.closed is None or row.oracle is None:
+def _closed(truth: Answer, claim: Claim) -> Sequence[float] | None:
+    ours, oracle = closed(truth, claim), truth.oracle and truth.oracle.closed
+    if ours is None or oracle is None:
         return None
-    return (float(np.clip(row.closed, -1, 1)), float(np.clip(row.oracle, -1, 1)), 1.0)
+    return (float(np.clip(ours, -1, 1)), float(np.clip(oracle, -1, 1)), 1.0)
 
 
 METRICS = {
@@ -250,26 +277,26 @@ METRICS = {
     ),
     "isolation_alike": share(
         "… or one that this data cannot tell from it", "≥ 95 %", of_kind("single"),
-        lambda row, claim: holds(claim, (*row.truth, *row.alike)),
+        lambda truth, claim: holds(claim, truth.alike),
     ),
     "isolation_unlike": share(
         "… effects that nothing imitates", "≥ 95 %",
-        lambda row, claim: row.kind == "single" and not row.alike, isolated,
+        lambda truth, claim: truth.kind == "single" and truth.alike == truth.effects, isolated,
     ),
     "alone": share(
         "… and nothing else is claimed", "", _visible,
-        lambda row, claim: len(claim.causes) == 1 and row.truth[0] in claim.causes[0],
+        lambda truth, claim: len(claim.causes) == 1 and truth.effects[0] in claim.causes[0],
     ),
     "first": share(
         "… as first choice", "> 66 %", _visible,
-        lambda row, claim: any(c[0] == row.truth[0] for c in claim.causes[:1]),
+        lambda truth, claim: any(c[0] == truth.effects[0] for c in claim.causes[:1]),
     ),
     "certain": share(
-        "… without a rival", "", _visible, lambda row, claim: (row.truth[0],) in claim.causes
+        "… without a rival", "", _visible, lambda truth, claim: truth.effects in claim.causes
     ),
     "false_alarm": share(
         "no gap: any verdict but none", "≤ 3 %", of_kind("none"),
-        lambda row, claim: claim.verdict != NONE,
+        lambda truth, claim: claim.verdict != NONE,
     ),
     "unknown": share(
         "outside the library: unknown", "≥ 95 %", of_kind("outside"), said(UNKNOWN)
@@ -280,7 +307,7 @@ METRICS = {
     "sure": share("right when it says p > 0.9", "≥ 97 %", named, right),
     "sure_alike": share(
         "… or as good as right, by what this data can tell", "≥ 97 %", named,
-        lambda row, claim: bool({*row.truth, *row.alike} & set(claim.causes[0])),
+        lambda truth, claim: bool({*truth.alike} & set(claim.causes[0])),
     ),
     "ece": Metric("expected calibration error", "≤ 5 %", _bins, _calibration),
     "log_score": Metric("log score (lower is better)", "< 0.79", _log_score, percent=False),
@@ -288,9 +315,9 @@ METRICS = {
     "where": Metric("first subsystem right", "≥ 97 %", _where),
     "coverage": Metric("90 % intervals hold the truth", "87–93 %", _coverage, ours=True),
     "sets": share(
-        "90 % sets of answers hold the truth", "87–93 %", lambda row, claim: bool(claim.set90),
-        lambda row, claim: bool(
-            set(claim.set90) & (set(row.truth) or {UNKNOWN if row.outside else NONE})
+        "90 % sets of answers hold the truth", "87–93 %", lambda truth, claim: bool(claim.set90),
+        lambda truth, claim: bool(
+            {*claim.set90} & ({*truth.effects} or {UNKNOWN if truth.causes else NONE})
         ),
         ours=True,
     ),
@@ -303,11 +330,11 @@ METRICS = {
     ),
     "seconds": Metric(
         "seconds a case", "",
-        lambda row, method: (row.seconds[method], 1.0) if method in row.seconds else None,
+        lambda truth, claim: None if claim.seconds is None else (claim.seconds, 1.0),
         percent=False,
     ),
     "failed": share(
-        "cases that end in an error", "0 %", lambda row, claim: True, said("error")
+        "cases that end in an error", "0 %", lambda truth, claim: True, said("error")
     ),
 }  # fmt: skip
 """All metrics by name, with the project's targets."""
@@ -335,24 +362,22 @@ def figure_cells(
 def effect_cells(rows: Sequence[CaseRow]) -> Cells:
     """Table cells of the answers to each single effect, at any joint, and each outside family."""
     head = ["effect", "n", "median gap", "isolated", "none", "unknown", "otherwise named"]
-    groups: dict[str, list[CaseRow]] = {}
-    for row in sorted(rows, key=lambda r: (r.kind == "outside", *r.truth, r.outside or "")):
-        if row.kind in ("single", "outside"):
-            groups.setdefault(row.outside or _without_joint(row.truth[0]), []).append(row)
+    alone = [(r.truth, r.claims[OURS]) for r in rows if r.truth.kind in ("single", "outside")]
+    groups: dict[tuple[bool, str], list[tuple[Answer, Claim]]] = {}
+    for truth, claim in alone:
+        key = truth.kind == "outside", _without_joint(truth.causes[0].effect)
+        groups.setdefault(key, []).append((truth, claim))
     lines = []
-    for name, cases in groups.items():
-        claims = [(r, r.answers[OURS]) for r in cases]
-        held = sum(isolated(r, c) for r, c in claims)
-        verdicts = [str(sum(c.verdict == v for _, c in claims)) for v in (NONE, UNKNOWN)]
-        wrong = Counter(
-            _without_joint(c.causes[0][0]) for r, c in claims if c.causes and not isolated(r, c)
-        )
+    for (_, name), cases in sorted(groups.items(), key=lambda item: item[0]):
+        held = [isolated(t, c) for t, c in cases]
+        verdicts = [str(sum(c.verdict == v for _, c in cases)) for v in (NONE, UNKNOWN)]
+        missed = (c for (_, c), found in zip(cases, held, strict=True) if c.causes and not found)
+        wrong = Counter(_without_joint(c.causes[0][0]) for c in missed)
         names = ", ".join(f"{k} {v}" for k, v in wrong.most_common()) or "–"
-        sizes = [r.size.get(r.outside or r.truth[0], np.nan) for r in cases]
-        size = float(np.median(sizes))
-        title = f"{name} (between rows)" if cases[0].between else name
-        gap = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}" if np.isfinite(size) else "–"
-        lines.append([title, str(len(cases)), gap, str(held), *verdicts, names])
+        size = float(np.median([t.causes[0].gap for t, _ in cases]))
+        title = f"{name} (between rows)" if cases[0][0].causes[0].rows else name
+        gap = f"{size:.0f}" if size >= 99.5 else f"{size:.2g}"
+        lines.append([title, str(len(cases)), gap, str(sum(held)), *verdicts, names])
     return head, lines
 
 
@@ -366,12 +391,12 @@ def size_cells(rows: Sequence[CaseRow], methods: Sequence[str], main: str = OURS
     noticed (any answer but none) and isolated; ``main`` is the name of the diagnosis."""
     names = [main if m == OURS else m for m in methods]
     heads = [f"{name}: {what}" for name in names for what in ("noticed", "isolated")]
-    singles = [r for r in rows if r.kind == "single" and not r.between]
+    singles = [r for r in rows if r.truth.kind == "single" and not r.truth.causes[0].rows]
     lines = []
     for low, high in pairwise(EDGES):
-        cases = [r for r in singles if low <= r.size[r.truth[0]] < high]
-        claims = [[(r, r.answers[m]) for r in cases] for m in methods]
-        hits = [[(c.verdict != NONE, isolated(r, c)) for r, c in of_method] for of_method in claims]
+        cases = [r for r in singles if low <= r.truth.causes[0].gap < high]
+        claims = [[(r.truth, r.claims[m]) for r in cases] for m in methods]
+        hits = [[(c.verdict != NONE, isolated(t, c)) for t, c in of_method] for of_method in claims]
         parts = [100 * np.mean(part) for each in hits for part in zip(*each, strict=True)]
         cells = [f"{part:.0f} %" for part in parts] or ["–"] * len(heads)
         span = f"{low:g}–{high:g}" if np.isfinite(high) else f"> {low:g}"

@@ -8,12 +8,13 @@ import json
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
 
+from wrenchbed.benchmark.scoring.case_rows import Answer, Fact, Oracle
 from wrenchbed.data import parquet
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
@@ -186,74 +187,6 @@ def verify(cases: Path, answers: Path, published: str | None = None) -> dict[str
                 f"committed {committed[:16]}…"
             )
     return sealed
-
-
-# ---- answers -------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Fact:
-    """True cause of a case.
-
-    Attributes:
-        effect: the contract's name, or of an outside case the family's.
-        size: in multiples of typical, None in worlds that draw none.
-        gap: that it adds; between rows the mean rise of a row's variance.
-        rows: largest rise of a channel's row variance, 0 where means show it.
-        true: its numbers as a diagnosis publishes them, SI, with what minor imperfections add.
-        alike: effects that this very data cannot tell from it.
-    """
-
-    effect: str
-    size: float | None
-    gap: float
-    rows: float
-    true: Mapping[str, float]
-    alike: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Oracle:
-    """Answer of an oracle that knows the form and size of all possible causes.
-
-    Attributes:
-        verdict: as the contract's.
-        causes: its classes.
-        closed: share of the gap that the true effects close.
-    """
-
-    verdict: str
-    causes: tuple[tuple[str, ...], ...]
-    closed: float | None
-
-
-@dataclass(frozen=True)
-class Answer:
-    """The truth of a case; its salt makes the hash of the file impossible to guess.
-
-    Only the referee knows what an oracle would answer, and minor imperfections of efforts have no
-    gap.
-    """
-
-    case: str
-    robot: str
-    mode: str
-    kind: str
-    causes: tuple[Fact, ...]
-    minor: float | None
-    rows: int
-    oracle: Oracle | None
-    salt: str
-    format: int = FORMAT
-
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """Names of the library's effects that the case holds."""
-        return () if self.kind == "outside" else tuple(c.effect for c in self.causes)
-
-    def to_bytes(self) -> bytes:
-        """Bytes of the answer's file; the commitment is their SHA-256."""
-        return (json.dumps(asdict(self), indent=1, ensure_ascii=False) + "\n").encode()
 
 
 def read_answer(path: Path) -> Answer:

@@ -14,7 +14,8 @@ from wrenchbed.benchmark.efforts import case as efforts
 from wrenchbed.benchmark.frame import KINDS, attempts
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.benchmark.referee import case as referee
-from wrenchbed.benchmark.sealed.commitments import MOST, Answer, Fact, Oracle, salt
+from wrenchbed.benchmark.scoring.case_rows import Answer, Fact, Oracle
+from wrenchbed.benchmark.sealed.commitments import MOST, salt
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError

@@ -12,7 +12,7 @@ import numpy as np
 
 from wrenchbed.benchmark.frame import subsystem
 from wrenchbed.benchmark.scoring import metrics
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
+from wrenchbed.benchmark.scoring.case_rows import OURS, Answer, CaseRow
 from wrenchbed.benchmark.sealed.score import ORACLE, Score
 from wrenchbed.pages.document import Card, Document, Section, Table, provenance
 
@@ -31,8 +31,8 @@ _ORACLE = (
 
 def _reliability(rows: Sequence[CaseRow]) -> Table:
     """Stated probability of first answers beside the share that was right."""
-    stated = np.array([r.answers[OURS].sure for r in rows])
-    held = np.array([metrics.right(r, r.answers[OURS]) for r in rows])
+    stated = np.array([r.claims[OURS].sure for r in rows])
+    held = np.array([metrics.right(r.truth, r.claims[OURS]) for r in rows])
     which = np.digitize(stated, _BINS) - 1
     lines = []
     for k in np.unique(which):
@@ -49,8 +49,8 @@ def page(score: Score, command: str = "") -> Document:
 
     The page does not state the seed of the cases: all answers follow from it.
     """
-    rows, some = score.rows, next(iter(score.answers.values()))
-    kinds = Counter(r.kind for r in rows)
+    rows, some = score.rows, score.rows[0].truth
+    kinds = Counter(r.truth.kind for r in rows)
     counts = ", ".join(f"{kinds[k]} {k}" for k in ("single", "none", "outside", "pair"))
     missing = f" {score.unclaimed} cases have no claim: they count as wrong."
     lead = (
@@ -158,18 +158,18 @@ def summary(score: Score) -> dict[str, object]:
     return result
 
 
-def _truth(row: CaseRow, answer: str) -> str:
+def _truth(truth: Answer, answer: str) -> str:
     """True subsystem; if there are two, the one that was answered."""
-    if row.kind in ("none", "outside"):
-        return "none" if row.kind == "none" else "unknown"
-    subsystems = [subsystem(t) for t in row.truth]
+    if truth.kind in ("none", "outside"):
+        return "none" if truth.kind == "none" else "unknown"
+    subsystems = [subsystem(t) for t in truth.effects]
     return answer if answer in subsystems else subsystems[0]
 
 
 def _confusion(rows: Sequence[CaseRow]) -> Table:
-    claims = [r.answers[OURS] for r in rows]
+    claims = [r.claims[OURS] for r in rows]
     answers = [subsystem(c.causes[0][0]) if c.causes else c.verdict for c in claims]
-    counts = Counter((_truth(r, a), a) for r, a in zip(rows, answers, strict=True))
+    counts = Counter((_truth(r.truth, a), a) for r, a in zip(rows, answers, strict=True))
     columns = [s for s in _ORDER if s in answers]
     lines = [
         [f"{t} ({sum(counts[t, s] for s in columns)})", *(str(counts[t, s] or "") for s in columns)]
@@ -181,15 +181,15 @@ def _confusion(rows: Sequence[CaseRow]) -> Table:
 
 def _wrong(rows: Sequence[CaseRow]) -> Table:
     lines = []
-    for row in rows:
-        claim = row.answers[OURS]
-        if metrics.right(row, claim):
+    for truth, claims in rows:
+        claim = claims[OURS]
+        if metrics.right(truth, claim):
             continue
-        truth = ", ".join(row.truth) or row.outside or "none"
+        names = ", ".join(c.effect for c in truth.causes) or "none"
         answer = "; ".join(" or ".join(c) for c in claim.causes) or claim.verdict
-        size = max(row.size.values(), default=float("nan"))
-        error = row.error.strip().split("\n")[-1][:80]
-        lines.append([row.id, truth, size, answer, claim.sure, error])
+        size = max((c.gap for c in truth.causes), default=float("nan"))
+        error = claim.error.strip().split("\n")[-1][:80]
+        lines.append([truth.case, names, size, answer, claim.sure, error])
     head = ["case", "truth", "gap", "said", "p", "error"]
     table = Table.of("Wrong first answers", head, lines)
     return replace(table, empty="Every first answer is right.")

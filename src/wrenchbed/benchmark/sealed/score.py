@@ -4,16 +4,15 @@ Claims are read from the contract's ``diagnosis.json``.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import STATED, subsystem
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Number, numbers
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim
 from wrenchbed.benchmark.sealed import commitments
-from wrenchbed.benchmark.sealed.commitments import MOST, Answer, Fact, Oracle
+from wrenchbed.benchmark.sealed.commitments import MOST, Oracle
 from wrenchbed.benchmark.sealed.run import CLAIM, RESERVED, RUN
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.errors import BenchmarkError
@@ -22,43 +21,20 @@ from wrenchbed.files.checked import is_number, load
 VERDICTS = ("none", "identified", "ambiguous", "partial", "unknown")
 COUNTED = 4
 """Causes of a claim that count, the first ones: naming everything is no diagnosis."""
-WRONG = Claim("error", (), {})
-"""Claim that counts if there is no readable one."""
 ORACLE = "oracle"
 """Name of the method that knows the true form and size."""
 _BROKEN = (BenchmarkError, ValueError, LookupError, TypeError, AttributeError, ArithmeticError)
 """Errors that reading a hostile file raises, for instance by numbers of 400 digits."""
 
 
-@dataclass(frozen=True)
-class EntrantClaim:
-    """Claim of an entrant about one case.
-
-    Attributes:
-        claim: verdict, classes and probabilities; `WRONG` where there is none.
-        where: first subsystem.
-        parameters: published finite numbers by effect and name: value and std, which may be None.
-        gap: the contract's finite numbers.
-        seconds: that it took.
-        error: what went wrong, empty if nothing did.
-    """
-
-    claim: Claim = WRONG
-    where: str | None = None
-    parameters: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=dict)
-    gap: Mapping[str, float] = field(default_factory=dict)
-    seconds: float | None = None
-    error: str = ""
-
-
-def read(folder: Path, recording: str | None = None) -> EntrantClaim:
+def read(folder: Path, recording: str | None = None) -> Claim:
     """Claim of an entrant about one case; one that breaks the contract counts as wrong.
 
     Args:
         recording: SHA-256 of the case; a claim about another one is wrong.
     """
     if not folder.is_dir():
-        return EntrantClaim(error="no claim")
+        return Claim(error="no claim")
     seconds, error = None, ""
     if (folder / RUN).is_file():
         try:
@@ -69,15 +45,15 @@ def read(folder: Path, recording: str | None = None) -> EntrantClaim:
         except _BROKEN:
             error = f"{folder / RUN}: is broken"
     if error:
-        return EntrantClaim(seconds=seconds, error=error)
+        return Claim(seconds=seconds, error=error)
     try:
         return _said(load(folder / CLAIM, BenchmarkError), seconds)
     except _BROKEN as cause:
         error = f"{folder / CLAIM}: breaks the contract: {cause!r}"
-        return EntrantClaim(seconds=seconds, error=error)
+        return Claim(seconds=seconds, error=error)
 
 
-def _said(raw: Mapping[str, Any], seconds: float | None) -> EntrantClaim:
+def _said(raw: Mapping[str, Any], seconds: float | None) -> Claim:
     verdict = raw["verdict"]
     if verdict not in VERDICTS:
         raise ValueError(f"verdict {verdict!r} is none of {', '.join(VERDICTS)}")
@@ -98,13 +74,10 @@ def _said(raw: Mapping[str, Any], seconds: float | None) -> EntrantClaim:
         raise ValueError(f"probabilities sum to {sum(odds.values()):.3f}")
     where = raw.get("where") or []
     first = str(where[0]["subsystem"]) if where else None
-    if first is None and causes:
-        first = subsystem(causes[0][0])
     parameters = {str(w["effect"]): _numbers(w.get("parameters")) for w in which[:COUNTED]}
     gap = {k: x for k, v in _items(raw.get("gap")) if (x := _finite(v)) is not None}
     set90 = tuple(str(n) for n in raw.get("set90") or ())
-    claim = Claim(verdict, causes, odds, presence, set90)
-    return EntrantClaim(claim, first, parameters, gap, seconds)
+    return Claim(verdict, causes, odds, presence, set90, first, parameters, gap, seconds)
 
 
 def _class(entry: Mapping[str, Any]) -> tuple[str, ...]:
@@ -177,7 +150,6 @@ class Score:
         main: the entrant that is judged.
         others: beside it, as their names are in ``rows``.
         rows: one a case; the main entrant's claim is under `OURS`.
-        answers: by case.
         root: SHA-256 of the commitments.
         unclaimed: cases that the main entrant has no claim for.
     """
@@ -185,14 +157,13 @@ class Score:
     main: str
     others: tuple[str, ...]
     rows: tuple[CaseRow, ...]
-    answers: dict[str, Answer]
     root: str
     unclaimed: int
 
     @property
     def beside(self) -> tuple[str, ...]:
         """Methods beside the judged one; an oracle where every truth is known to the last digit."""
-        known = all(a.oracle is not None for a in self.answers.values())
+        known = all(row.truth.oracle is not None for row in self.rows)
         return (ORACLE, *self.others) if known else self.others
 
 
@@ -224,76 +195,16 @@ def score(
         raise BenchmarkError(f"{path}: answers case {truths[wrong].case}")
     rows, unclaimed = [], 0
     for name, truth in truths.items():
-        said = {n: read(claims / n / name, sealed[name].recording) for n in names}
+        methods = zip((OURS, *names[1:]), names, strict=True)
+        said = {m: read(claims / n / name, sealed[name].recording) for m, n in methods}
         unclaimed += not (claims / names[0] / name).is_dir()
-        rows.append(_row(truth, said[names[0]], {n: said[n] for n in names[1:]}))
+        if truth.oracle is not None:
+            said[ORACLE] = _certain(truth.oracle)
+        rows.append(CaseRow(truth, said))
     root = commitments.digest((cases / commitments.COMMITMENTS).read_bytes())
-    return Score(names[0], tuple(names[1:]), tuple(rows), truths, root, unclaimed)
-
-
-def _row(truth: Answer, own: EntrantClaim, others: dict[str, EntrantClaim]) -> CaseRow:
-    every = {OURS: own, **others}
-    closed = closed_by_entrant(truth, own)
-    answers = {k: s.claim for k, s in every.items()}
-    if truth.oracle is not None:
-        answers[ORACLE] = _certain(truth.oracle)
-    return CaseRow(
-        id=truth.case,
-        kind=truth.kind,
-        truth=truth.effects,
-        outside=truth.causes[0].effect if truth.kind == "outside" else None,
-        size={c.effect: c.gap for c in truth.causes},
-        detectability={c.effect: _sigmas(truth, c) for c in truth.causes},
-        between=tuple(c.effect for c in truth.causes if c.rows),
-        answers=answers,
-        where=own.where,
-        numbers=_compared(truth, own),
-        closed=closed,
-        oracle=None if closed is None or truth.oracle is None else truth.oracle.closed,
-        seconds={k: s.seconds for k, s in every.items() if s.seconds is not None},
-        error=own.error,
-        alike=tuple(n for c in truth.causes for n in c.alike),
-    )
+    return Score(names[0], tuple(names[1:]), tuple(rows), root, unclaimed)
 
 
 def _certain(oracle: Oracle) -> Claim:
     first = "|".join(oracle.causes[0]) if oracle.causes else oracle.verdict
-    return Claim(oracle.verdict, oracle.causes, {first: 1.0}, ())
-
-
-def _sigmas(truth: Answer, cause: Fact) -> float:
-    """Norm of a signature in noises; of a raised variance by its own scatter √(2/n)."""
-    if cause.rows:
-        return cause.rows * float(np.sqrt(truth.rows / 2))
-    return float(np.sqrt(6 * truth.rows * cause.gap))
-
-
-def closed_by_entrant(truth: Answer, said: EntrantClaim) -> float | None:
-    """Share of the gap on rows that no fit saw that an entrant says it closes; 0 if it says none.
-
-    None where a cause shows between rows: then the floor itself rose.
-    Of causes that are only wrong stated numbers from the configured simulator on, else from the
-    calibrated one.
-    """
-    if not truth.effects or any(c.rows for c in truth.causes):
-        return None
-    start = "configured" if set(truth.effects) <= set(STATED) else "calibrated"
-    gap = said.gap
-    if not said.claim.causes or not {start, "floor", "calibrated"} <= set(gap):
-        return 0.0
-    whole = gap[start] - gap["floor"]
-    after = gap.get("with_effects", gap["calibrated"])
-    return (gap[start] - after) / whole if whole > 0 else 0.0
-
-
-def _compared(truth: Answer, said: EntrantClaim) -> tuple[Number, ...]:
-    """Published numbers of every true effect that is named first, beside the true ones.
-
-    Of the referee's robots every number is known, 0 where none is listed.
-    """
-    return tuple(
-        number
-        for cause in (truth.causes if truth.effects else ())
-        for number in numbers(cause.effect, said.parameters.get(cause.effect, {}), cause.true)
-        if truth.oracle is not None or number.name.partition(":")[2] in cause.true
-    )
+    return Claim(oracle.verdict, oracle.causes, {first: 1.0})
