@@ -72,9 +72,9 @@ def test_links_keep_the_balance_of_energy(number):
     setting = setting_of(number)
     path = setting.path
     short = slice(0, 6000)
-    part = Motion(path.kind, path.rate, *(x[short] for x in (path.t, path.q, path.qd, path.qdd)))
+    part = Motion(path.rate, *(x[short] for x in (path.t, path.q, path.qd, path.qdd)))
     arm = TrueArm(UR5, setting.theta, setting.edits)
-    power = (arm.torque(part) * part.qd).sum(axis=1)
+    power = (arm.inverse(part)[0] * part.qd).sum(axis=1)
     work = cumulative_simpson(power, x=part.t, initial=0.0)
     model = arm.model()
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
@@ -89,8 +89,8 @@ def test_links_keep_the_balance_of_energy(number):
 
 def test_a_tool_at_rest_weighs_on_the_sensor():
     q = np.tile([0.0, -1.2, -1.9, -1.6, np.pi / 2, 0.0], (50, 1))
-    still = Motion("rest", 100.0, np.arange(50) / 400.0, q, 0.0 * q, 0.0 * q)
-    load = TrueArm(UR5, UR5.parameters.nominal).wrench(still)[25]
+    still = Motion(100.0, np.arange(50) / 400.0, q, 0.0 * q, 0.0 * q)
+    load = TrueArm(UR5, UR5.parameters.nominal).inverse(still)[1][25]
     tool = UR5.tool(UR5.parameters.nominal)
     assert np.linalg.norm(load[:3]) == pytest.approx(float(tool.mass) * 9.80665, rel=1e-9)
     assert load[3:] == pytest.approx(np.cross(np.asarray(tool.cog), load[:3]), abs=1e-9)
@@ -129,15 +129,15 @@ def test_an_asymmetry_without_reversal_is_like_an_offset_and_a_coulomb_fault_is_
     fault = FAMILIES["drive.coulomb"](setting, 1, np.random.default_rng(6))
     added = world.simulate(setting, fault) - setting.healthy
     rest = case.remaining(setting, fault, added)
-    assert rest["drive.coulomb", 2] < 0.1 * rest["drive.offset", 2]
+    assert rest["drive.coulomb.2"] < 0.1 * rest["drive.offset.2"]
     path = setting.path
     one = np.abs(path.qd[:, 1]) + 0.05
     q = path.q.copy()
     q[:, 1] = q[0, 1] + np.cumsum(one) * path.step * 0.05
-    oneway = replace(setting, path=of_values("oneway", path.rate, path.t, q))
+    oneway = replace(setting, path=of_values(path.rate, path.t, q))
     added = world.simulate(oneway, fault) - oneway.healthy
     size, rest = case.gap_of(oneway, added), case.remaining(oneway, fault, added)
-    assert ("drive.offset", 2) in case.classed(fault, size, rest)
+    assert "drive.offset.2" in case.classed(fault, size, rest)
 
 
 # ---- cases ---------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ def daily_wave(setting, rng, size):
     """A zero that follows a part of a sine."""
     curve = np.sin(2.0 * np.pi * (rng.uniform(0.4, 2.0) * elapsed(setting.path.t) + rng.uniform()))
     shift = np.outer(curve, 3e-3 * size * setting.full_scale * touched(rng))
-    return RefereeFault(gauge=lambda ride, y: y + shift, stage=ZERO)
+    return RefereeFault(change=lambda ride, y: y + shift, stage=ZERO)
 
 
 def dahl_friction(setting, rng, size):
@@ -26,7 +26,7 @@ def dahl_friction(setting, rng, size):
         loops = np.stack([dahl(c, reach) for c in (y / setting.swing).T], axis=1)
         return y - width * loops
 
-    return RefereeFault(gauge=gauge, stage=LOOP)
+    return RefereeFault(change=gauge, stage=LOOP)
 
 
 def wave(setting, rng, size):
@@ -40,7 +40,7 @@ def wave(setting, rng, size):
         u = y / setting.swing
         return y + bend * (np.sin(turns * u + phase) - lines[:, 0] * u - lines[:, 1])
 
-    return RefereeFault(gauge=gauge, stage=BEND)
+    return RefereeFault(change=gauge, stage=BEND)
 
 
 FORMS = {

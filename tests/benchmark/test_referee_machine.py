@@ -73,7 +73,7 @@ def test_a_hose_pulls_with_its_stiffness_once_it_is_taut():
     line = hook - (position + rotation @ point)
     length = np.linalg.norm(line, axis=1)
     slack = float(np.median(length))
-    rope = replace(truth, hose=Hose(hook, point, slack, 4.0))
+    rope = replace(truth, devices=(Hose(hook, point, slack, 4.0),))
     difference = held(path, ride(robot, rope, path).load - ride(robot, truth, path).load)
     pull = (4.0 * np.maximum(length - slack, 0.0) / length)[:, None] * line
     force = np.einsum("nij,ni->nj", rotation, pull)
@@ -85,7 +85,7 @@ def test_a_hose_pulls_with_its_stiffness_once_it_is_taut():
 def test_a_loose_part_lies_at_the_stop_that_is_below():
     robot, poses, path, truth = scene("ur5")
     axis, share, stop = np.array([1.0, 0.0, 0.0]), 0.1, 5e-3
-    part = replace(truth, loose=LoosePart(share, axis, stop, 0.05))
+    part = replace(truth, devices=(LoosePart(share, axis, stop, 0.05),))
     difference = held(path, ride(robot, part, path).load - ride(robot, truth, path).load)
     rotation, _ = robot.sensor_pose(poses, truth.theta)
     felt = np.einsum("nij,i->nj", rotation, truth.gravity)
@@ -105,7 +105,7 @@ def test_a_pad_pushes_as_far_as_its_spring_is_pressed():
     level = float(np.sort(height)[2])
     pad = Pad(np.array([0.0, 0.0, level - radius]), np.array([0.0, 0.0, 1.0]), k, 0.0, tip, radius)
     difference = held(
-        path, ride(robot, replace(truth, pad=pad), path).load - ride(robot, truth, path).load
+        path, ride(robot, replace(truth, devices=(pad,)), path).load - ride(robot, truth, path).load
     )
     up = np.einsum("nij,nj->ni", rotation, difference[:, :3])[:, 2]
     deep = np.maximum(level - height, 0.0)

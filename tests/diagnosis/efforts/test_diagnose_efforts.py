@@ -235,9 +235,9 @@ def both(gap=HEALTHY, more=0.0):
     """A case with the wrench of the same motion by differentiated poses of MuJoCo's sensor."""
     made = case(gap, SEED, SECONDS, configured=True)
     t, q = fourier(np.random.default_rng(SEED), SECONDS)
-    path = Path("fourier", 1.0 / (t[1] - t[0]), t, q.v, q.d, q.dd)
+    path = Path(1.0 / (t[1] - t[0]), t, q.v, q.d, q.dd)
     theta = UR5.theta_of_tool(UR5.parameters.nominal.copy(), MASS + more, COG)
-    load = TrueArm(UR5, theta).wrench(path)
+    load = TrueArm(UR5, theta).inverse(path)[1]
     load += OF_SENSOR * np.random.default_rng(9).normal(size=load.shape) + [3, -2, 5, 0, 0.1, 0]
     columns = dict(made.columns) | {c: load[:, k] for k, c in enumerate(CHANNELS)}
     return replace(made, columns=columns)

@@ -18,11 +18,8 @@ Edit = Callable[[mujoco.MjModel], None]
 """Function that changes a compiled model in place."""
 LINK_MASS, LINK_COG, LINK_INERTIA = 0.01, 0.01, 0.03
 """Standard deviations of links over stated: mass, centre of gravity, inertia."""
-SENSOR = "ft"
-"""Name of the sensor's site in every robot's model."""
-KINDS = ("multisine", "fourier", "points", "oneway")
 SHARES = (0.35, 0.3, 0.27, 0.08)
-"""Shares of the kinds of motions, in their order."""
+"""Shares of multisines, Fourier series, moves from point to point, and such moves one way."""
 FINE = 4
 """Steps of the physics per recorded row."""
 SECONDS = (30.0, 60.0)
@@ -43,13 +40,11 @@ class Path:
     """A motion on a grid finer than the recording's.
 
     Attributes:
-        kind: of `KINDS`.
         rate: rows a second [Hz].
         t: instants (T,) [s].
         q, qd, qdd: joint values, speeds, accelerations (T, J) [rad, rad/s, rad/s²].
     """
 
-    kind: str
     rate: float
     t: np.ndarray
     q: np.ndarray
@@ -67,21 +62,21 @@ class Path:
         return np.arange(0, len(self.t), FINE)
 
 
-def of_values(kind: str, rate: float, t: np.ndarray, q: np.ndarray) -> Path:
+def of_values(rate: float, t: np.ndarray, q: np.ndarray) -> Path:
     """A path through joint values (T, J) at even fine instants, a quintic spline."""
     spline = make_interp_spline(t, q, k=5)
-    return Path(kind, rate, t, q, spline.derivative(1)(t), spline.derivative(2)(t))
+    return Path(rate, t, q, spline.derivative(1)(t), spline.derivative(2)(t))
 
 
 def draw(robot: SimulatedRobot, rng: Rng) -> Path:
     """A motion of an arm."""
-    kind = str(rng.choice(KINDS, p=SHARES))
+    move = (_multisine, _fourier, _points, _oneway)[rng.choice(len(SHARES), p=SHARES)]
     rate = float(rng.choice(RATES))
     t = np.arange(round(rng.uniform(*SECONDS) * rate) * FINE) / (rate * FINE)
     joints = robot.joints
-    middle, reach = _middle(joints, robot.sample(1, rng)[0])
+    room = _middle(joints, robot.sample(1, rng)[0])
     top = np.array([min(j.speed, _MOST_SPEED) for j in joints]) * rng.uniform(*_SPEED)
-    return of_values(kind, rate, t, _MAKERS[kind](rng, t, (middle, reach), top))
+    return of_values(rate, t, move(rng, t, room, top))
 
 
 def _middle(joints: Sequence[Joint], pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -164,11 +159,6 @@ def _smooth(x: np.ndarray) -> np.ndarray:
     return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x * x))
 
 
-_MAKERS: dict[str, Callable[..., np.ndarray]] = {
-    "multisine": _multisine, "fourier": _fourier, "points": _points, "oneway": _oneway,
-}  # fmt: skip
-
-
 @dataclass(frozen=True, eq=False)
 class TrueArm:
     """An arm with parameters theta (P,) and further edits of its compiled model."""
@@ -188,25 +178,23 @@ class TrueArm:
             edit(model)
         return model
 
-    def torque(self, path: Path) -> np.ndarray:
-        """Torque of the rigid links (T, J) [N·m]."""
+    def inverse(self, path: Path) -> tuple[np.ndarray, np.ndarray]:
+        """Torque of the rigid links (T, J) [N·m], and load of the tool on the sensor (T, 6) [N,
+        N·m]."""
         model = self.model()
-        data, torque = mujoco.MjData(model), np.empty_like(path.q)
+        data, torque, load = mujoco.MjData(model), np.empty_like(path.q), np.empty((len(path.t), 6))
+        force, moment = data.sensor("force").data, data.sensor("torque").data
         for k, place in enumerate(self.robot.qpos(path.q, self.theta)):
             data.qpos[:], data.qvel[:], data.qacc[:] = place, path.qd[k], path.qdd[k]
             mujoco.mj_inverse(model, data)
-            torque[k] = data.qfrc_inverse
-        return torque
+            torque[k], load[k, :3], load[k, 3:] = data.qfrc_inverse, force, moment
+        return torque, -load
 
-    def pull_slopes(self, path: Path, link: int, anchor: np.ndarray) -> np.ndarray:
-        """Slopes (T, J) [m/rad] by the joints of a line's length from the world to a link's origin.
-
-        Args:
-            link: 0-based joint that carries the link.
-            anchor: of the line in the world (3,) [m].
-        """
+    def pull_slopes(self, path: Path, anchor: np.ndarray) -> np.ndarray:
+        """Slopes (T, J) [m/rad] by the joints of a line's length from an anchor in the world (3,)
+        [m] to the last link's origin."""
         model = self.model()
-        data, body = mujoco.MjData(model), int(model.jnt_bodyid[link])
+        data, body = mujoco.MjData(model), int(model.jnt_bodyid[-1])
         slopes, jacobian = np.empty((len(path.t), model.nv)), np.zeros((3, model.nv))
         for k, place in enumerate(self.robot.qpos(path.q, self.theta)):
             data.qpos[:] = place
@@ -217,33 +205,6 @@ class TrueArm:
             line = origin - anchor
             slopes[k] = line @ jacobian / np.linalg.norm(line)
         return slopes
-
-    def wrench(self, path: Path) -> np.ndarray:
-        """Load of the tool on the sensor (T, 6) [N, N·m], by differentiated poses of the sensor."""
-        model = self.model()
-        data, site = mujoco.MjData(model), model.site(SENSOR).id
-        body = model.body("tool").id
-        centre, turns = np.empty((len(path.t), 3)), np.empty((len(path.t), 3, 3))
-        spin, lever = np.empty((len(path.t), 3)), np.empty((len(path.t), 3))
-        own, slope = np.empty((len(path.t), 3, 3)), np.zeros((3, model.nv))
-        for k, place in enumerate(self.robot.qpos(path.q, self.theta)):
-            data.qpos[:] = place
-            mujoco.mj_kinematics(model, data)
-            mujoco.mj_comPos(model, data)
-            mujoco.mj_jac(model, data, None, slope, data.xipos[body], body)
-            turns[k] = data.site_xmat[site].reshape(3, 3)
-            centre[k], spin[k] = data.xipos[body], slope @ path.qd[k]
-            lever[k] = data.xipos[body] - data.site_xpos[site]
-            axes = data.ximat[body].reshape(3, 3)
-            own[k] = axes @ np.diag(model.body_inertia[body]) @ axes.T
-        pushed = make_interp_spline(path.t, centre, k=5).derivative(2)(path.t)
-        turned = make_interp_spline(path.t, spin, k=5).derivative(1)(path.t)
-        force = model.body_mass[body] * (model.opt.gravity - pushed)
-        momentum = np.einsum("kij,kj->ki", own, spin)
-        moment = -np.einsum("kij,kj->ki", own, turned) - np.cross(spin, momentum)
-        moment = moment + np.cross(lever, force)
-        both = [np.einsum("kji,kj->ki", turns, v) for v in (force, moment)]
-        return np.concatenate(both, axis=1)
 
 
 def manufactured(rng: Rng) -> Edit:

@@ -9,6 +9,7 @@ sizes of noise are estimates.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -17,7 +18,7 @@ from scipy import signal
 from wrenchbed import registry
 from wrenchbed.benchmark import frame
 from wrenchbed.benchmark.efforts import faults, outside
-from wrenchbed.benchmark.efforts.arm import FINE, TrueArm
+from wrenchbed.benchmark.efforts.arm import FINE, Edit, TrueArm
 from wrenchbed.benchmark.efforts.arm import Path as Motion
 from wrenchbed.benchmark.efforts.faults import WARMING, WHOLE
 from wrenchbed.benchmark.efforts.world import (
@@ -51,7 +52,6 @@ _SEEN_SPEED = 0.01
 """Speed [rad/s] over which Coulomb friction turns its sign: estimate, of the bristles here."""
 _ONE_KG, _ONE_CM, _ONE_MRAD = 1.0, 0.01, 1e-3
 """Sizes at which whole-body columns are taken, by definition."""
-Key = tuple[str, int | None]
 SHARES = {"none": 0.25, "single": 0.5, "outside": 0.25}
 """Shares of the kinds of cases."""
 LARGEST = 400.0
@@ -70,12 +70,6 @@ _FORGOTTEN = 200
 """Rows until the filter that colours noise has forgotten its start."""
 
 
-def name_of(key: Key) -> str:
-    """Name ``drive.coulomb.2`` of an effect and its joint."""
-    effect, joint = key
-    return effect if joint is None else f"{effect}.{joint}"
-
-
 def gap_of(setting: EffortSetting, added: np.ndarray) -> float:
     """Gap that a fault makes: mean square, at the joint where it is largest, of the efforts that
     the fault adds (N, J) in units of one row's noise; a joint at rest counts as 0."""
@@ -87,18 +81,18 @@ def _seen(setting: EffortSetting, added: np.ndarray) -> np.ndarray:
     return np.asarray(added * setting.scale / setting.noise * setting.moving)
 
 
-def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> dict[Key, float]:
+def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> dict[str, float]:
     """Gap at the worst joint that each family's best imitation leaves of a cause (N, J)."""
     unit = _seen(setting, added)[::_EVERY]
     energy = (unit**2).mean(axis=0)
     joint = int(energy.argmax()) if fault.joint is None else fault.joint
     others = float(np.delete(energy, joint).max())
-    gaps: dict[Key, float] = {}
+    gaps: dict[str, float] = {}
     use = setting.moving[::_EVERY]
     for name, columns in own_columns(setting, joint):
         rest = max(_rest(columns * use[:, joint, None], unit[:, joint]), others)
-        key = (name, joint + 1)
-        gaps[key] = min(rest, gaps.get(key, np.inf))
+        place = f"{name}.{joint + 1}"
+        gaps[place] = min(rest, gaps.get(place, np.inf))
     for whole, wide in whole_columns(setting):
         flat = (wide / setting.noise[:, None] * use[..., None]).reshape(-1, wide.shape[-1])
         off = unit.ravel() - flat @ np.linalg.lstsq(flat, unit.ravel(), rcond=None)[0]
@@ -106,11 +100,10 @@ def remaining(setting: EffortSetting, fault: EffortFault, added: np.ndarray) -> 
     return gaps
 
 
-def classed(fault: EffortFault, size: float, rest: dict[Key, float]) -> tuple[Key, ...]:
+def classed(fault: EffortFault, size: float, rest: dict[str, float]) -> tuple[str, ...]:
     """Families with joints that no data of this motion tell from the cause, itself first."""
-    cause: Key = (fault.name, None if fault.joint is None else fault.joint + 1)
-    same = [k for k, v in rest.items() if v <= SAME + SHARE * size and k != cause]
-    return (cause, *same)
+    same = [k for k, v in rest.items() if v <= SAME + SHARE * size and k != fault.place]
+    return (fault.place, *same)
 
 
 def _rest(columns: np.ndarray, target: np.ndarray) -> float:
@@ -163,22 +156,22 @@ def own_columns(setting: EffortSetting, joint: int) -> Iterator[tuple[str, np.nd
         yield "drive.bandwidth", (slow - clean)[::_EVERY, None]
 
 
-def whole_columns(setting: EffortSetting) -> Iterator[tuple[Key, np.ndarray]]:
+def whole_columns(setting: EffortSetting) -> Iterator[tuple[str, np.ndarray]]:
     """Columns (M, J, K) [N·m] of links, tool and base, by differences of MuJoCo's torques."""
     fine = setting.path.rows[::_EVERY]
     path = setting.path
-    thin = Motion(path.kind, path.rate, path.t[fine], path.q[fine], path.qd[fine], path.qdd[fine])
+    thin = Motion(path.rate, path.t[fine], path.q[fine], path.qd[fine], path.qdd[fine])
     start = setting.healthy_torque[fine]
     robot, theta = setting.robot, setting.theta
     tool = robot.tool(theta)
     mass, cog = float(tool.mass), np.asarray(tool.cog, dtype=float)
 
-    def edited(edit: object) -> np.ndarray:
-        return TrueArm(robot, theta, (*setting.edits, edit)).torque(thin) - start  # type: ignore[arg-type]
+    def edited(edit: Edit) -> np.ndarray:
+        return TrueArm(robot, theta, (*setting.edits, edit)).inverse(thin)[0] - start
 
     def other(m: float, c: np.ndarray) -> np.ndarray:
         changed = robot.theta_of_tool(theta, m, [float(x) for x in c])
-        return TrueArm(robot, changed, setting.edits).torque(thin) - start
+        return TrueArm(robot, changed, setting.edits).inverse(thin)[0] - start
 
     def heavier(model: mujoco.MjModel, link: int) -> None:
         body = int(model.jnt_bodyid[link])
@@ -194,13 +187,13 @@ def whole_columns(setting: EffortSetting) -> Iterator[tuple[Key, np.ndarray]]:
         model.opt.gravity[:] += np.cross(turn, model.opt.gravity)
 
     for k in range(len(setting.rated)):
-        yield ("link.mass", k + 1), edited(lambda m, k=k: heavier(m, k))[..., None]
-        ways = [edited(lambda m, k=k, x=x: moved(m, k, x)) for x in range(3)]
-        yield ("link.cog", k + 1), np.stack(ways, axis=-1)
-    yield ("tool.mass", None), other(mass + _ONE_KG, cog)[..., None]
+        yield f"link.mass.{k + 1}", edited(partial(heavier, link=k))[..., None]
+        ways = [edited(partial(moved, link=k, axis=x)) for x in range(3)]
+        yield f"link.cog.{k + 1}", np.stack(ways, axis=-1)
+    yield "tool.mass", other(mass + _ONE_KG, cog)[..., None]
     steps = [other(mass, cog + _ONE_CM * np.eye(3)[x]) for x in range(3)]
-    yield ("tool.cog", None), np.stack(steps, axis=-1)
-    yield (WHOLE[2], None), np.stack([edited(lambda m, x=x: tilted(m, x)) for x in range(2)], -1)
+    yield "tool.cog", np.stack(steps, axis=-1)
+    yield "base.tilt", np.stack([edited(partial(tilted, axis=x)) for x in range(2)], -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,14 +206,14 @@ class EffortCase:
         fault: the cause; `HEALTHY` of a healthy robot.
         gap: mean square that the cause adds at the joint where it is largest, in units of one
             row's noise.
-        alike: effects with joints that imitate the cause on this motion, itself first.
+        alike: names of effects with joints that imitate the cause on this motion, itself first.
     """
 
     kind: str
     recording: Recording
     fault: EffortFault = HEALTHY
     gap: float = 0.0
-    alike: tuple[Key, ...] = ()
+    alike: tuple[str, ...] = ()
 
 
 def kind_of(seed: int, number: int, wrench: bool) -> str:
@@ -257,7 +250,7 @@ def make(
 
 def _counted(
     setting: EffortSetting, fault: EffortFault, kind: str
-) -> tuple[float, tuple[Key, ...]]:
+) -> tuple[float, tuple[str, ...]]:
     """Gap of a fault and the effects that imitate it, itself first; none if it does not count."""
     added = simulate(setting, fault) - setting.healthy
     gap = gap_of(setting, added)
@@ -266,7 +259,7 @@ def _counted(
     gaps = remaining(setting, fault, added)
     if kind == "single":
         return gap, classed(fault, gap, gaps)
-    return gap, ((fault.name, None),) if min(gaps.values()) >= IMITATED else ()
+    return gap, (fault.name,) if min(gaps.values()) >= IMITATED else ()
 
 
 def _family(kind: str, number: int, wrench: bool) -> str:
@@ -297,7 +290,7 @@ def _recorded(setting: EffortSetting, fault: EffortFault, rng: Rng, wrench: bool
     stated = as_stated(robot, "dynamic", "sim", setting.path.rate, tool)
     if wrench:
         state = state_of(setting, fault)
-        load = TrueArm(robot, state.arm.theta, state.arm.edits).wrench(state.path)[rows]
+        load = TrueArm(robot, state.arm.theta, state.arm.edits).inverse(state.path)[1][rows]
         load = load + SENSOR_STD * rng.normal(size=load.shape)
         columns |= dict(zip(CHANNELS, load.T, strict=True))
         sensor = SensorInfo(noise_std=tuple(SENSOR_STD.tolist()))

@@ -77,8 +77,7 @@ def external_push(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     size = float(np.linalg.norm(force))
 
     def torque(state: State) -> np.ndarray:
-        last = len(state.rated) - 1
-        slopes = state.arm.pull_slopes(state.path, last, _FAR * force / size)
+        slopes = state.arm.pull_slopes(state.path, _FAR * force / size)
         return np.asarray(size * on[:, None] * slopes)
 
     return EffortFault({"force": size}, torque=torque)
@@ -142,7 +141,7 @@ def encoder_eccentricity(setting: EffortSetting, joint: int, rng: Rng) -> Effort
     def motion(path: Path) -> Path:
         q = path.q.copy()
         q[:, joint] += size * np.sin(order * q[:, joint] + phase)
-        return of_values(path.kind, path.rate, path.t, q)
+        return of_values(path.rate, path.t, q)
 
     return EffortFault({"size": float(size)}, joint, motion=motion)
 

@@ -53,19 +53,17 @@ def lugre(
     return np.asarray(stiffness * bristle + damping * (speed - rate * bristle))
 
 
-def bouc_wen(
-    speed: np.ndarray, step: float, width: float, sharpness: float = 1.0, loop: float = 0.6
-) -> np.ndarray:
+def bouc_wen(speed: np.ndarray, step: float, width: float, loop: float = 0.6) -> np.ndarray:
     """Hysteretic state (T,) in −1 … 1 of a spring that yields over ``width`` [rad].
 
-    ż = v (1 − |z|ⁿ (γ + β sgn(v z))) / width with β + γ = 1, in Heun's steps. Wen 1976,
+    ż = v (1 − |z| (γ + β sgn(v z))) / width with β + γ = 1, in Heun's steps. Wen 1976,
     doi 10.1061/JMCEA3.0002106.
     """
     beta, gamma = loop, 1.0 - loop
 
     def rate(v: float, z: float) -> float:
         turn = beta if v * z > 0.0 else -beta
-        return v * (1.0 - abs(z) ** sharpness * (gamma + turn)) / width
+        return v * (1.0 - abs(z) * (gamma + turn)) / width
 
     state, z = np.empty_like(speed), 0.0
     for k, v in enumerate(speed.tolist()):
@@ -99,44 +97,24 @@ class State:
 
     Attributes:
         path: the motion.
-        rigid: the links' torque (T, J) [N·m].
         temperature: of the drives (T,) [°C].
-        rated: torques (J,) [N·m].
-        joint: 0-based, of the fault; 0 for a fault without a joint.
+        rigid: the links' torque (T, J) [N·m].
+        q, qd: values and speeds of the fault's joint (T,) [rad, rad/s], of the first for a fault
+            without a joint.
+        load: the links' torque there (T,) [N·m].
+        coulomb, viscous: friction there [N·m, N·m·s/rad].
     """
 
     path: Path
-    rigid: np.ndarray
     temperature: np.ndarray
-    rated: np.ndarray
     drives: TrueDrives
     arm: TrueArm
-    joint: int = 0
-
-    @property
-    def q(self) -> np.ndarray:
-        """Values of the fault's joint (T,) [rad]."""
-        return self.path.q[:, self.joint]
-
-    @property
-    def qd(self) -> np.ndarray:
-        """Speeds of the fault's joint (T,) [rad/s]."""
-        return self.path.qd[:, self.joint]
-
-    @property
-    def load(self) -> np.ndarray:
-        """The links' torque at the fault's joint (T,) [N·m]."""
-        return self.rigid[:, self.joint]
-
-    @property
-    def coulomb(self) -> float:
-        """Coulomb friction of the fault's joint [N·m]."""
-        return float(self.drives.coulomb[self.joint])
-
-    @property
-    def viscous(self) -> float:
-        """Viscous friction of the fault's joint [N·m·s/rad]."""
-        return float(self.drives.viscous[self.joint])
+    rigid: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    load: np.ndarray
+    coulomb: float
+    viscous: float
 
 
 def way_of(state: State) -> np.ndarray:
@@ -195,6 +173,11 @@ class EffortFault(Fault):
     rows: Callable[[np.ndarray], np.ndarray] | None = None
     motion: Callable[[Path], Path] | None = None
 
+    @property
+    def place(self) -> str:
+        """Name ``drive.coulomb.2`` of the effect and its joint, from 1."""
+        return self.name if self.joint is None else f"{self.name}.{self.joint + 1}"
+
     def changed(self, matrix: np.ndarray, change: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """A matrix (T, J) whose column of the fault's joint was changed; all of them without."""
         if self.joint is None:
@@ -244,20 +227,14 @@ class EffortSetting:
     @cached_property
     def scale(self) -> np.ndarray:
         """Torque a unit of effort (J,): drive constants, or ones."""
-        one = np.ones(len(self.rated))
-        return self.configured_constants if self.prefix == "i" else one
-
-    @property
-    def configured_constants(self) -> np.ndarray:
-        """Stated drive constants (J,) [N·m/A]."""
-        return np.array(
-            [self.configured[f"drive.constant.{j + 1}"] for j in range(len(self.rated))]
-        )
+        joints = range(1, len(self.rated) + 1)
+        constants = [self.configured[f"drive.constant.{j}"] for j in joints]
+        return np.array(constants) if self.prefix == "i" else np.ones(len(joints))
 
     @cached_property
     def healthy_torque(self) -> np.ndarray:
         """Torque of the true links (T, J) [N·m] without a fault."""
-        return TrueArm(self.robot, self.theta, self.edits).torque(self.path)
+        return TrueArm(self.robot, self.theta, self.edits).inverse(self.path)[0]
 
     @cached_property
     def moving(self) -> np.ndarray:
@@ -278,9 +255,12 @@ def state_of(setting: EffortSetting, fault: EffortFault) -> State:
     path = setting.path if fault.motion is None else fault.motion(setting.path)
     arm = TrueArm(setting.robot, theta, edits)
     rigid_fault = fault.theta is not None or fault.edit is not None or fault.motion is not None
-    rigid = arm.torque(path) if rigid_fault else setting.healthy_torque
+    rigid = arm.inverse(path)[0] if rigid_fault else setting.healthy_torque
     drives = setting.drives if fault.drives is None else fault.drives(setting.drives)
-    return State(path, rigid, setting.temperature, setting.rated, drives, arm, fault.joint or 0)
+    j = fault.joint or 0
+    friction = float(drives.coulomb[j]), float(drives.viscous[j])
+    columns = path.q[:, j], path.qd[:, j], rigid[:, j]
+    return State(path, setting.temperature, drives, arm, rigid, *columns, *friction)
 
 
 def drive_torque(state: State, gear: float, fault: EffortFault) -> np.ndarray:
@@ -394,6 +374,6 @@ def _stated(robot: SimulatedRobot, rng: Rng) -> np.ndarray:
 def rated_torques(robot: SimulatedRobot, theta: np.ndarray, rng: Rng) -> np.ndarray:
     """Torques (J,) [N·m] that joints hold at random poses, and a bit."""
     poses = robot.sample(40, rng)
-    still = Path("rest", 1.0, np.arange(40.0), poses, 0.0 * poses, 0.0 * poses)
-    peak = 1.7 * np.abs(TrueArm(robot, theta).torque(still)).max(axis=0)
+    still = Path(1.0, np.arange(40.0), poses, 0.0 * poses, 0.0 * poses)
+    peak = 1.7 * np.abs(TrueArm(robot, theta).inverse(still)[0]).max(axis=0)
     return np.asarray(np.maximum(peak, _LEAST_RATED * peak.max()))

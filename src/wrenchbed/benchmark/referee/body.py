@@ -211,7 +211,7 @@ def tool_loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     part = LoosePart(
         mass_fraction, direction(rng), 0.5 * travel / mass_fraction, float(rng.uniform(0.05, 0.3))
     )
-    return RefereeFault({"travel": travel}, body=lambda m: replace(m, loose=part))
+    return RefereeFault({"travel": travel}, body=lambda m: replace(m, devices=(*m.devices, part)))
 
 
 def tool_leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -233,7 +233,7 @@ def tool_leak(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
 
     return RefereeFault(
         {"lost": float(lost[-1])},
-        load=lambda ride, y: y + wrench_at(place, -lost[:, None] * _pull(ride, place)),
+        change=lambda ride, y: y + wrench_at(place, -lost[:, None] * _pull(ride, place)),
     )
 
 
@@ -252,7 +252,7 @@ def tool_slide(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         torque = np.cross(moved, setting.mass * _pull(ride, setting.cog))
         return y + np.concatenate([np.zeros_like(torque), torque], axis=1)
 
-    return RefereeFault(by_axis(moved[-1], "moved."), load=load)
+    return RefereeFault(by_axis(moved[-1], "moved."), change=load)
 
 
 def tool_flexure(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -280,7 +280,7 @@ def cable_pull(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     stiffness = about(rng, 0.02 * setting.mass * _G * size) / pull
     rope = Hose(hook, point, slack, stiffness)
     true = {"stiffness": stiffness, "slack": slack}
-    return RefereeFault(true, body=lambda m: replace(m, hose=rope))
+    return RefereeFault(true, body=lambda m: replace(m, devices=(*m.devices, rope)))
 
 
 def environment_contact(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -298,7 +298,7 @@ def environment_contact(setting: RefereeSetting, rng: Rng, size: float) -> Refer
     k = force / max(float(deep.mean()), 1e-4)
     point = ends.mean(axis=0) + (level - radius - float(ends.mean(axis=0) @ normal)) * normal
     block = Pad(point, normal, k, float(rng.uniform(0.1, 0.5)), tip, radius)
-    return RefereeFault({"stiffness": k}, body=lambda m: replace(m, pad=block))
+    return RefereeFault({"stiffness": k}, body=lambda m: replace(m, devices=(*m.devices, block)))
 
 
 def cable_torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -317,7 +317,7 @@ def cable_torsion(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFaul
         torque = np.stack([lean[0] * twist, lean[1] * twist, twist], axis=1)
         return y + np.concatenate([np.zeros_like(torque), torque], axis=1)
 
-    return RefereeFault({"stiffness": k}, load=load)
+    return RefereeFault({"stiffness": k}, change=load)
 
 
 def _pull(ride: Ride, place: np.ndarray) -> np.ndarray:

@@ -12,8 +12,8 @@ from wrenchbed.benchmark.frame import Fault, Rng, RowChange, by_axis
 from wrenchbed.benchmark.referee.machine import Mechanics, Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 
-GAIN, MIX, BEND, LOOP, CREEP, ZERO = range(6)
-"""Order in which the sensor's faults act."""
+LOAD, GAIN, MIX, BEND, LOOP, CREEP, ZERO, CLOCK = range(8)
+"""Order in which faults act: on the load, in the sensor, and on the time of its readings."""
 Change = Callable[[Ride, np.ndarray], np.ndarray]
 """Makes another signal (T, 6) [N, N·m] of one, over the instants of a ride."""
 RowFault = RowChange[Callable[[np.ndarray], np.ndarray]]
@@ -51,25 +51,22 @@ class RefereeFault(Fault):
 
     Attributes:
         body: changes the machine; it has to ride anew.
-        load: changes the load on the sensor.
-        gauge: changes what the gauges make of it, in the order of ``stage``.
-        clock: changes when it is read.
+        change: changes the load on the sensor, what its gauges make of it, or when it is read.
+        stage: at which it does.
         rows: what happens between rows.
         size: in multiples of typical.
     """
 
     body: Callable[[Mechanics], Mechanics] | None = None
-    load: Change | None = None
-    gauge: Change | None = None
+    change: Change | None = None
     stage: int = 0
-    clock: Change | None = None
     rows: RowFault | None = None
     size: float = 0.0
 
 
 def shifted(true: dict[str, float], shift: np.ndarray) -> RefereeFault:
     """A zero that shifts by (6,), or instant by instant by (T, 6) [N, N·m]."""
-    return RefereeFault(true, gauge=lambda ride, y: y + shift, stage=ZERO)
+    return RefereeFault(true, change=lambda ride, y: y + shift, stage=ZERO)
 
 
 def misshapen(
@@ -108,13 +105,7 @@ def _loaded(setting: RefereeSetting, m: Mechanics, mass: float, cog: np.ndarray)
 def signal(ride: Ride, faults: Sequence[RefereeFault]) -> np.ndarray:
     """Sensor's reading at every instant (T, 6) [N, N·m], without noise and range."""
     y = ride.load
-    for fault in faults:
-        if fault.load is not None:
-            y = fault.load(ride, y)
     for fault in sorted(faults, key=lambda f: f.stage):
-        if fault.gauge is not None:
-            y = fault.gauge(ride, y)
-    for fault in faults:
-        if fault.clock is not None:
-            y = fault.clock(ride, y)
+        if fault.change is not None:
+            y = fault.change(ride, y)
     return y

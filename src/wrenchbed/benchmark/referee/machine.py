@@ -8,6 +8,7 @@ small against every time constant of the machine.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -43,16 +44,14 @@ _BEND_RATIO = 0.3
 _HINGE, _SLIDE = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE
 
 
-@dataclass(frozen=True)
-class Backlash:
+class Backlash(NamedTuple):
     """A gear with backlash: its full width [rad] and the friction inside it [N·m]."""
 
     width: float
     friction: float
 
 
-@dataclass(frozen=True, eq=False)
-class LoosePart:
+class LoosePart(NamedTuple):
     """A part of the tool that slides between two stops.
 
     Attributes:
@@ -67,9 +66,20 @@ class LoosePart:
     stop: float
     stick: float
 
+    def attach(self, spec: mujoco.MjSpec) -> None:
+        load = spec.body("hidden_load")
+        total = load.mass
+        load.mass = (1.0 - self.share) * total
+        slide = load.add_body(name="hidden_part", pos=load.ipos)
+        slide.mass, slide.ipos, slide.explicitinertial = self.share * total, [0.0, 0.0, 0.0], True
+        slide.inertia = [1e-6, 1e-6, 1e-6]
+        joint = slide.add_joint(name="hidden_slide", type=_SLIDE, axis=self.axis)
+        joint.limited, joint.range = True, [-self.stop, self.stop]
+        joint.frictionloss = self.stick * self.share * total * 9.81
+        joint.damping = [2.0, 0.0, 0.0]
 
-@dataclass(frozen=True, eq=False)
-class Hose:
+
+class Hose(NamedTuple):
     """A hose from the world (3,) [m] to the tool (3,) [m]: a spring once it is taut."""
 
     hook: np.ndarray
@@ -77,10 +87,19 @@ class Hose:
     slack: float
     stiffness: float
 
+    def attach(self, spec: mujoco.MjSpec) -> None:
+        spec.worldbody.add_site(name="hidden_hook", pos=self.hook)
+        spec.body("hidden_load").add_site(name="hidden_tie", pos=self.point)
+        string = spec.add_tendon(name="hidden_hose", stiffness=[self.stiffness, 0.0, 0.0])
+        string.springlength = [0.0, self.slack]
+        string.damping = [0.02 * self.stiffness, 0.0, 0.0]
+        string.wrap_site("hidden_hook")
+        string.wrap_site("hidden_tie")
 
-@dataclass(frozen=True, eq=False)
-class Pad:
-    """A sprung pad that the tool's end can touch.
+
+class Pad(NamedTuple):
+    """A light plate on a spring that the tool's end can touch; the contact is as hard as MuJoCo
+    makes it.
 
     Attributes:
         point: on its face at rest (3,) [m].
@@ -97,6 +116,20 @@ class Pad:
     friction: float
     tip: np.ndarray
     radius: float
+
+    def attach(self, spec: mujoco.MjSpec) -> None:
+        spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        rotation, _ = Rotation.align_vectors([self.normal], [[0.0, 0.0, 1.0]])
+        turn = rotation.as_quat(scalar_first=True)
+        plate = spec.worldbody.add_body(name="hidden_pad", pos=self.point, quat=turn)
+        joint = plate.add_joint(name="hidden_pad", type=_SLIDE, axis=[0.0, 0.0, 1.0])
+        joint.limited, joint.stiffness = False, [self.stiffness, 0.0, 0.0]
+        joint.damping, joint.armature = [0.03 * self.stiffness, 0.0, 0.0], 0.05
+        shape = {"contype": 1, "conaffinity": 1, "friction": [self.friction, 0.0, 0.0]}
+        box, ball = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE
+        plate.add_geom(type=box, size=[3.0, 3.0, 0.5], pos=[0.0, 0.0, -0.5], mass=0.05, **shape)
+        load, size = spec.body("hidden_load"), [self.radius, 0.0, 0.0]
+        load.add_geom(type=ball, size=size, pos=self.tip, mass=0.0, **shape)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,6 +149,7 @@ class Mechanics:
         bend: compliance of the tool's root about x and y (2,) [rad/(N·m)].
         root: height of that root above the sensor's origin [m].
         mount: rotation vector of the sensor on its flange (3,) [rad].
+        devices: what hangs on the tool or stands in its way.
     """
 
     theta: np.ndarray
@@ -130,47 +164,14 @@ class Mechanics:
     bend: np.ndarray = field(default_factory=lambda: np.zeros(2))
     root: float = 0.0
     mount: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    loose: LoosePart | None = None
-    hose: Hose | None = None
-    pad: Pad | None = None
+    devices: tuple[LoosePart | Hose | Pad, ...] = ()
 
     def driven(self, q: np.ndarray) -> np.ndarray:
         """True positions of the drives (T, J) when the robot reports q (T, J)."""
         return np.asarray(q + sum((error(q) for error in self.drive), np.zeros_like(q)))
 
 
-@dataclass(frozen=True, eq=False)
-class Machine:
-    """A true machine as a compiled MuJoCo model.
-
-    Attributes:
-        robot: the kind of robot.
-        mechanics: its true errors.
-        model: of MuJoCo.
-        position, velocity: indices of the drives (J,) in ``qpos`` and ``qvel``.
-    """
-
-    robot: SimulatedRobot
-    mechanics: Mechanics
-    model: mujoco.MjModel
-    position: np.ndarray
-    velocity: np.ndarray
-
-    def place(self, data: mujoco.MjData, driven: np.ndarray) -> None:
-        """Put the machine at rest with its drives at (J,), loops closed, hidden hinges straight."""
-        data.qpos[:] = self.model.qpos0
-        data.qvel[:] = 0.0
-        full = self.robot.qpos(driven[None], self.mechanics.theta)[0]
-        for name, value in zip(self._names(), full, strict=True):
-            data.qpos[self.model.joint(name).qposadr[0]] = value
-
-    def _names(self) -> list[str]:
-        """The robot's own joints, in the order of its ``qpos``."""
-        every = [self.model.joint(k).name for k in range(self.model.njnt)]
-        return [name for name in every if not name.startswith("hidden")]
-
-
-def build(robot: SimulatedRobot, truth: Mechanics, step: float) -> Machine:
+def build(robot: SimulatedRobot, truth: Mechanics, step: float) -> mujoco.MjModel:
     """Compile a machine that is integrated in steps of ``step`` [s]."""
     spec = robot.spec(truth.theta)
     _strip(spec)
@@ -185,23 +186,12 @@ def build(robot: SimulatedRobot, truth: Mechanics, step: float) -> Machine:
         _pin(spec, name, radius)
     _base(spec, truth, step)
     _tool(spec, truth, step)
-    if truth.loose is not None:
-        _loose(spec, truth.loose)
-    if truth.hose is not None:
-        _hose(spec, truth.hose)
-    if truth.pad is not None:
-        _pad(spec, truth.pad)
+    for device in truth.devices:
+        device.attach(spec)
     model = spec.compile()
     if model.ntree == 1:  # constraints on one tree are one island: nobody has to look for it
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ISLAND
-    drives = [model.joint(joint.name) for joint in robot.joints]
-    return Machine(
-        robot,
-        truth,
-        model,
-        np.array([j.qposadr[0] for j in drives]),
-        np.array([j.dofadr[0] for j in drives]),
-    )
+    return model
 
 
 def _strip(spec: mujoco.MjSpec) -> None:
@@ -291,50 +281,6 @@ def _tool(spec: mujoco.MjSpec, truth: Mechanics, step: float) -> None:
             hinge.damping = [2.0 * _BEND_RATIO * float(np.sqrt(k * inertia)), 0.0, 0.0]
 
 
-def _loose(spec: mujoco.MjSpec, part: LoosePart) -> None:
-    load = spec.body("hidden_load")
-    total = load.mass
-    load.mass = (1.0 - part.share) * total
-    slide = load.add_body(name="hidden_part", pos=load.ipos)
-    slide.mass, slide.ipos, slide.explicitinertial = part.share * total, [0.0, 0.0, 0.0], True
-    slide.inertia = [1e-6, 1e-6, 1e-6]
-    joint = slide.add_joint(name="hidden_slide", type=_SLIDE, axis=part.axis)
-    joint.limited, joint.range = True, [-part.stop, part.stop]
-    joint.frictionloss = part.stick * part.share * total * 9.81
-    joint.damping = [2.0, 0.0, 0.0]
-
-
-def _hose(spec: mujoco.MjSpec, hose: Hose) -> None:
-    spec.worldbody.add_site(name="hidden_hook", pos=hose.hook)
-    spec.body("hidden_load").add_site(name="hidden_tie", pos=hose.point)
-    string = spec.add_tendon(name="hidden_hose", stiffness=[hose.stiffness, 0.0, 0.0])
-    string.springlength = [0.0, hose.slack]
-    string.damping = [0.02 * hose.stiffness, 0.0, 0.0]
-    string.wrap_site("hidden_hook")
-    string.wrap_site("hidden_tie")
-
-
-def _pad(spec: mujoco.MjSpec, pad: Pad) -> None:
-    """A light plate on a spring, behind a contact that is as hard as MuJoCo makes it."""
-    spec.option.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-    rotation, _ = Rotation.align_vectors([pad.normal], [[0.0, 0.0, 1.0]])
-    plate = spec.worldbody.add_body(
-        name="hidden_pad", pos=pad.point, quat=rotation.as_quat(scalar_first=True)
-    )
-    joint = plate.add_joint(name="hidden_pad", type=_SLIDE, axis=[0.0, 0.0, 1.0])
-    joint.limited, joint.stiffness = False, [pad.stiffness, 0.0, 0.0]
-    joint.damping, joint.armature = [0.03 * pad.stiffness, 0.0, 0.0], 0.05
-    shape = {"contype": 1, "conaffinity": 1, "friction": [pad.friction, 0.0, 0.0]}
-    plate.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX, size=[3.0, 3.0, 0.5], pos=[0.0, 0.0, -0.5], mass=0.05,
-        **shape,
-    )  # fmt: skip
-    spec.body("hidden_load").add_geom(
-        type=mujoco.mjtGeom.mjGEOM_SPHERE, size=[pad.radius, 0.0, 0.0], pos=pad.tip, mass=0.0,
-        **shape,
-    )  # fmt: skip
-
-
 @dataclass(frozen=True, eq=False)
 class Ride:
     """Motion and load of the robot at each of T instants.
@@ -371,9 +317,13 @@ def ride(robot: SimulatedRobot, truth: Mechanics, path: DrivePath) -> Ride:
         ParameterError: the simulation diverged.
     """
     h = STEP_S["dynamic" if path.moving else "static"]
-    machine = build(robot, truth, h)
-    model, data = machine.model, mujoco.MjData(machine.model)
-    position_of, speed = machine.position, machine.velocity
+    model = build(robot, truth, h)
+    data, drives = mujoco.MjData(model), [model.joint(joint.name) for joint in robot.joints]
+    position_of, speed = (
+        np.array([getattr(j, address)[0] for j in drives]) for address in ("qposadr", "dofadr")
+    )
+    every = [model.joint(k) for k in range(model.njnt)]
+    robots_own = [j.qposadr[0] for j in every if not j.name.startswith("hidden")]
     q, qd, qdd = _driven(truth, path)
     count = len(path.t)
     load, rotation, position = np.empty((count, 6)), np.empty((count, 9)), np.empty((count, 3))
@@ -386,8 +336,8 @@ def ride(robot: SimulatedRobot, truth: Mechanics, path: DrivePath) -> Ride:
     read, ignored = model.opt.disableflags, mujoco.mjtDisableBit.mjDSBL_SENSOR
     for i, further in enumerate((steps - 1).tolist()):
         if i in path.placed:
-            machine.place(data, q[i])
-            applied[:] = 0.0
+            qpos[:], qvel[:], applied[:] = model.qpos0, 0.0, 0.0  # loops closed, hinges straight
+            qpos[robots_own] = robot.qpos(q[i][None], truth.theta)[0]
             mujoco.mj_step(model, data, round(_SEAT_S / h))
         qpos[position_of], qvel[speed], applied[speed] = q[i], qd[i], push[i]
         mujoco.mj_step(model, data)

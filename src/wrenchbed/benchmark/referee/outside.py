@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.benchmark.frame import Rng, elapsed, sign
-from wrenchbed.benchmark.referee.fault import RefereeFault, direction, shifted, touched
+from wrenchbed.benchmark.referee.fault import BEND, ZERO, RefereeFault, direction, shifted, touched
 from wrenchbed.benchmark.referee.laws import dahl, ornstein
 from wrenchbed.benchmark.referee.machine import Ride, wrench_at
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
@@ -25,7 +25,7 @@ def boot(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     j = int(rng.integers(3, setting.path.q.shape[1]))
     drag = dahl(setting.path.q[:, j], rng.uniform(0.05, 0.2))
     push = 4.0 * size * setting.noise * touched(rng)
-    return RefereeFault(load=lambda ride, y: y + np.outer(drag, push))
+    return RefereeFault(change=lambda ride, y: y + np.outer(drag, push))
 
 
 def popcorn(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -46,7 +46,7 @@ def triple(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         out[:, into] += amount * (y[:, a] / swing[a]) ** 2 * y[:, b] / swing[b]
         return out
 
-    return RefereeFault(gauge=gauge, stage=2)
+    return RefereeFault(change=gauge, stage=BEND)
 
 
 def snag(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -63,7 +63,7 @@ def snag(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
             state = 0.0
         caught[i] = state
     pull = 5.0 * size * setting.noise * touched(rng)
-    return RefereeFault(load=lambda ride, y: y + np.outer(caught, pull))
+    return RefereeFault(change=lambda ride, y: y + np.outer(caught, pull))
 
 
 def gusts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -73,7 +73,7 @@ def gusts(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     force = 4.0 * size * float(setting.noise[:3].mean()) * np.outer(wind, axis)
     lever = np.array([0.0, 0.0, 0.1]) + rng.normal(0.0, 0.02, 3)
 
-    return RefereeFault(load=lambda ride, y: y + wrench_at(lever, ride.in_sensor(force)))
+    return RefereeFault(change=lambda ride, y: y + wrench_at(lever, ride.in_sensor(force)))
 
 
 def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -87,7 +87,7 @@ def dropout(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         out[:, k] *= 1.0 - part * off
         return out
 
-    return RefereeFault(gauge=gauge, stage=5)
+    return RefereeFault(change=gauge, stage=ZERO)
 
 
 def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -99,7 +99,7 @@ def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     def load(ride: Ride, y: np.ndarray) -> np.ndarray:
         return np.concatenate([turn.apply(y[:, :3]), turn.apply(y[:, 3:])], axis=1)
 
-    return RefereeFault(load=load)
+    return RefereeFault(change=load)
 
 
 def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -113,4 +113,4 @@ def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
         change = turn.apply(ride.gravity) - ride.gravity
         return y + wrench_at(setting.cog, setting.mass * ride.in_sensor(change))
 
-    return RefereeFault(load=load)
+    return RefereeFault(change=load)

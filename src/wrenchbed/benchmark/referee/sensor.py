@@ -11,6 +11,7 @@ from scipy.interpolate import CubicSpline
 from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform, sign
 from wrenchbed.benchmark.referee.fault import (
     BEND,
+    CLOCK,
     CREEP,
     GAIN,
     LOOP,
@@ -34,7 +35,7 @@ _ARM = 0.05
 def timing_delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Wrenches about 7 ms older than the joints."""
     lag = about(rng, 7e-3 * size)
-    return RefereeFault({"delay": lag}, clock=lambda ride, y: _at(ride, y, -lag))
+    return RefereeFault({"delay": lag}, change=lambda ride, y: _at(ride, y, -lag), stage=CLOCK)
 
 
 def timing_lowpass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -44,7 +45,7 @@ def timing_lowpass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFau
     def clock(ride: Ride, y: np.ndarray) -> np.ndarray:
         return lowpass(y, float(ride.path.t[1] - ride.path.t[0]), time, stages)
 
-    return RefereeFault({"time": time}, clock=clock)
+    return RefereeFault({"time": time}, change=clock, stage=CLOCK)
 
 
 def timing_stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -61,7 +62,7 @@ def timing_skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     ahead = sign(rng) * about(rng, 0.012 * size)
     rate = ahead / float(t[-1])
     shift = rate * np.maximum(t, 0.0)
-    return RefereeFault({"skew": -rate}, clock=lambda ride, y: _at(ride, y, shift))
+    return RefereeFault({"skew": -rate}, change=lambda ride, y: _at(ride, y, shift), stage=CLOCK)
 
 
 def _at(ride: Ride, y: np.ndarray, shift: np.ndarray | float) -> np.ndarray:
@@ -89,7 +90,7 @@ def sensor_gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Sensitivities about 1 % off."""
     error = about(rng, 0.01 * size) * touched(rng)
     return RefereeFault(
-        by_channel(error, "gain."), gauge=lambda ride, y: y * (1.0 + error), stage=GAIN
+        by_channel(error, "gain."), change=lambda ride, y: y * (1.0 + error), stage=GAIN
     )
 
 
@@ -114,7 +115,7 @@ def sensor_crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeF
     true = {
         f"x.{CHANNELS[i]}.{CHANNELS[j]}": float(matrix[i, j]) for i, j in np.argwhere(matrix != 0)
     }
-    return RefereeFault(true, gauge=lambda ride, y: y + y @ matrix.T, stage=MIX)
+    return RefereeFault(true, change=lambda ride, y: y + y @ matrix.T, stage=MIX)
 
 
 def sensor_hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -129,7 +130,7 @@ def sensor_hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> Referee
         lag[:, used] = width[used] * bouc_wen(y[:, used] / reach[used], shape)
         return y - lag
 
-    return RefereeFault(by_channel(width, "width."), gauge=gauge, stage=LOOP)
+    return RefereeFault(by_channel(width, "width."), change=gauge, stage=LOOP)
 
 
 def sensor_saturation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -174,7 +175,7 @@ def sensor_temperature(setting: RefereeSetting, rng: Rng, size: float) -> Refere
     def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
         return y * (1.0 + np.outer(level, gain)) + np.outer(level, zero)
 
-    return RefereeFault(gauge=gauge, stage=ZERO)
+    return RefereeFault(change=gauge, stage=ZERO)
 
 
 def sensor_nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -190,7 +191,7 @@ def sensor_nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> Refer
             return y + bend * (np.cosh(sharp * u) - 1.0) / (np.cosh(sharp) - 1.0)
         return y + bend * (np.sinh(sharp * u) / np.sinh(sharp) - u) * 2.6
 
-    return RefereeFault(gauge=gauge, stage=BEND)
+    return RefereeFault(change=gauge, stage=BEND)
 
 
 def sensor_creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -204,7 +205,7 @@ def sensor_creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
         late = sum(p * after(ride.path.t, y, s) for p, s in zip(part, times, strict=True))
         return y + share * (late - y)
 
-    return RefereeFault(gauge=gauge, stage=CREEP)
+    return RefereeFault(change=gauge, stage=CREEP)
 
 
 def sensor_jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:

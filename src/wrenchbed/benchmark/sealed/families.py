@@ -182,9 +182,7 @@ class EffortFamily(Family):
         case = efforts.make(self.robots(), self.seed, index, self.wrench, attempt)
         facts: tuple[Fact, ...] = ()
         if case.kind != "none":
-            names = [efforts.name_of(key) for key in case.alike]
             true = {k: float(v) for k, v in case.fault.true.items()}
-            effect = case.fault.name if case.kind == "outside" else names[0]
-            facts = (Fact(effect, None, case.gap, 0.0, true, tuple(names[1:])),)
+            facts = (Fact(case.alike[0], None, case.gap, 0.0, true, case.alike[1:]),)
         rows, robot = case.recording, case.recording.metadata.robot
         return Answer("", robot, self.mode, case.kind, facts, None, len(rows), None, ""), rows
