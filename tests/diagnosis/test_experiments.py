@@ -103,7 +103,6 @@ def test_offsets_of_parallel_joints_enter_as_their_sum(wide):
     assert within(similarity, ("joint.offset", "joint 2"), ("joint.offset", "joint 4"))
     told = cannot_tell(d, similarity, classes=[{"joint.offset"}])
     assert "joint.offset of joints 2, 3 and 4 are identifiable only as a sum" in told
-    assert "joint.offset of joint 1 has no effect on these readings" in told
     assert not any("tool.cog" in text for text in told)
 
 
@@ -112,9 +111,6 @@ def test_timing_cannot_show_at_rest(wide):
     ways = shown(d, similarity)
     for name in TIMING | {"tool.inertia", "tool.self_weight"}:
         assert ways[name].smallest is None and not ways[name].detectable
-    assert any(
-        "timing.delay" in text and "poses at rest" in text for text in cannot_tell(d, similarity)
-    )
 
 
 def test_without_turning_joint_one_a_tilt_looks_like_an_offset(still, wide):
@@ -128,7 +124,6 @@ def test_a_motion_shows_timing():
     d = dictionary(multisine(UR5, 6.0, 50.0, 1))
     delay = shown(d, Similarity(d))["timing.delay"]
     assert delay.detectable and delay.size["delay"][1] == "s"
-    assert not any("timing.delay cannot" in text for text in cannot_tell(d))
 
 
 def test_a_rehearsed_plan_carries_only_noise_and_a_short_one_is_refused(wide):

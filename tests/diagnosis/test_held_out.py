@@ -54,9 +54,9 @@ def test_a_gap_is_the_mean_square_over_noise_less_one():
     reading, y = ZERO.copy(), ZERO[:4].copy()
     y[1], y[3] = 3.0 * STD, 1.0 * STD
     held_out = HeldOut(observed(y))
-    assert held_out.rows == 14
+    assert held_out.count.sum() == 14
     assert held_out.of(reading) == pytest.approx([8.0, 0.0])
-    assert held_out.mean(held_out.of(reading)) == pytest.approx(8.0 * 4 / 14)
+    assert np.average(held_out.of(reading), weights=held_out.count) == pytest.approx(8.0 * 4 / 14)
     assert held_out.channels(reading) == pytest.approx([8.0 * 4 / 14] * 6)
     reading[1], reading[4] = y[1], -y[3]  # of the judged poses; the last held row is the fifth
     assert held_out.of(reading) == pytest.approx([-1.0, 3.0])
@@ -96,7 +96,7 @@ def test_the_floor_is_what_rows_scatter_with_the_mean_s_degree_of_freedom_back()
 
 def drawn(count, block, seed=0):
     """A bootstrap over observations of so many rows in these blocks."""
-    return Bootstrap([SimpleNamespace(count=np.array(count), block=np.array(block))], seed)
+    return Bootstrap([(np.array(block), np.array(count))], seed)
 
 
 def ones(n):
@@ -129,7 +129,7 @@ def test_rows_of_one_block_are_drawn_together():
 
 
 def test_rows_of_two_recordings_count_alike_and_their_blocks_are_not_one():
-    few, many = (SimpleNamespace(block=np.arange(10), count=np.full(10, k)) for k in (1, 3))
+    few, many = ((np.arange(10), np.full(10, k)) for k in (1, 3))
     told = Bootstrap([few, many], 0).mean(np.repeat([1.0, 0.0], 10))
     assert told.value == 0.25
     assert told.low < 0.2 < 0.3 < told.high  # ten blocks alone would have no spread
@@ -148,7 +148,7 @@ def closure_of(members, closed, floor=0.5):
     at = {k: Interval(v, v - 0.1, v + 0.1) for k, v in members.items()}
     share = None if closed is None else Interval(closed, closed - 0.1, closed + 0.1)
     before = Interval(6.0, 4.0, 8.0)
-    return Closure(9.0, before, None, floor, share, None, 40, 4, {}, at, None, {})
+    return Closure(9.0, before, None, floor, share, None, 40, 4, {}, at, {})
 
 
 def test_the_closed_share_is_split_by_what_comes_back_without_each():
@@ -159,6 +159,15 @@ def test_the_closed_share_is_split_by_what_comes_back_without_each():
     assert closure_of(made, None).shares == pytest.approx(dict.fromkeys(made, 0.0))
     assert closure_of({}, None).excess == pytest.approx(5.5)
     assert closure_of({}, None, floor=-0.2).excess == pytest.approx(6.0)  # no noise is below none
+
+
+def test_what_leaves_a_gap_that_counts_may_only_be_like_the_truth():
+    of = closure_of({"tool.slide": 4.0}, 0.65, floor=0.2)
+    surely, perhaps = Interval(3.3, 1.3, 4.9), Interval(3.3, 1.1, 4.9)
+    assert replace(of, with_effects=surely).closed_beside(1.0) == 0.65
+    assert replace(of, with_effects=perhaps).closed_beside(1.0) == 1.0
+    assert replace(closure_of({}, None), with_effects=surely).closed_beside(1.0) == 1.0
+    assert of.closed_beside(1.0) == 1.0
 
 
 # ---- configurations -----------------------------------------------------------------------------

@@ -17,7 +17,6 @@ from wrenchbed.diagnosis.evidence.likelihood import (
     ladder,
     log_sum,
 )
-from wrenchbed.diagnosis.evidence.main_directions import FEW, above
 from wrenchbed.diagnosis.evidence.search import Searcher
 from wrenchbed.effects.base import Variant
 
@@ -50,7 +49,6 @@ def test_a_level_is_its_dense_matrix(rows, columns):
     assert level.log_det == pytest.approx(np.linalg.slogdet(K)[1])
     assert level.solve(y) == pytest.approx(inverse @ y)
     assert level.products(y) == pytest.approx(y.T @ inverse @ y)
-    assert replace(level, few=True).products(y) == pytest.approx(y.T @ inverse @ y)
     some = np.array([1, 4, 5])
     assert level.precision(some) == pytest.approx(inverse[np.ix_(some, some)])
     assert information(level) == pytest.approx(level.E.T @ inverse @ level.E)
@@ -75,11 +73,10 @@ def test_a_level_of_some_rows_or_other_variances_is_its_dense_matrix(rows, colum
         assert changed.products(y[seen]) == pytest.approx(y[seen].T @ np.linalg.inv(K) @ y[seen])
 
 
-@pytest.mark.parametrize("few", [False, True])
 @SIZES
-def test_columns_weighed_apart_make_the_products_of_all(rows, columns, few):
+def test_columns_weighed_apart_make_the_products_of_all(rows, columns):
     level, _, rng = case(rows, columns)
-    level, x = replace(level, few=few), rng.standard_normal((rows, 4))
+    x = rng.standard_normal((rows, 4))
     white, last = level.whitened(x[:, [0, 1, 2, 2]]), level.whitened(x[:, 3:])
     white.put([3], last)
     assert white.products(white) == pytest.approx(level.products(x))
@@ -110,13 +107,6 @@ def test_products_of_channels_say_the_same():
     assert d.without(0).weighed(weights) == pytest.approx(
         replace(d.without(0), of_all=None).weighed(weights)
     )
-
-
-@pytest.mark.parametrize(("variance", "kept"), [(0.01, False), (0.05, True)])
-def test_a_faint_direction_is_left_out_of_many_rows(variance, kept):
-    way = np.eye(12)[:, :1]
-    solved = BackgroundLevel(way, np.ones(12), np.array([variance])).solve(way)
-    assert solved[0, 0] == pytest.approx(1.0 / (1.0 + variance) if kept else 1.0)
 
 
 @SIZES
@@ -168,54 +158,6 @@ def test_in_a_motion_neighbouring_rows_share_what_the_model_lacks(stride, times)
     d = replace(d, prepared=replace(d.prepared, stride=stride))  # rows 8 ms apart
     rung = ladder(d)[2]
     assert rung.level.v0 == pytest.approx(1.0 + 0.25 * 0.3 * times)
-
-
-# ---- main directions, against numpy's singular values of everything ------------------------------
-
-
-def smooth(at):
-    """Covariance of a smooth function at these places."""
-    return 100.0 * np.exp(-((at[:, None] - at) ** 2) / 0.02)
-
-
-def wandering(at):
-    """Covariance of an Ornstein–Uhlenbeck process: its spectrum falls slowly."""
-    return np.exp(-np.abs(at[:, None] - at) / 0.3)
-
-
-def alike(at):
-    """Five equal eigenvalues, and nothing else."""
-    turn, _ = np.linalg.qr(np.random.default_rng(len(at)).standard_normal((len(at), 5)))
-    return 3.0 * turn @ turn.T
-
-
-def shrunk(values, vectors):
-    """What `likelihood` makes of them: V diag(λ/(1 + λ)) Vᵀ."""
-    return (vectors * (values / (1.0 + values))) @ vectors.T
-
-
-@pytest.mark.parametrize("kind", [smooth, wandering, alike])
-@pytest.mark.parametrize("size", [7, FEW, FEW + 1])
-@pytest.mark.parametrize("least", [1e-3, 0.1])
-def test_main_directions_are_numpys(kind, size, least):
-    matrix = kind(np.sort(np.random.default_rng(size).uniform(0.0, 1.0, size)))
-    matrix = 0.5 * (matrix + matrix.T)
-    before = matrix.copy()
-    values, vectors = above(matrix, least)
-    ways, every, _ = np.linalg.svd(matrix)
-    wanted, ways = every[every > least], ways[:, every > least]
-    assert np.array_equal(matrix, before)
-    assert vectors.shape == (size, len(wanted))
-    assert np.abs(np.sort(values)[::-1] - wanted).max() < 1e-6 * wanted.max()
-    assert np.abs(vectors.T @ vectors - np.eye(len(values))).max() < 1e-13 * size
-    # what is left out anyway is a part of up to least/(1 + least)
-    assert np.abs(shrunk(values, vectors) - shrunk(wanted, ways)).max() < 2e-4 * least
-
-
-@pytest.mark.parametrize("size", [7, FEW + 1])
-def test_of_small_eigenvalues_there_are_none(size):
-    values, vectors = above(1e-4 * np.eye(size), 1e-3)
-    assert values.shape == (0,) and vectors.shape == (size, 0)
 
 
 def hypothesis(d, name, typical=4.0, weight=1.0):

@@ -200,3 +200,27 @@ def test_three_slips_are_no_drift(seed):
     answer = wb.diagnose(slipping(slipped, seed)).diagnosis.to_json()
     assert [w["effect"] for w in answer["which"]] == ["sensor.jump"]
     assert "time3" in answer["which"][0]["parameters"]
+
+
+@pytest.mark.sampled
+@pytest.mark.parametrize("seed", range(4))
+def test_a_slip_in_the_middle_of_a_pose_is_one(seed):
+    """The pose's mean has a part of the step: nothing jumps twice."""
+    rng = np.random.default_rng(seed)
+    row = int(rng.integers(8, HOLDS - 8)) * EACH + int(rng.integers(2, EACH - 2))
+    step = np.where(rng.random(6) < 0.5, -1.0, 1.0) * rng.uniform(0.6, 1.4, 6) * STEP
+
+    def slipped(wrench):
+        wrench[row:] += step
+        return wrench
+
+    rec = slipping(slipped, seed)
+    (cause,) = wb.diagnose(rec).diagnosis.to_json()["which"]
+    found = cause["parameters"]
+    assert cause["effect"] == "sensor.jump" and cause["probability"] > 0.9
+    assert "time2" not in found
+    assert abs(found["part"]["value"] - 1.0 + row % EACH / EACH) < 0.1
+    assert abs(found["time"]["value"] - rec.t[row]) < 2.0 * (rec.t[EACH] - rec.t[0])
+    for k, c in enumerate(CHANNELS):
+        error = found[f"step.{c}"]["value"] - step[k]
+        assert abs(error) < max(4.0 * found[f"step.{c}"]["std"], 0.01 * STEP[k])

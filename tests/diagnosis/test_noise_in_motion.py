@@ -103,7 +103,7 @@ def test_rows_that_repeat_take_no_part():
     raw = (late.columns["fx"] - rec.columns["fx"])[stale]
     assert np.sqrt(np.mean(off**2)) < 2.0
     assert np.sqrt(np.mean(raw**2)) / whole.sigma[0] > 2.0 * np.sqrt(np.mean(off[:, 0] ** 2))
-    assert HeldOut(held).rows == np.count_nonzero(~again & held.judged)
+    assert HeldOut(held).count.sum() == np.count_nonzero(~again & held.judged)
 
 
 @pytest.mark.parametrize("channel", [0, 5])

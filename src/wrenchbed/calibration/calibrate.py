@@ -16,6 +16,7 @@ from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, tip_jacobian
 from wrenchbed.calibration.checks.examine import REFUTED
 from wrenchbed.calibration.checks.finding import Finding
+from wrenchbed.calibration.checks.mistakes import best_turn
 from wrenchbed.calibration.checks.rigid_load import left_of_swing
 from wrenchbed.calibration.checks.rows import of_rows
 from wrenchbed.calibration.compensated import restored
@@ -162,20 +163,17 @@ def initial_values(
 def _rotated_mount(
     model: Model, theta: np.ndarray, data: Observations, g: np.ndarray, mass: float
 ) -> np.ndarray:
-    """The sensor's mount rotated to where forces and gravity agree best; reflections are refused.
-
-    Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
-    """
+    """The sensor's mount rotated to where forces and gravity agree best; reflections are
+    refused."""
     from scipy.spatial.transform import Rotation  # slow to load: only when it is used
 
-    force = data.wrench[:, :3]
-    link = np.linalg.lstsq(g - g.mean(axis=0), force - force.mean(axis=0), rcond=1e-6)[0]
-    if not np.linalg.det(link) > 0:
+    turn = best_turn(g, data.wrench[:, :3])
+    if turn is None:
         check_mass(mass)
-    u, _, vt = np.linalg.svd(link)
+        return theta
     names = [f"mount.rotation.{a}" for a in "xyz"]
     stated = Rotation.from_rotvec([theta[model.parameters.index(name)] for name in names])
-    rotation = (stated * Rotation.from_matrix(u @ vt)).as_rotvec()
+    rotation = (stated * Rotation.from_matrix(turn)).as_rotvec()
     values = {name: float(v) for name, v in zip(names, rotation, strict=True)}
     return model.parameters.vector(values, start=theta)
 
@@ -238,22 +236,23 @@ def calibrate(
             `checks`), which ``force`` gives all the same; a wrench of opposite sign.
     """
     options = options or CalibrationOptions()
-    task = prepared(recording, options, touches)
-    return finished(task, fit(task.problem), options)
-
-
-@dataclass(frozen=True, eq=False)
-class Task:
-    """A recording that passed the checks, the fit to make of it, and what the checks found."""
-
-    recording: Recording
-    problem: Problem
-    finding: Finding | None
-
-
-def prepared(recording: Recording, options: CalibrationOptions, touches: Touches | None) -> Task:
-    """Fit problem of `calibrate` after its checks, with the same arguments and errors."""
     recording = restored(_without_unknown_joints(recording))
+    problem, finding = _checked(recording, options, touches)
+    outcome = fit(problem)
+    theta = problem.at(outcome.solution.x)
+    check_mass(float(problem.model.robot.tool(problem.model.robot.robot_theta(theta)).mass))
+    grown, fault = allowed_for(problem, outcome)
+    fault = None if options.hold else fault  # a held number may be what is wrong
+    refuted = _refuted(problem, outcome, finding, fault)
+    if refuted is not None and not options.force:
+        raise CalibrationError(f"{recording.name}: {refuted}")
+    return replace(_result(recording, problem, grown, theta), refuted=refuted)
+
+
+def _checked(
+    recording: Recording, options: CalibrationOptions, touches: Touches | None
+) -> tuple[Problem, Finding | None]:
+    """Fit problem of a recording that passed the checks, and what these found."""
     if options.loss not in LOSSES:
         raise CalibrationError(f"loss {options.loss!r} is not one of {', '.join(LOSSES)}")
     if POINT[0] in recording.columns:
@@ -297,20 +296,7 @@ def prepared(recording: Recording, options: CalibrationOptions, touches: Touches
     theta = initial_values(model, stated, data, free)
     centre = stated[list(free)]
     problem = Problem(model, data, theta, free, centre, options.prior, options.loss, touches)
-    return Task(recording, problem, finding)
-
-
-def finished(task: Task, outcome: Outcome, options: CalibrationOptions) -> Fit:
-    """Fit of `calibrate` from a solved problem, with the same errors."""
-    recording, problem = task.recording, task.problem
-    theta = problem.at(outcome.solution.x)
-    check_mass(float(problem.model.robot.tool(problem.model.robot.robot_theta(theta)).mass))
-    grown, fault = allowed_for(problem, outcome)
-    fault = None if options.hold else fault  # a held number may be what is wrong
-    refuted = _refuted(problem, outcome, task.finding, fault)
-    if refuted is not None and not options.force:
-        raise CalibrationError(f"{recording.name}: {refuted}")
-    return replace(_result(recording, problem, grown, theta), refuted=refuted)
+    return problem, finding
 
 
 def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:

@@ -1,6 +1,6 @@
 """The result of a calibration: values with uncertainty, residuals, and what it could not tell."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -127,16 +127,7 @@ class Fit:
             "poses": self.poses,
             "rows": self.rows,
             "rows_left_out": self.left_out,
-            "parameters": {
-                p.name: {
-                    "value": p.value,
-                    "std": p.std,
-                    "unit": p.unit,
-                    "nominal": p.nominal,
-                    "interval95": p.interval95,
-                }
-                for p in self.identified
-            },
+            "parameters": entries(self.identified),
             "tool": dict(self.tool),
             "target_rms": self.target_rms,
             "touches": None if self.touches is None else asdict(self.touches),
@@ -175,6 +166,11 @@ class Fit:
     def write(self, path: str | Path) -> None:
         """Write the fit as JSON."""
         write_json(path, self.to_json())
+
+
+def entries(identified: Sequence[IdentifiedValue]) -> dict[str, dict[str, Any]]:
+    """Entries of ``parameters`` in a fit's JSON file."""
+    return {p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in identified}
 
 
 def _channels(values: np.ndarray) -> dict[str, Any]:

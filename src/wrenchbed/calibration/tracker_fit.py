@@ -1,13 +1,13 @@
 """The result of a fit to a tracker's readings: geometry with uncertainty, and held-out errors."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wrenchbed.calibration.fit import FORMAT, IdentifiedValue
+from wrenchbed.calibration.fit import FORMAT, IdentifiedValue, entries
 from wrenchbed.calibration.observability import Observability
 from wrenchbed.data.metadata import carried_robot
 from wrenchbed.files import write_json
@@ -151,9 +151,7 @@ class TrackerFit:
             "converged": self.converged,
             "poses": self.poses,
             "rows": self.rows,
-            "parameters": {
-                p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in self.identified
-            },
+            "parameters": entries(self.identified),
             "held_out": self.held_out,
             "before": self.before,
             "bound": self.bound,

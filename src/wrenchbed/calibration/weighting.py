@@ -115,27 +115,16 @@ def levels(
         least: variance that the independent part has at least (B,).
     """
     u, s, _ = np.linalg.svd(design, full_matrices=False)
-    rank = (s > 1e-9 * np.maximum(s[:, :1], 1e-300)).sum(axis=1)
-    independent, level = np.empty(len(u)), np.empty(len(u))
-    for columns in np.unique(rank):
-        who = np.flatnonzero(rank == columns)
-        span = np.ascontiguousarray(np.swapaxes(u[who][..., :columns], 1, 2))
-        independent[who], level[who] = _levels(residual[who], span, spread, least[who])
-    return independent, level
+    kept = s > 1e-9 * np.maximum(s[:, :1], 1e-300)
+    span = np.ascontiguousarray(np.swapaxes(u * kept[:, None], 1, 2))
 
+    def restricted(ratio: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return _restricted(residual, span, 1.0 / (1.0 + ratio[:, None] * spread))
 
-def _levels(
-    r: np.ndarray, span: np.ndarray, spread: np.ndarray, least: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """`levels` of residuals (B, N) beside orthonormal spans (B, k, N) of what moves them."""
-
-    def cost(log_ratio: np.ndarray) -> np.ndarray:
-        return _restricted(r, span, 1.0 / (1.0 + np.exp(log_ratio)[:, None] * spread))[0]
-
-    best, value = golden_sections(cost, np.full(len(r), _RANGE[0]), np.full(len(r), _RANGE[1]))
-    none, _ = _restricted(r, span, np.ones_like(r))
-    ratio = np.where(value < none, np.exp(best), 0.0)
-    _, alone = _restricted(r, span, 1.0 / (1.0 + ratio[:, None] * spread))
+    low, high = (np.full(len(u), end) for end in _RANGE)
+    best, value = golden_sections(lambda x: restricted(np.exp(x))[0], low, high)
+    ratio = np.where(value < restricted(np.zeros(len(u)))[0], np.exp(best), 0.0)
+    alone = restricted(ratio)[1]
     return np.maximum(alone, least), ratio * alone
 
 
@@ -163,11 +152,18 @@ def golden_sections(
 def _restricted(
     r: np.ndarray, span: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Restricted −log likelihood at weights (B, N), and the variance of unit weight (B,)."""
+    """Restricted −log likelihood at weights (B, N), and the variance of unit weight (B,).
+
+    Args:
+        r: residuals (B, N).
+        span: orthonormal directions of what moves them (B, k, N); 0 counts as none.
+        weight: of the residuals (B, N).
+    """
+    moved = span.any(axis=2)
     x, weighted = np.swapaxes(span, 1, 2), (weight * r)[..., None]
-    gram = span @ (weight[..., None] * x)
+    gram = span @ (weight[..., None] * x) + np.eye(span.shape[1]) * ~moved[:, None]
     right = span @ weighted
-    dof = r.shape[1] - span.shape[1]
+    dof = r.shape[1] - moved.sum(axis=1)
     taken = np.swapaxes(right, 1, 2) @ np.linalg.solve(gram, right)
     square = np.maximum((r[:, None] @ weighted - taken)[:, 0, 0] / dof, 1e-300)
     cost = dof * np.log(square) - np.log(weight).sum(axis=1) + np.linalg.slogdet(gram)[1]

@@ -19,7 +19,7 @@ from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Cause, Elements, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
-from wrenchbed.diagnosis.gap.result import Diagnosis, Scale, cause, families, named_by
+from wrenchbed.diagnosis.gap.result import Diagnosis, Scale, cause, families, named_by, rival
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 from wrenchbed.effects.base import Curve, Effect, Values, Variant
@@ -89,12 +89,7 @@ def _rivals(
             of = next((_alone(e.finalist, name) for e in fits if name in e.finalist.names), None)
         if of is not None:
             numbers = numbers_of(a, of.fits[0], of.parts[0], of, spread)
-        result.append({
-            "effect": name,
-            "elements": numbers.get("elements", []),
-            "probability": c.probability * fraction,
-            "parameters": numbers.get("parameters", {}),
-        })  # fmt: skip
+        result.append(rival(name, c.probability * fraction, numbers))
     return result
 
 

@@ -20,7 +20,7 @@ from wrenchbed.diagnosis.explain.elements import RIVAL, elements
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.explain.verdict import Verdict
-from wrenchbed.diagnosis.gap.result import cause
+from wrenchbed.diagnosis.gap.result import cause, rival
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 from wrenchbed.diagnosis.prepare.configuration import BIAS, LOAD, STATED
 
@@ -63,32 +63,16 @@ def minor(
         known |= set(members)
         alike = [n for n in imitators(a.refitter, f, k) if n not in {*members, *effects[first]}]
         entry = cause(name, min(present, right), {}) | _numbers(a, f, name, spread) | {"gap": gap}
-        entry["rivals"] = [
-            _rival(a, n, instead.get(n), ranked, min(chance.get(n, 0.0), right), spread)
+        of_rivals = {  # without numbers where no explanation has it in the effect's place
+            n: _numbers(a, ranked[instead[n][0]].finalist, n, spread) if n in instead else {}
             for n in (*members[1:], *alike[: MOST_RIVALS + 1 - len(members)])
+        }
+        entry["rivals"] = [
+            rival(n, min(chance.get(n, 0.0), right), of) for n, of in of_rivals.items()
         ]
         del entry["closed_share"], entry["channels"]
         result.append(entry)
     return sorted(result, key=lambda entry: -entry["gap"])
-
-
-def _rival(
-    a: Analysis,
-    name: str,
-    places: Sequence[int] | None,
-    ranked: Sequence[Explanation],
-    probability: float,
-    spread: float,
-) -> dict[str, Any]:
-    """Entry of ``rivals``; without numbers where no explanation has it in the effect's place."""
-    of = dict[str, Any](elements=[], parameters={})
-    of |= _numbers(a, ranked[places[0]].finalist, name, spread) if places else {}
-    return {
-        "effect": name,
-        "elements": of["elements"],
-        "probability": probability,
-        "parameters": of["parameters"],
-    }
 
 
 def _instead(

@@ -194,7 +194,8 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     loud = scattered or (LOUD if not between and gap.calibrated.low > LARGEST_NONE else "")
     signs = [sentence for sentence in (loud, often) if sentence]
     elements = answer.elements_of(analysis, decision.verdict)
-    verdict = conclude(decision, elements, signs, between)
+    shown = [(r.effect, r.probability) for r in between]
+    verdict = conclude(decision, elements, signs, shown)
     progress("where")
     places = where.locate(prepared.leading, analysis.calibrated, seed=seed)
     progress("what next")
@@ -310,7 +311,8 @@ def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Fact
     a, least = claims.analysis, least_beside(claims.analysis.prepared.touch)
 
     def right(verdict: Verdict[Explanation], gap: Closure) -> float:
-        return known.right(verdict, gap.closed_least, a.prepared.scene.mode)
+        so_often = known.right(verdict, gap.closed_least, a.prepared.scene.mode)
+        return so_often if verdict.word == PARTIAL else so_often * gap.closed_beside(LARGEST_NONE)
 
     return facts_of(a.ranking, claims.gap, right, least=least, own_rest=own_rest)
 

@@ -27,6 +27,8 @@ most recordings at rest, and two or three a second in motion."""
 LEAST_FIRST = 0.1
 """Share of the squared residual that one jump explains at least where there are several; measured:
 with 0.5 two of the twenty of tests/diagnosis/test_misleading_recordings.py are missed."""
+_BEFORE = 1e-3
+"""Part of the time between two poses by which a jump within one begins before its mean time."""
 EXPLAINED = 0.5
 """Share of what the jumps before it leave that a further one explains at least."""
 
@@ -41,7 +43,8 @@ JUMPS = tuple(_named(k) for k in range(1, MOST + 1))
 
 class SensorJump(ReadingEffect):
     """y_i → y_i + s_i from ``time`` [s] on, a moment of the recording's clock; further jumps have
-    ``step2.fx``, ``time2``, and so on.
+    ``step2.fx``, ``time2``, and so on. The first row from ``time`` on has a ``part`` of the step:
+    the mean of a pose in which the zero jumps.
 
     Seen in: varied orientations before and after its moment.
     """
@@ -54,13 +57,16 @@ class SensorJump(ReadingEffect):
     shown = "time"
     once = True
     source = "overload, a slipped bolt, or zeroed again, 0.2–5 N: estimate"
-    numbers = tuple(
-        p
-        for time, steps in JUMPS
-        for p in (
-            *channel_parameters(steps[0].partition(".")[0], 0.5, 0.02, "jump of the zero"),
-            Parameter(time, 0.0, "s", 60.0, text="of the jump, as the recording's"),
-        )
+    numbers = (
+        *(
+            p
+            for time, steps in JUMPS
+            for p in (
+                *channel_parameters(steps[0].partition(".")[0], 0.5, 0.02, "jump of the zero"),
+                Parameter(time, 0.0, "s", 60.0, text="of the jump, as the recording's"),
+            )
+        ),
+        Parameter("part", 1.0, "1", 0.5, 0.0, 1.0, "of the step in the first row after it"),
     )
 
     def variants(self, scene: Scene) -> tuple[Variant, ...]:
@@ -96,6 +102,10 @@ class SensorJump(ReadingEffect):
             energy = left
         if not chosen:
             return ()
+        if len(chosen) == 2 and abs(chosen[1] - chosen[0]) == 1:  # about one pose: within it
+            before, here = t[min(chosen) - 1], t[min(chosen)]
+            at = {"time": float(here - _BEFORE * (here - before)), "part": 0.5}
+            return (Variant(f"within the pose at {here:.0f} s", STEPS, at, ("time", "part")),)
         at = {JUMPS[k][0]: float(t[i - 1] + t[i]) / 2.0 for k, i in enumerate(sorted(chosen))}
         free = tuple(name for _, steps in JUMPS[: len(chosen)] for name in steps)
         moments = ", ".join(f"{x:.0f}" for x in at.values())
@@ -104,7 +114,10 @@ class SensorJump(ReadingEffect):
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         for time, steps in JUMPS:
             if any(p[name] for name in steps):
-                reading = reading + (scene.t >= p[time])[:, None] * vector(p, steps)
+                after = (scene.t >= p[time]).astype(float)
+                if (time, steps) == JUMPS[0]:
+                    after[np.flatnonzero(scene.held & (after > 0.0))[:1]] = p["part"]
+                reading = reading + after[:, None] * vector(p, steps)
         return reading
 
 

@@ -112,7 +112,7 @@ def _as_mounted(seen: Observed) -> Observed:
     `TURNED` makes a rigid load fit; else return them unchanged."""
     if not seen.turns:
         return seen
-    turn = best_turn(seen)
+    turn = best_turn(-seen.seen.origin.T, seen.y[:, :3])
     if turn is None:
         return seen
     if np.trace(turn) > 1.0 + 2.0 * np.cos(TURNED):

@@ -239,20 +239,20 @@ def _of_frames(seen: Observed) -> Iterator[Mistake]:
     )
     if not seen.robot.joints:
         yield from _of_orientations(seen)
-    found = None if seen.turns else best_turn(seen)
+    found = None if seen.turns else best_turn(-seen.seen.origin.T, seen.y[:, :3])
     if found is not None:
         yield from _turned_sensor(seen, found)
     yield from _of_gravity(seen, into)
 
 
-def best_turn(seen: Observed) -> np.ndarray | None:
-    """Rotation (3, 3) of the readings after which forces and weight agree best, None if a mirror.
+def best_turn(gravity: np.ndarray, force: np.ndarray) -> np.ndarray | None:
+    """Rotation (3, 3) of forces (M, 3) after which they agree best with gravity in sensor axes
+    (M, 3), None if a mirror.
 
     Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
     """
-    force = seen.y[:, :3] - seen.y[:, :3].mean(axis=0)
-    unit = -seen.seen.origin.T
-    link = np.linalg.lstsq(unit - unit.mean(axis=0), force, rcond=1e-6)[0]
+    about = force - force.mean(axis=0)
+    link = np.linalg.lstsq(gravity - gravity.mean(axis=0), about, rcond=1e-6)[0]
     u, _, vt = np.linalg.svd(link)
     return np.asarray(u @ vt) if np.linalg.det(u @ vt) > 0.0 else None
 

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.diagnosis.decision.facts import Decision, Facts, Finding
+from wrenchbed.diagnosis.decision.facts import Decision, Facts
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.reliability import key_of, tempered
@@ -277,7 +277,7 @@ def conclude(
     decision: Decision[S],
     elements: Sequence[Mapping[str, Elements]],
     signs: Sequence[str] = (),
-    between: Sequence[Finding] = (),
+    between: Sequence[tuple[str, float]] = (),
 ) -> Verdict[S]:
     """The last word, with what only shows beside the means of readings.
 
@@ -285,7 +285,7 @@ def conclude(
         decision: on the means.
         elements: joints, links or axes that explain as well as the claimed one, by cause.
         signs: of trouble that ordinary noise does not show: with one of them nothing is ``none``.
-        between: effects that show between rows only, surest first.
+        between: effects that show between rows only and their probabilities, surest first.
     """
     verdict = decision.verdict
     if signs and verdict.word == NONE:
@@ -295,10 +295,10 @@ def conclude(
     word = _word(causes) if causes and verdict.word != PARTIAL else verdict.word
     probability = dict(verdict.probabilities)
     if between and not causes:
-        word = "identified" if word == NONE else word
-        spare = probability.get(NONE, 0.0) * between[0].probability
+        word, (effect, present) = "identified" if word == NONE else word, between[0]
+        spare = probability.get(NONE, 0.0) * present
         probability[NONE] = probability.get(NONE, 0.0) - spare
-        probability[between[0].effect] = probability.get(between[0].effect, 0.0) + spare
+        probability[effect] = probability.get(effect, 0.0) + spare
     total = sum(probability.values())
     probability = {k: v / total for k, v in probability.items()}
     for lead in causes[:1]:  # it leads no more often than it is there

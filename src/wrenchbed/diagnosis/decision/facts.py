@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, Protocol
+from typing import Generic
 
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.verdict import Option, S, Verdict
@@ -60,17 +60,3 @@ class Facts(Generic[S]):
     least: float = 0.0
     ordinary_fitted: bool = False
     own_rest: bool = False
-
-
-class Finding(Protocol):
-    """An effect that is found outside of the structures."""
-
-    @property
-    def effect(self) -> str:
-        """Name of the effect."""
-        ...
-
-    @property
-    def probability(self) -> float:
-        """Probability that it is present and counts."""
-        ...

@@ -11,8 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from wrenchbed.diagnosis.decision.decide import DOUBTFUL, MOST_RIVALS
-from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
-from wrenchbed.diagnosis.evidence.search import SingleEvidence
+from wrenchbed.diagnosis.evidence.search import SingleEvidence, best_variants
 from wrenchbed.diagnosis.explain.claims import Explanation
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
@@ -60,30 +59,22 @@ def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str
     found: dict[str, float] = {}
     for s in _candidates(a, base, {*claimed, lead.names[0]}):
         h = a.searcher.hypotheses[s.index]
-        rival = _with(a, base, h, s.rung)
+        rival = a.refitter.extended(base, h, s.rung)
         gaps = judge.gaps(rival)
         back, worse = judge.mean(without - gaps), judge.mean(gaps - with_lead)
         if back.low <= 0.0 or (worse.low > 0.0 and back.value < ALIKE * closes):
             continue
-        both = judge.gaps(_with(a, rival, f.parts[lead.part.index], rival.rung))
+        both = judge.gaps(a.refitter.extended(rival, f.parts[lead.part.index]))
         if judge.mean(gaps - both).value < APART * closes:
             found[h.name] = worse.value
     return tuple(sorted(found, key=lambda n: found[n]))
 
 
-def _with(a: Analysis, f: Finalist, h: Hypothesis, rung: int) -> Finalist:
-    return a.refitter.extended(f, h) if f.parts else a.refitter.fit((h,), rung)
-
-
 def _candidates(a: Analysis, base: Finalist, taken: set[str]) -> list[SingleEvidence]:
     """The best variant of the likeliest effects beside a finalist."""
-    hypotheses = a.searcher.hypotheses
     singles = a.refitter.added(base) if base.parts else a.searcher.singles(a.refitter.y)
-    best: dict[str, SingleEvidence] = {}
-    for s in sorted(singles, key=lambda s: -s.log_posterior):
-        if s.index >= 0 and hypotheses[s.index].name not in {*taken, *STATED}:
-            best.setdefault(hypotheses[s.index].name, s)
-    return list(best.values())[:TRIED]
+    best = best_variants(a.searcher.hypotheses, singles)
+    return [s for name, s in best.items() if name not in {*taken, *STATED}][:TRIED]
 
 
 class _Judge:
@@ -94,9 +85,8 @@ class _Judge:
         self._fits = CrossFit(a)
         p = a.prepared
         self._scale = p.sigma * np.sqrt(a.dictionary.prepared.noise)
-        self._rows = HeldOut(p)
-        self._drawn = Bootstrap([self._rows], seed)
-        self.mean = self._drawn.mean
+        rows = HeldOut(p)
+        self.mean = Bootstrap([(rows.block, rows.count)], seed).mean
 
     def gaps(self, f: Finalist) -> np.ndarray:
         """Gap of each held-out observation (S,) with a finalist's simulator."""

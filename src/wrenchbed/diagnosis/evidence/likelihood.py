@@ -16,11 +16,8 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve, solve_triangular
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
-from wrenchbed.diagnosis.evidence.main_directions import above
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 
-FAINT = 0.02
-"""Variance of the background over that of the noise, below which a direction is left out."""
 LARGE = 1e4
 """Variance, in typical sizes, of a number that nobody states."""
 LADDER = (0.02, 0.08, 0.3, 1.2, 5.0, 20.0)
@@ -133,7 +130,6 @@ class BackgroundLevel(OfProducts):
         V: variance of each column's coefficient (n,).
         weighed: Eᵀ v₀⁻¹ E (n, n) for v₀ (C R,), where it is the same in all rows of a measured
             column; without it the product is made from E.
-        few: whether few systems are solved, so that none of what makes many quick is worth it.
         spread: E V Eᵀ (C R, C R) of few rows, where levels share the work; made from E if None.
     """
 
@@ -141,7 +137,6 @@ class BackgroundLevel(OfProducts):
     v0: np.ndarray
     V: np.ndarray
     weighed: Callable[[np.ndarray], np.ndarray] | None = None
-    few: bool = False
     spread: np.ndarray | None = None
 
     def varied(self, variance: np.ndarray) -> "BackgroundLevel":
@@ -168,17 +163,13 @@ class BackgroundLevel(OfProducts):
             return np.asarray(self.E.T @ (self.E / self.v0[:, None]))
         return self.weighed(self.v0)
 
-    def make(self, directions: bool) -> None:
-        """Factor the level now, and find its main directions, beside other levels' threads.
-
-        A cached property of Python 3.11 would let these wait for each other.
-        """
+    def make(self) -> None:
+        """Factor the level now, beside other levels' threads: a cached property of Python 3.11
+        would let these wait for each other."""
         made = self.__dict__
         if self.tall:
             made["_gram"] = self._weighed()
         made["_factor"] = self._factored()
-        if directions and self.tall and not self.few:
-            made["_main"] = self._main_directions()
 
     def _factored(self) -> tuple[np.ndarray, bool]:
         if self.tall:
@@ -198,46 +189,25 @@ class BackgroundLevel(OfProducts):
         diagonal = np.diagonal(self._factor[0])
         return float(2 * np.log(diagonal).sum() + np.log(self.v0).sum())
 
-    @cached_property
-    def _main(self) -> tuple[np.ndarray, np.ndarray]:
-        return self._main_directions()
-
-    def _main_directions(self) -> tuple[np.ndarray, np.ndarray]:
-        """Orthonormal directions (C R, r) in which the background exceeds `FAINT` of the noise, and
-        the share λ/(1 + λ) that it takes there (r,)."""
-        values, vectors = above(self._inner(), FAINT)
-        inside = np.zeros((len(self.V), len(values)))
-        inside[self._on] = self._root[:, None] * vectors / np.sqrt(values)
-        ways = self.E @ inside
-        ways /= np.sqrt(self.v0)[:, None]
-        return ways, values / (1.0 + values)
-
     def solve(self, x: np.ndarray) -> np.ndarray:
-        """K₀⁻¹ x for x (C R, k); of many rows, without what is faint of the background."""
+        """K₀⁻¹ x for x (C R, k)."""
         root = np.sqrt(self.v0)[:, None]
         z = x / root
-        if self.tall and self.few:
+        if self.tall:
             weighed = self.E.T @ (z / root)
             return np.asarray((z - (self.E @ self.held(weighed)) / root) / root)
-        if self.tall:
-            ways, share = self._main
-            return np.asarray((z - ways @ (share[:, None] * (ways.T @ z))) / root)
         return np.asarray(cho_solve(self._factor, z, check_finite=False) / root)
 
     def whitened(self, x: np.ndarray) -> "Whitened":
         """Factors of x (C R, k) from which products x'ᵀ K₀⁻¹ x follow; half the work of `solve`."""
         root = np.sqrt(self.v0)[:, None]
         z = x / root
+        factor = self._factor[0]
         if not self.tall:
-            factor = self._factor[0]
             half = solve_triangular(factor, z, lower=True, overwrite_b=True, check_finite=False)
             return Whitened(half, np.zeros((0, x.shape[1])))
-        if self.few:
-            weighed = self._root[:, None] * (self.E.T @ (z / root))[self._on]
-            factor = self._factor[0]
-            return Whitened(z, solve_triangular(factor, weighed, lower=True, check_finite=False))
-        ways, share = self._main
-        return Whitened(z, np.sqrt(share)[:, None] * (ways.T @ z))
+        weighed = self._root[:, None] * (self.E.T @ (z / root))[self._on]
+        return Whitened(z, solve_triangular(factor, weighed, lower=True, check_finite=False))
 
     def products(self, x: np.ndarray) -> np.ndarray:
         """Product xᵀ K₀⁻¹ x (k, k) for x (C R, k)."""
@@ -246,16 +216,12 @@ class BackgroundLevel(OfProducts):
 
     def precision(self, rows: np.ndarray) -> np.ndarray:
         """Block (k, k) of the inverse K₀⁻¹ for k selected rows."""
-        if self.tall:
-            root, ways = self.less(rows)
-            return np.asarray((np.eye(len(rows)) - ways @ ways.T) / np.outer(root, root))
-        return np.asarray(self._inverse[np.ix_(rows, rows)])
-
-    def less(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """r (k,) and B (k, b) of the block D⁻¹ (I − B Bᵀ) D⁻¹ of K₀⁻¹, D = diag(r), where rows are
-        many."""
-        ways, share = self._main
-        return np.sqrt(self.v0[rows]), ways[rows] * np.sqrt(share)
+        if not self.tall:
+            return np.asarray(self._inverse[np.ix_(rows, rows)])
+        root = np.sqrt(self.v0[rows])
+        scaled = (self.E[rows][:, self._on] * self._root) / root[:, None]
+        half = solve_triangular(self._factor[0], scaled.T, lower=True, check_finite=False)
+        return np.asarray((np.eye(len(rows)) - half.T @ half) / np.outer(root, root))
 
     @cached_property
     def _inverse(self) -> np.ndarray:
@@ -429,15 +395,14 @@ def ladder(d: EffectDictionary) -> tuple[Background, ...]:
     """All background rungs of a dictionary."""
     variances = [_variance(d, g) for g in LADDER]
     tall = len(d.E) > len(d.label)
-    few = d.prepared.held_out is not None
-    alone = tall or few
+    alone = tall or d.prepared.held_out is not None
     spreads = [None] * len(LADDER) if alone else _spreads(d.E, np.array(variances))
     return tuple(
         Background(
             gap,
             BackgroundLevel(
                 d.E, row_variance(d.prepared, SHARES["rows"] * gap), variance,
-                d.weighed_by if tall else None, few, spread,
+                d.weighed_by if tall else None, spread,
             ),
         )
         for gap, variance, spread in zip(LADDER, variances, spreads, strict=True)

@@ -1,6 +1,6 @@
 """Every hypothesis alone: its exact evidence in the linear model, over all rungs and sizes."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,6 +37,17 @@ class SingleEvidence:
     index: int
     rung: int
     log_posterior: float
+
+
+def best_variants(
+    hypotheses: Sequence[Hypothesis], singles: Iterable[SingleEvidence]
+) -> dict[str, SingleEvidence]:
+    """The best variant of each effect by its name, likeliest first."""
+    best: dict[str, SingleEvidence] = {}
+    for s in sorted(singles, key=lambda s: -s.log_posterior):
+        if s.index >= 0:
+            best.setdefault(hypotheses[s.index].name, s)
+    return best
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +211,7 @@ class Searcher:
 
     def _weigh(self, rung: int) -> None:
         level = self.rungs[rung].level
-        level.make(directions=self.rungs[rung].normal)
+        level.make()
         self._known[rung] = level.informations(batch.columns for batch in self.batches)
 
     def _information(self, rung: int) -> list[np.ndarray]:

@@ -6,15 +6,13 @@ doi 10.1016/S0005-1098(01)00076-0; here graded by angle and size instead of by s
 """
 
 from collections.abc import Collection
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import squares
 from wrenchbed.diagnosis.prepare.configuration import STATED
-from wrenchbed.effects.base import Effect, Variant
 from wrenchbed.effects.chain import effects
 
 ALIKE = 0.99
@@ -28,31 +26,6 @@ _UNSEEN = 1e-6
 _RIDGE = 0.002
 """Ridge of the fit of a signature by another, in prior precisions of the largest plausible size: it
 keeps the fit bounded and changes residuals by far less than `ALIKE` allows."""
-
-
-@dataclass(frozen=True)
-class Signature:
-    """A variant of an effect with its columns (k,), whether it is visible or not."""
-
-    effect: Effect
-    variant: Variant
-    columns: np.ndarray
-    several: bool = True
-
-    @property
-    def name(self) -> str:
-        return self.effect.name
-
-    @property
-    def text(self) -> str:
-        """Name of the signature for people: ``joint.offset of joint 6``, ``sensor.gain
-        (forces)``."""
-        label, detail = self.variant.label, self.variant.detail
-        if list(detail) == ["joint"]:
-            return f"{self.name} of joint {detail['joint']}"
-        if label.startswith("about "):
-            return f"{self.name} {label}"
-        return f"{self.name} ({label})" if self.several else self.name
 
 
 class Fitted:
@@ -81,7 +54,7 @@ class Fitted:
 
 
 class Similarity:
-    """Signatures of effects' variants in a design, and which of them make the same readings.
+    """Hypothesiss of effects' variants in a design, and which of them make the same readings.
 
     Args:
         dictionary: of the design.
@@ -110,7 +83,7 @@ class Similarity:
     def _remaining(self) -> dict[str, Fitted]:
         return {}
 
-    def gap(self, signature: Signature) -> float:
+    def gap(self, signature: Hypothesis) -> float:
         """Gap that a signature adds at its typical size."""
         if signature.name in STATED:
             return float(self.d.configured_gap[signature.columns].sum())
@@ -123,7 +96,7 @@ class Similarity:
         """Gap of each signature at its typical size (signatures,)."""
         return np.array([self.gap(w) for w in self.signatures])
 
-    def seen(self, signature: Signature) -> bool:
+    def seen(self, signature: Hypothesis) -> bool:
         """Whether a signature leaves any residual after bias, mass and CoG are fitted."""
         total = float(self.d.configured_gap[signature.columns].sum())
         return total > 1e-12 and (signature.name in STATED or self.gap(signature) > _UNSEEN * total)
@@ -178,30 +151,20 @@ class Similarity:
         return tuple(sorted(names - {name}))
 
 
-def _signatures(d: EffectDictionary) -> tuple[Signature, ...]:
+def _signatures(d: EffectDictionary) -> tuple[Hypothesis, ...]:
     """Variants that may be claimed, and those that cannot show whose columns are known by name."""
     seen: dict[tuple[str, str], list[int]] = {}
     for k, key in enumerate(d.label):
         if key[1]:
             seen.setdefault(key, []).append(k)
-    variants = {
-        e: e.variants(d.prepared.scene) for e in effects().values() if e.acts(d.prepared.scene)
-    }
-    several = {e.name: len(of_effect) > 1 for e, of_effect in variants.items()}
-    signatures = [
-        Signature(h.effect, h.variant, np.asarray(h.columns), several[h.name])
-        for h in d.hypotheses
-        if not h.variant.free_form
-    ]
+    signatures = [h for h in d.hypotheses if not h.variant.free_form]
     known = {(w.name, w.variant.label, tuple(w.columns)) for w in signatures}
-    for effect, of_effect in variants.items():
-        for variant in of_effect:
+    scene = d.prepared.scene
+    for effect in effects().values():
+        for variant in effect.variants(scene) if effect.acts(scene) else ():
             every = [seen.get((effect.name, n), []) for n in variant.free]
-            if any(len(columns) != 1 for columns in every):
-                continue
-            columns = tuple(c[0] for c in every)
-            if (effect.name, variant.label, columns) not in known:
-                signatures.append(
-                    Signature(effect, variant, np.array(columns), several[effect.name])
-                )
+            columns = tuple(c[0] for c in every if len(c) == 1)
+            new = (effect.name, variant.label, columns) not in known
+            if len(columns) == len(every) and new:
+                signatures.append(Hypothesis(effect, variant, np.array(columns), 0.0))
     return tuple(signatures)

@@ -90,16 +90,13 @@ def elements(
         return result
     base = refitter.keeping(f, [k for k in range(len(f.parts)) if k != part])
 
-    def fitted(h: Hypothesis) -> Finalist:
-        return refitter.extended(base, h) if base.parts else refitter.fit((h,), f.rung)
-
     for name, hypotheses in imitating.items():
-        fits = [fitted(h) for h in hypotheses]
+        fits = [refitter.extended(base, h, f.rung) for h in hypotheses]
         parts = [len(g.parts) - 1 for g in fits]
         if name != replaced.name:
             likely = _likely([g.log_posterior for g in fits])
         elif of_element(replaced.variant):
-            again = fitted(replaced)  # on the same terms as the others
+            again = refitter.extended(base, replaced, f.rung)  # on the same terms as the others
             likely = _likely([g.log_posterior for g in (again, *fits)])
             fits, parts = [f, *fits], [part, *parts]
         else:

@@ -83,9 +83,11 @@ class Refitter(Case):
         rungs = [rung if r is self else r.nothing_alone for r in self.each]
         return self._fitted(s, rungs, s.merged(begin, self._place), s.widest)
 
-    def extended(self, f: Finalist, h: Hypothesis) -> Finalist:
+    def extended(self, f: Finalist, h: Hypothesis, rung: int = 0) -> Finalist:
         """Fit again with one part more; the other parts start from their present values and keep
-        their prior sizes."""
+        their prior sizes. Without any, the fit begins on ``rung``."""
+        if not f.parts:
+            return self.fit((h,), rung)
         before, rungs, x, spread = self._begun(f, range(len(f.parts)))
         both = zip(before.parts, self.each, strict=True)
         s = Structure.of(self.each, [(*parts, r.like(h, self)) for parts, r in both])

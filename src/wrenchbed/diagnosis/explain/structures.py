@@ -12,7 +12,13 @@ from scipy.special import logsumexp
 
 from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, build
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
-from wrenchbed.diagnosis.evidence.search import PRIOR, UNKNOWN, Searcher, SingleEvidence
+from wrenchbed.diagnosis.evidence.search import (
+    PRIOR,
+    UNKNOWN,
+    Searcher,
+    SingleEvidence,
+    best_variants,
+)
 from wrenchbed.diagnosis.explain.claims import Explanation, corrected, explained, with_imitators
 from wrenchbed.diagnosis.explain.contributions import claimable, doubled
 from wrenchbed.diagnosis.explain.finalist import Finalist
@@ -175,16 +181,10 @@ def with_rivals(
     """
     result = []
     for k in parts:
-        rest = tuple(h for i, h in enumerate(f.parts) if i != k)
-        more: Sequence[SingleEvidence] = singles
-        base = None
-        if rest:
-            base = refitter.keeping(f, [i for i in range(len(f.parts)) if i != k])
-            more = refitter.added(base)
+        base = refitter.keeping(f, [i for i in range(len(f.parts)) if i != k])
+        more = refitter.added(base) if base.parts else singles
         for s in _near(refitter, more, f, k):
-            h = refitter.searcher.hypotheses[s.index]
-            fitted = refitter.fit((h,), s.rung) if base is None else refitter.extended(base, h)
-            result.append(fitted)
+            result.append(refitter.extended(base, refitter.searcher.hypotheses[s.index], s.rung))
     return result
 
 
@@ -192,17 +192,10 @@ def _near(
     refitter: Refitter, more: Sequence[SingleEvidence], f: Finalist, part: int
 ) -> list[SingleEvidence]:
     """The best variant of each other effect, if it comes near the part itself."""
-    hypotheses, name_of_part = refitter.searcher.hypotheses, f.parts[part].name
-    best: dict[str, SingleEvidence] = {}
-    for s in more:
-        if s.index >= 0:
-            name = hypotheses[s.index].name
-            if name not in best or s.log_posterior > best[name].log_posterior:
-                best[name] = s
-    mark = best[name_of_part].log_posterior if name_of_part in best else -np.inf
+    best, own = best_variants(refitter.searcher.hypotheses, more), f.parts[part].name
+    mark = best[own].log_posterior if own in best else -np.inf
     others = [s for n, s in best.items() if n not in f.names and n not in STATED]
-    others = [s for s in others if s.log_posterior > mark - NEAR]
-    return sorted(others, key=lambda s: -s.log_posterior)[:MOST]
+    return [s for s in others if s.log_posterior > mark - NEAR][:MOST]
 
 
 def _other_clocks(

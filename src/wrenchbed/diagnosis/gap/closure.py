@@ -119,7 +119,7 @@ def judged(
     channels, without = {"before": held_out.channels(before)}, dict[str, np.ndarray]()
     if claim is not None:
         after, others = crossed.explained(claim.twin, claim.finalist, claim.keep, claim.wrong)
-        every |= {"with_effects": after, "in_sample": simulated(p, claim.twin)}
+        every["with_effects"] = after
         without = {name: held_out.of(r) for name, r in others.items()}
         further |= {name: held_out.further(r) for name, r in others.items()}
         further["with_effects"] = held_out.further(after)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
@@ -35,7 +34,6 @@ class Closure:
         folds: parts of the recording, each of which was held out once.
         per_channel: gap per channel before and after.
         members: gap that each cause closes in all channels, by name: what comes back without it.
-        in_sample: gap with the claimed effects on rows that the fit did see.
         readings: (M, 6) of the scene's rows by simulator: ``calibrated``, ``with_effects``.
         in_all: share of the gaps of all channels together that the effects close.
         further: gap of further channels than the first that each cause closes, by name.
@@ -52,7 +50,6 @@ class Closure:
     folds: int
     per_channel: Mapping[str, Mapping[str, float]]
     members: Mapping[str, Interval]
-    in_sample: float | None
     readings: Mapping[str, np.ndarray]
     in_all: Interval | None = None
     further: Mapping[str, Interval] = field(default_factory=dict)
@@ -62,6 +59,14 @@ class Closure:
     def closed_least(self) -> float:
         """Share of the gap that the effects close at least, 0 without effects."""
         return 0.0 if self.closed is None else self.closed.low
+
+    def closed_beside(self, counts: float) -> float:
+        """Share of the gap that the effects close, where they surely leave a gap that counts; else
+        1. What is there may only be like them."""
+        if self.with_effects is None or self.closed is None:
+            return 1.0
+        left = self.with_effects.low - max(self.floor, 0.0)
+        return min(max(self.closed.value, 0.0), 1.0) if left > counts else 1.0
 
     @property
     def excess(self) -> float:
@@ -85,28 +90,15 @@ class Closure:
         return {k: closed * v / total if total > 0 else 0.0 for k, v in back.items()}
 
 
-class Rows(Protocol):
-    """Held-out observations of a recording (S of them)."""
-
-    @property
-    def block(self) -> np.ndarray:
-        """Block of time, or pose, of each (S,)."""
-        ...
-
-    @property
-    def count(self) -> np.ndarray:
-        """Rows behind each (S,)."""
-        ...
-
-
 @dataclass(frozen=True, eq=False)
 class Judged:
     """Simulators of one recording on its held-out observations.
 
     Attributes:
-        block, count: see `Rows`.
+        block: block of time, or pose, of each (S,).
+        count: rows behind each (S,).
         gaps: of each observation (S,) by simulator: ``configured``, ``calibrated``, ``box``,
-            ``floor``; with a claim also ``with_effects`` and, on rows that it saw, ``in_sample``.
+            ``floor``; with a claim also ``with_effects``.
         without: gaps (S,) of the diagnosed simulator without each cause, by its name.
         channels: gap of each channel (C,) ``before`` and ``after``.
         readings: see `Closure`.
@@ -138,12 +130,12 @@ def closure(
         stated: whether the causes are wrong stated numbers alone, which the usual fit takes: then
             they close the configured gap.
     """
-    drawn = Bootstrap(each, seed)
+    drawn = Bootstrap([(j.block, j.count) for j in each], seed)
     gaps = {s: np.concatenate([j.gaps[s] for j in each]) for s in each[0].gaps}
     fitted, floor = gaps["calibrated"], gaps["floor"]
     scale = drawn.average(fitted) - drawn.average(floor)
     box = drawn.average(fitted) - drawn.average(gaps["box"])
-    with_effects, closed, in_sample, in_all = None, None, None, None
+    with_effects, closed, in_all = None, None, None
     members, further = dict[str, Interval](), dict[str, Interval]()
     if "with_effects" in gaps:
         after = gaps["with_effects"]
@@ -160,7 +152,6 @@ def closure(
             without = np.concatenate([j.without[name] for j in each])
             members[name] = drawn.mean(without + beside[name] - left)
             further[name] = drawn.mean(beside[name] - beside["with_effects"])
-        in_sample = drawn.average(gaps["in_sample"])
     rows = np.array([int(j.count.sum()) for j in each])
     known = [tuple(j.names or names) for j in each]
     per_channel = dict[str, dict[str, float]]()
@@ -182,7 +173,6 @@ def closure(
         folds=folds,
         per_channel=per_channel,
         members=members,
-        in_sample=in_sample,
         readings=each[0].readings,
         in_all=in_all,
         further=further,
@@ -193,12 +183,13 @@ def closure(
 class Bootstrap:
     """Blocks of held-out rows drawn anew: what a mean, or a ratio of means, might as well be."""
 
-    def __init__(self, held_out: Sequence[Rows], seed: int) -> None:
-        block = [np.stack([np.full_like(h.block, k), h.block]) for k, h in enumerate(held_out)]
+    def __init__(self, each: Sequence[tuple[np.ndarray, np.ndarray]], seed: int) -> None:
+        """Of each recording's observations the blocks (S,) and the rows behind them (S,)."""
+        block = [np.stack([np.full_like(b, k), b]) for k, (b, _) in enumerate(each)]
         blocks, at = np.unique(np.concatenate(block, axis=1), axis=1, return_inverse=True)
         self._at = at.ravel()
         self._count = blocks.shape[1]
-        self._weight = np.concatenate([h.count for h in held_out]).astype(float)
+        self._weight = np.concatenate([count for _, count in each]).astype(float)
         rng = np.random.default_rng([seed, 30])
         self._drawn = rng.integers(self._count, size=(DRAWS, self._count))
 

@@ -39,10 +39,6 @@ class HeldOut:
         scattered = np.einsum("hii->hi", scatter)[keep] / prepared.sigma**2
         self.channel_noise = scattered - prepared.row_variance
 
-    @property
-    def rows(self) -> int:
-        return int(self.count.sum())
-
     def _residual(self, reading: np.ndarray) -> np.ndarray:
         return np.asarray(self.y - reading[self.prepared.scene.held][self._keep, self._of])
 
@@ -63,10 +59,6 @@ class HeldOut:
         """Gap of each column of the first channel."""
         gaps = (self._residual(reading) / self.prepared.sigma) ** 2 + self.channel_noise
         return np.asarray((gaps * self.count[:, None]).sum(axis=0) / self.count.sum())
-
-    def mean(self, gaps: np.ndarray) -> float:
-        """Weighted mean over rows of gaps (S,)."""
-        return float((gaps * self.count).sum() / self.count.sum())
 
     def floor(self) -> np.ndarray:
         """Gap of noise alone (S,): rows about their mean; in motion what is faster than any gap.

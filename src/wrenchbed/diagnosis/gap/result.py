@@ -54,6 +54,16 @@ def cause(
     }
 
 
+def rival(effect: str, probability: float, numbers: Mapping[str, Any]) -> dict[str, Any]:
+    """An entry of ``rivals``, with the elements and parameters of ``numbers`` if it has any."""
+    return {
+        "effect": effect,
+        "elements": numbers.get("elements", []),
+        "probability": probability,
+        "parameters": numbers.get("parameters", {}),
+    }
+
+
 def families(gap: Closure) -> dict[str, float]:
     """Share of the closed gap by family of channels, as `family` names them."""
     closed = dict.fromkeys((family(c) for c in gap.per_channel), 0.0)

@@ -33,8 +33,6 @@ _SWEEP = 2.6
 _FAST_S, _SLOWER, _RATE, _LOOK = 10.0, 3, 125.0, 5
 """A motion [s], how much slower it is done again, its rate [Hz]; one row in five is looked at."""
 _HOLDS, _HOLD_S = 20, 30.0
-_MORE = 4
-"""Factor on the rows of each pose when they are recorded again: it halves the noise of means."""
 _HOLD_ROWS = 60
 Choose = Callable[[np.ndarray], np.ndarray]
 """Function that selects among feasible poses (P, J) and returns their indices in order."""
@@ -136,7 +134,7 @@ def actions(
         choose: which poses of a pool to add.
         sweeps: joints, from the first, that are swept one by one; all if None.
     """
-    for make in (_poses, _payload, _rows, _sides, _revisit, _hold, _motion):
+    for make in (_poses, _payload, _sides, _revisit, _hold, _motion):
         action = make(prepared, choose, seed)
         if action is not None:
             yield action
@@ -224,18 +222,6 @@ def _payload(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
     again = posed(prepared, q, t, static_noise(prepared), after=False)
     minutes = action.minutes + MOUNTING_S / 60.0
     return replace(action, session=ExperimentRun(again, payload, False), minutes=minutes)
-
-
-def _rows(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
-    if prepared.moving:
-        return None
-    q = prepared.poses
-    text = f"record the same {{n}} poses with {_MORE} times as many rows each"
-    action = _visit(prepared, q, text, (), dwell=_MORE * stay(prepared))
-    if action is None:
-        return None
-    finer = replace(prepared, noise=prepared.noise / (1 + _MORE))
-    return replace(action, session=ExperimentRun(finer))
 
 
 def _sides(prepared: Prepared, choose: Choose, seed: int) -> Action | None:

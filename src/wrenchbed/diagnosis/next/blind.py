@@ -12,7 +12,7 @@ s² tr P. At s95 its 5 % quantile is the larger one of both thresholds.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -22,7 +22,7 @@ from scipy.special import chndtrinc, logit
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST, EffectDictionary, Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import MOST, log_sum
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
-from wrenchbed.diagnosis.evidence.similarity import PLAUSIBLE, Signature, Similarity
+from wrenchbed.diagnosis.evidence.similarity import PLAUSIBLE, Similarity
 from wrenchbed.diagnosis.explain.elements import element, listed, of_element
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.base import Effect
@@ -122,11 +122,8 @@ class Design:
     def _sizes(self, some: Sequence[int], information: np.ndarray) -> np.ndarray:
         """s95 (n,) of some signatures of as many numbers, by the information (n, k, k) of each."""
         gaps = self.similarity.gaps[some]
-        of = [self.similarity.signatures[k] for k in some]
-        each = [
-            Hypothesis(w.effect, w.variant, w.columns, float(gap))
-            for w, gap in zip(of, gaps, strict=True)
-        ]
+        every = self.similarity.signatures
+        each = [replace(every[k], typical_gap=float(gaps[i])) for i, k in enumerate(some)]
         scales = np.stack([self.searcher.scales(h) for h in each])
         odds = np.array([self.searcher.prior(h) for h in each]) - np.log(PRIOR[NONE])
         return reported_from(information, scales, odds, gaps)
@@ -237,7 +234,7 @@ def _of_effect(design: Design, effect: Effect) -> list[BlindSpot]:
     """Blind spots of one effect: all of it, or some of its elements."""
     every = zip(design.similarity.signatures, design.sizes.tolist(), strict=True)
     ways = [(w, size) for w, size in every if w.name == effect.name]
-    groups: dict[str, list[tuple[Signature, float]]] = {}
+    groups: dict[str, list[tuple[Hypothesis, float]]] = {}
     for w, size in ways:
         name = element(w.variant) if of_element(w.variant) else ""
         groups.setdefault(name, []).append((w, size))
@@ -256,7 +253,7 @@ def _of_effect(design: Design, effect: Effect) -> list[BlindSpot]:
 
 
 def _spot(
-    d: EffectDictionary, name: str, ways: Sequence[tuple[Signature, float]]
+    d: EffectDictionary, name: str, ways: Sequence[tuple[Hypothesis, float]]
 ) -> BlindSpot | None:
     """The blind spot of one element of an effect, by the way in which it usually shows; of several
     such by the one that is hardest to see. None where a typical size is reported."""
@@ -276,7 +273,7 @@ def _spot(
 
 
 def _without_variant(
-    d: EffectDictionary, effect: Effect, ways: Sequence[Signature]
+    d: EffectDictionary, effect: Effect, ways: Sequence[Hypothesis]
 ) -> list[BlindSpot]:
     """Parameters of joints or links of which this design has no variant: they change nothing, or
     only the weight on the joints, in which they are not sought."""

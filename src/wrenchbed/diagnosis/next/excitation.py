@@ -12,7 +12,7 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.errors import PlanError
-from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.physics.time_derivatives import Jet, cos, sin
 from wrenchbed.planning.clearance import Clearance
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.chain import SerialChain
@@ -110,32 +110,18 @@ class _Search:
             self._top / np.abs(wave.d).max(axis=0),
             _ACCELERATION / np.abs(wave.dd).max(axis=0),
         ])  # fmt: skip
-        full = self._wave(coefficients[1:], t)
-        size = np.maximum(size, 0.0)
-        return Jet(middle + size * full.v, size * full.d, size * full.dd)
+        return middle + np.maximum(size, 0.0) * self._wave(coefficients[1:], t)
 
     def _wave(self, parts: np.ndarray, t: np.ndarray) -> Jet:
-        v, d, dd = (np.zeros((len(t), parts.shape[1])) for _ in range(3))
-        for k in range(HARMONICS):
-            w = 2.0 * np.pi * (k + 1) / _PERIOD_S
-            s, c, a, b = (
-                np.sin(w * t)[:, None],
-                np.cos(w * t)[:, None],
-                parts[2 * k],
-                parts[2 * k + 1],
-            )
-            v, d, dd = v + a * s + b * c, d + w * (a * c - b * s), dd - w * w * (a * s + b * c)
-        fade, slope, bend = (x[:, None] for x in self._fade(t))
-        return Jet(fade * v, fade * d + slope * v, fade * dd + 2.0 * slope * d + bend * v)
-
-    def _fade(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Fade factor from 0 to 1 and back, with its two derivatives (N,)."""
-        end = self._seconds - t
-        s = np.clip(np.minimum(t, end) / _FADE_S, 0.0, 1.0)
+        """Sums of sines and cosines (N, J), faded in from rest and out to rest."""
+        end, one = self._seconds - t, np.ones((len(t), 1))
+        near = np.clip(np.minimum(t, end) / _FADE_S, 0.0, 1.0)
         way = np.where(t < end, 1.0, -1.0) / _FADE_S
-        value = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-        slope = 30.0 * s**2 * (1.0 - s) ** 2 * way
-        return value, slope, 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) * way**2
+        s, time = Jet(near[:, None], way[:, None], 0.0 * one), Jet(t[:, None], one, 0.0 * one)
+        turns = [2.0 * np.pi * (k + 1) / _PERIOD_S * time for k in range(HARMONICS)]
+        each = zip(turns, parts[::2], parts[1::2], strict=True)
+        wave = sum(a * sin(turn) + b * cos(turn) for turn, a, b in each)
+        return s * s * s * (10.0 - 15.0 * s + 6.0 * s * s) * wave
 
     def value(self, coefficients: np.ndarray, beaten: float) -> float:
         """log det of the information; −∞ of one that touches something or is worse than known."""

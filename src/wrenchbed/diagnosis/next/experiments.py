@@ -252,7 +252,7 @@ def _beyond(own: np.ndarray, variance: np.ndarray, columns: np.ndarray) -> np.nd
     variance (m,)."""
     if not len(variance):
         return np.asarray(columns.T @ columns)
-    return BackgroundLevel(own, np.ones(len(own)), variance, few=True).products(columns)
+    return BackgroundLevel(own, np.ones(len(own)), variance).products(columns)
 
 
 def _with_payload(session: ExperimentRun) -> Prepared:

@@ -1,15 +1,17 @@
-"""What a design leaves open before any cause is known: effects that it does not tell apart."""
+"""What a design leaves open before any cause is known: effects that it does not tell apart.
+
+Effects that change no reading are blind spots (`blind`).
+"""
 
 from collections.abc import Collection, Sequence
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary
-from wrenchbed.diagnosis.evidence.similarity import ALIKE, PLAUSIBLE, Similarity
+from wrenchbed.diagnosis.evidence.dictionary import EffectDictionary, Hypothesis
+from wrenchbed.diagnosis.evidence.similarity import ALIKE, Similarity
 from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.diagnosis.explain.verdict import INSEPARABLE
 from wrenchbed.diagnosis.prepare.configuration import STATED
-from wrenchbed.effects.chain import effects
 
 _Sentences = list[tuple[frozenset[str], str]]
 
@@ -27,58 +29,15 @@ def cannot_tell(
     """
     among = None if classes is None else {name for names in classes for name in names}
     similarity = similarity or Similarity(dictionary, among)
-    sentences = [*_never(similarity), *_taken(similarity), *_sums(similarity), *_pairs(similarity)]
+    sentences = [*_taken(similarity), *_sums(similarity), *_pairs(similarity)]
     if classes is not None:
         sentences = [s for s in sentences if any(s[0] <= set(names) for names in classes)]
     return tuple(dict.fromkeys(text for _, text in sentences))
 
 
-def _never(similarity: Similarity) -> _Sentences:
-    """Sentences on effects that change no reading."""
-    d = similarity.d
-    where = "a motion" if d.prepared.moving else "poses at rest"
-    p, mean = d.prepared, [e for e in effects().values() if not e.between_rows]
-    other = [e.name for e in mean if not e.acts(p.scene)]
-    unread = [e.name for e in mean if e.acts(p.scene) and not p.reads(e)]
-    acting = [e for e in mean if p.reads(e)]
-    absent = [e.name for e in acting if not e.variants(d.prepared.scene)]
-    result: _Sentences = []
-    for names, why in (
-        (other, f"has no effect on {where}"),
-        (unread, "has no effect on these readings"),
-        (
-            absent,
-            "is not possible here: this robot, or this recording, has nothing that it acts on",
-        ),
-    ):
-        if names:
-            result.append((frozenset(names), f"{listed(names, 'and')} {why}"))
-    for name in d.invisible:
-        of_effect = [w for w in similarity.signatures if w.name == name]
-        if any(d.configured_gap[w.columns].sum() * PLAUSIBLE**2 >= 1.0 for w in of_effect):
-            why = f"the fit of {p.usual} absorbs it"
-        else:
-            why = "it is below the noise at every plausible size"
-        result.append((frozenset({name}), f"{name} is not detectable: {why}"))
-    return result
-
-
 def _taken(similarity: Similarity) -> _Sentences:
-    """Single joints that cannot show though others can; stated numbers that effects mimic."""
+    """Stated numbers that effects mimic."""
     result: _Sentences = []
-    hidden: dict[str, list[int]] = {}
-    shown = {h.name for h in similarity.d.hypotheses}
-    for signature in similarity.signatures:
-        if (
-            list(signature.variant.detail) == ["joint"]
-            and signature.name in shown
-            and not similarity.seen(signature)
-        ):
-            hidden.setdefault(signature.name, []).append(signature.variant.detail["joint"])
-    for name, joints in hidden.items():
-        result.append(
-            (frozenset({name}), f"{name} of {_joints(joints)} has no effect on these readings")
-        )
     for name in STATED:
         of_effect = [k for k, w in enumerate(similarity.signatures) if w.name == name]
         if not of_effect:
@@ -86,10 +45,11 @@ def _taken(similarity: Similarity) -> _Sentences:
         largest = max(of_effect, key=lambda k: len(similarity.signatures[k].columns))
         for k in _narrowest(similarity, np.flatnonzero(similarity.inside[largest])):
             signature = similarity.signatures[k]
+            text = _text(signature, similarity)
             if len(signature.columns) == len(similarity.signatures[largest].columns):
-                text = f"{signature.text} and {name} have the same effect with one payload"
+                text += f" and {name} have the same effect with one payload"
             else:
-                text = f"{signature.text} reproduces {name} completely with one payload"
+                text += f" reproduces {name} completely with one payload"
             result.append((frozenset({name, signature.name}), text))
     return result
 
@@ -135,14 +95,27 @@ def _pairs(similarity: Similarity) -> _Sentences:
         if len(pair) == 2 and pair not in done:
             done.add(pair)
             where = " in any free-space data" if pair in INSEPARABLE else " in this data"
-            result.append((pair, f"{ways[a].text} and {ways[b].text} look the same{where}"))
+            both = " and ".join(_text(ways[k], similarity) for k in (a, b))
+            result.append((pair, f"{both} look the same{where}"))
     for a in np.flatnonzero(real).tolist():
         for b in _narrowest(similarity, np.flatnonzero(inside[a] & real)):
             pair = frozenset({ways[a].name, ways[b].name})
             if len(pair) == 2 and pair not in done:
                 done.add(pair)
-                result.append((pair, f"{ways[b].text} can reproduce {ways[a].text}"))
+                wide, narrow = (_text(ways[k], similarity) for k in (b, a))
+                result.append((pair, f"{wide} can reproduce {narrow}"))
     return result
+
+
+def _text(signature: Hypothesis, similarity: Similarity) -> str:
+    """Name of a signature for people: ``joint.offset of joint 6``, ``sensor.gain (forces)``."""
+    name, label, detail = signature.name, signature.variant.label, signature.variant.detail
+    if list(detail) == ["joint"]:
+        return f"{name} of joint {detail['joint']}"
+    if label.startswith("about "):
+        return f"{name} {label}"
+    several = len(signature.effect.variants(similarity.d.prepared.scene)) > 1
+    return f"{name} ({label})" if several else name
 
 
 def _narrowest(similarity: Similarity, members: np.ndarray) -> list[int]:
