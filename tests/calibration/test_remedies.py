@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from plain_ur5 import COG, MASS, PlainUr5
+from plain_ur5 import COG, GRAVITY, MASS, PlainUr5, flange
 from wrenchbed.calibration.calibrate import calibrate
-from wrenchbed.data.metadata import ToolInfo
+from wrenchbed.calibration.trust import check
+from wrenchbed.data.metadata import Metadata, ToolInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.wrench import CHANNELS
@@ -114,3 +115,18 @@ def test_torques_about_another_point_are_said_to_be(sound):
     )
     assert (x, y, z) == pytest.approx((0.0, 0.0, -150.0), abs=2.0) and "[wrench] about" in status
     assert "stated" not in calibrate(sound).status
+
+
+def test_a_turn_about_one_joint_refutes_no_channel():
+    """What the other channels leave open of the load is no evidence against one of them."""
+    rng = np.random.default_rng(0)
+    t = np.arange(8000) / 100.0
+    q = np.tile([0.3, -1.2, 1.4, -0.9, 0.0, 0.4], (len(t), 1))
+    q[:, 4] = 0.04 * t - 1.5
+    force = MASS * GRAVITY @ np.array([flange(x)[:3, :3] for x in q])
+    wrench = np.hstack([force, np.cross(COG, force)])
+    wrench += np.repeat([0.05, 0.003], 3) * rng.standard_normal(wrench.shape)
+    q += 2e-5 * rng.standard_normal(q.shape)
+    columns = {"t": t} | {f"q{k + 1}": q[:, k] for k in range(6)}
+    columns |= dict(zip(CHANNELS, wrench.T, strict=True))
+    assert check(Recording(Metadata(robot="ur5", mode="dynamic"), columns, "turn.parquet")) is None

@@ -48,6 +48,9 @@ LONG = 0.5
 """Longest lever [m] that counts as found where a channel is left out (an estimate)."""
 DEAD = 0.1
 """A channel that follows its load by less, relative, is dead."""
+CONTRADICTED = 0.25
+"""Part of the load that the others show on a channel which one load for all leaves there at least,
+if they contradict each other: turned about one axis, the others show loads of many kinds."""
 FOLLOWED = 0.5
 """Least fraction that a fitted load leaves of the forces of one weight turned at random."""
 ROUND = 0.05
@@ -260,7 +263,8 @@ def _dead(seen: Observed, load: Load) -> Finding | None:
         swing = seen.moments.swing(others.phi)
         due, alike = float(swing[k]), swing[:3] if k < 3 else swing[3:]
         sure = max(CLEAR * float(seen.noise[k]), APART * np.sqrt(others.share) * alike.max())
-        if due > sure and measured[k] < DEAD * due and load.share > 0.0:
+        contradicted = float(load.left[k]) > CONTRADICTED * due  # else few poses leave it open
+        if due > sure and measured[k] < DEAD * due and contradicted:
             return _bad_channel(k, float(measured[k]), due)
     return None
 
