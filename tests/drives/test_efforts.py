@@ -15,9 +15,9 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.configured import stated_drives
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.identify import calibrate_efforts
-from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet
+from wrenchbed.robots.inverse_dynamics import torque_regressor
 
 CONSTANT = np.array([13.0, 13.0, 12.0, 9.0, 9.0, 9.0])
 TOOL = ("tool.mass", "tool.cog.x", "tool.cog.y", "tool.cog.z")

@@ -7,12 +7,14 @@ from test_robots import random_theta
 
 from arm_files import CASES, TOOL_COG, TOOL_MASS
 from wrenchbed import registry
-from wrenchbed.drives.inverse_dynamics import rotor_torque, torque_regressor
+from wrenchbed.channels.held import LINK_MASS, of_links
+from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import NotFoundError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.base import SimulatedRobot, models
 from wrenchbed.robots.chain import SerialChain
 from wrenchbed.robots.described import describe
+from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.robots.mjcf import link_inertias
 from wrenchbed.robots.ur5 import ur_arm
 from wrenchbed.simulation.drives.drive_train import JointTorques
@@ -80,3 +82,18 @@ def test_a_robot_without_links_has_no_torques(monkeypatch):
     monkeypatch.setattr(SerialChain, "link_frames", SimulatedRobot.link_frames)
     with pytest.raises(NotFoundError, match="no frames of links"):
         link_inertias(robot, robot.parameters.nominal)
+
+
+@pytest.mark.parametrize("name", ["ur5", "medrue"])
+def test_errors_of_links_at_rest_are_shares_of_what_holds_them(name):
+    """By differences of the links' heights; MedRUE has a link that no joint moves."""
+    robot, step = registry.load("robots", name), 1e-6
+    q, theta = robot.sample(10, np.random.default_rng(4)), robot.parameters.nominal
+    gravity = np.asarray(robot.gravity)
+    scene = Scene(robot, theta, gravity, q, np.arange(10.0), np.ones(10, dtype=bool))
+    columns = of_links(scene)[..., ::4]
+    mass = robot.links(q, theta)[0][: columns.shape[2]]
+    for j, one in enumerate(np.eye(q.shape[1])):
+        up, down = (robot.links(q + s * step * one, theta)[1] @ gravity for s in (1.0, -1.0))
+        slope = (up - down)[:, : len(mass)] / (2.0 * step)
+        assert columns[:, j] == pytest.approx(-LINK_MASS * mass * slope, abs=1e-6)

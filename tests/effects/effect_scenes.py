@@ -9,7 +9,8 @@ from wrenchbed.effects.chain import ActiveEffect, EffectChain, respond
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.time_derivatives import Jet
 
-NAMES = registry.names("effects")
+NAMES = [n for n in registry.names("effects") if registry.load("effects", n).stage != "effort"]
+"""Those that the wrench may show."""
 SCENES = ("ur5 static", "ur5 motion", "medrue static", "oriented static")
 NOISE = np.array([0.05, 0.05, 0.05, 2e-3, 2e-3, 2e-3])
 SEEN = 1e-9

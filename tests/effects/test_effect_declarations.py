@@ -26,8 +26,9 @@ ROBOTS = ("ur5", "medrue", "oriented")
 
 def test_every_effect_has_a_draw_in_both_catalogues():
     assert set(lookalikes.DRAWS) == set(referee.DRAWS) == set(EFFECTS) < set(effects())
-    # exactly a mass and a CoG: it is in the background of every case
-    assert set(effects()) - set(EFFECTS) == {"tool.self_weight"}
+    # exactly a mass and a CoG: it is in the background of every case; no wrench shows the others
+    others = {"tool.self_weight", "drive.constant", "drive.offset"}
+    assert set(effects()) - set(EFFECTS) == others
 
 
 def test_each_stated_number_is_the_error_of_one_effect():
@@ -38,7 +39,13 @@ def test_each_stated_number_is_the_error_of_one_effect():
 
 def test_an_effect_acts_where_it_says():
     """A method of a stage is written exactly where the effect acts at that stage."""
-    methods = {"model": "theta", "joint": "displace", "pose": "pose", "load": "pull"}
+    methods = {
+        "model": "theta",
+        "joint": "displace",
+        "pose": "pose",
+        "load": "pull",
+        "effort": "sense",
+    }
     for effect in effects().values():
         written = {m for c in type(effect).__mro__[:-3] for m in c.__dict__}
         assert list(effect.stages) == [s for s in STAGES if s in effect.stages]

@@ -205,7 +205,8 @@ def test_what_shows_only_in_motion_does_not_act_at_rest():
     still = scene_of("ur5 static")
     late = ActiveEffect.of(still.robot, "timing.delay", {"delay": 0.5})
     assert np.array_equal(EffectChain([late]).read(still, still.load), still.load)
-    assert list(STAGES) == ["model", "joint", "pose", "load", "reading", "timing", "row"]
+    stages = ["model", "joint", "pose", "load", "effort", "reading", "timing", "row"]
+    assert list(STAGES) == stages
 
 
 # ---- effects by name -----------------------------------------------------------------------------

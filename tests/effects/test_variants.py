@@ -59,7 +59,8 @@ def test_a_channel_without_load_is_never_clipped():
 
 
 NEEDS_JOINTS = (
-    "base.compliance cable.pull cable.torsion environment.contact joint.backlash joint.clearance "
+    "base.compliance cable.pull cable.torsion drive.constant drive.offset environment.contact "
+    "joint.backlash joint.clearance "
     "joint.compliance joint.gear_error joint.offset link.length"
 ).split()
 

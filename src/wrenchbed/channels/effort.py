@@ -46,7 +46,7 @@ class EffortAtRest(Channel):
     name = "effort"
     title = "torques of the joints at rest"
     usual = "tool mass and centre of gravity"
-    stages = PLACING | {"load"}
+    stages = PLACING | {"load", "effort"}
     by_pose = weighs = True
 
     @property
@@ -64,10 +64,10 @@ class EffortAtRest(Channel):
 
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
         """Readings of poses; on the ways between them 0."""
-        return held_torques(chain, scene, pose, load)
+        return chain.sensed(held_torques(chain, scene, pose, load))
 
     def late(self, chain: EffectChain, scene: Scene, nominal: np.ndarray) -> np.ndarray:
-        return nominal + pulled_torques(chain, scene)
+        return chain.sensed(nominal + pulled_torques(chain, scene))
 
     def imperfections(self, scene: Scene) -> np.ndarray:
         sensors, others = self.kinds(scene)

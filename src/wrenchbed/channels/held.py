@@ -7,10 +7,11 @@ import numpy as np
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import EffectChain
 from wrenchbed.effects.scene import Scene
-from wrenchbed.physics.newton_euler import twist_of
-from wrenchbed.physics.time_derivatives import STEP, Jet, Value, value
+from wrenchbed.physics.newton_euler import INERTIAL, twist_of
+from wrenchbed.physics.time_derivatives import STEP, Jet, value
 from wrenchbed.physics.wrench import weight
 from wrenchbed.robots.base import Robot, SimulatedRobot
+from wrenchbed.robots.inverse_dynamics import torque_regressor
 
 LINK_MASS, LINK_CENTRE = 0.03, 3e-3
 """Ordinary errors of a link's stated mass, relative, and of its stated centre of gravity [m]:
@@ -89,26 +90,11 @@ def of_links(scene: Scene) -> np.ndarray:
     its own axes."""
     robot, gravity = scene.robot, scene.gravity
     assert isinstance(robot, SimulatedRobot)
-    of_joints = []
-    for way in _unit_speeds(scene.joints):
-        columns = list[np.ndarray]()
-        for (turn, origin), body in zip(
-            robot.link_frames(way, scene.theta), robot.bodies, strict=False
-        ):
-            falling = gravity @ _moving(turn).d  # (M, 3), along the axes of the link
-            mass = LINK_MASS * (_moving(origin).d @ gravity + falling @ np.array(body.cog))
-            columns += [mass[:, None], LINK_CENTRE * falling]
-            columns[-2:] = [-body.mass * c for c in columns[-2:]]
-        of_joints.append(np.concatenate(columns, axis=1))
-    return np.stack(of_joints, axis=1)
-
-
-def _unit_speeds(q: np.ndarray) -> list[Jet]:
-    """Jets in which one joint at a time has speed 1 and all others are still."""
-    still = np.zeros_like(q)
-    return [Jet(q, still + one, still) for one in np.eye(q.shape[1])]
-
-
-def _moving(x: Value) -> Jet:
-    """Jet of what may not move."""
-    return x if isinstance(x, Jet) else Jet(x, 0.0 * x, 0.0 * x)
+    still = Jet(scene.joints, 0.0 * scene.joints, 0.0 * scene.joints)
+    every = torque_regressor(robot, scene.theta, still, gravity)
+    result = list[np.ndarray]()
+    for k, body in enumerate(robot.bodies[: every.shape[2] // INERTIAL]):
+        unit = body.mass * every[..., INERTIAL * k : INERTIAL * k + 4]
+        heavier = unit @ np.array([[1.0], *([c] for c in body.cog)])
+        result += [LINK_MASS * heavier, LINK_CENTRE * unit[..., 1:]]
+    return np.concatenate(result, axis=2)

@@ -39,14 +39,12 @@ def list_(
 
     kind = "emulators" if kind == "twins" else kind
     rows = dict(REASONS) if kind == "checks" else wb.descriptions(kind)
+    rows |= wb.SimDriver.drive_faults() if kind == "effects" else {}
     table = console.table()
     for name, text in rows.items():
-        channels = ("wrench",) if kind == "effects" else ()
+        channel = "effort" if name.startswith("drive.") else "wrench"
+        channels = (channel,) if kind == "effects" else ()
         table.add_row(Text(name, style="bold"), *channels, text)
-    if kind == "effects":
-        for name, text in wb.SimDriver.drive_faults().items():
-            rows[name] = text
-            table.add_row(Text(name, style="bold"), "effort", text)
     console.answer(rows, as_json, table)
 
 

@@ -1,5 +1,5 @@
 """Joint torques and motor currents: predicted and fitted.
 
-Imports channels, robots, data and what lies below. Open `inverse_dynamics` first, of poses at rest
+Imports channels, robots, data and what lies below. Open `identify` first, of poses at rest
 `at_rest`. Used by: cli, diagnosis.
 """

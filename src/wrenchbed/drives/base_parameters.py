@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import qr
 
-from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.inverse_dynamics import torque_regressor
 
 _ROWS, _SEED = 6, 1
 """Rows of the regressor per column, at least; estimate."""

@@ -17,7 +17,6 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.drives.at_rest import calibrate_at_rest
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.fit import DriveFit, JointError, impossible
-from wrenchbed.drives.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.drives.signals import DriveSignals, as_torques, drive_signals
 from wrenchbed.drives.solution import FOLDS, Problem, Solution, parts, residual, solve, start
 from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
@@ -25,6 +24,7 @@ from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import INERTIA_AXES, Joint, SimulatedRobot
+from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.robots.mjcf import at_home, link_inertias
 from wrenchbed.simulation.closed_form import Model, robot_of
 

@@ -81,6 +81,11 @@ STAGES: Mapping[str, Stage] = {
     "load": Stage(
         "the load on the sensor differs from the tool's", exported="on the load of the sensor"
     ),
+    "effort": Stage(
+        "the reading of a joint's effort differs from the torque on it",
+        "on the joints' torques, by the closed form",
+        "on the joints' efforts",
+    ),
     "reading": Stage("the sensor's reading differs from its load"),
     "timing": Stage("the reading belongs to another moment"),
     "row": Stage(
@@ -325,6 +330,10 @@ class Effect(ABC):
         """``load``: what is added to the load on the sensor (M, 6) [N, N·m] in sensor axes."""
         return np.zeros_like(load)
 
+    def sense(self, torque: np.ndarray, p: Values) -> np.ndarray:
+        """``effort``: what is read of the joints' torques (M, J) [N·m, of slides N]."""
+        return torque
+
     def read(self, scene: Scene, reading: np.ndarray, p: Values) -> np.ndarray:
         """``reading`` and ``timing``: readings (M, 6) [N, N·m] with the effect."""
         return reading
@@ -378,6 +387,12 @@ class JointEffect(Effect):
             Variant(f"joint {k}", (n,), detail={"joint": k}) for k, n in enumerate(names, start=1)
         ]
         return (*single, Variant("all joints", names, weight=2.0))
+
+
+class EffortEffect(JointEffect):
+    """The sensors of the joints' torques show something else; one amplitude a joint."""
+
+    stage = "effort"
 
 
 class LoadEffect(Effect):

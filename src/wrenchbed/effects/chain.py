@@ -116,6 +116,12 @@ class EffectChain:
             more = more + a.effect.pull(scene, pose, load, a.values)
         return more
 
+    def sensed(self, torque: np.ndarray) -> np.ndarray:
+        """Readings of the joints' torques (M, J) [N·m, of slides N]."""
+        for a in self._at["effort"]:
+            torque = a.effect.sense(torque, a.values)
+        return torque
+
     def read(self, scene: Scene, load: np.ndarray) -> np.ndarray:
         """Reading of the sensor for a load (M, 6) [N, N·m]; no delay shows at rest."""
         reading = load
@@ -143,7 +149,7 @@ class EffectChain:
     def late_response(self, scene: Scene, nominal: np.ndarray) -> np.ndarray:
         """Readings (M, 6) up to a constant, from the first stage at which an effect acts; nominal
         are those without effects (M, 6)."""
-        if self.stages <= {"reading", "timing"}:
+        if self.stages <= {"effort", "reading", "timing"}:
             return self.read(scene, nominal)
         if self.stages == {"load"}:
             return np.asarray(self.pull(scene, Pose(*scene.pose), scene.load))

@@ -7,7 +7,7 @@ Used by: every other room but files, jobs, pages, physics and sensors.
 
 SUPPORT = (
     "arm_model", "arm_spec", "arm_tree", "chain", "closed_loop", "compiled", "described",
-    "file_arm", "loop_arm", "menagerie", "mjcf", "model_file", "model_source", "motion_limits",
-    "serial_arm",
+    "file_arm", "inverse_dynamics", "loop_arm", "menagerie", "mjcf", "model_file", "model_source",
+    "motion_limits", "serial_arm",
 )  # fmt: skip
 """Modules of this package that are no plug-ins."""

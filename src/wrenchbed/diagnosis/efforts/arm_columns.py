@@ -9,11 +9,11 @@ from wrenchbed.channels.held import LINK_CENTRE, LINK_MASS
 from wrenchbed.diagnosis.efforts.scene import EffortScene
 from wrenchbed.diagnosis.prepare.baseline import COG_M, MASS_SHARE
 from wrenchbed.drives.identify import carrier_columns, load_columns, of_mass, of_moment
-from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.effects.drives.base import Block, Column
 from wrenchbed.effects.drives.operators import late, slow
 from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.robots.base import INERTIA_AXES
+from wrenchbed.robots.inverse_dynamics import torque_regressor
 
 _TILT = np.deg2rad(0.1)
 """Ordinary tilt of a base [rad]; estimate: a bubble level."""

@@ -26,7 +26,7 @@ _OFFSET, _ROTOR, _CONSTANT = "drive.offset", "drive.inertia", "drive.constant"
 def of_joint(scene: EffortScene, j: int) -> tuple[list[Column], list[Block]]:
     """Columns and causes of joint j, from 0, but those whose shape a residual suggests."""
     rows = rows_of(scene, j)
-    columns, blocks = [_offset(scene, rows)], list[Block]()
+    columns, blocks = list[Column](), list[Block]()
     for effect in drive_effects().values():
         some = effect.columns(rows)
         columns += some
@@ -35,7 +35,7 @@ def of_joint(scene: EffortScene, j: int) -> tuple[list[Column], list[Block]]:
     for word, shapes in _forms(scene, rows).items():
         named, more = "." in word, [rows.column(name, shape) for name, shape in shapes.items()]
         columns += more
-        names = (*(c.name for c in columns[:1] if named), *(c.name for c in more))
+        names = (*[f"offset.{rows.joint}"] * named, *(c.name for c in more))
         blocks.append(Block(word, rows.joint, not named, names))
     return columns, blocks
 
@@ -44,14 +44,11 @@ def rows_of(scene: EffortScene, j: int) -> DriveRows:
     """What the drive effects of joint j, from 0, see."""
     q, known = scene.q, scene.drives.known("drive.coulomb")
     spread = {
-        name: _spread(scene, j, name, effect.relative)
+        name: _spread(scene, j, effect)
         for name, effect in drive_effects().items()
         if isinstance(effect, StatedNumber)
     }
     free = frozenset(name for name, std in spread.items() if std is None)
-    if known[j] and _ROTOR in free:  # where friction is stated the model's rotor is, too
-        spread[_ROTOR] = _relative(_ROTOR) * float(scene.inertias.rotor[j])
-        free -= {_ROTOR}
     if spread[_CONSTANT] is None:
         spread[_CONSTANT] = 1.0
     warm = scene.recording.columns.get(f"joint_temperature{j + 1}")
@@ -64,33 +61,19 @@ def rows_of(scene: EffortScene, j: int) -> DriveRows:
     )  # fmt: skip
 
 
-def _relative(name: str) -> float:
-    effect = drive_effects()[name]
-    assert isinstance(effect, StatedNumber)
-    return effect.relative
-
-
-def _spread(scene: EffortScene, j: int, kind: str, relative: float) -> float | None:
-    """Ordinary spread of a stated value, of a drive constant relative; None where nothing is
+def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
+    """Ordinary spread of a stated number, of a drive constant relative; None where nothing is
     stated."""
-    drives = scene.drives
+    drives, kind = scene.drives, effect.name
     if kind == _CONSTANT and not scene.currents:  # that of a torque sensor is 1
-        return relative
-    if not drives.known(kind)[j]:
-        return None
-    value, std = abs(float(drives.value[kind][j])), float(drives.std[kind][j])
-    return float(np.hypot(relative * value, std)) / (value if kind == _CONSTANT else 1.0)
-
-
-def _offset(scene: EffortScene, rows: DriveRows) -> Column:
-    """A constant torque: no effect of its own, for a zero of the sensor has it too."""
-    j, spread = rows.joint - 1, ZERO * float(np.abs(rows.total).max())
-    stated = scene.drives.known(_OFFSET)[j]
-    if stated:
-        own = _relative("drive.coulomb") * abs(float(scene.drives.value[_OFFSET][j]))
-        spread = float(np.hypot(max(own, spread), scene.drives.std[_OFFSET][j]))
-    free = not stated and not rows.is_stated
-    return rows.column("offset", np.ones_like(rows.speed), None if free else spread, free=free)
+        return effect.relative
+    known, value = drives.known(kind)[j], abs(float(drives.of(kind)[j]))
+    if kind in (_OFFSET, _ROTOR):  # where friction is stated no zero is, and the model's rotor
+        known = known or drives.known("drive.coulomb")[j]
+    value = float(scene.inertias.rotor[j]) if kind == _ROTOR else value
+    least = ZERO * float(np.abs(scene.total[:, j]).max()) if kind == _OFFSET else 0.0
+    spread = float(np.hypot(max(effect.relative * value, least), drives.std[kind][j]))
+    return spread / (value if kind == _CONSTANT else 1.0) if known else None
 
 
 def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarray]]:

@@ -12,7 +12,6 @@ import scipy  # which loads its slow submodules when they are first used
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.configured import Drives
 from wrenchbed.drives.identify import CONSTANT, FRICTION, arm_of, calibrate_efforts
-from wrenchbed.drives.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.drives.signals import DriveSignals, drive_signals
 from wrenchbed.effects.drives.operators import direction, moving
 from wrenchbed.errors import DiagnosisError
@@ -20,6 +19,7 @@ from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.chain import SerialChain
+from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.robots.mjcf import LinkInertias, link_inertias
 from wrenchbed.simulation.closed_form import Model
 

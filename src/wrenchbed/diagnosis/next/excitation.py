@@ -10,12 +10,12 @@ import numpy as np
 
 from wrenchbed.data.plan import Plan
 from wrenchbed.drives.base_parameters import base_parameters
-from wrenchbed.drives.inverse_dynamics import torque_regressor
 from wrenchbed.errors import PlanError
 from wrenchbed.physics.time_derivatives import Jet, cos, sin
 from wrenchbed.planning.clearance import Clearance
 from wrenchbed.robots.base import Robot
 from wrenchbed.robots.chain import SerialChain
+from wrenchbed.robots.inverse_dynamics import torque_regressor
 
 HARMONICS = 5
 """Sines in each joint's Fourier series; estimate, after Swevers et al."""

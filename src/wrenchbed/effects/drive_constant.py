@@ -1,0 +1,26 @@
+"""Gains of the joints' torque sensors are wrong."""
+
+import numpy as np
+
+from wrenchbed.effects.base import EffortEffect, Values, vector
+
+
+class DriveConstant(EffortEffect):
+    """τ_j → (1 + ε_j) τ_j.
+
+    Seen in: joint torques of poses that load the joint differently; one that carries no weight
+    shows nothing.
+    """
+
+    name = "drive.constant"
+    title = "gains of the joints' torque sensors are wrong"
+    title_of_joint = "the gain of joint {joint}'s torque sensor is wrong"
+    source = "3 %: estimate, three times what data sheets give"
+    amplitude, sizes, text = "gain", (0.03, 0.03), "relative error of a joint's torque"
+    units = ("1", "1")
+
+    def sense(self, torque: np.ndarray, p: Values) -> np.ndarray:
+        return torque * (1.0 + vector(p, [f"gain.q{j + 1}" for j in range(torque.shape[1])]))
+
+
+EFFECT = DriveConstant()

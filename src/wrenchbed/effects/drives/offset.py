@@ -1,0 +1,25 @@
+"""The zero of a joint's torque sensor is off, or its drive has a constant torque."""
+
+import numpy as np
+
+from wrenchbed.effects.drives.base import DriveRows, Size, StatedNumber
+
+
+class DriveOffset(StatedNumber):
+    """τ + δ.
+
+    Seen in: motion in both directions, under gravity of both signs.
+    """
+
+    name = "drive.offset"
+    title = "the zero of joint {joint}'s torque sensor is off"
+    size = Size("offset", "N·m", 3.0)  # estimate
+    remedy = "read the joint's effort unloaded, or with the arm hanging straight down"
+    word, relative = "offset", 0.05
+    """Ordinary changes of a stated constant torque: estimate."""
+
+    def shape(self, rows: DriveRows) -> np.ndarray:
+        return np.ones_like(rows.speed)
+
+
+EFFECT = DriveOffset()

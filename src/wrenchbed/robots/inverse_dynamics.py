@@ -1,0 +1,79 @@
+"""Torques of an arm's joints in closed form, linear in the inertial parameters of its links.
+
+τ = Σₖ Jₖᵀ Yₖ φₖ by virtual work: Yₖ φₖ is what a link needs to move as it does under gravity
+(Atkeson, An & Hollerbach 1986, doi 10.1177/027836498600500306), Jₖ are its velocities per speed of
+an actuated joint; loops stay closed. MuJoCo's inverse dynamics and constraint forces are another
+implementation; tests compare them.
+"""
+
+import numpy as np
+
+from wrenchbed.physics.newton_euler import motion_of, regressor, twist_of
+from wrenchbed.physics.time_derivatives import Jet, Value
+from wrenchbed.robots.base import SimulatedRobot
+from wrenchbed.robots.mjcf import LinkInertias
+
+_ROWS_AT_ONCE = 1000
+"""Rows whose links' frames are held at once; estimate: some 50 MB."""
+
+
+def torque_regressor(
+    robot: SimulatedRobot, theta: np.ndarray, q: Jet, gravity: np.ndarray
+) -> np.ndarray:
+    """Y (N, J, 10 L) with torques (N, J) = Y φ [N·m, N for slides].
+
+    Args:
+        robot: one with frames of its links.
+        theta: of the robot (P,).
+        q: joint values, speeds and accelerations (N, J).
+        gravity: in world axes (3,) [m/s²].
+
+    Raises:
+        NotFoundError: the model of the robot has no frames of links.
+    """
+    starts = range(0, len(q.v), _ROWS_AT_ONCE)
+    parts = [_regressor(robot, theta, q[k : k + _ROWS_AT_ONCE], gravity) for k in starts]
+    return np.concatenate(parts)
+
+
+def _regressor(robot: SimulatedRobot, theta: np.ndarray, q: Jet, gravity: np.ndarray) -> np.ndarray:
+    one, columns = _unit_speeds(q.v), list[np.ndarray]()
+    both = zip(robot.link_frames(q, theta), robot.link_frames(one, theta), strict=True)
+    for frame, moved in both:
+        needed = -regressor(motion_of(*_moving(frame, len(q.v)), gravity))  # (N, 6, 10)
+        way = twist_of(*_moving(moved, len(one.v)))
+        columns.append(way.reshape(*q.v.shape, 6) @ needed)
+    return np.concatenate(columns, axis=2)
+
+
+def rotor_torque(
+    robot: SimulatedRobot, theta: np.ndarray, inertias: LinkInertias, q: Jet
+) -> np.ndarray:
+    """Torque (N, J) [N·m, N for slides] that the motors' own inertia needs.
+
+    The MJCF of a described robot has some in passive joints too: loops bring it to the motors.
+    """
+    own = inertias.rotor * q.dd
+    if not inertias.passive.any():
+        return own
+    passive = inertias.passive * robot.qpos(q, theta).dd
+    ways = robot.qpos(_unit_speeds(q.v), theta).d.reshape(*q.v.shape, -1)
+    return own + np.einsum("njl,nl->nj", ways, passive)
+
+
+def _unit_speeds(q: np.ndarray) -> Jet:
+    """Each row (N, J) once for each joint, which moves alone at a speed of 1 (N J, J)."""
+    still = np.repeat(q, q.shape[1], axis=0)
+    return Jet(still, np.tile(np.eye(q.shape[1]), (len(q), 1)), 0.0 * still)
+
+
+def _moving(frame: tuple[Value, Value], rows: int) -> tuple[Jet, Jet]:
+    """Jets of a rotation and an origin, also if they do not move."""
+    shapes = ((rows, 3, 3), (rows, 3))
+    turn, origin = (
+        x
+        if isinstance(x, Jet)
+        else Jet(np.broadcast_to(x, shape), np.zeros(shape), np.zeros(shape))
+        for x, shape in zip(frame, shapes, strict=True)
+    )
+    return turn, origin
