@@ -15,7 +15,7 @@ WRENCHBED = {
     "data": 5009,
     "diagnosis": 14238,
     "drives": 1802,
-    "effects": 4919,
+    "effects": 4937,
     "environments": 618,
     "exports": 849,
     "files": 607,
