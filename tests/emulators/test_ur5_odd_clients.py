@@ -100,7 +100,7 @@ def test_an_interpreted_script_with_impossible_values_ends_with_its_reason(bench
     bench.controller.announce = lambda event: None
     assert bench.controller.modes.runtime is Runtime.STOPPED and bench.controller.program is None
     (fault,) = [event for event in said if event.kind == FAULT]
-    assert fault.text and fault.place[0] == 1
+    assert fault.text and fault.fields[:4] == bytes([0, 0, 0, 1])  # line 1
     answers_and_packs(bench)
 
 

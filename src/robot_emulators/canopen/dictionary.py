@@ -92,7 +92,6 @@ class Entry:
 
     @property
     def writable(self) -> bool:
-        """Whether a client may write it."""
         return self.access in ("rw", "wo")
 
     def parsed(self, raw: bytes) -> int:

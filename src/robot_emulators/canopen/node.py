@@ -238,7 +238,6 @@ class Node:
                 self.send(0x700 + self.node, bytes([self.state]))
 
     def _others(self, t: float, node: int) -> None:
-        """A heartbeat that this node consumes."""
         self._heard[node] = t
         if node in self._lost:
             self._lost.discard(node)

@@ -61,7 +61,6 @@ class Pdo:
 
     @property
     def synchronous(self) -> bool:
-        """Whether the PDO acts on SYNC."""
         return self.type <= _SYNCHRONOUS
 
     @property

@@ -87,7 +87,6 @@ class Interpolation:
 
     @property
     def known(self) -> bool:
-        """Whether there is a target."""
         return bool(self._lines)
 
     def at(self, t: float) -> float:

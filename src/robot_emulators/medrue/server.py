@@ -182,7 +182,6 @@ class RealTimePlant:
         return np.asarray(rows[min(max(k, 0), len(rows) - 1)])
 
     def start(self) -> None:
-        """Let time run."""
         self._measure(time.monotonic())
         self._thread.start()
 

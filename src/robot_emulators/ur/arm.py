@@ -129,7 +129,6 @@ class ControlledArm:
 
     @property
     def moving(self) -> bool:
-        """Whether the target moves."""
         return bool(np.abs(self.qd).max() > 1e-4)
 
     def moves_by(self, motion: ArmMotion) -> bool:

@@ -3,7 +3,8 @@
 Source: Universal Robots, "Dashboard Server CB-Series" and "Dashboard Server e-Series".
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.modes import Runtime
@@ -80,10 +81,16 @@ class Dashboard(Conversation):
                 "get operational mode": lambda: controller.operational_mode,
                 "clear operational mode": self._clear_operational_mode,
             }
-            self._with_value["set operational mode"] = self._set_operational_mode
+            self._with_value["set operational mode"] = partial(
+                self._choose, "operational_mode", _OPERATIONAL, "Unknown operational mode: {}",
+                "Operational mode {} is set",
+            )  # fmt: skip
         else:
             self._questions["getuserrole"] = lambda: controller.user_role
-            self._with_value["setuserrole"] = self._set_role
+            self._with_value["setuserrole"] = partial(
+                self._choose, "user_role", _ROLES, "Failed setting user role: {}",
+                "Setting user role: {}",
+            )  # fmt: skip
         self._say(GREETING)
 
     def receive(self, data: bytes, now: float) -> bool:
@@ -130,18 +137,13 @@ class Dashboard(Conversation):
             return f"Unknown flight report type: {kind}"
         return "Flight Report generated with id: 00000000-0000-0000-0000-000000000001"
 
-    def _set_operational_mode(self, mode: str) -> str:
-        if mode.upper() not in _OPERATIONAL:
-            return f"Unknown operational mode: {mode}"
-        self._controller.operational_mode = mode.upper()
-        return f"Operational mode {mode.upper()} is set"
+    def _choose(self, name: str, known: Sequence[str], wrong: str, done: str, word: str) -> str:
+        """Set a word of the controller; the answer, also where it is none of the known ones."""
+        if word.upper() not in known:
+            return wrong.format(word)
+        setattr(self._controller, name, word.upper())
+        return done.format(word.upper())
 
     def _clear_operational_mode(self) -> str:
         self._controller.operational_mode = "NONE"
         return "No longer controlling the operational mode. Current operational mode: 'NONE'"
-
-    def _set_role(self, role: str) -> str:
-        if role.upper() not in _ROLES:
-            return f"Failed setting user role: {role}"
-        self._controller.user_role = role.upper()
-        return f"Setting user role: {role.upper()}"

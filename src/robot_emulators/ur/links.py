@@ -39,11 +39,6 @@ class Link:
                 self.close()
         return self._open and not self.lost
 
-    @property
-    def dialling(self) -> bool:
-        """Whether the connection is still being made: neither open nor lost."""
-        return not self.open and not self.lost
-
     def read(self, count: int) -> bytes | None:
         """Take ``count`` bytes; None if fewer have come."""
         if len(self.held) < count:

@@ -28,14 +28,12 @@ class Event:
         source: who says it.
         fields: of this kind, packed.
         text: at the end.
-        place: line and column of a program, from 1; 0 where nobody knows.
     """
 
     kind: int
     source: int
     fields: bytes
     text: str = ""
-    place: tuple[int, int] = (0, 0)
 
     def packed(self, timestamp: float) -> bytes:
         """The message, at the controller's time [s]."""
@@ -88,8 +86,7 @@ def key(title: str, text: str) -> Event:
 
 def runtime_fault(line: int, column: int, text: str) -> Event:
     """A program cannot go on, at a line and column of its text, from 1."""
-    place = max(0, line), max(0, column)
-    return Event(FAULT, _INTERFACE, struct.pack(">II", *place), text, place)
+    return Event(FAULT, _INTERFACE, struct.pack(">II", max(0, line), max(0, column)), text)
 
 
 def stopped_because(why: str) -> Event:

@@ -2,6 +2,7 @@
 
 import struct
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from robot_emulators.ur.links import Link
@@ -47,28 +48,24 @@ def _register(way: str, kind: str, address: Any, known: Any) -> tuple[str, int |
     return name, None
 
 
-def _reads(way: str, kind: str, as_value: Callable[[Any], Any]) -> Callable[..., Any]:
-    def read(program: ScriptProgram, address: Any) -> Any:
-        controller = program.controller
-        values = controller.inputs.values if way == "input" else controller.values
-        name, bit = _register(way, kind, address, values)
-        return as_value(values[name][0] >> bit & 1 if bit is not None else values[name][0])
+def _read(
+    way: str, kind: str, as_value: Callable[[Any], Any], program: ScriptProgram, address: Any
+) -> Any:
+    controller = program.controller
+    values = controller.inputs.values if way == "input" else controller.values
+    name, bit = _register(way, kind, address, values)
+    return as_value(values[name][0] >> bit & 1 if bit is not None else values[name][0])
 
-    return read
 
-
-def _writes(kind: str) -> Callable[..., None]:
-    def write(program: ScriptProgram, address: Any, value: Any) -> None:
-        values = program.controller.values
-        name, bit = _register("output", kind, address, program.controller.fields)
-        if bit is not None:
-            values[name] = (values[name][0] & ~(1 << bit) | truth(value) << bit,)
-        elif kind == "bit":
-            values[name] = (truth(value),)
-        else:
-            values[name] = (real(value, "a value") if kind == "double" else int32(value),)
-
-    return write
+def _write(kind: str, program: ScriptProgram, address: Any, value: Any) -> None:
+    values = program.controller.values
+    name, bit = _register("output", kind, address, program.controller.fields)
+    if bit is not None:
+        values[name] = (values[name][0] & ~(1 << bit) | truth(value) << bit,)
+    elif kind == "bit":
+        values[name] = (truth(value),)
+    else:
+        values[name] = (real(value, "a value") if kind == "double" else int32(value),)
 
 
 def int32(value: Any) -> int:
@@ -81,8 +78,8 @@ def int32(value: Any) -> int:
 
 for _word, (_kind, _type) in _KINDS.items():
     for _way in ("input", "output"):
-        TABLE.add(f"read_{_way}_{_word}_register")(_reads(_way, _kind, _type))
-    TABLE.add(f"write_output_{_word}_register")(_writes(_kind))
+        TABLE.add(f"read_{_way}_{_word}_register")(partial(_read, _way, _kind, _type))
+    TABLE.add(f"write_output_{_word}_register")(partial(_write, _kind))
 
 
 def _bit(group: str, n: float) -> int:
@@ -95,25 +92,19 @@ def _bit(group: str, n: float) -> int:
     return first + int(n)
 
 
-def _sets(group: str) -> Callable[..., None]:
-    def set_output(program: ScriptProgram, n: float, b: bool) -> None:
-        bit, terminals = _bit(group, n), program.controller.terminals
-        terminals.bits = terminals.bits & ~(1 << bit) | b << bit
-
-    return set_output
+def _set_output(group: str, program: ScriptProgram, n: float, b: bool) -> None:
+    bit, terminals = _bit(group, n), program.controller.terminals
+    terminals.bits = terminals.bits & ~(1 << bit) | b << bit
 
 
-def _gets(group: str) -> Callable[..., bool]:
-    def get_output(program: ScriptProgram, n: float) -> bool:
-        return bool(program.controller.terminals.bits >> _bit(group, n) & 1)
-
-    return get_output
+def _get_output(group: str, program: ScriptProgram, n: float) -> bool:
+    return bool(program.controller.terminals.bits >> _bit(group, n) & 1)
 
 
 for _group in _GROUPS:
     _names = [f"{_group}_digital_out", *(["digital_out"] if _group == "standard" else [])]
-    TABLE.add(*(f"set_{name}" for name in _names))(_sets(_group))
-    TABLE.add(*(f"get_{name}" for name in _names))(_gets(_group))
+    TABLE.add(*(f"set_{name}" for name in _names))(partial(_set_output, _group))
+    TABLE.add(*(f"get_{name}" for name in _names))(partial(_get_output, _group))
 
 
 @TABLE.add(
@@ -235,15 +226,14 @@ def socket_set_var(
     return _send(program, socket_name, f"SET {name} {int(value)}\n".encode())
 
 
-def _sends(packed: Callable[[Any], bytes]) -> Callable[..., bool]:
-    def send(program: ScriptProgram, value: Any, socket_name: str = _NAME) -> bool:
-        return _send(program, socket_name, packed(value))
-
-    return send
+def _send_value(
+    packed: Callable[[Any], bytes], program: ScriptProgram, value: Any, socket_name: str = _NAME
+) -> bool:
+    return _send(program, socket_name, packed(value))
 
 
 for _what, _packed in _SENT.items():
-    TABLE.add(f"socket_send_{_what}")(_sends(_packed))
+    TABLE.add(f"socket_send_{_what}")(partial(_send_value, _packed))
 
 
 def _send(program: ScriptProgram, name: str, data: bytes) -> bool:

@@ -145,7 +145,7 @@ def dialled(
 ) -> Generator[None, None, Link | None]:
     """Wait for a connection; None where it is not open after `DIAL_S`."""
     link, end = links.dial(host, port, name), controller.now + DIAL_S
-    while link is not None and link.dialling and controller.now < end:
+    while link is not None and not (link.open or link.lost) and controller.now < end:
         yield
     return link if link is not None and link.open else None
 

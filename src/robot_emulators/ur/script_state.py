@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -146,18 +147,18 @@ _LISTS: dict[str, Callable[[ScriptProgram], np.ndarray]] = {
 """Function → the numbers that it returns, SI."""
 
 
-def _as_list(read: Callable[[ScriptProgram], np.ndarray]) -> Callable[[ScriptProgram], list[float]]:
-    return lambda program: [float(v) for v in read(program)]
+def _as_list(read: Callable[[ScriptProgram], np.ndarray], program: ScriptProgram) -> list[float]:
+    return [float(v) for v in read(program)]
 
 
-def _as_pose(read: Callable[[ScriptProgram], np.ndarray]) -> Callable[[ScriptProgram], Pose]:
-    return lambda program: made(read(program))
+def _as_pose(read: Callable[[ScriptProgram], np.ndarray], program: ScriptProgram) -> Pose:
+    return made(read(program))
 
 
 for _name, _read in _LISTS.items():
-    TABLE.add(_name)(_as_list(_read))
+    TABLE.add(_name)(partial(_as_list, _read))
 for _name, _read in _POSES.items():
-    TABLE.add(_name)(_as_pose(_read))
+    TABLE.add(_name)(partial(_as_pose, _read))
 for _name, _act in _NUMBERS.items():
     TABLE.add(_name)(_act)
 

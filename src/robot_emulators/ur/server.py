@@ -38,8 +38,7 @@ _BROKEN = {
 _MOST_OFF = 0.5
 """Largest following error [rad]."""
 _PORTS = {"rtde": 30004, "dashboard": 29999, "primary": 30001, "secondary": 30002, "script": 30003}
-"""Link → its TCP port; source: Universal Robots, "Remote control via TCP/IP".
-"""
+"""Link → its TCP port; source: "Remote control via TCP/IP" of Universal Robots."""
 _LATE_S = 0.05
 """Lag beyond which the loop leaves out packets to catch up [s] …"""
 _SHARE = 4

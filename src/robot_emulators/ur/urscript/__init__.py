@@ -3,5 +3,5 @@
 What a program may call is a table of functions that the robot gives. Nothing is evaluated but the
 tree: no Python text is made or run.
 Imports: none of the package.
-Read first: syntax.py, then machine.py.
+Read first: translation.py, then machine.py.
 """
