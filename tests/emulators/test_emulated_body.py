@@ -24,7 +24,7 @@ def go(body: Body, q: np.ndarray, seconds: float = 1.0, rest: float = 0.5) -> li
     for k in range(n + round(rest / CYCLE)):
         s = min((k + 1) / n, 1.0)
         body.step(start + (10 * s**3 - 15 * s**4 + 6 * s**5) * (q - start))
-        shown.append(body.readings(np.array([body.ahead]))[0][0])
+        shown.append(body.readings(np.array([body.newest[1]]))[0][0])
     return shown
 
 
@@ -35,8 +35,8 @@ def test_at_rest_it_reads_the_exact_wrench(robot):
     last = go(body, q, 3.0, 1.5)[-1]
     assert np.abs(body.q - q).max() < 1e-7
     assert np.abs(last - body.simulation.wrench(q[None])[0]).max() < 1e-5
-    assert body.ahead == pytest.approx((375 + 188) * CYCLE)
-    assert body.time == pytest.approx(body.ahead - CYCLE)
+    assert body.newest[1] == pytest.approx((375 + 188) * CYCLE)
+    assert body.time == pytest.approx(body.newest[1] - CYCLE)
 
 
 @pytest.mark.sampled
@@ -136,12 +136,12 @@ def test_a_plate_pushes_back_on_the_tool_and_not_before(robot):
 
 def test_readings_asked_for_too_early_do_not_delay_later_ones():
     hasty, calm = (Body(BodyOptions("ur5", noise="off"), CYCLE) for _ in range(2))
-    hasty.readings(np.array([hasty.ahead + 2.0]))  # the loop stood, the sensor went on
+    hasty.readings(np.array([hasty.newest[1] + 2.0]))  # the loop stood, the sensor went on
     for k in range(60):
         for body in (hasty, calm):
             body.step(body.robot.home + 0.002 * k * np.eye(6)[3])
-    at = np.array([calm.ahead - 5.5 * CYCLE])
-    shown, newest = calm.readings(at)[0][0], calm.readings(np.array([calm.ahead]))[0][0]
+    at = np.array([calm.newest[1] - 5.5 * CYCLE])
+    shown, newest = calm.readings(at)[0][0], calm.readings(np.array([calm.newest[1]]))[0][0]
     assert np.abs(shown - newest).max() > 0.05
     assert hasty.readings(at)[0][0] == pytest.approx(shown, abs=1e-9)
 

@@ -120,7 +120,7 @@ class RobotArguments:
     samples: int = 50  # Rows a pose.
     seed: int = 0  # All follows from it.
 
-    def fleet(self, robot: str) -> wb.Fleet:
+    def fleet(self, robot: str) -> "wb.Fleet":
         """What the rows of the campaign follow from."""
         words = tuple(w.strip() for w in self.vary.split(",") if w.strip())
         plan = None if self.plan is None else wb.Plan.read(self.plan)

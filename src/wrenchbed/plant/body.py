@@ -156,6 +156,13 @@ class Body:
         surface: for the tool's tip to press on, instead of the options' plate.
         drives: whether its drives report torques and currents.
 
+    Attributes:
+        time, q, qd, load: of the reported state: full cycles since the start [s], joint values and
+            speeds (J,), and true load on the sensor (6,) [N, N·m], without effects and noise.
+        target: last target of the servos (J,).
+        newest: when the newest state was due (`time.monotonic`), and its simulated time [s], up to
+            which the readings are known.
+
     Raises:
         NotFoundError: the robot has no MuJoCo model, or no such effect.
         ParameterError: an unknown parameter, an impossible value or kind of noise.
@@ -191,7 +198,7 @@ class Body:
         """Force of the surface on the tip, in the world [N]."""
         self._substeps = steps_in(cycle)
         self._lock = threading.Lock()
-        self._target = self._before = np.array(robot.home)
+        self.target = self._before = np.array(robot.home)
         self._behind = max(1, round(DELAY_S / cycle))
         self._rows: deque[SensorRow] = deque(maxlen=max(8, round(HISTORY_S / cycle)))
         self.drives = (
@@ -203,45 +210,6 @@ class Body:
         self._last_read = -np.inf
         self.step(robot.home)
 
-    @property
-    def time(self) -> float:
-        """Simulated time of the reported state [s]: full cycles since the start."""
-        return self._now.t
-
-    @property
-    def ahead(self) -> float:
-        """Simulated time up to which the readings are known [s]."""
-        return self._rows[-1].t
-
-    @property
-    def q(self) -> np.ndarray:
-        """Joint values (J,) [rad or m]."""
-        return self._now.q
-
-    @property
-    def qd(self) -> np.ndarray:
-        """Joint speeds (J,)."""
-        return self._now.qd
-
-    @property
-    def target(self) -> np.ndarray:
-        """Last target of the servos (J,)."""
-        return self._target
-
-    @property
-    def load(self) -> np.ndarray:
-        """True load on the sensor (6,) [N, N·m], without effects and noise."""
-        return self._now.load
-
-    @property
-    def _now(self) -> SensorRow:
-        return self._rows[max(-self._behind - 1, -len(self._rows))]
-
-    @property
-    def newest(self) -> tuple[float, float]:
-        """When the newest state was due (`time.monotonic`), and its simulated time [s]."""
-        return self._newest
-
     def step(self, target: np.ndarray, due: float = 0.0) -> None:
         """Take one control cycle towards a target (J,).
 
@@ -251,7 +219,7 @@ class Body:
         no jump in speed, half a cycle late, as drives that interpolate do.
         """
         fraction = np.arange(1, self._substeps + 1)[:, None] / self._substeps
-        last, new = self._target, np.asarray(target, dtype=float)
+        last, new = self.target, np.asarray(target, dtype=float)
         way = 0.5 * (self._before + last) + fraction * (last - self._before)
         way += 0.5 * fraction**2 * (new - 2.0 * last + self._before)
         if self._surface is not None:
@@ -259,11 +227,13 @@ class Body:
         sampled = self._plant.follow(way, self.cycle)
         if self.drives is not None:
             self.drives.step(self._plant, sampled.q, sampled.qd)
-        self._before, self._target = last, np.array(new)
+        self._before, self.target = last, np.array(new)
         with self._lock:
             self._rows.append(SensorRow(self._cycles * self.cycle, *sampled))
-            self._newest = (due or time.monotonic(), self._rows[-1].t)
+            self.newest = (due or time.monotonic(), self._rows[-1].t)
             self._cycles += 1
+            reported = self._rows[max(-self._behind - 1, -len(self._rows))]
+            self.time, self.q, self.qd, self.load = reported
             if self._sensor_effects is not None:
                 self._sensor_effects.advance(self._rows)
 
@@ -275,7 +245,7 @@ class Body:
                 read; times before the last call are moved on by a nanosecond each.
         """
         with self._lock:
-            t = np.minimum(t, self.ahead)
+            t = np.minimum(t, self.newest[1])
             t = np.maximum(t, self._last_read + 1e-9 * np.arange(1, len(t) + 1))
             self._last_read = float(t[-1])
             means = self._mean(t) if self._sensor_effects is None else self._sensor_effects.mean(t)
