@@ -14,7 +14,6 @@ from rerun.experimental import ViewerClient
 
 from wrenchbed.viewer import show
 
-SIZE = (1600, 900)
 VULKAN = Path("/usr/share/vulkan/icd.d").is_dir()
 """Whether there is what the viewer draws with."""
 _LOADS_S = 60.0
@@ -60,10 +59,10 @@ class Seen:
 
 
 @contextmanager
-def seen(file: Path, port: int, size: tuple[int, int] = SIZE) -> Iterator[Seen]:
+def seen(file: Path, port: int) -> Iterator[Seen]:
     """The viewer showing a file, on this machine alone."""
     told = show.command(file, port=port)
-    told[1:1] = ["--headless", "--window-size", f"{size[0]}x{size[1]}", "--hide-welcome-screen"]
+    told[1:1] = ["--headless", "--window-size", "1600x900", "--hide-welcome-screen"]
     with show.quiet() as environment:
         process = subprocess.Popen(
             told, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True

@@ -103,7 +103,7 @@ def found(tmp_path_factory):
     robot = wb.load("robots", "ur5")
     options = wb.SimOptions("ur5", effects=("joint.compliance:joint=2,stiffness=7000",), seed=2)
     with wb.SimDriver(options) as driver:
-        wb.record(driver, wb.poses(robot, 50, seed=2), folder / "rec.parquet", samples=40)
+        wb.record(driver, wb.poses(robot, 30, seed=2), folder / "rec.parquet", samples=10)
     findings = diagnose(wb.Recording.read(folder / "rec.parquet"))
     rr.set_strict_mode(True)
     diagnosis_view(findings, folder / "diagnosis.rrd")

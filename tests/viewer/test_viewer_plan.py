@@ -7,7 +7,6 @@ import rerun as rr
 import wrenchbed as wb
 from rrd_file import Rrd
 from wrenchbed.campaigns.recording.itinerary import itinerary
-from wrenchbed.data.plan import is_plan
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.motion_limits import Limits
@@ -87,12 +86,6 @@ def test_touches_and_motions_are_shown(tmp_path):
     assert "/world/poses" not in rrd.entities()
 
 
-def test_plans_are_told_from_recordings_and_other_files(tmp_path):
-    wb.poses(UR5, 4, seed=3).write(tmp_path / "p.parquet")
-    with wb.SimDriver(wb.SimOptions("ur5", seed=1)) as driver:
-        wb.record(driver, wb.poses(UR5, 4, seed=3), tmp_path / "r.parquet", samples=2)
-    (tmp_path / "x.parquet").write_text("no")
-    found = [is_plan(tmp_path / f"{n}.parquet") for n in "prxn"]
-    assert found == [True, False, False, False]
+def test_a_plan_for_a_robot_without_a_model_is_refused(tmp_path):
     with pytest.raises(ParameterError, match="has no model"):
         plan_view(wb.Plan.of("oriented", np.zeros((1, 1))), tmp_path / "o.rrd")
