@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 from pathlib import Path
 
 import mujoco
@@ -11,16 +12,21 @@ import pytest
 
 from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
+from wrenchbed.errors import ParameterError
+from wrenchbed.pages.draw import Drawn
+from wrenchbed.reports.recording_page import recording_page
+from wrenchbed.twin.comparison import simulators
 
 NTNU = Path(__file__).resolve().parents[1] / "data" / "ntnu_kuka_ati_gamma"
 RECORD = ["record", "--robot", "ur5", "--plan", "p.parquet", "--samples", "6", "--out"]
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def folder(made, tmp_path, monkeypatch):
+    """With a plan and a recording of it."""
     monkeypatch.chdir(tmp_path)
-    assert main(["plan", "ur5", "--n", "12", "--out", "p.parquet"]) == 0
-    assert main([*RECORD, "r.parquet"]) == 0
+    for name, short in (("plan", "p"), ("rec", "r")):
+        shutil.copy(made / f"{name}.parquet", f"{short}.parquet")
     return tmp_path
 
 
@@ -70,19 +76,21 @@ def test_an_effect_twice_on_one_joint_is_named(folder, capsys):
         refused(line, "effect joint.compliance acts twice", capsys)
 
 
-def test_a_fit_edited_by_hand_is_refused_by_field(folder, capsys):
-    assert main(["calibrate", "r.parquet", "--out", "fit.json"]) == 0
-    fit = json.loads((folder / "fit.json").read_text())
-    line = ["report", "r.parquet", "edited.json", "--out", "r.html"]
-    here = [0, 0, 0]
+def test_a_fit_edited_by_hand_is_refused_by_field(made, folder, capsys, monkeypatch):
+    monkeypatch.setattr("wrenchbed.reports.recording_page.draw", lambda c: Drawn(c, "<svg></svg>"))
+    fit, recording = json.loads((made / "fit.json").read_text()), Recording.read("r.parquet")
+    here, path = [0, 0, 0], folder / "edited.json"
+    told = "edited: field 'tool' is not as `calibrate` writes it"
     for tool in (
         None, {"mass": 1.0}, {"mass": "one", "cog": here}, {"mass": 10**400, "cog": here},
         {"mass": float("nan"), "cog": here}, {"mass": 1.0, "cog": {}},
     ):  # fmt: skip
-        (folder / "edited.json").write_text(json.dumps(fit | {"tool": tool}))
-        refused(line, "edited: field 'tool' is not as `calibrate` writes it", capsys)
-    (folder / "edited.json").write_text(json.dumps(fit | {"parameters": "nonsense"}))
-    assert main(line) == 0, "the page does not read what parameters were fitted"
+        path.write_text(json.dumps(fit | {"tool": tool}))
+        with pytest.raises(ParameterError, match=told):
+            recording_page(recording, [path], "")
+    refused(["report", "r.parquet", "edited.json", "--out", "r.html"], told, capsys)
+    path.write_text(json.dumps(fit | {"parameters": "nonsense"}))
+    assert simulators(recording, [path]), "the page does not read what parameters were fitted"
 
 
 @pytest.mark.parametrize("digits", [400, 5_000])
@@ -109,29 +117,5 @@ def test_names_that_are_not_utf_8(folder):
     ):
         assert main(line) == 0, line
         assert main([*line, "--force"] if line[-2] == "--mcap" else line) in (0, 1), line
-    assert len(Recording.read(f"{odd}.s.parquet")) == 72
+    assert len(Recording.read(f"{odd}.s.parquet")) == 100
     assert json.loads((folder / f"{odd}.fit.json").read_bytes())["recording"] == f"{odd}.parquet"
-
-
-def cells(row, column, cell, lines=24, blank=()):
-    """A log of 12 columns with one odd cell; a blank line before some rows."""
-    rng = np.random.default_rng(0)
-    table = rng.normal(size=(lines, 13)).round(6).astype(str).tolist()
-    table[row][column] = cell
-    text = [",".join(("t", *"abcdef", *("fx", "fy", "fz", "tx", "ty", "tz")))]
-    for number, line in enumerate(table):
-        text += [""] * (number in blank) + [",".join(line)]
-    return "\n".join(text) + "\n"
-
-
-@pytest.mark.parametrize("cell", ["abc", "", "1e999"])
-@pytest.mark.parametrize(("lines", "row"), [(24, 9), (15_000, 14_321)])
-def test_a_bad_cell_is_blamed_on_its_row(cell, lines, row, tmp_path):
-    """In small files and in those that are read in a stream."""
-    from wrenchbed.data.text_table import read_text
-    from wrenchbed.errors import MapError
-
-    path = tmp_path / "log.csv"
-    path.write_text(cells(row, 8, cell, lines))
-    with pytest.raises(MapError, match=rf"'fy', row {row}: .*\(line {row + 2}\)"):
-        read_text(path).numbers("fy")

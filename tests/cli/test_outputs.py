@@ -3,6 +3,7 @@
 import fcntl
 import json
 import os
+import shutil
 
 import pytest
 
@@ -14,11 +15,11 @@ from wrenchbed.errors import ParameterError, RecordingError
 
 
 @pytest.fixture
-def folder(tmp_path, monkeypatch):
+def folder(made, tmp_path, monkeypatch):
     """A folder with a plan, a recording and files of somebody else."""
     monkeypatch.chdir(tmp_path)
-    assert main(["plan", "ur5", "--n", "12", "--out", "p.parquet"]) == 0
-    assert main([*RECORD, "--out", "r.parquet"]) == 0
+    for name, short in (("plan", "p"), ("rec", "r")):
+        shutil.copy(made / f"{name}.parquet", f"{short}.parquet")
     (tmp_path / "mine.txt").write_text("mine")
     (tmp_path / "mine.json").write_text('{"mine": 1}')
     (tmp_path / "mine.html").write_text("<!doctype html><p>mine")
@@ -101,7 +102,7 @@ def test_a_journal_is_not_recorded_over(folder, capsys):
     assert "n.parquet: an unfinished recording is there already" in capsys.readouterr().err
     assert main([*RECORD, "--out", "n.parquet", "--force"]) == 0
     assert (folder / "n.parquet~.journal").read_bytes() == b"of a writer that was killed"
-    assert len(Recording.read("n.parquet")) == 72
+    assert len(Recording.read("n.parquet")) == 120
 
 
 def test_a_garbage_journal_beside_a_recording_says_what_to_do(tmp_path):

@@ -61,6 +61,7 @@ def test_columns_of_text_do_no_harm(tmp_path):
     ("content", "words"),
     [
         (b"t,fx\n1,2\n2,x\n3,4\n", r"column 'fx', row 1: 'x' is no number \(line 3\)"),
+        (b"t,fx\n1,2\n2,1e999\n3,4\n", r"column 'fx', row 1: .* not finite \(line 3\)"),
         (b"t,fx\nx,2\n2,3\n3,4\n4,5\n", r"column 't', row 0: 'x' is no number \(line 2\)"),
         (b"1,2\n2,nan\n", r"column '2', row 1: the value is missing or not finite \(line 2\)"),
         (b"t,fx\n1,2\n\n2,\n", "column 'fx', row 1: the value is missing or not finite$"),

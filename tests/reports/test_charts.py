@@ -136,4 +136,4 @@ def test_what_nothing_explains_is_drawn_over_all_that_was_recorded(tmp_path):
     assert labels[:6] == [f"joint {k}" for k in range(1, 7)] and "time" in labels
     assert sum("gravity along" in t for t in labels) == 3
     assert any(t.startswith("simulated load") for t in labels)
-    assert all(p.y.unit == "noise" and len(p.series[0].x) == 40 for p in chart.panels)
+    assert all(p.y.unit == "noise" and len(p.series[0].x) == 24 for p in chart.panels)

@@ -13,6 +13,7 @@ from test_report import words
 import wrenchbed as wb
 from wrenchbed.cli import main
 from wrenchbed.errors import ParameterError
+from wrenchbed.pages.draw import Drawn
 from wrenchbed.reports.recording_page import agreements, recording_page
 from wrenchbed.twin.comparison import noise_of, simulators
 
@@ -67,7 +68,8 @@ def test_one_channel_that_differs_is_no_agreement(folder):
     assert "✓ agree" not in told and "Use this simulator" not in told
 
 
-def test_a_simulator_that_is_off_is_named_with_the_next_step(folder):
+def test_a_simulator_that_is_off_is_named_with_the_next_step(folder, monkeypatch):
+    monkeypatch.setattr("wrenchbed.reports.recording_page.draw", lambda c: Drawn(c, "<svg></svg>"))
     page = recording_page(wb.Recording.read(folder / "rec.parquet"), [], "")
     told = text(page)
     assert "The best simulator, configured, differs much from the recording in " in told
@@ -85,6 +87,7 @@ def test_residuals_in_the_table_are_those_of_the_arrays(folder):
     assert all(f"{x:.3g}" in told for x in rms)
 
 
+@pytest.mark.slow
 def test_the_verb_writes_a_page_that_needs_nothing_else(folder, capsys):
     out = folder / "report.html"
     files = [str(folder / "rec.parquet"), str(folder / "fit.json")]

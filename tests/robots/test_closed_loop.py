@@ -13,14 +13,12 @@ from scipy.spatial.transform import Rotation
 from test_file_arm import loads
 from test_robots import random_theta
 
-from loop_files import PlainLoops, medrue_file
+from loop_files import PlainLoops
 from wrenchbed.cli import main
 from wrenchbed.effects.chain import active_effect
 from wrenchbed.errors import ParameterError, PlanError
-from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.base import models
 from wrenchbed.robots.described import describe, read, rebuilt
-from wrenchbed.robots.medrue import ROBOT as MEDRUE
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.twin.twin import nominal
 
@@ -30,35 +28,6 @@ each_model = pytest.mark.parametrize("name", TOOLS)
 
 def loop_robot(name, folder):
     return describe(models() / name / f"{name}.xml", "sensor", folder / "my.toml").robot
-
-
-def medrue_poses(theta, n, seed):
-    """Not within 5 % of a five-bar's end of reach, as far as the parameters go."""
-    q = MEDRUE.sample(n, np.random.default_rng(seed))
-    return np.delete(q, list(MEDRUE.infeasible(q, theta)), axis=0)
-
-
-def same_as_medrue(robot, mine, theta, q):
-    """Both poses and both wrenches."""
-    turn, place = robot.sensor_pose(q, mine)
-    turned, placed = MEDRUE.sensor_pose(q, theta)
-    assert np.abs(turn - turned).max() < 1e-10
-    assert np.abs(place - placed).max() < 1e-10
-    assert np.abs(loads(robot, q, mine) - loads(MEDRUE, q, theta)).max() < 1e-10
-    assert len(q) >= 100
-
-
-@pytest.mark.slow
-def test_medrue_through_its_loops_is_its_written_out_closed_form(tmp_path):
-    """Its MJCF in ``models`` to all digits, read anew; joints in the actuators' order."""
-    rng = np.random.default_rng(11)
-    for k in range(2):
-        theta = MEDRUE.parameters.nominal if k == 0 else random_theta(MEDRUE, rng)
-        file = medrue_file(theta, tmp_path / "medrue.xml")
-        robot = describe(file, "ft", tmp_path / "my.toml").robot
-        assert robot.home == pytest.approx(MEDRUE.home)
-        own = robot.parameters.nominal
-        same_as_medrue(robot, own, theta, medrue_poses(theta, 150, 20 + k))
 
 
 def matched(robot, name, rng):
@@ -143,21 +112,6 @@ across a five-bar's plane leave its loop open; a rod's turn about itself changes
 )
 def test_the_contract_of_every_robot(name, contract, tmp_path):
     contract(loop_robot(name, tmp_path))
-
-
-@each_model
-def test_velocity_and_acceleration_are_those_of_the_positions(name, tmp_path):
-    """By differences along a path, of perturbed robots too."""
-    robot, rng, h = loop_robot(name, tmp_path), np.random.default_rng(8), 1e-4
-    theta = random_theta(robot, rng)
-    q = robot.sample(20, rng)
-    v, a = rng.normal(size=(2, *q.shape)) * 0.2
-    jet = robot.qpos(Jet(q, v, a), theta)
-    before, at, after = (robot.qpos(q + t * v + 0.5 * t**2 * a, theta) for t in (-h, 0.0, h))
-    assert np.abs(jet.v - at).max() < 1e-12
-    assert np.abs(jet.d - (after - before) / (2 * h)).max() < 1e-5
-    assert np.abs(jet.dd - (after - 2 * at + before) / h**2).max() < 1e-4
-    assert np.abs(jet.dd).max() > 0.1
 
 
 @each_model

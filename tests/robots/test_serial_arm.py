@@ -43,15 +43,6 @@ def test_seven_joints_are_planned_recorded_and_calibrated(tmp_path):
     assert fit["theta"]["tool.mass"] == pytest.approx(1.45, abs=1e-6)
 
 
-@pytest.mark.slow
-def test_an_offset_of_joint_4_is_diagnosed(tmp_path):
-    recording = recorded(tmp_path, 60, "joint.offset:joint=4,offset=0.01")
-    assert main(["diagnose", recording, "--out", str(tmp_path / "diagnosis")]) == 0
-    said = json.loads((tmp_path / "diagnosis" / "diagnosis.json").read_text())
-    assert said["which"][0]["effect"] == "joint.offset"
-    assert said["which"][0]["parameters"]["joint"]["value"] == 4
-
-
 @pytest.mark.parametrize("case", [None, CASES[0], CASES[5]], ids=["iiwa14", "mjcf", "urdf"])
 def test_every_effect_of_an_arm_is_simulated_as_fitted(case, tmp_path):
     robot = IIWA if case is None else arm_of(case, tmp_path)

@@ -1,13 +1,10 @@
 """Robots with closed loops as plain MuJoCo has them: its own constraints close them."""
 
 from pathlib import Path
-from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
-
-from wrenchbed.robots.medrue import ROBOT as MEDRUE
 
 _STRIDE = 0.02
 
@@ -103,39 +100,3 @@ class PlainLoops:
             data.qpos[self.passive] -= (
                 np.linalg.pinv(slopes, 1e-9) @ data.efc_pos[: data.nefc][rows]
             )
-
-
-def medrue_file(theta: np.ndarray, path: Path) -> Path:
-    """MedRUE's MJCF with parameters (P,) in it, to all digits."""
-    spec = MEDRUE.spec(theta)
-    tree = ElementTree.parse(MEDRUE.mjcf)
-    for element in tree.getroot().iter():
-        name = element.get("name")
-        if element.tag == "body":
-            body = spec.body(name)
-            element.attrib.pop("euler", None)
-            element.set("pos", _text(body.pos))
-            element.set("quat", _text(body.quat))
-            if name == "tool":
-                weight = element.find("inertial")
-                weight.attrib.clear()
-                weight.attrib.update(
-                    pos=_text(body.ipos), mass=repr(float(body.mass)),
-                    fullinertia=_text(body.fullinertia),
-                )  # fmt: skip
-            if name == "sensor_side":
-                element.find("inertial").set("mass", repr(float(body.mass)))
-        elif element.tag == "joint" and name:
-            joint = spec.joint(name)
-            element.set("ref", repr(float(np.ravel(joint.ref)[0])))
-            element.set("pos", _text(joint.pos))
-        elif element.tag == "site" and name:
-            element.set("pos", _text(spec.site(name).pos))
-        elif element.tag == "key":
-            element.set("qpos", _text(spec.key("home").qpos))
-    tree.write(path, encoding="unicode")
-    return path
-
-
-def _text(values: np.ndarray) -> str:
-    return " ".join(repr(float(v)) for v in values)
