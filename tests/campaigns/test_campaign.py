@@ -184,8 +184,3 @@ def test_the_summary_tells_errors_and_failures(tmp_path):
     assert page.sections[-1].parts[-1].rows == (("39", "CalibrationError: too few poses"),)
     assert page.summary["failed"] == 1
     assert page.summary["force_after_median [mN]"] == 100.0
-
-
-def test_the_command_names_what_cannot_vary(tmp_path, capsys):
-    assert main(["campaign", "ur5", "--out", str(tmp_path), "--vary", "tea"]) == 1
-    assert "--vary tea" in capsys.readouterr().err

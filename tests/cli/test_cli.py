@@ -85,22 +85,6 @@ def wait_for(path: Path, rows: int) -> None:
 
 
 @pytest.mark.slow
-def test_record_killed_with_9_leaves_a_recording_that_calibrates(tmp_path, capfd):
-    with recording_process(tmp_path, 1500) as process:
-        wait_for(tmp_path / "rec.parquet", 500)
-        process.send_signal(signal.SIGKILL)
-    with pytest.warns(UserWarning, match="did not finish"):
-        rows = len(Recording.read(tmp_path / "rec.parquet"))
-    assert 500 <= rows < 20_000
-    assert rows % 50 == 0
-    capfd.readouterr()
-    assert main(["calibrate", str(tmp_path / "rec.parquet")]) == 0
-    captured = capfd.readouterr()
-    assert "did not finish" in captured.err
-    assert "tool.mass" in captured.out
-
-
-@pytest.mark.slow
 def test_record_stopped_with_ctrl_c_finishes_its_file(tmp_path):
     with recording_process(tmp_path, 1500) as process:
         wait_for(tmp_path / "rec.parquet", 500)
@@ -111,36 +95,6 @@ def test_record_stopped_with_ctrl_c_finishes_its_file(tmp_path):
     assert "what was recorded is on disk" in err and "--resume" in err
     assert len(Recording.read(tmp_path / "rec.parquet")) >= 500
     assert not list(tmp_path.glob("*.journal"))
-
-
-@pytest.mark.slow
-def test_poses_chosen_by_an_index_and_touches_planned_for_an_accuracy(tmp_path, capfd):
-    poses, rec, touched, fit = (str(tmp_path / n) for n in ("p.parquet", "r.parquet", "t.parquet",
-                                                            "fit.json"))  # fmt: skip
-    chosen = ["plan", "medrue", "--index", "O1", "--n", "20", "--pool", "300", "--out", poses]
-    assert main(chosen) == 0
-    assert pq.read_table(poses).num_rows == 20
-    capfd.readouterr()
-    points = tmp_path / "points.csv"
-    grid = [(x, y, z) for x in (0.2, 0.6) for y in (0.3, 0.6) for z in (-0.25, -0.1)]
-    points.write_text("x,y,z\n" + "".join(f"{x},{y},{z}\n" for x, y, z in grid))
-    goal = ["plan", "medrue", "--goal", "target-position", "--accuracy", "1e-3", "--pool", "300",
-            "--points", str(points), "--out", poses, "--json"]  # fmt: skip
-    assert main(goal) == 0
-    told = json.loads(capfd.readouterr().out)
-    assert told["assured_mm"] <= 1.0 < told["before_mm"]
-    assert told["poses"] == pq.read_table(poses).num_rows
-    assert told["touches"] == pq.read_table(told["touch_plan"]).num_rows
-    for plan, out in ((poses, rec), (told["touch_plan"], touched)):
-        run = ["record", "--robot", "medrue", "--plan", plan, "--out", out, "--samples", "20"]
-        assert main(run) == 0
-    both = ["calibrate", rec, "--touches", touched, "--free", "candidates", "sensor.bias",
-            "--prior", "--out", fit, "--json"]  # fmt: skip
-    capfd.readouterr()
-    assert main(both) == 0
-    result = json.loads(capfd.readouterr().out)
-    assert {"xT", "x0", "sensor.bias.fx"} <= set(result["parameters"])
-    assert abs(result["parameters"]["zT"]["value"] - 0.1346) < 2e-3
 
 
 @pytest.mark.parametrize(

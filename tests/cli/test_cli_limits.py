@@ -47,15 +47,6 @@ def test_few_open_files_for_workers_are_told_at_once_and_never_hang(tmp_path, fi
     assert f"may open {files} and needs 72" in said and "ulimit -n 72" in said
 
 
-def test_files_that_run_out_are_one_line(made, monkeypatch, capsys):
-    def fail(*_, **__):
-        raise OSError(errno.EMFILE, "Too many open files", "fit.json")
-
-    monkeypatch.setattr("wrenchbed.calibrate", fail, raising=False)
-    assert main(["calibrate", str(made / "rec.parquet")]) == 1
-    assert capsys.readouterr().err.startswith("wrenchbed: error: fit.json: too many open files: ")
-
-
 SHORT = [
     (pa.ArrowMemoryError("malloc of size 64 failed"), "out of memory"),
     (MemoryError(), "out of memory"),

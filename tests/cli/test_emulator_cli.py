@@ -76,14 +76,6 @@ def test_the_metadata_states_the_robot_without_effects(plans, tmp_path):
     assert np.abs(bare.wrench - other.wrench).max() > 0.1
 
 
-def test_backlash_remembers_the_way_across_holds(plans, tmp_path):
-    plan = plans / "static.parquet"
-    bare = record(plan, tmp_path / "a.parquet")
-    lagged = record(plan, tmp_path / "b.parquet", "joint.backlash:joint=5,approach=2e-3")
-    changed = np.abs(lagged.wrench - bare.wrench).max(axis=1)[::5]
-    assert (changed > 1e-4).mean() > 0.7
-
-
 def test_a_wrong_effect_gives_one_line_and_nothing_is_written(plans, tmp_path, capfd):
     run = ["record", "--robot", "ur5", "--plan", str(plans / "static.parquet")]
     run += ["--out", str(tmp_path / "r.parquet"), "--effect", "base.tild"]

@@ -95,15 +95,6 @@ def test_recover_says_that_somebody_has_looked():
     assert arm.did == ["connect", "recover True", "activate"]
 
 
-def test_python_clears_no_protective_stop_unless_told():
-    arm = Watched("")
-    arm.connect()
-    with pytest.raises(SafetyStopError):
-        arm.recover()
-    arm.recover(unlock=True)
-    assert arm.did == ["connect", "recover False", "recover True", "activate"]
-
-
 def test_only_loopback_addresses_are_emulators():
     assert only_here("127.0.0.2") and only_here("127.5.0.9") and only_here("localhost")
     assert not only_here("192.168.0.20") and not only_here("10.0.0.1") and not only_here("")

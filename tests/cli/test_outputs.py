@@ -81,21 +81,6 @@ def test_force_keeps_recordings_under_names_that_are_free(folder):
     assert (folder / "r.parquet").read_bytes() != first
 
 
-@pytest.mark.slow
-def test_results_are_replaced_by_their_kind(folder):
-    """And a user's file with ~ at the end of its name stays."""
-    for line in (
-        [*CALIBRATE, "fit.json"], ["report", "r.parquet", "--out", "r.html"],
-        ["view", "r.parquet", "--rrd", "r.rrd"], ["plan", "ur5", "--n", "2", "--out", "q.parquet"],
-    ):  # fmt: skip
-        out = folder / line[-1]
-        out.with_name(f"{out.name}~").write_text("precious")
-        for _ in range(2):
-            assert main(line) == 0
-        assert out.with_name(f"{out.name}~").read_text() == "precious"
-        assert kind_of(out) in Kind
-
-
 def test_a_journal_is_not_recorded_over(folder, capsys):
     (folder / "n.parquet.journal").write_bytes(b"of a writer that was killed")
     assert main([*RECORD, "--out", "n.parquet"]) == 1

@@ -98,7 +98,7 @@ def test_the_real_poses_come_in_by_one_line_and_calibrate_as_before(tmp_path):
     assert again.metadata == found.metadata
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("run", ["1-baseline", "2-vibrations", "3-vibrations-contact"])
 def test_the_real_motions_come_in_by_one_line(tmp_path, run):
     static = import_files(

@@ -32,6 +32,7 @@ def judged(seed: int) -> tuple[bool, np.ndarray]:
     return right, calibrated(rest)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("seed", range(2))
 def test_holds_are_found_and_calibrate(seed):
     right, errors = judged(seed)
@@ -93,14 +94,6 @@ def test_a_log_is_imported_as_poses_and_its_moves_are_kept(tmp_path, capsys):
         0.8 * np.array([0.05, 0.05, 0.1, 2e-3, 2e-3, 2e-3]),
         rtol=0.25,
     )
-
-
-def test_a_log_in_motion_is_not_taken_for_thousands_of_poses(tmp_path, capsys):
-    recording, _ = log(How(holds=4, lost=0.0), 8)
-    line = ["import", *save(tmp_path, recording), "--out", str(tmp_path / "rec.parquet")]
-    assert main([*line, "--mode", "static"]) == 1
-    said = capsys.readouterr().err
-    assert "this is a log in motion, not poses at rest" in said and "--mode auto" in said
 
 
 def test_many_different_poses_are_poses(tmp_path):

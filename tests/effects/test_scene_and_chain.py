@@ -75,32 +75,7 @@ def test_a_sign_is_held_until_the_next():
     assert held_on(sign).tolist() == held
 
 
-def test_examples_are_poses_at_rest_and_the_same_as_a_motion():
-    still, moves = examples(UR5)
-    assert len(still) == len(moves) == 24
-    assert not still.moving and moves.moving
-    assert np.array_equal(moves.joints, still.joints)
-    assert not moves.q.d.any() and not moves.q.dd.any()
-    assert still.held.all()
-    assert still.t.tolist() == [10.0 * k for k in range(24)]
-    assert not UR5.infeasible(still.joints, still.theta)
-    assert len(np.unique(still.joints, axis=0)) == 24
-    turned, averages = examples(registry.load("robots", "oriented"))
-    assert not turned.moving and not averages.moving
-    assert not turned.sampled and averages.sampled and moves.sampled
-    again, _ = examples(UR5)
-    assert np.array_equal(again.joints, still.joints)
-
-
 # ---- what an effect does not do ------------------------------------------------------------------
-
-
-def test_effects_of_a_family_may_be_taken_for_each_other():
-    outside = {n for n, e in effects().items() if e.family == "external"}
-    assert outside == {"cable.pull", "cable.torsion", "environment.contact"}
-    for name, effect in effects().items():
-        assert effect.family in ("external", name.split(".")[0])
-        assert effect.subsystem == name.split(".")[0]
 
 
 @pytest.mark.parametrize("scene", SCENES)

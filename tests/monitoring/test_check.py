@@ -71,19 +71,6 @@ def test_the_poses_of_a_check_touch_nothing_and_end_where_they_begin(name):
     assert not any(clearance.hit(each) for each in q)
 
 
-@pytest.mark.slow
-def test_the_poses_show_changes_better_than_random_ones(plan):
-    """The least precise number of chosen poses against that of 20 random plans."""
-
-    def worst(q):
-        robot = MonthlyRobot(UR5, wb.Plan.of("ur5", q), 1)
-        typical = np.array([1.0] * 3 + [0.05] * 3 + [0.03] + [2e-3] * 3 + [0.009] * 5 + [0.01] * 2)
-        return (History(UR5, series(robot, 1)).std / typical).max()
-
-    rng = np.random.default_rng(0)
-    assert worst(plan.q) < min(worst(UR5.sample(12, rng)) for _ in range(20))
-
-
 def test_the_plan_is_chosen_once(folder):
     before = (folder / monthly.PLAN).read_bytes()
     assert np.array_equal(wb.check_plan(UR5, folder).q, wb.Plan.read(folder / monthly.PLAN).q)

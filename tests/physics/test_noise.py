@@ -44,7 +44,7 @@ def stated(model: NoiseModel, frequency: np.ndarray, rate: float) -> np.ndarray:
 
 LAWS = {
     "white": (NoiseModel(white=SIX), 500.0, 200.0, 1000, [2.0, 10.0, 50.0, 249.0], 0.0),
-    "1/f": (NoiseModel(flicker=SIX, f_low=1e-2, f_high=100.0), 1000.0, 600.0, 50_000,
+    "1/f": (NoiseModel(flicker=SIX, f_low=1e-2, f_high=100.0), 1000.0, 300.0, 50_000,
             [0.1, 0.3, 1.0, 3.0, 10.0], 0.05),
     "corners": (NoiseModel(flicker=SIX, f_low=1.0, f_high=10.0), 1000.0, 400.0, 20_000,
                 [0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 60.0], 0.06),
@@ -68,14 +68,6 @@ def test_the_density_of_rows_is_the_stated_one(law: str) -> None:
         ratio = (p[inside] / stated(model, f[inside], rate)).mean()
         error = 1 / np.sqrt(6 * averages * inside.sum() / 1.5)
         assert abs(ratio - 1) < 5 * error + ripple, (low, high, ratio, error)
-
-
-def test_flicker_variance_is_its_level_times_the_logarithm_of_the_band() -> None:
-    model = NoiseModel(flicker=SIX, f_low=1e-2, f_high=100.0)
-    each = [NoiseStream(model, k).corrupt([0.0, 7.0], np.zeros((2, 6)))[0] for k in range(500)]
-    for rows in np.swapaxes(each, 0, 1):
-        ratio = (rows**2).mean(axis=0) / (SIX**2 * np.log(1e4))
-        assert ratio.mean() == pytest.approx(1.0, abs=5 * np.sqrt(2 / 3000))
 
 
 def test_flicker_noise_keeps_its_law_at_irregular_times() -> None:
@@ -188,13 +180,6 @@ def test_splitting_rows_into_calls_changes_no_bit(cuts: set[int]) -> None:
     parts = [stream.corrupt(CLOCK[a:b], LOAD[a:b]) for a, b in itertools.pairwise(edges)]
     np.testing.assert_array_equal(np.concatenate([p[0] for p in parts]), WHOLE[0])
     np.testing.assert_array_equal(np.concatenate([p[1] for p in parts]), WHOLE[1])
-
-
-def test_the_seed_decides_the_noise() -> None:
-    model = NoiseModel(white=SIX, flicker=SIX)
-    one, other = rest(model, 100.0, 100.0, 1), rest(model, 100.0, 100.0, 2)
-    shared = np.corrcoef(np.diff(one, axis=0).T, np.diff(other, axis=0).T)[:6, 6:]
-    assert np.abs(shared).max() < 5 * np.sqrt(1.5 / len(one))
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ from hypothesis import strategies as st
 from wrenchbed.calibration.calibrate import identify
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.rotations import matrix
-from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.physics.wrench import Tool, physical_inertia, wrench
 
 G = np.array([0.0, 0.0, -9.80665])
@@ -21,19 +20,6 @@ def tool(mass=2.0, cog=(0.1, 0.0, 0.0), inertia=(0.01, 0.02, 0.03), own=0.0) -> 
 def test_at_rest_the_weight_acts_at_the_centre_of_gravity():
     load = wrench(np.eye(3)[None], np.zeros((1, 3)), tool(own=0.5), G)[0]
     assert np.allclose(load, [0, 0, -2.5 * 9.80665, 0, 0.1 * 2 * 9.80665, 0])
-
-
-def test_a_tool_dropped_with_its_sensor_weighs_nothing():
-    fall = Jet(np.zeros((1, 3)), np.zeros((1, 3)), G[None])
-    level = Jet(np.eye(3)[None], np.zeros((1, 3, 3)), np.zeros((1, 3, 3)))
-    assert np.allclose(wrench(level, fall, tool(own=0.3), G), 0.0)
-
-
-def test_a_jet_at_rest_is_the_static_wrench():
-    rotation = matrix(np.random.default_rng(0).normal(size=(6, 4)))
-    still = Jet(rotation, np.zeros_like(rotation), np.zeros_like(rotation))
-    moving = wrench(still, Jet(*np.zeros((3, 6, 3))), tool(own=0.2), G)
-    assert np.allclose(moving, wrench(rotation, np.zeros((6, 3)), tool(own=0.2), G), atol=1e-13)
 
 
 @given(st.floats(0.05, 20.0), st.tuples(*[st.floats(-0.3, 0.3)] * 3), st.integers(0, 10_000))

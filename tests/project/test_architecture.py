@@ -1,6 +1,7 @@
 """The layers hold: rooms import downwards, files import in no circle, plug-ins know no sibling."""
 
 import ast
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
@@ -55,6 +56,14 @@ def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text(encoding="utf-8"))
 
 
+def statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
+    """Statements of a body, also those inside functions and branches."""
+    for node in body:
+        yield node
+        for inside in ("body", "orelse", "finalbody", "handlers", "cases"):
+            yield from statements(getattr(node, inside, []))
+
+
 def room(module: str) -> str:
     return module.split(".")[0]
 
@@ -68,7 +77,7 @@ def folder(module: str) -> str:
 def imports(path: Path) -> tuple[tuple[str, str], ...]:
     """(top-level package, module of wrenchbed or '') of every import, also inside functions."""
     found = []
-    for node in ast.walk(tree(path)):
+    for node in statements(tree(path).body):
         if isinstance(node, ast.Import):
             found += [(a.name.split(".")[0], known(a.name)) for a in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -164,6 +173,7 @@ def test_only_the_command_line_prints():
     printing = [
         path.relative_to(SOURCE).as_posix()
         for path in FILES
+        if "print(" in path.read_text(encoding="utf-8")
         for node in ast.walk(tree(path))
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name)
         and node.func.id == "print"
@@ -209,7 +219,7 @@ def late_constants(path: Path) -> list[str]:
 
 def imported(path: Path) -> set[str]:
     """Dotted names of the modules that a file imports from."""
-    nodes = list(ast.walk(tree(path)))
+    nodes = list(statements(tree(path).body))
     plain = {a.name for n in nodes if isinstance(n, ast.Import) for a in n.names}
     return plain | {str(n.module) for n in nodes if isinstance(n, ast.ImportFrom)}
 

@@ -44,11 +44,11 @@ def example(title: str) -> dict:
     return json.loads(re.search(r"```json\n(.*?)```", section(title), flags=re.DOTALL).group(1))
 
 
-def made(folder, effect):
+def made(folder, effect, poses="24", samples="10"):
     """A folder with what the verbs write of one robot with an effect."""
     plan, rec = (str(folder / name) for name in ("plan.parquet", "rec.parquet"))
-    assert main(["plan", "ur5", "--n", "60", "--out", plan]) == 0
-    line = ["record", "--robot", "ur5", "--plan", plan, "--out", rec, "--samples", "30"]
+    assert main(["plan", "ur5", "--n", poses, "--out", plan]) == 0
+    line = ["record", "--robot", "ur5", "--plan", plan, "--out", rec, "--samples", samples]
     assert main([*line, "--effect", effect]) == 0
     assert main(["diagnose", rec, "--out", str(folder / "out")]) == 0
     return folder
@@ -130,9 +130,8 @@ def test_every_verdict_is_explained():
 
 @pytest.mark.slow
 def test_a_cause_without_a_formula_has_the_fields_of_the_page(tmp_path):
-    folder = made(
-        tmp_path, "sensor.drift:wave2.fx=0.002,wave3.fx=0.002,wave5.fx=-0.004,duration=279"
-    )
+    drift = "sensor.drift:wave2.fx=0.002,wave3.fx=0.002,wave5.fx=-0.004,duration=279"
+    folder = made(tmp_path, drift, "60", "30")
     (entry,) = read(folder / "out" / "diagnosis.json")["which"]
     assert entry["effect"] == "sensor.drift"
     plain = set(example("diagnosis.json")["which"][0])

@@ -36,20 +36,6 @@ def test_a_file_and_its_folder_appear(tmp_path):
     assert names_in(path.parent) == ["a.json"]
 
 
-def test_a_writer_that_fails_leaves_the_file_before_it(tmp_path):
-    path = tmp_path / "a.txt"
-    write_text(path, "before")
-    with pytest.raises(RuntimeError), atomic_write(path) as temporary:
-        assert Path(temporary.name) in tmp_path.glob(TEMPORARY)
-        with atomic_write(path) as other:
-            assert other.name != temporary.name
-            other.write(b"before")
-        temporary.write(b"half of what comes aft")
-        raise RuntimeError
-    assert path.read_text() == "before"
-    assert names_in(tmp_path) == ["a.txt"]
-
-
 def test_a_number_that_is_not_finite_is_not_written(tmp_path):
     with pytest.raises(ValueError, match="not JSON compliant"):
         write_json(tmp_path / "a.json", [float("nan")])

@@ -7,9 +7,7 @@ its seeds: valid messages that a test cuts and changes.
 import contextlib
 import random
 import struct
-import warnings
 from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -27,8 +25,6 @@ from robot_emulators.plant import PlantRequest
 from robot_emulators.ur import packets
 from robot_emulators.ur.controller import Controller, functions
 from robot_emulators.ur.dashboard import GREETING, Dashboard
-from robot_emulators.ur.outputs import Outputs
-from robot_emulators.ur.packets import Recipe
 from robot_emulators.ur.rtde import Inputs, Offer, RtdeSession
 from robot_emulators.ur.settings import ControllerSettings
 from robot_emulators.ur.urscript.machine import compiled
@@ -141,65 +137,6 @@ def dashboard() -> tuple[Target, list[bytes]]:
         joined(
             b"unlock protective stop\npopup hi\n", b"PolyscopeVersion\nget serial number\nquit\n"
         ),
-    ]
-
-
-def registers() -> tuple[Target, list[bytes]]:
-    """Commands and numbers in input registers, carried out by the controller's program."""
-    controller = _controller()
-    outputs, home = Outputs(controller, shared=False), controller.arm.q.copy()
-    everything = Recipe(1, list(controller.fields.items()))
-    path = f"movej({(home + 0.1).tolist()}, a=2, v=1)\nmovel(p{home.tolist()}, a=1, v=0.2)\n"
-    text = (Path(__file__).parents[1] / "support" / "rtde_control.script").read_text(
-        encoding="utf-8"
-    )
-    text = text.replace("# inject move path\n", f"# inject move path\n{path}")
-    warnings.simplefilter("ignore", RuntimeWarning)  # a tool a thousand kilometres away overflows
-
-    def write(piece: bytes) -> None:
-        """A command, a register that one byte names, and a number in it."""
-        command, which, value = struct.unpack_from(">BBd", piece.ljust(10, b"\0"))
-        kind, name = (
-            ("double", value)
-            if which < 128
-            else ("int", struct.unpack(">i", piece[2:6].ljust(4, b"\0"))[0])
-        )
-        number = 1 + which % 24 if kind == "int" else which % 48
-        controller.inputs.write({f"input_{kind}_register_{number}": (name,)}, controller.now)
-        controller.inputs.write({"input_int_register_0": (command,)}, controller.now)
-
-    def upload() -> None:
-        controller.upload([text])
-        assert controller._uploaded is None or controller._uploaded.result()
-        controller.cycle(controller.now + 0.008)
-
-    def run(data: bytes) -> None:
-        controller.reboot()
-        upload()
-        for piece in chunks(data)[:24]:
-            write(piece)
-            for _ in range(3):
-                controller.cycle(controller.now + 0.008)
-            if controller.program is None:
-                upload()
-        outputs.update(1.0, set(controller.fields))
-        everything.pack(controller.values)
-        arm = controller.arm
-        assert np.isfinite([arm.q, arm.qd]).all() and arm.kinematics.within(arm.q)
-        assert (np.abs(arm.qd) <= 1.03 * arm.kinematics.speed).all()
-
-    def give(command: int, which: int = 127, value: float = 0.0) -> bytes:
-        return struct.pack(">BBd", command, which, value)
-
-    move = [give(0, k, v) for k, v in enumerate([*(home + 0.1), 1.0, 2.0])]
-    pose = [give(0, k, v) for k, v in enumerate([0.4, -0.1, 0.4, 3.1, 0.0, 0.0, 0.2, 1.0])]
-    return run, [
-        joined(*move, give(1), give(0), give(45), give(0), give(34)),
-        joined(*pose, give(3), give(0), give(24), give(16), give(30), give(12), give(16)),
-        joined(give(29, 2, 0.1), give(0), give(17, 0, 0.5), give(0), give(59, 1, 9.0), give(65)),
-        joined(give(9, 0, 0.1), give(15), give(0), give(10, 2, 0.05), give(42), give(41, 7, 1.0)),
-        joined(give(6, 8, 5.0), give(7), give(8), give(25, 2, -1.0), give(62), give(51, 0, 0.1)),
-        joined(give(35, 0, 10.0), give(0), give(44), give(39), give(61), give(37), give(31)),
     ]
 
 
@@ -347,7 +284,7 @@ def socketcand() -> tuple[Target, list[bytes]]:
 TARGETS: dict[str, Callable[[], tuple[Target, list[bytes]]]] = {
     "rdt": rdt, "rdt-server": rdt_server, "http-server": http_server, "xml": xml,
     "netcanoem": netcanoem, "socketcand": socketcand, "rtde": rtde,
-    "script": script, "dashboard": dashboard, "registers": registers,
+    "script": script, "dashboard": dashboard,
 }  # fmt: skip
 
 

@@ -83,14 +83,6 @@ def test_what_a_weak_test_overlooks_survives_and_what_it_checks_dies(tree):
     assert outcomes(tree)["LIMIT = 0.25"] == "killed"
 
 
-def test_a_sample_is_the_same_for_a_seed(tree):
-    first, same, other = (
-        mutate(tree, "--list", "--per-module", "3", "--seed", s).stdout for s in ("1", "1", "5")
-    )
-    assert first == same != other
-    assert first.count("src/tiny.py:") == 3
-
-
 def test_a_table_that_names_no_file_is_refused(tree):
     table = tree / "scripts" / "mutate.toml"
     table.write_text(TABLE.replace("src/tiny.py", "src/teeny.py"))
@@ -105,25 +97,3 @@ def test_the_table_names_files_that_exist():
     for group in table["group"].values():
         for pattern in (*group["modules"], *group["tests"]):
             assert any(root.glob(pattern)), pattern
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="mutants are forks")
-def test_constants_are_tried_with_those_who_use_them(tree):
-    """A base class reads what its subclass declares; a test reads a constant itself."""
-    (tree / "src" / "tiny.py").write_text(
-        "from base import Base\n\nLIMIT = 3\n\n\nclass Tiny(Base):\n    low, high = 3, 5\n\n"
-        "    def other(self):\n        return self\n\n\ndef over(x):\n    return x > LIMIT\n"
-    )
-    (tree / "src" / "base.py").write_text(
-        "class Base:\n    def width(self):\n        return self.high - self.low\n"
-    )
-    (tree / "tests" / "test_tiny.py").write_text(
-        "import tiny\n\n\ndef test_width():\n    assert tiny.Tiny().width() == 2\n\n\n"
-        "def test_other():\n    assert tiny.Tiny().other()\n\n\n"
-        "def test_over():\n    assert tiny.over(9)\n\n\n"
-        "def test_limit():\n    assert tiny.LIMIT == 3\n"
-    )
-    mutate(tree)
-    told = outcomes(tree)
-    assert told["low, high = 4, 5"] == told["low, high = 3, 6"] == told["LIMIT = 4"] == "killed"

@@ -1,6 +1,5 @@
 """The verbs one after the other on the shipped real measurements, every export included."""
 
-import csv
 import json
 from pathlib import Path
 
@@ -56,11 +55,3 @@ def test_reports_and_pictures_are_written(imported, tmp_path, capsys):
     said = capsys.readouterr().err
     assert "no model of robot 'kuka-lbr-med14'" in said and said.count("\n") == 1
     assert not page.exists()
-
-
-def test_the_fit_holds_the_published_mass(imported):
-    fit = json.loads((imported / "fit.json").read_text(encoding="utf-8"))
-    assert fit["parameters"]["tool.mass"]["value"] == pytest.approx(0.932, abs=0.005)
-    with CSV.open(encoding="utf-8") as file:
-        rows = sum(1 for _ in csv.reader(file)) - 1
-    assert len(wb.Recording.read(imported / "rec.parquet")) == rows

@@ -14,7 +14,7 @@ NEEDED = (
     "scripts/environment.sh", "scripts/demo", ".ci/run", "mkdocs.yml", "CONTRIBUTING.md",
     "docs/contracts.md", "docs/tutorials/notebook.ipynb", "models/ur5/example.json",
     "models/ur5/ur5.xml", "models/medrue/medrue.xml", "tests/conftest.py",
-    "tests/support/scenes.py",
+    "tests/support/simulated.py",
     "tests/data/ntnu_kuka_ati_gamma/0-calibration_fts-accel.csv", "src/wrenchbed/py.typed",
 )  # fmt: skip
 SAMPLE = ("tests/project/test_dependencies.py", "tests/project/test_scripts.py",

@@ -18,20 +18,6 @@ def bench():
     return bench_ratios
 
 
-def test_what_is_slow_once_is_asked_again(bench, monkeypatch):
-    answers = iter([{"a": 3.0, "b": 3.0, "c": 1.0}, {"a": 1.2, "b": 2.9}])
-    asked = []
-
-    def ratios(jobs):
-        asked.append(set(jobs))
-        return next(answers)
-
-    monkeypatch.setattr(bench, "ratios", ratios)
-    before = {"a": 1.0, "b": 1.0, "c": 1.0, "gone": 1.0}
-    assert bench.worsened(dict.fromkeys("abcd"), before) == {"b": 2.9}
-    assert asked == [{"a", "b", "c"}, {"a", "b"}]
-
-
 def test_the_last_three_runs_on_such_a_processor_count(bench):
     def recorded(cpu, *runs):
         entries = [{"machine": {"cpu": c}, "ratios": {"a": ratio}} for ratio, c in runs]

@@ -21,16 +21,6 @@ INSIDE = {
         for asset in ("echarts.min.js", "echarts.LICENSE", "zrender.LICENSE", "page.js")
     ),
 }
-ELSEWHERE = """
-import numpy, wrenchbed
-from wrenchbed.robots.base import models
-from wrenchbed.robots.compiled.statics import available
-print(wrenchbed.__file__, models(), available("chain"), available("medrue"))
-for name in ("ur5", "medrue"):
-    robot = wrenchbed.load("robots", name)
-    q = robot.sample(2, numpy.random.default_rng(0))
-    print(wrenchbed.Simulation(robot, robot.parameters.nominal).wrench(q).shape)
-"""
 
 
 def run(*command: str, cwd: Path, **env: str) -> str:
@@ -81,14 +71,6 @@ def test_without_a_compiler_the_wheel_is_plain(tmp_path):
     wheel = built(tmp_path, CC="no-such-compiler")
     assert wheel.name.endswith("-py3-none-any.whl")
     assert LIBRARY not in zipfile.ZipFile(wheel).namelist()
-
-
-@pytest.mark.slow
-def test_it_finds_its_models_from_another_folder(site, tmp_path):
-    shown = run(sys.executable, "-c", ELSEWHERE, cwd=tmp_path, PYTHONPATH=str(site))
-    compiled = str(shutil.which("cc") is not None)
-    assert shown.count(str(site)) == 2 and shown.count("(2, 6)") == 2
-    assert shown.splitlines()[0].split()[-2:] == [compiled, compiled]
 
 
 def obeying() -> list[str]:

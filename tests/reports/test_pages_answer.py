@@ -8,7 +8,7 @@ from functools import cached_property
 import axe
 import numpy as np
 import pytest
-from test_report import found
+from test_report import found, recorded
 
 import wrenchbed as wb
 from chromium import BINARY, tab
@@ -48,16 +48,21 @@ class Pages:
         return self._written("unknown", diagnosis_page(findings))
 
     @cached_property
-    def fit(self):
-        recording = wb.Recording.read(self.diagnosis.with_name("rec.parquet"))
+    def fitted(self):
+        (folder := self.folder / "fitted").mkdir()
+        recording = wb.Recording.read(recorded(folder))
         fit = wb.calibrate(recording)
         fit.write(self.folder / "fit.json")
-        return self._written("fit", fit_page(fit, recording, "wrenchbed calibrate rec.parquet"))
+        return fit, recording
+
+    @cached_property
+    def fit(self):
+        return self._written("fit", fit_page(*self.fitted, "wrenchbed calibrate rec.parquet"))
 
     @cached_property
     def recording(self):
-        recording = wb.Recording.read(self.fit.with_name("rec.parquet"))
-        page = recording_page(recording, [self.folder / "fit.json"], "wrenchbed report rec.parquet")
+        files = [self.folder / "fit.json"]
+        page = recording_page(self.fitted[1], files, "wrenchbed report rec.parquet")
         return self._written("recording", page)
 
     @cached_property

@@ -14,6 +14,7 @@ import pytest
 from wrenchbed import studies
 from wrenchbed.cli import main
 from wrenchbed.pages.document import Document, Section
+from wrenchbed.pages.draw import Drawn
 
 
 def told(html: str) -> dict[str, str]:
@@ -30,6 +31,8 @@ def sha256(path) -> str:
 @pytest.fixture
 def made_then(monkeypatch):
     monkeypatch.setenv("SOURCE_DATE_EPOCH", "1700000000")
+    monkeypatch.setattr("wrenchbed.pages.document.draw", lambda c: Drawn(c, "<svg></svg>"))
+    monkeypatch.setattr("wrenchbed.pages.document.svg", lambda *_, **__: "<svg></svg>")
     return f"2023-11-14 22:13 UTC by wrenchbed {version('wrenchbed')}"
 
 

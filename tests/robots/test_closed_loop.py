@@ -4,6 +4,7 @@ import json
 import re
 import shutil
 from dataclasses import replace
+from functools import cache
 
 import mujoco
 import numpy as np
@@ -26,8 +27,9 @@ TOOLS = {"five_bar": "probe", "stewart": "gripper"}
 each_model = pytest.mark.parametrize("name", TOOLS)
 
 
-def loop_robot(name, folder):
-    return describe(models() / name / f"{name}.xml", "sensor", folder / "my.toml").robot
+@cache
+def loop_robot(name):
+    return read(models() / name / f"{name}.toml")
 
 
 def matched(robot, name, rng):
@@ -58,9 +60,9 @@ def matched(robot, name, rng):
 
 @pytest.mark.sampled
 @each_model
-def test_parallel_robots_are_the_users_files_in_mujoco(name, tmp_path):
+def test_parallel_robots_are_the_users_files_in_mujoco(name):
     """MuJoCo's own constraints close the loops there; nominal and a random vector."""
-    robot = loop_robot(name, tmp_path)
+    robot = loop_robot(name)
     driven = tuple(robot.arm_model.links[k].joint for k in robot.arm_model.driven)
     rng = np.random.default_rng(6)
     for k in range(2):
@@ -70,7 +72,7 @@ def test_parallel_robots_are_the_users_files_in_mujoco(name, tmp_path):
             assert len(moved) > 30
         plain = PlainLoops(models() / name / f"{name}.xml", "sensor", TOOLS[name], driven)
         plain.change(moved, np.array(robot.gravity))
-        q = robot.sample(40, rng)
+        q = robot.sample(10, rng)
         zeros = np.array([moved.get(f"joint.{n}.zero", 0.0) for n in driven])
         wrench, place = plain.wrench(q + zeros)
         assert np.abs(wrench).max() > 3.0
@@ -102,16 +104,21 @@ CONTRACT = {
 }
 """What every robot keeps, but: a hexapod's legs are no angles and tilt it by 40° only; errors
 across a five-bar's plane leave its loop open; a rod's turn about itself changes nothing at first.
+All but the first of each robot take seconds.
 """
 
 
 @pytest.mark.parametrize(
     ("name", "contract"),
-    [(n, c) for n, some in CONTRACT.items() for c in some],
+    [
+        pytest.param(name, one, marks=[pytest.mark.slow] * (k > 0))
+        for name, some in CONTRACT.items()
+        for k, one in enumerate(some)
+    ],
     ids=lambda x: getattr(x, "__name__", x),
 )
-def test_the_contract_of_every_robot(name, contract, tmp_path):
-    contract(loop_robot(name, tmp_path))
+def test_the_contract_of_every_robot(name, contract):
+    contract(loop_robot(name))
 
 
 @each_model
@@ -136,9 +143,9 @@ def test_the_toml_beside_the_model_is_its_robot(name, tmp_path):
         ("stewart", [0.9, 0.0, 0.0, 0.0, 0.0, 0.0], r"out of reach: .*'ball_\d' stays .* mm open"),
     ],
 )
-def test_rows_out_of_reach_and_singular_are_named(name, pose, why, tmp_path):
+def test_rows_out_of_reach_and_singular_are_named(name, pose, why):
     """Where the limits allow them."""
-    robot = loop_robot(name, tmp_path)
+    robot = loop_robot(name)
     links = [replace(x, lower=-4.0, upper=4.0) for x in robot.arm_model.links]
     arm = replace(robot.arm_model, links=tuple(links))
     robot = type(robot)(replace(robot.description, arm=arm))
@@ -272,7 +279,7 @@ def test_a_ball_joint_is_refused_with_the_remedy(tmp_path):
         describe(tmp_path / "a.xml", "sensor", tmp_path / "a.toml")
 
 
-def test_a_base_gives_without_the_floor_that_it_stands_on(tmp_path):
-    robot = loop_robot("five_bar", tmp_path)
+def test_a_base_gives_without_the_floor_that_it_stands_on():
+    robot = loop_robot("five_bar")
     model = nominal(robot, [active_effect(robot, "base.compliance")]).mechanism.model
     assert model.geom_bodyid[model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE].tolist() == [0]

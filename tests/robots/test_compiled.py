@@ -44,7 +44,8 @@ def functions(library) -> dict:
 
 @pytest.fixture(scope="module")
 def library(tmp_path_factory):
-    return built(tmp_path_factory.mktemp("built"))
+    """For the default processor only, which takes the compiler less time."""
+    return built(tmp_path_factory.mktemp("built"), "-U__gnu_linux__")
 
 
 @pytest.fixture(autouse=True)
@@ -130,15 +131,15 @@ def test_a_pose_has_the_same_bits_alone_and_in_any_batch(robot):
 
 @pytest.mark.slow
 def test_bits_do_not_depend_on_the_processor(tmp_path, monkeypatch):
-    narrow = built(tmp_path, "-U__gnu_linux__")  # the default processor only
+    every = built(tmp_path)
     for name in ("ur5", "medrue"):
         model = Model.of(registry.load("robots", name))
         theta = thetas(model, 1)
         q = feasible(model.robot, 300, theta)
-        wide = model.predict(q, theta[0])
+        narrow = model.predict(q, theta[0])
         with monkeypatch.context() as patch:
-            patch.setattr(statics, "_FUNCTIONS", functions(narrow))
-            assert np.array_equal(model.predict(q, theta[0]), wide)
+            patch.setattr(statics, "_FUNCTIONS", functions(every))
+            assert np.array_equal(model.predict(q, theta[0]), narrow)
 
 
 def test_far_and_missing_joint_values_are_as_in_numpy():
@@ -158,6 +159,7 @@ def test_far_and_missing_joint_values_are_as_in_numpy():
     )
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("column", ["L12", "L24"])
 def test_a_loop_that_numpy_cannot_close_is_open(column):
     """Rounding differs; where it alone decides, the fit's Jacobian must still exist."""

@@ -60,7 +60,7 @@ def test_an_arm_is_planned_recorded_and_calibrated_by_its_file_alone(case, tmp_p
     truth.write_text(json.dumps(values))
     stated = [] if case.tool else STATED
     ran("robot", case.path, "--frame", case.frame, "--out", toml, *stated)
-    ran("plan", toml, "--n", 40, "--out", plan)
+    ran("plan", toml, "--n", 16, "--out", plan)
     ran("record", "--robot", toml, "--plan", plan, "--out", rec, "--samples", 2, "--noise", "off",
         "--parameters", truth)  # fmt: skip
     toml.unlink()

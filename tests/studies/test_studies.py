@@ -8,9 +8,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from wrenchbed import studies
 from wrenchbed.cli import main
-from wrenchbed.errors import NotFoundError
 from wrenchbed.pages.chart import Axis, Chart, Panel
 from wrenchbed.pages.document import Document, Figure, Section, Table, render
 from wrenchbed.planning.criteria import INDICES
@@ -58,25 +56,6 @@ def test_without_noise_the_papers_procedure_is_exact_in_five_steps(paper_robot):
     assert paper_robot.exact.changes[-1] < 1e-12
 
 
-@pytest.mark.slow
-def test_rank_and_redundancies_of_the_49(setting, chosen):
-    observed, ranks = medrue.examine(setting, chosen)
-    assert set(ranks.values()) == {27} and len(ranks) == 6
-    assert len(observed.no_effect) == 14
-    sentences = " ".join(r.sentence for r in observed.redundancies)
-    assert len(observed.redundancies) == 8
-    for words in ("d41 + d42", "xG − xS", "yG − yS", "zG − zS", "shift of all anchors along y",
-                  "along z", "overall scale", "rotation of all anchors"):  # fmt: skip
-        assert words in sentences
-
-
-@pytest.mark.slow
-def test_the_chosen_poses_are_certified_near_the_best(setting, chosen):
-    pool = Pool(setting.in_table_units)
-    value = float(INDICES["O1"].values(pool.information(chosen)))
-    assert 0.995 < value / certify(pool, INDICES["O1"], 100, chosen).bound <= 1.0
-
-
 def test_the_bound_follows_from_noise_and_mass(setting, chosen):
     bound = setting.bound(chosen, PAPER.std)
     assert 1.7e-3 < bound < 2.7e-3
@@ -95,7 +74,7 @@ def test_weighted_identification_is_efficient_and_unweighted_is_not(setting, cho
     covariance = setting.covariance(chosen, MINI40.std)
     columns = list(setting.columns)
     distances, plain, best = [], [], []
-    for _ in range(40):
+    for _ in range(20):
         wrench = exact + rng.standard_normal(exact.shape) * MINI40.std
         found = weighted(setting, q, wrench, MINI40.std, theta).theta
         off = found[columns] - theta[columns]
@@ -103,7 +82,7 @@ def test_weighted_identification_is_efficient_and_unweighted_is_not(setting, cho
         best.append(setting.goal.errors(off))
         unweighted = as_the_paper(setting, q, wrench, 1e-6).theta
         plain.append(setting.goal.errors(unweighted[columns] - theta[columns]))
-    assert np.mean(distances) == pytest.approx(27.0, abs=4 * np.sqrt(2 * 27 / 40))
+    assert np.mean(distances) == pytest.approx(27.0, abs=4 * np.sqrt(2 * 27 / 20))
     assert np.sqrt(np.mean(np.square(plain))) > 1.5 * np.sqrt(np.mean(np.square(best)))
 
 
@@ -135,11 +114,6 @@ def test_pages_escape_what_would_break_them():
     assert "T &lt;1&gt;" in html
     with pytest.raises(ValueError, match="must have 2 cells"):
         Table.of("T", ("a", "b"), [("only one",)])
-
-
-def test_an_unknown_study_is_refused(tmp_path):
-    with pytest.raises(NotFoundError, match="no study 'puma'"):
-        studies.run("puma", tmp_path)
 
 
 @pytest.mark.study
