@@ -17,7 +17,7 @@ from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import ShortageError, shortage
 
 MB = 1_000_000
-HUNG_S = 20.0
+HUNG_S = 60.0
 
 
 def limited(kind: int, value: int, *words: object) -> tuple[int, str]:

@@ -15,11 +15,11 @@ from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import Stores, get_typestore
-from test_logs import COUNT, bag1, bag2, messages
 
 import wrenchbed as wb
 from json_logs import json_log
 from recorded import METADATA, columns
+from robot_logs import COUNT, bag1, bag2, fill
 from wrenchbed.data import logs, parquet, unpacking
 from wrenchbed.data.logs import table
 from wrenchbed.data.plan import Plan, is_plan
@@ -119,16 +119,11 @@ COMPRESSED = [
 
 @pytest.mark.parametrize(("make", "way"), COMPRESSED)
 def test_compressed_bags_come_in(make, way, tmp_path):
-    writer, known, name = make(tmp_path, way)
-    store, ros1 = get_typestore(known), make is compressed1
-    serialized = store.serialize_ros1 if ros1 else store.serialize_cdr
-    with writer:
-        topic = writer.add_connection("/wrench", "geometry_msgs/msg/WrenchStamped", typestore=store)
-        for on, kind, message, at in messages(store, ros1=ros1):
-            if on == "/wrench":
-                writer.write(topic, at, serialized(message, kind))
+    writer, _, name = make(tmp_path, way)
+    fill(writer, "/wrench")
     (tmp_path / "plain").mkdir()
-    plain = table((bag1 if ros1 else bag2)(tmp_path / "plain"), "/wrench", WANTED)
+    plain = (bag1 if make is compressed1 else bag2)(tmp_path / "plain")
+    plain = table(plain, "/wrench", WANTED)
     assert table(tmp_path / name, "/wrench", WANTED).equals(plain)
 
 

@@ -50,11 +50,11 @@ def test_a_quotient_times_its_divisor_is_the_dividend(a, da, dda, b, db, ddb):
     assert close((2.0 - x) + x, (2.0, 0.0, 0.0))
 
 
-@given(finite, finite, finite, positive)
-def test_the_angle_of_a_turning_vector_turns_with_it(angle, rate, acceleration, radius):
-    turning = jet(angle, rate, acceleration)
-    found = td.atan2(radius * td.sin(turning), radius * td.cos(turning))
-    assert np.allclose([found.d, found.dd], [rate, acceleration], atol=1e-10)
+@given(finite, finite, finite, positive, finite)
+def test_the_angle_of_a_vector_that_turns_and_grows(angle, rate, acceleration, radius, growth):
+    turning, length = jet(angle, rate, acceleration), jet(radius, growth, 0.0)
+    found = td.atan2(length * td.sin(turning), length * td.cos(turning))
+    assert np.allclose([found.d, found.dd], [rate, acceleration], atol=1e-9)
     assert np.isclose(np.cos(found.v - angle), 1.0)
 
 

@@ -10,6 +10,7 @@ import pytest
 from test_report import words
 
 import wrenchbed as wb
+from simulated import driven
 from wrenchbed.cli import main
 from wrenchbed.pages.numbers import HUMAN
 from wrenchbed.reports.fit_page import fit_page
@@ -20,9 +21,7 @@ def recorded(tmp_path_factory):
     """A UR5 whose joint 2 is compliant: a fit leaves more than noise."""
     path = tmp_path_factory.mktemp("fit") / "rec.parquet"
     effects = ("joint.compliance:joint=2,stiffness=9000",)
-    with wb.SimDriver(wb.SimOptions("ur5", effects=effects, seed=1)) as driver:
-        wb.record(driver, wb.poses(driver.robot, 40, seed=1), path, samples=20)
-    return wb.Recording.read(path)
+    return driven(wb.poses(wb.load("robots", "ur5"), 40, seed=1), path, effects=effects, seed=1)
 
 
 @pytest.fixture(scope="module")

@@ -50,7 +50,7 @@ class Pages:
     @cached_property
     def fitted(self):
         (folder := self.folder / "fitted").mkdir()
-        recording = wb.Recording.read(recorded(folder))
+        recording = recorded(folder)
         fit = wb.calibrate(recording)
         fit.write(self.folder / "fit.json")
         return fit, recording

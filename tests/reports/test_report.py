@@ -11,16 +11,14 @@ from unittest.mock import patch
 import numpy as np
 import pytest
 
-import wrenchbed as wb
 from rrd_file import Rrd
+from simulated import driven
 from wrenchbed import registry
-from wrenchbed.campaigns.recording.run import record
 from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import Findings, diagnose
 from wrenchbed.diagnosis.gap.gaps import Interval
 from wrenchbed.errors import MissingExtraError
-from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.pages import numbers
 from wrenchbed.pages.draw import Drawn
 from wrenchbed.reports.diagnosis_page import diagnosis_page
@@ -54,13 +52,12 @@ def recorded(folder, samples=10, effects=()):
     """A recording of 24 poses."""
     robot = registry.load("robots", "ur5")
     plan = Plan.of("ur5", robot.sample(24, np.random.default_rng(1)))
-    with SimDriver(SimOptions("ur5", noise="white", seed=1, effects=effects)) as driver:
-        record(driver, plan, folder / "rec.parquet", samples=samples)
-    return folder / "rec.parquet"
+    path = folder / "rec.parquet"
+    return driven(plan, path, samples, noise="white", seed=1, effects=effects)
 
 
 def found(folder, *effects):
-    return diagnose(wb.Recording.read(recorded(folder, effects=effects)))
+    return diagnose(recorded(folder, effects=effects))
 
 
 @pytest.fixture(scope="module")
@@ -260,7 +257,7 @@ def test_names_and_commands_are_escaped(healthy):
 @pytest.mark.slow
 def test_the_command_line_writes_it_with_its_command(tmp_path, capsys):
     out = tmp_path / "a folder"
-    assert main(["diagnose", str(recorded(tmp_path, 5)), "--out", str(out), "--seed", "3"]) == 0
+    assert main(["diagnose", recorded(tmp_path, 5).name, "--out", str(out), "--seed", "3"]) == 0
     assert "report.html" in capsys.readouterr().out
     digest = hashlib.sha256((tmp_path / "rec.parquet").read_bytes()).hexdigest()
     told = Rrd(out / "diagnosis.rrd").values("/report", "TextDocument:text")[0, 0]
@@ -286,7 +283,7 @@ def test_without_its_extra_a_diagnosis_warns_and_goes_on(library, tmp_path, caps
         return require(name, extra)
 
     monkeypatch.setattr(registry, "require", missing)
-    assert main(["diagnose", str(recorded(tmp_path, 5)), "--out", str(tmp_path / "d")]) == 0
+    assert main(["diagnose", recorded(tmp_path, 5).name, "--out", str(tmp_path / "d")]) == 0
     told = capsys.readouterr()
     assert "no report.html" in told.err and "wrenchbed[report]" in told.err
     assert "report.html" not in told.out

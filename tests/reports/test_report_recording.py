@@ -11,6 +11,7 @@ import pytest
 from test_report import words
 
 import wrenchbed as wb
+from simulated import driven
 from wrenchbed.cli import main
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages.draw import Drawn
@@ -24,9 +25,9 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     robot = wb.load("robots", "ur5")
     truth = {"tool.mass": 1.55}
-    with wb.SimDriver(wb.SimOptions("ur5", parameters=truth, seed=1)) as driver:
-        wb.record(driver, wb.poses(robot, 40, seed=1), folder / "rec.parquet", samples=20)
-    wb.calibrate(wb.Recording.read(folder / "rec.parquet")).write(folder / "fit.json")
+    path = folder / "rec.parquet"
+    recording = driven(wb.poses(robot, 40, seed=1), path, parameters=truth, seed=1)
+    wb.calibrate(recording).write(folder / "fit.json")
     return folder
 
 

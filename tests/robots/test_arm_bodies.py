@@ -64,15 +64,6 @@ def test_the_table_of_links_is_that_of_the_mjcf(robot):
 
 
 @each_robot
-def test_the_centres_of_gravity_are_where_mujoco_puts_them(robot):
-    for heavy in cases(robot):
-        own = [heavy.model.body(link.body).id for link in robot.bodies]
-        masses, centres = robot.links(heavy.q, heavy.theta)
-        assert np.array_equal(heavy.model.body_mass[own], masses)
-        assert np.abs(heavy.centres(heavy.q)[:, own] - np.stack(centres, axis=1)).max() < 1e-9
-
-
-@each_robot
 def test_joints_bear_what_mujoco_says(robot):
     """The slope of its potential energy; on serial arms also what holds them, joint by joint."""
     step = 1e-5

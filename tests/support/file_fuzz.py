@@ -18,14 +18,16 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import Stores, get_typestore
 
+from robot_logs import fill, messages, plain
 from wrenchbed.data import parquet
 from wrenchbed.errors import WrenchbedError, WrenchbedWarning
 from wrenchbed.physics.wrench import CHANNELS
 
 CORPUS = Path(__file__).parents[1] / "data" / "fuzz"
-COUNT = 20
-"""Messages of a seed."""
 WEIRD: tuple[Any, ...] = (
     None, True, "", "x", "\x1b[2J\u202e", "r" * 5000, 0, -1, 1e308, -0.0, 10**400, 2**63, [], {},
     [1.0], [None] * 6, {"a": 1}, ["a"] * 7, float("nan"), float("inf"),
@@ -200,32 +202,11 @@ def _columns(path: Path) -> dict[str, np.ndarray]:
         return dict(wb.import_files([path], wb.read_map(own)).recording.columns)
 
 
-def _store(name: str) -> Any:
-    from rosbags.typesys import Stores, get_typestore
-
-    return get_typestore(getattr(Stores, name))
-
-
-def _messages(store: Any, *, ros1: bool = False) -> list[tuple[int, bytes]]:
-    """Wrenches, written."""
-    known, seq = store.types, ({"seq": 0} if ros1 else {})
-    write = store.serialize_ros1 if ros1 else store.serialize_cdr
-    vector, wrench = known["geometry_msgs/msg/Vector3"], known["geometry_msgs/msg/Wrench"]
-    rows = []
-    for k, row in enumerate(np.random.default_rng(4).normal(size=(COUNT, 6))):
-        stamp = known["builtin_interfaces/msg/Time"](sec=1_700_000_000, nanosec=k * 10**7)
-        head = known["std_msgs/msg/Header"](stamp=stamp, frame_id="tool0", **seq)
-        force, torque = (vector(*map(float, p)) for p in np.split(row, 2))
-        message = known[WRENCH](header=head, wrench=wrench(force=force, torque=torque))
-        rows.append((10**9 + k * 10**7, bytes(write(message, WRENCH))))
-    return rows
-
-
 def _mcap(compression: str, *, crcs: bool = True, data_crcs: bool = True,
           encoding: str = "cdr") -> bytes:  # fmt: skip
     from mcap.writer import CompressionType, Writer
 
-    stream, store = io.BytesIO(), _store("ROS2_HUMBLE")
+    stream, store = io.BytesIO(), get_typestore(Stores.ROS2_HUMBLE)
     writer = Writer(stream, compression=CompressionType[compression], chunk_size=900,
                     enable_crcs=crcs, enable_data_crcs=data_crcs)  # fmt: skip
     writer.start(profile="ros2")
@@ -233,13 +214,15 @@ def _mcap(compression: str, *, crcs: bool = True, data_crcs: bool = True,
     of_cdr, of_json = (WRENCH, "ros2msg", text.encode()), ("any", "jsonschema", b"{}")
     schema = writer.register_schema(*(of_cdr if encoding == "cdr" else of_json))
     topic = writer.register_channel("/wrench", encoding, schema)
-    for k, (at, data) in enumerate(_messages(store)):
-        if encoding == "json":
-            load = {"force": {"x": k + 0.5, "y": k % 3, "z": -k}}
-            load["torque"] = {"x": 0.5 * k, "y": -0.1, "z": 100.0 - k}
-            stamp = {"sec": 1_700_000_000, "nanosec": k * 10**7}
-            data = json.dumps({"header": {"stamp": stamp}, "wrench": load}).encode()
-        writer.add_message(topic, at, data, at)
+    for on, kind, message, at in messages(store):
+        if on == "/wrench":
+            as_json = encoding == "json"
+            data = (
+                json.dumps(plain(message)).encode()
+                if as_json
+                else store.serialize_cdr(message, kind)
+            )
+            writer.add_message(topic, at, bytes(data), at)
     writer.finish()
     return stream.getvalue()
 
@@ -258,33 +241,21 @@ def mcap_without_checksums() -> FileTarget:
 
 def bag1() -> FileTarget:
     """Bags of ROS 1, plain and compressed. The format has no checksums."""
-    from rosbags.rosbag1 import Writer
-
-    store, seeds = _store("ROS1_NOETIC"), []
+    seeds = []
     with tempfile.TemporaryDirectory() as folder:
-        for kind in (None, *Writer.CompressionFormat):
-            path = Path(folder, f"{kind}.bag")
-            writer = Writer(path)
+        for kind in (None, *Writer1.CompressionFormat):
+            writer = Writer1(path := Path(folder, f"{kind}.bag"))
             if kind is not None:
                 writer.set_compression(kind)
-            with writer:
-                topic = writer.add_connection("/wrench", WRENCH, typestore=store)
-                for at, data in _messages(store, ros1=True):
-                    writer.write(topic, at, data)
+            fill(writer, "/wrench")
             seeds.append(path.read_bytes())
     return FileTarget(_columns, seeds, "log.bag")
 
 
 def _bag2() -> dict[str, bytes]:
     """Files of a bag of ROS 2."""
-    from rosbags.rosbag2 import Writer
-
-    store = _store("ROS2_HUMBLE")
     with tempfile.TemporaryDirectory() as folder:
-        with Writer(Path(folder, "log"), version=9) as writer:
-            topic = writer.add_connection("/wrench", WRENCH, typestore=store)
-            for at, data in _messages(store):
-                writer.write(topic, at, data)
+        fill(Writer2(Path(folder, "log"), version=9), "/wrench")
         return {p.name: p.read_bytes() for p in Path(folder, "log").iterdir()}
 
 

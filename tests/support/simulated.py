@@ -4,11 +4,14 @@ import json
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.campaigns.recording.run import record
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
+from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.wrench import CHANNELS
@@ -49,6 +52,13 @@ def static(
     assert not arm.infeasible(q, own)
     load = model.read(Simulation(arm, own).wrench(q), theta)
     return recording(robot, q, load, samples, noise, wander, rng)
+
+
+def driven(plan: Plan, path: Path, samples: int = 20, **options: Any) -> Recording:
+    """What the simulator's driver, with its options, records of a plan."""
+    with SimDriver(SimOptions(plan.robot, **options)) as driver:
+        record(driver, plan, path, samples=samples)
+    return Recording.read(path)
 
 
 def as_driven(rec: Recording) -> Recording:

@@ -8,6 +8,7 @@ import rerun as rr
 
 import wrenchbed as wb
 from rrd_file import Rrd
+from simulated import driven
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.pages import numbers
 from wrenchbed.reports.claim import joints
@@ -101,10 +102,8 @@ def test_the_ground_is_painted_only_where_the_environment_is_to_blame():
 def found(tmp_path_factory):
     folder = tmp_path_factory.mktemp("found")
     robot = wb.load("robots", "ur5")
-    options = wb.SimOptions("ur5", effects=("joint.compliance:joint=2,stiffness=7000",), seed=2)
-    with wb.SimDriver(options) as driver:
-        wb.record(driver, wb.poses(robot, 30, seed=2), folder / "rec.parquet", samples=10)
-    findings = diagnose(wb.Recording.read(folder / "rec.parquet"))
+    plan, spring = wb.poses(robot, 30, seed=2), ("joint.compliance:joint=2,stiffness=7000",)
+    findings = diagnose(driven(plan, folder / "rec.parquet", 10, effects=spring, seed=2))
     rr.set_strict_mode(True)
     diagnosis_view(findings, folder / "diagnosis.rrd")
     rr.set_strict_mode(False)

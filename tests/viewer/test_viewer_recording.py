@@ -15,6 +15,7 @@ from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
 from rrd_file import Rrd
+from simulated import driven
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.simulation.simulation import Simulation
@@ -40,9 +41,7 @@ def recorded(request, tmp_path_factory):
     """A few poses, a fit with other values, and the picture of both."""
     folder = tmp_path_factory.mktemp(request.param)
     robot = wb.load("robots", request.param)
-    with wb.SimDriver(wb.SimOptions(robot.name, seed=1)) as driver:
-        wb.record(driver, wb.poses(robot, 12, seed=1), folder / "rec.parquet", samples=5)
-    recording = wb.Recording.read(folder / "rec.parquet")
+    recording = driven(wb.poses(robot, 12, seed=1), folder / "rec.parquet", 5, seed=1)
     parameters = wb.Model.of(robot, recording.metadata).parameters
     off = np.random.default_rng(2).uniform(-0.2, 0.2, len(parameters)) * parameters.tolerance
     theta = parameters.mapping(parameters.nominal + off)

@@ -9,6 +9,7 @@ import pytest
 import wrenchbed as wb
 from headless import VULKAN, free_port, seen
 from pictures import unless
+from simulated import driven
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import show
 from wrenchbed.viewer.elements import MEASURED, SIMULATED
@@ -22,9 +23,7 @@ pytestmark = unless(VULKAN, "mesa-vulkan-drivers is not installed")
 @pytest.mark.slow
 def test_the_viewer_shows_a_recording_without_complaint_and_keeps_to_itself(tmp_path):
     robot = wb.load("robots", "ur5")
-    with wb.SimDriver(wb.SimOptions("ur5", seed=1)) as driver:
-        wb.record(driver, wb.poses(robot, 10, seed=1), tmp_path / "rec.parquet", samples=10)
-    recording = wb.Recording.read(tmp_path / "rec.parquet")
+    recording = driven(wb.poses(robot, 10, seed=1), tmp_path / "rec.parquet", 10, seed=1)
     recording_view(recording, tmp_path / "view.rrd")
     with seen(tmp_path / "view.rrd", free_port()) as viewer:
         viewer.client.set_time(timeline="row", sequence=45)
