@@ -12,7 +12,7 @@ from wrenchbed.cli import main
 from wrenchbed.pages.chart import Axis, Chart, Panel
 from wrenchbed.pages.document import Document, Figure, Section, Table, render
 from wrenchbed.planning.criteria import INDICES
-from wrenchbed.planning.exchange import Pool, certify, exchange
+from wrenchbed.planning.exchange import Pool, exchange
 from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.studies import medrue, ur5_methods
 from wrenchbed.studies import medrue_identification as identification
