@@ -95,5 +95,5 @@ def test_errors_of_links_at_rest_are_shares_of_what_holds_them(name):
     mass = robot.links(q, theta)[0][: columns.shape[2]]
     for j, one in enumerate(np.eye(q.shape[1])):
         up, down = (robot.links(q + s * step * one, theta)[1] @ gravity for s in (1.0, -1.0))
-        slope = (up - down)[:, : len(mass)] / (2.0 * step)
+        slope = (up - down)[: len(mass)].T / (2.0 * step)
         assert columns[:, j] == pytest.approx(-LINK_MASS * mass * slope, abs=1e-6)
