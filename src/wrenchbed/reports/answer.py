@@ -9,10 +9,12 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.gap.result import Diagnosis
 from wrenchbed.diagnosis.next.blind import sentences
 from wrenchbed.pages import numbers
-from wrenchbed.reports.claim import Claim
+from wrenchbed.reports.claim import MOST_SIZES, Claim
 
 BADGES = {"none": "✓", "identified": "●", "ambiguous": "◐", "partial": "◔", "unknown": "?"}
 """Shapes beside the colour of a verdict."""
+MOST_HEADLINE = 160
+"""Characters of a headline: two lines of a terminal."""
 MOST_CANDIDATES, LEAST_CANDIDATE = 8, 0.005
 """Largest number of listed candidates, and least probability of one: below it prints as 0 %."""
 LEAST_NEAREST = 0.05
@@ -100,10 +102,16 @@ class Answer(ABC):
 
     @property
     def headline(self) -> str:
-        """The verdict in sentences: each claim with its values, and what they leave open."""
-        phrases = [c.sentence for c in self.causes]
-        if not phrases:
+        """The verdict in sentences: each claim with its values, as many as two lines hold, and what
+        they leave open."""
+        if not self.causes:
             return self.no_claim
+        texts = [self._claims(most) for most in (MOST_SIZES, 1, 0)]
+        return next((text for text in texts if len(text) <= MOST_HEADLINE), texts[-1])
+
+    def _claims(self, most: int) -> str:
+        """The claims with so many figures each."""
+        phrases = [c.told(most) for c in self.causes]
         if len(phrases) > 1:
             phrases.insert(0, f"{_COUNT[len(phrases)]} causes.")
         if self.d.verdict == "ambiguous":

@@ -82,9 +82,13 @@ class Claim:
     @property
     def sentence(self) -> str:
         """``Joint 2 is compliant and deflects under gravity: stiffness 9080 ± 950 N·m/rad.``"""
+        return self.told(MOST_SIZES)
+
+    def told(self, most: int) -> str:
+        """The sentence with so many figures at most; without all of them nothing is counted."""
         words = [self.choice] if self.choice else []
-        words += [f"{size.name} {size.value}" for size in self.figures]
-        words += [f"{self.more} more"] if self.more else []
+        words += [f"{size.name} {size.value}" for size in self.figures[:most]]
+        words += [f"{self.more} more"] if self.more and most >= len(self.figures) else []
         values = f": {', '.join(words)}" if words else ""
         others = "".join(f"; or {title}" for _, title in self.rivals)
         return f"{capital(self.title)}{values}{others}."

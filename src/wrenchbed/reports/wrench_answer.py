@@ -10,7 +10,7 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.next.blind import unseen
 from wrenchbed.pages import numbers
-from wrenchbed.reports.answer import Answer
+from wrenchbed.reports.answer import MOST_HEADLINE, Answer
 from wrenchbed.reports.claim import Claim, capital, claim, listed
 from wrenchbed.reports.claim import place as place_of
 
@@ -23,6 +23,7 @@ _KERNELS = {
     "speed": "speed and acceleration",
 }
 _GAP = "the gap"
+_BLIND = ". These data cannot show "
 
 
 class WrenchAnswer(Answer):
@@ -75,11 +76,10 @@ class WrenchAnswer(Answer):
     def no_claim(self) -> str:
         if self.d.verdict == NONE:
             text = "No cause found: the residual is within normal imperfections"
-            names = unseen(self.d.blind)
-            blind = f". These data cannot show {names}" if names else ""
             small = ", ".join(str(e["effect"]) for e in self.d.minor)
-            seen = f"; detected, but below what counts: {small}" if small else ""
-            return f"{text}{seen}{blind}."
+            text += f"; detected, but below what counts: {small}" if small else ""
+            names = unseen(self.d.blind, MOST_HEADLINE - len(text) - len(_BLIND))
+            return f"{text}{_BLIND}{names}." if names else f"{text}."
         if self._crowd:
             return "Too many effects explain the gap equally well."
         varies = f": it varies with {self.variable}" if self._varies else ""

@@ -44,6 +44,8 @@ SQUARES = (1e-2, 1e6)
 a fault makes a gap of hundreds."""
 HALVINGS = 40
 """Halvings of that interval's logarithm: to a part in 10⁹."""
+FIRST = ("joint.offset", "link.length")
+"""Effects that are named first among those that a recording cannot show."""
 MOST_NAMED = 4
 """Elements of an effect that a headline names; of more it names the effect."""
 NOTHING = "no effect on these readings"
@@ -306,10 +308,12 @@ def _quantity(value: float, unit: str) -> str:
     return f"{float(f'{scale * value:.2g}'):g}{words}"
 
 
-def unseen(spots: Sequence[BlindSpot]) -> str:
-    """Effects that change no reading, elements together, in words; empty if there is none."""
+def unseen(spots: Sequence[BlindSpot], most: int) -> str:
+    """Effects that change no reading, elements together, in words of so many characters: those
+    that simulators have wrong most often first, the others by their number; empty if there is none.
+    """
     elements: dict[str, list[str]] = {}
-    for s in spots:
+    for s in sorted(spots, key=lambda s: s.effect not in FIRST):
         if s.smallest is None and s.why == NOTHING:
             elements.setdefault(s.effect, []).append(s.element)
     effects: dict[tuple[str, ...], list[str]] = {}
@@ -320,7 +324,13 @@ def unseen(spots: Sequence[BlindSpot]) -> str:
         listed(some, "and") + (f" of {listed(names, 'and')}" if names else "")
         for names, some in effects.items()
     ]
-    return listed(phrases, "and") if phrases else ""
+    text = listed(phrases, "and") if phrases else ""
+    for count in range(len(phrases) - 1, 0, -1):
+        if len(text) <= most:
+            break
+        others = sum(len(some) for some in list(effects.values())[count:])
+        text = listed([*phrases[:count], f"{others} other effect{'s' * (others > 1)}"], "and")
+    return text
 
 
 def sentences(spots: Sequence[BlindSpot]) -> tuple[str, ...]:
