@@ -44,12 +44,12 @@ if TYPE_CHECKING:
     from wrenchbed.drives.servo import calibrate_servos
     from wrenchbed.errors import WrenchbedError
     from wrenchbed.exports.base import ExportOptions, export_to
-    from wrenchbed.exports.load_numbers import LoadNumbers, load_numbers
+    from wrenchbed.exports.load_numbers import LoadNumbers, calibrated_twin, load_numbers
     from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
     from wrenchbed.monitoring.check import Judgement, check
     from wrenchbed.monitoring.check import plan_of as check_plan
     from wrenchbed.monitoring.compare import Comparison, compare
-    from wrenchbed.monitoring.compensation import Compensator, compensator
+    from wrenchbed.monitoring.compensation import Compensator
     from wrenchbed.monitoring.live import live
     from wrenchbed.planning.accuracy_plan import Mix, MixOptions, reach
     from wrenchbed.planning.choose import for_tracker, informative, multisine, poses
@@ -106,11 +106,11 @@ __all__ = [
     "calibrate_efforts",
     "calibrate_servos",
     "calibrate_tracker",
+    "calibrated_twin",
     "campaign",
     "check",
     "check_plan",
     "compare",
-    "compensator",
     "describe_robot",
     "descriptions",
     "diagnose",

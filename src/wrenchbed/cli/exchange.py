@@ -198,9 +198,9 @@ def _export_log(file: Path, mcap: Path, force: bool, as_json: bool) -> None:
 def _export_model(file: Path, mjcf: Path, as_json: bool) -> None:
     if wb.is_of_servos(file):
         console.check_folder(mjcf, {"README.md": Kind.NOTES})
-        model, notes = wb.export_servos(file, mjcf)
-        result = {"mjcf": str(model), "notes": str(notes)}
-        console.answer(result, as_json, f"exported → {model}, {notes}")
+        servos, notes = wb.export_servos(file, mjcf)
+        result = {"mjcf": str(servos), "notes": str(notes)}
+        console.answer(result, as_json, f"exported → {servos}, {notes}")
         return
     twin = calibrated_twin(file)
     model = {f"{twin.model.robot.name}.xml": Kind.MODEL, "effects.json": Kind.OUTSIDE}

@@ -28,7 +28,7 @@ CHANNELS_OF = {
 """Channels by name, and the columns (or their stems) that a recording has unless they are left
 out."""
 _OPTION_OF = {"effort": "effort", "pose": "tracker", "imu": "imu"}
-_USUAL = {"effort": "torque", "pose": 5e-5, "imu": 0.02}
+_USUAL: dict[str, str | float] = {"effort": "torque", "pose": 5e-5, "imu": 0.02}
 """Options of the simulated driver by channel, and their values if none is stated: a laser tracker's
 noise [m], and a MEMS accelerometer's in 50 Hz [m/s²]."""
 _MOST_LEGS = 12
@@ -90,7 +90,7 @@ class DeviceArguments:
         known = [f.name for f in fields(device.options)]
         flagged = ("robot", "limits", *given)
         words = console.typed(device.options, console.pairs(self.set), flagged)
-        chosen = {k: v for k, v in given.items() if v is not None}
+        chosen: dict[str, Any] = {k: v for k, v in given.items() if v is not None}
         usual = {_OPTION_OF[c]: _USUAL[c] for c in self.recorded if c in _OPTION_OF}
         chosen = {k: v for k, v in usual.items() if k not in words} | chosen
         for name in chosen:

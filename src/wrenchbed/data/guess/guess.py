@@ -85,8 +85,10 @@ class Guess:
     def text(self, folder: Path, k: int = 0) -> str:
         """A map as TOML for a file in a folder, from which it names files of robot and sensor."""
         recording = seen_from(self.maps[k]["recording"], lambda file: relpath(file, folder))
-        found = [(c.sentence, c.quality) for c in self.conventions] or [(self.by_names,)]
-        comments = ("Found by wrenchbed import --guess:", *found[k])
+        words: tuple[str, ...] = (self.by_names,)
+        if not self.by_names:
+            words = (self.conventions[k].sentence, self.conventions[k].quality)
+        comments = ("Found by wrenchbed import --guess:", *words)
         return toml(self.maps[k] | {"recording": recording}, comments)
 
     @property
