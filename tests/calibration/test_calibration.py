@@ -13,15 +13,11 @@ from simulated import MEDRUE_TRUTH, UR5_TRUTH, WHITE, static
 from wrenchbed import registry
 from wrenchbed.calibration import calibrate as calibration
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate, check_mass
-from wrenchbed.calibration.checks.mistakes import _matrices
-from wrenchbed.calibration.checks.rigid_load import Moments
-from wrenchbed.calibration.checks.rows import _off_neighbours
 from wrenchbed.calibration.fit import FitNoise
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.data.metadata import SensorInfo, ToolInfo
 from wrenchbed.data.recording import POINT, Recording
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
-from wrenchbed.physics.newton_euler import Motion, regressor
 from wrenchbed.physics.noise import NoiseStream
 from wrenchbed.physics.rotations import quaternion
 from wrenchbed.physics.wrench import CHANNELS
@@ -294,52 +290,6 @@ def test_the_status_says_how_far_to_trust_a_fit():
     assert "touch" not in status(agreement=Agreement(4, 1e-4, 2, 3.0, 0.5))
     doubtful = status(agreement=Agreement(4, 1e-4, 2, 6.0, 1e-6))
     assert "touch 2 (counted from 0) lies 6.0 standard deviations" in doubtful
-
-
-# ---- loads of many mendings at once: each is the one that is fitted alone -----------------------
-
-
-@pytest.fixture
-def moments():
-    rng = np.random.default_rng(3)
-    seen = 9.81 * rng.normal(size=(3, 60))
-    seen /= np.linalg.norm(seen, axis=0) / 9.81
-    design = regressor(Motion(seen, np.zeros_like(seen), np.zeros_like(seen)))
-    phi = np.array([1.2, 0.01, -0.03, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    y = design @ phi + 0.02 * rng.normal(size=(60, 6))
-    return Moments.of(design, y, np.full(6, 0.02))
-
-
-def same(one, other):
-    for name in ("phi", "share", "left", "channel"):
-        np.testing.assert_allclose(getattr(one, name), getattr(other, name), rtol=1e-9, atol=1e-12)
-
-
-def test_mended_readings_together_are_fitted_as_alone(moments):
-    for mend, load in zip(_matrices(), moments.mended(_matrices()), strict=True):
-        same(load, moments.fit(mend))
-
-
-def test_each_channel_is_left_out_as_alone(moments):
-    for k, load in enumerate(moments.without_each()):
-        same(load, moments.fit(without=(k,)))
-        assert load.channel[k] == 0.0
-
-
-def test_the_load_that_made_the_readings_is_found(moments):
-    load = moments.fit()
-    assert abs(load.phi[0] - 1.2) < 0.005
-    assert load.share < 1e-3
-    swing = np.sqrt(np.diagonal(moments.readings)[:3] / moments.count)
-    np.testing.assert_allclose(moments.swing(load.phi)[:3], swing, rtol=0.01)
-
-
-def test_a_row_is_off_by_its_distance_from_the_median_of_three():
-    y = np.random.default_rng(0).integers(-5, 5, 500).astype(float)
-    median = np.median([np.roll(y, 1), y, np.roll(y, -1)], axis=0)
-    off = _off_neighbours(y)
-    assert np.array_equal(off[1:-1], np.abs(y - median)[1:-1])
-    assert off[0] == off[-1] == 0.0
 
 
 def flickering(seed: int) -> Recording:

@@ -323,18 +323,6 @@ def test_only_columns_that_move_a_channel_are_taken_away():
         assert [x[k] for x in both] == pytest.approx([x[0] for x in own], rel=1e-6)
 
 
-def test_minima_of_many_functions_are_found_in_step():
-    rng = np.random.default_rng(3)
-    least, slope = rng.uniform(-7.9, 11.9, 60), rng.uniform(0.1, 5.0, (2, 60))
-
-    def cost(x):
-        away = x - least
-        return np.log1p(np.where(away > 0.0, slope[0], slope[1]) * away**2)
-
-    x, value = weighting.golden_sections(cost, np.full(60, -8.0), np.full(60, 12.0))
-    assert np.abs(x - least).max() < 0.01 and np.array_equal(value, cost(x))
-
-
 # ---- touches ------------------------------------------------------------------------------------
 
 

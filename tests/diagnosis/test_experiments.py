@@ -149,6 +149,13 @@ def test_divergence_of_two_gaussians(d):
     assert jensen_shannon(d) == pytest.approx(exact, abs=2e-3)
 
 
+@pytest.mark.slow
+def test_nothing_separates_a_mount_from_joint_six(wide):
+    d, _ = wide
+    pair = ("joint.offset", "joint 6", 2.6), ("mount.rotation", "about z", 1.0)
+    assert separate(d, candidates(d, *pair)) == ()
+
+
 def test_poses_are_chosen_where_the_explanations_differ(still):
     d, _ = still
     comparison = Comparison(d, candidates(d, *TILT_OR_OFFSET))

@@ -12,7 +12,6 @@ from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import (
     LADDER,
     BackgroundLevel,
-    Whitened,
     gains,
     ladder,
     log_sum,
@@ -73,17 +72,6 @@ def test_a_level_of_some_rows_or_other_variances_is_its_dense_matrix(rows, colum
         assert changed.products(y[seen]) == pytest.approx(y[seen].T @ np.linalg.inv(K) @ y[seen])
 
 
-@SIZES
-def test_columns_weighed_apart_make_the_products_of_all(rows, columns):
-    level, _, rng = case(rows, columns)
-    x = rng.standard_normal((rows, 4))
-    white, last = level.whitened(x[:, [0, 1, 2, 2]]), level.whitened(x[:, 3:])
-    white.put([3], last)
-    assert white.products(white) == pytest.approx(level.products(x))
-    both = Whitened.of_all([white, white])
-    assert both.products(both)[:, :1] == pytest.approx(2.0 * level.products(x)[:, :1])
-
-
 def test_rungs_of_few_rows_share_products_of_their_columns():
     rng, few = np.random.default_rng(5), 4
     d = dictionary(tolerance=0.3)
@@ -97,16 +85,6 @@ def test_rungs_of_few_rows_share_products_of_their_columns():
 def test_logarithms_of_tiny_numbers_add_up():
     logs = np.array([[-2000.0, -2000.0], [3.0, -5.0]])
     assert log_sum(logs) == pytest.approx(logsumexp(logs, axis=1))
-
-
-def test_products_of_channels_say_the_same():
-    d = replace(dictionary(), hypotheses=())
-    weights = np.random.default_rng(3).uniform(0.5, 2.0, 6)
-    dense = d.E.T @ (np.tile(weights, d.rows)[:, None] * d.E)
-    assert d.weighed(weights) == pytest.approx(dense)
-    assert d.without(0).weighed(weights) == pytest.approx(
-        replace(d.without(0), of_all=None).weighed(weights)
-    )
 
 
 @SIZES

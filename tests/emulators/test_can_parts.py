@@ -105,18 +105,6 @@ def test_a_path_ends_at_its_last_target_and_goes_on_after_a_gap():
     assert way == pytest.approx([60.0, 70.0, 100.0, 100.0])
 
 
-@pytest.mark.parametrize("missed", [1, 2])
-def test_a_missed_sync_is_no_jolt_where_the_next_target_is_where_it_would_be(missed):
-    axis = made(0.0)
-    climb(axis, Want.ENABLE)
-    way = []
-    for k in range(60):
-        if not 40 <= k < 40 + missed:
-            axis.sync(k * T, 2.0 * (k + 1), T)
-        way.append(axis.advance((k + 0.5) * T, T, axis.command))
-    assert np.diff(way)[1:] == pytest.approx(2.0)
-
-
 def test_modelled_load_of_six_drives_and_the_sensor_by_hand():
     worst = 55 + 305 + 6 * (115 + 135)
     load = options.bus_load(250.0, 1_000_000, torque=True)

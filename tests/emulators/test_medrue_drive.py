@@ -2,7 +2,6 @@
 
 import struct
 
-import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -19,7 +18,6 @@ from wrenchbed.hardware.drivers.can import CanDriver, CanOptions
 from wrenchbed.hardware.drivers.can.cia402 import DriveStatus, Want, controlword, state_of
 from wrenchbed.plant.body import Body, BodyOptions
 from wrenchbed.plant.serving import EmulatorOptions, emulated
-from wrenchbed.robots.motion_limits import minimum_jerk
 
 T = 0.004
 OFF = 1 << 31
@@ -195,25 +193,6 @@ def test_torque_and_current_are_reported_in_thousandths_of_the_rated_ones():
 
 
 PLANT = "127.0.4.8"
-
-
-@pytest.mark.parametrize("joint, within", [(0, 0.01), (5, 0.1)])
-def test_what_a_motor_gives_accelerates_what_it_moves(joint, within):
-    """From rest on, the integral of a motor's torque is the momentum of its joint."""
-    arm = Body(BodyOptions("medrue", noise="off"), CYCLE_S, drives=True)
-    model, data = arm.simulation.model, arm.simulation.data
-    mujoco.mj_forward(model, data)
-    inertias = np.zeros((model.nv, model.nv))
-    mujoco.mj_fullM(model, data, inertias)
-    dof = int(model.joint(arm.robot.joints[joint].name).dofadr[0])
-    torques, speeds = [], []
-    for k in range(150):
-        share = minimum_jerk(np.array(min(1.0, (k + 1) / 100)))
-        arm.step(arm.robot.home + share * 0.05 * np.eye(6)[joint])
-        torques.append(arm.drives.now.servo[joint])
-        speeds.append(arm.qd[joint])
-    momentum, v = np.cumsum(torques) * CYCLE_S, np.array(speeds)
-    assert float(momentum @ v / (v @ v)) == pytest.approx(inertias[dof, dof], rel=within)
 
 
 def test_a_motor_holds_what_pushes_and_gives_nothing_at_rest():
