@@ -11,7 +11,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from wrenchbed.benchmark.sealed.families import Family
+    from wrenchbed.benchmark.sealed.make import Family
     from wrenchbed.benchmark.sealed.make import make as blind_make
     from wrenchbed.benchmark.sealed.run import Entrant
     from wrenchbed.benchmark.sealed.run import run as blind_run

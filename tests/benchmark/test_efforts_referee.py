@@ -15,7 +15,7 @@ from wrenchbed.benchmark.efforts.arm import TrueArm, draw, of_values
 from wrenchbed.benchmark.efforts.case import FAMILIES, OUTSIDE
 from wrenchbed.benchmark.efforts.world import bouc_wen, lugre
 from wrenchbed.benchmark.sealed import commitments, make, score
-from wrenchbed.benchmark.sealed.families import EffortFamily
+from wrenchbed.benchmark.sealed.make import EffortFamily
 from wrenchbed.benchmark.sealed.run import CLAIM, Entrant, run
 from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import CHANNELS

@@ -13,8 +13,8 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
-from wrenchbed.physics.wrench import CHANNELS, Tool
-from wrenchbed.robots.base import Robot
+from wrenchbed.physics.wrench import CHANNELS, Tool, six_of
+from wrenchbed.robots.base import INERTIA_AXES, Robot
 
 Rng = np.random.Generator
 Drawn = TypeVar("Drawn")
@@ -103,14 +103,14 @@ The weight of the sensor's own tool side is exactly a mass and a CoG: it is in e
 def as_stated(robot: Robot, mode: str, source: str, rate: float, tool: Tool) -> Metadata:
     """What is stated of a made recording: a tool, and the noise of the robot's own sensor."""
     sensor = registry.load("sensors", robot.sensor)
-    rows, columns = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
-    inertia = np.asarray(tool.inertia)[rows, columns]
     return Metadata(
         robot=robot.name,
         mode=mode,
         source=source,
         rate_hz=rate,
-        tool=ToolInfo(float(tool.mass), tuple(tool.cog.tolist()), tuple(inertia.tolist())),
+        tool=ToolInfo(
+            float(tool.mass), tuple(tool.cog.tolist()), tuple(six_of(tool.inertia).tolist())
+        ),
         sensor=SensorInfo(
             sensor.name, tuple(sensor.noise.row_std.tolist()), mass=float(tool.sensor_mass)
         ),
@@ -222,6 +222,12 @@ def true_numbers(cause: Fault, faults: Iterable[tuple[Fault, float]]) -> dict[st
 def by_axis(vector: np.ndarray, stem: str = "") -> dict[str, float]:
     """Components (3,) of a vector by axis, after a stem."""
     return {f"{stem}{a}": float(v) for a, v in zip("xyz", vector, strict=True)}
+
+
+def by_moment(inertia: np.ndarray) -> dict[str, float]:
+    """Moments and products ``inertia.xx`` … of a symmetric matrix (3, 3)."""
+    names = (f"inertia.{a}" for a in INERTIA_AXES)
+    return dict(zip(names, six_of(inertia).tolist(), strict=True))
 
 
 def by_channel(values: np.ndarray, stem: str = "") -> dict[str, float]:

@@ -15,7 +15,7 @@ from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import ParameterError
 
 if TYPE_CHECKING:
-    from wrenchbed.benchmark.sealed.families import Family
+    from wrenchbed.benchmark.sealed.make import Family
     from wrenchbed.pages.document import Document
 _PUBLISH = "publish with the cases: SHA-256 of commitments.json"
 
@@ -33,7 +33,7 @@ class FamilyArguments:
 
     def family(self, seed: int) -> "Family":
         """Cases that follow from a seed."""
-        from wrenchbed.benchmark.sealed.families import EffortFamily, Family, LookalikeFamily
+        from wrenchbed.benchmark.sealed.make import EffortFamily, Family, LookalikeFamily
 
         if self.world in ("efforts", "both"):
             return EffortFamily(self.robot, "dynamic", self.cases, seed, self.world == "both")

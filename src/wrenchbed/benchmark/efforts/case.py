@@ -17,21 +17,11 @@ from scipy import signal
 
 from wrenchbed import registry
 from wrenchbed.benchmark import frame
-from wrenchbed.benchmark.efforts import faults, outside
+from wrenchbed.benchmark.efforts import faults, outside, world
 from wrenchbed.benchmark.efforts.arm import FINE, Edit, TrueArm
 from wrenchbed.benchmark.efforts.arm import Path as Motion
 from wrenchbed.benchmark.efforts.faults import WARMING, WHOLE
-from wrenchbed.benchmark.efforts.world import (
-    HEALTHY,
-    EffortFault,
-    EffortSetting,
-    bouc_wen,
-    draw_setting,
-    simulate,
-    since_reversal,
-    state_of,
-    warmed,
-)
+from wrenchbed.benchmark.efforts.world import HEALTHY, EffortFault, EffortSetting, simulate
 from wrenchbed.benchmark.frame import NEEDED, Rng, as_stated, numbered
 from wrenchbed.data.metadata import SensorInfo
 from wrenchbed.data.recording import Recording
@@ -139,11 +129,11 @@ def own_columns(setting: EffortSetting, joint: int) -> Iterator[tuple[str, np.nd
     yield "drive.constant", clean[::_EVERY, None]
     for speed in (0.03, 0.06, 0.1, 0.2):  # [rad/s], estimates
         yield "drive.stribeck", of(way / (1.0 + (v / speed) ** 2))
-    since = since_reversal(v, path.step)
+    since = world.since_reversal(v, path.step)
     for length in (0.01, 0.025, 0.06):  # [rad], estimates
         yield "drive.stiction", of(way * np.exp(-since / length))
     for width in (0.03, 0.08, 0.2):  # [rad], estimates
-        yield "drive.hysteresis", of(bouc_wen(v, path.step, width))
+        yield "drive.hysteresis", of(world.bouc_wen(v, path.step, width))
     for order in (setting.gear, *range(2, 13)):
         waves = [f(k * order * q) for k in (1, 2) for f in (np.sin, np.cos)]
         yield "drive.cogging" if order == setting.gear else "drive.ripple", of(*waves)
@@ -233,10 +223,10 @@ def make(
     rng = np.random.default_rng([seed, number, int(wrench), attempt])
     kind = kind_of(seed, number, wrench)
     robot = robots[int(rng.integers(len(robots)))]
-    setting = draw_setting(robot, rng)
+    setting = world.draw_setting(robot, rng)
     family = _family(kind, number, wrench)
     if family == "drive.temperature":
-        setting = warmed(setting, rng.uniform(*WARMING), rng)
+        setting = world.warmed(setting, rng.uniform(*WARMING), rng)
     if kind == "none":
         return EffortCase(kind, _recorded(setting, HEALTHY, rng, wrench))
     for _ in range(_SIZES):
@@ -289,7 +279,7 @@ def _recorded(setting: EffortSetting, fault: EffortFault, rng: Rng, wrench: bool
     tool, sensor = robot.tool(setting.stated), SensorInfo()
     stated = as_stated(robot, "dynamic", "sim", setting.path.rate, tool)
     if wrench:
-        state = state_of(setting, fault)
+        state = world.state_of(setting, fault)
         load = TrueArm(robot, state.arm.theta, state.arm.edits).inverse(state.path)[1][rows]
         load = load + SENSOR_STD * rng.normal(size=load.shape)
         columns |= dict(zip(CHANNELS, load.T, strict=True))

@@ -10,16 +10,8 @@ import mujoco
 import numpy as np
 from scipy import signal
 
-from wrenchbed.benchmark.efforts.world import (
-    EffortFault,
-    EffortSetting,
-    State,
-    TrueDrives,
-    bouc_wen,
-    since_reversal,
-    vector,
-    way_of,
-)
+from wrenchbed.benchmark.efforts import world
+from wrenchbed.benchmark.efforts.world import EffortFault, EffortSetting, State
 from wrenchbed.benchmark.frame import Rng, by_axis, log_uniform, sign
 
 WHOLE = ("tool.mass", "tool.cog", "base.tilt")
@@ -28,16 +20,12 @@ WARMING = (6.0, 18.0)
 """Rise of the temperature [K] in recordings whose friction depends on it."""
 
 
-def _scaled(drives: TrueDrives, name: str, joint: int, factor: float) -> TrueDrives:
-    values = getattr(drives, name).copy()
-    values[joint] *= factor
-    return replace(drives, **{name: values})
-
-
 def _larger(setting: EffortSetting, joint: int, unit: str, factor: float) -> EffortFault:
     """A friction or rotor that is larger by a factor."""
-    value = float(getattr(setting.drives, unit)[joint] * factor)
-    return EffortFault({"value": value}, joint, drives=lambda d: _scaled(d, unit, joint, factor))
+    values = getattr(setting.drives, unit).copy()
+    values[joint] *= factor
+    true = {"value": float(values[joint])}
+    return EffortFault(true, joint, drives=lambda drives: replace(drives, **{unit: values}))
 
 
 def drive_coulomb(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
@@ -78,7 +66,7 @@ def drive_temperature(setting: EffortSetting, joint: int, rng: Rng) -> EffortFau
     def torque(state: State) -> np.ndarray:
         kelvin = state.temperature + 273.15
         change = np.expm1(slope * kelvin[0] ** 2 * (1.0 / kelvin - 1.0 / kelvin[0]))
-        return np.asarray(change * (state.viscous * state.qd + state.coulomb * way_of(state)))
+        return np.asarray(change * (state.viscous * state.qd + state.coulomb * world.way_of(state)))
 
     return EffortFault({"per_kelvin": slope}, joint, torque=torque)
 
@@ -119,7 +107,7 @@ def drive_hysteresis(setting: EffortSetting, joint: int, rng: Rng) -> EffortFaul
     return EffortFault(
         {"size": size, "width": width},
         joint,
-        torque=lambda state: size * bouc_wen(state.qd, state.path.step, width, loop=loop),
+        torque=lambda state: size * world.bouc_wen(state.qd, state.path.step, width, loop=loop),
     )
 
 
@@ -149,7 +137,7 @@ def drive_asymmetry(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault
     off = sign(rng) * log_uniform(rng, 0.25, 0.9)
 
     def torque(state: State) -> np.ndarray:
-        way = way_of(state)
+        way = world.way_of(state)
         return np.asarray(off * (state.coulomb * way + state.viscous * state.qd) * np.sign(way))
 
     return EffortFault({"share": off}, joint, torque=torque)
@@ -162,7 +150,7 @@ def drive_stiction(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
     return EffortFault(
         {"size": size, "way": way},
         joint,
-        level=lambda state: size * np.exp(-since_reversal(state.qd, state.path.step) / way),
+        level=lambda state: size * np.exp(-world.since_reversal(state.qd, state.path.step) / way),
     )
 
 
@@ -180,7 +168,7 @@ def link_mass(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def link_cog(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    shift = vector(rng, 0.01, 0.08)
+    shift = world.vector(rng, 0.01, 0.08)
 
     def edit(model: mujoco.MjModel) -> None:
         model.body_ipos[model.jnt_bodyid[joint]] += shift
@@ -234,7 +222,7 @@ def tool_mass(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
 
 
 def tool_cog(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
-    shift = vector(rng, 0.02, 0.15)
+    shift = world.vector(rng, 0.02, 0.15)
     return EffortFault(by_axis(shift), theta=lambda theta: _tool(setting, theta, 0.0, shift))
 
 

@@ -13,14 +13,7 @@ from wrenchbed.benchmark import frame
 from wrenchbed.benchmark.frame import STATED, Rng, between, log_uniform, possible
 from wrenchbed.benchmark.lookalikes import arm, imperfection, outside, sensor, tool
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import (
-    Imperfection,
-    ImperfectRobot,
-    Scaled,
-    biased,
-    heavier,
-    off,
-)
+from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot, Scaled
 
 Draw = Callable[..., Imperfection]
 """Draws an imperfection for a design with a generator; an effect's also of a size in multiples of
@@ -123,9 +116,9 @@ def _within_tolerance(design: ExperimentDesign, rng: Rng) -> list[Scaled]:
         {"mass": weight}, tool=lambda load, _: replace(load, sensor_mass=load.sensor_mass + weight)
     )
     faults = {
-        "tool.mass": heavier(more),
-        "tool.cog": off(error),
-        "sensor.bias": biased(shift),
+        "tool.mass": imperfection.heavier(more),
+        "tool.cog": imperfection.off(error),
+        "sensor.bias": imperfection.biased(shift),
         "tool.self_weight": weighing,
     }
     return [(replace(fault, name=name), 1.0) for name, fault in faults.items()]

@@ -9,16 +9,9 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
 from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform
+from wrenchbed.benchmark.lookalikes import imperfection
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
-from wrenchbed.benchmark.lookalikes.imperfection import (
-    Imperfection,
-    RowImperfection,
-    biased,
-    channels,
-    preisach,
-    relax,
-    spread,
-)
+from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, biased, channels, spread
 from wrenchbed.benchmark.lookalikes.loads import FINER
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -58,7 +51,7 @@ def timing_stale(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
     share = min(0.6, 0.06 * size * spread(rng))
     chance = share / (length * (1.0 - share))
     values = {"share": share, "length": length / design.rate}
-    return Imperfection(values, rows=RowImperfection(stale=(chance, length)))
+    return Imperfection(values, rows=imperfection.RowImperfection(stale=(chance, length)))
 
 
 def timing_skew(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
@@ -137,7 +130,7 @@ def sensor_hysteresis(design: ExperimentDesign, rng: Rng, size: float) -> Imperf
     reach = rng.uniform(0.05, 0.3)
     used = np.flatnonzero(width)
     loop = np.zeros((len(design), 6))
-    loop[:, used] = preisach(design.path.wrench[:, used], rng, reach)[design.path.at]
+    loop[:, used] = imperfection.preisach(design.path.wrench[:, used], rng, reach)[design.path.at]
     return biased(-width * loop, {"reach": reach} | by_channel(width))
 
 
@@ -152,19 +145,19 @@ def sensor_saturation(design: ExperimentDesign, rng: Rng, size: float) -> Imperf
         lowered = load.max() * (1.0 - 0.06 * min(size, 10.0) * spread(rng))
         limit[k] = max(lowered, float(np.quantile(load, 0.8)))
     values = {CHANNELS[k]: float(limit[k]) for k in np.flatnonzero(np.isfinite(limit))}
-    return Imperfection(values, rows=RowImperfection(limit=limit))
+    return Imperfection(values, rows=imperfection.RowImperfection(limit=limit))
 
 
 def sensor_quantization(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """Coarse steps, typically 2.5 times the noise of a row."""
     step = 2.5 * size * design.noise_std * np.abs(channels(rng, one=0.4))
-    return Imperfection(by_channel(step), rows=RowImperfection(step=step))
+    return Imperfection(by_channel(step), rows=imperfection.RowImperfection(step=step))
 
 
 def sensor_noise(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """More noise than stated: half as much again, typically."""
     factor = 1.0 + 0.5 * size * np.abs(channels(rng, one=0.4))
-    return Imperfection(by_channel(factor - 1.0), rows=RowImperfection(gain=factor))
+    return Imperfection(by_channel(factor - 1.0), rows=imperfection.RowImperfection(gain=factor))
 
 
 def sensor_temperature(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
@@ -172,7 +165,7 @@ def sensor_temperature(design: ExperimentDesign, rng: Rng, size: float) -> Imper
     zero = 2.5e-3 * size * design.full_scale * channels(rng, one=0.4)
     gain_error = 2e-3 * size * rng.normal(0.0, 1.0, 6)
     warm = np.asarray(design.temperature, dtype=float)
-    rise = relax(design.t, warm[:, None], rng.uniform(5.0, 60.0))
+    rise = imperfection.relax(design.t, warm[:, None], rng.uniform(5.0, 60.0))
     level = rise - rise[0, 0]
     column = level / max(float(np.abs(level).max()), 1e-9)
     return Imperfection(
@@ -207,8 +200,8 @@ def sensor_creep(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
     path = design.path
     slow = log_uniform(rng, 20.0, 600.0)
     mix = rng.uniform(0.6, 1.0)
-    late = mix * relax(path.t, path.wrench, slow)
-    late += (1.0 - mix) * relax(path.t, path.wrench, slow * rng.uniform(0.1, 0.4))
+    late = mix * imperfection.relax(path.t, path.wrench, slow)
+    late += (1.0 - mix) * imperfection.relax(path.t, path.wrench, slow * rng.uniform(0.1, 0.4))
     return biased(share * (late - path.wrench)[path.at], {"time": slow} | by_channel(share))
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
-from wrenchbed.benchmark.frame import Rng, by_axis, elapsed
+from wrenchbed.benchmark.frame import Rng, by_axis, by_moment, elapsed
 from wrenchbed.benchmark.lookalikes import loads
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, heavier, off, relay, spread
@@ -44,10 +44,8 @@ def tool_inertia(design: ExperimentDesign, rng: Rng, size: float) -> Imperfectio
     products = 0.1 * size * typical * rng.normal(0.0, 1.0, (3, 3)) * (1.0 - np.eye(3))
     error = error + np.diag(0.3 * size * typical * rng.uniform(0.3, 1.0, 3))
     error = (error + error.T) / 2.0 + (products + products.T) / 2.0
-    pairs = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "xz": (0, 2), "yz": (1, 2)}
     return Imperfection(
-        {f"inertia.{k}": float(error[i]) for k, i in pairs.items()},
-        tool=lambda load, _: replace(load, inertia=load.inertia + error),
+        by_moment(error), tool=lambda load, _: replace(load, inertia=load.inertia + error)
     )
 
 

@@ -8,29 +8,13 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from wrenchbed.benchmark.frame import Rng, by_axis, elapsed, sign
-from wrenchbed.benchmark.referee.fault import (
-    RefereeFault,
-    RowFault,
-    about,
-    direction,
-    heavier,
-    misshapen,
-    not_as_drawn,
-    off,
-)
+from wrenchbed.benchmark.frame import Rng, by_axis, by_moment, elapsed, sign
+from wrenchbed.benchmark.referee import fault, machine
+from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault, about, direction
 from wrenchbed.benchmark.referee.laws import dahl
-from wrenchbed.benchmark.referee.machine import (
-    Backlash,
-    Hose,
-    LoosePart,
-    Mechanics,
-    Pad,
-    Ride,
-    wrench_at,
-)
+from wrenchbed.benchmark.referee.machine import Mechanics, Ride, wrench_at
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.robots.base import INERTIA_AXES
+from wrenchbed.physics.wrench import symmetric
 
 _TONE = 0.9
 """Share of the lowest tone in the vibration of a machine nearby: an estimate."""
@@ -81,11 +65,13 @@ def joint_compliance(
 
 
 def joint_backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """Backlash between drive and link, about 0.08° wide: the weight decides the side."""
+    """machine.Backlash between drive and link, about 0.08° wide: the weight decides the side."""
     k = _rotating(setting, rng)
     width = about(rng, np.deg2rad(0.08) * size)
     strong = k < setting.robot.large_gears
-    gap = Backlash(width, float(rng.uniform(0.1, 0.8) if strong else rng.uniform(0.01, 0.08)))
+    gap = machine.Backlash(
+        width, float(rng.uniform(0.1, 0.8) if strong else rng.uniform(0.01, 0.08))
+    )
     true = {"width": width, "joint": float(k + 1)}
     return RefereeFault(true, body=lambda m: replace(m, backlash={**m.backlash, k: gap}))
 
@@ -120,7 +106,9 @@ def joint_clearance(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFa
 def link_length(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A link of a closed chain, about 0.7 mm too long or too short."""
     names = [n for n in setting.robot.parameters.names if n[0] == "L" and n[1:].isdigit()]
-    return not_as_drawn(setting, {str(rng.choice(names)): sign(rng) * about(rng, 7e-4 * size)})
+    return fault.not_as_drawn(
+        setting, {str(rng.choice(names)): sign(rng) * about(rng, 7e-4 * size)}
+    )
 
 
 def base_tilt(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -181,34 +169,32 @@ def tool_mass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool is about 2 % heavier or lighter than stated."""
     least = 2.0 * setting.tolerance[0]
     error = sign(rng) * max(least, about(rng, 0.02 * size * setting.mass))
-    return heavier(setting, error)
+    return fault.heavier(setting, error)
 
 
 def tool_cog(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool's centre of gravity is about 1.5 mm away from where it is stated."""
     away = max(2.0 * setting.tolerance[1], about(rng, 1.5e-3 * size))
-    return off(setting, away * direction(rng))
+    return fault.off(setting, away * direction(rng))
 
 
 def tool_inertia(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """The tool's moments of inertia are up to 25 % off at size 1, their axes turned by 0.15 rad."""
     stated = setting.metadata.tool.inertia
     assert stated is not None
-    old = np.array(stated)[[[0, 3, 4], [3, 1, 5], [4, 5, 2]]]
+    old = symmetric(stated)
     grown = np.diag(np.exp(0.25 * size * rng.uniform(0.4, 1.0, 3) * rng.choice([-1, 1], 3)))
     askew = Rotation.from_rotvec(0.15 * size * direction(rng)).as_matrix()
     new = askew @ np.sqrt(grown) @ old @ np.sqrt(grown) @ askew.T
-    pick = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    names = [f"inertia.{a}" for a in INERTIA_AXES]
-    change = {n: float((new - old)[i]) for n, i in zip(names, pick, strict=True)}
-    return misshapen(setting, change, {f"tool.{n}": v for n, v in change.items()})
+    change = by_moment(new - old)
+    return fault.misshapen(setting, change, {f"tool.{n}": v for n, v in change.items()})
 
 
 def tool_loose(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A part that slides to and fro in the tool and shifts its CoG by about 1.5 mm."""
     travel = about(rng, 1.5e-3 * size)
     mass_fraction = float(rng.uniform(0.08, 0.2))
-    part = LoosePart(
+    part = machine.LoosePart(
         mass_fraction, direction(rng), 0.5 * travel / mass_fraction, float(rng.uniform(0.05, 0.3))
     )
     return RefereeFault({"travel": travel}, body=lambda m: replace(m, devices=(*m.devices, part)))
@@ -278,7 +264,7 @@ def cable_pull(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     slack = float(np.quantile(far, rng.uniform(0.0, 0.6)))
     pull = float(np.mean(np.maximum(far - slack, 0.0))) + 1e-3
     stiffness = about(rng, 0.02 * setting.mass * _G * size) / pull
-    rope = Hose(hook, point, slack, stiffness)
+    rope = machine.Hose(hook, point, slack, stiffness)
     true = {"stiffness": stiffness, "slack": slack}
     return RefereeFault(true, body=lambda m: replace(m, devices=(*m.devices, rope)))
 
@@ -297,7 +283,7 @@ def environment_contact(setting: RefereeSetting, rng: Rng, size: float) -> Refer
     force = about(rng, 0.03 * setting.mass * _G * size)
     k = force / max(float(deep.mean()), 1e-4)
     point = ends.mean(axis=0) + (level - radius - float(ends.mean(axis=0) @ normal)) * normal
-    block = Pad(point, normal, k, float(rng.uniform(0.1, 0.5)), tip, radius)
+    block = machine.Pad(point, normal, k, float(rng.uniform(0.1, 0.5)), tip, radius)
     return RefereeFault({"stiffness": k}, body=lambda m: replace(m, devices=(*m.devices, block)))
 
 

@@ -10,17 +10,8 @@ import numpy as np
 
 from wrenchbed.benchmark import frame
 from wrenchbed.benchmark.frame import Rng, by_channel
-from wrenchbed.benchmark.referee import body, outside, sensor
-from wrenchbed.benchmark.referee.fault import (
-    RefereeFault,
-    RowFault,
-    direction,
-    heavier,
-    misshapen,
-    not_as_drawn,
-    off,
-    shifted,
-)
+from wrenchbed.benchmark.referee import body, fault, outside, sensor
+from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault, direction
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 
 Draw = Callable[..., RefereeFault]
@@ -93,7 +84,7 @@ def _geometry(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeFa
     mass = {b.name: float(np.exp(_MASS * rng.standard_normal())) for b in spec.bodies}
     mass = {k: v for k, v in mass.items() if k not in others}
     masses = RefereeFault(name="background", body=lambda m: replace(m, mass=mass))
-    return [replace(not_as_drawn(setting, errors), name="link.length"), masses]
+    return [replace(fault.not_as_drawn(setting, errors), name="link.length"), masses]
 
 
 def _within_tolerance(setting: RefereeSetting, rng: Rng) -> list[RefereeFault]:
@@ -105,12 +96,12 @@ def _within_tolerance(setting: RefereeSetting, rng: Rng) -> list[RefereeFault]:
     error = float(rng.uniform(0.0, 0.6) * dc) * direction(rng)
     zero = rng.uniform(-0.8, 0.8, 6) * db
     faults = {
-        "tool.mass": heavier(setting, more),
-        "tool.cog": off(setting, error),
-        "tool.self_weight": misshapen(setting, {"mass": weight}, {"sensor.mass": weight}),
-        "sensor.bias": shifted(by_channel(zero, "bias."), zero),
+        "tool.mass": fault.heavier(setting, more),
+        "tool.cog": fault.off(setting, error),
+        "tool.self_weight": fault.misshapen(setting, {"mass": weight}, {"sensor.mass": weight}),
+        "sensor.bias": fault.shifted(by_channel(zero, "bias."), zero),
     }
-    return [replace(fault, name=name) for name, fault in faults.items()]
+    return [replace(made, name=name) for name, made in faults.items()]
 
 
 def _between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:

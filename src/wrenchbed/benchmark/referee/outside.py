@@ -96,10 +96,9 @@ def unscrewing(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     angle = np.deg2rad(0.8) * size * sign(rng) * progress ** rng.uniform(0.7, 2.0)
     turn = Rotation.from_rotvec(angle[:, None] * (np.array([0, 0, 1.0]) + 0.1 * direction(rng)))
 
-    def load(ride: Ride, y: np.ndarray) -> np.ndarray:
-        return np.concatenate([turn.apply(y[:, :3]), turn.apply(y[:, 3:])], axis=1)
-
-    return RefereeFault(change=load)
+    return RefereeFault(
+        change=lambda _, y: np.concatenate([turn.apply(y[:, :3]), turn.apply(y[:, 3:])], axis=1)
+    )
 
 
 def sinking(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:

@@ -9,20 +9,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform, sign
-from wrenchbed.benchmark.referee.fault import (
-    BEND,
-    CLOCK,
-    CREEP,
-    GAIN,
-    LOOP,
-    MIX,
-    ZERO,
-    RefereeFault,
-    RowFault,
-    about,
-    shifted,
-    touched,
-)
+from wrenchbed.benchmark.referee import fault
+from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault, about, shifted, touched
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
@@ -35,17 +23,17 @@ _ARM = 0.05
 def timing_delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Wrenches about 7 ms older than the joints."""
     lag = about(rng, 7e-3 * size)
-    return RefereeFault({"delay": lag}, change=lambda ride, y: _at(ride, y, -lag), stage=CLOCK)
+    return RefereeFault({"delay": lag}, change=lambda r, y: _at(r, y, -lag), stage=fault.CLOCK)
 
 
 def timing_lowpass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """A filter of one to three stages, about 7 ms slow in all."""
     time, stages = about(rng, 7e-3 * size), int(rng.integers(1, 4))
 
-    def clock(ride: Ride, y: np.ndarray) -> np.ndarray:
-        return lowpass(y, float(ride.path.t[1] - ride.path.t[0]), time, stages)
-
-    return RefereeFault({"time": time}, change=clock, stage=CLOCK)
+    step = float(setting.path.t[1] - setting.path.t[0])
+    return RefereeFault(
+        {"time": time}, change=lambda ride, y: lowpass(y, step, time, stages), stage=fault.CLOCK
+    )
 
 
 def timing_stale(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -62,7 +50,7 @@ def timing_skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     ahead = sign(rng) * about(rng, 0.012 * size)
     rate = ahead / float(t[-1])
     shift = rate * np.maximum(t, 0.0)
-    return RefereeFault({"skew": -rate}, change=lambda ride, y: _at(ride, y, shift), stage=CLOCK)
+    return RefereeFault({"skew": -rate}, change=lambda r, y: _at(r, y, shift), stage=fault.CLOCK)
 
 
 def _at(ride: Ride, y: np.ndarray, shift: np.ndarray | float) -> np.ndarray:
@@ -90,7 +78,7 @@ def sensor_gain(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Sensitivities about 1 % off."""
     error = about(rng, 0.01 * size) * touched(rng)
     return RefereeFault(
-        by_channel(error, "gain."), change=lambda ride, y: y * (1.0 + error), stage=GAIN
+        by_channel(error, "gain."), change=lambda ride, y: y * (1.0 + error), stage=fault.GAIN
     )
 
 
@@ -115,7 +103,7 @@ def sensor_crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeF
     true = {
         f"x.{CHANNELS[i]}.{CHANNELS[j]}": float(matrix[i, j]) for i, j in np.argwhere(matrix != 0)
     }
-    return RefereeFault(true, change=lambda ride, y: y + y @ matrix.T, stage=MIX)
+    return RefereeFault(true, change=lambda ride, y: y + y @ matrix.T, stage=fault.MIX)
 
 
 def sensor_hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -130,7 +118,7 @@ def sensor_hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> Referee
         lag[:, used] = width[used] * bouc_wen(y[:, used] / reach[used], shape)
         return y - lag
 
-    return RefereeFault(by_channel(width, "width."), change=gauge, stage=LOOP)
+    return RefereeFault(by_channel(width, "width."), change=gauge, stage=fault.LOOP)
 
 
 def sensor_saturation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -172,10 +160,10 @@ def sensor_temperature(setting: RefereeSetting, rng: Rng, size: float) -> Refere
     zero = about(rng, 2e-3 * size) * setting.full_scale * touched(rng)
     gain = 2e-3 * size * rng.normal(0.0, 1.0, 6)
 
-    def gauge(ride: Ride, y: np.ndarray) -> np.ndarray:
-        return y * (1.0 + np.outer(level, gain)) + np.outer(level, zero)
-
-    return RefereeFault(change=gauge, stage=ZERO)
+    return RefereeFault(
+        change=lambda ride, y: y * (1.0 + np.outer(level, gain)) + np.outer(level, zero),
+        stage=fault.ZERO,
+    )
 
 
 def sensor_nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -191,7 +179,7 @@ def sensor_nonlinearity(setting: RefereeSetting, rng: Rng, size: float) -> Refer
             return y + bend * (np.cosh(sharp * u) - 1.0) / (np.cosh(sharp) - 1.0)
         return y + bend * (np.sinh(sharp * u) / np.sinh(sharp) - u) * 2.6
 
-    return RefereeFault(change=gauge, stage=BEND)
+    return RefereeFault(change=gauge, stage=fault.BEND)
 
 
 def sensor_creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -205,7 +193,7 @@ def sensor_creep(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault
         late = sum(p * after(ride.path.t, y, s) for p, s in zip(part, times, strict=True))
         return y + share * (late - y)
 
-    return RefereeFault(change=gauge, stage=CREEP)
+    return RefereeFault(change=gauge, stage=fault.CREEP)
 
 
 def sensor_jump(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:

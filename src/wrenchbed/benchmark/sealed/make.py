@@ -1,21 +1,202 @@
-"""Make a family of sealed cases: recordings and commitments in one folder, answers in another.
+"""Families of sealed cases, each from one seed: recordings and commitments apart from answers.
 
-A case is complete when both of its files exist, so a stopped run makes the missing cases only.
+Robots of the referee, look-alikes and arms with efforts are written, answered and scored alike;
+only the referee's have an oracle. A case is complete when both of its files exist, so a stopped run
+makes the missing cases only.
 """
 
 import secrets
 from concurrent.futures import Future
 from contextlib import suppress
-from functools import partial
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache, partial
 from pathlib import Path
+from typing import ClassVar
 
+import numpy as np
+
+from wrenchbed import registry
+from wrenchbed.benchmark.efforts import case as efforts
+from wrenchbed.benchmark.frame import KINDS, attempts
+from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
+from wrenchbed.benchmark.referee import case as referee
+from wrenchbed.benchmark.scoring.case_rows import Answer, Fact, Oracle
 from wrenchbed.benchmark.sealed import commitments
-from wrenchbed.benchmark.sealed.families import Family
-from wrenchbed.errors import BenchmarkError
+from wrenchbed.benchmark.sealed.commitments import MOST, salt
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import BenchmarkError, ParameterError
 from wrenchbed.files import write_bytes
 from wrenchbed.files.checked import load
 from wrenchbed.jobs.parts import check_folders
 from wrenchbed.jobs.workers import Progress, in_workers, silent
+from wrenchbed.planning import choose
+from wrenchbed.robots.base import SimulatedRobot
+
+POSES = (60, 100)
+"""Fewest and most poses of a design at rest."""
+SAMPLES, MOTION_S, RATE_HZ = 60, 60.0, 125.0
+"""Rows of a pose; length of a motion [s] and its rate [Hz]."""
+DESIGNS = {"static": 6, "dynamic": 3}
+"""Number of designs over which the look-alikes of a mode are spread."""
+_SEEDED = ("single", "none", "outside", "pair")
+"""Kinds in the order that seeds of look-alikes follow from."""
+
+
+@dataclass(frozen=True)
+class Family:
+    """Cases of the referee; base of families of other worlds.
+
+    Attributes:
+        robot: registry name.
+        mode: ``static`` or ``dynamic``.
+        cases: how many.
+        seed: not negative; who knows it knows the answers.
+        tries: draws of a case before giving up: an estimate.
+        world: its name in ``family.json``, none of the referee's.
+        several: whether the names of several robots may be joined by commas.
+    """
+
+    robot: str
+    mode: str
+    cases: int
+    seed: int
+    tries: ClassVar[int] = 12
+    world: ClassVar[str] = ""
+    several: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if self.cases < 1:
+            raise ParameterError(f"a family of {self.cases} cases is empty")
+        if self.seed < 0:
+            raise ParameterError(f"seed {self.seed} must not be negative")
+
+    def kinds(self) -> list[str]:
+        """Kind of each case: shares of `referee.SHARES`, filled up with single effects, in random
+        order."""
+        counts = np.floor(np.array(referee.SHARES) * self.cases + 1e-9).astype(int)
+        counts[KINDS.index("single")] += self.cases - int(counts.sum())
+        every = np.repeat(np.arange(len(counts)), counts)
+        return [KINDS[k] for k in np.random.default_rng([self.seed, 1]).permutation(every)]
+
+    def robots(self) -> list[SimulatedRobot]:
+        """The robots that cases are made with.
+
+        Raises:
+            ParameterError: one has no model.
+        """
+        names = self.robot.split(",") if self.several else [self.robot]
+        arms = [registry.load("robots", name) for name in names]
+        for arm in arms:
+            if not isinstance(arm, SimulatedRobot):
+                raise ParameterError(f"robot {arm.name!r} has no model to make cases with")
+        return arms
+
+    def about(self) -> dict[str, object]:
+        """Contents of ``family.json``."""
+        return asdict(self) | ({"world": self.world} if self.world else {})
+
+    def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
+        """Answer and recording of one case, without its name and salt.
+
+        Raises:
+            ParameterError: this attempt finds none.
+        """
+        kind = self.kinds()[index]
+        case = referee.make(self.robot, self.mode, kind, (self.seed, index, attempt))
+        facts = tuple(
+            Fact(c.fault.name, c.fault.size, c.gap, c.rows, case.true(c), case.alike(c))
+            for c in case.causes
+        )
+        per_pose = 1 if self.mode == "dynamic" else len(case.recording) // len(case.measured)
+        rows = len(case.measured) * per_pose
+        oracle = Oracle("none", (), None)
+        if case.causes:
+            seen = case.seen()
+            verdict = "identified" if all(len(c) == 1 for c in seen) else "ambiguous"
+            if kind == "outside" or any(len(c) > MOST for c in seen):
+                verdict = "unknown"
+            named = tuple(seen) if verdict != "unknown" else ()
+            oracle = Oracle(verdict if seen else "none", named, case.closed())
+        answer = Answer("", self.robot, self.mode, kind, facts, case.minor, rows, oracle, "")
+        return answer, case.recording
+
+    def found(self, index: int) -> tuple[Answer, Recording]:
+        """Answer and recording of one case, of the first attempt that finds one.
+
+        Raises:
+            ParameterError: no attempt does.
+        """
+        answer, rows = attempts(self.tries, lambda k: self.case(index, k), ParameterError)
+        name = self.names()[index]
+        return replace(answer, case=name, salt=salt(self.seed, name)), rows
+
+    def names(self) -> list[str]:
+        """Names of the cases: numbers."""
+        return [f"{k:04d}" for k in range(1, self.cases + 1)]
+
+
+@lru_cache(maxsize=8)
+def design(robot: str, mode: str, seed: int, number: int) -> ExperimentDesign:
+    """Random poses, or a multisine, with the robot's nominal numbers stated."""
+    arm = registry.load("robots", robot)
+    rng = np.random.default_rng([seed, 61, number])
+    if mode == "dynamic":
+        motion = choose.multisine(arm, MOTION_S, RATE_HZ, int(rng.integers(2**31)))
+        return ExperimentDesign.of_plan(motion, arm)
+    q = arm.sample(int(rng.integers(POSES[0], POSES[1] + 1)), rng)
+    return ExperimentDesign.of_plan(Plan.of(robot, q), arm, samples=SAMPLES)
+
+
+@dataclass(frozen=True)
+class LookalikeFamily(Family):
+    """Look-alikes, which the probabilities of the diagnosis are learnt on."""
+
+    tries: ClassVar[int] = 8
+    world: ClassVar[str] = "look-alikes"
+
+    def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
+        kinds = self.kinds()
+        kind = kinds[index]
+        number = kinds[:index].count(kind)
+        rng = np.random.default_rng((self.seed, 60, _SEEDED.index(kind), number))
+        first = int(rng.integers(2**40)) * self.tries  # room for draws that show nothing
+        place = design(self.robot, self.mode, self.seed, number % DESIGNS[self.mode])
+        case = draw(place, first + attempt, kind)
+        rows = recording(place, case)
+        facts = tuple(
+            Fact(effect, None, gap, case.rows.get(effect, 0.0), case.true(effect), ())
+            for effect, gap in case.gaps.items()
+        )
+        minor, count = case.background, len(rows)
+        return Answer("", self.robot, self.mode, kind, facts, minor, count, None, ""), rows
+
+
+@dataclass(frozen=True)
+class EffortFamily(Family):
+    """Moving arms with torques or currents of their joints.
+
+    Attributes:
+        wrench: whether a force/torque sensor is read, too.
+    """
+
+    wrench: bool = False
+    tries: ClassVar[int] = efforts.TRIES
+    world: ClassVar[str] = "efforts"
+    several: ClassVar[bool] = True
+
+    def kinds(self) -> list[str]:
+        """Kind of each case."""
+        return [efforts.kind_of(self.seed, k, self.wrench) for k in range(self.cases)]
+
+    def case(self, index: int, attempt: int) -> tuple[Answer, Recording]:
+        case = efforts.make(self.robots(), self.seed, index, self.wrench, attempt)
+        facts: tuple[Fact, ...] = ()
+        if case.kind != "none":
+            true = {k: float(v) for k, v in case.fault.true.items()}
+            facts = (Fact(case.alike[0], None, case.gap, 0.0, true, case.alike[1:]),)
+        rows, robot = case.recording, case.recording.metadata.robot
+        return Answer("", robot, self.mode, case.kind, facts, None, len(rows), None, ""), rows
 
 
 def drawn_seed() -> int:
@@ -24,11 +205,7 @@ def drawn_seed() -> int:
 
 
 def make(
-    family: Family,
-    out: Path,
-    answers: Path,
-    processes: int = 2,
-    report: Progress = silent,
+    family: Family, out: Path, answers: Path, processes: int = 2, report: Progress = silent
 ) -> str:
     """Make a family, or its missing cases; the SHA-256 of its ``commitments.json``.
 
@@ -49,7 +226,12 @@ def make(
         commitments.verify(out, answers)
         report(family.cases)
         return str(root)
-    todo = [k for k, name in enumerate(family.names()) if not _complete(name, out, answers)]
+    todo = [
+        k
+        for k, name in enumerate(family.names())
+        if not commitments.recording_of(out, name).exists()
+        or not commitments.answer_of(answers, name).exists()
+    ]
     report(family.cases - len(todo))
 
     def finished(_: int, future: Future[None]) -> None:
@@ -75,11 +257,6 @@ def open_family(family: Family, out: Path, answers: Path) -> None:
     check_folders(path, family.about(), (out, answers), BenchmarkError)
     if not path.exists():
         write_bytes(path, commitments.family(family.about(), None))
-
-
-def _complete(name: str, out: Path, answers: Path) -> bool:
-    files = commitments.recording_of(out, name), commitments.answer_of(answers, name)
-    return all(path.exists() for path in files)
 
 
 def make_case(family: Family, out: Path, answers: Path, index: int) -> None:

@@ -38,8 +38,6 @@ RUN = "run.json"
 CLAIM = "diagnosis.json"
 RESERVED = ("wrenchbed", "oracle")
 """Names that a score uses itself."""
-Failures = dict[str, int]
-"""Number of failures by entrant."""
 
 
 class OverTimeError(BaseException):
@@ -136,16 +134,14 @@ def _answer_ourselves(method: str, recording: Path, out: Path, limit: float) -> 
 
 def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
     """A baseline's claim as the contract's ``diagnosis.json``."""
-    which: list[dict[str, Any]] = [
+    which = [
         {
             "effect": c[0],
             "probability": claim.probabilities.get("|".join(c), claim.sure if k == 0 else 1.0),
-            "rivals": list(c[1:]),
-            "parameters": {},
-            "closed_share": None,
+            "rivals": list(c[1:]), "parameters": {}, "closed_share": None,
         }
         for k, c in enumerate(claim.causes)
-    ]
+    ]  # fmt: skip
     return {
         "format": FORMAT, "recording": recording, "robot": robot, "verdict": claim.verdict,
         "gap": {}, "where": [], "which": which, "probabilities": claim.probabilities,
@@ -198,8 +194,8 @@ def run(
     processes: int = 2,
     limit: float = 300.0,
     report: Progress = silent,
-) -> Failures:
-    """Let entrants answer what they have not answered yet.
+) -> dict[str, int]:
+    """Let entrants answer what they have not answered yet; how often each one failed.
 
     Args:
         cases: folder of recordings and commitments.
@@ -218,8 +214,11 @@ def run(
         path = commitments.recording_of(cases, name)
         if not path.is_file() or commitments.digest(path.read_bytes()) != committed.recording:
             raise BenchmarkError(f"{path}: is missing or is not the case that was sealed")
-    todo = [(name, _remaining(entrants, claims, name, s.recording)) for name, s in sealed.items()]
-    todo = [(name, remaining) for name, remaining in todo if remaining]
+
+    def remaining(name: str) -> list[Entrant]:
+        return _remaining(entrants, claims, name, sealed[name].recording)
+
+    todo = [(name, some) for name in sealed if (some := remaining(name))]
     report(len(sealed) - len(todo))
     for entrant in entrants:
         for remainder in (claims / entrant.name).glob(TEMPORARY):  # of a run that was killed
@@ -235,13 +234,11 @@ def run(
     answer = partial(enter, cases, claims, limit)
     with suppress(WorkerError):
         in_workers(answer, todo, finished, processes)
-    for name, remaining in todo:  # if a process died, each unfinished case gets its own process
-        if name in done:
-            continue
+    for name in [name for name, _ in todo if name not in done]:  # a process died: each has its own
         try:
-            in_workers(answer, [(name, _remaining(remaining, claims, name))], finished, 1)
+            in_workers(answer, [(name, remaining(name))], finished, 1)
         except WorkerError:
-            for entrant in _remaining(remaining, claims, name):
+            for entrant in remaining(name):
                 died = {"seconds": 0.0, "error": "the process died"}
                 write_json(claims / entrant.name / name / RUN, died)
                 failed[entrant.name] += 1
@@ -250,12 +247,9 @@ def run(
 
 
 def _remaining(
-    entrants: Sequence[Entrant], claims: Path, name: str, recording: str | None = None
+    entrants: Sequence[Entrant], claims: Path, name: str, recording: str
 ) -> list[Entrant]:
-    """Entrants that have not answered a case.
-
-    Args:
-        recording: SHA-256 of the case, None to skip the check of the answers.
+    """Entrants that have not answered a case, whose recording has a SHA-256.
 
     Raises:
         BenchmarkError: one has answered another case of that name.
@@ -270,6 +264,6 @@ def _remaining(
             answered = load(path, BenchmarkError).get("recording")
         except AttributeError as cause:
             raise BenchmarkError(f"{path}: is broken: {cause}") from cause
-        if recording is not None and answered not in (None, recording):
+        if answered not in (None, recording):
             raise BenchmarkError(f"{path}: is about another family; give another --out")
     return remaining
