@@ -103,17 +103,15 @@ The weight of the sensor's own tool side is exactly a mass and a CoG: it is in e
 def as_stated(robot: Robot, mode: str, source: str, rate: float, tool: Tool) -> Metadata:
     """What is stated of a made recording: a tool, and the noise of the robot's own sensor."""
     sensor = registry.load("sensors", robot.sensor)
+    numbers = sensor.noise.row_std, tool.cog, six_of(tool.inertia)
+    noise, cog, inertia = (tuple(values.tolist()) for values in numbers)
     return Metadata(
         robot=robot.name,
         mode=mode,
         source=source,
         rate_hz=rate,
-        tool=ToolInfo(
-            float(tool.mass), tuple(tool.cog.tolist()), tuple(six_of(tool.inertia).tolist())
-        ),
-        sensor=SensorInfo(
-            sensor.name, tuple(sensor.noise.row_std.tolist()), mass=float(tool.sensor_mass)
-        ),
+        tool=ToolInfo(float(tool.mass), cog, inertia),
+        sensor=SensorInfo(sensor.name, noise, mass=float(tool.sensor_mass)),
         gravity=tuple(float(g) for g in robot.gravity),
     )
 

@@ -12,10 +12,11 @@ from scipy.signal import savgol_filter
 from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import Usual, as_stated, hold_means
+from wrenchbed.benchmark.frame import Usual, as_stated
 from wrenchbed.benchmark.lookalikes import loads
 from wrenchbed.benchmark.lookalikes.loads import SensorMotion, Weights
 from wrenchbed.calibration.calibrate import IdentifiedLoad, identify_from_gravity
+from wrenchbed.data.holds import gather
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
@@ -24,8 +25,8 @@ from wrenchbed.robots.base import INERTIA_AXES, Robot
 
 STEPS = 4
 """Points on the move to each pose; the last one is the pose itself."""
-STILL = 1e-3
-"""Steps of joint values below this are one hold where no segments are given [rad or m]."""
+_ENOUGH = 10
+"""Degrees of freedom above which the scatter of rows is a noise: an estimate."""
 _MOVE_S, _RATE_HZ = 3.0, 100.0
 """Time of a move between planned poses [s] and rate of the rows there [Hz]: estimates."""
 _SMOOTH = (11, 4)
@@ -127,21 +128,14 @@ class ExperimentDesign:
             if len(q) > _SMOOTH[0]:
                 q = savgol_filter(q, *_SMOOTH, axis=0)
             return cls(robot, "dynamic", q, t, 1, rate, meta, noise, warm, recording.wrench)
-        segment = recording.columns.get("segment")
-        change = np.abs(np.diff(q, axis=0)).max(axis=1) > STILL
-        if segment is not None:
-            change |= np.diff(segment) != 0
-        hold = np.concatenate([[0], np.cumsum(change)])
-        middle, y = hold_means(q, hold), hold_means(recording.wrench, hold)
+        held = gather(recording, np.ones(len(t), dtype=bool))
+        q, known = held.q, held.row_covariance if held.dof > _ENOUGH else None
         if not recording.joints:
-            middle = middle / np.linalg.norm(middle, axis=1, keepdims=True)
-        dof = len(t) - len(y)
-        scatter = ((recording.wrench - y[hold]) ** 2).sum(axis=0)
-        noise = _noise(meta, robot, np.sqrt(scatter / dof) if dof > 10 else None)
-        average = None if warm is None else hold_means(warm, hold)
-        samples = max(1, int(np.median(np.bincount(hold))))
-        at = hold_means(t, hold)
-        return cls(robot, "static", middle, at, samples, rate, meta, noise, average, y)
+            q = q / np.linalg.norm(q, axis=1, keepdims=True)
+        noise = _noise(meta, robot, None if known is None else np.sqrt(np.diag(known)))
+        warm = None if warm is None else np.add.reduceat(warm, held.rows) / held.count
+        samples = int(np.median(held.count))
+        return cls(robot, "static", q, held.t, samples, rate, meta, noise, warm, held.wrench)
 
     @classmethod
     def of_plan(cls, plan: Plan, robot: Robot, samples: int = 50) -> "ExperimentDesign":

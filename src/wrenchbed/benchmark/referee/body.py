@@ -65,13 +65,12 @@ def joint_compliance(
 
 
 def joint_backlash(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
-    """machine.Backlash between drive and link, about 0.08° wide: the weight decides the side."""
+    """Backlash between drive and link, about 0.08° wide: the weight decides the side."""
     k = _rotating(setting, rng)
     width = about(rng, np.deg2rad(0.08) * size)
     strong = k < setting.robot.large_gears
-    gap = machine.Backlash(
-        width, float(rng.uniform(0.1, 0.8) if strong else rng.uniform(0.01, 0.08))
-    )
+    friction = rng.uniform(0.1, 0.8) if strong else rng.uniform(0.01, 0.08)
+    gap = machine.Backlash(width, float(friction))
     true = {"width": width, "joint": float(k + 1)}
     return RefereeFault(true, body=lambda m: replace(m, backlash={**m.backlash, k: gap}))
 
