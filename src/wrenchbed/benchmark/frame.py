@@ -185,7 +185,7 @@ def named(name: str, draw: Callable[P, AnyFault]) -> Callable[P, AnyFault]:
 
 
 def draws(*modules: ModuleType, mark: str = ".") -> dict[str, Callable[..., Any]]:
-    """Draws of faults by name: each public function of some modules, in their order.
+    """Draws of faults by name: each public function of modules of draws, in their order.
 
     Args:
         mark: stands for the first underscore: ``sensor_gain`` draws ``sensor.gain``.

@@ -210,14 +210,6 @@ def _calibration(s: np.ndarray) -> np.ndarray:
     return np.asarray(np.abs(bins[..., 0] - bins[..., 1]).sum(axis=-1) / s[..., -1])
 
 
-def _log_score(truth: Answer, claim: Claim) -> Sequence[float]:
-    return (-float(np.log(max(probability(truth, claim), LEAST))), 1.0)
-
-
-def _pairs(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    return matched(truth, claim) if truth.kind == "pair" else None
-
-
 def _f1(s: np.ndarray) -> np.ndarray:
     return np.asarray(2 * s[..., 0] / (2 * s[..., 0] + s[..., 1] + s[..., 2]))
 
@@ -310,8 +302,15 @@ METRICS = {
         lambda truth, claim: bool({*truth.alike} & set(claim.causes[0])),
     ),
     "ece": Metric("expected calibration error", "≤ 5 %", _bins, _calibration),
-    "log_score": Metric("log score (lower is better)", "< 0.79", _log_score, percent=False),
-    "pairs": Metric("two effects: F1", "≥ 85 %", _pairs, _f1),
+    "log_score": Metric(
+        "log score (lower is better)", "< 0.79",
+        lambda truth, claim: (-float(np.log(max(probability(truth, claim), LEAST))), 1.0),
+        percent=False,
+    ),
+    "pairs": Metric(
+        "two effects: F1", "≥ 85 %",
+        lambda truth, claim: matched(truth, claim) if truth.kind == "pair" else None, _f1,
+    ),
     "where": Metric("first subsystem right", "≥ 97 %", _where),
     "coverage": Metric("90 % intervals hold the truth", "87–93 %", _coverage, ours=True),
     "sets": share(
