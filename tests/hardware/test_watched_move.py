@@ -1,13 +1,23 @@
-"""A watched move: when it has arrived, how long it may be blind, late or stuck, and how it ends."""
+"""A watched move and the limits, speeds and ticks that drivers keep, with numbers by hand."""
 
 import numpy as np
 import pytest
 
-from wrenchbed.errors import DriverError, LateError, LimitError, LinkError, StoppedError
+from wrenchbed import registry
+from wrenchbed.errors import (
+    DriverError,
+    LateError,
+    LimitError,
+    LinkError,
+    ParameterError,
+    PlanError,
+    StoppedError,
+)
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers import live
-from wrenchbed.hardware.drivers.base import ArmSample
+from wrenchbed.hardware.drivers.base import Applied, ArmSample, block_of
 from wrenchbed.hardware.drivers.live import WatchedMove, check_ready
+from wrenchbed.robots.motion_limits import Limits, duration, minimum_jerk, straight
 
 
 class Robot:
@@ -186,3 +196,151 @@ def test_a_bad_state_raises_what_it_calls_for(state, error):
         check_ready(Health(state))
     assert type(raised.value) is error
     assert error is not LinkError or str(raised.value) == state
+
+
+UR5 = registry.load("robots", "ur5")
+HOME = np.asarray(UR5.home, dtype=float)
+TOP = np.array([j.speed for j in UR5.joints])
+
+
+@pytest.mark.parametrize(
+    ("name", "allowed", "refused", "words"),
+    [
+        ("speed", (0.01, 1.0), (0.0, -0.1, 1.01), "speed .* above 0 and at most 1"),
+        ("tracking", (0.01, 1.0), (0.0, -0.1, 1.01), "tracking .* above 0 and at most 1"),
+        ("force", (0.5,), (0.0, -1.0), "largest force"),
+        ("torque", (0.5,), (0.0, -1.0), "largest torque"),
+    ],
+)
+def test_shares_are_above_0_and_at_most_1_and_loads_above_0(name, allowed, refused, words):
+    for value in allowed:
+        assert getattr(Limits(**{name: value}), name) == value
+    for value in refused:
+        with pytest.raises(ParameterError, match=words):
+            Limits(**{name: value})
+
+
+def test_without_limits_a_robot_goes_at_half_and_tracks_at_full_speed():
+    told = Limits()
+    assert (told.speed, told.tracking) == (0.5, 1.0)
+    told.check_wrench(np.full(6, 1e6))  # no limit of a load
+
+
+def test_a_workspace_has_its_upper_bounds_above():
+    low = (0.0, 0.0, 0.0)
+    Limits(workspace=(low, (1.0, 1.0, 1.0)))
+    for high in ((1.0, 1.0, 0.0), (1.0, -1.0, 1.0)):
+        with pytest.raises(ParameterError, match="each upper bound must be larger"):
+            Limits(workspace=(low, high))
+
+
+def test_the_sensor_stays_in_its_workspace():
+    at = UR5.sensor_pose(HOME[None], UR5.parameters.nominal)[1][0]
+    around = (tuple(at - 0.01), tuple(at + 0.01))
+    Limits(workspace=around).check_path(UR5, HOME[None], "plan")
+    away = HOME.copy()
+    away[1] += 0.1
+    path = np.stack([HOME, HOME, away, away])
+    with pytest.raises(PlanError, match="plan: row 2: the sensor would be at"):
+        Limits(workspace=around).check_path(UR5, path, "plan")
+    for axis in range(3):  # one axis beyond one bound is enough
+        for sign in (-1.0, 1.0):
+            shift = np.zeros(3)
+            shift[axis] = 0.02 * sign
+            moved = (tuple(at - 0.01 + shift), tuple(at + 0.01 + shift))
+            with pytest.raises(PlanError, match="row 0"):
+                Limits(workspace=moved).check_path(UR5, HOME[None], "plan")
+    outside = HOME.copy()
+    outside[0] = 99.0
+    with pytest.raises(PlanError):
+        Limits().check_path(UR5, outside[None], "plan")
+
+
+def test_a_trajectory_keeps_its_share_of_top_speed():
+    rate, limits = 100.0, Limits(tracking=0.8)
+    targets = np.stack([HOME, HOME, HOME])
+    targets[1, 3] += 0.3 * 0.8 * TOP[3] / rate
+    targets[2, 4] += 0.8 * TOP[4] / rate
+    limits.check_motion(UR5, targets, rate, "trajectory")
+    targets[2, 4] += 0.002 * TOP[4] / rate
+    name = UR5.joints[4].name
+    with pytest.raises(PlanError, match=f"row 2: {name} would move at .*80% of its top"):
+        limits.check_motion(UR5, targets, rate, "trajectory")
+    targets[2:, 1] = 99.0
+    with pytest.raises(PlanError):
+        limits.check_motion(UR5, targets, 1e-9, "trajectory")
+
+
+def test_a_streamed_target_may_be_a_twentieth_faster_as_ticks_are_uneven():
+    limits = Limits(tracking=0.5)
+    near, far = HOME.copy(), HOME.copy()
+    near[2] += 1.04 * 0.5 * TOP[2] * 0.01
+    far[2] -= 1.06 * 0.5 * TOP[2] * 0.01
+    assert limits.check_step(UR5, HOME, near, 0.01) == ""
+    told = limits.check_step(UR5, HOME, far, 0.01)
+    assert told.startswith(f"{UR5.joints[2].name} would move at")
+    assert f"its limit is {0.5 * TOP[2]:.3g}" in told
+    assert limits.check_step(UR5, HOME, far, 0.02) == ""
+    assert "would move" in limits.check_step(UR5, HOME, near, 0.0)
+
+
+def test_a_streamed_target_is_finite_complete_and_within_limits():
+    limits = Limits()
+    bad = HOME.copy()
+    bad[1] = np.nan
+    assert limits.check_step(UR5, HOME, bad, 0.01) == "a target must be 6 finite numbers"
+    assert limits.check_step(UR5, HOME, HOME[:5], 0.01) == "a target must be 6 finite numbers"
+    bad[1] = 99.0
+    assert "target" in limits.check_step(UR5, HOME, bad, 1e9)
+
+
+@pytest.mark.parametrize(
+    ("wrench", "told"),
+    [
+        ([3.0, 4.0, 0, 0, 0, 0], None),
+        ([3.0, 4.1, 0, 0, 0, 0], "measured force 5.1 N is above the limit 5 N"),
+        ([0, 0, 0, 0.6, 0.8, 0], None),
+        ([0, 0, 0, 0.6, 0, -0.9], "measured torque 1.08 N·m is above the limit 1 N·m"),
+    ],
+)
+def test_a_load_is_refused_above_its_norm(wrench, told):
+    limits = Limits(force=5.0, torque=1.0)
+    if told is None:
+        limits.check_wrench(np.array(wrench))
+        return
+    with pytest.raises(LimitError, match=told):
+        limits.check_wrench(np.array(wrench))
+
+
+def test_a_move_is_straight_and_takes_what_its_fastest_joint_needs():
+    end = HOME.copy()
+    end[0] += 1.0
+    end[5] -= 0.9
+    path = straight(HOME, end)
+    assert path.shape == (33, 6)
+    assert path[0] == pytest.approx(HOME) and path[-1] == pytest.approx(end)
+    assert path[8] == pytest.approx(HOME + 0.25 * (end - HOME))
+    expected = 1.875 * max(1.0 / TOP[0], 0.9 / TOP[5]) / 0.5
+    assert duration(UR5, HOME, end) == pytest.approx(expected)
+    assert duration(UR5, HOME, end, 0.1) == pytest.approx(5.0 * expected)
+    assert duration(UR5, HOME, HOME) == 0.2
+
+
+def test_minimum_jerk_begins_and_ends_at_rest_and_peaks_in_the_middle():
+    s = np.array([0.0, 0.25, 0.5, 1.0])
+    expected = 10 * s**3 - 15 * s**4 + 6 * s**5
+    assert minimum_jerk(s) == pytest.approx(expected)
+    fine = np.linspace(0.0, 1.0, 2001)
+    assert (np.diff(minimum_jerk(fine)) * 2000).max() == pytest.approx(1.875, rel=1e-5)
+
+
+def test_rows_become_columns_of_their_kind():
+    rows = [{"fx": 1.0, "status": 3, "lost": -1, "saturated": 0}, {"fx": 2, "status": 4, "lost": 2,
+             "saturated": 1}]  # fmt: skip
+    told = block_of(rows)
+    assert list(told["fx"]) == [1.0, 2.0]
+    assert [told[k].dtype for k in ("fx", "status", "saturated", "lost")] == [
+        np.float64, np.uint32, np.uint32, np.int64,
+    ]  # fmt: skip
+    assert Applied(np.zeros(1)).ok
+    assert not Applied(None, "too fast").ok
