@@ -16,6 +16,7 @@ from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.rigid_load import Load, Moments, Observed
 from wrenchbed.errors import WrenchbedError
 from wrenchbed.physics.newton_euler import INERTIAL, Motion, regressor
+from wrenchbed.physics.rotations import apply
 from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -217,26 +218,14 @@ def _of_frames(seen: Observed) -> Iterator[Mistake]:
     if turn.ndim == 2:
         return
     into = np.swapaxes(turn, -1, -2)
-    yield _fitted(
-        seen,
-        seen.design,
-        _turned(into, seen.y),
-        Finding(
-            "frame of the wrench",
-            "the wrench is given in the axes of the base, not of the sensor: state its frame in "
-            "the column map, or turn it",
-        ),
-    )
-    yield _fitted(
-        seen,
-        seen.design,
-        _turned(turn, seen.y),
-        Finding(
-            "frame of the wrench",
-            "the wrench was turned with the inverse of the sensor's orientation: check which frame "
-            "it is given in",
-        ),
-    )
+    for rotation, words in (
+        (into, "the wrench is given in the axes of the base, not of the sensor: state its frame in "
+         "the column map, or turn it"),
+        (turn, "the wrench was turned with the inverse of the sensor's orientation: check which "
+         "frame it is given in"),
+    ):  # fmt: skip
+        finding = Finding("frame of the wrench", words)
+        yield _fitted(seen, seen.design, _turned(rotation, seen.y), finding)
     if not seen.robot.joints:
         yield from _of_orientations(seen)
     found = None if seen.turns else best_turn(-seen.seen.origin.T, seen.y[:, :3])
@@ -401,6 +390,5 @@ def _fitted(seen: Observed, design: np.ndarray, y: np.ndarray, finding: Finding)
 
 
 def _turned(rotation: np.ndarray, y: np.ndarray) -> np.ndarray:
-    return np.concatenate(
-        [(rotation @ y[:, :3, None])[..., 0], (rotation @ y[:, 3:, None])[..., 0]], axis=1
-    )
+    """Forces and torques (M, 6) turned by rotations (M, 3, 3)."""
+    return np.concatenate([apply(rotation, y[:, :3]), apply(rotation, y[:, 3:])], axis=1)

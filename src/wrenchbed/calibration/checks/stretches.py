@@ -32,11 +32,7 @@ _MAD = 1.4826
 
 def trimmed(seen: Observed) -> tuple[np.ndarray, np.ndarray]:
     """Residual (M, 6) of a load that most observations agree on, and its robust scale (6,)."""
-    d = np.concatenate([seen.design, np.broadcast_to(np.eye(6), (len(seen), 6, 6))], axis=2)
-    force = float(seen.y[:, :3].std(axis=0).max())
-    scale = np.repeat([force, max(float(seen.y[:, 3:].std(axis=0).max()), 0.02 * force)], 3)
-    scale = np.maximum(scale, 1e-300)
-    d, y = d / scale[:, None], seen.y / scale
+    d, y, scale = _scaled(seen)
     kept, rng = int(KEPT * len(seen)), np.random.default_rng(0)
     best, least = y, np.inf
     for _ in range(STARTS):
@@ -53,6 +49,15 @@ def trimmed(seen: Observed) -> tuple[np.ndarray, np.ndarray]:
             best, least = residual, cost
     spread = _MAD * np.median(np.abs(best), axis=0)
     return best * scale, spread * scale
+
+
+def _scaled(seen: Observed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Regressor of load and bias (M, 6, 16) and readings (M, 6), by their kind's swing (6,)."""
+    d = np.concatenate([seen.design, np.broadcast_to(np.eye(6), (len(seen), 6, 6))], axis=2)
+    force = float(seen.y[:, :3].std(axis=0).max())
+    scale = np.repeat([force, max(float(seen.y[:, 3:].std(axis=0).max()), 0.02 * force)], 3)
+    scale = np.maximum(scale, 1e-300)
+    return d / scale[:, None], seen.y / scale, scale
 
 
 def _solution(d: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -112,10 +117,7 @@ def changed(seen: Observed) -> Finding | None:
     before = some.moments.fit().share
     if len(some) < 2 * LEAST_SIDE:
         return None
-    d = np.concatenate([some.design, np.broadcast_to(np.eye(6), (len(some), 6, 6))], axis=2)
-    force = float(some.y[:, :3].std(axis=0).max())
-    scale = np.repeat([force, max(float(some.y[:, 3:].std(axis=0).max()), 0.02 * force)], 3)
-    d, y = d / np.maximum(scale, 1e-300)[:, None], some.y / np.maximum(scale, 1e-300)
+    d, y, _ = _scaled(some)
     total = float(((y - y.mean(axis=0)) ** 2).sum())
 
     def left(at: int, kind: slice) -> float:
