@@ -24,7 +24,7 @@ EFFECTS = ("sensor.noise", "sensor.quantization", "base.vibration", "timing.stal
 
 def row_effects(rows):
     """Effects between rows, on the robot that a recording names."""
-    return find_row_effects(rows, configured(rows))
+    return find_row_effects(rows, configured(rows))[0]
 
 
 def static(robot=ROBOT, poses=80, seed=3):
@@ -344,4 +344,4 @@ def test_a_line_has_a_frequency_and_without_a_stated_noise_the_rest_is_the_measu
 
 def test_few_rows_say_nothing_and_repeats_of_some_channels_are_no_effect_of_the_twin():
     assert RowFinding("timing.stale", 0.9, 0.1, ("fx",), {}, "").active(None) is None
-    assert module.find_row_effects([1, 2], None) == ()
+    assert module.find_row_effects([1, 2], None) == ((), None)

@@ -11,8 +11,11 @@ import numpy as np
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis import answer, beside_claims
-from wrenchbed.diagnosis.between_rows import row_effects
-from wrenchbed.diagnosis.between_rows.row_effects import RowFinding, find_row_effects
+from wrenchbed.diagnosis.between_rows.row_effects import (
+    RowFinding,
+    find_row_effects,
+    unexplained,
+)
 from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.decision import rivals
 from wrenchbed.diagnosis.decision.decide import (
@@ -173,12 +176,10 @@ def examine(
 def _between_rows(prepared: Prepared) -> tuple[tuple[RowFinding, ...], str]:
     """Effects that show between rows of a wrench only, and a sentence on what else scatters
     there."""
-    rows = (
-        *find_row_effects(prepared.excerpt, prepared.configuration),
-        *find_tool_vibration(prepared),
-    )
-    between = tuple(r for r in rows if r.probability >= least_beside(prepared.touch))
-    return between, row_effects.unexplained(prepared.excerpt, prepared.configuration, between)
+    rows, scatter = find_row_effects(prepared.excerpt, prepared.configuration)
+    every, least = (*rows, *find_tool_vibration(prepared)), least_beside(prepared.touch)
+    between = tuple(r for r in every if r.probability >= least)
+    return between, unexplained(scatter, between)
 
 
 def findings_of(examined: Examined, seed: int, progress: Progress, begun: float) -> Findings:

@@ -73,8 +73,11 @@ class RowFinding:
         return ActiveEffect.of(robot, self.effect, given)
 
 
-def find_row_effects(recording: Recording, configuration: Configuration) -> tuple[RowFinding, ...]:
-    """Effects that raise the row noise above the stated noise; empty if the noise is as stated.
+def find_row_effects(
+    recording: Recording, configuration: Configuration
+) -> tuple[tuple[RowFinding, ...], Scatter | None]:
+    """Effects that raise the row noise above the stated noise, none if the noise is as stated, and
+    how rows scatter.
 
     The most probable comes first, of those that are equally sure the one that adds most.
 
@@ -83,7 +86,7 @@ def find_row_effects(recording: Recording, configuration: Configuration) -> tupl
         configuration: the simulator as its metadata configures it.
     """
     if len(recording) < 3:
-        return ()
+        return (), None
     again = repeats(recording.wrench)
     stale = again.stale & again.some
     s = scatter(recording, configuration, stale)
@@ -102,19 +105,15 @@ def find_row_effects(recording: Recording, configuration: Configuration) -> tupl
         if s.stated:
             findings.append(_noise(s, counted / s.scale**2 + shaken))
     shown = [f for f in findings if f is not None]
-    return tuple(sorted(shown, key=lambda f: (-round(f.probability, 1), -f.rise)))
+    return tuple(sorted(shown, key=lambda f: (-round(f.probability, 1), -f.rise))), s
 
 
-def unexplained(
-    recording: Recording, configuration: Configuration, findings: Sequence[RowFinding]
-) -> str:
+def unexplained(s: Scatter | None, findings: Sequence[RowFinding]) -> str:
     """Description of row scatter beyond the stated noise and all findings; empty if that is little.
 
     Bursts, hum and steps have no effect in the library, or raise the variance for a part of the
     time only.
     """
-    again = repeats(recording.wrench)
-    s = scatter(recording, configuration, again.stale & again.some)
     if s is None or not s.stated:
         return ""
     groups = s.means(s.rows**2)

@@ -63,8 +63,8 @@ def of_plan(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> Prepared:
         jet = Jet(plan.q, d, np.gradient(d, 1.0 / rate, axis=0))
         clean = respond(scenes.of_motion(model, robot_theta, jet, t, None))
     else:
-        rows = np.where(plan.dwell > 0, np.round(plan.dwell * rate), samples)
-        count = np.maximum(rows, 1).astype(int)
+        dwelt = np.where(plan.dwell > 0, np.round(plan.dwell * rate), samples)
+        count = np.maximum(dwelt, 1).astype(int)
         moves = [duration(robot, *ends) if robot.joints else TURNS_S for ends in pairwise(plan.q)]
         start = np.cumsum([0.0, *(np.asarray(moves) + count[:-1] / rate)])
         scene = scenes.of_poses(model, robot_theta, plan.q, start + count / (2 * rate), None)
