@@ -207,7 +207,7 @@ def test_three_slips_are_no_drift(seed):
 def test_a_slip_in_the_middle_of_a_pose_is_one(seed):
     """The pose's mean has a part of the step: nothing jumps twice."""
     rng = np.random.default_rng(seed)
-    row = int(rng.integers(8, HOLDS - 8)) * EACH + int(rng.integers(2, EACH - 2))
+    row = int(rng.integers(8, HOLDS - 8)) * EACH + int(rng.integers(3, EACH - 3))
     step = np.where(rng.random(6) < 0.5, -1.0, 1.0) * rng.uniform(0.6, 1.4, 6) * STEP
 
     def slipped(wrench):

@@ -317,8 +317,7 @@ def _exact(refitter: Refitter, rung: int) -> BackgroundLevel:
     if rung not in refitter.exact:
         d, level = refitter.d, refitter.searcher.rungs[rung].level
         variance = level.V.copy()
-        hidden = [d.of_effect("tool.self_weight")]  # a wrong mass is nearly all of it
-        of = np.concatenate([np.zeros(0, dtype=int), *hidden])
+        of = d.of_effect("tool.self_weight")  # a wrong mass is nearly all of it
         for mass in np.flatnonzero(d.of_stated(STATED[1])):
             off = 0.5 * d.tolerance[mass] * d.size[d.stated[mass]] / d.size[of]
             variance[of] = np.minimum(0.5 * MOST, off) ** 2
