@@ -35,7 +35,6 @@ _LEAST_RATE = 2.4
 """The rate must exceed a line's frequency so many times."""
 _CHANCE = 1e-3
 """Probability of a line or a drift in noise alone, all channels and frequencies together."""
-_MINUTE_S = 60.0
 _COARSE = 0.5
 """Scatter of a row in steps above which rounding errors are white and independent."""
 _LARGEST_MULTIPLE, _OFF_GRID, _LEAST_LEVELS = 12, 0.02, 3
