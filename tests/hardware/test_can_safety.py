@@ -216,7 +216,7 @@ def test_a_drive_without_deadline_for_targets_is_not_enabled(arm, taken):
 def test_the_master_beats(arm):
     bus = started(arm)
     begun, beats = time.monotonic(), bus.beats
-    time.sleep(0.5)
+    time.sleep(0.25)
     passed = time.monotonic() - begun
     assert bus.beats - beats == pytest.approx(passed / HEARTBEAT_S, abs=2.5)
 

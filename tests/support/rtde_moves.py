@@ -103,23 +103,25 @@ def disturbed(bench, disturb, rest_from=AT_REST_S):
     seen.ended = time.monotonic() - begun
     seen.last = link.health().state
     if seen.error is not None:
-        time.sleep(max(0.0, begun + rest_from + 0.2 - time.monotonic()))
+        time.sleep(max(0.0, begun + rest_from + 0.1 - time.monotonic()))
         seen.late_travel = bench.observer.travel(begun + rest_from)
     return seen
 
 
 def _under_way(link):
     """A move that goes on; on a busy machine the robot's watchdog may end one or two."""
-    for _ in range(3):
+    seen = []
+    for _ in range(5):
         q = link.position()
         try:
             motion = link.move(A if np.abs(A - q).max() > np.abs(B - q).max() else B)
-            time.sleep(0.35)
+            time.sleep(0.25)
             assert motion.poll() is None
             return motion
-        except DriverError:
+        except DriverError as error:
+            seen.append(str(error))
             recovered(link)
-    raise AssertionError("no move goes on undisturbed")
+    raise AssertionError(f"no move goes on undisturbed: {seen}")
 
 
 def recovered(link, tries=6):
