@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 
 from wrenchbed.errors import ParameterError, did_you_mean
+from wrenchbed.physics.noise import carried
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.simulation.drives.faults import PREFIX, REVERSAL, ActiveFault, Rows, active_fault
@@ -257,13 +258,11 @@ class EffortNoise:
     """
 
     def __init__(self, train: DriveTrain, noise: str, seed: int, rate: float) -> None:
-        from scipy.signal import lfilter  # slow to load: here, not in real time
-
-        self._kind, self._level, self._filtered = noise, train.level(), lfilter
+        self._kind, self._level = noise, train.level()
         self._rng = np.random.default_rng([seed, 17])
         self._phase = self._rng.uniform(0.0, 2.0 * np.pi, train.joints)
         self._keep = float(np.exp(-2.0 * np.pi * _FILTER_HZ / rate))
-        self._state = np.zeros((1, train.joints))
+        self._last = np.zeros(train.joints)
 
     def on(self, current: np.ndarray, q: np.ndarray) -> np.ndarray:
         """Currents (N, J) [A] as they are reported at joint values (N, J)."""
@@ -273,8 +272,10 @@ class EffortNoise:
         if self._kind == "white":
             return np.asarray(current + self._level * noise)
         noise = noise + _RIPPLE * np.sin(_GEAR * _POLES * q + self._phase)
-        b, a = [1.0 - self._keep], [1.0, -self._keep]
-        seen, self._state = self._filtered(b, a, noise, axis=0, zi=self._state)
+        push = (1.0 - self._keep) * noise.T
+        push[:, 0] += self._keep * self._last
+        seen = carried(np.full(len(noise), self._keep), push).T
+        self._last = seen[-1]
         return np.asarray(np.round((current + self._level * seen) / _STEP) * _STEP)
 
 
