@@ -60,7 +60,7 @@ def test_changed_together_they_are_what_each_is_alone(name, scene):
     effect, rows = registry.load("effects", name), scene_of(scene)
     known = effect.parameters(rows.robot)
     for shape, names in amplitudes(name, scene).items():
-        found = Response(rows, (WRENCH,), respond(rows)).changes(
+        found = Response(rows, (WRENCH,)).changes(
             effect, [known[known.index(n)] for n in names], dict(shape)
         )
         for group, change in found:

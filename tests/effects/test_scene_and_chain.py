@@ -98,33 +98,6 @@ def test_what_is_published_can_be_read_back(name, scene):
 # ---- the chain -----------------------------------------------------------------------------------
 
 
-def active(name, scene, times=1.0):
-    effect = effects()[name]
-    variant = effect.variants(scene)[0]
-    known = effect.parameters(scene.robot)
-    size = {n: times * known[known.index(n)].tolerance for n in variant.free}
-    return ActiveEffect.of(scene.robot, name, dict(variant.at) | size)
-
-
-TOGETHER = [
-    ["sensor.gain"], ["sensor.bias", "sensor.nonlinearity"], ["cable.pull"],
-    ["cable.pull", "environment.contact"], ["cable.pull", "sensor.gain"], ["tool.mass"],
-    ["joint.offset"], ["base.compliance", "sensor.bias"], ["joint.backlash", "cable.torsion"], [],
-]  # fmt: skip
-
-
-@pytest.mark.parametrize("label", ["ur5 static", "ur5 motion"])
-@pytest.mark.parametrize("names", TOGETHER, ids="+".join)
-def test_the_chain_from_a_late_stage_gives_the_same_but_for_what_is_constant(names, label):
-    scene = scene_of(label)
-    walked = EffectChain([active(n, scene) for n in names])
-    late = walked.late_response(scene, plain(label))
-    full = walked.respond(scene)
-    if set(names) <= {"cable.pull", "environment.contact"} and names:
-        late = late + plain(label)  # of loads alone it gives what they add
-    assert late == pytest.approx(full, abs=1e-12)
-
-
 def test_stages_act_in_their_order_whatever_the_order_given():
     """A gain acts on all that pulls, weight of a heavier tool and cable; a zero is not scaled."""
     scene = scene_of("ur5 static")
@@ -249,7 +222,7 @@ def test_small_errors_of_joints_act_by_the_slopes_of_the_readings(robot, mode):
     """The full chain's central differences, whose third order is what remains."""
     loaded = registry.load("robots", robot)
     (scene,) = (s for s in examples(loaded) if s.mode == mode and s.jointed)
-    response = Response(scene, (WRENCH,), respond(scene))
+    response = Response(scene, (WRENCH,))
     checked = 0
     for effect in effects().values():
         if effect.stages != ("joint",) or not effect.acts(scene):

@@ -101,14 +101,6 @@ class Channel(ABC):
             load: of the tool on the sensor (M, 6) [N, N·m], after these stages.
         """
 
-    def late(self, chain: EffectChain, scene: Scene, nominal: np.ndarray) -> np.ndarray:
-        """Readings (M, k), up to a constant, with effects at stages after `PLACING` alone.
-
-        Args:
-            nominal: readings without effects (M, k).
-        """
-        return nominal
-
     def nuisance(self, scene: Scene) -> np.ndarray:
         """Slopes of all readings (M, k, n) by n nuisance parameters of any unit."""
         return np.zeros((len(scene), len(self.columns), 0))

@@ -8,7 +8,7 @@ import numpy as np
 
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.channels.base import PLACING, Channel
-from wrenchbed.channels.held import held_torques, pulled_torques
+from wrenchbed.channels.held import held_torques
 from wrenchbed.data.recording import COMMAND, Recording
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import EffectChain
@@ -68,9 +68,6 @@ class CommandedJoints(Channel):
 
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
         return self.give * held_torques(chain, scene, pose, load) + self.zero
-
-    def late(self, chain: EffectChain, scene: Scene, nominal: np.ndarray) -> np.ndarray:
-        return nominal + self.give * pulled_torques(chain, scene)
 
     def nuisance(self, scene: Scene) -> np.ndarray:
         torque = held_torques(EffectChain(()), scene, Pose(*scene.pose), scene.load)

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 
 from wrenchbed.channels.base import PLACING, Channel
-from wrenchbed.channels.held import held_torques, of_links, pulled_torques
+from wrenchbed.channels.held import held_torques, of_links
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
 from wrenchbed.effects.base import Pose
 from wrenchbed.effects.chain import EffectChain
@@ -65,9 +65,6 @@ class EffortAtRest(Channel):
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
         """Readings of poses; on the ways between them 0."""
         return chain.sensed(held_torques(chain, scene, pose, load))
-
-    def late(self, chain: EffectChain, scene: Scene, nominal: np.ndarray) -> np.ndarray:
-        return chain.sensed(nominal + pulled_torques(chain, scene))
 
     def imperfections(self, scene: Scene) -> np.ndarray:
         sensors, others = self.kinds(scene)

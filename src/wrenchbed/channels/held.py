@@ -76,15 +76,6 @@ def held_torques(chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray)
     return result
 
 
-def pulled_torques(chain: EffectChain, scene: Scene) -> np.ndarray:
-    """Torques (M, J) that hold what effects of the load alone add."""
-    result = np.zeros(scene.joints.shape)
-    if "load" in chain.stages:
-        pull = chain.pull(scene, Pose(*scene.pose), scene.load)
-        result[scene.held] = held(nominal_ways(scene), np.asarray(pull)[scene.held])
-    return result
-
-
 def of_links(scene: Scene) -> np.ndarray:
     """Torques (M, J, 4 L) of ordinary errors of every link: of its mass, then of its centre along
     its own axes."""

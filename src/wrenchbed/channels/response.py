@@ -64,10 +64,7 @@ def slices(channels: Sequence[Channel]) -> tuple[slice, ...]:
 def _predicted(
     channels: Sequence[Channel], chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray
 ) -> np.ndarray:
-    return _joined([c.predict(chain, scene, pose, load) for c in channels])
-
-
-def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    parts = [c.predict(chain, scene, pose, load) for c in channels]
     return parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1)
 
 
@@ -117,11 +114,10 @@ def _kept(known: dict[_Key, _T], key: _Key, make: Callable[[], _T]) -> _T:
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """Readings (M, C) of a scene, and how they change with one amplitude of one effect."""
+    """How readings (M, C) of a scene change with one amplitude of one effect."""
 
     scene: Scene
     channels: tuple[Channel, ...]
-    reading: np.ndarray
 
     def tangent(self, effect: Effect, parameter: Parameter, variant: Variant) -> np.ndarray:
         """Change of all readings (M, C) per typical size, by central differences."""
@@ -147,15 +143,14 @@ class Response:
             names = tuple(p.name for p in group)
             up, down = self._about(effect, at, group)
             if effect.stages != ("joint",):
-                yield names, self._late(up) - self._late(down)
+                yield names, self._read(up) - self._read(down)
                 continue
             shift = up.displacement(self.scene) - down.displacement(self.scene)
             change = {n: self._by_joint(shift, j) for j, n in enumerate(names_of_joints)}
             if len(group) > 1:
                 yield from (((n,), change[n.rpartition(".")[2]]) for n in names)
             else:
-                none = np.zeros(self.reading.shape[1])
-                yield names, np.asarray(sum(change.values(), none))
+                yield names, np.asarray(sum(change.values()))
 
     def _about(
         self, effect: Effect, at: Values, parameters: Sequence[Parameter]
@@ -166,21 +161,14 @@ class Response:
         up, down = (EffectChain([ActiveEffect(effect, start | step)]) for step in steps)
         return up, down
 
-    def _late(self, chain: EffectChain) -> np.ndarray:
-        """Readings (M, C) up to a constant, from the first stage at which an effect acts."""
-        if not PLACING.isdisjoint(chain.stages):
-            return _predicted(self.channels, chain, self.scene, *chain.placed(self.scene))
-        nominal = [self.reading[:, of] for of in slices(self.channels)]
-        both = zip(self.channels, nominal, strict=True)
-        return _joined([c.late(chain, self.scene, x) for c, x in both])
+    def _read(self, chain: EffectChain) -> np.ndarray:
+        return _predicted(self.channels, chain, self.scene, *chain.placed(self.scene))
 
     def _by_joint(self, shift: Value, joint: int) -> np.ndarray:
         """Change of all readings (M, C) by one joint's small shift, of those of all (M, J)."""
         given = (shift.v, shift.d, shift.dd) if isinstance(shift, Jet) else (shift,)
-        total = np.zeros_like(self.reading)
-        for slopes, x in zip(self._slopes, given, strict=False):
-            total += slopes[joint] * x[:, joint, None]
-        return total
+        parts = [s[joint] * x[:, joint, None] for s, x in zip(self._slopes, given, strict=False)]
+        return np.asarray(sum(parts))
 
     @cached_property
     def _slopes(self) -> tuple[np.ndarray, ...]:

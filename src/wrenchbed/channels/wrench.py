@@ -29,8 +29,5 @@ class Wrench(Channel):
     def predict(self, chain: EffectChain, scene: Scene, pose: Pose, load: np.ndarray) -> np.ndarray:
         return chain.read(scene, load + chain.pull(scene, pose, load))
 
-    def late(self, chain: EffectChain, scene: Scene, nominal: np.ndarray) -> np.ndarray:
-        return chain.late_response(scene, nominal)
-
 
 CHANNEL = Wrench()

@@ -146,15 +146,6 @@ class EffectChain:
         pose, load = self.placed(scene)
         return self.read(scene, load + self.pull(scene, pose, load))
 
-    def late_response(self, scene: Scene, nominal: np.ndarray) -> np.ndarray:
-        """Readings (M, 6) up to a constant, from the first stage at which an effect acts; nominal
-        are those without effects (M, 6)."""
-        if self.stages <= {"effort", "reading", "timing"}:
-            return self.read(scene, nominal)
-        if self.stages == {"load"}:
-            return np.asarray(self.pull(scene, Pose(*scene.pose), scene.load))
-        return self.respond(scene)
-
 
 def _only_load(scene: Scene, theta: np.ndarray) -> bool:
     changed = np.flatnonzero(theta != scene.theta)

@@ -131,7 +131,7 @@ def tangents(scene: Scene, fitted: Mapping[str, Sequence[str]]) -> tuple[np.ndar
     Args:
         fitted: names of parameters by the names of their effects.
     """
-    response, known, columns, typical = Response(scene, (WRENCH,), scene.load), effects(), [], []
+    response, known, columns, typical = Response(scene, (WRENCH,)), effects(), [], []
     for name, wanted in fitted.items():
         parameters = known[name].parameters(scene.robot)
         variant = known[name].variants(scene)[0]

@@ -315,7 +315,7 @@ def build(
         tolerance: of the stated numbers that show, by effect, SI; inf where nothing is stated.
     """
     at = prepared.at(robot_theta)
-    response = Response(at.scene, at.channels, at.expected)
+    response = Response(at.scene, at.channels)
     residual = FittedResidual(at.leading, response, tolerance)
     away, lacking = nuisance(at), _of_channels(at, [c.imperfections(at.scene) for c in at.channels])
     columns: list[np.ndarray] = [*away.T, *lacking.T]
@@ -357,7 +357,7 @@ def build(
     allowed = np.concatenate([np.zeros(0), *(np.atleast_1d(tolerance[e]) for e in in_order)])
     draft = EffectDictionary(
         prepared=at,
-        baseline=prepared.rows(response.reading).ravel(),
+        baseline=prepared.rows(at.expected).ravel(),
         E=np.stack(columns, axis=1),
         size=np.array(size),
         label=tuple(label),
@@ -441,7 +441,7 @@ class FittedResidual:
     """Residual of a channel after nuisance and stated numbers are fitted, scanned for shapes."""
 
     def __init__(self, prepared: Prepared, response: Response, stated: Collection[str]) -> None:
-        alone = Response(prepared.scene, prepared.channels, prepared.expected)
+        alone = Response(prepared.scene, prepared.channels)
         one = response.channels == prepared.channels
         self.scene, self.response = prepared.scene, response if one else alone
         self._rows = np.flatnonzero(prepared.scene.held)[prepared.fitted]

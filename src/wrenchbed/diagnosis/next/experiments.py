@@ -126,7 +126,7 @@ class Comparison:
         """Columns (C R, n) of a session at the recording's baseline, over the noise of its rows."""
         base, at = session.prepared, _with_payload(session)
         mode = "dynamic" if base.moving else "static"
-        response, v0 = Response(at.scene, at.channels, at.expected), row_variance(base, ROWS * GAP)
+        response, v0 = Response(at.scene, at.channels), row_variance(base, ROWS * GAP)
         result = np.zeros((len(v0), len(self.chosen)))
         for k, c in enumerate(self._columns):
             if mode not in c.effect.modes:
@@ -162,7 +162,7 @@ class Comparison:
         if base.moving == self.d.prepared.moving:
             return []
         mode, known = ("dynamic", "static") if base.moving else ("static", "dynamic")
-        response, result = Response(base.scene, base.channels, base.expected), []
+        response, result = Response(base.scene, base.channels), []
         for effect in effects().values():
             variants = effect.variants(base.scene)
             if mode not in effect.modes or known in effect.modes or not variants:

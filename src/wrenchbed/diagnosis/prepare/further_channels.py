@@ -88,7 +88,7 @@ def _unexplained(
     """Standard deviation of what neither nuisance nor effects explain of readings (H k,)."""
     nuisance = flat(channel.nuisance(scene)[scene.held])
     imperfect = flat(channel.imperfections(scene)[scene.held])
-    of_effects = _of_effects(channel, scene, expected)
+    of_effects = _of_effects(channel, scene)
     return own_noise(residual, nuisance, np.column_stack([imperfect, *of_effects]))
 
 
@@ -102,7 +102,7 @@ def _by_pose(
     sensors, others = ([flat(kind[held]) for kind in kinds] for kinds in channel.kinds(scene))
     free = np.column_stack([flat(channel.nuisance(scene)[held]), *sensors])
     rows, nothing = len(residual) // width, np.zeros((len(residual), 0))
-    every = [*others, *_of_effects(channel, scene, expected)]
+    every = [*others, *_of_effects(channel, scene)]
     fit = posterior(residual, free, every, nothing, np.tile(np.arange(width), rows))
     size = np.minimum(fit.sizes[: len(others)], 1.0)
     sized = channel.sized(size)
@@ -110,9 +110,9 @@ def _by_pose(
     return sized, fit.noise, np.sqrt(usual)
 
 
-def _of_effects(channel: Channel, scene: Scene, expected: np.ndarray) -> list[np.ndarray]:
+def _of_effects(channel: Channel, scene: Scene) -> list[np.ndarray]:
     """Readings (H k, m) of every effect that the channel may see, at its typical size."""
-    response, result = Response(scene, (channel,), expected), list[np.ndarray]()
+    response, result = Response(scene, (channel,)), list[np.ndarray]()
     for effect in effects().values():
         if not effect.acts(scene) or PLACING.isdisjoint(effect.stages):
             continue
