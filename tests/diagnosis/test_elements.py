@@ -81,7 +81,7 @@ def test_the_proposed_motion_tells_parallel_joints_apart(tmp_path, joint):
     assert "rivals" not in cause["parameters"]["joint"]
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [5.0, 2.0, 8.0])
 def test_a_tilt_of_any_size_is_one_class_with_a_pull(tmp_path, degrees):
     """Gravity in another direction is a constant force at the centre of gravity."""
@@ -196,6 +196,7 @@ def test_a_small_cause_is_of_one_class_with_what_imitates_it(tmp_path):
     assert answer["verdict"] == "none" and "cable.pull" in named_by(small)
 
 
+@pytest.mark.slow
 def test_averaging_first_changes_no_answer_where_what_counts_is_stated(spring):
     material = Material(0.04, 0.001)
     each = [

@@ -186,7 +186,7 @@ def test_a_sensor_that_was_zeroed_twice_jumps_twice(seed):
     assert answer["gap"]["with_effects"] < 0.5
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10))
 def test_three_slips_are_no_drift(seed):
     rng = np.random.default_rng(seed)

@@ -199,7 +199,7 @@ def test_a_tilt_that_the_wrench_contradicts_is_not_claimed(seed):
     assert (found.verdict, found.which, found.minor) == ("none", [], [])
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_tilt_that_the_accelerometer_contradicts_is_not_claimed(seed):
     """A constant force in the world does the same to the wrench alone."""
