@@ -2,6 +2,7 @@
 
 import importlib
 import importlib.util
+import json
 import os
 import re
 import signal
@@ -226,3 +227,27 @@ def test_every_parameter_is_in_the_nomenclature():
         close = {parameter, group, f"{group}.x", f"{group}.xx", f"{group}.fx", f"{numbered}1"}
         series = {f"L{i}1" for i in (1, 2)} if parameter.startswith("L") else set()
         assert (close | series) & stems, parameter
+
+
+NOTEBOOK = ROOT / "docs" / "tutorials" / "notebook.ipynb"
+NUMBER = r"-?\d+\.?\d*(?:e-?\d+)?"
+
+
+@pytest.mark.slow
+def test_the_notebook_prints_what_it_holds(tmp_path):
+    pytest.importorskip("matplotlib")
+    cells = [
+        c for c in json.loads(NOTEBOOK.read_text("utf-8"))["cells"] if c["cell_type"] == "code"
+    ]
+    held = "".join(
+        "".join(output["text"]) for c in cells for output in c["outputs"] if "text" in output
+    )
+    assert "identified\njoint.compliance" in held
+    code = "\n".join("".join(c["source"]) for c in cells)
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path,
+        env=os.environ | {"MPLBACKEND": "Agg"}, check=True,
+    )  # fmt: skip
+    assert re.sub(NUMBER, "#", done.stdout) == re.sub(NUMBER, "#", held)
+    printed = [float(x) for x in re.findall(NUMBER, done.stdout)]
+    assert printed == pytest.approx([float(x) for x in re.findall(NUMBER, held)], rel=1e-2)
