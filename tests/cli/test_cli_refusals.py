@@ -11,41 +11,27 @@ from commanded import names, said
 from wrenchbed.cli import main
 from wrenchbed.data import parquet
 
-
-def spoiled(made: Path, folder: Path, change) -> str:
-    """A recording with one thing wrong, written without any check."""
-    table = pq.read_table(made / "rec.parquet")
-    columns = {n: table.column(n).to_numpy().copy() for n in table.column_names}
-    raw = json.loads(table.schema.metadata[b"wrenchbed"])
-    change(columns, raw)
-    path = folder / "bad.parquet"
-    parquet.write(path, parquet.table_of(columns, raw))
-    return str(path)
-
-
-def degrees(columns, raw):
-    for j in range(1, 7):
-        columns[f"q{j}"] = np.rad2deg(columns[f"q{j}"])
-
-
 BAD_RECORDINGS = {
-    "wrong robot": (lambda c, r: r.update(robot="medrue"), "robot 'medrue': row 0"),
-    "unknown robot": (lambda c, r: r.update(robot="hal"), "there is no robot 'hal' here"),
-    "mixed units": (degrees, "is it in degrees?"),
-    "negative weight": (
-        lambda c, r: [c.update({k: -c[k]}) for k in ("fx", "fy", "fz", "tx", "ty", "tz")],
-        "opposite sign",
-    ),
+    "wrong robot": ({}, {"robot": "medrue"}, "robot 'medrue': row 0"),
+    "unknown robot": ({}, {"robot": "hal"}, "there is no robot 'hal' here"),
+    "mixed units": ({"q": np.rad2deg(1.0)}, {}, "is it in degrees?"),
+    "negative weight": ({"f": -1.0, "t": -1.0}, {}, "opposite sign"),
 }
+"""Factors of columns by their first letter, changes of metadata, and words of the refusal."""
 
 
 @pytest.mark.parametrize("name", BAD_RECORDINGS)
 def test_a_bad_recording_gives_one_line_and_nothing_is_written(made, tmp_path, capfd, name):
-    change, words = BAD_RECORDINGS[name]
-    path = spoiled(made, tmp_path, change)
-    assert main(["calibrate", path, "--out", str(tmp_path / "fit.json")]) == 1
-    line = said(capfd)
-    assert words in line
+    factors, changes, words = BAD_RECORDINGS[name]
+    table, path = pq.read_table(made / "rec.parquet"), tmp_path / "bad.parquet"
+    columns = {
+        n: table[n].to_numpy() * (factors.get(n[0], 1) if n != "t" else 1)
+        for n in table.column_names
+    }
+    raw = json.loads(table.schema.metadata[b"wrenchbed"]) | changes
+    parquet.write(path, parquet.table_of(columns, raw))
+    assert main(["calibrate", str(path), "--out", str(tmp_path / "fit.json")]) == 1
+    assert words in said(capfd)
     assert names(tmp_path) == ["bad.parquet"]
 
 

@@ -12,7 +12,6 @@ from wrenchbed.plant.body import BodyOptions
 from wrenchbed.plant.serving import MujocoPlant
 
 ROBOT = registry.load("robots", "ur5")
-NOMINAL = ROBOT.parameters.nominal
 CYCLE = 0.008
 CONTROL = (Path(__file__).parent / "rtde_control.script").read_text(encoding="utf-8")
 """The control script of ur_rtde, as its client uploads it."""
