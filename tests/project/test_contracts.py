@@ -3,6 +3,7 @@
 import json
 import re
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -11,6 +12,7 @@ import pytest
 from wrenchbed import registry
 from wrenchbed.cli import _VERBS, main
 from wrenchbed.data.recording import Recording
+from wrenchbed.pages.draw import Drawn
 
 PAGE = (Path(__file__).parents[2] / "docs" / "contracts.md").read_text(encoding="utf-8")
 CALIBRATED = {"touches", "target_rms"}
@@ -50,7 +52,8 @@ def made(folder, effect, poses="24", samples="10"):
     assert main(["plan", "ur5", "--n", poses, "--out", plan]) == 0
     line = ["record", "--robot", "ur5", "--plan", plan, "--out", rec, "--samples", samples]
     assert main([*line, "--effect", effect]) == 0
-    assert main(["diagnose", rec, "--out", str(folder / "out")]) == 0
+    with patch("wrenchbed.reports.diagnosis_page.draw", lambda c: Drawn(c, "<svg></svg>")):
+        assert main(["diagnose", rec, "--out", str(folder / "out")]) == 0
     return folder
 
 
