@@ -1,9 +1,10 @@
-"""The wheel, built once: what travels inside, and that it does its work where it is installed."""
+"""Wheel and source distribution, each built once: what travels inside, and that it works there."""
 
 import os
 import shutil
 import subprocess
 import sys
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -22,12 +23,24 @@ INSIDE = {
     ),
 }
 
+NEEDED = (
+    "requirements/run.txt", "requirements/test.txt", "requirements/licences.txt", "scripts/test",
+    "scripts/environment.sh", "scripts/demo", ".ci/run", "mkdocs.yml", "CONTRIBUTING.md",
+    "docs/contracts.md", "docs/tutorials/notebook.ipynb", "models/ur5/example.json",
+    "models/ur5/ur5.xml", "models/medrue/medrue.xml", "tests/conftest.py",
+    "tests/support/simulated.py",
+    "tests/data/ntnu_kuka_ati_gamma/0-calibration_fts-accel.csv", "src/wrenchbed/py.typed",
+)  # fmt: skip
+SAMPLE = ("tests/project/test_dependencies.py", "tests/project/test_scripts.py",
+          "tests/cli/test_set_options.py", "tests/robots/test_parameters.py",
+          "tests/data/test_conventions.py")  # fmt: skip
+
 
 def run(*command: str, cwd: Path, **env: str) -> str:
     done = subprocess.run(
         command, cwd=cwd, env=os.environ | env, capture_output=True, text=True, check=False
     )
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, done.stderr + done.stdout[-2000:]
     return done.stdout
 
 
@@ -105,3 +118,36 @@ def test_it_works_read_only_without_home_in_the_c_locale(site):
     verb("diagnose", "r ü.parquet", "--out", "fünd")
     assert (work / "fünd" / "report.html").is_file() and (work / "fit ö.json").is_file()
     assert sorted(site.rglob("*")) == before
+
+
+@pytest.fixture(scope="module")
+def unpacked(tmp_path_factory) -> Path:
+    """The source distribution, built and unpacked elsewhere."""
+    folder = tmp_path_factory.mktemp("sdist")
+    hatchling = ("hatchling", "build", "--target", "sdist", "--directory", str(folder))
+    run(sys.executable, "-m", *hatchling, cwd=ROOT)
+    (archive,) = folder.glob("*.tar.gz")
+    with tarfile.open(archive) as tar:
+        tar.extractall(folder, filter="data")
+    (root,) = (p for p in folder.iterdir() if p.is_dir())
+    return root
+
+
+@pytest.mark.slow
+def test_the_source_carries_what_set_up_and_tests_need(unpacked):
+    missing = [name for name in NEEDED if not (unpacked / name).is_file()]
+    assert not missing
+    assert os.access(unpacked / "scripts" / "test", os.X_OK)
+    folders = ("tests", "docs", "models", "requirements", "src")
+    listed = subprocess.run(
+        ["git", "ls-files", *folders], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+    if listed.returncode == 0:  # in a clone: all that is tracked is there
+        absent = [n for n in listed.stdout.splitlines() if not (unpacked / n).exists()]
+        assert not [n for n in absent if (ROOT / n).exists()]
+
+
+@pytest.mark.slow
+def test_a_sample_of_its_own_tests_passes_there(unpacked):
+    pytest_of = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider")
+    run(*pytest_of, *SAMPLE, cwd=unpacked, PYTHONPATH=str(unpacked / "src"))
