@@ -149,5 +149,5 @@ def test_the_source_carries_what_set_up_and_tests_need(unpacked):
 
 @pytest.mark.slow
 def test_a_sample_of_its_own_tests_passes_there(unpacked):
-    pytest_of = (sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider")
+    pytest_of = (sys.executable, *"-m pytest -q -p no:cacheprovider -m".split(), "not slow")
     run(*pytest_of, *SAMPLE, cwd=unpacked, PYTHONPATH=str(unpacked / "src"))
