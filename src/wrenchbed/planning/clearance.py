@@ -5,7 +5,7 @@ that touch at home or in three of ten random poses, are built or drawn so and do
 """
 
 from collections import Counter
-from functools import cache, cached_property
+from functools import cache, cached_property, lru_cache
 from itertools import pairwise, permutations
 
 import mujoco
@@ -134,3 +134,7 @@ class Clearance:
 
     def _name(self, body: int) -> str:
         return self.model.body(body).name if body else "what stands around it"
+
+
+clearance = lru_cache(maxsize=4)(Clearance)
+"""The same for the same robot: what may touch takes a while to find out."""

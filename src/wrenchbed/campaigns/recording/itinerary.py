@@ -8,7 +8,7 @@ import numpy as np
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import PlanError
 from wrenchbed.hardware.drivers.base import Driver
-from wrenchbed.planning.clearance import Clearance
+from wrenchbed.planning.clearance import clearance
 from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.robots.motion_limits import Limits, duration, straight
 
@@ -54,9 +54,8 @@ def check(driver: Driver, plan: Plan, rate: float, *, clear: bool) -> None:
     start = straight(driver.position(), plan.q[0])
     robot.check(start, robot.parameters.nominal, f"{plan.name}: move to row 0")
     if clear and isinstance(robot, SimulatedRobot):
-        clearance = Clearance(robot)
         for row, q in enumerate(plan.q):
-            what = clearance.hit(q)
+            what = clearance(robot).hit(q)
             if what:
                 raise PlanError(f"{plan.name}: row {row}: {what}")
 
@@ -84,12 +83,12 @@ def itinerary(
     Raises:
         PlanError: a pose or every path to it is out of reach or blocked; names the row.
     """
-    clearance = Clearance(robot) if clear and isinstance(robot, SimulatedRobot) else None
+    among = clearance(robot) if clear and isinstance(robot, SimulatedRobot) else None
     legs, here = [], np.asarray(start, dtype=float)
     for row in rows:
         where = f"{plan.name}: row {row}"
         q = plan.q[row]
-        via = [q] if clearance is None else clearance.way(here, q, where)
+        via = [q] if among is None else among.way(here, q, where)
         seconds = 0.0
         for end in via:
             _check(robot, limits, here, end, where)
