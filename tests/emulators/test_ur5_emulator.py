@@ -170,7 +170,7 @@ def test_force_mode_presses_with_its_force(cb3):
 def test_the_watchdog_and_a_new_upload(cb3):
     with controlling(CB3) as arm:
         assert arm.setWatchdog(10.0)
-        for _ in range(6):
+        for _ in range(4):
             time.sleep(0.05)
             assert arm.kickWatchdog()
         assert arm.isProgramRunning()

@@ -68,9 +68,9 @@ def test_the_newest_record_is_read_not_the_next_in_the_queue():
 def test_a_wrench_at_a_time_is_interpolated(scene, transducer):
     scene.body.slope = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0])
     try:
-        time.sleep(0.6)
+        time.sleep(0.4)
         now = time.monotonic()
-        for back in (0.02, 0.1, 0.4):
+        for back in (0.02, 0.1, 0.3):
             shown = transducer.at(now - back)
             late = now - back - 0.0095 - scene.body.begun
             assert shown.wrench[2] == pytest.approx(scene.body.load(late)[2], abs=0.06)

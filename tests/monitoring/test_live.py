@@ -287,7 +287,7 @@ def test_the_ur5_emulator_is_compensated_in_real_time(tmp_path, capfd, rate):
     with fast if rate == 500 else nullcontext(shared("ur5", rtde_moves.HOST)) as emulator:
         host = emulator.addresses["rtde"].split(":")[0]
         line = ["live", str(tmp_path / "twin.json"), "--driver", "rtde", "--host", host]
-        assert main([*line, "--seconds", "1.5", "--json"]) == 0
+        assert main([*line, "--seconds", "1", "--json"]) == 0
         assert emulator.process.poll() is None
     *rows, last = map(json.loads, capfd.readouterr().out.splitlines())
     wrench = np.array([r["wrench"] for r in rows])
