@@ -4,5 +4,5 @@ The registry lists the folder (kind ``drives``). Read first: `base` (the contrac
 Used by: diagnosis and reports.
 """
 
-SUPPORT = ("lag", "operators", "period", "wave")
+SUPPORT = ("lag", "operators", "wave")
 """Modules of this package that are no plug-ins."""

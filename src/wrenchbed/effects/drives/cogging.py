@@ -1,8 +1,7 @@
 """The motor of a joint cogs: its torque repeats with the motor's angle."""
 
 from wrenchbed.effects.drives.base import DriveResidual, Size
-from wrenchbed.effects.drives.period import FASTEST, GEAR_MOST, strongest
-from wrenchbed.effects.drives.wave import Wave, first_of
+from wrenchbed.effects.drives.wave import FASTEST, GEAR_MOST, Wave, first_of, strongest
 
 
 class DriveCogging(Wave):

@@ -1,8 +1,7 @@
 """The gear of a joint has a torque ripple per turn."""
 
 from wrenchbed.effects.drives.base import DriveResidual, Size
-from wrenchbed.effects.drives.period import GEAR_MOST, SLOWEST, fitting
-from wrenchbed.effects.drives.wave import Wave, first_of
+from wrenchbed.effects.drives.wave import GEAR_MOST, SLOWEST, Wave, first_of, fitting
 
 
 class DriveRipple(Wave):

@@ -1,4 +1,5 @@
-"""Torques that repeat with the joint's angle, two harmonics of a period that a residual shows."""
+"""Torques that repeat with the joint's angle, two harmonics of a period that a residual shows:
+cogging of a motor, ripple of a gear."""
 
 from abc import abstractmethod
 from typing import ClassVar
@@ -9,6 +10,17 @@ from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveResid
 
 HARMONICS = (1, 2)
 """Of a period: a gear's teeth or a motor's poles make more than a sine; estimate."""
+SLOWEST, FASTEST = 1.5, 400.0
+"""Periods a turn of the joint that are tried; estimate: motors of 3 to 10 pole pairs, gears of 30
+to 160."""
+GEAR_MOST = 12.0
+"""Periods a turn up to which the joint's own gear makes them, beyond it the motor; estimate."""
+_FINE = 4.0
+"""Steps of the search within the width of a peak; estimate."""
+_STEP = 0.25
+"""Step between the slow spatial frequencies that are tried [periods per turn]; estimate."""
+_BINS = 8.0
+"""Bins of the angle within the shortest period; estimate."""
 
 
 def first_of(effect: str) -> tuple[str, ...]:
@@ -41,3 +53,35 @@ class Wave(DriveEffect):
         return columns, Block(
             self.name, rows.joint, False, names, turns, -float(np.log(self.tried))
         )
+
+
+def strongest(left: np.ndarray, angle: np.ndarray) -> float:
+    """Periods a turn above `GEAR_MOST` at which a residual (M,) repeats with the angle (M,) most.
+
+    Sums over rows become a transform over bins of the angle: rows of a bin have nearly one phase.
+    """
+    turns = max(float(np.ptp(angle)) / (2.0 * np.pi), 1e-6)
+    tried = np.arange(GEAR_MOST, FASTEST, min(1.0 / (_FINE * turns), 1.0))
+    bins = int(_BINS * FASTEST * turns) + 2
+    share = (angle - angle.min()) / max(float(np.ptp(angle)), 1e-12)
+    at = np.clip((bins * share).astype(int), 0, bins - 1)
+    total = np.bincount(at, left - left.mean(), bins)
+    middle = angle.min() + (np.arange(bins) + 0.5) / bins * np.ptp(angle)
+    power = np.abs(np.exp(1j * np.outer(tried, middle)) @ total)
+    return float(tried[int(power.argmax())])
+
+
+def fitting(y: np.ndarray, beside: np.ndarray, angle: np.ndarray) -> float:
+    """Periods a turn up to `GEAR_MOST` that fit a torque (M,) best beside other columns (M, K)."""
+    basis = np.linalg.qr(beside / np.maximum(np.sqrt((beside**2).mean(axis=0)), 1e-12))[0]
+    residual, best, period = y - basis @ (basis.T @ y), -1.0, SLOWEST
+    for turn in np.arange(SLOWEST, GEAR_MOST, _STEP):
+        phase = turn * angle
+        waves = np.column_stack([np.sin(phase), np.cos(phase)])
+        waves = waves - basis @ (basis.T @ waves)
+        taken = (
+            residual @ waves @ np.linalg.lstsq(waves.T @ waves, waves.T @ residual, rcond=None)[0]
+        )
+        if taken > best:
+            best, period = float(taken), float(turn)
+    return period
