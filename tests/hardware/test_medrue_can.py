@@ -149,6 +149,7 @@ def test_a_hard_stop_holds_until_recover(driver, witness):
     with pytest.raises(StoppedError):
         driver.move(at)
     driver.recover(unlock=True)
+    assert until(lambda: driver.health().ok), driver.health()
     driver.move(driver.position()).wait()
 
 
