@@ -1,6 +1,5 @@
 """Parameters: what may differ between a robot and its model. Values never live in a parameter."""
 
-import difflib
 import fnmatch
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +8,7 @@ from sys import float_info
 
 import numpy as np
 
-from wrenchbed.errors import ParameterError
+from wrenchbed.errors import ParameterError, did_you_mean
 
 _PATTERNS = 4096
 """Patterns that are kept with what they match; MedRUE has 71 parameters (measured)."""
@@ -86,8 +85,7 @@ class ParameterSet(Sequence[Parameter]):
         try:
             return self.names.index(name)
         except ValueError:
-            close = difflib.get_close_matches(name, self.names, n=1)
-            hint = f"; did you mean {close[0]!r}?" if close else f". Known: {', '.join(self.names)}"
+            hint = did_you_mean(name, self.names) or f". Known: {', '.join(self.names)}"
             raise ParameterError(f"there is no parameter {name!r}{hint}") from None
 
     def select(self, patterns: Iterable[str]) -> tuple[int, ...]:

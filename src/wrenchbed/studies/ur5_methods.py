@@ -228,11 +228,6 @@ class Trial:
                 )  # fmt: skip
         return rows
 
-    def overall(self, method: str) -> tuple[float, float]:
-        """Geometric mean of force and torque over all directions."""
-        force, torque = (np.linalg.norm(self.residual[method][:, k], axis=1) for k in _HALVES)
-        return geometric_mean(force), geometric_mean(torque)
-
 
 def geometric_mean(values: np.ndarray) -> float:
     """Geometric mean of positive values (N,)."""
