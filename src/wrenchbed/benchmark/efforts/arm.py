@@ -70,7 +70,8 @@ def of_values(rate: float, t: np.ndarray, q: np.ndarray) -> Path:
 
 def draw(robot: SimulatedRobot, rng: Rng) -> Path:
     """A motion of an arm."""
-    move = (_multisine, _fourier, _points, _oneway)[rng.choice(len(SHARES), p=SHARES)]
+    moves: Sequence[Callable[..., np.ndarray]] = (_multisine, _fourier, _points, _oneway)
+    move = moves[rng.choice(len(moves), p=SHARES)]
     rate = float(rng.choice(RATES))
     t = np.arange(round(rng.uniform(*SECONDS) * rate) * FINE) / (rate * FINE)
     joints = robot.joints

@@ -20,7 +20,7 @@ from wrenchbed.benchmark import frame
 from wrenchbed.benchmark.efforts import faults, outside, world
 from wrenchbed.benchmark.efforts.arm import FINE, Edit, TrueArm
 from wrenchbed.benchmark.efforts.arm import Path as Motion
-from wrenchbed.benchmark.efforts.faults import WARMING, WHOLE
+from wrenchbed.benchmark.efforts.faults import WARMING
 from wrenchbed.benchmark.efforts.world import HEALTHY, EffortFault, EffortSetting, simulate
 from wrenchbed.benchmark.frame import NEEDED, Rng, as_stated, numbered
 from wrenchbed.data.metadata import SensorInfo
@@ -255,8 +255,8 @@ def _counted(
 def _family(kind: str, number: int, wrench: bool) -> str:
     """Family of faults for a case's number: families take turns."""
     names = {"none": ("none",), "single": tuple(FAMILIES), "outside": tuple(OUTSIDE)}[kind]
-    if wrench and kind == "single" and number % 2:
-        names = WHOLE
+    if wrench and kind == "single" and number % 2:  # the wrench shows tool and base
+        names = tuple(n for n in names if not n.startswith(("drive.", "link.")))
     return names[(number // 2 if wrench else number) % len(names)]
 
 

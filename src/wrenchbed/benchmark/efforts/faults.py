@@ -14,8 +14,6 @@ from wrenchbed.benchmark.efforts import world
 from wrenchbed.benchmark.efforts.world import EffortFault, EffortSetting, State
 from wrenchbed.benchmark.frame import Rng, by_axis, log_uniform, sign
 
-WHOLE = ("tool.mass", "tool.cog", "base.tilt")
-"""Effects that concern no single joint."""
 WARMING = (6.0, 18.0)
 """Rise of the temperature [K] in recordings whose friction depends on it."""
 

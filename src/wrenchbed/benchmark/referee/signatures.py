@@ -333,8 +333,9 @@ def _block(columns: np.ndarray) -> Block:
 
 def bench(setting: RefereeSetting, ride: Ride) -> Bench:
     """Signatures of every effect that a mean can show, on one robot."""
-    of, white = _Columns(setting, ride), dict[str, list[np.ndarray]]()
-    for name, block in chain(of.gauges(), of.times(), of.tool(), of.carried(), of.arm()):
-        columns = (block / setting.noise[:, None]).reshape(-1, block.shape[-1])
-        white.setdefault(name, []).append(columns)
-    return Bench(setting.usual, white)
+    make, columns = _Columns(setting, ride), dict[str, list[np.ndarray]]()
+    groups = make.gauges(), make.times(), make.tool(), make.carried(), make.arm()
+    for name, block in chain(*groups):
+        white = (block / setting.noise[:, None]).reshape(-1, block.shape[-1])
+        columns.setdefault(name, []).append(white)
+    return Bench(setting.usual, columns)

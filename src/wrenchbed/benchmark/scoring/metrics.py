@@ -257,7 +257,7 @@ def closed(truth: Answer, claim: Claim) -> float | None:
 
 
 def _closed(truth: Answer, claim: Claim) -> Sequence[float] | None:
-    ours, oracle = closed(truth, claim), truth.oracle and truth.oracle.closed
+    ours, oracle = closed(truth, claim), None if truth.oracle is None else truth.oracle.closed
     if ours is None or oracle is None:
         return None
     return (float(np.clip(ours, -1, 1)), float(np.clip(oracle, -1, 1)), 1.0)

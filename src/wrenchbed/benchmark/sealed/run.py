@@ -218,7 +218,7 @@ def run(
     def remaining(name: str) -> list[Entrant]:
         return _remaining(entrants, claims, name, sealed[name].recording)
 
-    todo = [(name, some) for name in sealed if (some := remaining(name))]
+    todo = [(name, waiting) for name in sealed if (waiting := remaining(name))]
     report(len(sealed) - len(todo))
     for entrant in entrants:
         for remainder in (claims / entrant.name).glob(TEMPORARY):  # of a run that was killed
