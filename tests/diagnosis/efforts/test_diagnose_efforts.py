@@ -20,6 +20,7 @@ from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.gaps import Interval
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.prepared import Material
+from wrenchbed.effects.drives.base import Block
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.reports.effort_answer import EffortAnswer
@@ -182,6 +183,14 @@ def test_links_about_the_vertical_and_a_joint_that_hardly_moves_are_blind():
             "sentence": "link.mass of link 1: no effect on these readings"} in [
         s.to_json() for s in found.blind
     ]  # fmt: skip
+
+
+def test_a_cause_that_this_motion_lacks_shows_at_no_size():
+    """Stiction, of a joint that never reverses: its columns are zero."""
+    block = Block("drive.stiction", 5, False, ("since3.5", "since4.5"))
+    at = (np.array([0, 1]),)
+    nothing = SimpleNamespace(names=block.columns, size=np.zeros(2), blocks=(block,), at=at)
+    assert shows_from(nothing, None, 0) == np.inf
 
 
 def test_what_nobody_states_is_fitted_and_shows_at_no_size():

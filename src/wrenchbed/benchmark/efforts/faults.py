@@ -235,3 +235,9 @@ def base_tilt(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
         model.opt.gravity[:] = out
 
     return EffortFault({"x": float(x), "y": float(y)}, edit=edit)
+
+
+def drive_offset(setting: EffortSetting, joint: int, rng: Rng) -> EffortFault:
+    """A sensor that was zeroed under load, or whose zero has wandered far."""
+    zero = sign(rng) * log_uniform(rng, 0.03, 0.3) * setting.rated[joint] / setting.scale[joint]
+    return EffortFault({"zero": zero}, joint, reading=lambda state, effort: effort + zero)

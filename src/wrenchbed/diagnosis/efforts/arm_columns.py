@@ -13,7 +13,6 @@ from wrenchbed.effects.drives.base import Block, Column
 from wrenchbed.effects.drives.operators import late, slow
 from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.robots.base import INERTIA_AXES
-from wrenchbed.robots.inverse_dynamics import torque_regressor
 
 _TILT = np.deg2rad(0.1)
 """Ordinary tilt of a base [rad]; estimate: a bubble level."""
@@ -87,8 +86,8 @@ def _tool(scene: EffortScene) -> tuple[list[Column], list[Block]]:
             ends.append(scene.sensed(theta, gravity))
         return np.hstack([y @ form, (ends[0] - ends[1]) / _STEP])
 
-    fit = scene.drives.tool
-    mass_std, cog_std = (0.0, (0.0,) * 3) if fit is None else (fit.mass_std, fit.cog_std)
+    fit = scene.drives.load
+    mass_std, *cog_std = (np.zeros(4) if fit is None else fit[1]).tolist()
     std = float(np.hypot(MASS_SHARE * mass, mass_std)) if known[0] else None
     columns = [Column("tool.mass", seen(of_mass(cog), np.zeros(3), 1.0), std, not known[0])]
     for name, axis, off in zip("xyz", np.eye(3), cog_std, strict=True):
@@ -112,13 +111,13 @@ def _tilt(scene: EffortScene) -> tuple[list[Column], list[Block]]:
     gravity = np.asarray(scene.model.gravity, dtype=float)
     down = gravity / np.linalg.norm(gravity)
     side = np.eye(3)[int(np.argmin(np.abs(down)))]
-    columns, phi = [], scene.inertias.phi.ravel()
+    columns = []
     for k, axis in enumerate((np.cross(down, side), np.cross(down, np.cross(down, side)))):
         axis = axis / np.linalg.norm(axis)
-        turned = gravity + np.cross(axis, gravity)  # for 1 rad, to first order
-        y = torque_regressor(scene.robot, scene.theta, scene.q, turned) - scene.regressor
-        seen = scene.sensed(scene.theta, turned) - scene.load
-        columns.append(Column(f"base.tilt.{k}", np.hstack([y @ phi, seen]), _TILT))
+        more = np.cross(axis, gravity)  # for 1 rad, to first order
+        held = -scene.robot.gravity_torque(scene.q.v, scene.theta, more)
+        seen = scene.sensed(scene.theta, gravity + more) - scene.load
+        columns.append(Column(f"base.tilt.{k}", np.hstack([held, seen]), _TILT))
     return columns, [Block("base.tilt", None, False, tuple(c.name for c in columns))]
 
 

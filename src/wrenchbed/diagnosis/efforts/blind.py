@@ -44,6 +44,8 @@ def blind_spots(d: Dictionary, evidence: Evidence) -> tuple[BlindSpot, ...]:
 def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
     """Size from which 95 % of such recordings report it; of several columns, all of them alike."""
     some, effect = np.array(sized(d, block)), d.blocks[block].effect
+    if not d.size[some].any():  # no reversal, or nothing that warms
+        return np.inf
     unit = 1.0 / max(float(np.sqrt(np.mean(d.size[some] ** 2))), 1e-12)  # a noise of a row
     one = np.where(np.isin(np.arange(len(d.names)), some), unit, 0.0)
     information = unit**2 * evidence.known[0][np.ix_(some, some)]

@@ -18,30 +18,19 @@ FIELD = "configured"
 """Field of the metadata: values by name, ``drive.coulomb.2``, or lists of one a joint."""
 
 
-@dataclass(frozen=True)
-class FittedTool:
-    """Tool that an earlier fit found, with the standard uncertainty of mass [kg] and CoG [m].
-
-    The other values of that fit hold beside this tool, so it goes with them.
-    """
-
-    tool: ToolInfo
-    mass_std: float
-    cog_std: tuple[float, ...]
-
-
 @dataclass(frozen=True, eq=False)
 class Drives:
     """Stated values of drives by kind (J,) with their standard uncertainty; NaN where unknown.
 
     Attributes:
         value, std: by kind (J,).
-        tool: that of the fit they are from, if one has it.
+        load: mass [kg] and centre of gravity [m] of the tool that their fit found, beside which
+            they hold, and the standard uncertainties (2, 4); None if it found none.
     """
 
     value: Mapping[str, np.ndarray]
     std: Mapping[str, np.ndarray]
-    tool: FittedTool | None = None
+    load: np.ndarray | None = None
 
     def known(self, kind: str) -> np.ndarray:
         """Which joints (J,) have a stated value of a drive parameter, boolean."""
@@ -68,15 +57,17 @@ def stated_drives(recording: Recording, path: str | Path | None = None) -> Drive
     std = {k: np.zeros(joints) for k in KINDS}
     where = f"{recording.name}: metadata {FIELD}"
     _state(value, recording.metadata.extra.get(FIELD, {}), where)
-    tool = None if path is None else _from_fit(recording, Path(path), value, std)
-    return Drives(value, std, tool)
+    load = None if path is None else _from_fit(recording, Path(path), value, std)
+    return Drives(value, std, load)
 
 
 def with_tool(recording: Recording, drives: Drives) -> Recording:
     """The recording with the tool of an earlier fit, where its metadata state none."""
-    if drives.tool is None or recording.metadata.tool.mass is not None:
+    if drives.load is None or recording.metadata.tool.mass is not None:
         return recording
-    return replace(recording, metadata=replace(recording.metadata, tool=drives.tool.tool))
+    mass, *cog = drives.load[0].tolist()
+    tool = ToolInfo(mass, tuple(cog))
+    return replace(recording, metadata=replace(recording.metadata, tool=tool))
 
 
 def _state(value: Mapping[str, np.ndarray], raw: Any, where: str) -> None:
@@ -103,8 +94,8 @@ def _numbers(raw: Any, count: int, where: str) -> np.ndarray:
 
 def _from_fit(
     recording: Recording, path: Path, value: dict[str, np.ndarray], std: dict[str, np.ndarray]
-) -> FittedTool | None:
-    """Fill in a fit's values, and return its tool."""
+) -> np.ndarray | None:
+    """Fill in a fit's values, and return `Drives.load`."""
     raw = checked.load(path, DiagnosisError)
     fields = checked.Fields(raw, f"{path}: ", DiagnosisError)
     if FIELD in fields.raw:  # of an earlier diagnosis
@@ -123,10 +114,7 @@ def _from_fit(
             if (name := f"{kind}.{j + 1}") in known:
                 values[j], std[kind][j] = known[name]
     load = [known[name] for name in LOAD if name in known]
-    if len(load) < len(LOAD) or load[0][0] <= 0.0:
-        return None
-    (mass, *cog), (mass_std, *cog_std) = zip(*load, strict=True)
-    return FittedTool(ToolInfo(mass, tuple(cog)), mass_std, tuple(cog_std))
+    return np.array(load).T if len(load) == len(LOAD) and load[0][0] > 0.0 else None
 
 
 def _parameters(parameters: checked.Fields) -> dict[str, tuple[float, float]]:

@@ -57,11 +57,21 @@ class Evidence:
         wide = AMPLITUDE / np.maximum(self.d.size[at], 1e-12)
         return at, np.sqrt(np.maximum(wide**2 - self.level.V[at], 0.0))
 
-    def log(self, blocks: Sequence[int]) -> float:
-        """Log evidence of a structure (indices of blocks) over that of the background alone."""
-        (information, score), (at, more) = self.known, self.freed(blocks)
-        p, w = information[np.ix_(at, at)], score[at]
-        return float(gains(p[None], w[None, :, None], more[None], np.ones(1))[0, 0, 0])
+    def all_freed(self, structures: Sequence[Sequence[int]]) -> tuple[np.ndarray, np.ndarray]:
+        """`freed` of structures (indices of blocks), filled up with zeros (S, K)."""
+        each = [self.freed(blocks) for blocks in structures]
+        shape = len(each), max(len(at) for at, _ in each)
+        columns, more = np.zeros(shape, dtype=int), np.zeros(shape)
+        for k, (at, std) in enumerate(each):
+            columns[k, : len(at)], more[k, : len(at)] = at, std
+        return columns, more
+
+    def logs(self, columns: np.ndarray, more: np.ndarray) -> np.ndarray:
+        """Log evidence of structures (S,), of which `all_freed` is known, over that of the
+        background alone."""
+        information, score = self.known
+        p = information[columns[:, :, None], columns[:, None, :]]
+        return gains(p, score[columns][:, :, None], more, np.ones(1))[:, 0, 0]
 
     @cached_property
     def _each(self) -> np.ndarray:

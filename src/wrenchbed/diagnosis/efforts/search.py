@@ -5,6 +5,7 @@ Forward search with a beam; probabilities are means over resampled blocks of tim
 answer less sure.
 """
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,36 +55,33 @@ def search(d: Dictionary, seed: int = 0) -> Search:
     evidence = Evidence(d, np.ones(BLOCKS), TEMPER)
     structures, rng = _best(evidence), np.random.default_rng([seed, 7])
     prior, chance = np.array([evidence.prior(s) for s in structures]), np.zeros(len(structures))
+    freed = evidence.all_freed(structures)
     for _ in range(_DRAWS):
         weight = np.bincount(rng.integers(BLOCKS, size=BLOCKS), minlength=BLOCKS).astype(float)
-        drawn = Evidence(d, weight, TEMPER)
-        chance += softmax([drawn.log(s) for s in structures] + prior) / _DRAWS
+        chance += softmax(Evidence(d, weight, TEMPER).logs(*freed) + prior) / _DRAWS
     order = np.argsort(-chance, kind="stable")
     return Search(d, evidence, tuple(structures[k] for k in order), chance[order])
 
 
 def _best(evidence: Evidence) -> list[Structure]:
     """The best structures first, that of nothing among them, by a beam search."""
-    every = range(len(evidence.d.blocks))
+    slots = [b.slot for b in evidence.d.blocks]
     score: dict[Structure, float] = {(): evidence.prior(())}
 
-    def extended(s: Structure, block: int) -> float:
-        """Log posterior of a structure with one more cause; −∞ where its slot is taken."""
-        blocks = evidence.d.blocks
-        if blocks[block].slot in {blocks[k].slot for k in s}:
-            return -np.inf
-        grown = tuple(sorted((*s, block)))
-        if grown not in score:
-            log = evidence.log(grown) + evidence.prior(grown)
-            score[grown] = log if _resisting(evidence, grown) else -np.inf
-        return score[grown]
+    def extend(structures: Sequence[Structure], blocks: Iterable[int]) -> None:
+        """Weigh structures with one more cause each, whose slot is not taken."""
+        free = ((s, k) for s in structures for k in blocks if slots[k] not in {slots[i] for i in s})
+        grown = dict.fromkeys(tuple(sorted((*s, k))) for s, k in free)
+        fresh = [s for s in grown if s not in score]
+        logs = evidence.logs(*evidence.all_freed(fresh)) if fresh else ()
+        for s, log in zip(fresh, logs, strict=True):
+            score[s] = float(log) + evidence.prior(s) if _resisting(evidence, s) else -np.inf
 
     beam: list[Structure] = [()]
     for size in range(1, MOST_CAUSES + 1):
-        likely = sorted(every, key=lambda k: -extended(beam[0], k))[:_LIKELY]
-        for s in beam[1:]:
-            for k in likely:
-                extended(s, k)
+        extend(beam[:1], range(len(slots)))
+        gains = {k: score.get(tuple(sorted((*beam[0], k))), -np.inf) for k in range(len(slots))}
+        extend(beam[1:], sorted(gains, key=lambda k: -gains[k])[:_LIKELY])
         beam = sorted((s for s in score if len(s) == size), key=lambda s: -score[s])[:_BEAM]
         if score[beam[0]] < max(score.values()) - _HOPELESS:
             break
