@@ -96,14 +96,8 @@ def controller_time(arm: ArmSample) -> float:
 
 
 def hermite(q: Pair, qd: Pair, span: float, s: float) -> Pair:
-    """Joint values and speeds (J,) at a fraction s of the time [s] between two states.
-
-    Args:
-        q: joint values of both (J,).
-        qd: speeds of both (J,).
-        span: between them [s].
-        s: 0 … 1.
-    """
+    """Joint values and speeds (J,) at a fraction s, 0 … 1, of the time ``span`` [s] between two
+    states with their own (J,)."""
     ahead, behind = s * (1 - s) ** 2, s * s * (s - 1)
     between = (1 + 2 * s) * (1 - s) ** 2 * q[0] + s * s * (3 - 2 * s) * q[1]
     slope, into, out = 6 * s * (s - 1) / span, (1 - s) * (1 - 3 * s), s * (3 * s - 2)

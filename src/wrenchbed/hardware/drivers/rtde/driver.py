@@ -270,7 +270,12 @@ class RtdeDriver(LiveDriver):
         if control is not None:
             silent = links.shared.silence("control")
             known = status.Control(control.gone(), silent, control.program_ended, self._halts)
-        counters = status.count(state, links.restarts)
+        counters: dict[str, float] = {"restarts": links.restarts}
+        if state is not None:
+            counters |= {
+                "states": state.received, "skipped": state.skipped, "refused states": state.bad,
+                "speed scaling": state.scaling,
+            }  # fmt: skip
         health = status.judge(state, links.ended, known, counters)
         if health.ok and state is not None:
             self._flange.look(state)

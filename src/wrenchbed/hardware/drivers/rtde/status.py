@@ -145,17 +145,6 @@ def judge(
     return link
 
 
-def count(state: Snapshot | None, restarts: int) -> dict[str, float]:
-    """Counters of the link, by name."""
-    counters: dict[str, float] = {"restarts": restarts}
-    if state is not None:
-        counters |= {
-            "states": state.received, "skipped": state.skipped, "refused states": state.bad,
-            "speed scaling": state.scaling,
-        }  # fmt: skip
-    return counters
-
-
 def request(host: str, command: str, timeout: float = 1.0) -> str:
     """The answer to one command.
 
