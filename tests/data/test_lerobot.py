@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 from pytest import approx
 
-from servo_arm import JOINTS, RANGES, Servos
+from servo_arm import JOINTS, RANGES, Servos, feature, lerobot
 from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import MapError
@@ -26,31 +26,9 @@ mode = "dynamic"
 """
 
 
-def feature(names, dtype="float32"):
-    count = len(names["motors"] if isinstance(names, dict) else names)
-    return {"dtype": dtype, "shape": [count], "names": names}
-
-
 def data_set(folder, scale=np.rad2deg, names=None, more=(), **features):
-    """Two files of three episodes; the second file holds the first episode."""
-    names = names or [f"{j}.pos" for j in JOINTS]
-    info = {"codebase_version": "v3.0", "fps": 30, "robot_type": "so101_follower", "features": {
-        "action": feature(names), "observation.state": feature(names), **features,
-        "observation.images.top": {"dtype": "video", "shape": [480, 640, 3], "names": None},
-    }}  # fmt: skip
-    (folder / "meta").mkdir(parents=True)
-    (folder / "meta" / "info.json").write_text(json.dumps(info), encoding="utf-8")
-    (folder / "data" / "chunk-000").mkdir(parents=True)
-    frame = np.concatenate([np.arange(np.sum(k == EPISODE)) for k in range(3)])
-    table = pa.table({
-        "action": pa.array(list(scale(TARGET).astype(np.float32))),
-        "observation.state": pa.array(list(scale(Q).astype(np.float32))),
-        "timestamp": pa.array((frame / 30.0).astype(np.float32)),
-        "frame_index": frame, "episode_index": EPISODE, **dict(more),
-    })  # fmt: skip
-    for k, part in enumerate((table.slice(30), table.slice(0, 30))):
-        pq.write_table(part, folder / "data" / "chunk-000" / f"file-{k:03d}.parquet")
-    return folder
+    """Of three episodes."""
+    return lerobot(folder, scale(Q), scale(TARGET), EPISODE, names, more=more, **features)
 
 
 @pytest.fixture

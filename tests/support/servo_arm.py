@@ -5,10 +5,13 @@ law, in plain numpy on MuJoCo's mass matrix: an encoder that counts, a setpoint 
 friction with a Stribeck curve.
 """
 
+import json
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 
 from wrenchbed.data.metadata import parse
 from wrenchbed.data.recording import Recording
@@ -166,3 +169,32 @@ def recording(q, targets, rate=50.0, robot="ur5", counts=True, segment=None, **s
         columns["segment"] = segment
     raw = {"format": 1, "robot": robot, "source": "import", "mode": "dynamic", "rate_hz": rate}
     return Recording(parse(raw | stated, "servos"), columns, "servos")
+
+
+def feature(names, dtype="float32"):
+    """An entry of a data set's ``features``; names in a list, or in an object as of format 2."""
+    count = len(names["motors"] if isinstance(names, dict) else names)
+    return {"dtype": dtype, "shape": [count], "names": names}
+
+
+def lerobot(folder, q, targets, episode, names=None, *, rate=30.0, more=(), **features):
+    """A data set of LeRobot, format 3.0, in two files of which the second holds episode 0."""
+    names = names or [f"{j}.pos" for j in JOINTS]
+    info = {"codebase_version": "v3.0", "fps": rate, "robot_type": "so101_follower", "features": {
+        "action": feature(names), "observation.state": feature(names), **features,
+        "observation.images.top": {"dtype": "video", "shape": [480, 640, 3], "names": None},
+    }}  # fmt: skip
+    (folder / "meta").mkdir(parents=True)
+    (folder / "meta" / "info.json").write_text(json.dumps(info), encoding="utf-8")
+    (folder / "data" / "chunk-000").mkdir(parents=True)
+    frame = np.concatenate([np.arange(np.sum(episode == k)) for k in np.unique(episode)])
+    table = pa.table({
+        "action": pa.array(list(targets.astype(np.float32))),
+        "observation.state": pa.array(list(q.astype(np.float32))),
+        "timestamp": pa.array((frame / rate).astype(np.float32)),
+        "frame_index": frame, "episode_index": episode, **dict(more),
+    })  # fmt: skip
+    first = int(np.sum(episode == 0))
+    for k, part in enumerate((table.slice(first), table.slice(0, first))):
+        pq.write_table(part, folder / "data" / "chunk-000" / f"file-{k:03d}.parquet")
+    return folder

@@ -57,7 +57,7 @@ class EffortOptions:
     """What is diagnosed: the wrench, or the joint efforts."""
 
     # What is diagnosed; the wrench, the joint efforts (tau1 … or i1 …) of a recording without one,
-    # or both together.
+    # or both together. Of a recording that holds nothing else, the commands (q_target1 …).
     channels: Literal["wrench", "effort", "both"] | None = None
     # Of joint efforts: what calibrate wrote of a healthy recording of this robot, in place of the
     # drive values that the recording states.
@@ -123,7 +123,8 @@ def _of_efforts(data: list[wb.Recording], channels: str | None) -> bool:
     wrench. At rest they are a channel like others."""
     if len(data) == 1 and data[0].metadata.mode == "static" and data[0].effort == "tau":
         return False
-    alone = len(data) == 1 and not data[0].has_wrench and data[0].effort is not None
+    held = data[0].effort is not None or data[0].only_commanded
+    alone = len(data) == 1 and not data[0].has_wrench and held
     return channels in ("effort", "both") or (channels is None and alone)
 
 

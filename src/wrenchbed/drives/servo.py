@@ -59,7 +59,7 @@ _NOTHING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class _Piece:
+class Piece:
     """Rows that follow each other.
 
     Attributes:
@@ -75,23 +75,23 @@ class _Piece:
         std = [encoder_noise(x, self.signals.rate) for x in self.signals.effort.T]
         return rng.normal(size=self.signals.effort.shape) * std
 
-    def shaken(self, noise: np.ndarray) -> "_Piece":
+    def shaken(self, noise: np.ndarray) -> "Piece":
         """The piece with more noise (N, J) on its joint values."""
         s, q = self.signals, self.signals.effort + noise
         return replace(self, signals=motion_signals("", s.t, q, q, s.prefix, s.cutoff, s.edges))
 
     def error(self, delay: np.ndarray) -> np.ndarray:
         """Tracking error (M, J), filtered, of targets that came delays (J,) [s] ago."""
-        return self.signals.filtered(self._held(delay) - self.signals.effort)
+        return self.signals.filtered(self.held(delay) - self.signals.effort)
 
     def by_speed(self, delay: np.ndarray) -> np.ndarray:
         """What it falls by with the square of the targets' speed, and with a longer delay
         (M, J, 2)."""
         step = 0.5 / self.signals.rate
-        speed = (self._held(delay - step) - self._held(delay + step)) / (2.0 * step)
+        speed = (self.held(delay - step) - self.held(delay + step)) / (2.0 * step)
         return self.signals.filtered(np.stack([speed * np.abs(speed), speed], axis=2))
 
-    def _held(self, delay: np.ndarray) -> np.ndarray:
+    def held(self, delay: np.ndarray) -> np.ndarray:
         """Targets (N, J), each held until the next: means of their smooth course over a row's
         time, which lack what is too fast for any filter here."""
         t, period = self.signals.t, 1.0 / self.signals.rate
@@ -125,7 +125,7 @@ def calibrate_servos(
         raise ParameterError(
             f"--free {unknown[0]}: of commands {SERVO} and {TOOL} can be freed, no other"
         )
-    pieces = _pieces(recording, cutoff)
+    pieces = pieces_of(recording, cutoff)
     groups = (*FRICTION, CONSTANT, *(() if free and TOOL not in free else (TOOL,)))
     problem, starts = _problem(recording, pieces, groups)
     check_moves(recording.name, problem)
@@ -160,7 +160,12 @@ def _extrapolated(
     return replace(solution, x=without("x"), folds=without("folds"))
 
 
-def _pieces(recording: Recording, cutoff: float | None) -> list[_Piece]:
+def pieces_of(recording: Recording, cutoff: float | None) -> list[Piece]:
+    """Pieces of a motion between gaps of its clock and between its segments.
+
+    Raises:
+        CalibrationError: no targets, none that differ from what was reached, or short pieces.
+    """
     name, t, q = recording.name, recording.t, recording.q
     channel = CHANNEL.of(recording)
     if missing := [c for c in channel.columns if c not in recording.columns]:
@@ -192,18 +197,18 @@ def _pieces(recording: Recording, cutoff: float | None) -> list[_Piece]:
     return [_piece(name, t[part], q[part], target[part], cutoff) for part in long]
 
 
-def _piece(name: str, t: np.ndarray, q: np.ndarray, target: np.ndarray, cutoff: float) -> _Piece:
+def _piece(name: str, t: np.ndarray, q: np.ndarray, target: np.ndarray, cutoff: float) -> Piece:
     signals = motion_signals(name, t, q, q, "q", cutoff)
     period = 1.0 / signals.rate
     before = int(LATEST / period) + 3  # rows for which the first target stood
     rows = np.arange(-before, len(t) + 3)
     course = target[np.clip(rows, 0, len(t) - 1)]
     splines = [make_interp_spline(t[0] + rows * period, x, k=3) for x in course.T]
-    return _Piece(signals, tuple(spline.antiderivative() for spline in splines))
+    return Piece(signals, tuple(spline.antiderivative() for spline in splines))
 
 
 def _problem(
-    recording: Recording, pieces: Sequence[_Piece], groups: tuple[str, ...]
+    recording: Recording, pieces: Sequence[Piece], groups: tuple[str, ...]
 ) -> tuple[Problem, dict[str, float]]:
     """Columns of all pieces, and nominal values."""
     parts, starts = zip(*(problem_of(recording, p.signals, groups) for p in pieces), strict=True)
@@ -216,7 +221,7 @@ def _problem(
     return whole, starts[0]
 
 
-def _solved(problem: Problem, pieces: Sequence[_Piece]) -> tuple[Problem, Solution, np.ndarray]:
+def _solved(problem: Problem, pieces: Sequence[Piece]) -> tuple[Problem, Solution, np.ndarray]:
     """The problem about the best delays, its solution, and these (J,) [s]."""
     delay, most = _begun(problem, pieces), 1.0 / pieces[0].signals.rate
     for _ in range(_STEPS):
@@ -229,7 +234,7 @@ def _solved(problem: Problem, pieces: Sequence[_Piece]) -> tuple[Problem, Soluti
     return about, solution, delay
 
 
-def _about(problem: Problem, pieces: Sequence[_Piece], delay: np.ndarray) -> Problem:
+def _about(problem: Problem, pieces: Sequence[Piece], delay: np.ndarray) -> Problem:
     """A problem about delays (J,) [s], with two more columns of each joint: by the square of the
     targets' speed, and last by its delay."""
     y = np.concatenate([p.error(delay) for p in pieces])
@@ -238,7 +243,7 @@ def _about(problem: Problem, pieces: Sequence[_Piece], delay: np.ndarray) -> Pro
     return replace(problem, y=y, own=own, kinds=(*problem.kinds, _QUADRATIC, DELAY))
 
 
-def _begun(problem: Problem, pieces: Sequence[_Piece]) -> np.ndarray:
+def _begun(problem: Problem, pieces: Sequence[Piece]) -> np.ndarray:
     """Delays (J,) [s] of a grid that fit each joint alone best, with the stated load."""
     period, joints = 1.0 / pieces[0].signals.rate, problem.y.shape[1]
     grid = np.arange(-period, LATEST, period / _PER_ROW)
@@ -268,7 +273,7 @@ def _of_joints(problem: Problem, x: np.ndarray) -> np.ndarray:
 
 
 def _fit(
-    recording: Recording, pieces: Sequence[_Piece], problem: Problem, solution: Solution,
+    recording: Recording, pieces: Sequence[Piece], problem: Problem, solution: Solution,
     doubt: np.ndarray, delay: np.ndarray, starts: dict[str, float],
 ) -> DriveFit:  # fmt: skip
     joints = arm_of(recording).joints

@@ -22,6 +22,11 @@ from wrenchbed.diagnosis.gap.result import Scale, cause, families
 from wrenchbed.diagnosis.gap.where import located
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 
+_OF_COMMANDS = (
+    "efforts are tracking errors times stiffness; drive.constant is the servo's stiffness (a gain "
+    "above 0: less of it), drive.delay and drive.bandwidth how late it acts on its command"
+)
+"""What the names of a diagnosis of commands mean."""
 _UNITS = {"coulomb": "N·m", "viscous": "N·m·s/rad", "offset": "N·m", "inertia": "kg·m²"}
 """Units of the values that every drive has, of hinges."""
 
@@ -202,6 +207,8 @@ def notes(
         f"stated: {', '.join(stated)}" if stated
         else "no friction is stated: ordinary friction of every joint is fitted, and no cause"
     )  # fmt: skip
+    if scene.commanded:
+        result.append(_OF_COMMANDS)
     if scene.currents and not scene.drives.known("drive.constant").all():
         result.append("drive constants are fitted, and no cause: they hold as the link masses do")
     result += [f"not ordinary noise: {s.text}" for s in seen]

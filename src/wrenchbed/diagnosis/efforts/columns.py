@@ -7,7 +7,7 @@ import numpy as np
 
 from wrenchbed.channels.effort import ZERO
 from wrenchbed.diagnosis.efforts.names import drive_effects
-from wrenchbed.diagnosis.efforts.scene import EffortScene
+from wrenchbed.diagnosis.efforts.scene import COMMANDED, EffortScene
 from wrenchbed.effects.drives.base import Block, Column, DriveRows, StatedNumber
 
 FREE = 1e3
@@ -27,6 +27,9 @@ def of_joint(scene: EffortScene, j: int) -> tuple[list[Column], list[Block]]:
     """Columns and causes of joint j, from 0, but those whose shape a residual suggests."""
     rows = rows_of(scene, j)
     columns, blocks = list[Column](), list[Block]()
+    if rows.command is not None:  # setpoints of limited speed trail by the square of the speed
+        speed = np.gradient(rows.command, rows.t)
+        columns.append(rows.column("setpoint", speed * np.abs(speed), free=True))
     for effect in drive_effects().values():
         some = effect.columns(rows)
         columns += some
@@ -58,6 +61,7 @@ def rows_of(scene: EffortScene, j: int) -> DriveRows:
         j + 1, scene.signals.t, scene.signals.rate, q.v[:, j], q.d[:, j], q.dd[:, j],
         scene.total[:, j], scene.body[:, j], scene.robot.joints[j].unit == "rad",
         abs(float(scene.levels[0, j])), bool(known[j]), spread, free, warm,
+        scene.recording.columns.get(f"{COMMANDED}{j + 1}"),
     )  # fmt: skip
 
 
@@ -65,7 +69,7 @@ def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
     """Ordinary spread of a stated number, of a drive constant relative; None where nothing is
     stated."""
     drives, kind = scene.drives, effect.name
-    if kind == _CONSTANT and not scene.currents:  # that of a torque sensor is 1
+    if kind == _CONSTANT and not (scene.currents or scene.commanded):  # a torque sensor's is 1
         return effect.relative
     known, value = drives.known(kind)[j], abs(float(drives.of(kind)[j]))
     if kind in (_OFFSET, _ROTOR):  # where friction is stated no zero is, and the model's rotor

@@ -12,7 +12,8 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.files import checked
 
-KINDS = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia", "drive.constant")
+KINDS = ("drive.coulomb", "drive.viscous", "drive.offset", "drive.inertia", "drive.constant",
+         "servo.stiffness", "servo.delay")  # fmt: skip
 LOAD = ("tool.mass", "tool.cog.x", "tool.cog.y", "tool.cog.z")
 FIELD = "configured"
 """Field of the metadata: values by name, ``drive.coulomb.2``, or lists of one a joint."""
@@ -101,8 +102,9 @@ def _from_fit(
     if FIELD in fields.raw:  # of an earlier diagnosis
         _state(value, fields.raw[FIELD], f"{path}: {FIELD}")
         return None
-    if fields.raw.get("channels") != "effort":
-        raise fields.error("channels", "must be 'effort': give a fit of joint efforts")
+    channels = "command" if recording.only_commanded else "effort"
+    if fields.raw.get("channels") != channels:
+        raise fields.error("channels", f"must be {channels!r}: give a fit of such a recording")
     if fields.raw.get("robot") != recording.metadata.robot:
         raise fields.error("robot", f"must be {recording.metadata.robot!r}, as in the recording")
     if "constants" in fields.raw:

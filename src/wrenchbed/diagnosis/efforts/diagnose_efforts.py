@@ -11,6 +11,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.decision.decide import conclude, decide
 from wrenchbed.diagnosis.efforts import answer
 from wrenchbed.diagnosis.efforts.blind import blind_spots
+from wrenchbed.diagnosis.efforts.commanded import as_efforts
 from wrenchbed.diagnosis.efforts.configured import stated_drives, with_tool
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
 from wrenchbed.diagnosis.efforts.options import blocks, facts_of, outside, weighed
@@ -80,7 +81,7 @@ def diagnose_efforts(
     """Diagnosis of an arm's motion from joint torques or motor currents.
 
     Args:
-        recording: of an arm, with ``tau1…`` or ``i1…``.
+        recording: of an arm, with ``tau1…`` or ``i1…``, or with commands alone, ``q_target1…``.
         drives: output of ``wrenchbed calibrate`` on a healthy recording of this robot, if any.
         seed: of the resampled blocks.
         loops: answer for a robot with closed loops too; over CAN too few faults are named yet.
@@ -94,7 +95,11 @@ def diagnose_efforts(
     begun = time.perf_counter()
     progress("motion and stated robot")
     known = stated_drives(recording, drives)
-    scene = effort_scene(with_tool(recording, known), known, wrench=wrench)
+    recording = with_tool(recording, known)
+    if recording.only_commanded:
+        recording, known, counts = as_efforts(recording, known)
+        material = material or counts
+    scene = effort_scene(recording, known, wrench=wrench)
     if scene.loops and not loops:
         raise DiagnosisError(
             f"{recording.name}: robot {recording.metadata.robot!r} has closed loops: of drive "

@@ -23,6 +23,8 @@ from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.robots.mjcf import LinkInertias, link_inertias
 from wrenchbed.simulation.closed_form import Model
 
+COMMANDED = "commanded"
+"""Column prefix of targets of servos times their stiffness [N·m]."""
 MOST_ROWS = 12_000
 """Rows of the analysis at most; estimate: a minute and a half at 125 Hz."""
 _RATE = 125.0
@@ -70,6 +72,11 @@ class EffortScene:
     currents: bool
     step: int
     wrench: np.ndarray | None = None
+
+    @property
+    def commanded(self) -> bool:
+        """Whether the efforts are tracking errors of position servos times their stiffness."""
+        return f"{COMMANDED}1" in self.recording.columns
 
     @property
     def joints(self) -> int:

@@ -53,10 +53,8 @@ def gathered(recording: Recording, seed: int = 0) -> Prepared:
     """Poses at rest, samples of a motion of joints, or averages of a motion without."""
     if recording.only_commanded:
         raise DiagnosisError(
-            f"{recording.name}: holds commands and joint values alone, which are not diagnosed "
-            "yet: `wrenchbed calibrate` fits the servos to them, and `wrenchbed export --to mjcf` "
-            "writes these; a recording with joint torques, currents, a wrench or a tracker can be "
-            "diagnosed"
+            f"{recording.name}: holds commands and joint values alone: they are diagnosed in "
+            "motion, one recording at a time"
         )
     configuration, data = configured(recording), observe(recording)
     if orientations.applies(recording):

@@ -22,7 +22,7 @@ class DriveBandwidth(Lag):
         return ()
 
     def change(self, rows: DriveRows, time: float) -> np.ndarray:
-        return slow(rows.total, rows.rate, time)
+        return slow(rows.lagging, rows.rate, time)
 
 
 EFFECT = DriveBandwidth()

@@ -103,6 +103,8 @@ class DriveRows:
         spread: ordinary spread of stated numbers, by effect; None where nobody knows it.
         free: effects whose number nobody states, so that every fit leaves it free.
         warm: temperature of the drive [°C], if it was recorded and changes.
+        command: where a servo's tracking error is its effort, the target times its stiffness
+            (N,) [N·m]; None of measured efforts.
     """
 
     joint: int
@@ -119,6 +121,12 @@ class DriveRows:
     spread: Mapping[str, float | None]
     free: frozenset[str]
     warm: np.ndarray | None = None
+    command: np.ndarray | None = None
+
+    @property
+    def lagging(self) -> np.ndarray:
+        """What lags (N,) where a drive does: the effort that is reported, or less a command."""
+        return self.total if self.command is None else -self.command
 
     @cached_property
     def sign(self) -> np.ndarray:

@@ -23,10 +23,10 @@ class DriveDelay(Lag):
     remedy = "record a motion with faster reversals, which tells a delay from a filter"
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
-        return (rows.column("late", late(rows.total, rows.t, LATE), 1.0),)
+        return (rows.column("late", late(rows.lagging, rows.t, LATE), 1.0),)
 
     def change(self, rows: DriveRows, time: float) -> np.ndarray:
-        return late(rows.total, rows.t, time)
+        return late(rows.lagging, rows.t, time)
 
 
 EFFECT = DriveDelay()

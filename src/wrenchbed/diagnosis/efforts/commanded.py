@@ -1,0 +1,71 @@
+"""Tracking errors of position servos as joint torques: kp (u(t − T) − q) is what a servo gives.
+
+Kp and T are stated or fitted. So whatever changes torques is named in commands too; a stiffness
+that differs is a drive constant, and what the servo does late is a lag of its command.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import scipy  # which loads its slow submodules when they are first used
+
+from wrenchbed.data.recording import COMMAND, Recording
+from wrenchbed.diagnosis.efforts.configured import Drives
+from wrenchbed.diagnosis.efforts.scene import COMMANDED
+from wrenchbed.diagnosis.prepare.prepared import Material
+from wrenchbed.drives.servo import DELAY, SERVO, STIFFNESS, Piece, calibrate_servos, pieces_of
+from wrenchbed.drives.signals import encoder_noise
+from wrenchbed.errors import CalibrationError, DiagnosisError
+
+_ORDER = 4
+"""Order of the low-pass, run forwards and backwards, of joint values and targets alike: a target
+that is held from row to row has no speed of its own above it."""
+
+
+def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives, Material]:
+    """The longest piece of commands as joint torques, the values with which it is compared, and
+    the residual that counts: noise of one row of the encoders, as a torque.
+
+    Raises:
+        DiagnosisError: nobody states the servos' stiffness, and it cannot be fitted.
+    """
+    try:
+        piece = max(pieces_of(recording, None), key=lambda p: len(p.signals.t))
+        drives = drives if drives.known(STIFFNESS).all() else _fitted(recording, drives)
+    except CalibrationError as error:
+        raise DiagnosisError(str(error)) from error
+    stiffness = drives.of(STIFFNESS)
+    target, q = (_smoothed(x, piece) for x in (piece.held(drives.of(DELAY)), piece.signals.effort))
+    columns = {k: v for k, v in _rows(recording, piece).items() if not k.startswith(COMMAND)}
+    for j, kp in enumerate(stiffness):
+        columns[f"q{j + 1}"] = q[:, j]
+        columns[f"tau{j + 1}"] = kp * (target[:, j] - q[:, j])
+        columns[f"{COMMANDED}{j + 1}"] = kp * target[:, j]
+    noise = [encoder_noise(x, piece.signals.rate) for x in piece.signals.effort.T]
+    counts = float(np.median(stiffness * noise))
+    value = {**drives.value, "drive.constant": stiffness}
+    std = {**drives.std, "drive.constant": drives.std[STIFFNESS]}
+    known = replace(drives, value=value, std=std)
+    return Recording(recording.metadata, columns, recording.name), known, Material(counts, counts)
+
+
+def _fitted(recording: Recording, drives: Drives) -> Drives:
+    """Drives with the stiffness and delay that the recording itself tells."""
+    fit = calibrate_servos(recording, (SERVO,))
+    kinds, many = (STIFFNESS, DELAY), range(1, len(recording.joints) + 1)
+    value = {k: np.array([fit[f"{k}.{j}"].value for j in many]) for k in kinds}
+    return replace(drives, value={**drives.value, **value})
+
+
+def _smoothed(x: np.ndarray, piece: Piece) -> np.ndarray:
+    """Rows (N, J) without frequencies above the piece's cutoff."""
+    signals = piece.signals
+    sections = scipy.signal.butter(_ORDER, signals.cutoff, fs=signals.rate, output="sos")
+    return np.asarray(scipy.signal.sosfiltfilt(sections, x, axis=0))
+
+
+def _rows(recording: Recording, piece: Piece) -> dict[str, np.ndarray]:
+    """Columns of a recording at the rows of a piece."""
+    first = int(np.searchsorted(recording.t, piece.signals.t[0]))
+    rows = slice(first, first + len(piece.signals.t))
+    return {name: column[rows] for name, column in recording.columns.items()}
