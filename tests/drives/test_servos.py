@@ -175,5 +175,3 @@ def test_the_command_line_fits_writes_and_says_what_it_cannot_do(moved, tmp_path
     capsys.readouterr()
     assert main(["export", str(out), "--to", "ur", "--out", str(tmp_path / "ur.txt")]) == 1
     assert "fit of commands" in capsys.readouterr().err
-    assert main(["diagnose", str(rec), "--out", str(tmp_path / "d")]) == 1
-    assert "wrenchbed calibrate" in capsys.readouterr().err

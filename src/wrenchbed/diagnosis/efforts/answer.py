@@ -24,7 +24,7 @@ from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 
 _OF_COMMANDS = (
     "efforts are tracking errors times stiffness; drive.constant is the servo's stiffness (a gain "
-    "above 0: less of it), drive.delay and drive.bandwidth how late it acts on its command"
+    "above 0: less of it), drive.delay how late it acts on its command, by a delay or a filter"
 )
 """What the names of a diagnosis of commands mean."""
 _UNITS = {"coulomb": "N·m", "viscous": "N·m·s/rad", "offset": "N·m", "inertia": "kg·m²"}

@@ -59,6 +59,8 @@ def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
 def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:
     """Effects with each joint, or link that weighs something."""
     for effect, about in known().items():
+        if d.scene.commanded and effect == "drive.bandwidth":  # a delay stands for it
+            continue
         if "{joint}" not in about.title:
             yield effect, None
         elif effect in ("link.mass", "link.cog", "link.inertia"):

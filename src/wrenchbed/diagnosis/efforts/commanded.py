@@ -7,7 +7,6 @@ that differs is a drive constant, and what the servo does late is a lag of its c
 from dataclasses import replace
 
 import numpy as np
-import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed.data.recording import COMMAND, Recording
 from wrenchbed.diagnosis.efforts.configured import Drives
@@ -16,10 +15,6 @@ from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.drives.servo import DELAY, SERVO, STIFFNESS, Piece, calibrate_servos, pieces_of
 from wrenchbed.drives.signals import encoder_noise
 from wrenchbed.errors import CalibrationError, DiagnosisError
-
-_ORDER = 4
-"""Order of the low-pass, run forwards and backwards, of joint values and targets alike: a target
-that is held from row to row has no speed of its own above it."""
 
 
 def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives, Material]:
@@ -35,10 +30,9 @@ def as_efforts(recording: Recording, drives: Drives) -> tuple[Recording, Drives,
     except CalibrationError as error:
         raise DiagnosisError(str(error)) from error
     stiffness = drives.of(STIFFNESS)
-    target, q = (_smoothed(x, piece) for x in (piece.held(drives.of(DELAY)), piece.signals.effort))
+    target, q = piece.held(drives.of(DELAY)), piece.signals.effort
     columns = {k: v for k, v in _rows(recording, piece).items() if not k.startswith(COMMAND)}
     for j, kp in enumerate(stiffness):
-        columns[f"q{j + 1}"] = q[:, j]
         columns[f"tau{j + 1}"] = kp * (target[:, j] - q[:, j])
         columns[f"{COMMANDED}{j + 1}"] = kp * target[:, j]
     noise = [encoder_noise(x, piece.signals.rate) for x in piece.signals.effort.T]
@@ -55,13 +49,6 @@ def _fitted(recording: Recording, drives: Drives) -> Drives:
     kinds, many = (STIFFNESS, DELAY), range(1, len(recording.joints) + 1)
     value = {k: np.array([fit[f"{k}.{j}"].value for j in many]) for k in kinds}
     return replace(drives, value={**drives.value, **value})
-
-
-def _smoothed(x: np.ndarray, piece: Piece) -> np.ndarray:
-    """Rows (N, J) without frequencies above the piece's cutoff."""
-    signals = piece.signals
-    sections = scipy.signal.butter(_ORDER, signals.cutoff, fs=signals.rate, output="sos")
-    return np.asarray(scipy.signal.sosfiltfilt(sections, x, axis=0))
 
 
 def _rows(recording: Recording, piece: Piece) -> dict[str, np.ndarray]:

@@ -112,7 +112,8 @@ def diagnose_efforts(
     structures = search(d, seed)
     likely = weighed(structures)
     progress("held-out rows")
-    simulators, seen, unnamed = Simulators(d), signs(d), outside(d, likely[0])
+    simulators, unnamed = Simulators(d), outside(d, likely[0])
+    seen = () if scene.commanded else signs(d)  # counts of encoders are no ordinary noise
     decision = decide(facts_of(simulators, likely, seed))
     final = conclude(decision, [{} for _ in decision.verdict.causes], [s.text for s in seen])
     gap, fit = decision.gap, simulators.of(blocks(final.causes))

@@ -29,6 +29,9 @@ MOST_ROWS = 12_000
 """Rows of the analysis at most; estimate: a minute and a half at 125 Hz."""
 _RATE = 125.0
 """Rows a second that are enough for reversals and for cogging [Hz]; estimate."""
+_PER_CUTOFF = 2.5
+"""Rows a second that are enough of commands, over the motion's cutoff: above it encoders' noise,
+twice differentiated, is larger than all else."""
 _PASS = 0.8
 """Edge of the filter before rows are thinned, over the new Nyquist frequency; estimate."""
 _ORDER = 6
@@ -187,7 +190,8 @@ def effort_scene(recording: Recording, drives: Drives, *, wrench: bool = False) 
     robot = arm_of(recording)
     signals = drive_signals(recording)
     rows = len(signals.t)
-    step = max(1, int(signals.rate / _RATE + 0.5), -(-rows // MOST_ROWS))
+    enough = _PER_CUTOFF * signals.cutoff if f"{COMMANDED}1" in recording.columns else _RATE
+    step = max(1, int(signals.rate / enough + 0.5), -(-rows // MOST_ROWS))
     if rows < step * _LEAST_ROWS:
         raise DiagnosisError(
             f"{recording.name}: {rows} rows: a diagnosis of joint efforts needs "

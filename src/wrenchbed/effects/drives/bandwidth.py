@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.drives.base import Column, DriveRows, Size
+from wrenchbed.effects.drives.base import Block, Column, DriveResidual, DriveRows, Size
 from wrenchbed.effects.drives.lag import Lag
 from wrenchbed.effects.drives.operators import slow
 
@@ -20,6 +20,12 @@ class DriveBandwidth(Lag):
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
         return ()
+
+    def scan(
+        self, rows: DriveRows, residual: DriveResidual
+    ) -> tuple[tuple[Column, ...], Block] | None:
+        """None of commands: below their cutoff a filter is as good as a delay, which is named."""
+        return super().scan(rows, residual) if rows.command is None else None
 
     def change(self, rows: DriveRows, time: float) -> np.ndarray:
         return slow(rows.lagging, rows.rate, time)

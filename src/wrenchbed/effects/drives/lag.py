@@ -55,7 +55,9 @@ class Lag(DriveEffect):
     def change(self, rows: DriveRows, time: float) -> np.ndarray:
         """What a lag of a time [s] adds (N,)."""
 
-    def scan(self, rows: DriveRows, residual: DriveResidual) -> tuple[tuple[Column, ...], Block]:
+    def scan(
+        self, rows: DriveRows, residual: DriveResidual
+    ) -> tuple[tuple[Column, ...], Block] | None:
         use, noise = residual.use, float(np.std(residual.remains[residual.use]))
         time = closest(
             lambda x: self.change(rows, x), lambda x: residual.thin(x)[use], residual.y[use],

@@ -1,0 +1,99 @@
+"""Diagnoses of commanded and reached joint values: what changed since a healthy day, in MuJoCo."""
+
+from dataclasses import replace
+
+import pytest
+from pytest import approx
+
+from servo_arm import Servos, follow, own_servo, recording, teleoperated
+from wrenchbed import registry
+from wrenchbed.cli import main
+from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
+from wrenchbed.drives.servo import calibrate_servos
+from wrenchbed.errors import DiagnosisError
+from wrenchbed.robots.described import describe
+
+SERVOS, SECONDS = Servos(), 30.0
+
+
+def altered(name, joint, factor=1.0, more=0.0):
+    """Servos of which one value of one joint, from 1, differs."""
+    values = list(getattr(SERVOS, name))
+    values[joint - 1] = factor * values[joint - 1] + more
+    return replace(SERVOS, **{name: tuple(values)})
+
+
+CASES = {
+    "delay": (altered("delay", 3, more=0.02), "drive.delay", "joint 3", ("delay", 0.02)),
+    "stiffness": (altered("kp", 2, 0.8), "drive.constant", "joint 2", ("gain", 0.25)),
+    "friction": (altered("friction", 4, 2.5), "drive.coulomb", "joint 4", ("coulomb", 0.0675)),
+    "damping": (altered("damping", 2, more=0.4), "drive.viscous", "joint 2", ("viscous", 0.4)),
+    "rotor": (altered("armature", 3, 2.0), "drive.inertia", "joint 3", ("inertia", 0.028)),
+    "load": (replace(SERVOS, load=0.1), "tool.mass", "tool", ("mass", 0.05)),
+}
+SLOW = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("arm")
+    (folder / "so.xml").write_text(SERVOS.xml(), encoding="utf-8")
+    describe(folder / "so.xml", "tip", folder / "so.toml")
+    return registry.load("robots", str(folder / "so.toml")).name
+
+
+def moved(arm, servos, seed, law=follow):
+    targets = teleoperated(seed, SECONDS)
+    return recording(law(servos, targets), targets, robot=arm)
+
+
+@pytest.fixture(scope="module")
+def healthy(arm, tmp_path_factory):
+    """The fit of a healthy day."""
+    file = tmp_path_factory.mktemp("fit") / "fit.json"
+    calibrate_servos(moved(arm, SERVOS, 100)).write(file)
+    return file
+
+
+@pytest.mark.parametrize(
+    "case", ["delay", *(pytest.param(c, marks=SLOW) for c in CASES if c != "delay")]
+)
+def test_what_changed_is_named_with_its_joint_and_size(arm, healthy, case):
+    servos, effect, element, (size, true) = CASES[case]
+    diagnosis = diagnose_efforts(moved(arm, servos, 7), drives=healthy).diagnosis
+    found = diagnosis.to_json()
+    first = found["which"][0]
+    assert (first["effect"], first["elements"][0]) == (effect, element)
+    assert found["verdict"] in ("identified", "ambiguous") and len(found["which"]) == 1
+    assert first["parameters"][size]["value"] == approx(true, rel=0.4)
+    assert any("tracking errors times stiffness" in note for note in diagnosis.notes)
+
+
+@pytest.mark.parametrize("law", [follow, pytest.param(own_servo, marks=SLOW)])
+def test_the_same_servos_on_another_day_are_none(arm, healthy, law):
+    file = healthy
+    if law is own_servo:
+        file = healthy.with_name("own.json")
+        calibrate_servos(moved(arm, SERVOS, 100, law)).write(file)
+    found = diagnose_efforts(moved(arm, SERVOS, 8, law), drives=file).diagnosis
+    assert found.verdict == "none" and not found.which
+
+
+def test_the_command_line_diagnoses_commands(arm, healthy, tmp_path, capsys):
+    log, out = tmp_path / "rec.parquet", tmp_path / "found"
+    moved(arm, CASES["stiffness"][0], 3).write(log)
+    line = ["diagnose", str(log), "--drives", str(healthy), "--out", str(out)]
+    assert main(line) == 0
+    shown = capsys.readouterr().out
+    assert "joint 2" in shown and all(len(row) <= 80 for row in shown.splitlines())
+    assert {"diagnosis.json", "report.html", "drives.json"} <= {p.name for p in out.iterdir()}
+
+
+def test_commands_at_rest_or_beside_others_are_refused_with_the_reason(arm, healthy):
+    log = moved(arm, SERVOS, 1)
+    with pytest.raises(DiagnosisError, match="in motion, one recording at a time"):
+        diagnose(log)
+    efforts = replace(log, columns={**log.columns, **{f"tau{j}": log.t for j in range(1, 7)}})
+    with pytest.raises(DiagnosisError, match="must be 'effort'"):
+        diagnose_efforts(efforts, drives=healthy)
