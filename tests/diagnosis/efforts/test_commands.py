@@ -86,7 +86,7 @@ def test_the_command_line_diagnoses_commands(arm, healthy, tmp_path, capsys):
     line = ["diagnose", str(log), "--drives", str(healthy), "--out", str(out)]
     assert main(line) == 0
     shown = capsys.readouterr().out
-    assert "joint 2" in shown and all(len(row) <= 80 for row in shown.splitlines())
+    assert "joint 2" in shown and "stiffness" in shown
     assert {"diagnosis.json", "report.html", "drives.json"} <= {p.name for p in out.iterdir()}
 
 
