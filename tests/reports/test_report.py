@@ -86,10 +86,14 @@ def without_cause(f: Findings) -> Findings:
     return changed(f, verdict="unknown", gap=gap, which=[], where=[], probabilities=p)
 
 
-def shown(f: Findings) -> Page:
+def undrawn(f: Findings) -> str:
     """Its page without what is drawn."""
     with patch("wrenchbed.reports.diagnosis_page.draw", lambda c: Drawn(c, "<svg></svg>")):
-        return Page(diagnosis_page(f).html())
+        return diagnosis_page(f).html()
+
+
+def shown(f: Findings) -> Page:
+    return Page(undrawn(f))
 
 
 def test_the_page_holds_the_numbers_of_the_json(springy):
@@ -235,7 +239,7 @@ def test_the_page_needs_nothing_else_and_is_small_and_draws_each_channels_gap(ca
 
 
 def test_the_page_runs_its_own_scripts_and_no_other(springy):
-    html = diagnosis_page(springy).html()
+    html = undrawn(springy)
     policy = unescape(re.search(r'Content-Security-Policy" content="([^"]+)"', html)[1])
     allowed = re.findall(r"'sha256-([^']+)'", policy)
     scripts = re.findall(r"<script>(.*?)</script>", html, flags=re.DOTALL)
@@ -273,7 +277,9 @@ def test_the_command_line_writes_it_with_its_command(tmp_path, capsys):
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("library", ["jinja2", "matplotlib"])
-def test_without_its_extra_a_diagnosis_warns_and_goes_on(library, tmp_path, capsys, monkeypatch):
+def test_without_its_extra_a_diagnosis_warns_and_goes_on(
+    library, springy, tmp_path, capsys, monkeypatch
+):
     require = registry.require
 
     def missing(name, extra):
@@ -284,7 +290,8 @@ def test_without_its_extra_a_diagnosis_warns_and_goes_on(library, tmp_path, caps
         return require(name, extra)
 
     monkeypatch.setattr(registry, "require", missing)
-    assert main(["diagnose", recorded(tmp_path, 5).name, "--out", str(tmp_path / "d")]) == 0
+    monkeypatch.setattr("wrenchbed.diagnosis.diagnose.diagnose", lambda *_, **__: springy)
+    assert main(["diagnose", springy.diagnosis.recording, "--out", str(tmp_path / "d")]) == 0
     told = capsys.readouterr()
     assert "no report.html" in told.err and "wrenchbed[report]" in told.err
     assert "report.html" not in told.out
