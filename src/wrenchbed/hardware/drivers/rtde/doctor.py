@@ -167,14 +167,8 @@ def _settings(robot: Robot, words: Mapping[str, Any]) -> Iterator[Line]:
 def _stream(
     times: Sequence[tuple[float, float]], least: float, what: str, *, clocked: bool
 ) -> Iterator[Line]:
-    """Rate, gaps and clock of a stream of (arrival, device clock) [s].
-
-    Args:
-        times: NaN for the clock where there is none.
-        least: rate that is needed [Hz].
-        what: comes.
-        clocked: whether a device of this kind always has a clock.
-    """
+    """Rate, gaps and clock of a stream of (arrival, device clock or NaN) [s]; it needs a least rate
+    [Hz], and if ``clocked``, a clock."""
     at, clock = np.transpose(times) if len(times) > 2 else (np.zeros(2), np.zeros(2))
     rate = (len(at) - 1) / (at[-1] - at[0]) if at[-1] > at[0] else 0.0
     gap = float(np.diff(at).max()) if rate else math.inf
