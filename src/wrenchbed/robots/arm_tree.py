@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.rotations import matrix, quaternion
-from wrenchbed.physics.wrench import about_centre, six_of
+from wrenchbed.physics.wrench import six_of
 from wrenchbed.robots.arm_model import (
     CONNECT,
     COUPLED,
@@ -26,7 +26,6 @@ from wrenchbed.robots.arm_model import (
     lighter,
 )
 from wrenchbed.robots.arm_spec import KINDS
-from wrenchbed.robots.mjcf import inertial_of
 from wrenchbed.robots.model_source import ModelSource
 
 SITE = "wrenchbed frame"
@@ -327,12 +326,19 @@ class ArmTree:
         self, bodies: np.ndarray, turn: np.ndarray, origin: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray]:
         """Mass, CoG (3,) and inertia about it (3, 3) of some bodies, in a frame of the world."""
-        some = [b for b in bodies if b and self.model.body_mass[b] > _NOTHING]
+        model, data = self.model, self.data
+        some = [b for b in bodies if b and model.body_mass[b] > _NOTHING]
+        mass = float(sum(model.body_mass[b] for b in some))
         if not some:
             return 0.0, np.zeros(3), np.zeros((3, 3))
-        each = [inertial_of(self.model, self.data, int(b), turn, origin) for b in some]
-        mass, cog, inertia = about_centre(np.sum(each, axis=0))
-        return float(mass), cog, inertia
+        places = {b: data.xpos[b] + _axes(data.xmat[b]) @ model.body_ipos[b] for b in some}
+        centre = sum(model.body_mass[b] * places[b] for b in some) / mass
+        inertia = np.zeros((3, 3))  # about the centre at once: a plate's would lose its last digits
+        for b in some:
+            axes, r = _axes(data.xmat[b]) @ matrix(model.body_iquat[b]), places[b] - centre
+            inertia += axes @ np.diag(model.body_inertia[b]) @ axes.T
+            inertia += model.body_mass[b] * (r @ r * np.eye(3) - np.outer(r, r))
+        return mass, turn.T @ (centre - origin), turn.T @ inertia @ turn
 
     def _load(self, turn: np.ndarray, origin: np.ndarray) -> Load | None:
         bodies = np.array(sorted(self.behind), dtype=int)
