@@ -89,7 +89,7 @@ def import_lerobot(folder: Path, map_file: Path) -> Imported:
 def _features(folder: Path) -> dict[str, list[str]]:
     """Names of the numbers of each feature of robots."""
     fields = checked.Fields(checked.load(folder / INFO, MapError), f"{folder / INFO}: ", MapError)
-    result = {}
+    result: dict[str, list[str]] = {}
     for name, entry in fields.part("features").raw.items():
         names: Any = entry.get("names") if isinstance(entry, Mapping) else None
         if isinstance(names, Mapping):  # as {"motors": [...]} of format 2
@@ -141,7 +141,7 @@ def _table(folder: Path, kinds: Sequence[str]) -> pa.Table:
     files = sorted((folder / "data").rglob("*.parquet"))
     if not files:
         raise MapError(f"{folder}: has no Parquet file under data/")
-    parts, columns = [], [*kinds, "timestamp", "episode_index"]
+    parts, columns = list[pa.Table](), [*kinds, "timestamp", "episode_index"]
     for file in files:
         try:
             parts.append(pq.ParquetFile(file).read(columns=columns))
@@ -172,7 +172,7 @@ def _values(table: pa.Table, kind: str, folder: Path) -> np.ndarray:
     flat = table[kind].combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(float)
     if len(flat) % len(table):
         raise MapError(f"{folder}: rows of {kind} have different lengths")
-    return flat.reshape(len(table), -1)
+    return np.asarray(flat.reshape(len(table), -1))
 
 
 def _in_si(values: np.ndarray, stated: checked.Fields, joints: int) -> np.ndarray:

@@ -6,12 +6,12 @@ currents, and T joins as a column that is linear near it. Of kv and viscous fric
 told. Pieces between gaps and episodes are filtered apart.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.interpolate import BSpline, make_interp_spline
+from scipy.interpolate import make_interp_spline
 
 from wrenchbed.calibration.fit import IdentifiedValue
 from wrenchbed.channels.command import CHANNEL
@@ -68,7 +68,7 @@ class Piece:
     """
 
     signals: DriveSignals
-    target: tuple[BSpline, ...]
+    target: tuple[Callable[[np.ndarray], np.ndarray], ...]
 
     def noise(self, rng: np.random.Generator) -> np.ndarray:
         """Noise (N, J) like that of the encoders."""
@@ -262,7 +262,7 @@ def _begun(problem: Problem, pieces: Sequence[Piece]) -> np.ndarray:
 
 def _delays(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Entries (…, J) of the last column of each joint, among those of parameters (…, K)."""
-    return _of_joints(problem, x)[..., -1]
+    return np.asarray(_of_joints(problem, x)[..., -1])
 
 
 def _of_joints(problem: Problem, x: np.ndarray) -> np.ndarray:

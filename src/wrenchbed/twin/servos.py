@@ -93,7 +93,7 @@ def _numbers(value: Mapping[str, float], joints: int, path: str) -> np.ndarray:
             f"{path}: servo.stiffness.{bad[0] + 1} = {result[bad[0], 0]:.3g}: the data tell no "
             "stiffness of this joint; record a motion that loads it, with faster reversals"
         )
-    return np.maximum(result, 0.0)
+    return np.asarray(np.maximum(result, 0.0))
 
 
 def _spec(
