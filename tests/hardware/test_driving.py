@@ -109,11 +109,12 @@ def with_encoder_noise(rec: Recording, std: float) -> Recording:
 @pytest.mark.parametrize("rate", [125.0, 500.0])
 def test_encoder_noise_in_motion_is_smoothed_or_refused(tmp_path, rate):
     rec = motion(tmp_path, rate, 12.0, 3, "white")
-    fit = calibrate(with_encoder_noise(rec, 2e-6))
-    for name in ("tool.mass", "tool.cog.z", "sensor.bias.fz", "mount.rotation.z"):
-        assert abs(fit[name].value - EXAMPLE[name]) < 4.5 * fit[name].std, name
+    for std in (2e-6, 2e-4) if rate > 125.0 else (2e-6,):  # a wider window at the high rate
+        fit = calibrate(with_encoder_noise(rec, std))
+        for name in ("tool.mass", "tool.cog.z", "sensor.bias.fz", "mount.rotation.z"):
+            assert abs(fit[name].value - EXAMPLE[name]) < 4.5 * fit[name].std, name
     with pytest.raises(CalibrationError, match=r"q\d is rough .* calibrate at rest"):
-        calibrate(with_encoder_noise(rec, 2e-4))
+        calibrate(with_encoder_noise(rec, 2e-4 if rate == 125.0 else 2e-3))
 
 
 def test_a_motion_is_played_at_its_own_rate(tmp_path):
