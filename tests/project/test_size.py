@@ -7,43 +7,43 @@ import pytest
 ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 618,
-    "benchmark": 8610,
-    "calibration": 5687,
-    "campaigns": 1388,
-    "channels": 985,
+    "benchmark": 8016,
+    "calibration": 5442,
+    "campaigns": 1343,
+    "channels": 933,
     "cli": 2761,
-    "data": 5009,
-    "diagnosis": 14238,
-    "drives": 1802,
+    "data": 5034,
+    "diagnosis": 13861,
+    "drives": 1695,
     "effects": 4952,
     "environments": 618,
-    "exports": 849,
+    "exports": 848,
     "files": 607,
-    "hardware": 6850,
-    "jobs": 452,
-    "monitoring": 1537,
+    "hardware": 6847,
+    "jobs": 416,
+    "monitoring": 1519,
     "pages": 1151,
-    "physics": 1156,
-    "planning": 1051,
-    "plant": 835,
-    "reports": 2178,
-    "robots": 4788,
+    "physics": 1055,
+    "planning": 1082,
+    "plant": 805,
+    "reports": 2188,
+    "robots": 4776,
     "sensors": 330,
-    "simulation": 1318,
-    "studies": 1458,
-    "twin": 1187,
+    "simulation": 1265,
+    "studies": 1452,
+    "twin": 1164,
     "viewer": 1098,
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 82010,
-    "src/wrenchbed": 72481,
-    "src/robot_emulators": 9766,
-    "tests": 42272,
-    "scripts": 3520,
+    "src": 81326,
+    "src/wrenchbed": 71876,
+    "src/robot_emulators": 9450,
+    "tests": 40838,
+    "scripts": 3499,
 }
 """Lines of Python below a folder at most; of scripts every line."""
-MOST_FILES = 491
+MOST_FILES = 489
 """Files of Python below src at most."""
 
 

@@ -159,7 +159,7 @@ def _restricted(
         span: orthonormal directions of what moves them (B, k, N); 0 counts as none.
         weight: of the residuals (B, N).
     """
-    moved = span.any(axis=2)
+    moved = np.asarray(span.any(axis=2))
     x, weighted = np.swapaxes(span, 1, 2), (weight * r)[..., None]
     gram = span @ (weight[..., None] * x) + np.eye(span.shape[1]) * ~moved[:, None]
     right = span @ weighted

@@ -170,7 +170,7 @@ def base_vibration(design: ExperimentDesign, rng: Rng, size: float) -> Imperfect
     world = np.broadcast_to(-level * axis, (len(design), 3))
     force = design.load.mass * rotate_back(design.motion.rotation, world)
     shake = wrench_at(design.load.cog, force)
-    values = {"acceleration": level, "frequency": frequency} | by_axis(axis)
+    values = {"acceleration": float(level), "frequency": frequency} | by_axis(axis)
     rows = imperfection.RowImperfection(shake=imperfection.Shaking(shake, frequency))
     return Imperfection(values, rows=rows)
 

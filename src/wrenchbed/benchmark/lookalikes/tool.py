@@ -82,7 +82,7 @@ def tool_leak(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     place = design.load.cog + rng.normal(0.0, 0.02, 3)
 
     return Imperfection(
-        {"lost": lost},
+        {"lost": float(lost)},
         load=lambda m, _: loads.wrench_at(place, -lost * law[:, None] * m.specific_force),
     )
 
@@ -154,7 +154,7 @@ def cable_pull(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
         pull = stiffness * stretch * (taut / stretch) ** power * line / length
         return loads.wrench_at(lever, loads.rotate_back(motion.rotation, pull))
 
-    values = {"stiffness": stiffness, "slack": slack}
+    values = {"stiffness": float(stiffness), "slack": float(slack)}
     return Imperfection(values | by_axis(hook, "hook_") | by_axis(point, "point_"), load=act)
 
 
@@ -204,5 +204,6 @@ def environment_contact(design: ExperimentDesign, rng: Rng, size: float) -> Impe
         push = (force * depth**power)[:, None] * (normal + friction * along)
         return loads.wrench_at(lever, loads.rotate_back(motion.rotation, push))
 
-    values = {"stiffness": force / mean, "level": level, "power": power, "friction": friction}
+    values = {"stiffness": float(force / mean), "level": float(level)}
+    values |= {"power": float(power), "friction": float(friction)}
     return Imperfection(values | by_axis(normal, "normal_"), load=act)

@@ -134,7 +134,7 @@ def _answer_ourselves(method: str, recording: Path, out: Path, limit: float) -> 
 
 def contract(claim: Claim, recording: str, robot: str) -> dict[str, Any]:
     """A baseline's claim as the contract's ``diagnosis.json``."""
-    which = [
+    which: list[dict[str, Any]] = [
         {
             "effect": c[0],
             "probability": claim.probabilities.get("|".join(c), claim.sure if k == 0 else 1.0),

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow, Claim, Oracle
 from wrenchbed.benchmark.sealed import commitments
-from wrenchbed.benchmark.sealed.commitments import MOST, Oracle
+from wrenchbed.benchmark.sealed.commitments import MOST
 from wrenchbed.benchmark.sealed.run import CLAIM, RESERVED, RUN
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.errors import BenchmarkError
