@@ -15,7 +15,7 @@ WRENCHBED = {
     "data": 5034,
     "diagnosis": 13861,
     "drives": 1695,
-    "effects": 4952,
+    "effects": 4953,
     "environments": 618,
     "exports": 848,
     "files": 607,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 81326,
-    "src/wrenchbed": 71876,
+    "src": 81327,
+    "src/wrenchbed": 71877,
     "src/robot_emulators": 9450,
-    "tests": 40838,
+    "tests": 40839,
     "scripts": 3499,
 }
 """Lines of Python below a folder at most; of scripts every line."""

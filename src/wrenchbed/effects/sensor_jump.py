@@ -28,7 +28,8 @@ LEAST_FIRST = 0.1
 """Share of the squared residual that one jump explains at least where there are several; measured:
 with 0.5 two of the twenty of tests/diagnosis/test_misleading_recordings.py are missed."""
 _BEFORE = 1e-3
-"""Part of the time between two poses by which a jump within one begins before its mean time."""
+"""Part of the time between two poses by which a jump within one begins before its mean time: far
+below what readings tell, so that the pose itself is behind it; by definition."""
 EXPLAINED = 0.5
 """Share of what the jumps before it leave that a further one explains at least."""
 
