@@ -107,16 +107,19 @@ def test_torques_of_joints_are_never_a_wrench(tmp_path, log, capsys):
     assert np.allclose(recording.columns["tau6"], values[:, 11])
 
 
-def test_what_was_taken_for_granted_and_what_is_not_used_is_said(tmp_path, log, capsys):
+@pytest.mark.parametrize("second", ["right_wrench_{}", "right_{}"])
+def test_what_was_taken_for_granted_and_what_is_not_used_is_said(tmp_path, log, capsys, second):
     t, values = log
     others = np.hstack([values, values[:, 6:] + 1.0])
-    names = ("t", *NAMES[:6], *(f"left_{n}" for n in NAMES[6:]), *(f"right_F{k}" for k in range(6)))
-    header = ",".join(names).replace("right_F", "right_wrench_")
+    ends = range(6) if "wrench" in second else ("Fx", "Fy", "Fz", "Tx", "Ty", "Tz")
+    left = [f"left_{n}" for n in NAMES[6:]]
+    header = ",".join(("t", *NAMES[:6], *left, *(second.format(end) for end in ends)))
     path = write(tmp_path / "log.csv", [header], map(repr, t.tolist()), others)
     assert main(["import", str(path), "--guess", "--out", str(tmp_path / "rec.parquet")]) == 0
     out = capsys.readouterr().out
     assert "no --robot is stated: ur5's joints explain it" in out
-    assert "not used: another wrench" in out
+    named = [second.format(end) for end in ends]
+    assert f"not used: another wrench, {named[0]} … {named[-1]}" in out
 
 
 def motion(gap_s):

@@ -8,11 +8,11 @@ ROOT = Path(__file__).parents[2]
 WRENCHBED = {
     ".": 618,
     "benchmark": 8016,
-    "calibration": 5442,
+    "calibration": 5443,
     "campaigns": 1343,
     "channels": 933,
     "cli": 2761,
-    "data": 5034,
+    "data": 5048,
     "diagnosis": 13861,
     "drives": 1695,
     "effects": 4953,
@@ -36,10 +36,10 @@ WRENCHBED = {
 }
 """Lines of Python of each room of wrenchbed at most; ``.`` is the package's own files."""
 IN_ALL = {
-    "src": 81327,
-    "src/wrenchbed": 71877,
+    "src": 81342,
+    "src/wrenchbed": 71892,
     "src/robot_emulators": 9450,
-    "tests": 40839,
+    "tests": 40842,
     "scripts": 3499,
 }
 """Lines of Python below a folder at most; of scripts every line."""

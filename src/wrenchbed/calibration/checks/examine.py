@@ -444,4 +444,5 @@ def _overcompensated(seen: Observed) -> Finding | None:
     units = (1.0, *_UNITS.values())
     if any(abs(mass / (factor * seen.mass) - 1.0) < NEAR_UNIT for factor in units):
         return None
-    return _without_payload(seen, replace(load, phi=-load.phi))
+    doubt = f" (with the opposite sign the wrench is that of a tool of {mass:.4g} kg)"
+    return _without_payload(seen, replace(load, phi=-load.phi), doubt)

@@ -21,7 +21,7 @@ from wrenchbed.data.column_map import ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.guess.candidates import at_rows, candidates, rows_at
 from wrenchbed.data.guess.convention import Convention
 from wrenchbed.data.guess.joint_torques import by_names
-from wrenchbed.data.guess.sheets import Sheet, orientations, sheet_of, wrenches
+from wrenchbed.data.guess.sheets import Sheet, is_of_wrench, orientations, sheet_of, wrenches
 from wrenchbed.data.guess.stated import NOTHING, Stated
 from wrenchbed.data.logs import is_log
 from wrenchbed.errors import MapError
@@ -180,13 +180,19 @@ def guess(
         )
     chosen = tuple(sorted(whole, key=lambda c: c.cost))
     maps = tuple(raw_map(c, tables, stated, mode) for c in chosen)
+    return Guess(chosen, maps, tuple(others), _notes(chosen[0], tables, stated, untried))
+
+
+def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str) -> tuple[str, ...]:
+    """Sentences on what was taken for granted, not used or not tried."""
     notes = [untried] if untried else []
-    if chosen[0].reading.robot is not None and stated.robot is None:
-        notes.insert(0, f"no --robot is stated: {chosen[0].reading.robot}'s joints explain it")
-    for load in (x for sheet in tables for x in sheet.loads if x != chosen[0].wrench):
-        ends = list(load.values())
-        notes.append(f"not used: another wrench, {ends[0]} … {ends[-1]}; give it a map of its own")
-    return Guess(chosen, maps, tuple(others), tuple(notes))
+    if c.reading.robot is not None and stated.robot is None:
+        notes.append(f"no --robot is stated: {c.reading.robot}'s joints explain it")
+    used = set(c.wrench.values())
+    if unused := [n for sheet in tables for n in sheet.values if is_of_wrench(n) and n not in used]:
+        names = f"{unused[0]} … {unused[-1]}"
+        notes.append(f"not used: another wrench, {names}; give it a map of its own")
+    return tuple(notes)
 
 
 def _nothing(tables: Sequence[Sheet]) -> str:

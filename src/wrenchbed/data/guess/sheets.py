@@ -244,6 +244,14 @@ def plain(name: str) -> str:
     return re.sub(rf"_(?:{'|'.join(_SHORT_UNITS)})$", "", name)
 
 
+def is_of_wrench(name: str) -> bool:
+    """Whether a column's name says that it is a force or a torque of a sensor."""
+    short = plain(name)
+    return any(p.search(short) for p, role in _NAMED if role in ("f{}", "t{}")) or bool(
+        _WRENCH_STEM.search(short) and _INDEXED.match(short)
+    )
+
+
 def unit_of(name: str) -> str | None:
     """The unit that a column's name states, as ``Fx [N]`` or ``time_ms``."""
     match = _UNIT_AT_END.match(name)
