@@ -24,7 +24,8 @@ from robot_emulators.ur.controller import Controller
 from robot_emulators.ur.dashboard import Dashboard
 from robot_emulators.ur.network import Conversation, Peer, Port
 from robot_emulators.ur.outputs import Outputs, Timestamp
-from robot_emulators.ur.primary import Primary, ScriptClient
+from robot_emulators.ur.primary import Primary
+from robot_emulators.ur.realtime import Realtime
 from robot_emulators.ur.rtde import Offer, Rtde
 from robot_emulators.ur.settings import ControllerSettings
 
@@ -72,6 +73,7 @@ class UREmulator(Emulator):
         self.timestamp = Timestamp(self.plant)
         self.controller.address = options.host
         self.primary = Primary(self.controller, self.timestamp)
+        self._realtime = Realtime(self.controller, self.timestamp)
         offer = Offer(
             settings.version, 1.0 / settings.cycle, self.controller.fields, self.controller.inputs,
             partial(self.faults.now, "rtde"),
@@ -82,7 +84,7 @@ class UREmulator(Emulator):
             "dashboard": lambda peer: Dashboard(self.controller, peer, self._shut_down),
             "primary": self.primary.primary,
             "secondary": self.primary.secondary,
-            "script": lambda peer: ScriptClient(self.controller),
+            "script": self._realtime.answer,
         }
         self.ports = {
             name: Port(self._thread, (options.host, _PORTS[name]), self.faults, name, answer)
@@ -206,12 +208,15 @@ class UREmulator(Emulator):
     def _cycle(self, behind: int) -> None:
         now = time.monotonic()
         self.controller.cycle(now)
-        self._outputs.update(self.timestamp.now(), self.rtde.wanted | self.primary.wanted)
+        wanted = self.rtde.wanted | self.primary.wanted | self._realtime.wanted
+        self._outputs.update(self.timestamp.now(), wanted)
         cycle = self._settings.cycle
         send = behind * cycle < _LATE_S or now - self._sent_at > _SHARE * cycle
         self._sent_at = now if send else self._sent_at
         self.rtde.stream(self.controller.values, send)
         self.primary.cycle(now)
+        if send:
+            self._realtime.cycle()
         for port in self.ports.values():
             port.tick()
 
