@@ -180,6 +180,18 @@ REFUSALS = {
         ),
         r"closes a loop between 'probe' and 'distal_right', across the sensor",
     ),
+    "coupled": (
+        FIVE_BAR.replace(
+            "</equality>", '<joint joint1="motor_left" joint2="elbow_left"/></equality>'
+        ),
+        r"couples joints 'motor_left' and 'elbow_left': only the equality constraint connect",
+    ),
+    "welded": (
+        FIVE_BAR.replace(
+            "</equality>", '<weld body1="distal_left" body2="distal_right"/></equality>'
+        ),
+        r"closes a loop between 'distal_left' and 'distal_right': only the .* connect",
+    ),
     "no actuators": (
         re.sub(r"<actuator>.*</actuator>", "", FIVE_BAR, flags=re.DOTALL),
         r"no <actuator> says which joints are driven \(of motor_left, elbow_left",
@@ -214,60 +226,18 @@ def test_loops_that_cannot_be_computed_are_refused_in_one_line(what, tmp_path, c
     assert not (tmp_path / "a.toml").exists()
 
 
-COUPLED = """
-<mujoco model="coupled">
-  <compiler angle="radian"/>
-  <worldbody>
-    <body name="arm" pos="0 0 0.5">
-      <joint name="lift" axis="0 1 0" range="-1 1" ref="0.2"/>
-      <inertial pos="0 0 0.1" mass="1" diaginertia="0.01 0.01 0.01"/>
-      <body name="fore" pos="0 0 0.3">
-        <joint name="follow" axis="0.6 0 0.8" ref="0.1"/>
-        <inertial pos="0 0 0.1" mass="0.5" diaginertia="0.01 0.01 0.01"/>
-        <body name="hand" pos="0 0 0.2">
-          <joint name="roll" axis="1 0 0" range="-2 2"/>
-          <inertial pos="0 0 0.01" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>
-          <site name="sensor" euler="0.1 0.2 0.3"/>
-          <body name="load"><inertial pos="0.01 0.02 0.05" mass="0.7"
-            diaginertia="0.001 0.001 0.001"/></body>
-        </body>
-      </body>
-    </body>
-    <body name="copy" pos="0.05 0 0.5">
-      <joint name="near" axis="0 1 0"/><inertial pos="0 0 0.1" mass="1" diaginertia="1 1 1"/>
-    </body>
-  </worldbody>
-  <equality>
-    <joint name="law" joint1="follow" joint2="lift" polycoef="0.05 0.5 0.3 -0.2 0.1"/>
-    <weld name="twin" body1="arm" body2="copy"/>
-  </equality>
-  <actuator><position joint="roll"/><position joint="lift"/></actuator>
-</mujoco>"""
-
-
-def test_coupled_joints_and_welds_are_mujocos(tmp_path):
-    """A weld of two bodies on one axis would be over-determined: here its slide is the axis' own.
-
-    The order of q is the actuators': roll before lift.
-    """
-    text = COUPLED.replace('pos="0.05 0 0.5"', 'pos="0 0 0.5"')
-    (tmp_path / "a.xml").write_text(text)
-    robot = describe(tmp_path / "a.xml", "sensor", tmp_path / "a.toml").robot
-    assert [robot.arm_model.links[k].joint for k in robot.arm_model.driven] == ["roll", "lift"]
-    plain = PlainLoops(tmp_path / "a.xml", "sensor", "load", ("roll", "lift"))
-    q = robot.sample(30, np.random.default_rng(0))
-    wrench, place = plain.wrench(q)
+def test_an_older_recordings_loops_are_read_and_other_kinds_refused():
+    """It states each closure's kind, and the numbers that welds and coupled joints had."""
+    robot = loop_robot("five_bar")
+    record = json.loads(json.dumps(robot.record))
+    (closure,) = record["arm"]["loops"]["closures"]
+    closure |= {"kind": "connect", "turn": np.eye(3).tolist(), "law": []}
+    q = robot.sample(5, np.random.default_rng(0))
     theta = robot.parameters.nominal
-    assert np.abs(loads(robot, q, theta) - wrench).max() < 1e-9
-    assert np.abs(robot.sensor_pose(q, theta)[1] - place).max() < 1e-9
-    rng = np.random.default_rng(1)
-    for _ in range(3):
-        other = random_theta(robot, rng)
-        assert np.abs(Simulation(robot, other).wrench(q) - loads(robot, q, other)).max() < 1e-10
-    simulation = Simulation(robot, theta)
-    simulation.data.qpos[:] = robot.qpos(q[:1], theta)[0]
-    mujoco.mj_fwdPosition(simulation.model, simulation.data)
-    assert np.abs(simulation.data.efc_pos).max() < 1e-12
+    assert np.array_equal(loads(rebuilt(record), q, theta), loads(robot, q, theta))
+    closure["kind"] = "weld"
+    with pytest.raises(ParameterError, match="robot_model: .* tip is a weld"):
+        rebuilt(record)
 
 
 def test_a_ball_joint_is_refused_with_the_remedy(tmp_path):

@@ -272,6 +272,13 @@ def test_a_fixed_joints_name_is_its_childs_frame_and_speeds_are_the_files(tmp_pa
     assert robot.description.load.bodies == ("t",)
 
 
+def test_a_joints_speed_is_found_beside_its_transmission(tmp_path):
+    """ROS files name the joint a second time there, without a limit."""
+    rest = '<transmission name="gear"><joint name="j"/></transmission>'
+    assert refused(tmp_path, URDF.format(kind="revolute", more="", rest=rest), "t") == (0, True)
+    assert read(tmp_path / "my.toml").joints[0].speed == 2.0
+
+
 @pytest.mark.parametrize(
     ("old", "new", "reason"),
     [

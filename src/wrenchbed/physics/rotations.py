@@ -8,7 +8,7 @@ import math
 
 import numpy as np
 
-from wrenchbed.physics.time_derivatives import STEP, Value, cos, reshape_matrix, sin, stack_jets
+from wrenchbed.physics.time_derivatives import Value, cos, reshape_matrix, sin, stack_jets
 
 _TERMS = 18
 """Of the series, by definition φ²ᵏ/(2k + 1)!: at φ = π the first omitted one, 6e-26, is below
@@ -66,19 +66,6 @@ def exp(x: Value, y: Value, z: Value) -> Value:
             ]
         )
     )  # fmt: skip
-
-
-def exp_rates(vector: np.ndarray) -> np.ndarray:
-    """Columns (3, 3): the angular velocity, in the fixed axes, as each component grows by 1/s."""
-    if not vector.any():
-        return np.eye(3)
-    columns = []
-    for k in range(3):
-        shifted = vector.astype(complex)
-        shifted[k] += 1j * STEP
-        spin = exp(*shifted).imag / STEP @ exp(*vector).T
-        columns.append([spin[2, 1], spin[0, 2], spin[1, 0]])
-    return np.array(columns).T
 
 
 def _series(square: Value, odd: int) -> Value:

@@ -14,7 +14,6 @@ import numpy as np
 
 HINGE, SLIDE = "hinge", "slide"
 _Made = TypeVar("_Made", "ArmModel", "ArmLink", "Load", "Closure", "Shape")
-CONNECT, WELD, COUPLED = "connect", "weld", "joint"
 _TREE = ("parents", "end", "driven", "closures")
 """Fields of the topology, which in JSON are those of ``loops``, null of a serial chain."""
 MESH_VERTICES = 300
@@ -80,24 +79,18 @@ class Load:
 
 @dataclass(frozen=True, eq=False)
 class Closure:
-    """Constraint that closes a loop: MuJoCo's equality between two links, or two joints' values.
+    """Constraint that closes a loop: MuJoCo's ``connect``, by which a point of two links is one.
 
     Attributes:
         name: the file's, or ``loop1`` …
-        kind: connect, weld or joint.
-        first, second: numbers of the links; −1 is the base (of a joint: none).
-        places: the points that are one, in the axes of either link (2, 3) [m].
-        turn: of a weld, R_first · turn = R_second (3, 3).
-        law: of joints, y − y0 = a0 + a1 (x − x0) + … of ``first`` y by ``second`` x: y0 x0 a0 … a4.
+        first, second: numbers of the links; −1 is the base.
+        places: the point in the axes of either link (2, 3) [m].
     """
 
     name: str
-    kind: str
     first: int
     second: int
     places: np.ndarray
-    turn: np.ndarray
-    law: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +148,7 @@ class ArmModel:
             cls, rest | tree, load=None if load is None else _made(Load, load),
             base_shapes=tuple(_made(Shape, shape) for shape in raw["base_shapes"]),
             links=tuple(_made(ArmLink, link) for link in raw["links"]),
-            closures=tuple(_made(Closure, closure) for closure in tree["closures"]),
+            closures=tuple(_connect(closure) for closure in tree["closures"]),
         )  # fmt: skip
 
     @property
@@ -189,6 +182,13 @@ def _made(kind: type[_Made], raw: Mapping[str, Any], **parts: Any) -> _Made:
     if "shapes" in raw:
         parts["shapes"] = tuple(_made(Shape, shape) for shape in raw["shapes"])
     return kind(**(values | parts))
+
+
+def _connect(raw: Mapping[str, Any]) -> Closure:
+    """A closure from JSON; recordings up to 2026-11 state its kind, and more of other kinds."""
+    if raw.get("kind", "connect") != "connect":
+        raise ValueError(f"{raw['name']} is a {raw['kind']}: only a connect closes a loop")
+    return _made(Closure, {f.name: raw[f.name] for f in fields(Closure)})
 
 
 def _tuples(value: Any) -> Any:

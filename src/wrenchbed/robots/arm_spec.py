@@ -11,7 +11,7 @@ import numpy as np
 
 from wrenchbed.physics.rotations import matrix, quaternion
 from wrenchbed.physics.wrench import physical_inertia, six_of
-from wrenchbed.robots.arm_model import COUPLED, HINGE, ArmLink, ArmModel, Load, Shape, about
+from wrenchbed.robots.arm_model import HINGE, ArmLink, ArmModel, Load, Shape, about
 from wrenchbed.robots.mjcf import DAMPING, STIFFNESS
 
 _LIGHTEST, _SMALLEST = 1e-6, 1e-9
@@ -170,20 +170,16 @@ def _servo(spec: mujoco.MjSpec, column: str, link: ArmLink) -> None:
 
 
 def _close(spec: mujoco.MjSpec, bodies: Sequence[mujoco.MjsBody], arm: ArmModel) -> None:
-    """Sites ``<loop>_1`` and ``<loop>_2`` that MuJoCo keeps together, stiffly; coupled joints."""
+    """Sites ``<loop>_1`` and ``<loop>_2`` that MuJoCo keeps together, stiffly."""
+    kind = mujoco.mjtEq.mjEQ_CONNECT
     for c in arm.closures:
-        kind = getattr(mujoco.mjtEq, f"mjEQ_{c.kind.upper()}")
         equality = spec.add_equality(name=c.name, type=kind, solref=_STIFF, solimp=_HARD)
-        if c.kind == COUPLED:
-            equality.objtype = mujoco.mjtObj.mjOBJ_JOINT
-            equality.name1 = arm.columns[c.first]
-            equality.name2 = arm.columns[c.second] if c.second >= 0 else ""
-            continue
         equality.objtype = mujoco.mjtObj.mjOBJ_SITE
         equality.name1, equality.name2 = f"{c.name}_1", f"{c.name}_2"
-        pairs = ((equality.name1, c.first, c.turn), (equality.name2, c.second, np.eye(3)))
-        for n, (name, k, turn) in enumerate(pairs):
-            bodies[k + 1].add_site(name=name, pos=c.places[n], quat=quaternion(turn))
+        for name, k, place in zip(
+            (equality.name1, equality.name2), (c.first, c.second), c.places, strict=True
+        ):
+            bodies[k + 1].add_site(name=name, pos=place)
 
 
 def _end(spec: mujoco.MjSpec, body: mujoco.MjsBody, arm: ArmModel, load: Load) -> None:

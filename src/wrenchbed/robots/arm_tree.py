@@ -12,11 +12,8 @@ from wrenchbed.errors import ParameterError
 from wrenchbed.physics.rotations import matrix, quaternion
 from wrenchbed.physics.wrench import six_of
 from wrenchbed.robots.arm_model import (
-    CONNECT,
-    COUPLED,
     HINGE,
     SLIDE,
-    WELD,
     ArmLink,
     ArmModel,
     Closure,
@@ -30,11 +27,9 @@ from wrenchbed.robots.model_source import ModelSource
 
 SITE = "wrenchbed frame"
 """Name of the site that marks the sensor's frame."""
-JOINT, EQUALITY = mujoco.mjtJoint, mujoco.mjtEq
-CLOSURES = {
-    EQUALITY.mjEQ_CONNECT: CONNECT, EQUALITY.mjEQ_WELD: WELD, EQUALITY.mjEQ_JOINT: COUPLED,
-}  # fmt: skip
-"""Equality constraints that are read."""
+JOINT, CONNECT, COUPLED = mujoco.mjtJoint, mujoco.mjtEq.mjEQ_CONNECT, mujoco.mjtEq.mjEQ_JOINT
+CONSTRAINTS = (CONNECT, COUPLED, mujoco.mjtEq.mjEQ_WELD)
+"""Equality constraints that a gripper may have; of the arm's own only ``connect`` is read."""
 FLOATS = "the base floats: a robot is calibrated on a base that stands: leave the free joint out"
 RESERVED = ("world", "base", "flange", "tool", "sensor_side")
 """Bodies of every robot's own MJCF, which no link may be called."""
@@ -98,8 +93,8 @@ class ArmTree:
         for one, other in source.mimics():
             if {one, other} & {self._joint_name(j) for j in self.chain}:
                 raise self._refusal(
-                    f"the file couples joints {one!r} and {other!r}: of coupled joints only MJCF's "
-                    "equality constraints connect, weld and joint can be read"
+                    f"the file couples joints {one!r} and {other!r}: no arm of coupled joints can "
+                    "be read, only loops that MJCF's equality constraint connect closes"
                 )
         self._home = self.data.qpos.copy()
         at = model.jnt_qposadr[self.chain]
@@ -183,13 +178,10 @@ class ArmTree:
                     "(three hinges in one body turn like a ball)"
                 )
 
-    def _kind(self, e: int) -> str:
-        return CLOSURES[EQUALITY(self.model.eq_type[e])]
-
     def _sides(self, e: int) -> tuple[int, int]:
         """The two bodies of an equality, or of joints the bodies that they move; 0 is the world."""
         model, one, two = self.model, int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
-        if self._kind(e) == COUPLED:
+        if model.eq_type[e] == COUPLED:
             return int(model.jnt_bodyid[one]), int(model.jnt_bodyid[two]) if two >= 0 else 0
         if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
             return int(model.site_bodyid[one]), int(model.site_bodyid[two])
@@ -198,7 +190,7 @@ class ArmTree:
     def _words(self, e: int) -> str:
         """Description of an equality for people."""
         model, one, two = self.model, int(self.model.eq_obj1id[e]), int(self.model.eq_obj2id[e])
-        if self._kind(e) == COUPLED:
+        if model.eq_type[e] == COUPLED:
             other = repr(model.joint(two).name) if two >= 0 else "a number"
             return f"couples joints {model.joint(one).name!r} and {other}"
         first, second = (model.body(b).name for b in self._sides(e))
@@ -217,6 +209,9 @@ class ArmTree:
     def _joined(self) -> tuple[list[int], list[int]]:
         """Joints from the base to the sensor and those that move with them because of loops, in
         MuJoCo's order, and the equalities that close the loops. Those behind the sensor are held.
+
+        Raises:
+            ParameterError: an equality of the arm is no ``connect``.
         """
         joints, equalities = set(self._above[self._end]), set[int]()
         while True:
@@ -227,8 +222,15 @@ class ArmTree:
                     reached.add(e)
                     joints |= set().union(*moving)
             if reached == equalities:
-                return sorted(joints), sorted(equalities)
+                break
             equalities = reached
+        for e in sorted(equalities):
+            if self.model.eq_type[e] != CONNECT:
+                raise self._refusal(
+                    f"the file {self._words(e)}: only the equality constraint connect is read "
+                    "between links of an arm"
+                )
+        return sorted(joints), sorted(equalities)
 
     def _driven(self, actuators: Iterable[str]) -> tuple[int, ...]:
         """Numbers, in the actuators' order, of the joints that have actuators."""
@@ -244,32 +246,16 @@ class ArmTree:
     def _closure(self, n: int, frames: list[Frame], segment: np.ndarray) -> Closure:
         """An equality as a closure between links, all joints at their reference values."""
         model, data, e = self.model, self.data, self.equalities[n]
-        kind, values = self._kind(e), model.eq_data[e]
         name = _plain(model.equality(e).name or f"loop{n + 1}")
         one, two = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
-        if kind == COUPLED:
-            start = [
-                float(model.qpos0[model.jnt_qposadr[j]]) if j >= 0 else 0.0 for j in (one, two)
-            ]
-            law = (*start, *(float(a) for a in values[: 5 if two >= 0 else 1]))
-            second = self.chain.index(two) if two >= 0 else -1
-            first = self.chain.index(one)
-            return Closure(name, kind, first, second, np.zeros((2, 3)), np.eye(3), law)
         if model.eq_objtype[e] == mujoco.mjtObj.mjOBJ_SITE:
-            poses = [(_axes(data.site_xmat[s]), data.site_xpos[s]) for s in (one, two)]
+            points = [data.site_xpos[s] for s in (one, two)]
         else:
-            axes = [_axes(data.xmat[b]) for b in (one, two)]
-            places = (values[:3], values[3:6]) if kind == CONNECT else (values[3:6], values[:3])
-            points = [
-                data.xpos[b] + a @ p for b, a, p in zip((one, two), axes, places, strict=True)
-            ]
-            weld = axes[0] @ matrix(values[6:10]) if kind == WELD else axes[0]
-            poses = [(weld, points[0]), (axes[1], points[1])]
+            places = zip((one, two), model.eq_data[e][:6].reshape(2, 3), strict=True)
+            points = [data.xpos[b] + _axes(data.xmat[b]) @ place for b, place in places]
         ends = [int(segment[b]) for b in self._sides(e)]
-        at = [frames[k][0].T @ (p - frames[k][1]) for k, (_, p) in zip(ends, poses, strict=True)]
-        turns = [frames[k][0].T @ turn for k, (turn, _) in zip(ends, poses, strict=True)]
-        turn = turns[0] @ turns[1].T
-        return Closure(name, kind, ends[0] - 1, ends[1] - 1, np.array(at), turn)
+        at = [frames[k][0].T @ (p - frames[k][1]) for k, p in zip(ends, points, strict=True)]
+        return Closure(name, ends[0] - 1, ends[1] - 1, np.array(at))
 
     def _segments(self) -> np.ndarray:
         """The link of each body (B,) from 1 on, 0 of the base; −1 of the tool's and loose ones."""

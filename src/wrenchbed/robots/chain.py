@@ -19,7 +19,7 @@ import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.newton_euler import Motion, Vector
-from wrenchbed.physics.rotations import apply, exp_rates
+from wrenchbed.physics.rotations import apply
 from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets
 from wrenchbed.robots.base import MountedArm, mount_turn
 from wrenchbed.robots.compiled.statics import Packed
@@ -170,14 +170,6 @@ class SerialChain(MountedArm):
 
     def qpos(self, q: Value, theta: np.ndarray) -> Value:
         return q
-
-
-def against(name: str, group: str, vector: np.ndarray, axis: np.ndarray) -> dict[str, float]:
-    """A unit of a parameter against a turn about an axis (3,) of the rotation vector (3,) whose
-    components are a group of parameters; those that are rounding are left out."""
-    back = np.linalg.solve(exp_rates(vector), axis)
-    turn = {f"{group}.{a}": float(-v) for a, v in zip("xyz", back, strict=True) if abs(v) > 1e-12}
-    return {name: 1.0, **turn}
 
 
 def _euler_zxz(turns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -20,7 +20,7 @@ import numpy as np
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.rotations import apply
 from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets, transposed, value
-from wrenchbed.robots.arm_model import CONNECT, COUPLED, HINGE, WELD, ArmModel, Closure
+from wrenchbed.robots.arm_model import HINGE, ArmModel, Closure
 
 _STRIDE, _CAREFUL = 0.2, 0.05
 """Longest way of a driven joint between two Newton solutions [rad, m over the arm's reach], at
@@ -39,8 +39,6 @@ _RANK = 1e-7
 """Singular values of ∂r/∂x below this share of the largest are zero."""
 _SEEDS, _ROUNDS, _NEAREST = 300, 3, 2
 """Poses solved beforehand, rounds of reaching them, and how many a pose is reached from."""
-_EQUATIONS = {CONNECT: 3, COUPLED: 1, WELD: 6}
-"""Numbers that must be zero, of each kind of closure."""
 _STEPS = 12
 """Newton steps to a solution at most; it needs three to five."""
 _KEPT = 8
@@ -103,19 +101,12 @@ class ClosedLoops:
         frames = self.frames(at, arm)
         parts: list[Value] = []
         for n, closure in enumerate(arm.closures):
-            if closure.kind == COUPLED:
-                parts.append(_coupled(closure, at))
-                continue
             (one, first), (two, second) = frames[closure.first + 1], frames[closure.second + 1]
             here, there = closure.places
             back = transposed(frames[self._shared[n] + 1][0])
             gap = first + apply(one, here) - second - apply(two, there)
             gap = apply(back, gap) * (1.0 / self._scale)
             parts += [gap[..., i] for i in range(3)]
-            if closure.kind == WELD:
-                turned = back @ (one @ closure.turn @ transposed(two)) @ transposed(back)
-                pairs = ((2, 1), (0, 2), (1, 0))
-                parts += [0.5 * (turned[..., i, j] - turned[..., j, i]) for i, j in pairs]
         return stack_jets(parts)
 
     def _slopes(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
@@ -123,14 +114,8 @@ class ClosedLoops:
         frames = self.frames(_split(at), arm)
         rows = []
         for n, closure in enumerate(arm.closures):
-            block = np.zeros((*at.shape[:-1], _EQUATIONS[closure.kind], at.shape[-1]))
+            block = np.zeros((*at.shape[:-1], 3, at.shape[-1]))
             rows.append(block)
-            if closure.kind == COUPLED:
-                block[..., 0, closure.first] = 1.0
-                if closure.second >= 0:
-                    law = np.polynomial.Polynomial((0.0, *closure.law[3:])).deriv()
-                    block[..., 0, closure.second] = -law(at[..., closure.second] - closure.law[1])
-                continue
             shared = self._shared[n] + 1
             back, common = transposed(frames[shared][0]), len(self._ways[shared])
             sides = zip((closure.first, closure.second), closure.places, (1, -1), strict=True)
@@ -140,9 +125,7 @@ class ClosedLoops:
                     axis = sign * apply(frames[k + 1][0], self.arm.links[k].axis)
                     hinge = self.arm.links[k].kind == HINGE
                     moved = np.cross(axis, point - frames[k + 1][1]) if hinge else axis
-                    block[..., :3, k] = apply(back, moved) / self._scale
-                    if closure.kind == WELD and hinge:
-                        block[..., 3:, k] = apply(back, axis)
+                    block[..., k] = apply(back, moved) / self._scale
         return np.concatenate(rows, axis=-2)
 
     def _inverse(self, at: np.ndarray, arm: ArmModel) -> np.ndarray:
@@ -203,12 +186,9 @@ class ClosedLoops:
 
     def _open(self, r: np.ndarray) -> str:
         """Description of the loop that is open farthest, from residuals (E,)."""
-        ends = np.cumsum([_EQUATIONS[closure.kind] for closure in self.closures])
-        gaps = [float(np.abs(part).max()) for part in np.split(r, ends[:-1])]
+        gaps = np.abs(r).reshape(-1, 3).max(axis=1)
         widest = self.closures[int(np.argmax(gaps))]
-        gap = max(gaps)
-        open_mm = f"{self._scale * gap * 1e3:.3g} mm open"
-        return f"{widest.name!r} stays {f'{gap:.2g} off' if widest.kind == COUPLED else open_mm}"
+        return f"{widest.name!r} stays {self._scale * gaps.max() * 1e3:.3g} mm open"
 
     def solved(
         self, q: np.ndarray, driven: np.ndarray | None = None, arm: ArmModel | None = None
@@ -374,13 +354,3 @@ def _split(at: np.ndarray) -> list[Value]:
 def _regular(inverse: np.ndarray) -> np.ndarray:
     """Distance from singular poses (…, N): reciprocal norm of the inverse Jacobian."""
     return np.asarray(1.0 / np.linalg.norm(inverse, axis=(-2, -1)))
-
-
-def _coupled(closure: Closure, at: Sequence[Value]) -> Value:
-    total = at[closure.first] - closure.law[0] - closure.law[2]
-    if closure.second >= 0:
-        x, power = at[closure.second] - closure.law[1], 1.0
-        for a in closure.law[3:]:
-            power = x * power
-            total = total - power * a
-    return total

@@ -17,7 +17,7 @@ from wrenchbed.errors import WrenchbedError
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, exp
-from wrenchbed.robots.arm_model import COUPLED, HINGE, WELD, ArmLink, ArmModel, Load
+from wrenchbed.robots.arm_model import HINGE, ArmLink, ArmModel, Load
 from wrenchbed.robots.base import (
     ANGLE,
     Joint,
@@ -28,7 +28,7 @@ from wrenchbed.robots.base import (
     segment_distance,
     vector_parameters,
 )
-from wrenchbed.robots.chain import Fixed, SerialChain, against
+from wrenchbed.robots.chain import Fixed, SerialChain
 
 if TYPE_CHECKING:
     import mujoco
@@ -210,32 +210,10 @@ class FileArm(DescribedArm, SerialChain):
                 good &= segment_distance(start, end, tool) > reach
         return good
 
-    def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
-        """A turn of a joint against its own link, and against the next link or the mount."""
-        arm, directions = self.arm_model, dict[str, dict[str, float]]()
-        following = [*arm.links[1:], None]
-        for k, (link, after) in enumerate(zip(arm.links, following, strict=True)):
-            if link.kind != HINGE:
-                continue
-            zero, own = self.zero_names[k], theta[self._turns[k]]
-            text = f"the zero of {link.joint} against the rotation of {link.body} on it"
-            axis = exp(*own) @ link.axis
-            directions[text] = against(zero, f"link.{link.body}.rotation", own, axis)
-            if after is None:
-                vector, group, turn = theta[self._turn], "mount.rotation", arm.end_turn
-            else:
-                vector, turn = theta[self._turns[k + 1]], after.turn
-                group = f"link.{after.body}.rotation"
-            what = "sensor's mount" if after is None else f"rotation of {after.body}"
-            text = f"a turn of {link.joint} against the {what}"
-            directions[text] = against(zero, group, vector, turn.T @ link.axis)
-        return directions
-
 
 def arm_parameters(description: ArmDescription) -> ParameterSet:
     """Parameters of a serial arm or one with closed loops: joint zeros of driven joints, places and
-    rotations of links; of loop closures the places on their links, a weld's rotation, the offset
-    of coupled joints."""
+    rotations of links, and the places on the links at which loops close."""
     arm, items = description.arm, list[Parameter]()
     for k, link in enumerate(arm.links):
         if k in arm.driven:
@@ -245,21 +223,18 @@ def arm_parameters(description: ArmDescription) -> ParameterSet:
         items += _places(f"link.{link.body}.position", link.shift, text)
         text = "rotation vector against the file, in the link's axes"
         items += vector_parameters(f"link.{link.body}.rotation", "xyz", "rad", _TWIST, text)
-    for closure in arm.closures:
-        group = f"loop.{closure.name}"
-        if closure.kind == COUPLED:
-            items.append(
-                _zero(f"{group}.offset", arm.links[closure.first], 6.3, "added to its law")
-            )
-            continue
-        for k, place in zip((closure.first, closure.second), closure.places, strict=True):
-            where = arm.links[k].body if k >= 0 else "base"
-            text = "where the loop holds this link, in its axes"
-            items += _places(f"{group}.{where}", place, text)
-        if closure.kind == WELD:
-            items += vector_parameters(f"{group}.rotation", "xyz", "rad", _TWIST, "of the weld")
+    text = "where the loop holds this link, in its axes"
+    for closure, groups in zip(arm.closures, loop_groups(arm), strict=True):
+        for group, place in zip(groups, closure.places, strict=True):
+            items += _places(group, place, text)
     load = description.load
     return ParameterSet(tuple(items)) + mounted_parameters(load.mass, load.cog, load.inertia)
+
+
+def loop_groups(arm: ArmModel) -> list[list[str]]:
+    """Names of the two points of each loop's closure, ``loop.<closure>.<body>``."""
+    bodies = [*(link.body for link in arm.links), "base"]  # −1 is the base
+    return [[f"loop.{c.name}.{bodies[k]}" for k in (c.first, c.second)] for c in arm.closures]
 
 
 def _zero(name: str, link: ArmLink, bound: float, text: str) -> Parameter:

@@ -14,10 +14,10 @@ import numpy as np
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.rotations import apply
 from wrenchbed.physics.time_derivatives import STEP, Value, stack_jets, value
-from wrenchbed.robots.arm_model import COUPLED, WELD, ArmModel, Closure
+from wrenchbed.robots.arm_model import ArmModel
 from wrenchbed.robots.base import complex_steps, sample_until
 from wrenchbed.robots.closed_loop import ClosedLoops
-from wrenchbed.robots.file_arm import ArmDescription, DescribedArm, turned
+from wrenchbed.robots.file_arm import ArmDescription, DescribedArm, loop_groups
 
 if TYPE_CHECKING:
     import mujoco
@@ -72,22 +72,10 @@ class LoopArm(DescribedArm):
 
     def at(self, theta: np.ndarray) -> ArmModel:
         arm, p = super().at(theta), self.values(theta)
-        closures = list[Closure]()
-        for closure in arm.closures:
-            group = f"loop.{closure.name}"
-            if closure.kind == COUPLED:
-                y0, x0, a0, *more = closure.law
-                law = (y0, x0, a0 + p[f"{group}.offset"], *more)
-                closures.append(replace(closure, law=law))
-                continue
-            ends = (closure.first, closure.second)
-            bodies = [arm.links[k].body if k >= 0 else "base" for k in ends]
-            places = [stack_jets([p[f"{group}.{b}.{a}"] for a in "xyz"]) for b in bodies]
-            turn = closure.turn
-            if closure.kind == WELD:
-                turn = turned(turn, stack_jets([p[f"{group}.rotation.{a}"] for a in "xyz"]))
-            closures.append(replace(closure, places=np.array(places), turn=turn))
-        return replace(arm, closures=tuple(closures))
+        groups = loop_groups(arm)
+        places = [[stack_jets([p[f"{g}.{a}"] for a in "xyz"]) for g in two] for two in groups]
+        both = zip(arm.closures, places, strict=True)
+        return replace(arm, closures=tuple(replace(c, places=np.array(x)) for c, x in both))
 
     def _solved(self, q: Value, theta: np.ndarray) -> tuple[list[Value], ArmModel]:
         """Values of all joints, (…, N) each, and the arm with these parameters."""
@@ -136,13 +124,7 @@ class LoopArm(DescribedArm):
         return stack_jets(at)
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
-        spec, arm = super().spec(theta), self.at(theta)
-        home = np.array([link.home for link in arm.links])
-        home[list(arm.driven)] += self.zeros(theta)
-        for closure in arm.closures:
-            if closure.kind == COUPLED:
-                law = _from_home(closure, home)
-                spec.equality(closure.name).data[: len(law)] = law
+        spec = super().spec(theta)
         spec.key("home").qpos = self.qpos(self.home[None], theta)[0]
         return spec
 
@@ -150,16 +132,3 @@ class LoopArm(DescribedArm):
 def _placed(turn: Value, origin: Value, arm: ArmModel) -> tuple[Value, Value]:
     """Frame in world axes from one in base axes."""
     return arm.base_turn @ turn, apply(arm.base_turn, origin) + arm.base_shift
-
-
-def _from_home(closure: Closure, home: np.ndarray) -> np.ndarray:
-    """MuJoCo's five coefficients of coupled joints: both from home (L,), without their zeros."""
-    y0, x0, *law = closure.law
-    start = 0.0
-    if closure.second >= 0:
-        start = float(home[closure.second]) - x0
-    shifted = np.polynomial.Polynomial(law)(np.polynomial.Polynomial([start, 1.0]))
-    result = np.zeros(5)
-    result[: len(shifted.coef)] = shifted.coef
-    result[0] += y0 - float(home[closure.first])
-    return result

@@ -15,7 +15,7 @@ import numpy as np
 from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
 from wrenchbed.physics.wrench import symmetric
 from wrenchbed.robots.arm_model import ArmModel
-from wrenchbed.robots.arm_tree import CLOSURES, FLOATS, SITE, ArmTree
+from wrenchbed.robots.arm_tree import CONSTRAINTS, FLOATS, SITE, ArmTree
 from wrenchbed.robots.model_source import ModelSource
 
 _BOUND = 1e-12
@@ -160,10 +160,10 @@ def _strip(spec: mujoco.MjSpec, source: ModelSource) -> None:
     for equality in list(spec.equalities):
         if not equality.active:
             spec.delete(equality)
-        elif equality.type not in CLOSURES:
+        elif equality.type not in CONSTRAINTS:
             raise ParameterError(
-                f"{source.path}: the file couples {equality.name1!r} and {equality.name2!r}: of "
-                "equality constraints only connect, weld and joint can be read: leave it out"
+                f"{source.path}: the file couples {equality.name1!r} and {equality.name2!r} by an "
+                "equality constraint that cannot be read: leave it out"
             )
     for material in spec.materials:
         material.textures = [""] * len(material.textures)

@@ -86,7 +86,8 @@ class ModelSource:
         Raises:
             ParameterError: a velocity that is no number.
         """
-        limits = {joint.get("name", ""): joint.find("limit") for joint in self.root.iter("joint")}
+        joints = self.root.findall("joint")  # a transmission names its joint again
+        limits = {joint.get("name", ""): joint.find("limit") for joint in joints}
         stated = {n: x.get("velocity", "0") for n, x in limits.items() if x is not None}
         try:
             speeds = {name: float(text) for name, text in stated.items()}

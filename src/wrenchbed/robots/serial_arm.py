@@ -31,7 +31,7 @@ from wrenchbed.robots.base import (
     sample_until,
     segment_distance,
 )
-from wrenchbed.robots.chain import Fixed, SerialChain, against
+from wrenchbed.robots.chain import Fixed, SerialChain
 
 if TYPE_CHECKING:
     import mujoco
@@ -172,18 +172,6 @@ class SerialArm(SerialChain):
         column = (np.hypot(moving[..., 0], moving[..., 1]) > arm.column).all(axis=0)
         apart = np.min([segment_distance(start, end, tool) for start, end in limbs], axis=0)
         return np.asarray(above & column & (apart > arm.clearance))
-
-    def symmetries(self, theta: np.ndarray) -> dict[str, dict[str, float]]:
-        last, flange = len(self.joints), rot_x(theta[self._dh[2]][-1]).T
-        return {
-            f"{what} against the sensor's mount": against(
-                name, "mount.rotation", theta[self._turn], axis
-            )
-            for what, name, axis in (
-                (f"a turn of joint {last}", f"dq{last}", flange[:, 2]),
-                (f"a twist alpha{last}", f"alpha{last}", flange[:, 0]),
-            )
-        }
 
     def spec(self, theta: np.ndarray) -> "mujoco.MjSpec":
         """The MJCF of the arm's file, or from its data if there is no file."""
