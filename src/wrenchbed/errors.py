@@ -1,30 +1,4 @@
-"""Every error that wrenchbed raises on purpose.
-
-    WrenchbedError
-    ├── ParameterError      a parameter's name, value or unit        (ValueError)
-    ├── RecordingError      a recording that cannot be trusted       (ValueError)
-    ├── PlanError           a plan that a robot cannot or must not run (ValueError)
-    ├── MapError            a column map that does not fit its files (ValueError)
-    ├── KinematicsError     joints or poses without a solution       (ValueError)
-    ├── CalibrationError    data that cannot answer the question     (ValueError)
-    ├── DiagnosisError      data that cannot be diagnosed            (ValueError)
-    ├── TwinError           a twin that cannot be read or cannot follow (ValueError)
-    ├── ExportError         numbers that a format needs and the data lack (ValueError)
-    ├── HistoryError        a history of checks that is damaged or not continued (ValueError)
-    ├── BenchmarkError      sealed cases, claims or answers that do not belong together (ValueError)
-    ├── NotFoundError       a robot, sensor or driver that does not exist (LookupError)
-    ├── DriverError         a device that did not obey               (RuntimeError)
-    │   ├── LinkError       a device that is silent or gone          (ConnectionError)
-    │   ├── StoppedError    a robot that stopped by itself
-    │   │   └── SafetyStopError   to protect itself or people; a person must look first
-    │   ├── LimitError      a command beyond the limits              (ValueError)
-    │   └── LateError       a deadline that passed                   (TimeoutError)
-    ├── FleetError          work of many simulated robots that broke off (RuntimeError)
-    ├── WorkerError         a worker process that was killed or crashed (RuntimeError)
-    ├── ShortageError       memory or open files that this process lacks (RuntimeError)
-    └── MissingExtraError   an optional library that is not installed (ImportError)
-
-    WrenchbedWarning        what a person should know; the work continues (UserWarning)
+"""Every error that wrenchbed raises on purpose: of `WrenchbedError` and of a built-in kind.
 
 A message is one line. It names the file, field and row, the value and the remedy. File names and
 values of foreign files stand in it, so what a terminal would obey in them is spelled out.

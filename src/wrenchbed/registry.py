@@ -21,31 +21,18 @@ from typing import Any
 from wrenchbed.errors import MissingExtraError, NotFoundError, did_you_mean
 
 KINDS = {
-    "robots": "ROBOT",
-    "sensors": "SENSOR",
-    "drivers": "DRIVER",
-    "transducers": "TRANSDUCER",
-    "emulators": "EMULATOR",
-    "effects": "EFFECT",
-    "drives": "EFFECT",
-    "exports": "EXPORT",
-    "channels": "CHANNEL",
+    "robots": ("wrenchbed.robots", "ROBOT"),
+    "sensors": ("wrenchbed.sensors", "SENSOR"),
+    "drivers": ("wrenchbed.hardware.drivers", "DRIVER"),
+    "transducers": ("wrenchbed.hardware.transducers", "TRANSDUCER"),
+    "emulators": ("robot_emulators", "EMULATOR"),
+    "effects": ("wrenchbed.effects", "EFFECT"),
+    "drives": ("wrenchbed.effects.drives", "EFFECT"),
+    "exports": ("wrenchbed.exports", "EXPORT"),
+    "channels": ("wrenchbed.channels", "CHANNEL"),
 }
-"""Kind (the folder's name) → the constant that a plug-in's module holds."""
-
-_PACKAGES = {
-    "robots": "wrenchbed.robots",
-    "sensors": "wrenchbed.sensors",
-    "drivers": "wrenchbed.hardware.drivers",
-    "transducers": "wrenchbed.hardware.transducers",
-    "effects": "wrenchbed.effects",
-    "drives": "wrenchbed.effects.drives",
-    "exports": "wrenchbed.exports",
-    "channels": "wrenchbed.channels",
-}
-"""Kind → the package whose modules are its plug-ins, but `base` and what its `SUPPORT` names."""
-
-
+"""Kind → the package whose modules are its plug-ins, but `base` and what its `SUPPORT` names; and
+the constant that each of them holds."""
 _DESCRIBED = {
     "robots": "wrenchbed.robots.described",
     "sensors": "wrenchbed.sensors.described",
@@ -79,7 +66,7 @@ def _own_loaders(kind: str) -> dict[str, Callable[[], Any]]:
         emulators = importlib.import_module("robot_emulators")
         return {name: partial(emulators.load, name) for name in emulators.EMULATORS}
     loaders = {_public(kind, m): partial(_constant, kind, m) for m in plugin_modules(kind)}
-    folders = importlib.import_module(_PACKAGES[kind]).__path__ if kind in _DESCRIBED else ()
+    folders = importlib.import_module(KINDS[kind][0]).__path__ if kind in _DESCRIBED else ()
     for file in (f for folder in folders for f in Path(folder).glob("*.toml")):
         loaders[_public(kind, file.stem)] = partial(_shipped, kind, file)
     return dict(loaders)
@@ -88,7 +75,7 @@ def _own_loaders(kind: str) -> dict[str, Callable[[], Any]]:
 @cache
 def plugin_modules(kind: str) -> tuple[str, ...]:
     """Names of the modules that hold the plug-ins of a kind."""
-    package = importlib.import_module(_PACKAGES[kind])
+    package = importlib.import_module(KINDS[kind][0])
     support = {"base", *getattr(package, "SUPPORT", ())}
     return tuple(m.name for m in pkgutil.iter_modules(package.__path__) if m.name not in support)
 
@@ -102,7 +89,8 @@ def _public(kind: str, module: str) -> str:
 
 
 def _constant(kind: str, module: str) -> Any:
-    return getattr(importlib.import_module(f"{_PACKAGES[kind]}.{module}"), KINDS[kind])
+    package, constant = KINDS[kind]
+    return getattr(importlib.import_module(f"{package}.{module}"), constant)
 
 
 @cache
