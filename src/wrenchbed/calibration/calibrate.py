@@ -20,7 +20,7 @@ from wrenchbed.calibration.checks.mistakes import best_turn
 from wrenchbed.calibration.checks.rigid_load import left_of_swing
 from wrenchbed.calibration.checks.rows import of_rows
 from wrenchbed.calibration.compensated import restored
-from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue
+from wrenchbed.calibration.fit import Fit, FitNoise, IdentifiedValue, identified_values
 from wrenchbed.calibration.fit_problem import LOSSES, Outcome, Problem
 from wrenchbed.calibration.least_squares import BLIND, Solution
 from wrenchbed.calibration.misfit import Fault, allowed_for
@@ -358,21 +358,12 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
     model, solution = problem.model, outcome.solution
     std = np.sqrt(np.diagonal(outcome.covariance))
     quantile = float(special.stdtrit(outcome.dof, 0.975)) if np.isfinite(outcome.dof) else 1.959964
-    started = model.configured(recording.metadata)
-    identified = []
-    for k, i in enumerate(problem.free):
-        parameter = model.parameters[i]
-        is_determined = problem.prior or solution.blind[k] < BLIND
-        identified.append(
-            IdentifiedValue(
-                parameter.name,
-                float(theta[i]),
-                float(std[k]) if is_determined else None,
-                parameter.unit,
-                float(started[i]),
-                float(quantile * std[k]) if is_determined else None,
-            )
-        )
+    free, some = [model.parameters[i] for i in problem.free], list(problem.free)
+    identified = identified_values(
+        ((p.name, p.unit) for p in free), theta[some], std,
+        model.configured(recording.metadata)[some], problem.prior | (solution.blind < BLIND),
+        quantile,
+    )  # fmt: skip
     tool = model.robot.tool(model.robot.robot_theta(theta))
     rms = np.sqrt(np.mean(problem.residual(solution.x) ** 2, axis=0))
     seats = problem.touches
@@ -388,7 +379,7 @@ def _result(recording: Recording, problem: Problem, outcome: Outcome, theta: np.
         ),
         converged=solution.converged,
         iterations=solution.steps,
-        identified=tuple(identified),
+        identified=identified,
         theta=model.parameters.mapping(theta),
         gravity=model.gravity,
         tool={"mass": float(tool.mass), "cog": [float(c) for c in tool.cog]},
@@ -441,7 +432,7 @@ def _observability(problem: Problem, theta: np.ndarray) -> Observability:
 def _status(
     solution: Solution,
     noise: FitNoise,
-    identified: list[IdentifiedValue],
+    identified: Sequence[IdentifiedValue],
     data: Observations,
     agreement: Agreement | None,
 ) -> str:

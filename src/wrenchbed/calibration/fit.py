@@ -1,6 +1,7 @@
 """The result of a calibration: values with uncertainty, residuals, and what it could not tell."""
 
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -57,8 +58,25 @@ class FitNoise:
     inflated: bool
 
 
+class WrittenFit(ABC):
+    """What every fit can do: give a parameter by its name, and write itself."""
+
+    identified: tuple[IdentifiedValue, ...]
+
+    def __getitem__(self, name: str) -> IdentifiedValue:
+        return next(p for p in self.identified if p.name == name)
+
+    @abstractmethod
+    def to_json(self) -> dict[str, Any]:
+        """Contents of the fit's JSON file."""
+
+    def write(self, path: str | Path) -> None:
+        """Write the fit as JSON."""
+        write_json(path, self.to_json())
+
+
 @dataclass(frozen=True, eq=False)
-class Fit:
+class Fit(WrittenFit):
     """Result of a calibration: identified parameters, noise and residual.
 
     Attributes:
@@ -102,9 +120,6 @@ class Fit:
     touches: Agreement | None = None
     refuted: str | None = None
 
-    def __getitem__(self, name: str) -> IdentifiedValue:
-        return next(p for p in self.identified if p.name == name)
-
     @property
     def correlation(self) -> np.ndarray:
         """Correlation (K, K) of the free parameters; 0 beside one without variance."""
@@ -115,13 +130,7 @@ class Fit:
     def to_json(self) -> dict[str, Any]:
         """Contents of the fit's JSON file."""
         o, noise = self.observability, self.noise
-        refuted = {} if self.refuted is None else {"refuted": self.refuted}
-        return {
-            "format": FORMAT,
-            "recording": self.recording,
-            "robot": self.robot,
-            **refuted,
-            "status": self.status,
+        return head(self.recording, self.robot, self.status, self.refuted) | {
             "converged": self.converged,
             "iterations": self.iterations,
             "poses": self.poses,
@@ -160,12 +169,37 @@ class Fit:
             "covariance": self.covariance.tolist(),
             "theta": dict(self.theta),
             "gravity": list(self.gravity),
-            **carried_robot(self.robot),
         }
 
-    def write(self, path: str | Path) -> None:
-        """Write the fit as JSON."""
-        write_json(path, self.to_json())
+
+def identified_values(
+    names: Iterable[tuple[str, str]], values: np.ndarray, std: np.ndarray, nominal: np.ndarray,
+    determined: np.ndarray, wide: float,
+) -> tuple[IdentifiedValue, ...]:  # fmt: skip
+    """Parameters of a fit, those that the data do not determine without an uncertainty.
+
+    Args:
+        names: with units, of the K parameters.
+        values, std, nominal: (K,).
+        determined: by the data (K,), boolean.
+        wide: half width of a 95 % interval in standard uncertainties.
+    """
+    return tuple(
+        IdentifiedValue(
+            name, float(value), float(s) if known else None, unit, float(begun),
+            float(wide * s) if known else None,
+        )
+        for (name, unit), value, s, begun, known in zip(
+            names, values, std, nominal, determined, strict=True
+        )
+    )  # fmt: skip
+
+
+def head(recording: str, robot: str, status: str, refuted: str | None) -> dict[str, Any]:
+    """First entries of every fit's JSON file, and a robot that a user described."""
+    named = {"format": FORMAT, "recording": recording, "robot": robot, "status": status}
+    said = {} if refuted is None else {"refuted": refuted}
+    return named | said | carried_robot(robot)
 
 
 def entries(identified: Sequence[IdentifiedValue]) -> dict[str, dict[str, Any]]:

@@ -15,7 +15,7 @@ from scipy.linalg import solve_triangular
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.calibration.calibrate import CalibrationOptions
-from wrenchbed.calibration.fit import IdentifiedValue
+from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.calibration.least_squares import Solution, solve
 from wrenchbed.calibration.observability import analyse
 from wrenchbed.calibration.observations import usable
@@ -330,15 +330,8 @@ def _identified(
 ) -> tuple[IdentifiedValue, ...]:
     """Values with uncertainties, without where the data tell less than was known before; stand and
     target left out."""
-    std, t95 = np.sqrt(np.diagonal(solution.covariance)), float(special.stdtrit(dof, 0.975))
+    std = np.sqrt(np.diagonal(solution.covariance))
     told = std < _TOLD * tolerances * sight.parameters.tolerance
-    return tuple(
-        IdentifiedValue(
-            p.name, float(x), float(s) if seen else None, p.unit, float(start),
-            t95 * float(s) if seen else None,
-        )
-        for p, x, s, start, seen in zip(
-            sight.parameters, solution.x, std, sight.start, told | (tolerances == 1.0), strict=True
-        )
-        if p.name not in _STAND.names
-    )  # fmt: skip
+    names = ((p.name, p.unit) for p in sight.parameters)
+    wide, sure = float(special.stdtrit(dof, 0.975)), told | (tolerances == 1.0)
+    return identified_values(names, solution.x, std, sight.start, sure, wide)[: -len(_STAND)]

@@ -2,15 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wrenchbed.calibration.fit import FORMAT, IdentifiedValue, entries
+from wrenchbed.calibration.fit import IdentifiedValue, WrittenFit, entries, head
 from wrenchbed.calibration.observability import Observability
-from wrenchbed.data.metadata import carried_robot
-from wrenchbed.files import write_json
 
 SPRINGS, COMPLIANCE = "joint.compliance", "compliance.q"
 """Effect of joints that give, and how its compliances' names begin, before the joint's number."""
@@ -23,7 +20,7 @@ names leave 0.4 to 0.98, zeros that are 20° off 0.45."""
 
 
 @dataclass(frozen=True, eq=False)
-class TrackerFit:
+class TrackerFit(WrittenFit):
     """A fit of a robot's geometry to the places of a target.
 
     Attributes:
@@ -68,9 +65,6 @@ class TrackerFit:
     poses: int
     rows: int
     observability: Observability
-
-    def __getitem__(self, name: str) -> IdentifiedValue:
-        return next(p for p in self.identified if p.name == name)
 
     @property
     def compliance(self) -> dict[str, float]:
@@ -140,14 +134,8 @@ class TrackerFit:
     def to_json(self) -> dict[str, Any]:
         """Contents of the fit's JSON file."""
         o, springs = self.observability, {"effect": SPRINGS, "parameters": self.compliance}
-        refuted = {} if self.refuted is None else {"refuted": self.refuted}
-        return {
-            "format": FORMAT,
+        return head(self.recording, self.robot, self.status, self.refuted) | {
             "channels": "pose",
-            "recording": self.recording,
-            "robot": self.robot,
-            **refuted,
-            "status": self.status,
             "converged": self.converged,
             "poses": self.poses,
             "rows": self.rows,
@@ -165,9 +153,4 @@ class TrackerFit:
             "theta": dict(self.theta),
             "gravity": list(self.gravity),
             "effects": [springs] if self.compliance else [],
-            **carried_robot(self.robot),
         }
-
-    def write(self, path: str | Path) -> None:
-        """Write the fit as JSON."""
-        write_json(path, self.to_json())

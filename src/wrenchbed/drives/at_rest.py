@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes a second to load
 
-from wrenchbed.calibration.fit import IdentifiedValue
+from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.channels.effort import CHANNEL
 from wrenchbed.channels.held import held, held_weight, nominal_ways
 from wrenchbed.channels.posterior import Posterior, posterior
 from wrenchbed.data.holds import first_rows
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
-from wrenchbed.drives.fit import AtRest, DriveFit, JointError, impossible
+from wrenchbed.drives.fit import AtRest, DriveFit, JointError, impossible, joint_errors
 from wrenchbed.drives.signals import as_torques, efforts_of
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import CalibrationError, ParameterError
@@ -126,7 +126,7 @@ def calibrate_at_rest(
     units = [joint.own(EFFORT_UNITS[prefix]) for joint in robot.joints]
     result = DriveFit(
         recording.name, recording.metadata.robot, EFFORT_UNITS[prefix], identified,
-        _errors(problem, gain, fit, columns, units), covariance, None,
+        _errors(problem, fit, columns, units), covariance, None,
         float(recording.t[-1] - recording.t[0]), len(recording),
         rest=AtRest(len(t), tuple(fit.noise.tolist()), sizes),
     )  # fmt: skip
@@ -242,40 +242,26 @@ def _held_out(c: _Columns, fit: Posterior, joints: int) -> np.ndarray:
 
 
 def _errors(
-    p: RestProblem, gain: np.ndarray, fit: Posterior, columns: _Columns,
-    units: Sequence[str],
-) -> tuple[JointError, ...]:  # fmt: skip
-    joints = p.y.shape[1]
-    unseen = _held_out(columns, fit, joints)
-    residuals = (columns.y - fit.fitted).reshape(-1, joints)
-    nominal = p.y - gain * p.nominal
-
-    def rms(error: np.ndarray, j: int) -> float:
-        return float(np.sqrt(np.mean(error[:, j] ** 2)))
-
-    return tuple(
-        JointError(
-            j + 1, unit, len(p.y), float(p.y[:, j].std()), None if p.gains else rms(nominal, j),
-            rms(residuals, j), rms(unseen, j),
-        )
-        for j, unit in enumerate(units)
-    )  # fmt: skip
+    p: RestProblem, fit: Posterior, columns: _Columns, units: Sequence[str]
+) -> tuple[JointError, ...]:
+    unseen = _held_out(columns, fit, p.y.shape[1])
+    residuals = (columns.y - fit.fitted).reshape(p.y.shape)
+    nominal = None if p.gains else p.y - p.nominal
+    return joint_errors(p.y, nominal, residuals, unseen, np.ones(p.y.shape, dtype=bool), units)
 
 
 def _identified(
     scene: Scene, p: RestProblem, gain: np.ndarray, fit: Posterior
 ) -> tuple[tuple[IdentifiedValue, ...], np.ndarray]:
     """Published values and their covariance (K, K)."""
-    tool, joints = scene.tool, scene.robot.joints
-    load = np.array([float(tool.mass), *(float(tool.mass) * np.asarray(tool.cog, dtype=float))])
-    loads, zeros = p.load.shape[2], p.zeros.shape[2]
-    ends = [loads, loads + zeros]
+    joints, stated = scene.robot.joints, np.append(scene.tool.mass, scene.tool.cog).astype(float)
+    loads, zeros, gains = p.load.shape[2], p.zeros.shape[2], len(joints) * p.gains
+    load = stated * np.append(1.0, np.full(3, stated[0]))
 
     def published(amplitudes: np.ndarray) -> np.ndarray:
-        change, zero, more = np.split(amplitudes, ends)
-        mass, *moment = (load + change).tolist() if loads else (0.0,)
-        of_load = [mass, *(m / mass for m in moment)] if loads else []
-        return np.concatenate([of_load, zero, 1.0 / (gain[: len(more)] + more)])
+        change, zero, more = np.split(amplitudes, [loads, loads + zeros])
+        now = load[:loads] + change
+        return np.concatenate([now[:1], now[1:] / now[:1], zero, 1.0 / (gain[:gains] + more)])
 
     std = np.sqrt(np.diagonal(fit.covariance))
     steps = np.diag(_SMALL * np.where(std > 0.0, std, 1.0))
@@ -284,33 +270,19 @@ def _identified(
         for step in steps
     ], axis=1)  # fmt: skip
     covariance = slopes @ fit.covariance @ slopes.T
-    wide = float(stdtrit(max(len(p.y) - _SHARED, 1), 0.975))
-    change, zero, more = np.split(fit.told, ends)
-    told = [*change, *zero, *more]
+    wide, determined = float(stdtrit(max(len(p.y) - _SHARED, 1), 0.975)), fit.told.copy()
     if loads:
-        told[0] = bool(change[0])
         heavy = load[0] + fit.free[0] > wide * std[0]  # no mass has no centre
-        told[1:4] = [bool(change.all() and heavy)] * 3
-    if len(more):
-        sure = np.abs(gain + fit.free[ends[1] :]) > wide * std[ends[1] :]
-        told[ends[1] :] = (more & sure).tolist()
+        determined[1:4] = fit.told[:4].all() and heavy
+    if gains:
+        determined[-gains:] &= np.abs(gain + fit.free[-gains:]) > wide * std[-gains:]
     names = [("tool.mass", "kg"), *((f"tool.cog.{a}", "m") for a in "xyz")][:loads]
-    names += [(f"{OFFSET}.{j}", joint.own("N·m")) for j, joint in enumerate(joints, 1)][:zeros]
-    names += [(f"{CONSTANT}.{j}", joint.own("N·m/A")) for j, joint in enumerate(joints, 1)][
-        : len(more)
-    ]
-    stated = [float(tool.mass), *(float(c) for c in tool.cog)][:loads]
-    begun = np.concatenate([stated, np.zeros(zeros), 1.0 / gain[: len(more)]])
+    for kind, unit, count in ((OFFSET, "N·m", zeros), (CONSTANT, "N·m/A", gains)):
+        names += [(f"{kind}.{j}", joint.own(unit)) for j, joint in enumerate(joints[:count], 1)]
+    begun = np.concatenate([stated[:loads], np.zeros(zeros), 1.0 / gain[:gains]])
     spread = np.sqrt(np.diagonal(covariance))
-    return tuple(
-        IdentifiedValue(
-            name, float(value), float(s) if ok else None, unit, float(start),
-            float(wide * s) if ok else None,
-        )
-        for (name, unit), value, s, ok, start in zip(
-            names, published(fit.free), spread, told, begun, strict=True
-        )
-    ), covariance  # fmt: skip
+    values = published(fit.free)
+    return identified_values(names, values, spread, begun, determined, wide), covariance
 
 
 def _refuted(fit: DriveFit) -> str | None:

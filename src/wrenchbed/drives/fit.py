@@ -1,15 +1,12 @@
 """The result of a fit of joint torques: values with uncertainty, and errors on held-out rows."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from wrenchbed.calibration.fit import FORMAT, IdentifiedValue
-from wrenchbed.data.metadata import carried_robot
-from wrenchbed.files import write_json
+from wrenchbed.calibration.fit import IdentifiedValue, WrittenFit, entries, head
 from wrenchbed.pages.numbers import percent
 
 EFFORT_FIT, COMMAND_FIT = "effort", "command"
@@ -71,7 +68,7 @@ class AtRest:
 
 
 @dataclass(frozen=True, eq=False)
-class DriveFit:
+class DriveFit(WrittenFit):
     """A fit of joint torques or currents.
 
     Attributes:
@@ -103,9 +100,6 @@ class DriveFit:
     rest: AtRest | None = None
     channels: str = EFFORT_FIT
     cannot_tell: tuple[str, ...] = ()
-
-    def __getitem__(self, name: str) -> IdentifiedValue:
-        return next(p for p in self.identified if p.name == name)
 
     @property
     def about(self) -> str:
@@ -155,32 +149,45 @@ class DriveFit:
 
     def to_json(self) -> dict[str, Any]:
         """Contents of the fit's JSON file."""
-        refuted = {} if self.refuted is None else {"refuted": self.refuted}
-        return {
-            "format": FORMAT,
+        return head(self.recording, self.robot, self.status, self.refuted) | {
             "channels": self.channels,
-            "recording": self.recording,
-            "robot": self.robot,
-            **carried_robot(self.robot),
-            **refuted,
             **({} if self.constants is None else {"constants": list(self.constants)}),
-            "status": self.status,
             "unit": self.unit,
             "cutoff_hz": self.cutoff,
             "seconds": self.seconds,
             "rows": self.rows,
             **({} if self.rest is None else asdict(self.rest)),
-            "parameters": {
-                p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in self.identified
-            },
+            "parameters": entries(self.identified),
             **({"cannot_tell": list(self.cannot_tell)} if self.cannot_tell else {}),
             "joints": [asdict(e) | {"explained": e.explained} for e in self.joints],
             "covariance": self.covariance.tolist(),
         }
 
-    def write(self, path: str | Path) -> None:
-        """Write the fit as JSON."""
-        write_json(path, self.to_json())
+
+def joint_errors(
+    y: np.ndarray, nominal: np.ndarray | None, left: np.ndarray, unseen: np.ndarray,
+    use: np.ndarray, units: Sequence[str],
+) -> tuple[JointError, ...]:  # fmt: skip
+    """Errors joint by joint.
+
+    Args:
+        y: measured efforts (M, J).
+        nominal: what the nominal robot leaves (M, J), where it is known.
+        left, unseen: what the fit leaves, and on rows that it did not see (M, J).
+        use: rows that count (M, J).
+        units: of the joints.
+    """
+
+    def rms(error: np.ndarray, joint: int) -> float:
+        return float(np.sqrt(np.mean(error[use[:, joint], joint] ** 2)))
+
+    return tuple(
+        JointError(
+            j + 1, unit, int(use[:, j].sum()), float(y[use[:, j], j].std()),
+            None if nominal is None else rms(nominal, j), rms(left, j), rms(unseen, j),
+        )
+        for j, unit in enumerate(units)
+    )  # fmt: skip
 
 
 def impossible(values: Iterable[IdentifiedValue]) -> str | None:

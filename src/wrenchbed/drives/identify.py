@@ -12,11 +12,11 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import stdtrit  # scipy.stats takes a second to load
 
-from wrenchbed.calibration.fit import IdentifiedValue
+from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.data.recording import Recording
 from wrenchbed.drives.at_rest import calibrate_at_rest
 from wrenchbed.drives.base_parameters import base_parameters
-from wrenchbed.drives.fit import DriveFit, JointError, impossible
+from wrenchbed.drives.fit import DriveFit, JointError, impossible, joint_errors
 from wrenchbed.drives.signals import DriveSignals, as_torques, drive_signals
 from wrenchbed.drives.solution import FOLDS, Problem, Solution, parts, residual, solve, start
 from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
@@ -269,15 +269,7 @@ def values_of(
     values = published(problem, solution.x, starts)
     before = published(problem, start(problem), starts)
     std = np.sqrt(np.diagonal(covariance))
-    return tuple(
-        IdentifiedValue(
-            name, float(value), float(s) if told else None, unit, float(begun),
-            WIDE * float(s) if told else None,
-        )
-        for (name, unit), value, s, begun, told in zip(
-            names, values, std, before, determined, strict=True
-        )
-    )  # fmt: skip
+    return identified_values(names, values, std, before, determined, WIDE)
 
 
 def jackknife(folds: np.ndarray) -> np.ndarray:
@@ -347,17 +339,11 @@ def _about_cog(load: np.ndarray) -> np.ndarray:
 
 def errors_of(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[JointError, ...]:
     """Errors of each joint, those on held-out blocks by the fit without each."""
-    residuals, unseen = residual(p, solution.x), np.zeros_like(p.y)
+    unseen = np.zeros_like(p.y)
     for k, x in enumerate(solution.folds):
         unseen[p.fold == k] = residual(p, x)[p.fold == k]
-    errors = []
-    for j, unit in enumerate(units):
-        rows = p.use[:, j]
-        nominal = None if p.gains else float(np.sqrt(np.mean((p.y - p.nominal)[rows, j] ** 2)))
-        rms = [float(np.sqrt(np.mean(part[rows, j] ** 2))) for part in (residuals, unseen)]
-        measured = float(p.y[rows, j].std())
-        errors.append(JointError(j + 1, unit, int(rows.sum()), measured, nominal, *rms))
-    return tuple(errors)
+    nominal = None if p.gains else p.y - p.nominal
+    return joint_errors(p.y, nominal, residual(p, solution.x), unseen, p.use, units)
 
 
 def refutation(joints: Sequence[JointError], values: Sequence[IdentifiedValue]) -> str | None:

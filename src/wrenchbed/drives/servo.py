@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from wrenchbed.calibration.fit import IdentifiedValue
+from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.channels.command import CHANNEL
 from wrenchbed.data.recording import Recording
 from wrenchbed.drives.fit import COMMAND_FIT, DriveFit
@@ -296,13 +296,8 @@ def _fit(
     std = np.sqrt(np.diagonal(covariance))[-len(joints) :]
     told = _delays(problem, solution.determined)
     identified = [_own(p, joints) for p in values]
-    identified += [
-        IdentifiedValue(
-            f"{DELAY}.{j}", float(d), float(s) if seen else None, "s", 0.0,
-            float(WIDE * s) if seen else None,
-        )
-        for j, (d, s, seen) in enumerate(zip(late, std, told, strict=True), start=1)
-    ]  # fmt: skip
+    names = [(f"{DELAY}.{j}", "s") for j in range(1, len(joints) + 1)]
+    identified += identified_values(names, late, std, np.zeros(len(joints)), told, WIDE)
     errors = errors_of(problem, solution, [joint.unit for joint in joints])
     signals = [p.signals for p in pieces]
     return DriveFit(
