@@ -56,27 +56,10 @@ class IdentifiedLoad:
     bias: np.ndarray
 
 
-def identify(
-    rotation: np.ndarray, wrench: np.ndarray, gravity: np.ndarray, weight: np.ndarray | None = None
-) -> IdentifiedLoad:
-    """Weighted least squares for mass, centre of gravity and bias.
-
-    Args:
-        rotation: R_world_sensor (N, 3, 3).
-        wrench: readings at rest (N, 6) [N, N·m].
-        gravity: in world axes (3,) [m/s²].
-        weight: inverse variance of each channel (6,), equal if None.
-
-    Raises:
-        CalibrationError: the orientations cannot separate mass from bias.
-    """
-    return identify_from_gravity(gravity @ rotation, wrench, weight)
-
-
 def identify_from_gravity(
     g: np.ndarray, wrench: np.ndarray, weight: np.ndarray | None = None
 ) -> IdentifiedLoad:
-    """`identify` from gravity in sensor axes.
+    """Weighted least squares for mass, centre of gravity and bias.
 
     Args:
         g: gravity in sensor axes (N, 3) [m/s²].

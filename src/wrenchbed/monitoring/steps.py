@@ -22,7 +22,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from wrenchbed import registry
-from wrenchbed.calibration.calibrate import check_mass, identify
+from wrenchbed.calibration.calibrate import check_mass, identify_from_gravity
 from wrenchbed.calibration.weighting import kernel
 from wrenchbed.channels.response import Response
 from wrenchbed.channels.wrench import CHANNEL as WRENCH
@@ -114,7 +114,8 @@ def _reference(robot: Robot, first: Check) -> _Reference:
     model, own = Model.of(robot), robot.parameters.nominal
     gravity, n = np.asarray(model.gravity), len(robot.parameters)
     rotation, _ = robot.sensor_pose(first.q, own)
-    load = identify(rotation, first.wrench, gravity, 1.0 / np.diagonal(first.covariance))
+    weight = 1.0 / np.diagonal(first.covariance)
+    load = identify_from_gravity(gravity @ rotation, first.wrench, weight)
     check_mass(load.mass)
     theta = model.parameters.nominal.copy()
     theta[:n] = robot.theta_of_tool(own, load.mass, [float(c) for c in load.cog])
