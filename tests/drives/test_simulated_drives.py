@@ -2,15 +2,12 @@
 
 import json
 
-import arm_torques as arm
-import loop_torques as loops
 import numpy as np
 import pytest
 from arm_torques import by_joint, fourier
 
 from wrenchbed import Recording, multisine, record, registry
 from wrenchbed.cli import main
-from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.errors import NotFoundError, ParameterError
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
@@ -161,43 +158,6 @@ def test_the_list_says_in_which_channels_an_effect_shows(capsys):
     assert shown["drive.coulomb"] == "effort" and shown["sensor.gain"] == "wrench"
     assert main(["list", "effects", "--json"]) == 0
     assert {f"drive.{kind}" for kind in FAULTS} < set(json.loads(capsys.readouterr().out))
-
-
-SECONDS = 25.0
-
-
-def emulated(robot, effects, seed, kind):
-    """What the emulator would report at 125 Hz, without a wire and in no real time."""
-    cycle, warm = (0.008, 200) if robot is UR5 else (0.004, 400)
-    body = Body(BodyOptions(robot.name, seed=seed, effects=effects), cycle, drives=True)
-    plan, rows = multisine(robot, SECONDS, 1.0 / cycle, seed).q, []
-    for k in range(warm):
-        body.step(robot.home + min(1.0, k / (0.75 * warm)) * (plan[0] - robot.home))
-    for q in plan:
-        body.step(q)
-        rows.append((body.time, body.q, getattr(body.drives.now, kind)))
-    t, q, effort = (np.array(part)[:: round(0.008 / cycle)] for part in zip(*rows, strict=True))
-    prefix = {"torque": "tau", "current": "i"}[kind]
-    if robot is UR5:
-        return arm.recording(t - t[0], q, effort, prefix)
-    return loops.recording(t - t[0], Jet(q, q, q), effort, prefix, tool=loops.PROBE)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(("kind", "joint", "seed"), [("torque", 1, 0), ("current", 4, 3)])
-def test_half_more_friction_of_medrue_is_diagnosed_beside_a_healthy_fit(
-    tmp_path, kind, joint, seed
-):
-    healthy = calibrate_efforts(emulated(MEDRUE, (), 100, kind))
-    healthy.write(tmp_path / "healthy.json")
-    size = 0.5 * healthy[f"drive.coulomb.{joint}"].value
-    fault = (f"drive.coulomb:joint={joint},size={size}",)
-    later = emulated(MEDRUE, fault, seed, kind)
-    d = diagnose_efforts(later, drives=tmp_path / "healthy.json", loops=True).diagnosis
-    assert d.verdict == "identified" and [w["effect"] for w in d.which] == ["drive.coulomb"]
-    told = d.which[0]["parameters"]
-    assert told["joint"]["value"] == joint
-    assert told["coulomb"]["value"] == pytest.approx(size, rel=0.06)
 
 
 def settled(robot, cycle, q, **more):

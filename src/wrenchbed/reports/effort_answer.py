@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from wrenchbed.diagnosis.decision.decide import LEAST
-from wrenchbed.diagnosis.efforts.answer import place as place_of
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
-from wrenchbed.diagnosis.efforts.held_out import remaining
+from wrenchbed.diagnosis.efforts.names import place as place_of
 from wrenchbed.diagnosis.efforts.names import title
+from wrenchbed.diagnosis.efforts.simulator import remaining
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.elements import listed
 from wrenchbed.pages import numbers
@@ -153,7 +153,7 @@ def _joints(findings: EffortFindings) -> list[int]:
 def _efforts(findings: EffortFindings) -> Chart:
     """Efforts of all joints on held-out rows over a stretch of time, beside what predictions
     leave."""
-    scene, std = findings.d.scene, np.array([n.std for n in findings.d.noise])
+    scene, std = findings.d.scene, [c.noise.std for c in findings.d.channels]
     kept = scene.kept()
     t, measured = scene.signals.t[kept], scene.thin(scene.signals.effort)
     rows = np.abs(t - 0.5 * (t[0] + t[-1])) <= 0.5 * _SHOWN_S
@@ -188,14 +188,14 @@ def _friction(findings: EffortFindings, j: int) -> Chart:
 
     What links and load of the whole arm add by the fit is no friction.
     """
-    d, scene, std = findings.d, findings.d.scene, findings.d.noise[j].std
+    d, scene, channel = findings.d, findings.d.scene, findings.d.channels[j]
     speed = scene.q.d[scene.kept(), j]
     stated = scene.thin(scene.friction[:, j])
-    body = d.arm[:, j] @ findings.fit.x[d.joint < 0]
-    measured = stated + d.y[:, j] - body
+    arm = d.joint[channel.at] < 0
+    measured = stated + channel.y - channel.data[:, arm] @ findings.fit.x[channel.at[arm]]
     efforts = [speed, measured, stated]
     if findings.verdict.causes:
-        efforts.append(measured - std * remaining(d, findings.fit.each)[:, j])
+        efforts.append(measured - channel.noise.std * remaining(d, findings.fit.each)[:, j])
     edges = np.unique(np.quantile(speed, np.linspace(0.0, 1.0, _BINS + 1)))
     at = np.clip(np.searchsorted(edges, speed, side="right") - 1, 0, len(edges) - 2)
     x, *means = (np.bincount(at, values) / np.bincount(at) for values in efforts)

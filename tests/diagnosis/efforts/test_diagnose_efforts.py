@@ -12,10 +12,10 @@ from arm_torques import COG, COULOMB, MASS, NOISE, SWING, UR5, fourier
 from altered import with_columns
 from wrenchbed.benchmark.efforts.arm import Path, TrueArm
 from wrenchbed.cli import main
-from wrenchbed.diagnosis.efforts.blind import shows_from
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.diagnosis.efforts.options import facts_of
 from wrenchbed.diagnosis.efforts.signs import episode, held, outliers, peak
+from wrenchbed.diagnosis.efforts.sizes import shows_from
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
 from wrenchbed.diagnosis.gap.gaps import Interval
 from wrenchbed.diagnosis.gap.result import named_by
@@ -188,8 +188,7 @@ def test_links_about_the_vertical_and_a_joint_that_hardly_moves_are_blind():
 def test_a_cause_that_this_motion_lacks_shows_at_no_size():
     """Stiction, of a joint that never reverses: its columns are zero."""
     block = Block("drive.stiction", 5, False, ("since3.5", "since4.5"))
-    at = (np.array([0, 1]),)
-    nothing = SimpleNamespace(names=block.columns, size=np.zeros(2), blocks=(block,), at=at)
+    nothing = SimpleNamespace(size=np.zeros(2), blocks=(block,), sized=lambda _: np.array([0, 1]))
     assert shows_from(nothing, None, 0) == np.inf
 
 
@@ -280,7 +279,9 @@ def test_friction_is_seen_by_its_joint_alone_and_the_sensor_agrees():
     assert answers(found) == [("drive.coulomb", [])]
     assert found.diagnosis.which[0]["parameters"]["joint"]["value"] == 3
     assert max(found.diagnosis.gap.per_channel[c]["before"] for c in CHANNELS) < 0.2
-    assert np.array([n.std for n in found.d.noise[6:]]) == pytest.approx(OF_SENSOR, rel=0.1)
+    assert np.array([c.noise.std for c in found.d.channels[6:]]) == pytest.approx(
+        OF_SENSOR, rel=0.1
+    )
 
 
 @pytest.mark.slow

@@ -1,19 +1,16 @@
 """The entries of ``diagnosis.json`` of joint efforts: causes, places, notes, what next."""
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import Any
-
-import numpy as np
 
 from wrenchbed.diagnosis.answer import notes as of_gap
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.names import known, title
+from wrenchbed.diagnosis.efforts.names import known, place, title
 from wrenchbed.diagnosis.efforts.options import BELIEVED, Weighed, blocks
 from wrenchbed.diagnosis.efforts.search import Structure
 from wrenchbed.diagnosis.efforts.signs import Sign
-from wrenchbed.diagnosis.efforts.simulator import Simulator, Simulators
-from wrenchbed.diagnosis.efforts.sizes import mass_of_tool, parameters
+from wrenchbed.diagnosis.efforts.simulator import Simulators
+from wrenchbed.diagnosis.efforts.sizes import parameters
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Verdict
@@ -27,17 +24,6 @@ _OF_COMMANDS = (
     "above 0: less of it), drive.delay how late it acts on its command, by a delay or a filter"
 )
 """What the names of a diagnosis of commands mean."""
-_UNITS = {"coulomb": "N·m", "viscous": "N·m·s/rad", "offset": "N·m", "inertia": "kg·m²"}
-"""Units of the values that every drive has, of hinges."""
-
-
-def place(key: Key) -> tuple[str, str]:
-    """Subsystem and detail of an effect: ``joint``, ``joint 2``."""
-    effect, joint = key
-    part = effect.split(".")[0]
-    if joint is None:
-        return part, part
-    return ("link", f"link {joint}") if part == "link" else ("drive", f"joint {joint}")
 
 
 def which(s: Simulators, v: Verdict[Structure], gap: Closure) -> list[dict[str, Any]]:
@@ -95,39 +81,10 @@ def minor(s: Simulators, every: Sequence[Weighed], v: Verdict[Structure]) -> lis
     return sorted(result, key=lambda entry: -entry["gap"])
 
 
-def fitted(fit: Simulator) -> list[dict[str, Any]]:
-    """Entries of ``fitted``: friction, rotor inertia and tool, as far as nobody states them."""
-    d, result = fit.d, list[dict[str, Any]]()
-    for name in (d.names[k] for k in np.flatnonzero(d.free)):
-        kind, _, of = name.partition(".")
-        if kind == "tool":
-            label, unit = name, "kg" if of == "mass" else "m"
-        elif kind in _UNITS:
-            label, unit = f"drive.{name}", d.scene.robot.joints[int(of) - 1].own(_UNITS[kind])
-        else:
-            continue
-        number = fit.number(partial(_value, d, name))
-        result.append({"name": label, **number, "unit": unit, "stated": None})
-    return result
-
-
-def _value(d: Dictionary, name: str, x: np.ndarray) -> float:
-    """Value of a drive, or the tool's mass or CoG, by its column, at the amplitudes x (P,)."""
-    (kind, _, of), amplitude = name.partition("."), float(x[d.names.index(name)])
-    if kind != "tool":
-        start = dict(zip(_UNITS, (*d.scene.levels, d.scene.inertias.rotor), strict=True))
-        return float(start[kind][int(of) - 1]) + amplitude
-    tool = d.scene.model.robot.tool(d.scene.theta)
-    if of == "mass":
-        return float(tool.mass) + amplitude
-    # a moment beside that of the mass at the model's centre of gravity [kg·m]
-    return float(np.asarray(tool.cog)["xyz".index(of[-1])]) + amplitude / mass_of_tool(d, x)
-
-
 def scales(d: Dictionary) -> dict[str, Scale]:
     """Noise of a row, and what counts, of each channel."""
-    both = zip(d.scene.columns, d.noise, d.counts, d.scene.units, strict=True)
-    return {name: Scale(n.std, float(counts), unit) for name, n, counts, unit in both}
+    each = zip(d.scene.columns, d.channels, d.scene.units, strict=True)
+    return {name: Scale(c.noise.std, c.counts, unit) for name, c, unit in each}
 
 
 def where(
@@ -191,7 +148,7 @@ def notes(
     """Notes for the reader: what the answer rests on and what it leaves open."""
     scene = d.scene
     units = scene.units
-    each = [f"{n.std:.2g}" for n in d.noise]
+    each = [f"{c.noise.std:.2g}" for c in d.channels]
     noise = f"{', '.join(each)} {units[0]}"
     if len(set(units)) > 1:
         noise = ", ".join(f"{n} {unit}" for n, unit in zip(each, units, strict=True))
@@ -199,9 +156,6 @@ def notes(
     result = [
         f"noise of a row by {by}: {noise}, estimated from what all effects together leave",
     ]
-    if scene.loops:
-        links = ", ".join(f"{k} {n}" for k, n in enumerate(scene.inertias.names, start=1))
-        result.append(f"links: {links}")
     stated = [k for k in scene.drives.value if scene.drives.known(k).any()]
     result.append(
         f"stated: {', '.join(stated)}" if stated
@@ -224,17 +178,3 @@ def notes(
     if outside:
         result.append(f"what has no name looks most like: {outside}")
     return (*result, *of_gap(gap, (), unknown=False))
-
-
-def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """Values of the drives as a recording's metadata state them, and the named effects."""
-    names = [n for n in d.names if n.partition(".")[0] in _UNITS]
-    values = {f"drive.{n}": _value(d, n, x) for n in names}
-    for found in entries:
-        if found["effect"] == "drive.hysteresis":  # it slides at the level that friction gained
-            figures = found["parameters"]
-            name = f"drive.coulomb.{figures['joint']['value']}"
-            if name in values:
-                values[name] -= figures["size"]["value"]
-    return {"format": 1, "robot": d.scene.recording.metadata.robot, "configured": values,
-            "effects": list(entries)}  # fmt: skip

@@ -1,29 +1,61 @@
-"""Columns of one joint with free amplitudes: its drive effects, and what has no name.
+"""Columns with free amplitudes: of each joint, of each channel of the wrench, of the whole arm.
 
 Causes without a name (`outside`) have columns too: what these explain best is unknown.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
+from wrenchbed import registry
 from wrenchbed.channels.effort import ZERO
+from wrenchbed.channels.held import LINK_CENTRE, LINK_MASS
 from wrenchbed.diagnosis.efforts.names import drive_effects
 from wrenchbed.diagnosis.efforts.scene import COMMANDED, EffortScene
+from wrenchbed.diagnosis.prepare.baseline import COG_M, MASS_SHARE
+from wrenchbed.drives.identify import carrier_columns, load_columns, of_mass, of_moment
 from wrenchbed.effects.drives.base import Block, Column, DriveRows, StatedNumber
+from wrenchbed.effects.drives.operators import late, slow
+from wrenchbed.physics.newton_euler import INERTIAL
+from wrenchbed.physics.wrench import CHANNELS
+from wrenchbed.robots.base import INERTIA_AXES
 
 FREE = 1e3
 """Prior of what every fit leaves free, in noises of a row: wide; estimate."""
 BACKGROUND = 0.1
 """Rms of what any effect may add unnamed, in noises of a row: no robot is perfect; estimate."""
 STRETCHES = 6
-"""Stretches of time over which friction or offset may change in time; estimate."""
+"""Stretches of time over which friction, an offset or a zero may change; estimate."""
 LIMITS = (0.5, 0.75, 0.9)
 """Quantiles of the torque from which it may be limited; estimate."""
 ENDS = (0.15, 0.85)
 """Quantiles of the angle beyond which something may resist; estimate."""
+LIGHT = 0.01
+"""Least mass of a tool whose centre of gravity moves [kg]; estimate."""
+_GAIN = 0.01
+"""Ordinary error of a wrench's gain and of crosstalk among forces, or among moments; estimate."""
+_TILT = np.deg2rad(0.1)
+"""Ordinary tilt of a base [rad]; estimate: a bubble level."""
+_LINK_INERTIA = 0.05
+"""Ordinary error of a link's inertia over the mean principal one; estimate."""
+_GYRATION = 0.02
+"""Least radius of gyration of a link [m]; estimate: files leave inertias out."""
+_STEP = 0.01
+"""Steps in mass [kg] and first moment [kg·m] at which the wrench's columns are made; estimate: the
+wrench is linear in both but for the square of the centre of gravity."""
+_LATE = 4e-3
+"""Delay at which the columns of common delays are made [s]; estimate."""
+_NOTHING = 1e-9
+"""Largest value of a column, over that of the largest column, up to which it is rounding: a larger
+limit drops small but real causes, a smaller one than 1e-15 keeps rounding of doubles as a cause."""
+_LAST = -2.0
+"""Log odds of the link that carries the tool against the tool that hangs on it; estimate."""
 _OFFSET, _ROTOR, _CONSTANT = "drive.offset", "drive.inertia", "drive.constant"
+Made = tuple[list[Column], list[Block]]
+"""Columns, and the causes that set them free."""
 
 
-def of_joint(scene: EffortScene, j: int) -> tuple[list[Column], list[Block]]:
+def of_joint(scene: EffortScene, j: int) -> Made:
     """Columns and causes of joint j, from 0, but those whose shape a residual suggests."""
     rows = rows_of(scene, j)
     columns, blocks = list[Column](), list[Block]()
@@ -39,7 +71,7 @@ def of_joint(scene: EffortScene, j: int) -> tuple[list[Column], list[Block]]:
         named, more = "." in word, [rows.column(name, shape) for name, shape in shapes.items()]
         columns += more
         names = (*[f"offset.{rows.joint}"] * named, *(c.name for c in more))
-        blocks.append(Block(word, rows.joint, not named, names))
+        blocks.append(Block(word, rows.joint, not named, names, level=rows.level))
     return columns, blocks
 
 
@@ -83,9 +115,8 @@ def _spread(scene: EffortScene, j: int, effect: StatedNumber) -> float | None:
 def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarray]]:
     """Columns of springs between links, beside a constant, then of torque errors for which the
     library has no name."""
-    size, t = np.abs(rows.total), rows.t
-    place = (t - t[0]) / (t[-1] - t[0]) * (STRETCHES - 1)
-    hats = [np.maximum(1.0 - np.abs(place - k), 0.0) for k in range(1, STRETCHES)]
+    size = np.abs(rows.total)
+    hats = _hats(rows.t)
     way = 1.0 if rows.hinge else float(np.ptp(rows.angle)) / (2.0 * np.pi)
     turns = [(k, k * rows.angle / way) for k in (1, 2)]
     low, high = np.quantile(rows.angle, ENDS)
@@ -109,3 +140,134 @@ def _forms(scene: EffortScene, rows: DriveRows) -> dict[str, dict[str, np.ndarra
         },
         "torque of other joints": {f"of{k + 1}": scene.total[:, k] for k in others},
     }
+
+
+def _hats(t: np.ndarray) -> list[np.ndarray]:
+    """Overlapping triangles (N,) over stretches of time, but the first."""
+    place = (t - t[0]) / (t[-1] - t[0]) * (STRETCHES - 1)
+    return [np.maximum(1.0 - np.abs(place - k), 0.0) for k in range(1, STRETCHES)]
+
+
+def of_sensor(scene: EffortScene, channel: int) -> Made:
+    """Columns and causes without a name of one channel of the wrench, from 0.
+
+    Tool and tilt have columns in all channels, so that both kinds of data testify together. What
+    only the sensor sees is ordinary, or has no name here: a diagnosis of the wrench names it.
+    """
+    total, t, name = scene.load, scene.signals.t, CHANNELS[channel]
+    alike = range(3) if channel < 3 else range(3, 6)
+    columns = [
+        Column(f"bias.{name}", np.ones(len(t)), free=True),
+        Column(f"late.{name}", late(total[:, channel], t, _LATE), free=True),
+    ]
+    parts = {
+        "gain": [Column(f"gain.{name}.{CHANNELS[k]}", total[:, k], _GAIN) for k in alike],
+        "zero in time": [
+            Column(f"drift.{name}.{k}", hat) for k, hat in enumerate(_hats(t), start=1)
+        ],
+        "crosstalk": [
+            Column(f"of.{name}.{CHANNELS[k]}", total[:, k]) for k in range(6) if k not in alike
+        ],
+    }
+    number = scene.joints + 1 + channel
+    blocks = [Block(w, number, True, tuple(c.name for c in some)) for w, some in parts.items()]
+    return columns + [c for some in parts.values() for c in some], blocks
+
+
+def of_arm(scene: EffortScene) -> Made:
+    """Columns (N, C) of the links and the load of an arm, and the causes made of them."""
+    columns, blocks = _links(scene)
+    columns += _lag(scene)
+    unseen = np.zeros((len(scene.signals.t), len(scene.channels) - scene.joints))
+    columns = [replace(c, data=np.hstack([c.data, unseen])) for c in columns]
+    for more, causes in (_tool(scene), _tilt(scene)):
+        columns += more
+        blocks += causes
+    largest = {c.name: float(np.abs(c.data).max()) for c in columns}
+    seen = {name for name, size in largest.items() if size > _NOTHING * max(largest.values())}
+    visible = [replace(b, columns=tuple(n for n in b.columns if n in seen)) for b in blocks]
+    return [c for c in columns if c.name in seen], [b for b in visible if b.columns]
+
+
+def _links(scene: EffortScene) -> Made:
+    columns, blocks = list[Column](), list[Block]()
+    for k in np.flatnonzero(scene.inertias.phi[:, 0] > 0.0).tolist():
+        phi, y = scene.inertias.phi[k], scene.regressor[..., INERTIAL * k : INERTIAL * (k + 1)]
+        mass, cog = phi[0], phi[1:4] / max(phi[0], 1e-9)
+        last = k == scene.robot.carrier  # the tool hangs on it, and is the more likely cause
+        moments, inertia = [of_moment(cog, axis) for axis in np.eye(3)], _mean_inertia(phi)
+        for kind, ends, forms, level, std in (
+            ("mass", ("mass",), [of_mass(cog)], mass, LINK_MASS),
+            ("cog", "xyz", moments, mass, LINK_CENTRE),
+            ("inertia", INERTIA_AXES, np.eye(INERTIAL)[4:], inertia, _LINK_INERTIA),
+        ):
+            names = tuple(f"link.{kind}.{k + 1}.{end}" for end in ends)
+            both = zip(names, forms, strict=True)
+            columns += [Column(n, y @ form, std * level) for n, form in both]
+            prior = _LAST * last
+            blocks.append(Block(f"link.{kind}", k + 1, False, names, prior=prior, level=level))
+    return columns, blocks
+
+
+def _tool(scene: EffortScene) -> Made:
+    """Mass and moments of the tool; free where they are not stated."""
+    y = scene.regressor[..., carrier_columns(scene.robot)] @ load_columns(scene.robot, scene.theta)
+    stated, tool = scene.recording.metadata.tool, scene.tool
+    cog, mass = np.asarray(tool.cog, dtype=float), float(tool.mass)
+    by_file = registry.record_of("robots", scene.robot.name) is not None  # its [tool] says so
+    known = by_file or stated.mass is not None, by_file or stated.cog is not None
+    gravity = np.asarray(scene.model.gravity, dtype=float)
+
+    def seen(form: np.ndarray, moved: np.ndarray, more: float) -> np.ndarray:
+        """Change of all channels (N, C) by a mass [kg] and a moment (3,) [kg·m]."""
+        ends = list[np.ndarray]()
+        for half in (0.5 * _STEP, -0.5 * _STEP):
+            place = [float(c) for c in cog + half * moved / max(mass, LIGHT)]
+            heavy = max(mass, _STEP * more) + half * more  # no tool weighs less than nothing
+            theta = scene.robot.theta_of_tool(scene.theta, heavy, place)
+            ends.append(scene.sensed(theta, gravity))
+        return np.hstack([y @ form, (ends[0] - ends[1]) / _STEP])
+
+    fit = scene.drives.load
+    mass_std, *cog_std = (np.zeros(4) if fit is None else fit[1]).tolist()
+    std = float(np.hypot(MASS_SHARE * mass, mass_std)) if known[0] else None
+    columns = [Column("tool.mass", seen(of_mass(cog), np.zeros(3), 1.0), std, not known[0])]
+    for name, axis, off in zip("xyz", np.eye(3), cog_std, strict=True):
+        std = float(np.hypot(COG_M, off)) * max(mass, 1.0) if known[1] else None
+        data = seen(of_moment(cog, axis), axis, 0.0)
+        columns.append(Column(f"tool.cog.{name}", data, std, not known[1]))
+    names = tuple(c.name for c in columns)
+    causes = (
+        Block("tool.mass", None, False, names[:1], level=mass),
+        Block("tool.cog", None, False, names[1:]),
+    )
+    return columns, [cause for cause, is_stated in zip(causes, known, strict=True) if is_stated]
+
+
+def _lag(scene: EffortScene) -> list[Column]:
+    """A delay and a filter that all joints share: a controller's clock is nobody's fault."""
+    t, rate = scene.signals.t, scene.signals.rate
+    delayed = np.stack([late(x, t, _LATE) for x in scene.total.T], axis=-1)
+    filtered = np.stack([slow(x, rate, _LATE) for x in scene.total.T], axis=-1)
+    return [Column("common.delay", delayed, free=True), Column("common.lag", filtered, free=True)]
+
+
+def _tilt(scene: EffortScene) -> Made:
+    gravity = np.asarray(scene.model.gravity, dtype=float)
+    down = gravity / np.linalg.norm(gravity)
+    side = np.eye(3)[int(np.argmin(np.abs(down)))]
+    columns = []
+    for k, axis in enumerate((np.cross(down, side), np.cross(down, np.cross(down, side)))):
+        axis = axis / np.linalg.norm(axis)
+        more = np.cross(axis, gravity)  # for 1 rad, to first order
+        held = -scene.robot.gravity_torque(scene.q.v, scene.theta, more)
+        seen = scene.sensed(scene.theta, gravity + more) - scene.load
+        columns.append(Column(f"base.tilt.{k}", np.hstack([held, seen]), _TILT))
+    return columns, [Block("base.tilt", None, False, tuple(c.name for c in columns))]
+
+
+def _mean_inertia(phi: np.ndarray) -> float:
+    """Mean principal inertia [kg·m²] about the centre of gravity of a link's parameters (10,)."""
+    moment = phi[1:4]
+    about = float(phi[4:7].sum()) - 2.0 * float(moment @ moment) / phi[0]
+    return max(about / 3.0, phi[0] * _GYRATION**2)

@@ -10,7 +10,6 @@ import numpy as np
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.decision.decide import conclude, decide
 from wrenchbed.diagnosis.efforts import answer
-from wrenchbed.diagnosis.efforts.blind import blind_spots
 from wrenchbed.diagnosis.efforts.commanded import as_efforts
 from wrenchbed.diagnosis.efforts.configured import stated_drives, with_tool
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
@@ -19,13 +18,16 @@ from wrenchbed.diagnosis.efforts.scene import effort_scene
 from wrenchbed.diagnosis.efforts.search import Search, Structure, search
 from wrenchbed.diagnosis.efforts.signs import signs
 from wrenchbed.diagnosis.efforts.simulator import Simulator, Simulators
+from wrenchbed.diagnosis.efforts.sizes import blind_spots, corrected, fitted
 from wrenchbed.diagnosis.explain.reliability import UNLEARNT, set90
 from wrenchbed.diagnosis.explain.verdict import Verdict
 from wrenchbed.diagnosis.gap.result import Diagnosis, plain
 from wrenchbed.diagnosis.prepare.prepared import Material
+from wrenchbed.drives.identify import arm_of
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.files import write_json
 from wrenchbed.jobs.workers import one_thread
+from wrenchbed.robots.chain import SerialChain
 from wrenchbed.twin.twin import Twin
 
 Progress = Callable[[str], None]
@@ -63,7 +65,7 @@ class EffortFindings:
     def write(self, folder: str | Path) -> None:
         """Write ``diagnosis.json``, ``twin.json`` and ``drives.json``."""
         self.diagnosis.write(folder)
-        values = answer.corrected(self.d, self.fit.x, self.diagnosis.which)
+        values = corrected(self.d, self.fit.x, self.diagnosis.which)
         write_json(Path(folder) / "drives.json", plain(values))
 
 
@@ -73,7 +75,6 @@ def diagnose_efforts(
     *,
     drives: str | Path | None = None,
     seed: int = 0,
-    loops: bool = False,
     wrench: bool = False,
     material: Material | None = None,
     progress: Progress = lambda _: None,
@@ -84,7 +85,6 @@ def diagnose_efforts(
         recording: of an arm, with ``tau1…`` or ``i1…``, or with commands alone, ``q_target1…``.
         drives: output of ``wrenchbed calibrate`` on a healthy recording of this robot, if any.
         seed: of the resampled blocks.
-        loops: answer for a robot with closed loops too; over CAN too few faults are named yet.
         wrench: the recording's wrench testifies too.
         material: residual of a torque, and of a force, that counts; a row's noise if None.
         progress: called with the step that begins.
@@ -94,25 +94,25 @@ def diagnose_efforts(
     """
     begun = time.perf_counter()
     progress("motion and stated robot")
+    if not isinstance(arm_of(recording), SerialChain):
+        raise DiagnosisError(
+            f"{recording.name}: robot {recording.metadata.robot!r} has closed loops: of drive "
+            "faults recorded over CAN diagnoses of its joint efforts find too few yet, so none is "
+            "given; calibrate --channels effort fits them"
+        )
     known = stated_drives(recording, drives)
     recording = with_tool(recording, known)
     if recording.only_commanded:
         recording, known, counts = as_efforts(recording, known)
         material = material or counts
     scene = effort_scene(recording, known, wrench=wrench)
-    if scene.loops and not loops:
-        raise DiagnosisError(
-            f"{recording.name}: robot {recording.metadata.robot!r} has closed loops: of drive "
-            "faults recorded over CAN diagnoses of its joint efforts find too few yet, so none is "
-            "given; calibrate --channels effort fits them"
-        )
     progress("effects and noise")
     d = dictionary(scene, material)
     progress("structures and their evidence")
-    structures = search(d, seed)
-    likely = weighed(structures)
+    structures, simulators = search(d, seed), Simulators(d)
+    likely = weighed(structures, simulators)
     progress("held-out rows")
-    simulators, unnamed = Simulators(d), outside(d, likely[0])
+    unnamed = outside(d, likely[0])
     seen = () if scene.commanded else signs(d)  # counts of encoders are no ordinary noise
     decision = decide(facts_of(simulators, likely, seed))
     final = conclude(decision, [{} for _ in decision.verdict.causes], [s.text for s in seen])
@@ -127,7 +127,7 @@ def diagnose_efforts(
         time.perf_counter() - begun, answer.notes(d, final, gap, seen, unnamed),
         set90=set90(final, UNLEARNT),
         minor=answer.minor(simulators, likely, final),
-        fitted=answer.fitted(fit),
+        fitted=fitted(fit),
         scale=answer.scales(d), blind=blind_spots(d, structures.evidence),
         familiar="the probabilities were chosen on simulated arms of six and seven joints",
     )  # fmt: skip

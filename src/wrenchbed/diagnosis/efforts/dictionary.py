@@ -3,18 +3,23 @@
 Structures are compared on these products alone; rows are needed again only for figures.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
-from wrenchbed.diagnosis.efforts.arm_columns import of_arm
-from wrenchbed.diagnosis.efforts.columns import BACKGROUND, FREE, of_joint, rows_of
-from wrenchbed.diagnosis.efforts.names import drive_effects
-from wrenchbed.diagnosis.efforts.noise import JointNoise, joint_noise, remains
+from wrenchbed.diagnosis.efforts.columns import (
+    BACKGROUND,
+    FREE,
+    of_arm,
+    of_joint,
+    of_sensor,
+    rows_of,
+)
+from wrenchbed.diagnosis.efforts.names import drive_effects, known
+from wrenchbed.diagnosis.efforts.noise import RowNoise, remains, row_noise
 from wrenchbed.diagnosis.efforts.scene import EffortScene
-from wrenchbed.diagnosis.efforts.wrench_channels import of_channel
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.effects.drives.base import Block, Column, DriveResidual
 from wrenchbed.effects.drives.operators import REST
@@ -29,20 +34,55 @@ _NOTHING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
+class Channel:
+    """One joint, or one channel of the wrench, at the kept rows.
+
+    Attributes:
+        y: measured less predicted (M,) [N·m; N of slides and forces].
+        use: which rows count (M,): those clear of rest.
+        moving: which rows count in a gap (M,): all in which something moves, those next to
+            reversals too, where a delay acts most.
+        at: its columns, then the arm's, by their places among all (K,).
+        data: these columns (M, K).
+        noise: of a row.
+        counts: residual that counts, a gap of 1: a row's noise unless the user says otherwise.
+    """
+
+    y: np.ndarray
+    use: np.ndarray
+    moving: np.ndarray
+    at: np.ndarray
+    data: np.ndarray
+    noise: RowNoise
+    counts: float
+
+    @property
+    def noise_counts(self) -> float:
+        """Variance of a row's noise over the square of what counts."""
+        return float((self.noise.std / self.counts) ** 2)
+
+    @cached_property
+    def gram(self) -> np.ndarray:
+        """Mean products (K, K) of the columns over the rows that count in a gap, in units of what
+        counts."""
+        seen = self.data[self.moving] / self.counts
+        return np.asarray(seen.T @ seen / len(seen))
+
+    @property
+    def left(self) -> np.ndarray:
+        """What the richest model leaves (M,), zero where no row counts."""
+        return remains(self.y, self.data, self.use)
+
+
+@dataclass(frozen=True, eq=False)
 class Dictionary:
     """Columns of all channels: joints, then those of the wrench if it is there.
 
     Attributes:
         scene: what they are of.
-        y: measured less predicted torque (M, C) [N·m].
-        use: which rows count (M, C): those clear of rest.
-        own: columns of each channel (M, Kⱼ).
-        arm: columns of all channels (M, C, A).
-        names: of all columns (P,): joint by joint, then the arm's.
+        channels: with their columns.
+        names: of all columns (P,): channel by channel, then the arm's.
         joint: channel of each column (P,), −1 of the arm's.
-        noise: of each channel.
-        counts: residual that counts in each channel (C,), a gap of 1: a row's noise unless the user
-            says otherwise [N·m, of slides N].
         std: prior standard deviation of each amplitude (P,) unless a cause sets it free.
         free, stated: which amplitudes (P,) every fit leaves free, or free within `std`.
         size: rms that an amplitude of 1 adds, in noises of a row (P,): of its joint, or of the
@@ -51,14 +91,9 @@ class Dictionary:
     """
 
     scene: EffortScene
-    y: np.ndarray
-    use: np.ndarray
-    own: tuple[np.ndarray, ...]
-    arm: np.ndarray
+    channels: tuple[Channel, ...]
     names: tuple[str, ...]
     joint: np.ndarray
-    noise: tuple[JointNoise, ...]
-    counts: np.ndarray
     std: np.ndarray
     free: np.ndarray
     stated: np.ndarray
@@ -71,59 +106,30 @@ class Dictionary:
         place = {name: k for k, name in enumerate(self.names)}
         return tuple(np.array([place[n] for n in b.columns]) for b in self.blocks)
 
+    def sized(self, block: int) -> np.ndarray:
+        """Indices of the columns whose amplitudes make the size of a cause that has a name."""
+        begins = known()[self.blocks[block].effect].size.columns or ("",)
+        return np.array([k for k in self.at[block] if self.names[k].startswith(begins)])
+
     @property
     def fold(self) -> np.ndarray:
         """Block of time of each row (M,)."""
-        return np.arange(len(self.y)) * BLOCKS // len(self.y)
+        rows = len(self.channels[0].y)
+        return np.arange(rows) * BLOCKS // rows
 
     @cached_property
     def products(self) -> tuple[np.ndarray, np.ndarray]:
         """Whitened products of each block: of columns (B, P, P), and with the residual (B, P)."""
         count = len(self.names)
         gram, right = np.zeros((BLOCKS, count, count)), np.zeros((BLOCKS, count))
-        for j, noise in enumerate(self.noise):
-            at, data = self.columns(j)
-            white, columns = noise.white(self.y[:, j]), noise.white(data)
+        for channel in self.channels:
+            at, white = channel.at, channel.noise.white(channel.y)
+            columns = channel.noise.white(channel.data)
             for b in range(BLOCKS):
                 some = columns[self.fold == b]
                 gram[b][np.ix_(at, at)] += some.T @ some
                 right[b][at] += some.T @ white[self.fold == b]
         return gram, right
-
-    def by_joint(self, j: int) -> tuple[np.ndarray, np.ndarray]:
-        """Indices (K,) of the columns that act on joint j and their mean products (K, K).
-
-        In units of what counts, over all rows in which the joint moves, those next to reversals
-        too: a delay acts there most.
-        """
-        if j not in self._by_joint:
-            at, data = self.columns(j)
-            speed = np.abs(self.scene.speeds[self.scene.kept(), j])
-            seen = data[speed > REST * speed.max()] / self.counts[j]
-            self._by_joint[j] = at, seen.T @ seen / len(seen)
-        return self._by_joint[j]
-
-    @property
-    def noise_counts(self) -> np.ndarray:
-        """Variance of a row's noise in each channel (C,) over the square of what counts."""
-        return np.asarray((np.array([n.std for n in self.noise]) / self.counts) ** 2)
-
-    @cached_property
-    def _by_joint(self) -> dict[int, tuple[np.ndarray, np.ndarray]]:
-        return {}
-
-    def columns(self, j: int) -> tuple[np.ndarray, np.ndarray]:
-        """Indices (K,) and data (M, K) of all columns that act on joint j, from 0."""
-        at = np.concatenate([np.flatnonzero(self.joint == j), np.flatnonzero(self.joint < 0)])
-        return at, np.concatenate([self.own[j], self.arm[:, j]], axis=1)
-
-    def made(self, x: np.ndarray) -> np.ndarray:
-        """Torque (M, C) [N·m] that the columns make with amplitudes (P,)."""
-        result = []
-        for j in range(self.y.shape[1]):
-            at, data = self.columns(j)
-            result.append(data @ x[at])
-        return np.stack(result, axis=-1)
 
 
 def dictionary(scene: EffortScene, material: Material | None = None) -> Dictionary:
@@ -140,63 +146,66 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
         )
     arm_columns, arm_blocks = of_arm(scene)
     arm = scene.thin(np.stack([c.data for c in arm_columns], axis=-1))
-    each = [
-        _channel(scene, j, y[:, j], use[:, j], arm_columns, arm[:, j]) for j in range(y.shape[1])
+    speeds, many = np.abs(scene.speeds[scene.kept()]), range(y.shape[1])
+    each = [_made(scene, j, y[:, j], use[:, j], arm_columns, arm[:, j]) for j in many]
+    noise = [
+        row_noise(y[:, j], np.hstack([each[j][1], arm[:, j]]), speeds[:, j], use[:, j])
+        for j in many
     ]
-    flat = [c for channel in each for c in channel.columns] + arm_columns
-    blocks = (*(b for channel in each for b in channel.blocks), *arm_blocks)
-    joint = [np.full(len(channel.columns), j) for j, channel in enumerate(each)]
-    std_rows = np.array([channel.noise.std for channel in each])
-    size = np.concatenate([
-        *(np.sqrt((channel.data**2).mean(axis=0)) / channel.noise.std for channel in each),
-        np.sqrt(((arm / std_rows[:, None]) ** 2).mean(axis=0).sum(axis=0)),
-    ])  # fmt: skip
+    std_rows = np.array([n.std for n in noise])
+    flat = [c for columns, _, _ in each for c in columns] + arm_columns
+    joint = np.repeat([*many, -1], [*(len(columns) for columns, _, _ in each), len(arm_columns)])
+    own = [np.sqrt((each[j][1] ** 2).mean(axis=0)) / std_rows[j] for j in many]
+    shared = np.sqrt(((arm / std_rows[:, None]) ** 2).mean(axis=0).sum(axis=0))
+    size = np.concatenate([*own, shared])
+    blocks = (*(b for _, _, some in each for b in some), *arm_blocks)
+    counts = (material or Material()).counts(scene.units, std_rows)
+    channels = tuple(
+        Channel(
+            y[:, j], use[:, j], speeds[:, j] > REST * speeds[:, j].max(),
+            np.concatenate([np.flatnonzero(joint == j), np.flatnonzero(joint < 0)]),
+            np.hstack([each[j][1], arm[:, j]]), noise[j], float(counts[j]),
+        )
+        for j in many
+    )  # fmt: skip
     unnamed = {n for b in blocks if b.outside for n in b.columns}
-    std = np.array([
-        _prior(c, max(s, _NOTHING), c.name in unnamed) for c, s in zip(flat, size, strict=True)
-    ])  # fmt: skip
+    std = [_prior(c, max(s, _NOTHING), c.name in unnamed) for c, s in zip(flat, size, strict=True)]
     return Dictionary(
-        scene, y, use, tuple(channel.data for channel in each), arm,
-        tuple(c.name for c in flat), np.concatenate([*joint, np.full(len(arm_columns), -1)]),
-        tuple(channel.noise for channel in each),
-        (material or Material()).counts(scene.units, std_rows), std,
+        scene, channels, tuple(c.name for c in flat), joint, np.array(std),
         np.array([c.free for c in flat]),
         np.array([c.std is not None and not c.free for c in flat]), size, blocks,
     )  # fmt: skip
 
 
-class _Channel(NamedTuple):
-    """Columns of one channel, what they are at the kept rows (M, K), its causes and its noise."""
-
-    columns: list[Column]
-    data: np.ndarray
-    blocks: list[Block]
-    noise: JointNoise
-
-
-def _channel(
-    scene: EffortScene, j: int, y: np.ndarray, use: np.ndarray, arm_columns: list[Column],
+def _made(
+    scene: EffortScene, j: int, y: np.ndarray, use: np.ndarray, arm_columns: Sequence[Column],
     arm: np.ndarray,
-) -> _Channel:  # fmt: skip
-    """Channel j, from 0, of the residual y (M,) beside the arm's columns (M, A)."""
+) -> tuple[list[Column], np.ndarray, list[Block]]:  # fmt: skip
+    """Columns of channel j, from 0, what they are at the kept rows (M, K), and its causes.
+
+    Args:
+        y, use: residual of the channel (M,), and which rows of it count.
+        arm: the columns of the arm there (M, A).
+    """
     sensor = j - scene.joints
-    columns, blocks = (
-        of_joint(scene, j) if sensor < 0
-        else of_channel(scene.load, scene.signals.t, sensor, scene.joints + 1)
-    )  # fmt: skip
+    columns, blocks = of_joint(scene, j) if sensor < 0 else of_sensor(scene, sensor)
     data = scene.thin(np.column_stack([c.data for c in columns]))
-    if sensor < 0:
-        rows = rows_of(scene, j)
-        residual = _residual(scene, j, y, use, [*columns, *arm_columns], np.hstack([data, arm]))
-        for effect in drive_effects().values():
-            if (scanned := effect.scan(rows, residual)) is not None:
-                some, block = scanned
-                columns, blocks = [*columns, *some], [*blocks, block]
-                more = scene.thin(np.column_stack([c.data for c in some]))
-                data = np.hstack([data, more])
-    speed = scene.speeds[scene.kept(), j]
-    noise = joint_noise(y, np.hstack([data, arm]), speed, use)
-    return _Channel(columns, data, blocks, noise)
+    if sensor >= 0:
+        return columns, data, blocks
+    rows, ordered, whole = rows_of(scene, j), [*columns, *arm_columns], np.hstack([data, arm])
+    std = np.array([np.inf if c.free else c.std or 0.0 for c in ordered])
+    ordinary, joints = std > 0.0, np.arange(len(std)) < len(columns)
+    timed = np.array([c.name.startswith(("late", "common")) for c in ordered])
+    residual = DriveResidual(
+        y, use, scene.q.v[scene.kept(), j], remains(y, whole, use), whole[:, ordinary & joints],
+        whole[:, ordinary & ~timed], std[ordinary & ~timed], scene.thin,
+    )  # fmt: skip
+    for effect in drive_effects().values():
+        if (scanned := effect.scan(rows, residual)) is not None:
+            more, block = scanned
+            columns, blocks = [*columns, *more], [*blocks, block]
+            data = np.hstack([data, scene.thin(np.column_stack([c.data for c in more]))])
+    return columns, data, blocks
 
 
 def _prior(column: Column, size: float, unnamed: bool) -> float:
@@ -205,19 +214,3 @@ def _prior(column: Column, size: float, unnamed: bool) -> float:
     if column.std is not None:
         return column.std
     return BACKGROUND * (_UNNAMED if unnamed else 1.0) / size
-
-
-def _residual(
-    scene: EffortScene, j: int, y: np.ndarray, use: np.ndarray, known: list[Column],
-    whole: np.ndarray,
-) -> DriveResidual:  # fmt: skip
-    """What is left of the effort of joint j (M,) [N·m], beside columns (M, K)."""
-    std = np.array([np.inf if c.free else c.std or 0.0 for c in known])
-    ordinary = std > 0.0
-    timed = np.array([c.name.startswith(("late", "common")) for c in known])
-    of_joint = np.array([c.data.ndim == 1 for c in known])
-    return DriveResidual(
-        y, use, scene.q.v[scene.kept(), j], np.where(use, remains(y, whole, use), 0.0),
-        whole[:, ordinary & of_joint], whole[:, ordinary & ~timed], std[ordinary & ~timed],
-        scene.thin,
-    )  # fmt: skip

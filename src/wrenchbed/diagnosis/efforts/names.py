@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.diagnosis.explain.verdict import Key
 from wrenchbed.effects.drives.base import DriveEffect, Size
 
 _RANGE = "record the joint over its whole range, which tells a cable from a spring"
@@ -19,15 +20,16 @@ class Carried(NamedTuple):
     title: str
     size: Size
     remedy: str = ""
+    one_way: bool = False
 
 
 OTHERS: Mapping[str, Carried] = {
     "link.mass": Carried("the mass of link {joint} differs from the model",
-                         Size("mass", "kg", 0.5, "mass"), _REACH),
+                         Size("mass", "kg", 0.5), _REACH),
     "link.cog": Carried("the centre of gravity of link {joint} differs from the model",
-                        Size("moment", "kg·m", 0.05, "mass", vector=True), _REACH),
+                        Size("moment", "kg·m", 0.05, vector=True), _REACH),
     "link.inertia": Carried("the inertia of link {joint} differs from the model",
-                            Size("inertia", "kg·m²", 1.0, "inertia", vector=True)),
+                            Size("inertia", "kg·m²", 1.0, vector=True)),
     "link.cable": Carried("a cable bundle pulls at joint {joint} like a spring",
                           Size("stiffness", "N·m/rad", 2.0, columns=("cable",)), _RANGE),
     "link.spring": Carried(
@@ -35,13 +37,13 @@ OTHERS: Mapping[str, Carried] = {
         Size("amplitude", "N·m", 2.0, columns=("sine", "cosine"), vector=True), _RANGE,
     ),
     "tool.mass": Carried("the tool's mass differs from its stated value",
-                         Size("mass", "kg", 1.0, "mass"),
+                         Size("mass", "kg", 1.0),
                          "weigh the tool, or record the same motion without it"),
     "tool.cog": Carried("the tool's centre of gravity differs from its stated place",
-                        Size("distance", "m", 0.05, "1", vector=True),
+                        Size("distance", "m", 0.05, vector=True),
                         "record the same motion without the tool"),
     "base.tilt": Carried("the base is tilted",
-                         Size("angle", "rad", float(np.deg2rad(5.0)), "1", vector=True),
+                         Size("angle", "rad", float(np.deg2rad(5.0)), vector=True),
                          "put a level on the base, or record with joint 1 in several directions"),
 }  # fmt: skip
 """By name, ``{joint}`` in the place of the joint's or link's number; plausible sizes are
@@ -58,6 +60,15 @@ def drive_effects() -> Mapping[str, DriveEffect]:
 def known() -> Mapping[str, DriveEffect | Carried]:
     """All effects by name."""
     return {**drive_effects(), **OTHERS}
+
+
+def place(key: Key) -> tuple[str, str]:
+    """Subsystem and detail of an effect: ``joint``, ``joint 2``."""
+    effect, joint = key
+    part = effect.split(".")[0]
+    if joint is None:
+        return part, part
+    return ("link", f"link {joint}") if part == "link" else ("drive", f"joint {joint}")
 
 
 def title(effect: str, joint: int | None) -> str:

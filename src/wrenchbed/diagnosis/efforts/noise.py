@@ -22,8 +22,8 @@ laws differ most near reversals."""
 
 
 @dataclass(frozen=True, eq=False)
-class JointNoise:
-    """Noise of one joint.
+class RowNoise:
+    """Noise of one channel.
 
     Attributes:
         std: standard deviation of one row's noise [N·m].
@@ -45,15 +45,12 @@ class JointNoise:
         return np.asarray(made * np.sqrt(self.weight).reshape(shape))
 
 
-def joint_noise(
-    y: np.ndarray, columns: np.ndarray, speed: np.ndarray, use: np.ndarray
-) -> JointNoise:
-    """Noise of one joint, from the residual of its torque y (M,) [N·m] after a fit of all columns
+def row_noise(y: np.ndarray, columns: np.ndarray, speed: np.ndarray, use: np.ndarray) -> RowNoise:
+    """Noise of one channel, from the residual of its torque y (M,) [N·m] after a fit of all columns
     (M, K), at joint speeds (M,); rows outside ``use`` (M,), boolean, get no weight.
     """
     residual, rows = remains(y, columns, use), int(use.sum())
     std = float(np.std(residual[use])) * float(np.sqrt(rows / max(rows - columns.shape[1], 1)))
-    residual = np.where(use, residual, 0.0)
     std = max(std, 1e-9 * max(float(np.std(y)), 1e-3))
     kernel = _whitening(residual)
     white = scipy.signal.lfilter(kernel, [1.0], residual)
@@ -65,17 +62,17 @@ def joint_noise(
         if slow.sum() > _ORDER:
             weight[slow] = min(1.0, level / max(float(np.var(white[slow])), 1e-300))
     innovation = max(float(np.sqrt(level)), 1e-9 * std)
-    return JointNoise(std, kernel, innovation, weight)
+    return RowNoise(std, kernel, innovation, weight)
 
 
 def remains(y: np.ndarray, columns: np.ndarray, use: np.ndarray) -> np.ndarray:
     """Residual of y (M,) after a least-squares fit of columns (M, K), with a small ridge, to the
-    rows of ``use`` (M,), boolean."""
+    rows of ``use`` (M,), boolean; zero elsewhere."""
     scale = np.sqrt(np.maximum((columns**2).mean(axis=0), 1e-300))
     scaled = columns / scale
     some = scaled[use]
     gram = some.T @ some + _RIDGE * len(y) * np.eye(columns.shape[1])
-    return np.asarray(y - scaled @ np.linalg.solve(gram, some.T @ y[use]))
+    return np.where(use, y - scaled @ np.linalg.solve(gram, some.T @ y[use]), 0.0)
 
 
 def _whitening(residual: np.ndarray) -> np.ndarray:

@@ -7,9 +7,8 @@ from functools import cache
 from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
-from wrenchbed.diagnosis.efforts.held_out import judged
 from wrenchbed.diagnosis.efforts.search import Search, Structure
-from wrenchbed.diagnosis.efforts.simulator import Simulator, Simulators, added
+from wrenchbed.diagnosis.efforts.simulator import Simulators, added
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Option, Part, Verdict
@@ -19,8 +18,6 @@ _SMALL = 1e-3
 """Total probability of the least probable structures, which are not examined."""
 _BESIDE = 0.25
 """Gap of causes without a name over that of named ones, from which nothing is named; estimate."""
-_LAG = (0.4, 2.5)
-"""Amplitudes of a lag's column that are lags: its law holds near 1; estimate."""
 _RIVAL = 0.1
 """Share of a class from which another cause is a rival: probabilities are means of 16 draws."""
 BELIEVED = 0.85
@@ -44,22 +41,15 @@ class Weighed:
         return {b: g for b, g in self.gaps.items() if g >= CLAIMABLE}
 
 
-def weighed(s: Search) -> tuple[Weighed, ...]:
+def weighed(s: Search, simulators: Simulators) -> tuple[Weighed, ...]:
     """Probable structures with the gap that each of their causes adds, best first."""
     likely = [k for k, p in enumerate(s.probability.tolist()) if p >= _SMALL or k == 0]
     total, result = float(s.probability[likely].sum()), list[Weighed]()
     for k in likely:
-        fit = Simulator(s.d, s.structures[k])
-        gaps = {b: added(s.d, fit.x, b) if _plausible(fit, b) else 0.0 for b in fit.blocks}
-        result.append(Weighed(fit.blocks, float(s.probability[k]) / total, gaps))
+        x = simulators.of(s.structures[k]).x
+        gaps = {b: added(simulators.d, x, b) for b in s.structures[k]}
+        result.append(Weighed(s.structures[k], float(s.probability[k]) / total, gaps))
     return tuple(result)
-
-
-def _plausible(fit: Simulator, block: int) -> bool:
-    """Whether a fitted lag lies within the range for which its linear column holds."""
-    at, lags = fit.d.at[block], ("drive.delay", "drive.bandwidth")
-    lag = fit.d.blocks[block].effect in lags
-    return not lag or _LAG[0] <= float(fit.x[at[0]]) <= _LAG[1]
 
 
 def outside(d: Dictionary, best: Weighed) -> str:
@@ -104,7 +94,7 @@ def facts_of(s: Simulators, every: Sequence[Weighed], seed: int) -> Facts[Struct
 
     @cache
     def measured(causes: tuple[int, ...]) -> Closure:
-        each, names = [judged(s, causes)], s.d.scene.columns
+        each, names = [s.judged(causes)], s.d.scene.columns
         gap = closure(each, names, BLOCKS, seed, stated=False)
         stated = all(s.d.stated[s.d.at[b]].all() for b in causes)
         if gap.closed is None or gap.closed.high < 0.0 or not (small(gap) and stated):

@@ -16,9 +16,8 @@ from wrenchbed.drives.signals import DriveSignals, drive_signals
 from wrenchbed.effects.drives.operators import direction, moving
 from wrenchbed.errors import DiagnosisError
 from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.physics.wrench import CHANNELS, UNITS, Tool
 from wrenchbed.robots.base import SimulatedRobot
-from wrenchbed.robots.chain import SerialChain
 from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.robots.mjcf import LinkInertias, link_inertias
 from wrenchbed.simulation.closed_form import Model
@@ -87,9 +86,9 @@ class EffortScene:
         return self.body.shape[1]
 
     @property
-    def loops(self) -> bool:
-        """Whether the mechanism has closed loops: links are then numbered apart from the joints."""
-        return not isinstance(self.robot, SerialChain)
+    def tool(self) -> Tool:
+        """Tool as stated."""
+        return self.robot.tool(self.theta)
 
     @property
     def q(self) -> Jet:

@@ -10,7 +10,6 @@ import numpy as np
 import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.noise import remains
 
 _STRETCHES = 40
 """Stretches of time whose variances are compared; estimate."""
@@ -56,16 +55,15 @@ def signs(d: Dictionary) -> tuple[Sign, ...]:
     """Signs of faults in the efforts of all channels that rest on no model of a cause."""
     scene, found = d.scene, list[Sign]()
     time = scene.signals.t[scene.kept()]
-    for j, channel in enumerate(scene.channels):
-        use = d.use[:, j]
-        left = np.where(use, remains(d.y[:, j], d.columns(j)[1], use), 0.0)
+    for j, (name, channel) in enumerate(zip(scene.channels, d.channels, strict=True)):
+        use, left = channel.use, channel.left
         every = (
             held(scene.signals.t, scene.measured[:, j], scene.speeds[:, j]),
             episode(time, left, use),
             peak(left, scene.rate),
             outliers(time, left, use),
         )
-        found += [Sign(j + 1, f"{channel}: {text}") for text in every if text]
+        found += [Sign(j + 1, f"{name}: {text}") for text in every if text]
     return tuple(found)
 
 

@@ -1,16 +1,29 @@
-"""Sizes of causes with standard uncertainty."""
+"""Sizes of causes with standard uncertainty, what is fitted beside them, and what does not show.
 
+The sizes from which a cause shows are those of `next.blind`: what evidence finds and what adds a
+gap is reported.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from wrenchbed.diagnosis.efforts.arm_columns import LIGHT
+from wrenchbed.diagnosis.efforts.columns import LIGHT
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
-from wrenchbed.diagnosis.efforts.names import known
-from wrenchbed.diagnosis.efforts.simulator import Simulator
+from wrenchbed.diagnosis.efforts.names import known, place
+from wrenchbed.diagnosis.efforts.search import AMPLITUDE, Evidence
+from wrenchbed.diagnosis.efforts.simulator import Simulator, added
+from wrenchbed.diagnosis.next.blind import NOT_HERE, NOTHING, BlindSpot, reported_from
 from wrenchbed.effects.drives.lag import Lag
 from wrenchbed.effects.drives.wave import Wave
+
+ABSURD = 30.0
+"""Plausible sizes from which a cause has no effect: a link of 30 times its mass is none."""
+FITTED = "fitted, since nobody states it"
+_UNITS = {"coulomb": "N·m", "viscous": "N·m·s/rad", "offset": "N·m", "inertia": "kg·m²"}
+"""Units of the values that every drive has, of hinges."""
 
 
 def parameters(fit: Simulator, block: int) -> dict[str, Any]:
@@ -22,21 +35,15 @@ def parameters(fit: Simulator, block: int) -> dict[str, Any]:
     }
     if b.joint is not None and isinstance(known()[b.effect], Wave):
         slides = d.scene.robot.joints[b.joint - 1].unit == "m"
-        result["periods"] = (
-            {"value": b.value / (2.0 * np.pi), "std": None, "unit": "1/m"} if slides
-            else {"value": b.value, "std": None, "unit": "1"}
-        )  # fmt: skip
+        value, unit = (b.value / (2.0 * np.pi), "1/m") if slides else (b.value, "1")
+        result["periods"] = {"value": value, "std": None, "unit": unit}
     elif size.vector and not size.columns:
-        for i, k in enumerate(sized(d, block)):
-            number = fit.number(partial(_amplitude, d, block, i))
+        for i, k in enumerate(d.sized(block)):
+            number = fit.number(lambda x, i=i: float(_amplitudes(d, block, x)[i]))
             result[d.names[k].rpartition(".")[2]] = {**number, "unit": size.unit}
     if b.joint is not None:
         result["joint"] = {"value": b.joint}
     return result
-
-
-def _amplitude(d: Dictionary, block: int, i: int, x: np.ndarray) -> float:
-    return float(_amplitudes(d, block, x)[i])
 
 
 def unit_of(d: Dictionary, block: int) -> str:
@@ -48,28 +55,22 @@ def unit_of(d: Dictionary, block: int) -> str:
     return d.scene.robot.joints[b.joint - 1].own(unit)
 
 
-def sized(d: Dictionary, block: int) -> list[int]:
-    """Indices of the columns whose amplitudes make a cause's size."""
-    begins = known()[d.blocks[block].effect].size.columns or ("",)
-    return [int(k) for k in d.at[block] if d.names[k].startswith(begins)]
-
-
-def scale(d: Dictionary, block: int, x: np.ndarray) -> float:
-    """Size of a cause over the amplitudes of its columns, at amplitudes x (P,) of all."""
-    effect = d.blocks[block].effect
-    if effect == "tool.cog":  # moments
-        return 1.0 / mass_of_tool(d, x)
-    return d.blocks[block].value if isinstance(known()[effect], Lag) else 1.0
-
-
-def mass_of_tool(d: Dictionary, x: np.ndarray) -> float:
-    """Mass of the tool [kg] at amplitudes (P,)."""
-    mass = float(d.scene.model.robot.tool(d.scene.theta).mass)
-    return max(mass + float(x[d.names.index("tool.mass")]), LIGHT)
-
-
 def _amplitudes(d: Dictionary, block: int, x: np.ndarray) -> np.ndarray:
-    return scale(d, block, x) * x[sized(d, block)]
+    """Numbers (K,) that make a cause's size, at amplitudes (P,)."""
+    return np.asarray(_scale(d, block, x) * x[d.sized(block)])
+
+
+def _scale(d: Dictionary, block: int, x: np.ndarray) -> float:
+    """Size of a cause over the amplitudes of its columns, at amplitudes x (P,) of all."""
+    b = d.blocks[block]
+    if b.effect == "tool.cog":  # moments
+        return 1.0 / _mass_of_tool(d, x)
+    return b.value if isinstance(known()[b.effect], Lag) else 1.0
+
+
+def _mass_of_tool(d: Dictionary, x: np.ndarray) -> float:
+    """Mass of the tool [kg] at amplitudes (P,)."""
+    return max(float(d.scene.tool.mass) + float(x[d.names.index("tool.mass")]), LIGHT)
 
 
 def _size(d: Dictionary, block: int, x: np.ndarray) -> float:
@@ -77,3 +78,106 @@ def _size(d: Dictionary, block: int, x: np.ndarray) -> float:
     return float(
         np.linalg.norm(parts) if known()[d.blocks[block].effect].size.vector else parts.sum()
     )
+
+
+def fitted(fit: Simulator) -> list[dict[str, Any]]:
+    """Entries of ``fitted``: friction, rotor inertia and tool, as far as nobody states them."""
+    d, result = fit.d, list[dict[str, Any]]()
+    for name in (d.names[k] for k in np.flatnonzero(d.free)):
+        kind, _, of = name.partition(".")
+        if kind == "tool":
+            label, unit = name, "kg" if of == "mass" else "m"
+        elif kind in _UNITS:
+            label, unit = f"drive.{name}", d.scene.robot.joints[int(of) - 1].own(_UNITS[kind])
+        else:
+            continue
+        number = fit.number(partial(_value, d, name))
+        result.append({"name": label, **number, "unit": unit, "stated": None})
+    return result
+
+
+def _value(d: Dictionary, name: str, x: np.ndarray) -> float:
+    """Value of a drive, or the tool's mass or CoG, by its column, at the amplitudes x (P,)."""
+    (kind, _, of), amplitude = name.partition("."), float(x[d.names.index(name)])
+    if kind != "tool":
+        start = dict(zip(_UNITS, (*d.scene.levels, d.scene.inertias.rotor), strict=True))
+        return float(start[kind][int(of) - 1]) + amplitude
+    if of == "mass":
+        return float(d.scene.tool.mass) + amplitude
+    # a moment beside that of the mass at the model's centre of gravity [kg·m]
+    return float(np.asarray(d.scene.tool.cog)["xyz".index(of[-1])]) + amplitude / _mass_of_tool(
+        d, x
+    )
+
+
+def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Values of the drives as a recording's metadata state them, and the named effects."""
+    names = [n for n in d.names if n.partition(".")[0] in _UNITS]
+    values = {f"drive.{n}": _value(d, n, x) for n in names}
+    for entry in entries:
+        if entry["effect"] == "drive.hysteresis":  # it slides at the level that friction gained
+            numbers = entry["parameters"]
+            name = f"drive.coulomb.{numbers['joint']['value']}"
+            if name in values:
+                values[name] -= numbers["size"]["value"]
+    return {"format": 1, "robot": d.scene.recording.metadata.robot, "configured": values,
+            "effects": list(entries)}  # fmt: skip
+
+
+def blind_spots(d: Dictionary, evidence: Evidence) -> tuple[BlindSpot, ...]:
+    """Effects, by joint or link, that these efforts show at no plausible size.
+
+    Args:
+        d: columns.
+        evidence: of all rows.
+    """
+    spots = []
+    for effect, number in _every(d):
+        blocks = [k for k, b in enumerate(d.blocks) if b.key == (effect, number)]
+        element = "" if number is None else place((effect, number))[1]
+        most = known()[effect].size.plausible * (d.blocks[blocks[0]].level if blocks else 1.0)
+        shown = min((shows_from(d, evidence, k) for k in blocks), default=np.inf)
+        if shown > ABSURD * most:
+            why = NOTHING if blocks else _why(effect)
+            spots.append(BlindSpot(effect, element, None, "", why))
+        elif shown > most:
+            spots.append(BlindSpot(effect, element, shown, unit_of(d, blocks[0])))
+    return tuple(spots)
+
+
+def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
+    """Size from which 95 % of such recordings report it; of several columns, all of them alike."""
+    some = d.sized(block)
+    if not d.size[some].any():  # no reversal, or nothing that warms
+        return np.inf
+    unit = 1.0 / max(float(np.sqrt(np.mean(d.size[some] ** 2))), 1e-12)  # a noise of a row
+    one = np.where(np.isin(np.arange(len(d.names)), some), unit, 0.0)
+    information = unit**2 * evidence.known[0][np.ix_(some, some)]
+    odds = np.array([evidence.prior((block,)) - evidence.prior(())])
+    gap = np.array([max(added(d, one, block), 1e-300)])
+    times = float(reported_from(information[None], np.array([[AMPLITUDE]]), odds, gap)[0])
+    length = len(some) ** 0.5 if known()[d.blocks[block].effect].size.vector else 1.0
+    return abs(_scale(d, block, np.zeros(len(one)))) * unit * times * length
+
+
+def _every(d: Dictionary) -> Iterator[tuple[str, int | None]]:
+    """Effects with each joint, or link that weighs something."""
+    for effect, about in known().items():
+        if d.scene.commanded and effect == "drive.bandwidth":  # a delay stands for it
+            continue
+        if "{joint}" not in about.title:
+            yield effect, None
+        elif effect in ("link.mass", "link.cog", "link.inertia"):
+            heavy = np.flatnonzero(d.scene.inertias.phi[:, 0] > 0.0)
+            yield from ((effect, int(k) + 1) for k in heavy)
+        else:
+            for j, joint in enumerate(d.scene.robot.joints, start=1):
+                if effect != "link.spring" or joint.unit == "rad":  # on a slide there is none
+                    yield effect, j
+
+
+def _why(effect: str) -> str:
+    """Why a dictionary has no column of an effect."""
+    if effect == "drive.temperature":
+        return NOT_HERE
+    return NOTHING if effect.startswith("link.") else FITTED

@@ -15,7 +15,7 @@ class DriveBandwidth(Lag):
 
     name = "drive.bandwidth"
     title = "the effort of joint {joint} is low-pass filtered"
-    size = Size("time", "s", 0.1, "1")  # estimate
+    size = Size("time", "s", 0.1, absolute=True)  # estimate
     remedy = "record a motion with faster reversals, which tells a delay from a filter"
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:

@@ -21,9 +21,8 @@ class Size(NamedTuple):
     Attributes:
         name: of the parameter.
         unit: of a hinge, SI.
-        plausible: largest one that a fault in use has, in ``of``; estimate.
-        of: ``friction`` (the joint's Coulomb friction [N·m]), ``mass`` [kg] or ``inertia`` [kg·m²]
-            of the link or the tool; of ``1`` it is absolute.
+        plausible: largest one that a fault in use has, over `Block.level`; estimate.
+        absolute: whether that level is 1, not what the cause changes.
         columns: beginnings of the names of the columns whose amplitudes make it; all of the cause
             if empty.
         vector: whether it is their length, not their sum.
@@ -32,7 +31,7 @@ class Size(NamedTuple):
     name: str
     unit: str
     plausible: float
-    of: str = "friction"
+    absolute: bool = False
     columns: tuple[str, ...] = ()
     vector: bool = False
 
@@ -65,7 +64,8 @@ class Block:
         columns: names of its columns.
         value: at which its columns were made: a time, or periods a turn.
         prior: log odds beside other variants of the same effect.
-        resists: columns whose amplitudes add up to more friction, not less; of most effects none.
+        level: of what it changes: friction of the joint [N·m], mass [kg] or inertia [kg·m²] of the
+            link or the tool; 1 where sizes are absolute.
     """
 
     effect: str
@@ -74,7 +74,7 @@ class Block:
     columns: tuple[str, ...]
     value: float = 1.0
     prior: float = 0.0
-    resists: tuple[str, ...] = ()
+    level: float = 1.0
 
     @property
     def key(self) -> tuple[str, int | None]:
@@ -153,7 +153,7 @@ class DriveResidual:
         y: measured less predicted effort.
         use: which rows count.
         angle: of the joint.
-        remains: of y beside all columns, zero where no row counts.
+        left: of y beside all columns, zero where no row counts.
         own: ordinary columns of the joint (M, K).
         ordinary: the same without delays, with those of the arm (M, L).
         std: of the amplitudes of ``ordinary`` (L,), infinite where free.
@@ -163,7 +163,7 @@ class DriveResidual:
     y: np.ndarray
     use: np.ndarray
     angle: np.ndarray
-    remains: np.ndarray
+    left: np.ndarray
     own: np.ndarray
     ordinary: np.ndarray
     std: np.ndarray
@@ -181,10 +181,8 @@ class DriveEffect(ABC):
     """A recording that separates it from its usual rivals."""
     beside: ClassVar[tuple[str, ...]] = ()
     """Words of stated numbers that it sets free too, where they are stated."""
-    resists: ClassVar[bool] = False
-    """Whether it can only add to friction."""
-    scaled: ClassVar[bool] = False
-    """Whether its size is an amplitude times its block's value."""
+    one_way: ClassVar[bool] = False
+    """Whether its size is never below zero: it can only add to friction, or be late."""
 
     @abstractmethod
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
@@ -196,8 +194,14 @@ class DriveEffect(ABC):
         if not names:
             return None
         with_stated = tuple(f"{word}.{rows.joint}" for word in self.beside if rows.is_stated)
-        resists = names if self.resists else ()
-        return Block(self.name, rows.joint, False, (*with_stated, *names), resists=resists)
+        return self.cause(rows, (*with_stated, *names))
+
+    def cause(
+        self, rows: DriveRows, columns: tuple[str, ...], value: float = 1.0, prior: float = 0.0
+    ) -> Block:
+        """A cause of this effect made of some columns, by their names."""
+        level = 1.0 if self.size.absolute else rows.level
+        return Block(self.name, rows.joint, False, columns, value, prior, level)
 
     def scan(
         self, rows: DriveRows, residual: DriveResidual
@@ -225,7 +229,7 @@ class StatedNumber(DriveEffect):
     def block(self, rows: DriveRows, columns: tuple[Column, ...]) -> Block | None:
         if not self.judged(rows):
             return None
-        return Block(self.name, rows.joint, False, tuple(c.name for c in columns))
+        return self.cause(rows, tuple(c.name for c in columns))
 
     def judged(self, rows: DriveRows) -> bool:
         """Whether another value is a cause."""

@@ -16,7 +16,7 @@ class DriveCogging(Wave):
     tried = FASTEST - GEAR_MOST
 
     def periods(self, residual: DriveResidual) -> float:
-        return strongest(residual.remains, residual.angle)
+        return strongest(residual.left, residual.angle)
 
 
 EFFECT = DriveCogging()

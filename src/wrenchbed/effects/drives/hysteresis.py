@@ -18,7 +18,7 @@ class DriveHysteresis(DriveEffect):
     size = Size("size", "N·m", 2.0, columns=("stop",))  # estimate
     remedy = "record slow motion with reversals after short and long ways"
     beside = ("coulomb",)
-    resists = True
+    one_way = True
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
         return tuple(

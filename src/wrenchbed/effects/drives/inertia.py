@@ -13,7 +13,7 @@ class DriveInertia(StatedNumber):
 
     name = "drive.inertia"
     title = "the rotor inertia of joint {joint} differs from its stated value"
-    size = Size("inertia", "kg·m²", 0.5, "1")  # estimate
+    size = Size("inertia", "kg·m²", 0.5, absolute=True)  # estimate
     remedy = "record a faster motion of this joint alone, with and without a payload"
     word, relative = "inertia", 0.05
     """Ordinary errors of a stated rotor: estimate."""

@@ -49,7 +49,7 @@ def closest(
 class Lag(DriveEffect):
     """An effect whose block's value is the time by which the effort lags [s]."""
 
-    scaled = True
+    one_way = True
 
     @abstractmethod
     def change(self, rows: DriveRows, time: float) -> np.ndarray:
@@ -58,11 +58,10 @@ class Lag(DriveEffect):
     def scan(
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:
-        use, noise = residual.use, float(np.std(residual.remains[residual.use]))
+        use, noise = residual.use, float(np.std(residual.left[residual.use]))
         time = closest(
             lambda x: self.change(rows, x), lambda x: residual.thin(x)[use], residual.y[use],
             residual.ordinary[use], residual.std, noise,
         )  # fmt: skip
         column = rows.column(self.name, self.change(rows, time))
-        prior = -float(np.log(len(TIMES)))
-        return (column,), Block(self.name, rows.joint, False, (column.name,), time, prior)
+        return (column,), self.cause(rows, (column.name,), time, -float(np.log(len(TIMES))))

@@ -22,7 +22,7 @@ class DriveStiction(DriveEffect):
     title = "joint {joint} sticks at reversals"
     size = Size("size", "N·m", 2.0)  # estimate
     remedy = "record slow motion with many reversals"
-    resists = True
+    one_way = True
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
         return tuple(

@@ -18,7 +18,7 @@ class DriveStribeck(DriveEffect):
     title = "friction of joint {joint} rises at low speed (Stribeck)"
     size = Size("rise", "N·m", 2.0)  # estimate
     remedy = "record slow motion at several steady speeds in both directions"
-    resists = True
+    one_way = True
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
         return tuple(

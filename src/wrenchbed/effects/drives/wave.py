@@ -50,9 +50,7 @@ class Wave(DriveEffect):
             for word, wave in (("sine", np.sin), ("cosine", np.cos))
         )
         names = tuple(c.name for c in columns)
-        return columns, Block(
-            self.name, rows.joint, False, names, turns, -float(np.log(self.tried))
-        )
+        return columns, self.cause(rows, names, turns, -float(np.log(self.tried)))
 
 
 def strongest(left: np.ndarray, angle: np.ndarray) -> float:
