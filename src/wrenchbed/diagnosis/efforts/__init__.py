@@ -2,7 +2,6 @@
 
 Imports drives, and what `diagnosis` imports: evidence, held-out gaps, sizes that show and the
 decision are the common ones. Read first: `diagnose_efforts`, which walks `scene`, `columns`,
-`noise`, `dictionary`, `evidence`, `search`, `simulator`, `held_out`, `signs`, `options` and
-`answer`.
+`noise`, `dictionary`, `search`, `simulator`, `options`, `signs`, `sizes` and `answer`.
 Used by: benchmark, cli and reports.
 """
