@@ -141,6 +141,15 @@ def test_a_short_gap_of_a_motion_is_filled_along_the_joints_path():
         assert np.abs(second - np.diff(q, 2) * 500.0**2).max() < 0.2  # a line would leave 4 rad/s²
 
 
+def test_a_short_gap_is_filled_although_joint_values_are_noisy():
+    rng = np.random.default_rng(3)
+    _, _, data = motion(0.018)
+    noisy = {name: q + 2e-4 * rng.normal(size=len(q)) for name, q in data.items() if name != "t"}
+    (even, sentence) = _even({"t": data["t"]} | noisy)
+    assert "9 dropped frames interpolated" in sentence[0]
+    assert len(even["t"]) == 6000
+
+
 def test_a_gap_in_which_the_path_is_not_known_stays():
     t, _, data = motion(0.5)
     (even, sentence) = _even(data)

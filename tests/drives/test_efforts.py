@@ -15,6 +15,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.efforts.configured import stated_drives
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.identify import calibrate_efforts
+from wrenchbed.drives.signals import cutoff_of
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.inverse_dynamics import torque_regressor
@@ -130,6 +131,17 @@ def test_intervals_hold_in_95_of_100_cases():
             if p.name in one.truth
         ]
     assert 0.93 <= np.mean(held) <= 0.97
+
+
+def test_a_jittered_clock_of_a_fast_log_hides_no_motion():
+    """Stamps that jitter by 0.15 ms at 1 kHz: their noise is most of the speeds above the motion."""
+    t = np.arange(20_000) / 1000.0
+    q = np.stack([0.8 * np.sin(2 * np.pi * f * t + k) for k, f in enumerate((0.2, 0.4, 0.9))], 1)
+    speed = np.gradient(q, 1e-3, axis=0)
+    late = 1.5e-4 * np.random.default_rng(4).normal(size=(len(t), 1))
+    clean, jittered = cutoff_of(q, 1000.0), cutoff_of(q + speed * late, 1000.0)
+    assert clean == pytest.approx(4.5, rel=0.1)
+    assert jittered == pytest.approx(clean, rel=0.2)
 
 
 def test_friction_that_the_library_lacks_leaves_the_payload_and_is_not_hidden(clean):

@@ -26,8 +26,11 @@ _KEPT, _CONTENT = 2.5, 7.5
 """Rows kept, and rows at which rigid-body torques are worked out, a cycle of the cutoff. Their
 content ends at three times the motion's band or so, the cutoff is five times it."""
 _BAND, _SHARE = 5.0, 0.99
-"""Cutoff over the frequency below which that share of the speeds' power lies: estimate, after
-Gautier's "at least five times the bandwidth of the motion"."""
+"""Cutoff over the frequency below which that share of the speeds' power lies: after Gautier's "at
+least five times the bandwidth of the motion"."""
+_PLACES = 1.0 - 1e-5
+"""Share of the power of joint values below the same frequency at most: what is left of it is an
+encoder's noise, or a clock's, up to 0.3 % of the motion, which would be most of the speeds."""
 _LOWEST = 2.0
 """Least cutoff of the joint values' filter [Hz]; estimate."""
 _HIGHEST = 0.2
@@ -233,7 +236,11 @@ def _spectrum(q: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray, float
 
 def cutoff_of(q: np.ndarray, rate: float) -> float:
     """Five times the frequency below which nearly all of the speeds' power lies [Hz]."""
-    frequency, power = scipy.signal.periodogram(np.gradient(q, axis=0), fs=rate, axis=0)
-    share = np.cumsum(power.sum(axis=1)) / power.sum()
-    band = float(frequency[np.searchsorted(share, _SHARE)])
-    return float(np.clip(_BAND * band, min(_LOWEST, _HIGHEST * rate), _HIGHEST * rate))
+    ramp = np.linspace(0.0, 1.0, len(q))[:, None] * (q[-1] - q[0])
+    each = ((np.gradient(q, axis=0), _SHARE, "boxcar"), (q - ramp, _PLACES, "blackman"))
+    bands = list[float]()
+    for signals, share, window in each:
+        frequency, power = scipy.signal.periodogram(signals, rate, window, axis=0)
+        below = np.cumsum(power.sum(axis=1)) / power.sum()
+        bands.append(float(frequency[np.searchsorted(below, share)]))
+    return float(np.clip(_BAND * min(bands), min(_LOWEST, _HIGHEST * rate), _HIGHEST * rate))
