@@ -144,7 +144,7 @@ def test_a_short_gap_of_a_motion_is_filled_along_the_joints_path():
 def test_a_short_gap_is_filled_although_joint_values_are_noisy():
     rng = np.random.default_rng(3)
     _, _, data = motion(0.018)
-    noisy = {name: q + 2e-4 * rng.normal(size=len(q)) for name, q in data.items() if name != "t"}
+    noisy = {name: q + 6e-4 * rng.normal(size=len(q)) for name, q in data.items() if name != "t"}
     (even, sentence) = _even({"t": data["t"]} | noisy)
     assert "9 dropped frames interpolated" in sentence[0]
     assert len(even["t"]) == 6000

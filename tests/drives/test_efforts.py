@@ -134,7 +134,7 @@ def test_intervals_hold_in_95_of_100_cases():
 
 
 def test_a_jittered_clock_of_a_fast_log_hides_no_motion():
-    """Stamps that jitter by 0.15 ms at 1 kHz: their noise is most of the speeds above the motion."""
+    """Stamps jitter by 0.15 ms at 1 kHz: above the motion their noise is most of the speeds."""
     t = np.arange(20_000) / 1000.0
     q = np.stack([0.8 * np.sin(2 * np.pi * f * t + k) for k, f in enumerate((0.2, 0.4, 0.9))], 1)
     speed = np.gradient(q, 1e-3, axis=0)
