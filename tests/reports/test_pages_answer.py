@@ -7,6 +7,7 @@ from functools import cached_property
 
 import axe
 import numpy as np
+import pyarrow as pa
 import pytest
 from test_report import found, recorded
 
@@ -15,8 +16,8 @@ from chromium import BINARY, tab
 from pictures import unless
 from wrenchbed.benchmark.referee.case import make
 from wrenchbed.campaigns import summary
-from wrenchbed.campaigns.result_rows import CampaignRows, empty
 from wrenchbed.campaigns.settings import Fleet
+from wrenchbed.campaigns.simulated_robots import schema
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.pages.document import Document, Figure, Section, Table, provenance
 from wrenchbed.pages.plots import components, histograms
@@ -90,19 +91,13 @@ def pages(tmp_path_factory):
 
 
 def _campaign(folder) -> Document:
-    fleet = Fleet("ur5", 30, ("noise", "effects"), 24, 8, diagnose=True)
-    kept, rows = CampaignRows(folder, fleet), []
-    for k in range(30):
-        claimed = ("sensor.bias", "base.tilt", "")[k % 3]
-        rows.append(
-            empty(fleet, k)
-            | {"effect": "base.tilt" if k % 2 else "", "added": 10.0 ** (k % 5 - 1), "size": 1.0,
-               "verdict": "identified" if claimed else "none", "claimed": claimed,
-               "named": claimed, "right": float(k % 3 == k % 2), "force.before": 1.0 + k,
-               "force.after": 0.1 + 0.01 * k, "inside95": 0.9}
-        )  # fmt: skip
-    kept.add(rows)
-    return summary.page(fleet, kept.finish(), folder)
+    fleet = Fleet("ur5", 30, ("noise", "parameters"), 24, 8)
+    rows = [
+        {"robot": k, "error": "", "force.before": 1.0 + k, "force.after": 0.1 + 0.01 * k,
+         "inside95": 0.9}
+        for k in range(30)
+    ]  # fmt: skip
+    return summary.page(fleet, pa.Table.from_pylist(rows, schema=schema(fleet)), folder)
 
 
 def _study() -> Document:

@@ -1,12 +1,11 @@
-"""Many simulated robots: each recorded in MuJoCo, calibrated, compared with its truth.
+"""Many simulated robots, a row each: recorded in MuJoCo, calibrated, compared with their truth.
 
 Moves between poses take their time but are not simulated (`wrenchbed record` steps MuJoCo through
 each). Recordings at rest do not depend on them: joints are measured where the servos hold them.
 """
 
+import json
 import time
-from collections.abc import Sequence
-from concurrent.futures import Future
 from functools import cache, lru_cache
 from pathlib import Path
 
@@ -16,13 +15,14 @@ import pyarrow as pa
 from wrenchbed import registry
 from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.fit import Fit
-from wrenchbed.campaigns.result_rows import CampaignRows, Row, empty
 from wrenchbed.campaigns.settings import Fleet, draw, varied
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
-from wrenchbed.errors import FleetError, WorkerError, WrenchbedError
+from wrenchbed.errors import FleetError, WrenchbedError
+from wrenchbed.files import write_text
 from wrenchbed.hardware.drivers.base import as_designed
-from wrenchbed.jobs.workers import Progress, in_workers, silent
+from wrenchbed.jobs.parts import Parts, Row, check_folders, read_table, run, write_table
+from wrenchbed.jobs.workers import Progress, silent
 from wrenchbed.physics.noise import noise_model
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import poses
@@ -38,12 +38,24 @@ SETTLE_S = 0.5
 """Time from the end of a move to the first row [s]."""
 _JUDGED, _SEED = 100, 20_160_798
 """Poses at which all robots are judged, and what they are drawn from."""
-_FLEET: list[Fleet] = []
-"""What a worker process works on."""
-_LEAST_TASKS = 4
-"""Tasks of each worker at least, so that none works long after the others."""
-_TOGETHER = 25
-"""Most robots of a task: its rows reach the disk together, and a kill loses them."""
+ALL, SETTING, PARTS = "robots.parquet", "campaign.json", "parts"
+"""Files of a campaign's folder: all rows, what they follow from, and rows while it works."""
+SECONDS = ("seconds.record", "seconds.calibrate")
+"""Columns of durations, which differ between equal runs."""
+_INTEGER = ("rows", "rank")
+_NUMBER = ("inside95", "residual.force", "residual.torque")
+_ERRORS = tuple(f"{x}.{w}" for x in ("force", "torque", "position") for w in ("before", "after"))
+
+
+def schema(fleet: Fleet) -> pa.Schema:
+    """Columns of a fleet's rows; units are SI, see docs/how-to/campaigns.md."""
+    model = Model.of(fleet.model_robot())
+    names = [model.parameters.names[i] for i in varied(model)]
+    parameters = [f"{part}.{n}" for n in names for part in ("true", "fit", "std")]
+    columns = [("robot", pa.int64()), ("seed", pa.int64()), ("error", pa.string())]
+    columns += [(n, pa.int64()) for n in _INTEGER] + [("converged", pa.bool_())]
+    columns += [(n, pa.float64()) for n in (*_NUMBER, *_ERRORS, *parameters, *SECONDS)]
+    return pa.schema(columns)
 
 
 def course(fleet: Fleet, k: int) -> Recording:
@@ -83,7 +95,7 @@ def _rests(robot: SimulatedRobot, plan: Plan, samples: int) -> tuple[np.ndarray,
 
 def robot_row(fleet: Fleet, k: int) -> Row:
     """Row of robot k; a named error of the package stands in column ``error``."""
-    row, begun = empty(fleet, k), time.perf_counter()
+    row, begun = Row(robot=k, seed=fleet.seed, error=""), time.perf_counter()
     try:
         recording, theta = recorded(fleet, k)
         row |= _of_truth(fleet, recording, theta)
@@ -182,36 +194,26 @@ def campaign(
         progress: called with how many more robots are done.
 
     Raises:
-        FleetError: another campaign's folder, or workers that died. Finished rows are kept; the
-            same call continues.
+        FleetError: the folder holds another campaign, or files of something else.
+        WorkerError: a worker died. Finished rows are kept; the same call continues.
         OSError: the disk is full; likewise.
     """
-    rows = CampaignRows(Path(folder), fleet)
-    done = rows.done()
-    todo = [k for k in range(fleet.robots) if k not in done]
-    progress(fleet.robots - len(todo))
-
-    def finished(_: list[int], future: Future[list[Row]]) -> None:
-        rows.add(future.result())
-        progress(len(future.result()))
-
-    try:
-        in_workers(_work, tasks(todo, workers), finished, workers, _share, fleet)
-    except WorkerError as error:
-        kept = "what is done is kept, and the same command goes on"
-        raise FleetError(f"{error}; {kept}") from error
-    return rows.finish()
-
-
-def tasks(todo: Sequence[int], workers: int) -> list[list[int]]:
-    """Robots of each task of a worker; a task lasts long enough and all end about together."""
-    size = max(1, min(_TOGETHER, len(todo) // (_LEAST_TASKS * workers)))
-    return [list(todo[first : first + size]) for first in range(0, len(todo), size)]
+    place, settings = Path(folder), fleet.to_json()
+    check_folders(place / SETTING, settings, [place], FleetError)
+    write_text(place / SETTING, json.dumps(settings, indent=1))
+    columns = schema(fleet)
+    table, parts = columns.empty_table(), Parts(place / PARTS, "robot-", columns)
+    if (place / ALL).exists():
+        table = read_table(place / ALL, columns)
+    done = set(table["robot"].to_pylist())
+    progress(len(done.intersection(range(fleet.robots))))
+    todo = sorted({*range(fleet.robots), *parts.numbers()} - done)
+    table = pa.concat_tables([table, run(_rows, fleet, todo, parts, progress, workers)])
+    table = table.sort_by("robot")
+    write_table(place / ALL, table)
+    parts.remove()
+    return table
 
 
-def _share(fleet: Fleet) -> None:
-    _FLEET[:] = [fleet]
-
-
-def _work(numbers: list[int]) -> list[Row]:
-    return [robot_row(_FLEET[0], k) for k in numbers]
+def _rows(fleet: Fleet, k: int) -> list[Row]:
+    return [robot_row(fleet, k)]
