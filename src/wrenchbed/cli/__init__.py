@@ -2,11 +2,16 @@
 May import every room; only this room prints.
 Read first: this file, then `console`; each verb's module is loaded when it is called.
 Used by: the program ``wrenchbed``.
+
+Before libraries are loaded, memory and terminal are looked at: libraries of linear algebra wait for
+ever, or end the process, where the address space is too small for them.
 """
 
 import ast
 import io
 import os
+import resource
+import shutil
 import signal
 import sys
 import textwrap
@@ -19,10 +24,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from wrenchbed.cli.start import check_memory, prepare
 from wrenchbed.errors import (
     OBEYED,
-    ParameterError,
     ShortageError,
     WrenchbedError,
     WrenchbedWarning,
@@ -65,6 +68,15 @@ _WHEN_STOPPED = {
 }
 """What a stopped verb leaves."""
 _COLUMNS = 80
+_GB = 1e9
+_LEAST = 1.2e9
+"""Address space below which libraries fail to load, or wait for ever [bytes]; measured on two
+cores."""
+_LEAST_DRAWN = 4.5e9
+"""The same for verbs that load rerun, which reserves much and uses little [bytes]."""
+_DRAWN = ("diagnose", "view")
+_LEAST_COLUMNS = 40
+"""The narrowest output; below, tyro's layout of help does not end (tyro 1.0)."""
 
 
 def run() -> None:
@@ -126,24 +138,40 @@ def _summary(module: str, function: str) -> str:
     return (ast.get_docstring(node) or "").partition("\n\n")[0]
 
 
-def _check_epoch() -> None:
-    """Refuse a SOURCE_DATE_EPOCH that is no time: numpy throws on it wherever it is loaded.
+def prepare() -> None:
+    """Let standard output and error write everything, on at least `_LEAST_COLUMNS` columns."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+    if shutil.get_terminal_size().columns < _LEAST_COLUMNS:
+        os.environ["COLUMNS"] = str(_LEAST_COLUMNS)
+
+
+def _check_memory(verb: str) -> None:
+    """Refuse an address space that is limited below what a verb needs.
+
+    A limited process also loads its linear algebra with one thread: each reserves memory.
 
     Raises:
-        ParameterError: it is no whole number of seconds before the year 10000.
+        ShortageError: names the limit, the need and the remedy.
     """
-    epoch = os.environ.get("SOURCE_DATE_EPOCH", "0")
-    if not (epoch.isascii() and epoch.isdecimal() and len(epoch) < 12):
-        raise ParameterError(
-            f"SOURCE_DATE_EPOCH is {one_line(epoch)[:40]!r}: must be whole seconds since 1970"
+    need = _LEAST_DRAWN if verb in _DRAWN else _LEAST
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY:
+        return
+    if limit < need:
+        raise ShortageError(
+            f"out of memory: this process may use {limit / _GB:.2g} GB of address space and needs "
+            f"{need / _GB:.2g} GB: raise the limit (`ulimit -v {round(need / 1024)}`)"
         )
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ.setdefault(name, "1")
 
 
 def _run(words: Sequence[str]) -> int:
     try:
-        check_memory(words[0])
-        _check_epoch()
-    except (ShortageError, ParameterError) as error:  # before libraries are loaded
+        _check_memory(words[0])
+    except ShortageError as error:
         print(f"wrenchbed: error: {error}", file=sys.stderr)
         return 1
     from wrenchbed.cli.console import Console

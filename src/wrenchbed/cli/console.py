@@ -1,7 +1,6 @@
 """What the verbs share: argument checks, ``--set`` words, answers, progress bars, signals."""
 
 import json
-import re
 import shlex
 import signal
 import threading
@@ -29,9 +28,8 @@ from rich.segment import Segment
 from rich.table import Table
 from rich.text import Text
 
-from wrenchbed.cli.start import lacks
 from wrenchbed.data.outputs import Kind, check
-from wrenchbed.errors import OBEYED, ParameterError, one_line, printable
+from wrenchbed.errors import ParameterError, one_line, printable
 from wrenchbed.files import locked
 from wrenchbed.files.checked import load
 
@@ -200,22 +198,13 @@ def _print(text: str) -> None:
 def answer(result: Any, as_json: bool, *displays: RenderableType) -> None:
     """Print what people read, texts or tables of rich; or the result as JSON."""
     if as_json:
-        text = json.dumps(result, indent=1, ensure_ascii=False, allow_nan=False)
-        if lacks(text):
-            text = json.dumps(result, indent=1, allow_nan=False)
-        print(OBEYED.sub(_as_json, text))
+        print(json.dumps(result, indent=1, allow_nan=False))
         return
     for display in displays:
         if isinstance(display, str):
             _print(display)
         else:
             _OUT.print(display)
-
-
-def _as_json(match: re.Match[str]) -> str:
-    """A character as JSON spells it out."""
-    units = match[0].encode("utf-16-be", "surrogatepass").hex()
-    return "".join(f"\\u{units[k : k + 4]}" for k in range(0, len(units), 4))
 
 
 def table(*heads: str, indent: int = 0, space: int = 2, title: str | None = None) -> Table:
