@@ -76,7 +76,7 @@ def test_links_keep_the_balance_of_energy(number):
     arm = TrueArm(UR5, setting.theta, setting.edits)
     power = (arm.inverse(part)[0] * part.qd).sum(axis=1)
     work = cumulative_simpson(power, x=part.t, initial=0.0)
-    model = arm.model()
+    model = arm.bodies.model
     model.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
     data, energy = mujoco.MjData(model), np.empty(len(part.t))
     for k, place in enumerate(UR5.qpos(part.q, setting.theta)):

@@ -15,8 +15,7 @@ from wrenchbed.benchmark import frame
 from wrenchbed.benchmark.frame import EFFECTS, KINDS, NEEDED, ROWS_NEEDED, STATED
 from wrenchbed.benchmark.referee import case
 from wrenchbed.benchmark.referee import scenario as settings
-from wrenchbed.benchmark.referee.case import FaultyRobot
-from wrenchbed.benchmark.referee.catalogue import DRAWS, FAMILIES, background, possible
+from wrenchbed.benchmark.referee.case import DRAWS, FAMILIES, FaultyRobot, background, possible
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.signatures import SAME, bench
 from wrenchbed.effects.chain import ActiveEffect, respond
@@ -74,9 +73,10 @@ def test_no_file_of_the_other_physics_imports_what_it_judges(room, forbidden):
         assert not [m for m in modules(file) if m.startswith(forbidden)], file
 
 
-def test_referee_and_look_alikes_share_the_frame_of_cases_only():
+def test_referee_and_look_alikes_share_the_frame_of_cases_and_rigid_bodies_only():
     both = reached("referee") & reached("lookalikes")
-    assert {m for m in both if m.startswith("benchmark.")} == {"benchmark.frame"}
+    shared = {"benchmark.frame", "benchmark.rigid"}
+    assert {m for m in both if m.startswith("benchmark.")} == shared
 
 
 def test_the_library_does_not_know_the_referee():

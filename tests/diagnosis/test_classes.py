@@ -8,8 +8,7 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import log_uniform
-from wrenchbed.benchmark.lookalikes import catalogue
-from wrenchbed.benchmark.lookalikes.case import LookalikeCase, recording
+from wrenchbed.benchmark.lookalikes.case import LookalikeCase, background, recording
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot
 from wrenchbed.cli import main
@@ -74,7 +73,7 @@ def recordings(robot, members, seed):
     plan = Plan.of(robot, arm.sample(int(rng.integers(30, 70)), rng))
     design = ExperimentDesign.of_plan(plan, arm, int(rng.choice([10, 40])))
     truth = ImperfectRobot(design)
-    around = catalogue.background(truth, rng)
+    around = background(truth, rng)
     base, gap = truth.reading(around), log_uniform(rng, *GAPS)
     first = float(rng.choice([-1.0, 1.0]))
     for effect, element in members:

@@ -5,8 +5,7 @@ import pytest
 
 from sound import arm_of_file
 from wrenchbed import registry
-from wrenchbed.benchmark.lookalikes import catalogue
-from wrenchbed.benchmark.lookalikes.case import LookalikeCase, recording
+from wrenchbed.benchmark.lookalikes.case import LookalikeCase, background, recording
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot
 from wrenchbed.data.plan import Plan
@@ -314,7 +313,7 @@ def faults_of(name, seed, draws, share):
     searcher = Searcher(build(nominal, baseline.robot_theta, baseline.tolerance))
     similarity = Similarity(searcher.d)
     for number in range(1000 * seed, 1000 * seed + draws):
-        around = tuple(catalogue.background(truth, rng))
+        around = tuple(background(truth, rng))
         y = case(searcher.d, prepare(recorded(number, *around)), baseline)
         rung = int(np.argmax(searcher.nulls(y)[[r.normal for r in searcher.rungs]]))
         sizes = Design(similarity, searcher, rung).sizes

@@ -8,8 +8,7 @@ import pytest
 
 from ntnu import GRAVITY, STD, static
 from real_faults import Host
-from wrenchbed.benchmark.referee.case import as_case, robot_with_minor
-from wrenchbed.benchmark.referee.catalogue import DRAWS, FAMILIES
+from wrenchbed.benchmark.referee.case import DRAWS, FAMILIES, as_case, robot_with_minor
 from wrenchbed.diagnosis.decision.decide import confirmed, widened
 from wrenchbed.diagnosis.diagnose import diagnose, settle
 from wrenchbed.diagnosis.explain.claims import complete

@@ -10,8 +10,8 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import EFFECTS
-from wrenchbed.benchmark.lookalikes import catalogue as lookalikes
-from wrenchbed.benchmark.referee import catalogue as referee
+from wrenchbed.benchmark.lookalikes import case as lookalikes
+from wrenchbed.benchmark.referee import case as referee
 from wrenchbed.effects.base import SHOWN, STAGES, STATED_NUMBERS
 from wrenchbed.effects.chain import effects, stated_effects
 

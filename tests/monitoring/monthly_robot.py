@@ -13,8 +13,8 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import log_uniform
-from wrenchbed.benchmark.lookalikes.catalogue import DRAWS as FAULTS
-from wrenchbed.benchmark.lookalikes.catalogue import LARGEST, background
+from wrenchbed.benchmark.lookalikes.case import DRAWS as FAULTS
+from wrenchbed.benchmark.lookalikes.case import LARGEST, background
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, ImperfectRobot
 from wrenchbed.data.metadata import Metadata, SensorInfo

@@ -12,10 +12,9 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from wrenchbed.benchmark.frame import Rng
+from wrenchbed.benchmark.rigid import Edit, RigidBodies
 from wrenchbed.robots.base import Joint, SimulatedRobot
 
-Edit = Callable[[mujoco.MjModel], None]
-"""Function that changes a compiled model in place."""
 LINK_MASS, LINK_COG, LINK_INERTIA = 0.01, 0.01, 0.03
 """Standard deviations of links over stated: mass, centre of gravity, inertia."""
 SHARES = (0.35, 0.3, 0.27, 0.08)
@@ -168,38 +167,25 @@ class TrueArm:
     theta: np.ndarray
     edits: tuple[Edit, ...] = ()
 
-    def model(self) -> mujoco.MjModel:
-        """Compiled, without constraints, rotors, joint damping and gravity compensation."""
-        model = self.robot.spec(self.theta).compile()
-        model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
-        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-        model.body_gravcomp[:], model.dof_armature[:] = 0.0, 0.0
-        model.dof_damping[:], model.dof_frictionloss[:] = 0.0, 0.0
-        for edit in self.edits:
-            edit(model)
-        return model
+    @property
+    def bodies(self) -> RigidBodies:
+        """Its links and tool."""
+        return RigidBodies(self.robot, self.theta, edits=self.edits)
 
     def inverse(self, path: Path) -> tuple[np.ndarray, np.ndarray]:
         """Torque of the rigid links (T, J) [N·m], and load of the tool on the sensor (T, 6) [N,
         N·m]."""
-        model = self.model()
-        data, torque, load = mujoco.MjData(model), np.empty_like(path.q), np.empty((len(path.t), 6))
-        force, moment = data.sensor("force").data, data.sensor("torque").data
-        for k, place in enumerate(self.robot.qpos(path.q, self.theta)):
-            data.qpos[:], data.qvel[:], data.qacc[:] = place, path.qd[k], path.qdd[k]
-            mujoco.mj_inverse(model, data)
-            torque[k], load[k, :3], load[k, 3:] = data.qfrc_inverse, force, moment
-        return torque, -load
+        places = np.asarray(self.robot.qpos(path.q, self.theta))
+        return self.bodies.inverse(places, path.qd, path.qdd)
 
     def pull_slopes(self, path: Path, anchor: np.ndarray) -> np.ndarray:
         """Slopes (T, J) [m/rad] by the joints of a line's length from an anchor in the world (3,)
         [m] to the last link's origin."""
-        model = self.model()
-        data, body = mujoco.MjData(model), int(model.jnt_bodyid[-1])
+        bodies = self.bodies
+        model, data = bodies.model, bodies.data
+        body = int(model.jnt_bodyid[-1])
         slopes, jacobian = np.empty((len(path.t), model.nv)), np.zeros((3, model.nv))
-        for k, place in enumerate(self.robot.qpos(path.q, self.theta)):
-            data.qpos[:] = place
-            mujoco.mj_kinematics(model, data)
+        for k, _ in enumerate(bodies.places(path.q)):
             mujoco.mj_comPos(model, data)
             origin = data.xpos[body] + np.zeros(3)
             mujoco.mj_jac(model, data, jacobian, None, origin, body)

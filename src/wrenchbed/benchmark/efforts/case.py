@@ -18,11 +18,12 @@ from scipy import signal
 from wrenchbed import registry
 from wrenchbed.benchmark import frame
 from wrenchbed.benchmark.efforts import faults, outside, world
-from wrenchbed.benchmark.efforts.arm import FINE, Edit, TrueArm
+from wrenchbed.benchmark.efforts.arm import FINE, TrueArm
 from wrenchbed.benchmark.efforts.arm import Path as Motion
 from wrenchbed.benchmark.efforts.faults import WARMING
 from wrenchbed.benchmark.efforts.world import HEALTHY, EffortFault, EffortSetting, simulate
 from wrenchbed.benchmark.frame import NEEDED, Rng, as_stated, numbered
+from wrenchbed.benchmark.rigid import Edit
 from wrenchbed.data.metadata import SensorInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import ParameterError

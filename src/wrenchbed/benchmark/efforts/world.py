@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 from scipy import signal
 
-from wrenchbed.benchmark.efforts.arm import Edit, Path, TrueArm, draw, manufactured
+from wrenchbed.benchmark.efforts.arm import Path, TrueArm, draw, manufactured
 from wrenchbed.benchmark.frame import Fault, Rng, log_uniform
+from wrenchbed.benchmark.rigid import Edit
 from wrenchbed.robots.base import SimulatedRobot
 
 UNITS = ("tau", "i")

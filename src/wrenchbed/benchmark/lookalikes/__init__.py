@@ -8,8 +8,7 @@ families, and noise with heavy tails, memory and correlation.
 Used by: scoring.
 """
 
-from wrenchbed.benchmark.lookalikes.case import LookalikeCase, draw, recording
-from wrenchbed.benchmark.lookalikes.catalogue import effects, families
+from wrenchbed.benchmark.lookalikes.case import LookalikeCase, draw, effects, families, recording
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 
 __all__ = ["ExperimentDesign", "LookalikeCase", "draw", "effects", "families", "recording"]

@@ -3,15 +3,14 @@
 Velocities and accelerations of the sensor come from finite differences of its pose.
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
+from wrenchbed.benchmark.rigid import RigidBodies
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import Robot, SimulatedRobot
@@ -153,16 +152,16 @@ def weights(
     """Torque to hold the robot at (N, J); with times (N,) [s] and an open chain, to move it."""
     if not isinstance(robot, SimulatedRobot):
         return Weights(np.zeros((len(q), 0)), np.zeros((len(q), 3)))
-    bodies = _Bodies(robot, theta, gravity)
+    bodies = RigidBodies(robot, theta, gravity)
     pick = np.unique(np.append(np.arange(0, len(q), stride), len(q) - 1))
     chosen = q[pick]
     moment = np.array([np.cross(m, gravity) for m in bodies.first_moments(chosen)])
-    if bodies.model.neq == 0 and bodies.model.nv == q.shape[1]:
+    if bodies.is_open:
         speed = acceleration = np.zeros_like(chosen)
         if t is not None:
             path = CubicSpline(t, q)
             speed, acceleration = path(t[pick], 1), path(t[pick], 2)
-        torque = bodies.inverse_dynamics(chosen, speed, acceleration)
+        torque = bodies.inverse(chosen, speed, acceleration)[0]
     else:
         torque = np.empty_like(chosen)
         for j, step in enumerate(_STEP * np.eye(q.shape[1])):
@@ -187,50 +186,6 @@ def link_forces(
         for step in (-_STEP, _STEP):
             shifted = theta.copy()
             shifted[robot.parameters.index(name)] += step
-            energy.append(_Bodies(robot, shifted, gravity).energy(q))
+            energy.append(RigidBodies(robot, shifted, gravity).energy(q))
         forces.append((energy[0] - energy[1]) / (2.0 * _STEP))
     return np.stack(forces, axis=1)
-
-
-class _Bodies:
-    """The robot's bodies in MuJoCo, without friction, damping, servos or contact."""
-
-    def __init__(self, robot: SimulatedRobot, theta: np.ndarray, gravity: np.ndarray) -> None:
-        spec = robot.spec(theta)
-        spec.option.gravity = gravity
-        self.robot, self.theta, self.gravity = robot, theta, gravity
-        self.model = model = spec.compile()
-        model.body_gravcomp[:] = 0.0
-        model.dof_armature[:] = model.dof_damping[:] = model.dof_frictionloss[:] = 0.0
-        model.actuator_gainprm[:] = model.actuator_biasprm[:] = 0.0  # implicit steps add damping
-        model.opt.disableflags |= (
-            mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
-        )
-        self.data = mujoco.MjData(model)
-
-    def inverse_dynamics(
-        self, q: np.ndarray, speed: np.ndarray, acceleration: np.ndarray
-    ) -> np.ndarray:
-        """Joint torques (N, J) [N·m or N] of an open chain."""
-        torque, data = np.empty_like(q), self.data
-        for i in range(len(q)):
-            data.qpos[:], data.qvel[:], data.qacc[:] = q[i], speed[i], acceleration[i]
-            mujoco.mj_inverse(self.model, data)
-            torque[i] = data.qfrc_inverse
-        return torque
-
-    def energy(self, q: np.ndarray) -> np.ndarray:
-        """Potential energy (N,) [J] at joint values (N, J)."""
-        lift = np.outer(self.model.body_mass, -self.gravity)
-        return np.array([np.einsum("ij,ij->", lift, places) for places in self._places(q)])
-
-    def first_moments(self, q: np.ndarray) -> np.ndarray:
-        """Sum of mass times position (N, 3) [kg·m]."""
-        return np.array([self.model.body_mass @ places for places in self._places(q)])
-
-    def _places(self, q: np.ndarray) -> Iterator[np.ndarray]:
-        """Centres of mass of all bodies at each pose."""
-        for row in self.robot.qpos(q, self.theta):
-            self.data.qpos[:] = row
-            mujoco.mj_kinematics(self.model, self.data)
-            yield self.data.xipos

@@ -7,12 +7,12 @@ times and shares of limits are estimates.
 from dataclasses import dataclass
 from functools import cached_property
 
-import mujoco
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import Rng, Usual, as_stated, hold_means
+from wrenchbed.benchmark.rigid import RigidBodies
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import Tool
@@ -242,29 +242,14 @@ class RefereeSetting:
         Args:
             every: only each so many-th pose or row.
         """
-        model = self._model if theta is self.theta else _compiled(self.robot, theta)
-        data = mujoco.MjData(model)
+        bodies = self._bodies if theta is self.theta else RigidBodies(self.robot, theta)
         q, qd, qdd = (self.mean(x)[::every] for x in (self.path.q, self.path.qd, self.path.qdd))
         coordinates = _coordinates(self.robot, theta, q if dq is None else q + dq, qd, qdd)
-        wrench = np.empty((len(q), 6))
-        position, speed, acceleration = data.qpos, data.qvel, data.qacc
-        force, torque = data.sensor("force").data, data.sensor("torque").data
-        for row, p, v, a in zip(wrench, *coordinates, strict=True):
-            position[:], speed[:], acceleration[:] = p, v, a
-            mujoco.mj_inverse(model, data)
-            row[:3], row[3:] = force, torque
-        return -wrench
+        return bodies.inverse(*coordinates)[1]
 
     @cached_property
-    def _model(self) -> mujoco.MjModel:
-        return _compiled(self.robot, self.theta)
-
-
-def _compiled(robot: SimulatedRobot, theta: np.ndarray) -> mujoco.MjModel:
-    """A rigid robot with these parameters."""
-    spec = robot.spec(theta)
-    spec.option.gravity = robot.gravity
-    return spec.compile()
+    def _bodies(self) -> RigidBodies:
+        return RigidBodies(self.robot, self.theta)
 
 
 def _coordinates(

@@ -11,7 +11,6 @@ from functools import cached_property
 from itertools import chain
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 from scipy.optimize import lsq_linear
 
@@ -19,6 +18,7 @@ from wrenchbed.benchmark.frame import STATED, Usual
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, dahl, lowpass
 from wrenchbed.benchmark.referee.machine import Ride, wrench_at
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
+from wrenchbed.benchmark.rigid import RigidBodies
 from wrenchbed.robots.base import INERTIA_AXES
 
 _H = 1e-4
@@ -177,23 +177,13 @@ class _Columns:
 
     def weights(self) -> tuple[np.ndarray, np.ndarray]:
         """Torque of gravity on each joint (n, J) by virtual work, and on the base (n, 2) [N·m]."""
-        robot, theta, q = self.setting.robot, self.setting.theta, self.q
-        model = robot.spec(theta).compile()
-        data = mujoco.MjData(model)
-        g = np.array(robot.gravity)
-
-        def centre(rows: np.ndarray) -> np.ndarray:
-            out = np.empty((len(rows), 3))
-            for i, row in enumerate(np.asarray(robot.qpos(rows, theta))):
-                data.qpos[:] = row
-                mujoco.mj_kinematics(model, data)
-                out[i] = model.body_mass @ data.xipos
-            return out
-
+        robot, q = self.setting.robot, self.q
+        bodies, g = RigidBodies(robot, self.setting.theta), np.array(robot.gravity)
+        centre, mass = bodies.first_moments, bodies.model.body_mass.sum()
         steps = _H * np.eye(q.shape[1])
         torque = np.stack([(centre(q + s) - centre(q - s)) @ g / (2 * _H) for s in steps], -1)
-        base = model.body("base").pos
-        return torque, np.cross(centre(q) - model.body_mass.sum() * base, g)[:, :2]
+        base = bodies.model.body("base").pos
+        return torque, np.cross(centre(q) - mass * base, g)[:, :2]
 
 
 def _each(y: np.ndarray) -> np.ndarray:
