@@ -62,7 +62,6 @@ def value(key, rows=ROWS):
 
 def test_shares_are_counted_over_their_own_kind():
     assert value("isolation") == pytest.approx(2 / 3)
-    assert value("first") == pytest.approx(1 / 3)
     assert value("false_alarm") == value("unknown") == value("misnamed") == 0.5
     # a, b right, g wrong, h right in its first class; e is not sure
     assert value("sure") == pytest.approx(3 / 4)
@@ -112,7 +111,6 @@ def test_closure_against_the_oracle():
             closed=oracle)
         for after, oracle in ((0.2, 1.0), (6.1, 0.8), (0.1, None))
     ]  # fmt: skip
-    assert value("closed", told) == pytest.approx(-0.05)
     assert value("of_oracle", told) == pytest.approx(-0.1 / 1.8)
 
 

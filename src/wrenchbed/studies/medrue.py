@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
 from wrenchbed.calibration.observability import Observability, analyse, null_space
 from wrenchbed.jobs.parts import Parts, key, write_table
@@ -66,7 +65,7 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
         lambda n, _="": report(n, "random robots"),
     )  # fmt: skip
     write_table(folder / "robots.parquet", table)
-    summary = _summary(setting, chosen, observed, one, table) | {"ranks": ranks}
+    summary = _summary(setting, chosen, observed, one)
     return Document(
         TITLE,
         _lead(summary),
@@ -109,34 +108,18 @@ def _summary(
     chosen: dict[str, PoseDesign],
     observed: Observability,
     one: PaperRobot,
-    table: pa.Table,
 ) -> dict[str, Any]:
-    o1 = chosen["O1"]
-    bounds = {k: 1e3 * setting.bound(d.chosen, PAPER.std) for k, d in chosen.items()}
-    mini40 = 1e3 * setting.expected(o1.chosen, MINI40)
-    certificate, target = o1.certificate, chosen["target"].certificate
-    attained = {}
-    for noise in (PAPER, MINI40):
-        labels = {"design": "O1", "noise": noise.name, "method": "weighted"}
-        errors = 1e3 * tables.column(table, "rms", **labels)
-        attained[noise.name] = float(np.sqrt(np.nanmean(errors**2)))
+    o1, target = chosen["O1"].chosen, chosen["target"].certificate
     return {
         "rank": observed.rank,
-        "no_effect": list(observed.no_effect),
         "redundancies": [
             {"parameters": list(r.names), "direction": list(r.direction), "sentence": r.sentence}
             for r in observed.redundancies
         ],
-        "bound_mm": bounds["O1"],
+        "bound_mm": 1e3 * setting.bound(o1, PAPER.std),
         "bound_mm_best": 1e3 / np.sqrt(target.bound) if target else None,
-        "bound_mm_by_design": bounds,
-        "bound_mm_certificate": 1e3 * setting.bound(o1.chosen, MINI40.std),
-        "attained_mm": attained,
+        "bound_mm_certificate": 1e3 * setting.bound(o1, MINI40.std),
         "published_mm": published.RMS_AFTER,
-        "certificate_noise_mm": dict(zip(("mean", "max", "std"), mini40[:3].tolist(), strict=True)),
-        "O1": o1.value / np.sqrt(len(o1.chosen)),
-        "O1_certified": None if certificate is None else o1.value / certificate.bound,
-        "noise_free_steps": one.exact.steps,
         "noise_free_mm": {k: 1e3 * float(v.max()) for k, v in one.errors["exact"].items()},
     }
 

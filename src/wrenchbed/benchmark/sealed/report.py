@@ -10,19 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from wrenchbed.benchmark.frame import subsystem
 from wrenchbed.benchmark.scoring import metrics
-from wrenchbed.benchmark.scoring.case_rows import OURS, Answer, CaseRow
+from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
 from wrenchbed.benchmark.sealed.score import ORACLE, Score
 from wrenchbed.pages.document import Card, Document, Section, Table, provenance
 
 _BINS = np.array([0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0 + 1e-9])
 """Edges of stated probabilities that are shown together."""
-_ORDER = (
-    "none", "sensor", "mount", "tool", "cable", "joint", "drive", "link", "base", "timing",
-    "environment", "unknown", "error",
-)  # fmt: skip
-"""Subsystems and other answers, as tables list them."""
 _ORACLE = (
     "The oracle is told the exact form and size of all that may be there; it names what the same "
     "data holds, with every effect that could imitate it there."
@@ -81,9 +75,6 @@ def page(score: Score, command: str = "") -> Document:
                 _reliability(rows),
                 Table.of("Detection against size", *metrics.size_cells(rows, methods, score.main)),
             ),
-        ),
-        Section(
-            "Where", "First answers by the subsystem of what is truly wrong.", (_confusion(rows),)
         ),
         Section(
             "Effects one by one",
@@ -156,27 +147,6 @@ def summary(score: Score) -> dict[str, object]:
                 entries[key] = {"value": scored.value, "ci95": ends, "n": scored.count}
         result[score.main if method == OURS else method] = entries
     return result
-
-
-def _truth(truth: Answer, answer: str) -> str:
-    """True subsystem; if there are two, the one that was answered."""
-    if truth.kind in ("none", "outside"):
-        return "none" if truth.kind == "none" else "unknown"
-    subsystems = [subsystem(t) for t in truth.effects]
-    return answer if answer in subsystems else subsystems[0]
-
-
-def _confusion(rows: Sequence[CaseRow]) -> Table:
-    claims = [r.claims[OURS] for r in rows]
-    answers = [subsystem(c.causes[0][0]) if c.causes else c.verdict for c in claims]
-    counts = Counter((_truth(r.truth, a), a) for r, a in zip(rows, answers, strict=True))
-    columns = [s for s in _ORDER if s in answers]
-    lines = [
-        [f"{t} ({sum(counts[t, s] for s in columns)})", *(str(counts[t, s] or "") for s in columns)]
-        for t in _ORDER
-        if any(key[0] == t for key in counts)
-    ]
-    return Table.of("True subsystem (down) and first answer (across)", ["", *columns], lines)
 
 
 def _wrong(rows: Sequence[CaseRow]) -> Table:
