@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from wrenchbed.calibration.touches import Touches as Touches
     from wrenchbed.calibration.tracker import calibrate_tracker as calibrate_tracker
     from wrenchbed.calibration.tracker_fit import TrackerFit as TrackerFit
-    from wrenchbed.campaigns.recording.run import record as record
+    from wrenchbed.campaigns.run import record as record
     from wrenchbed.campaigns.settings import Fleet as Fleet
     from wrenchbed.campaigns.simulated_robots import campaign as campaign
     from wrenchbed.data.column_map import read as _read_map

@@ -9,7 +9,7 @@ from wrenchbed import registry
 from wrenchbed.calibration.accuracy import Goal, statistics, tip_jacobian
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.calibration.touches import Touches
-from wrenchbed.campaigns.recording.run import record
+from wrenchbed.campaigns.run import record
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.plan import read as read_points
 from wrenchbed.data.recording import TOUCH_STD, Recording

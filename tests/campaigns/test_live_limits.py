@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_run_live import PLAN, UR5, Arm, run
 
-from wrenchbed.campaigns.recording.live_limits import MARGIN_M, live_limits
+from wrenchbed.campaigns.moves import MARGIN_M, live_limits
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import LimitError, PlanError

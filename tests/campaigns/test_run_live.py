@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.campaigns.recording import run as recording_run
+from wrenchbed.campaigns import run as recording_run
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import (

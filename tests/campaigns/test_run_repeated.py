@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from test_run_live import PLAN, UR5, Arm, Gauge, poses, run
 
-from wrenchbed.campaigns.recording import run as recording_run
-from wrenchbed.campaigns.recording.resume import Retries, retries
+from wrenchbed.campaigns import run as recording_run
+from wrenchbed.campaigns.resume import Retries, retries
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import (

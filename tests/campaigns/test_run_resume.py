@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_run_live import PLAN, UR5, Arm, poses, run
 
-from wrenchbed.campaigns.recording import run as recording_run
+from wrenchbed.campaigns import run as recording_run
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import PlanError

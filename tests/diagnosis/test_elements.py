@@ -12,7 +12,7 @@ from wrenchbed.benchmark.frame import attempts
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
 from wrenchbed.benchmark.lookalikes.case import recording as recorded
 from wrenchbed.calibration.observations import observe
-from wrenchbed.campaigns.recording.run import record
+from wrenchbed.campaigns.run import record
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.beside_claims import minor
 from wrenchbed.diagnosis.decision.decide import withdrawn

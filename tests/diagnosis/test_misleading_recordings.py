@@ -10,7 +10,7 @@ import wrenchbed as wb
 from altered import with_added, with_columns, with_metadata, with_wrench
 from simulated import UR5_TRUTH, WHITE, recording, static, with_tool
 from wrenchbed import registry
-from wrenchbed.campaigns.recording.run import record
+from wrenchbed.campaigns.run import record
 from wrenchbed.data.metadata import ToolInfo
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose

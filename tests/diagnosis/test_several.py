@@ -12,7 +12,7 @@ import wrenchbed as wb
 from altered import with_metadata
 from linear_case import dictionary, named, noise, refitter
 from wrenchbed import registry
-from wrenchbed.campaigns.recording.run import record
+from wrenchbed.campaigns.run import record
 from wrenchbed.cli import main
 from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.diagnose import diagnose

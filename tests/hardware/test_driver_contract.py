@@ -13,7 +13,7 @@ import pytest
 from devices import DRIVERS, SMALL, DriverCase
 from planar_arm import Options, PlanarDriver, only_raises
 from wrenchbed import registry
-from wrenchbed.campaigns.recording.run import record
+from wrenchbed.campaigns.run import record
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DriverError, PlanError

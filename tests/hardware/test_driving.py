@@ -8,7 +8,7 @@ import pytest
 
 from wrenchbed import registry
 from wrenchbed.calibration.calibrate import calibrate
-from wrenchbed.campaigns.recording import run as recording_run
+from wrenchbed.campaigns import run as recording_run
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import (

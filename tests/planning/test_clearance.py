@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from wrenchbed import registry
-from wrenchbed.campaigns.recording.itinerary import itinerary
+from wrenchbed.campaigns.moves import itinerary
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import PlanError
 from wrenchbed.planning.clearance import Clearance

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.campaigns.recording.run import record
+from wrenchbed.campaigns.run import record
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording

@@ -6,7 +6,7 @@ import rerun as rr
 
 import wrenchbed as wb
 from rrd_file import Rrd
-from wrenchbed.campaigns.recording.itinerary import itinerary
+from wrenchbed.campaigns.moves import itinerary
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.motion_limits import Limits

@@ -1,6 +1,7 @@
-"""Campaigns of many simulated robots, and (folder ``recording``) the run of one plan on one robot.
+"""The run of one plan on one robot, resumable, and campaigns of many simulated robots.
 
 May import: hardware, diagnosis, calibration, planning, twin and the rooms below them.
-Read first: ``recording/run.py`` for one plan's run; ``simulated_robots.py`` for many.
+Read first: ``run.py`` (`record`), ``moves.py`` (what is checked before) and ``resume.py`` (after a
+stop); ``simulated_robots.py`` for many.
 Used by: cli.
 """

@@ -96,13 +96,12 @@ def run(
         processes: Cases at a time.
         limit: Most time of one method on one case [s].
     """
-    from wrenchbed.benchmark.scoring.baselines import BASELINES
     from wrenchbed.benchmark.sealed import commitments
     from wrenchbed.benchmark.sealed import run as running
 
     if not limit > 0:
         raise ParameterError(f"--limit {limit:g} s must be above 0")
-    entrants = [running.Entrant.of(m) for m in method or (running.OURS, *BASELINES)]
+    entrants = [running.Entrant.of(m) for m in method or (running.OURS, *running.BASELINES)]
     total = len(commitments.read(cases))
     console.check_folder(out)
     console.check_positive("--processes", processes)

@@ -10,9 +10,8 @@ from typing import Any, Literal
 import numpy as np
 
 import wrenchbed as wb
-from wrenchbed.campaigns.recording.itinerary import Leg, itinerary
-from wrenchbed.campaigns.recording.live_limits import LiveLimits, live_limits
-from wrenchbed.campaigns.recording.run import RunProgress
+from wrenchbed.campaigns.moves import Leg, LiveLimits, itinerary, live_limits
+from wrenchbed.campaigns.run import RunProgress
 from wrenchbed.cli import console
 from wrenchbed.cli.console import Flag, Json, Repeated
 from wrenchbed.data.outputs import Kind

@@ -7,7 +7,7 @@ import numpy as np
 import rerun as rr
 
 from wrenchbed import registry
-from wrenchbed.campaigns.recording.itinerary import Leg, itinerary
+from wrenchbed.campaigns.moves import Leg, itinerary
 from wrenchbed.data.plan import Plan
 from wrenchbed.errors import ParameterError, PlanError
 from wrenchbed.robots.base import SimulatedRobot

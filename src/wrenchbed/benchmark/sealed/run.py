@@ -1,6 +1,9 @@
 """Entrants answer every case of a family; a stopped run continues where it stopped.
 
 Who may enter: wrenchbed's diagnosis, its baselines, or any program that writes the contract.
+Baselines start from the same calibrated simulator and the same dictionary of effects as the
+diagnosis, with noise and tolerances only: no background of small imperfections, no refit, and no
+answer for what no effect makes. That is what a careful user without them sees.
 """
 
 import os
@@ -12,7 +15,7 @@ import subprocess
 import time
 import traceback
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -20,13 +23,21 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from wrenchbed.benchmark.scoring.baselines import BASELINES
+import numpy as np
+from scipy.special import logsumexp
+
 from wrenchbed.benchmark.scoring.case_rows import Claim
 from wrenchbed.benchmark.sealed import commitments
 from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
+from wrenchbed.diagnosis.evidence.dictionary import build
+from wrenchbed.diagnosis.evidence.likelihood import LARGE, BackgroundLevel
+from wrenchbed.diagnosis.evidence.search import NONE
+from wrenchbed.diagnosis.explain.structures import case
+from wrenchbed.diagnosis.prepare.baseline import calibrate
+from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import BenchmarkError, ParameterError, WorkerError
 from wrenchbed.files import TEMPORARY, atomic_folder, remove, write_json
 from wrenchbed.files.checked import load
@@ -38,6 +49,42 @@ RUN = "run.json"
 CLAIM = "diagnosis.json"
 RESERVED = ("wrenchbed", "oracle")
 """Names that a score uses itself."""
+_RANK = 1e-10
+"""Least eigenvalue that counts, relative to the largest one."""
+
+
+def none(recording: Recording) -> Claim:
+    """Claim of no cause, for every recording."""
+    return Claim(NONE, (), {NONE: 1.0})
+
+
+def bic(recording: Recording) -> Claim:
+    """The single effect, or none, of least BIC; probabilities from exp(−ΔBIC/2)."""
+    prepared = prepare(recording).leading
+    baseline = calibrate(prepared)
+    d = build(prepared, baseline.robot_theta, baseline.tolerance)
+    y = case(d, prepared, baseline)
+    effects = d.E[:, : sum(bool(parameter) for _, parameter in d.label)]
+    allowed = np.minimum(d.tolerance**2, LARGE)
+    variance = np.tile(prepared.variance, d.rows)
+    solved = BackgroundLevel(d.E[:, d.stated], variance, allowed).solve(effects)
+    precision, score = effects.T @ solved, solved.T @ y
+    logs = {NONE: 0.0}
+    for h in d.hypotheses:
+        values, vectors = np.linalg.eigh(precision[np.ix_(h.columns, h.columns)])
+        kept = values > _RANK * max(float(values[-1]), 1e-300)
+        fall = float(((vectors[:, kept].T @ score[h.columns]) ** 2 / values[kept]).sum())
+        free = int(kept.sum()) + len(h.variant.shape)
+        value = 0.5 * (fall - free * float(np.log(len(y))))
+        logs[h.name] = max(value, logs.get(h.name, -np.inf))
+    total = logsumexp(list(logs.values()))
+    probabilities = {k: float(np.exp(v - total)) for k, v in logs.items()}
+    best = max(probabilities, key=lambda k: probabilities[k])
+    causes = () if best == NONE else ((best,),)
+    return Claim("identified" if causes else NONE, causes, probabilities)
+
+
+BASELINES: dict[str, Callable[[Recording], Claim]] = {"none": none, "bic": bic}
 
 
 class OverTimeError(BaseException):
@@ -77,18 +124,18 @@ class Entrant:
 
 
 def enter(
-    cases: Path, claims: Path, limit: float, case: tuple[str, Sequence[Entrant]]
+    cases: Path, claims: Path, limit: float, item: tuple[str, Sequence[Entrant]]
 ) -> list[str]:
     """Let entrants answer one case; a crash or a timeout counts as a wrong answer.
 
     Args:
         limit: of one entrant [s].
-        case: its name, and who answers it.
+        item: a case's name, and who answers it.
 
     Returns:
         Names of the entrants that failed.
     """
-    name, entrants = case
+    name, entrants = item
     recording = commitments.recording_of(cases, name)
     digest, failed = commitments.digest(recording.read_bytes()), []
     for entrant in entrants:

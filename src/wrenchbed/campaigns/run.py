@@ -16,10 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from wrenchbed.campaigns.recording import resume
-from wrenchbed.campaigns.recording.itinerary import Leg, check, itinerary
-from wrenchbed.campaigns.recording.live_limits import LiveLimits, live_limits
-from wrenchbed.campaigns.recording.resume import POSE, STARTED, Before, Hold, Retries
+from wrenchbed.campaigns import resume
+from wrenchbed.campaigns.moves import Leg, LiveLimits, check, itinerary, live_limits
+from wrenchbed.campaigns.resume import POSE, STARTED, Before, Hold, Retries
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import POINT
 from wrenchbed.data.writer import RecordingWriter
