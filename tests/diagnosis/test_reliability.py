@@ -1,7 +1,7 @@
 """Probabilities hold on arms that taught none of them; what is unlike those that taught is said."""
 
-import json
-from dataclasses import asdict, replace
+from concurrent.futures import Future
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -26,7 +26,6 @@ from wrenchbed.diagnosis.explain.reliability import (
     tempered,
 )
 from wrenchbed.errors import DiagnosisError
-from wrenchbed.jobs.parts import Parts
 from wrenchbed.planning import choose
 
 CLAIM = {"joint.offset": 0.9, "none": 0.04, "unknown": 0.06}
@@ -154,32 +153,28 @@ def still(seed=0, poses=24):
     return recording(design, draw(design, 5, "none"))
 
 
-def test_look_alikes_are_kept_and_not_computed_twice(tmp_path):
-    """Another seed or another design has a cache of its own."""
-    rows = still()
-    key, *others = (
-        at_design._key(ExperimentDesign.of(r), of)
-        for r, of in ((rows, 0), (rows, 1), (still(1), 0))
-    )
-    assert len({key, *others}) == 3
+def test_look_alikes_teach_beside_other_cases(monkeypatch):
     weak = (1.0, 0.1, 0.1, 1.0)
     known = [taught(weak, k % 4 > 0) for k in range(20)]
     known = [replace(x, design=lessons()[0].design) for x in known]
-    parts = Parts(tmp_path / f"look-alikes-{key}")
-    for k, x in enumerate(known):
-        parts.write(k, [{"lesson": json.dumps(asdict(x))}])
-    parts.path(20).write_bytes(b"PAR1 cut")
+
+    def at_once(work, items, finished, processes):
+        for k in reversed(items):  # in any order; one of them cannot be drawn
+            future = Future()
+            future.set_result(known[k] if k < 20 else None)
+            finished(k, future)
+
+    monkeypatch.setattr(at_design, "in_workers", at_once)
     asked = []
-    model = at_design.reliability_at_design(rows, 20, cache=tmp_path, report=asked.append)
-    assert asked == [20]
+    model = at_design.reliability_at_design(still(), 21, report=asked.append)
+    assert sum(asked) == 21
     assert model.of(weak) == learnt([*lessons(), *known], "").of(weak) != shipped().of(weak)
     assert "20 look-alikes of this recording" in model.source
     with pytest.raises(DiagnosisError, match="at least 20"):
-        at_design.reliability_at_design(rows, 3, cache=tmp_path)
+        at_design.reliability_at_design(still(), 3)
 
 
 def test_one_look_alike_is_drawn_and_judged():
-    (row,) = at_design._lessons_of((ExperimentDesign.of(still(poses=30)), 0), 6)
-    lesson = json.loads(row["lesson"])  # a case without a gap
-    assert (lesson["lead"], lesson["truth"], lesson["features"]) == ("none", ["none"], [])
-    assert len(lesson["design"]) == len(lessons()[0].design)
+    lesson = at_design.lesson_at(ExperimentDesign.of(still(poses=30)), 0, 6)  # without a gap
+    assert (lesson.lead, lesson.truth, lesson.features) == ("none", ("none",), ())
+    assert len(lesson.design) == len(lessons()[0].design)

@@ -90,7 +90,7 @@ def diagnose(
         dry_run: Only say which effects such a recording could show, and which look the same.
         seed: Of the split into folds, each of which is held out once.
         look_alikes: Learn how often such claims are right from so many simulated robots that do
-            what this one did too (1 to 5 s each, kept for the next time).
+            what this one did too (1 to 5 s each).
         rehearsed: With --dry-run: how the plan would be recorded.
         efforts: What is diagnosed: the wrench, or the joint efforts.
     """

@@ -1,16 +1,12 @@
 """How often claims are right at the design of one recording too, learnt from look-alikes of it."""
 
-import hashlib
-import json
-import os
-from dataclasses import asdict
-from pathlib import Path
+from concurrent.futures import Future
+from functools import partial
 
 import numpy as np
 
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, LookalikeCase, draw, recording
 from wrenchbed.benchmark.scoring.case_rows import numbers
-from wrenchbed.data.parquet import FORMAT
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis import answer
 from wrenchbed.diagnosis.decision.decide import conclude
@@ -25,12 +21,10 @@ from wrenchbed.diagnosis.explain.reliability import (
     key_of,
     learnt,
     lessons,
-    of_json,
 )
 from wrenchbed.diagnosis.prepare.prepare_recording import gathered
 from wrenchbed.errors import DiagnosisError, ParameterError
-from wrenchbed.jobs.parts import Parts, Row, run
-from wrenchbed.jobs.workers import Progress, silent
+from wrenchbed.jobs.workers import Progress, in_workers, silent
 
 TEN_KINDS = ("single",) * 6 + ("none",) * 2 + ("outside",) * 1 + ("pair",) * 1
 """Kinds of ten successive cases."""
@@ -38,29 +32,16 @@ LEAST = 20
 """Fewest cases that anything can be learnt from: an estimate."""
 
 
-def cache_folder() -> Path:
-    """Folder of cached results: ``$XDG_CACHE_HOME`` or ``~/.cache``, in ``wrenchbed``."""
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "wrenchbed"
-
-
 def reliability_at_design(
-    at: Recording,
-    count: int,
-    *,
-    seed: int = 0,
-    processes: int = 2,
-    cache: Path | None = None,
-    report: Progress = silent,
+    at: Recording, count: int, *, seed: int = 0, processes: int = 2, report: Progress = silent
 ) -> Reliability:
     """Learn how often claims are right from look-alikes of a recording.
 
     Args:
         at: recording whose poses, times, sensor and stated numbers the look-alikes share.
-        count: cases; those in the cache are not computed again.
+        count: cases.
         seed: of the cases.
         processes: that work at the same time.
-        cache: folder of results, `cache_folder` if None.
         report: called with the number of further cases that are done.
 
     Raises:
@@ -68,27 +49,29 @@ def reliability_at_design(
     """
     if count < LEAST:
         raise DiagnosisError(f"{count} look-alikes are too few: take at least {LEAST}")
-    design = ExperimentDesign.of(at)
-    parts = Parts((cache or cache_folder()) / f"look-alikes-{_key(design, seed)}")
-    table = run(_lessons_of, (design, seed), range(count), parts, report, processes)
-    texts = [text for text in table["lesson"].to_pylist() if text]
-    taught = [of_json(json.loads(text)) for text in texts]
-    if not taught:
+    taught: dict[int, Lesson | None] = {}
+
+    def finished(index: int, future: Future[Lesson | None]) -> None:
+        taught[index] = future.result()
+        report(1)
+
+    teach = partial(lesson_at, ExperimentDesign.of(at), seed)
+    in_workers(teach, range(count), finished, processes)
+    of_it = [x for _, x in sorted(taught.items()) if x is not None]
+    if not of_it:
         raise DiagnosisError("none of the look-alikes can be drawn at this design")
-    source = f"{len(taught)} look-alikes of this recording and {len(lessons())} other cases"
-    return learnt([*lessons(), *taught], source)
+    source = f"{len(of_it)} look-alikes of this recording and {len(lessons())} other cases"
+    return learnt([*lessons(), *of_it], source)
 
 
-def _lessons_of(shared: tuple[ExperimentDesign, int], index: int) -> list[Row]:
-    """What one look-alike teaches, as JSON; empty where none can be drawn."""
-    design, seed = shared
+def lesson_at(design: ExperimentDesign, seed: int, index: int) -> Lesson | None:
+    """What one look-alike teaches; None where none can be drawn."""
     kind = TEN_KINDS[index % len(TEN_KINDS)]
     number = int(np.random.default_rng([seed, 70, index]).integers(2**40))
     try:
-        taught = lesson(design, draw(design, number, kind), f"{seed}-{index}")
+        return lesson(design, draw(design, number, kind), f"{seed}-{index}")
     except (ParameterError, DiagnosisError):  # no such case at this design, or refused data
-        return [{"lesson": ""}]
-    return [{"lesson": json.dumps(asdict(taught))}]
+        return None
 
 
 def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: float = 1.0) -> Lesson:
@@ -123,12 +106,3 @@ def _errors(weighed: Weighed, case: LookalikeCase) -> tuple[float, ...]:
             of_it = numbers(name, entry["parameters"], case.true(name))
             result += [(n.value - n.truth) / n.std for n in of_it if n.std]
     return tuple(result)
-
-
-def _key(design: ExperimentDesign, seed: int) -> str:
-    """Hash of a design and of what would change the cases."""
-    text = json.dumps(design.metadata.to_json(), sort_keys=True, default=str)
-    rows = (design.q, design.t, design.noise_std)
-    data = b"".join(np.ascontiguousarray(x, dtype=float).tobytes() for x in rows)
-    head = f"{FORMAT} {lessons()} {seed} {design.samples} {design.rate} {text}".encode()
-    return hashlib.sha256(head + data).hexdigest()[:20]
