@@ -190,11 +190,12 @@ def study(
     folder = Path("out") / f"study-{paper}" if out is None else out
     console.check_folder(folder, {f"{paper}.html": Kind.PAGE})
     with console.progress(f"study {paper}", studies.steps(paper, quick, robots)) as report:
-        done = studies.run(
+        page = studies.run(
             paper, folder, quick=quick, robots=robots, seed=seed, report=report,
             command=console.command(),
         )  # fmt: skip
-    console.answer(done.summary, as_json, "\n".join(done.lines))
+    written = f"tables and figures → {folder / paper}.html, {folder / paper}.md"
+    console.answer(page.summary, as_json, page.lead, written)
 
 
 def doctor_(

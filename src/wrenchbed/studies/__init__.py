@@ -5,30 +5,19 @@ Used by: cli.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from wrenchbed import registry
-from wrenchbed.errors import NotFoundError, ParameterError
+from wrenchbed.errors import ParameterError
 from wrenchbed.jobs.workers import Progress, silent
-from wrenchbed.pages.document import provenance
-
-PAPERS = ("medrue", "ur5")
-
-
-@dataclass(frozen=True)
-class StudyResult:
-    """Results of a study: its folder, key results, and lines for people."""
-
-    folder: Path
-    summary: dict[str, Any]
-    lines: tuple[str, ...]
+from wrenchbed.pages.document import Document, provenance
 
 
 def steps(paper: str, quick: bool, robots: int | None) -> int:
-    """Number of steps of a study."""
+    """Number of steps of the study of a paper, ``medrue`` or ``ur5``."""
     return int(_module(paper).steps(quick, robots))
 
 
@@ -41,26 +30,22 @@ def run(
     seed: int = 0,
     report: Progress = silent,
     command: str = "",
-) -> StudyResult:
-    """Run a study; a stopped run continues where it stopped.
+) -> Document:
+    """Run a study, and write its page; a stopped run continues where it stopped.
 
     Raises:
-        NotFoundError: no such paper.
         MissingExtraError: the extra ``report`` is not installed.
     """
-    module = _module(paper)
     if robots is not None and robots < 2:
         raise ParameterError(f"{robots} robots (or repetitions) are too few: at least 2")
     for library in ("matplotlib", "jinja2"):
         registry.require(library, "report")
     folder.mkdir(parents=True, exist_ok=True)
-    page = module.run(folder, quick, robots, seed, report)
-    results = sorted(folder.glob("*.parquet"))
-    page = replace(page, data=provenance(results, command, seed))
-    summary = _finite(page.summary)
-    page.write(folder, paper, summary)
-    lines = (page.lead, f"tables and figures → {folder / paper}.html, {folder / paper}.md")
-    return StudyResult(folder, summary, lines)
+    page = _module(paper).run(folder, quick, robots, seed, report)
+    made = provenance(sorted(folder.glob("*.parquet")), command, seed)
+    page = replace(page, data=made, summary=_finite(page.summary))
+    page.write(folder, paper, page.summary)
+    return page
 
 
 def _finite(value: Any) -> Any:
@@ -73,6 +58,4 @@ def _finite(value: Any) -> Any:
 
 
 def _module(paper: str) -> Any:
-    if paper not in PAPERS:
-        raise NotFoundError(f"there is no study {paper!r}. Known: {', '.join(PAPERS)}")
     return import_module(f"wrenchbed.studies.{paper}")

@@ -14,7 +14,7 @@ from wrenchbed.pages.document import Document
 from wrenchbed.studies import medrue_identification as identification
 from wrenchbed.studies import medrue_setting as published
 from wrenchbed.studies import medrue_tables as tables
-from wrenchbed.studies.medrue_identification import PaperRobot, SharedDesigns
+from wrenchbed.studies.medrue_identification import PaperRobot
 from wrenchbed.studies.medrue_setting import MINI40, PAPER, PoseDesign, StudySetting
 
 POOL = 40_000
@@ -57,8 +57,8 @@ def run(folder: Path, quick: bool, robots: int | None, seed: int, report: Progre
     one = identification.paper_robot(setting, chosen, seed)
     step("the paper's robot")
     count = ROBOTS[quick] if robots is None else robots
-    light = replace(setting, jacobian=setting.jacobian[:0])
-    shared = SharedDesigns(light, {k: d.chosen for k, d in chosen.items()}, seed)
+    light = replace(setting, jacobian=setting.jacobian[:0])  # each worker process gets a copy
+    shared = light, {k: d.chosen for k, d in chosen.items()}, seed
     name = key(POOL, seed, *(d.chosen.tolist() for d in chosen.values()))
     table = run_parts(
         identification.one_robot, shared, range(count), Parts(folder / "parts", f"robots-{name}-"),

@@ -32,11 +32,10 @@ AGAIN = "O1 again"
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedRobot:
-    """Parameters (P,), Newton steps, and the RMS change of each (in mm, °, kg)."""
+    """Parameters (P,), and the number of Newton steps."""
 
     theta: np.ndarray
     steps: int
-    changes: tuple[float, ...]
 
 
 def as_the_paper(
@@ -52,21 +51,20 @@ def as_the_paper(
         stop: RMS change of the parameters at which the iteration ends.
     """
     model, columns, units = setting.model, list(setting.columns), setting.units
-    theta = setting.theta.copy()
-    changes: list[float] = []
-    while len(changes) < _MOST:
+    theta, change = setting.theta.copy(), np.inf
+    for steps in range(_MOST):
         j = model.jacobian(q, theta, columns).reshape(-1, len(columns)) * units
         r = (wrench - model.predict(q, theta)).ravel()
         if not np.isfinite(j).all():
-            return IdentifiedRobot(np.full_like(theta, np.nan), len(changes), tuple(changes))
+            return IdentifiedRobot(np.full_like(theta, np.nan), steps)
         scale = np.linalg.norm(j, axis=0)
         scaled = j / scale
         step = np.linalg.solve(scaled.T @ scaled, scaled.T @ r) / scale
         theta[columns] += step * units
-        changes.append(float(np.sqrt(np.mean(step**2))))
-        if not changes[-1] > stop or (len(changes) > 3 and changes[-1] > 0.5 * changes[-2]):
+        before, change = change, float(np.sqrt(np.mean(step**2)))
+        if not change > stop or (steps > 2 and change > 0.5 * before):
             break  # done, at the floor of rounding, or lost
-    return IdentifiedRobot(theta, len(changes), tuple(changes))
+    return IdentifiedRobot(theta, steps + 1)
 
 
 def weighted(
@@ -94,7 +92,7 @@ def weighted(
         (setting.theta if start is None else start)[columns],
         model.parameters.tolerance[columns],
     )
-    return IdentifiedRobot(at(solution.x), solution.steps, ())
+    return IdentifiedRobot(at(solution.x), solution.steps)
 
 
 def of_table_1(setting: StudySetting, values: Mapping[str, float]) -> np.ndarray:
@@ -156,28 +154,17 @@ def paper_robot(setting: StudySetting, designs: Mapping[str, PoseDesign], seed: 
     return PaperRobot(theta, exact, real, {k: errors(t) for k, t in thetas.items()}, rows)
 
 
-@dataclass(frozen=True, eq=False)
-class SharedDesigns:
-    """What all random robots of the study are identified with; each worker process gets a copy.
-
-    Attributes:
-        setting: the study's, without its Jacobian, which would make the copies large.
-        designs: name of each pose design → indices (n,) of its configurations in ``setting.q``.
-        seed: with the number of a robot it gives that robot's parameters and noise.
-    """
-
-    setting: StudySetting
-    designs: Mapping[str, np.ndarray]
-    seed: int
-
-
-def one_robot(shared: SharedDesigns, number: int) -> list[Row]:
+def one_robot(shared: tuple[StudySetting, Mapping[str, np.ndarray], int], number: int) -> list[Row]:
     """Rows of one robot before calibration, without noise, by design and by noise.
 
     The same number and seed give the same rows.
+
+    Args:
+        shared: the study's setting, indices (n,) of each design's configurations in its pool, and
+            the seed, which with the number gives the robot's parameters and noise.
     """
-    setting = shared.setting
-    rng = np.random.default_rng([shared.seed, number])
+    setting, designs, seed = shared
+    rng = np.random.default_rng([seed, number])
     theta = setting.theta.copy()
     for c in setting.columns:
         parameter = setting.model.parameters[c]
@@ -186,13 +173,13 @@ def one_robot(shared: SharedDesigns, number: int) -> list[Row]:
     simulation = Simulation(setting.robot, setting.robot.robot_theta(theta))
     judge = Judge(setting, theta, simulation)
     rows = judge.rows(setting.theta, robot=number, design="", noise="", method="before", steps=0)
-    q = {name: setting.q[chosen] for name, chosen in shared.designs.items()}
+    q = {name: setting.q[chosen] for name, chosen in designs.items()}
     exact = {name: simulation.wrench(each) for name, each in q.items()}
     robot = as_the_paper(setting, q["O1"], exact["O1"])
     rows += judge.rows(
         robot.theta, robot=number, design="O1", noise="none", method="paper", steps=robot.steps
     )
-    for name in shared.designs:
+    for name in designs:
         for noise in (PAPER, MINI40, *LOWER) if name == "O1" else (PAPER,):
             measured = exact[name] + rng.standard_normal(exact[name].shape) * noise.std
             plain = as_the_paper(setting, q[name], measured, _NOISY_STOP)
