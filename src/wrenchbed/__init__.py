@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from wrenchbed.calibration.tracker import calibrate_tracker as calibrate_tracker
     from wrenchbed.calibration.tracker_fit import TrackerFit as TrackerFit
     from wrenchbed.campaigns.run import record as record
-    from wrenchbed.campaigns.settings import Fleet as Fleet
+    from wrenchbed.campaigns.simulated_robots import Fleet as Fleet
     from wrenchbed.campaigns.simulated_robots import campaign as campaign
     from wrenchbed.data.column_map import read as _read_map
     from wrenchbed.data.guess.guess import guess as _guess_map

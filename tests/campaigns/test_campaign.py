@@ -14,14 +14,15 @@ import pytest
 
 import wrenchbed as wb
 from wrenchbed.campaigns import summary
-from wrenchbed.campaigns.settings import Fleet, varied
 from wrenchbed.campaigns.simulated_robots import (
     SECONDS,
     SETTING,
+    Fleet,
     campaign,
     recorded,
     robot_row,
     schema,
+    varied,
 )
 from wrenchbed.cli import main
 from wrenchbed.errors import FleetError, ParameterError
@@ -156,7 +157,7 @@ def test_a_killed_campaign_loses_and_doubles_nothing(whole, tmp_path, monkeypatc
     words = ["campaign", "ur5", "--robots", "6", "--poses", "24", "--samples", "8",
              "--workers", "1", "--out", str(tmp_path / "c")]  # fmt: skip
     with subprocess.Popen([sys.executable, "-m", "wrenchbed", *words]) as process:
-        until = time.monotonic() + 60
+        until = time.monotonic() + 600
         while not list(tmp_path.glob("c/parts/*.parquet")):
             assert time.monotonic() < until and process.poll() is None
             time.sleep(0.01)

@@ -16,8 +16,7 @@ from chromium import BINARY, tab
 from pictures import unless
 from wrenchbed.benchmark.referee.case import make
 from wrenchbed.campaigns import summary
-from wrenchbed.campaigns.settings import Fleet
-from wrenchbed.campaigns.simulated_robots import schema
+from wrenchbed.campaigns.simulated_robots import Fleet, schema
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.pages.document import Document, Figure, Section, Table, provenance
 from wrenchbed.pages.plots import components, histograms

@@ -7,8 +7,7 @@ import numpy as np
 import pyarrow as pa
 from scipy.stats import binomtest
 
-from wrenchbed.campaigns.settings import Fleet
-from wrenchbed.campaigns.simulated_robots import ALL, SETTING
+from wrenchbed.campaigns.simulated_robots import ALL, SETTING, Fleet
 from wrenchbed.pages.document import Card, Document, Figure, Section, Table, provenance, render
 from wrenchbed.pages.numbers import HUMAN, NORMAL_95
 from wrenchbed.pages.plots import histograms
