@@ -18,7 +18,7 @@ OBEYED = re.compile(
 without a width, numbers that are no characters, and halves of characters (file names that are not
 UTF-8)."""
 _LONGEST_WORD, _LONGEST_LINE = 1000, 4000
-"""Of a message [characters]: what is longer is cut, and its length is said. Estimates: a path has
+"""Longest word and message [characters]: what is longer is cut, and its length is said. A path has
 at most 255 characters a part, and a list of all parameters 2,000."""
 _FILES = {errno.EMFILE, errno.ENFILE}
 _UNLOADED = ("failed to map segment", "cannot allocate memory", "Cannot allocate memory")

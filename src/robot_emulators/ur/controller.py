@@ -26,7 +26,7 @@ from robot_emulators.ur.urscript.values import ScriptFaultError
 _MOST_SECONDARY = 4
 """Secondary programs at a time."""
 _LONG = 2000
-"""Characters of a program that is compiled beside the control cycle; estimate of 1 ms."""
+"""Characters of a program that is compiled beside the control cycle: a shorter one takes 1 ms."""
 _KEPT = 4
 """Compiled programs that are kept, for clients that send the same one again."""
 _MORE_FORCE = 30.0

@@ -115,7 +115,7 @@ class Kinematics:
     def jacobian_and_transform(
         self, q: np.ndarray, tcp: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """`jacobian` with R_base_tcp and the TCP's position."""
+        """The TCP's Jacobian (6, 6) in base axes, R_base_tcp (3, 3) and its position (3,) [m]."""
         rotation, position, axes = self._chain(tuple(q.tolist()))
         rotation, position = compose((rotation, position), matrix(tcp))
         result = np.empty((6, 6))

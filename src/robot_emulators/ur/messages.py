@@ -12,7 +12,7 @@ MESSAGE = 20
 _ROBOT, _INTERFACE = 254, 255
 """Sources: the controller, and its program; as captured from a controller."""
 SAID, POPUP, VERSION, SAFETY, ERROR, KEY, FAULT = 0, 2, 3, 5, 6, 7, 10
-"""Kinds."""
+"""Kinds of messages of the primary interface."""
 _WARNING = 2
 """Level of an error code; 1 is an information, 3 a violation, 4 a fault."""
 STARTED, STOPPED = "PROGRAM_XXX_STARTED", "PROGRAM_XXX_STOPPED"

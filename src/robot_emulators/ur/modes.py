@@ -5,7 +5,8 @@ from enum import IntEnum
 UNLOCK_AFTER_S = 5.0
 """A protective stop can only be unlocked this long after it [s]."""
 _UNLOCK_S = 0.2
-"""Time that the controller takes to unlock [s]; estimate."""
+"""Time that the controller takes to unlock [s]; not published: long enough that a client must
+wait."""
 _BOOT_S = 0.5
 """Time that switching on and releasing the brakes take each [s]."""
 

@@ -12,8 +12,8 @@ from robot_emulators.ur.modes import RobotMode, Runtime, SafetyMode
 from robot_emulators.ur.packets import Values
 
 _DECIMALS = 12
-"""Of joint values [rad]: a controlled arm at rest decays towards its target below this, an encoder
-shows no such change."""
+"""Decimals of reported joint values [rad]: a controlled arm at rest decays towards its target below
+this, an encoder shows no such change."""
 _STILL: dict[str, Values] = {
     "actual_joint_voltage": (48.0,) * 6,
     "actual_main_voltage": (48.0,),

@@ -32,13 +32,14 @@ _ROBOT_TYPES = {
 }  # fmt: skip
 """Number of each arm's type."""
 _LIMIT_ACCELERATION = 40.0
-"""Largest acceleration of a joint that the state reports [rad/s²]; estimate."""
+"""Largest acceleration of a joint that the state reports [rad/s²]; not published, no client acts on
+it."""
 _DEFAULTS = (1.05, 1.4, 0.25, 1.2, 0.0)
 """Speed and acceleration of joints and of the tool where a move states none, and a radius."""
 PERIOD_S = 0.1
 """Time between two robot states [s]."""
 DATES = {"cb3": "13-10-2021, 12:00:00", "e": "08-03-2022, 12:00:00", "x": "15-06-2025, 12:00:00"}
-"""Build date of each series' software, as the controller writes it; estimates."""
+"""Build date of each series' software: the month of a release; no client reads the day."""
 
 
 def robot_state(controller: Controller, timestamp: float) -> bytes:

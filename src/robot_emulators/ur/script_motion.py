@@ -17,9 +17,11 @@ TABLE = Table()
 M = TypeVar("M", bound=motions.ArmMotion)
 _FAR = "the goal of a straight move is out of the robot's reach"
 _OPTIMO = 3.0
-"""Top joint speed [rad/s] and acceleration [rad/s²] that optimovej takes parts of; estimate."""
+"""Top joint speed [rad/s] and acceleration [rad/s²] that optimovej takes parts of: about the top
+speed of a UR joint, π rad/s."""
 _OPTIMO_TOOL = 1.0
-"""Top tool speed [m/s] and acceleration [m/s²] that optimovel takes parts of; estimate."""
+"""Top tool speed [m/s] and acceleration [m/s²] that optimovel takes parts of: the data sheets'
+typical TCP speed."""
 
 
 def _pace(program: ScriptProgram, a: float, v: float, t: float = 0.0) -> motions.Pace:

@@ -41,12 +41,12 @@ _MOST_OFF = 0.5
 _PORTS = {"rtde": 30004, "dashboard": 29999, "primary": 30001, "secondary": 30002, "script": 30003}
 """Link → its TCP port; source: "Remote control via TCP/IP" of Universal Robots."""
 _LATE_S = 0.05
-"""Lag beyond which the loop leaves out packets to catch up [s] …"""
+"""Lag beyond which the loop leaves out packets to catch up [s]."""
 _SHARE = 4
-"""… and sends one in so many cycles."""
+"""Cycles of which one sends a packet while the loop catches up."""
 _PAUSE = 0.25
 """Between cycles that are made up for, in periods, until the lag is `_LATE_S`: a client that keeps
-the newest state alone would else miss those between. Estimate."""
+the newest state alone would else miss those between; a quarter makes up three cycles in one."""
 _INJECT_S = 2.0
 
 

@@ -132,7 +132,7 @@ def subsystem(name: str) -> str:
 
 
 def of_another_subsystem(names: Iterable[str], name: str) -> list[str]:
-    """Those effects that sit in another subsystem than ``name``."""
+    """Names of those effects that sit in another subsystem than the effect ``name``."""
     return [other for other in names if subsystem(other) != subsystem(name)]
 
 

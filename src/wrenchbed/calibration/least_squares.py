@@ -20,7 +20,7 @@ SAME = 1e-7
 BLIND = 1e-5
 """A parameter with more than this share in the null space is not identified by itself."""
 HALVINGS = 30
-"""Largest number of halvings of a step; estimate."""
+"""Largest number of halvings of a step: it is then 1e-9 of itself and changes nothing."""
 _PART = 512
 """Rows that are triangularised together; more than any model has parameters."""
 

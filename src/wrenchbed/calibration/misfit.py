@@ -138,7 +138,7 @@ class _Rows:
 
     @cached_property
     def wrenches(self) -> np.ndarray:
-        """Of the observations (M, 6, K + C + 1); parameters in tolerances."""
+        """Rows of the observed wrenches (M, 6, K + C + 1); parameters in tolerances."""
         problem, x = self.problem, self.outcome.solution.x
         slopes, changes = problem.jacobian(x)[self.some] * problem.scale, self.every
         residual = problem.residual(x)[self.some][..., None]
@@ -146,7 +146,7 @@ class _Rows:
 
     @cached_property
     def others(self) -> np.ndarray:
-        """Of touches and prior (R, K + C + 1), in units of their noise."""
+        """Rows of touches and prior (R, K + C + 1), in units of their noise."""
         problem, x, count = self.problem, self.outcome.solution.x, len(self.problem.free)
         blocks, columns = [], self.wrenches.shape[2] - count - 1
         touches, robot, theta = problem.touches, problem.model.robot, problem.at(x)
@@ -262,7 +262,8 @@ def _sizes(alone: np.ndarray, left: np.ndarray, every: list[Suspect]) -> np.ndar
 
 
 def _posterior(seen: _Whitened, size: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Shift (K,) and spread (K,) of the parameters beside suspects of such sizes, in tolerances."""
+    """Shift (K,) and spread (K,) [tolerances] of the fitted parameters if suspects beside them have
+    standard deviations ``size`` (S,)."""
     both = np.column_stack([seen.A, seen.S])
     k = seen.A.shape[1]
     precision = np.concatenate([np.full(k, 1e-12), 1.0 / size**2])

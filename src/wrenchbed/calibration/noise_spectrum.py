@@ -20,8 +20,8 @@ _SETTLED = 1e-7
 _SHOWN, _ONE_SIDED = 2.0, 1.645
 """Sigmas from which on a 1/f part stands out, and below which 95 % of cases lie."""
 BELOW_ARM_HZ, _ENOUGH_LOW = 2.0, 16
-"""Frequency below which servo-held arms hardly vibrate [Hz], and fewest frequencies that separate a
-white floor from 1/f noise: estimates."""
+"""Frequency below which servo-held arms hardly vibrate [Hz] (their lowest modes are above 5 Hz),
+and fewest frequencies that separate a white floor from 1/f noise: each is then known to 25 %."""
 _MISFIT = 3.0
 """Mean squared misfit of the octaves, in their variances, above which the law does not hold: noise
 that follows the law has more once in 1,000 (8 octaves)."""
@@ -73,7 +73,8 @@ class Clock:
         return np.asarray(2.0 / (self.rate * self.rows) * np.abs(spectrum) ** 2)
 
     def slope_std(self, white: float, flicker: float) -> float:
-        """Standard deviation of the least-squares slope of such noise [1/s]."""
+        """Standard deviation [1/s] of the slope that least squares fits to these rows' noise: white
+        of a standard deviation, and 1/f of an amplitude."""
         t = (np.arange(self.rows) - (self.rows - 1) / 2.0) / self.rate
         weight = t / (t @ t)
         padded = rfft(weight, next_fast_len(2 * self.rows, real=True))

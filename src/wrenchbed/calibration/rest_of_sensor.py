@@ -9,13 +9,14 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.sensors.base import STATUS_SATURATED
 
 LEAST_ROWS, LEAST_S = 256, 0.9
-"""Fewer rows tell a standard deviation to no better than 5 %, and less time no colour: estimates.
-A minute is meant."""
+"""Fewer rows tell a standard deviation to no better than 5 %, and less time than about 1 s no
+colour below 1 Hz. A minute is meant."""
 _UNEVEN, _GAP = 0.2, 2.5
-"""Standard deviation of the steps in time, and a single one, over the median step: estimates."""
+"""Standard deviation of the steps in time, and a single one, over the median step: jitter of an
+ordinary logger passes, two lost rows do not."""
 _BLOCKS, _JUMP = 60, 14.0
-"""A rest is cut into so many blocks; their means change by at most so many times the median change
-(Gaussian noise: 9 sigma, once in 10^17; 1/f noise less): estimates."""
+"""A rest is cut into so many blocks, a second each of a minute; their means change by at most so
+many times the median change (Gaussian noise: 9 sigma, once in 10^17; 1/f noise less)."""
 
 
 def check_rest(recording: Recording) -> float:

@@ -89,7 +89,7 @@ def _shapes(family: str, name: str, problem: Problem, shapes: np.ndarray) -> Sus
 
 
 def _of_channels(read: np.ndarray) -> Iterator[Suspect]:
-    """Gains and crosstalk."""
+    """Suspects in the sensor's channels: gains and crosstalk."""
     for i, to in enumerate(CHANNELS):
         for j, of in enumerate(CHANNELS):
             change = np.zeros((*read.shape, 1))

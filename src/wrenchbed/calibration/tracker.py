@@ -108,7 +108,7 @@ class Sight:
         return model.robot.gravity_torque(self.q, self.theta, np.asarray(model.gravity))
 
     def with_stand_alone(self) -> "Sight":
-        """The same with the stated geometry."""
+        """This sight with the stated geometry: only the tracker's stand and target are fitted."""
         return replace(self, columns=(), joints=())
 
     def expected(self, x: np.ndarray) -> np.ndarray:

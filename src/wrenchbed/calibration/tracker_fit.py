@@ -13,7 +13,7 @@ SPRINGS, COMPLIANCE = "joint.compliance", "compliance.q"
 """Effect of joints that give, and how its compliances' names begin, before the joint's number."""
 MISFIT = 1.5
 """Held-out error over what noise alone makes of it, from which the geometry does not hold all that
-the tracker saw: estimate."""
+the tracker saw: misfit is then larger than noise (√(1.5² − 1) = 1.1)."""
 FOLLOWS = 0.5
 """Share of the places' extent that the stated geometry may leave: forces and torques of the same
 names leave 0.4 to 0.98, zeros that are 20° off 0.45."""

@@ -216,7 +216,8 @@ def _rows(covariance: np.ndarray, count: np.ndarray) -> Whitening:
 
 
 def _blind(problem: Problem) -> Outcome:
-    """Nothing is known of the noise: one level of forces and one of torques, from the residual.
+    """Noise of readings whose noise nobody states: one level of forces and one of torques, from the
+    residual.
 
     What is left is often an effect that the model lacks; to weigh each channel by its own share of
     it would trust chance.

@@ -225,7 +225,7 @@ def recorded(fleet: Fleet, k: int) -> tuple[Recording, np.ndarray]:
 
 @lru_cache(1)
 def _shared_course(fleet: Fleet) -> Recording:
-    """`course` of all robots, where all have the same poses."""
+    """The course that all robots of a fleet follow, where they share their poses."""
     return course(fleet, 0)
 
 

@@ -160,7 +160,7 @@ def _interval(hits: int, count: int) -> tuple[float, float]:
 
 
 def _failed(table: pa.Table) -> Section:
-    """Robots that failed."""
+    """Section of a page that lists the robots that failed, and why."""
     error, robot = text(table, "error"), table["robot"].to_pylist()
     failed = np.flatnonzero(error != "").tolist()
     rows = [(str(robot[k]), error[k]) for k in failed[:MOST_FAILED]]

@@ -36,7 +36,8 @@ class Accelerometer(Channel):
     columns: ClassVar[Mapping[str, str]] = dict.fromkeys(("ax", "ay", "az"), "m/s²")
     usual = "its mounting, scales and zero"
     floor = 0.005
-    """0.5 mg: bias instability and drift with temperature of MEMS sensors; estimate."""
+    """0.5 mg: bias instability and drift over a few kelvin that data sheets of MEMS sensors
+    state."""
 
     gain: np.ndarray = field(default_factory=lambda: np.eye(3))
     zero: np.ndarray = field(default_factory=lambda: np.zeros(3))

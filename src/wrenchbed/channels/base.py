@@ -35,11 +35,11 @@ class Channel(ABC):
     title: ClassVar[str]
     """One line of text: what is measured."""
     usual: ClassVar[str]
-    """What of it every user fits, in words."""
+    """What every user fits of this channel, in words."""
     stages: ClassVar[frozenset[str]] = PLACING
     """Stages of effects that change the readings."""
     modes: ClassVar[tuple[str, ...]] = ("static",)
-    """Modes of the recordings in which it is compared."""
+    """Modes of the recordings (``static``, ``dynamic``) in which this channel is compared."""
     located: ClassVar[bool] = False
     """Whether it depends on where the arm is, not only on how it is turned."""
     floor: ClassVar[float] = 0.0

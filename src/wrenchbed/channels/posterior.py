@@ -14,9 +14,9 @@ SEEN = 1.0
 """Errors of usual size that each size counts as seen: without any, a few small ones by chance would
 make it nothing."""
 _STEPS, _SETTLED = 200, 3e-3
-"""Updates at most, and relative change of a variance that ends them."""
+"""Updates of the noise at most, and relative change of a variance that ends them."""
 _NOISELESS = 1e-12
-"""Least noise variance over the readings' mean square: of a millionth of them."""
+"""Least noise variance over the readings' mean square: a millionth of the readings."""
 _NULL, _SHARE = 1e-7, 1e-3
 """Singular value over the largest, of columns scaled to 1, below which a direction is untold, and
 the part of an amplitude in such directions from which it is."""

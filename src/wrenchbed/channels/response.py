@@ -21,10 +21,12 @@ from wrenchbed.physics.wrench import CHANNELS
 
 _T = TypeVar("_T")
 _KEPT = 4
-"""Results that `Responses` keeps: those of a fit's place and of steps from it; estimate."""
+"""Results that `Responses` keeps: those of a fit's place and of the steps from it that line search
+tries."""
 _Key = tuple[tuple[Any, ...], ...]
 _STEP = 1e-4
-"""Step of central differences by joint values [rad or m], rates and accelerations; estimate."""
+"""Step of central differences by joint values [rad or m], rates and accelerations: truncation 1e-8,
+rounding 1e-12."""
 
 
 def readings(
@@ -39,8 +41,8 @@ def refitted(
     channels: Sequence[Channel], scene: Scene, active: Sequence[ActiveEffect], read: np.ndarray,
     seen: np.ndarray,
 ) -> np.ndarray:  # fmt: skip
-    """`readings` with nuisance fitted to what was read at the held rows (H, C), as far as these are
-    seen (H,), boolean."""
+    """Predicted readings (M, C) of all rows, with nuisance fitted to what was ``read`` (H, C) at
+    those held rows that are ``seen`` (H,), boolean."""
     chain = EffectChain(active)
     pose, load = chain.placed(scene)
     some, each = _only(scene, seen), zip(channels, slices(channels), strict=True)
@@ -80,7 +82,7 @@ class Responses:
     def __init__(
         self, scene: Scene, channels: Sequence[Channel], read: np.ndarray, seen: np.ndarray
     ) -> None:
-        """Of what was read at the held rows (H, C), as far as these are seen (H,), boolean."""
+        """Keep what was read at the held rows (H, C), and which of them are seen (H,), boolean."""
         self.scene, self.channels = scene, channels
         self._read, self._seen = read[seen], _only(scene, seen)
         self._placed: dict[_Key, tuple[Pose, np.ndarray]] = {}
@@ -127,7 +129,7 @@ class Response:
     def changes(
         self, effect: Effect, parameters: Sequence[Parameter], at: Values
     ) -> Iterator[tuple[tuple[str, ...], np.ndarray]]:
-        """`tangent` of several amplitudes of one shape: their names and the changes (M, C).
+        """Changes (M, C) of the readings by an effect's amplitudes, and the names of each change.
 
         Amplitudes that act on different columns of the wrench, or on different joints, are changed
         at once: where there are several names, each change is that of its own column.

@@ -124,7 +124,7 @@ def _doubt(recording: Recording) -> str | None:
 
 
 def _changed(column_map: ColumnMap, options: RowOptions) -> ColumnMap:
-    """A map with what the command line states of it."""
+    """A column map whose mode and incomplete rows are as the command line states."""
     mode = options.mode
     if options.skip_incomplete:
         files = tuple(replace(f, skip_incomplete=True) for f in column_map.files)

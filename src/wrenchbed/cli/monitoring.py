@@ -43,7 +43,7 @@ EXIT = {monthly.HEALTHY: 0, monthly.CHANGED: 3, monthly.CANNOT_TELL: 4}
 _EVERY_S = 0.1
 """Time between two pictures of the gauge [s]."""
 _WIDE = 21
-"""Characters of a bar."""
+"""Width of a bar of `live` [characters]."""
 _FULL = 10.0
 """Noise at the ends of a bar, in standard deviations of a row."""
 

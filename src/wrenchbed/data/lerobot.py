@@ -30,7 +30,7 @@ STATE, ACTION, EFFORT, WRENCH = (
 NORMALISED = "normalised"
 """Unit of values between two ends of a range, which the map states."""
 _ENDS = (-100.0, 100.0)
-"""Values at the ends of such a range where the map states no others."""
+"""Values at the two ends of a joint's normalised range where the map states no others."""
 _BETWEEN_S = 1.0
 """Time between episodes [s]: it parts them, how long it was is not recorded."""
 _KEYS = ("unit", "joints", "range", "ends", "sign", "zero", "effort", "wrench")

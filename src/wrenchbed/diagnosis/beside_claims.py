@@ -81,8 +81,8 @@ def _instead(
     effects: Sequence[AbstractSet[str]],
     small: Sequence[AbstractSet[str]],
 ) -> dict[str, list[int]]:
-    """Small effects that stand in the place of one of them, itself included: of each the places of
-    such explanations.
+    """Small effects that may stand in the place of ``name``, itself included, and for each the
+    numbers of the explanations that have it there.
 
     Args:
         name: of the effect.

@@ -61,15 +61,15 @@ MOST_ROUNDS = 3
 LEFT = 1.0
 """Gap on held-out rows from which outliers are looked for although causes are named."""
 MOST_SPELLS = 3
-"""Times at which something may disagree with all the rest where there is no cause: more often it
-is a fault of its own; estimate."""
+"""Times at which something may disagree with all the rest where there is no cause: more often it is
+a fault that comes and goes, which has a name."""
 OFTEN = "the rows set aside disagree at many times, each differently: an intermittent fault"
 """Note on a recording in which rows disagree at more times than a cause explains."""
 LOUD = "there is a gap beyond the noise that no effect between rows explains"
 """Sign of a gap where no cause is named."""
 PROBABLE = 0.8
 """Probability that another cause needs beside a contact, which leaves few rows to separate them;
-below what is believed of recordings unlike those that taught. Estimate."""
+below the 0.85 that is believed of recordings unlike those that taught."""
 CLEARER = 0.3
 """Rows are set aside where the answer without them leaves less than this part of the gap."""
 UNLIKE = (

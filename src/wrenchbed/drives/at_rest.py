@@ -30,9 +30,10 @@ from wrenchbed.simulation.closed_form import Model
 OFFSET, CONSTANT, TOOL = "drive.offset", "drive.constant", "tool"
 """Groups that may be free at rest."""
 LEAST_POSES = 10
-"""Fewest poses: each joint's noise, zero and friction come from its own readings; estimate."""
+"""Fewest poses: each joint's noise, zero and friction, and a payload of four numbers, come from its
+own readings."""
 JOINT_ZERO = 1e-3
-"""Ordinary error of a joint's zero [rad or m]: 0.06°; estimate."""
+"""Ordinary error of a joint's zero [rad or m]: 0.06°, of a calibrated arm."""
 FOLDS = 10
 """Parts of the poses, each of which is held out once."""
 _SHARED = 4
@@ -42,8 +43,8 @@ _STEP = 1e-4
 _ROUNDS, _SETTLED = 30, 1e-9
 """Steps of the fit of drive constants at most, and relative change that ends them."""
 _NOTHING = 0.5
-"""Error on held-out poses over the spread of the efforts from which the robot is another one;
-estimate, real arms leave less than a tenth."""
+"""Error on held-out poses over the spread of the efforts from which the robot is another one: real
+arms leave less than a tenth."""
 _SMALL = 1e-3
 """Step of central differences of what is published, in standard uncertainties."""
 

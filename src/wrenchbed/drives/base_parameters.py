@@ -16,7 +16,8 @@ from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.inverse_dynamics import torque_regressor
 
 _ROWS, _SEED = 6, 1
-"""Rows of the regressor per column, at least; estimate."""
+"""Rows of the regressor per column, at least, so that its rank is that of the arm, and the seed of
+their joint values."""
 _DEPENDENT = 1e-8
 """Diagonal of R over its largest below which a column depends on those before."""
 NAMES = ("m", "mx", "my", "mz", "xx", "yy", "zz", "xy", "xz", "yz")

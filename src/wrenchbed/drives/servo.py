@@ -42,7 +42,8 @@ _QUADRATIC = "quadratic"
 """Column that nobody reads: setpoints of limited speed trail by the square of the speed, and
 friction falls with it; without it both pass for Coulomb friction and delay."""
 LATEST = 0.3
-"""Longest delay that is sought [s]: a policy's or a network's; estimate."""
+"""Longest delay that is sought [s]: that of a policy or a network; beyond it a person would
+notice."""
 _PER_ROW = 4.0
 """Delays a row's time at which the search begins."""
 _STEPS, _CLOSE = 20, 1e-5
@@ -321,7 +322,8 @@ def _ratios(
     problem: Problem, solution: Solution, identified: Sequence[IdentifiedValue],
     joints: Sequence[Joint],
 ) -> tuple[str, ...]:  # fmt: skip
-    """Of joints whose stiffness is not told, what is told of their friction and damping."""
+    """Friction and damping over stiffness, of joints whose stiffness itself the data do not
+    tell."""
     told = {p.name: p.std is not None for p in identified}
     own, folds = (_of_joints(problem, x) for x in (solution.x, solution.folds))
     sentences = []

@@ -32,25 +32,27 @@ _PLACES = 1.0 - 1e-5
 """Share of the power of joint values below the same frequency at most: what is left of it is an
 encoder's noise, or a clock's, up to 0.3 % of the motion, which would be most of the speeds."""
 _LOWEST = 2.0
-"""Least cutoff of the joint values' filter [Hz]; estimate."""
+"""Least cutoff of the joint values' filter [Hz]: slower motions need none lower."""
 _HIGHEST = 0.2
 """Largest cutoff over the rate: decimation needs 2.5 rows a cycle."""
 _SPECTRUM_S = 8.0
-"""Time of a segment of the spectrum of joint values [s]; estimate."""
+"""Time of a segment of the spectrum of joint values [s]: one period of the slowest sine of usual
+motions."""
 _NOISE_FROM = 0.25
-"""Frequency over the rate from which joint values are noise; estimate."""
+"""Frequency over the rate from which joint values are noise: the upper half of the spectrum, where
+no arm moves."""
 _OVER_NOISE = 4.0
-"""Power over an encoder's noise from which it is motion; estimate."""
+"""Power over an encoder's noise from which it is motion: twice the noise's amplitude."""
 _BEYOND = 2.5
 """Edge of the filter of joint values over the last frequency of the motion: a Butterworth filter of
 order 4, run twice, loses 0.07 % there."""
 _EDGE = 2.0
 """Half the length of the filter in cycles of the cutoff; as much is left out at both ends."""
 _MOVING = 0.03
-"""Share of a joint's largest speed below which it counts as at rest: its friction has no known
-sign there. Estimate."""
+"""Share of a joint's largest speed below which it counts as at rest: its friction has no known sign
+there, where an encoder's noise turns that of the speed."""
 _LEAST_ROWS = 100
-"""Fewest rows that a fit needs; estimate."""
+"""Fewest rows that a fit needs: some ten for each number of a joint."""
 
 
 @dataclass(frozen=True, eq=False)

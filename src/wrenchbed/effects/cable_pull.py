@@ -22,15 +22,15 @@ from wrenchbed.robots.base import Robot
 
 PULL, ANCHOR, POINT = (tuple(f"{stem}.{a}" for a in "xyz") for stem in ("pull", "anchor", "point"))
 REACHES = (0.6, 1.3)
-"""Distances of anchors from the middle of the recorded positions where a search begins [m];
-estimates."""
+"""Distances of anchors from the middle of the recorded positions where a search begins [m]: within
+an arm's reach, and at its column."""
 SCANNED_REACHES, WAYS = (0.4, 0.8, 1.5, 2.5), 40
-"""Distances [m] and number of directions of the anchors that a scan tries; estimates."""
+"""Distances [m] and number of directions of the anchors that a scan tries: steps of two, and of
+30°, which a refit bridges."""
 ROWS_AT_ONCE = 20_000
-"""Rows of all anchors together that are scanned at once; estimate, what a processor's cache
-holds."""
+"""Rows of all anchors together that are scanned at once: what a processor's cache holds."""
 SLACKS = (0.0, 0.25, 0.5, 0.75)
-"""Shares of rows with a slack cable that a scan tries; estimates."""
+"""Shares of rows with a slack cable that a scan tries: quarters, which a refit bridges."""
 _TURNS = np.array([
     [[0, 0, 0], [0, 0, 1], [0, -1, 0]],
     [[0, 0, -1], [0, 0, 0], [1, 0, 0]],

@@ -25,13 +25,14 @@ from wrenchbed.robots.base import Robot
 LENGTH = 0.01
 """Reference depth [m] of the law of contact, by definition."""
 SHARES = (0.05, 0.15, 0.35)
-"""Shares of rows in contact where a search begins; estimates."""
+"""Shares of rows in contact where a search begins: steps of two to three, which the search
+bridges."""
 NORMAL = ("normal.x", "normal.y", "normal.z")
 SLIDE = ("slide.x", "slide.y", "slide.z")
 WAYS = 400
-"""Number of normals over a sphere that a scan tries; estimate."""
+"""Number of normals over a sphere that a scan tries: 10° apart."""
 DEPTHS = (0.04, 0.08, 0.12, 0.18, 0.25, 0.35)
-"""Shares of rows in contact that a scan tries; estimates."""
+"""Shares of rows in contact that a scan tries: steps of 1.5, which a refit bridges."""
 ASIDE = ("aside.x", "aside.y", "aside.z")
 SHAPE = ("depth", *NORMAL, *SLIDE, *ASIDE, "power", "reach")
 PLAIN = dict.fromkeys((*SLIDE, *ASIDE), 0.0) | {"power": 1.0, "reach": 1.0}

@@ -17,8 +17,8 @@ from wrenchbed.robots.base import Robot
 
 SIDES = ("load", "approach")
 SOFT = 0.01
-"""Torque of gravity at which a joint leaves the middle of its backlash [N·m; N on a slide]; small:
-nearly a jump; estimate."""
+"""Torque of gravity at which a joint leaves the middle of its backlash [N·m; N on a slide]: small
+against a link's weight, so that the gap is nearly a jump."""
 
 
 class JointBacklash(JointEffect):

@@ -14,12 +14,12 @@ from wrenchbed.robots.base import Robot
 from wrenchbed.robots.medrue.kinematics import five_bar
 
 SEAT = 0.5
-"""Force in a distal link at which it leaves the middle of its clearance [N]; estimate."""
+"""Force in a distal link at which it leaves the middle of its clearance [N]: the weight of 50 g."""
 DISTAL = ("L12", "L14", "L22", "L24")
 """Links that carry the five-bars' tips."""
 MOMENT = 0.05
-"""Moment on a serial arm's last bearing at which it leaves the middle of its clearance [N·m];
-estimate."""
+"""Moment on a serial arm's last bearing at which it leaves the middle of its clearance [N·m]: the
+force `SEAT` at 0.1 m."""
 
 
 class JointClearance(JointEffect):

@@ -7,7 +7,7 @@ from wrenchbed.effects.scene import Scene
 from wrenchbed.robots.base import Robot
 
 TYPICAL = np.deg2rad(0.2)
-"""Typical offset of a rotary joint [rad], estimate."""
+"""Typical offset of a rotary joint [rad]: within the 0.05 to 0.5° of zero offsets."""
 
 
 class JointOffset(JointEffect):

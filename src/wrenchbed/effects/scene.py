@@ -14,12 +14,13 @@ from wrenchbed.robots.base import Robot
 WAY = 7
 """Rows between two poses at rest: what remembers must not miss a turn on the way."""
 LEAST_MOVE_S = 1.0
-"""Shortest move from pose to pose [s], estimate."""
+"""Shortest move from pose to pose [s]: a short one of a collaborative arm."""
 PEAK_SPEED = 1.875
 """Peak over mean speed of a minimum-jerk move: Flash & Hogan 1985,
 10.1523/JNEUROSCI.05-07-01688.1985."""
 _EXAMPLE_ROWS, _EXAMPLE_RISE = 24, 5.0
-"""Poses of `examples`, and by how much they warm up [K]; estimates."""
+"""Poses of `examples`, more than any effect has numbers, and by how much they warm up [K]: as in a
+first half hour."""
 ACCELERATION, SPIN, TURNING = "acceleration", "spin", "turning"
 """Names of the tool's motion in a scene's ``extra``, sensor axes (M, 3): a [m/s²], ω [rad/s], ω̇
 [rad/s²]."""

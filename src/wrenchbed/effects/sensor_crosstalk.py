@@ -13,7 +13,7 @@ PAIRS = tuple(permutations(CHANNELS, 2))
 """The channel that shows, and the one of which it shows something: 30 pairs."""
 SIZES = {"ff": ("1", 0.01), "tf": ("m", 5e-4), "ft": ("1/m", 0.03), "tt": ("1", 0.01)}
 """Unit and typical size of force from force, torque from force, force from torque, torque from
-torque; estimates."""
+torque: about ATI's stated uncertainty of 1 % of full scale, by the ratio of full scales."""
 ORIGIN = tuple(f"origin.{a}" for a in "xyz")
 
 

@@ -22,21 +22,24 @@ from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.wrench import CHANNELS
 
 RATE, TORQUE_RATE = 1e-4, 2e-6
-"""Typical rates of forces [N/s] and torques [N·m/s]: 0.36 N/h and 7 mN·m/h, estimates."""
+"""Typical rates of forces [N/s] and torques [N·m/s]: 0.36 N/h and 7 mN·m/h, within the range that
+`source` states."""
 SPAN_RATE = 3e-6
-"""Typical rate of the span's drift [1/s]: 1 %/h, an estimate."""
+"""Typical rate of the span's drift [1/s]: 1 %/h, a slow one beside those of zeros."""
 WAVES = 8
-"""Half cosines of a free rate over the recording, the steady part among them; estimate."""
+"""Half cosines of a free rate over the recording, the steady part among them: a course with three
+turns."""
 RATE_FREE = 4e-4
-"""Typical rate of forces of a free form [N/s]: 1.4 N/h, as cables and warm-ups make; estimate."""
+"""Typical rate of forces of a free form [N/s]: 1.4 N/h, as cables and warm-ups make."""
 RATES = per_channel("rate")
 WARM, WARM_SPAN = per_channel("warm"), per_channel("warm.span")
 UNITS_PER_S = ("N/s",) * 3 + ("N·m/s",) * 3
 WARM_UPS = (0.25, 1.0, 4.0)
 """Time constants of an unrecorded warm-up where a search begins, relative to the recording's
-duration; estimates."""
+duration: shorter ones jump, longer ones are steady."""
 _FALL = 1.0 / np.sqrt(np.maximum(np.arange(WAVES), 1))
-"""Typical waves relative to the mean rate: smoother than a random walk; estimate."""
+"""Typical waves relative to the mean rate: their power falls with frequency, as that of 1/f
+noise."""
 
 
 class SensorDrift(ReadingEffect):

@@ -17,13 +17,14 @@ from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 
 MOMENTS = 24
-"""Largest number of moments at which a search for one jump begins; estimate."""
+"""Largest number of moments at which a search for one jump begins: a search takes as long for
+each."""
 STEPS = per_channel("step")
 MOST = 3
 """Largest number of jumps: of more, each has few rows, and a drift is as good."""
 SCANNED = 200
-"""Largest number of moments between which a scan chooses those of several jumps: estimate, all of
-most recordings at rest, and two or three a second in motion."""
+"""Largest number of moments between which a scan chooses those of several jumps: all of most
+recordings at rest, and two or three a second in motion."""
 LEAST_FIRST = 0.1
 """Share of the squared residual that one jump explains at least where there are several; measured:
 with 0.5 two of the twenty of tests/diagnosis/test_misleading_recordings.py are missed."""

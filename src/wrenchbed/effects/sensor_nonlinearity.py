@@ -28,19 +28,19 @@ TEXT = "relative error at 20 N, 2 N·m (z: 0.2)"
 BEGIN = {"even": ("even", 2.0), "odd": ("odd", 3.0), "gain by sign": ("even", 1.0)}
 """Laws and powers of the load at which a search begins."""
 BENDS = tuple(range(2, 8))
-"""Orders of the polynomials of a free form; the least bend, the greatest still shows over 60 poses:
-estimate."""
+"""Orders of the polynomials of a free form: from the least that bends to the greatest that still
+shows over 60 poses."""
 BEND = 6e-3
-"""Typical amplitude of the least of them, relative to the largest load; that of an order k is 2/k
-of it: estimate."""
+"""Typical amplitude of the least of them, relative to the largest load: 0.2 % of full scale
+(`source`) at a third of it; that of an order k is 2/k of it."""
 LEAST_REACH = np.array([0.1, 0.1, 0.1, 5e-3, 5e-3, 5e-3])
-"""Largest loads (6,) [N, N·m] below which a channel's curve cannot show; estimates."""
+"""Largest loads (6,) [N, N·m] below which a channel's curve cannot show: a few noises of a row."""
 BEYOND = 1.05
-"""Loads so many times the largest one bend no more; estimate."""
+"""Loads so many times the largest one bend no more: polynomials run away there."""
 REACHES = per_channel("reach")
 REACH = channel_parameters("reach", 1.0, 0.1, "largest load of a free form")
-"""Parameters of the largest load of a free form [N, N·m]; sizes are what a fit might change, an
-estimate."""
+"""Parameters of the largest load of a free form [N, N·m], beyond which its curve goes on straight;
+sizes are a tenth of the reach."""
 
 
 class SensorNonlinearity(ReadingEffect):

@@ -10,7 +10,8 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS, wrench
 from wrenchbed.robots.base import Robot
 
 QUANTILES = (0.7, 0.85, 0.95)
-"""Quantiles of a channel's |load| where a search for its level begins; estimates."""
+"""Quantiles of a channel's absolute load where a search for its level begins: at a lower level most
+rows would be saturated."""
 
 
 class SensorSaturation(ReadingEffect):

@@ -19,13 +19,14 @@ from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 
 LAG_S = 20.0
-"""Lag of the sensor behind a recorded temperature where a search begins [s]; estimate."""
+"""Lag of the sensor behind a recorded temperature where a search begins [s]: that of some 100 g of
+metal."""
 _NO_LAG = 1e-3
-"""Lag [s] below which there is none; estimate."""
+"""Lag [s] below which there is none: shorter than a row."""
 LAGS_S = (10.0, 40.0, 160.0)
-"""Lags of which a free form is a sum [s]; estimates."""
+"""Lags of which a free form is a sum [s]: steps of four around that of some 100 g of metal."""
 _LEAST_K = 0.1
-"""Least range of a usable temperature [K]; estimate."""
+"""Least range of a usable temperature [K]: a few counts of a thermometer."""
 LAGGED, BENT = free_form.orders("late", len(LAGS_S)), free_form.orders("bent", 2)
 PER_K = ("N/K",) * 3 + ("N·m/K",) * 3
 ZERO, SPAN = per_channel("zero"), per_channel("span")

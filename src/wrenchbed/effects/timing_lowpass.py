@@ -8,7 +8,8 @@ from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 
 FINE, MOST = 4.0, 32
-"""Pieces of a time constant, and most pieces of a row; estimates."""
+"""Pieces of a time constant, which keep the filter's step response to 1 %, and most pieces of a
+row, which bound time."""
 
 
 class TimingLowpass(ReadingEffect):

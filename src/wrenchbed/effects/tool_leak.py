@@ -23,9 +23,9 @@ from wrenchbed.physics.wrench import Tool, wrench
 PLACE = ("place.x", "place.y", "place.z")
 FREE = waves("wave")
 SCANNED = 3000
-"""Number of rows in which a scan looks for the place; estimate."""
+"""Number of rows in which a scan looks for the place: as many as need less than a second."""
 FARTHEST = 0.5
-"""Distance of that place from the tool's CoG beyond which it is none [m]; estimate."""
+"""Distance of the place from the tool's CoG beyond which it is none [m]: tools are shorter."""
 
 
 class ToolLeak(LoadEffect):

@@ -22,14 +22,16 @@ from wrenchbed.robots.base import Robot
 
 WAY = ("way.x", "way.y", "way.z")
 SOFT = 0.05
-"""Share of the load along the way at which the part leaves the middle; small: nearly a jump;
-estimate."""
+"""Share of the load along the way at which the part leaves the middle: small, so that it nearly
+jumps."""
 GRIP = 0.3
-"""Share of the load along the way below which a part that sticks stays where it was; estimate."""
+"""Share of the load along the way below which a part that sticks stays where it was: a friction of
+0.3."""
 WAYS = 200
-"""Ways over a half sphere that a scan tries; estimate."""
+"""Ways over a half sphere that a scan tries: 10° apart, which a refit bridges."""
 GRIPS, LEANS = (0.0, 0.08, 0.16, 0.24, 0.32), (-0.6, -0.4, -0.2, 0.0, 0.2, 0.4, 0.6)
-"""Grips and leans that a scan tries; estimates."""
+"""Grips and leans that a scan tries: frictions up to 0.3, and springs or slopes up to half the
+weight, in steps that a refit bridges."""
 
 
 class ToolLoose(LoadEffect):

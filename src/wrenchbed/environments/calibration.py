@@ -198,7 +198,8 @@ class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
         return np.array(self.model.parameters.nominal)
 
     def _row_std(self) -> np.ndarray:
-        """Of a reading's mean (6,): its white part, and the 1/f noise between poses."""
+        """Standard deviation of a reading's mean (6,): its white part, and the 1/f noise between
+        poses."""
         octaves = np.log(max(self.budget * RATE_HZ / self.samples, np.e))
         white, slow = np.asarray(self._noise.white), np.asarray(self._noise.flicker)
         return np.sqrt(white**2 / self.samples + slow**2 * octaves)

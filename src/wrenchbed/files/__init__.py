@@ -314,7 +314,7 @@ def _take_back(place: Path, kept: Path | None) -> None:
 
 
 def _named(error: OSError, path: Path, size: int | None, written: int) -> OSError:
-    """The same error with the file's name; on a full disk with the space needed and free."""
+    """An error that names the file; on a full disk also the space needed and free."""
     text = error.strerror
     if error.errno in _FULL:
         folder = next(p for p in (path.parent, *path.absolute().parents) if p.exists())

@@ -12,11 +12,11 @@ from typing import Any, NoReturn
 from wrenchbed.errors import WrenchbedError, did_you_mean, raise_shortage
 
 _LARGEST = {"JSON": 2**25, "TOML": 2**20}
-"""Of a file [bytes]: 10 times the largest diagnosis and 100 times the largest map."""
+"""Largest file by kind [bytes]: 10 times the largest diagnosis and 100 times the largest map."""
 _MOST_DOTS = 200
 """In a line of TOML: time and memory of `tomllib` grow with the square of a key's parts."""
 _PARQUET = b"PAR1"
-"""How such files begin."""
+"""First bytes of a Parquet file."""
 _DEEPEST = 100
 """Levels of nested objects and lists: wrenchbed writes 7, Python's recursion ends at 1,000."""
 _LONGEST_NAME = 4096

@@ -148,7 +148,7 @@ def _how(processes: Sequence[BaseProcess]) -> str:
 
 
 def one_thread(work: Callable[P, R]) -> Callable[P, R]:
-    """The same function without threads in its linear algebra."""
+    """A function that does ``work`` without threads in its linear algebra."""
 
     @wraps(work)
     def limited(*args: P.args, **options: P.kwargs) -> R:

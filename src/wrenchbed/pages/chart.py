@@ -47,7 +47,7 @@ class Axis:
 
     @property
     def text(self) -> str:
-        """Label with unit."""
+        """Label of the axis with its unit."""
         return f"{self.label} [{self.unit}]" if self.unit else self.label
 
 
@@ -126,7 +126,7 @@ class Scale:
         return (value - self.low) / (self.high - self.low)
 
     def colour(self, value: float) -> str:
-        """Of a value, as ``#rrggbb``."""
+        """Colour of a value, as ``#rrggbb``."""
         from matplotlib import colormaps, colors  # slow to load, and missing without [report]
 
         return str(colors.to_hex(colormaps[_MAPS[self.diverging]](self.share(value))))
@@ -143,7 +143,7 @@ class Scale:
 
 
 NOISE = Scale("residual, rms [noise of a row]", 0.1, 100.0, (0.1, 1.0, 10.0, 100.0), log=True)
-"""Of residuals on every page: 1 is as large as the noise of one row."""
+"""Scale of residuals on every page: 1 is as large as the noise of one row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,7 +167,7 @@ class Matrix:
 
     @property
     def colours(self) -> list[list[str | None]]:
-        """Of the cells; None of one without a value, which has the page's own."""
+        """Colours of the cells; None of one without a value, which has the page's own."""
         return [[self.scale.colour(float(v)) if np.isfinite(v) else None for v in row]
                 for row in self.values]  # fmt: skip
 

@@ -40,7 +40,7 @@ def provenance(
 
 
 def sha256(path: str | Path) -> str:
-    """Of a file's bytes, empty if there is no such file."""
+    """SHA-256 of a file's bytes, empty if there is no such file."""
     try:
         with Path(path).open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -115,13 +115,13 @@ class Figure:
 
     @cached_property
     def drawn(self) -> Drawn:
-        """For the page."""
+        """The figure as HTML of a page."""
         caption = f"{self.note} {self.chart.caption}".strip()
         return draw(replace(self.chart, name=self.name, title=self.title, caption=caption))
 
     @property
     def svg(self) -> str:
-        """For white paper."""
+        """The figure as SVG for white paper."""
         return svg(self.drawn.chart, themed=False)
 
     def markdown(self) -> str:

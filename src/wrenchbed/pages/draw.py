@@ -16,9 +16,9 @@ BLUE, ORANGE, GREEN, GREY, PURPLE = "#0072b2", "#d55e00", "#009e73", "#6b7680", 
 """After Okabe & Ito 2008."""
 INK = "#1c2126"
 WIDTH = 4.9
-"""Of a column of panels [in]: fits a telephone, and two fit beside each other on a screen."""
+"""Width of a column of panels [in]: fits a telephone, and two fit beside each other on a screen."""
 HEIGHT = 1.75
-"""Of a usual panel [in]."""
+"""Height of a usual panel [in]."""
 MOST_LETTERS = 75
 """Beside each other under a matrix; names turn where there would be more."""
 MOST_WHISKERS = 150

@@ -63,7 +63,7 @@ class ParameterSet(Sequence[Parameter]):
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """In order."""
+        """Names of the parameters in their order."""
         return tuple(p.name for p in self.items)
 
     @property

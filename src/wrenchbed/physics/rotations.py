@@ -11,7 +11,7 @@ import numpy as np
 from wrenchbed.physics.time_derivatives import Value, cos, reshape_matrix, sin, stack_jets
 
 _TERMS = 18
-"""Of the series, by definition φ²ᵏ/(2k + 1)!: at φ = π the first omitted one, 6e-26, is below
+"""Terms of the series, by definition φ²ᵏ/(2k + 1)!: at φ = π the first omitted one, 6e-26, is below
 rounding."""
 
 

@@ -129,7 +129,8 @@ class _Task:
         return self.goal.quantile(covariance, self.options.share)
 
     def best(self, kind: int, information: np.ndarray, used: list[int]) -> tuple[int, float]:
-        """The candidate of a kind that helps most, and the criterion with it."""
+        """The candidate measurement of a kind that helps the plan most, and the criterion with
+        it."""
         pool = self.pools[kind]
         slope = pool.slopes(self.criterion.gradient(information))
         slope[used] = -np.inf

@@ -137,4 +137,4 @@ class Clearance:
 
 
 clearance = lru_cache(maxsize=4)(Clearance)
-"""The same for the same robot: what may touch takes a while to find out."""
+"""The `Clearance` of a robot, kept: which parts may touch takes a while to find out."""

@@ -48,7 +48,7 @@ class Answer(ABC):
     @property
     @abstractmethod
     def causes(self) -> Sequence[Claim]:
-        """What is claimed."""
+        """The causes that are claimed, in words."""
 
     @property
     @abstractmethod
@@ -87,7 +87,7 @@ class Answer(ABC):
 
     @property
     def on(self) -> str:
-        """The same, as the end of a sentence."""
+        """The rows on which the gap is measured, as the end of a sentence."""
         return f"on {self.observations} that were held out of every fit"
 
     @property
@@ -129,7 +129,7 @@ class Answer(ABC):
 
     @property
     def steps(self) -> list[str]:
-        """What to do next."""
+        """What to do next, in sentences."""
         return [str(n["sentence"]) for n in self.d.next] or [self.nothing_more]
 
     @property

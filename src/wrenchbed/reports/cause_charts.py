@@ -22,15 +22,16 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports.simulators import Cause, Evidence, joint_axis, largest
 
 STEP = 1e-5
-"""Of a joint's value in a difference quotient [rad or m]."""
+"""Step of a joint's value in a difference quotient [rad or m]."""
 LEAST_SLOPE = 0.2
-"""Of the largest: rows in which a joint moves the reading less say little about its value."""
+"""Share of the largest slope below which a row is left out: it says little about a joint's
+value."""
 ROUNDING = 1e-9
-"""Of a response per unit of load, below which it is rounding of doubles."""
+"""Response per unit of load below which it is rounding of doubles."""
 LEAST_REACH, LAGS = 8, 40
 """Samples by which readings are shifted each way at least, and shifts each way."""
 SMOOTH_S = 0.5
-"""Of a motion, over which rows are averaged: slower changes are the motion's own."""
+"""Time of a motion over which rows are averaged [s]: slower changes are the motion's own."""
 MOST_ROWS = 200
 """Points of each of many panels."""
 _CROSS = Scale("change of the reading [noise of one row]", -30.0, 30.0, (-30.0, 0.0, 30.0),

@@ -22,7 +22,7 @@ from wrenchbed.reports.claim import Claim, claim
 _SHOWN_S = 15.0
 """Time of a motion that is shown [s]: several reversals of each joint are in view."""
 _BINS = 24
-"""Of speed, in which friction is averaged."""
+"""Bins of speed in which friction is averaged."""
 _FRICTION: tuple[tuple[str, Kind, Role], ...] = (
     ("measured", "points", "measured"), ("stated", "line", "before"),
     ("with the effects", "line", "after"),

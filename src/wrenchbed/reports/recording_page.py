@@ -69,7 +69,7 @@ class Agreement:
 
     @property
     def text(self) -> str:
-        """The figures behind it."""
+        """The figures behind an agreement, as text."""
         worst = f"Largest residual of a channel: {self.worst}, rms."
         overall = f"All channels: {self.overall:.3g} × noise."
         return numbers.minus(f"{worst} {overall} A channel agrees below {AGREES:g} × noise.")
@@ -78,7 +78,7 @@ class Agreement:
 def agreements(
     recording: Recording, simulators: Sequence[Simulator], noise: np.ndarray
 ) -> list[Agreement]:
-    """Of each simulator with a recording, whose noise of one row is (6,) [N, N·m]."""
+    """How well each simulator agrees with a recording whose noise of one row is (6,) [N, N·m]."""
     residuals = [np.nanmean((recording.wrench - s.reading) ** 2, axis=0) for s in simulators]
     return [
         Agreement(s.name, np.sqrt(r) / noise, np.sqrt(r))

@@ -17,7 +17,7 @@ from wrenchbed.robots.base import Joint
 from wrenchbed.twin.twin import Twin
 
 SECOND_CHANNEL = 0.1
-"""A second channel is drawn if it holds this share of what the first one does."""
+"""A chart draws a second channel if its residual is this share of the first one's."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,10 +15,9 @@ import numpy as np
 
 from wrenchbed.errors import NotFoundError, PlanError, WrenchbedError
 from wrenchbed.physics.gravity import ArmBodies, BodyMass
-from wrenchbed.physics.newton_euler import Motion, motion_of
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import apply, euler, exp
-from wrenchbed.physics.time_derivatives import STEP, Jet, Value, stack_jets
+from wrenchbed.physics.time_derivatives import STEP, Value, stack_jets
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.compiled.statics import Packed
 
@@ -130,10 +129,6 @@ class Robot(ArmBodies):
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
         """Input of `compiled.statics` for parameters (P,), or (R, P) of robots that broadcast."""
         raise NotImplementedError
-
-    def motion_seen(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
-        """Motion of the sensor under gravity in world axes (3,), with vectors (3, …, N)."""
-        return motion_of(*self.sensor_pose(q, theta), gravity)
 
     @abstractmethod
     def theta_of_tool(self, theta: np.ndarray, mass: float, cog: Sequence[float]) -> np.ndarray:

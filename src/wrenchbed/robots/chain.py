@@ -18,9 +18,9 @@ from functools import reduce
 import numpy as np
 
 from wrenchbed.physics.gravity import BodyMass
-from wrenchbed.physics.newton_euler import Motion, Vector
+from wrenchbed.physics.newton_euler import Vector
 from wrenchbed.physics.rotations import apply
-from wrenchbed.physics.time_derivatives import Jet, Value, cos, sin, stack_jets
+from wrenchbed.physics.time_derivatives import Value, cos, sin, stack_jets
 from wrenchbed.robots.base import MountedArm, mount_turn
 from wrenchbed.robots.compiled.statics import Packed
 
@@ -128,36 +128,6 @@ class SerialChain(MountedArm):
         joints = np.stack([hinges, zeros, np.cos(twist), np.sin(twist)], axis=-1)
         return Packed(gravity @ between[0], between[-1], joints.ravel())
 
-    def motion_seen(self, q: Jet, theta: np.ndarray, gravity: np.ndarray) -> Motion:
-        """Passed on from joint to joint in the links' own axes, then through the mount.
-
-        Outward recursion of Newton and Euler: Siciliano et al., Robotics (2009), Section 7.5.
-        """
-        turns, shifts = self._mounted(theta)
-        at, speed, faster = (
-            np.ascontiguousarray(np.moveaxis(x, -1, 0))
-            for x in (q.v + self.zeros(theta), q.d, q.dd)
-        )
-        origin: Vector = _turned_back(-gravity, turns[0])
-        spin: Vector = np.zeros(3)
-        turning: Vector = np.zeros(3)
-        for k, slides in enumerate(self._slides):
-            v, dv = speed[k], faster[k]
-            if slides:
-                origin = _moved(origin, spin, turning, (0.0 * v, 0.0 * v, at[k]))
-                (wx, wy, _), (ox, oy, oz) = spin, origin
-                origin = ox + 2.0 * wy * v, oy - 2.0 * wx * v, oz + dv
-            else:
-                c, s = np.cos(at[k]), np.sin(at[k])
-                origin, spin, turning = (_about_z(x, c, s) for x in (origin, spin, turning))
-                (wx, wy, wz), (ux, uy, uz) = spin, turning
-                spin, turning = (wx, wy, wz + v), (ux + wy * v, uy - wx * v, uz + dv)
-            shift, turn = shifts[k + 1], turns[k + 1]
-            if shift.any():
-                origin = _moved(origin, spin, turning, np.moveaxis(shift, -1, 0))
-            origin, spin, turning = (_turned_back(x, turn) for x in (origin, spin, turning))
-        return Motion(*(_stacked(x, at.shape[1:]) for x in (origin, spin, turning)))
-
     def links(self, q: Value, theta: np.ndarray) -> tuple[np.ndarray, list[Value]]:
         centres = [
             origin + link.cog[0] * x + link.cog[1] * y + link.cog[2] * z
@@ -206,15 +176,3 @@ def _stacked(x: Vector, shape: tuple[int, ...]) -> np.ndarray:
 def _about_z(x: Vector, c: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, ...]:
     """Vector, components first, in axes rotated about z."""
     return c * x[0] + s * x[1], c * x[1] - s * x[0], x[2]
-
-
-def _moved(origin: Vector, spin: Vector, turning: Vector, offset: Vector) -> tuple[np.ndarray, ...]:
-    """Acceleration of the point at an offset (3, …) [m] from the origin of a motion."""
-    (a, b, c), (u, v, w), (x, y, z) = spin, turning, offset
-    along = a * x + b * y + c * z
-    square = a * a + b * b + c * c
-    return (
-        origin[0] + v * z - w * y + a * along - square * x,
-        origin[1] + w * x - u * z + b * along - square * y,
-        origin[2] + u * y - v * x + c * along - square * z,
-    )

@@ -14,7 +14,7 @@ from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.robots.mjcf import LinkInertias
 
 _ROWS_AT_ONCE = 1000
-"""Rows whose links' frames are held at once; estimate: some 50 MB."""
+"""Rows whose links' frames are held at once: some 50 MB."""
 
 
 def torque_regressor(

@@ -38,7 +38,8 @@ _LIMBS = ((1, 0.13585), (2, 0.0165))
 _UR5_ARM, _UR5_SIDE = -0.425, 0.10915
 """Length of a UR5's upper arm and offset of its wrist [m], to which others' are compared."""
 _TABLE, _COLUMN, _CLEARANCE = 0.12, 0.2, 0.13
-"""Of a UR5, see `ArmData` [m]; the clearance is the limbs' radii and the tool's."""
+"""A UR5's ``table``, ``column`` and ``clearance``, see `ArmData` [m]: the clearance is the limbs'
+radii and the tool's."""
 _PUBLISHED = tomllib.loads((models() / "universal_robots.toml").read_text(encoding="utf-8"))
 NAMES = tuple(name for name in _PUBLISHED if name != "ur5")
 """Arms beside the UR5, whose model is its own."""

@@ -21,7 +21,7 @@ from wrenchbed.sensors.base import Sensor, SensorCalibration
 
 FORMAT = 1
 _DIGITS = 8
-"""Of the SHA-256 in a sensor's name."""
+"""Digits of the SHA-256 in a sensor's name."""
 _HEAVIEST, _FARTHEST = 20.0, 0.5
 """Largest mass [kg] and plate offset [m]: they exclude numbers in g and mm."""
 _TOP = ("format", "name", "title", "default", "mass", "plate_offset", "counts", "calibration",

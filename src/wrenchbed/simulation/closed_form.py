@@ -12,7 +12,7 @@ from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import NotFoundError, PlanError, RecordingError
-from wrenchbed.physics.newton_euler import Motion, load
+from wrenchbed.physics.newton_euler import Motion, load, motion_of
 from wrenchbed.physics.parameters import Parameter, ParameterSet
 from wrenchbed.physics.rotations import matrix
 from wrenchbed.physics.time_derivatives import STEP, Jet, Value, value
@@ -31,8 +31,7 @@ _ROWS_AT_ONCE = 200_000
 _LOAD = slice(3, 8)
 """Constants that are mass, CoG and the sensor's own mass, by definition in `_statics.c`."""
 _PAST_LIMIT = 1e-3
-"""Largest reading of an encoder beyond a joint's limit [rad; m]; estimate: its noise, and
-overshoot."""
+"""Largest reading of an encoder beyond a joint's limit [rad; m]: its noise, and overshoot."""
 
 
 def _sensor_parameters() -> ParameterSet:
@@ -184,8 +183,9 @@ class Model:
     def _seen(self, q: Value, theta: np.ndarray) -> np.ndarray | Motion:
         """Gravity in sensor axes (…, N, 3) [m/s²], or for jets the sensor's motion under it."""
         place, gravity = theta[..., : len(self.robot.parameters)], np.asarray(self.gravity)
-        see = self.robot.motion_seen if isinstance(q, Jet) else self.robot.gravity_seen
-        return see(q, place, gravity)
+        if isinstance(q, Jet):
+            return motion_of(*self.robot.sensor_pose(q, place), gravity)
+        return self.robot.gravity_seen(q, place, gravity)
 
     def _load(self, seen: np.ndarray | Motion, theta: np.ndarray) -> np.ndarray:
         tool = self.robot.tool(theta[..., : len(self.robot.parameters)])

@@ -102,7 +102,7 @@ class ServoDrivenRobot:
         return Sampled(q, qd, load)
 
     def follow_all(self, ways: np.ndarray, seconds: float) -> Sampled:
-        """`follow` for many samples: targets (N, S, J), each sample `seconds` long; (N, …) of each.
+        """Follow targets (N, S, J) through N samples of ``seconds`` each; states and loads (N, …).
 
         MuJoCo steps through all of them by itself and returns states and sensors of every step.
         Forces applied from outside do not act: `mujoco.rollout` clears them.

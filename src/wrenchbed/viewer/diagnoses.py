@@ -83,7 +83,8 @@ def part_of(model: mujoco.MjModel, robot: Robot, shown_world: bool) -> dict[int,
 
 
 def _carriers(model: mujoco.MjModel, robot: Robot) -> dict[int, Sequence[str]]:
-    """Of each body that an actuated joint moves: that joint and its link; passive ones: links."""
+    """For each body that an actuated joint moves that joint and its link; for passive ones their
+    links."""
     number = {int(model.joint(j.name).bodyid[0]): k for k, j in enumerate(robot.joints, start=1)}
     parts: dict[int, Sequence[str]] = {}
     for b in range(1, model.nbody):

@@ -26,18 +26,18 @@ JOINTS = (
     (214, 39, 40), (148, 103, 189), (140, 86, 75),
 )  # fmt: skip
 _LEAST = (0.89, 0.90, 0.91)
-"""Of a part that nothing is wrong with: light grey."""
+"""Colour of a part that nothing is wrong with: light grey."""
 _RAMP = np.array(
     [_LEAST, (0.99, 0.84, 0.42), (0.98, 0.62, 0.28), (0.86, 0.27, 0.26), (0.50, 0.04, 0.16)]
 )
 """Light grey, yellow, orange, red, dark red: darker the worse, also without colour."""
 _LONGEST_M = 0.3
-"""Of the longest arrow, at most."""
+"""Length of the longest arrow [m]."""
 _BESIDE_M = 0.012
 """By which an arrow may start beside the sensor's origin, along the sensor's x axis."""
 _RADIUS_M = {"force": 0.006, "torque": 0.0035}
 _WIDTH, _BENEATH = 1.5, 3.5
-"""Of curves, and of a measured one beneath the simulated ones [px]."""
+"""Widths of curves, and of a measured one beneath the simulated ones [px]."""
 Colour = tuple[int, int, int]
 
 
@@ -59,7 +59,7 @@ class Scale:
 
     @property
     def sentence(self) -> str:
-        """For people."""
+        """The scale of arrows in a sentence."""
         return f"1 N is {1e3 * self.force:g} mm long, 1 N·m {1e3 * self.torque:g} mm"
 
 

@@ -35,12 +35,12 @@ FAMILIES: dict[str, Callable[..., EffortFault]] = frame.draws(faults)
 OUTSIDE: dict[str, Callable[..., EffortFault]] = frame.draws(outside, mark=" ")
 """Draws of families outside the library by name, in the order in which they take turns."""
 SAME, SHARE = 0.1, 0.02
-"""Gap that is left, alone and over the cause's own, up to which two causes are alike: estimates,
-the first as the wrench referee's."""
+"""Gap that is left, alone and over the cause's own, up to which two causes are alike: a tenth of
+what counts, as the wrench referee's, and 2 %, below what held-out rows resolve."""
 _EVERY = 5
 """Recorded rows per row that is compared."""
 _SEEN_SPEED = 0.01
-"""Speed [rad/s] over which Coulomb friction turns its sign: estimate, of the bristles here."""
+"""Speed [rad/s] over which Coulomb friction turns its sign: that of the bristles here."""
 _ONE_KG, _ONE_CM, _ONE_MRAD = 1.0, 0.01, 1e-3
 """Sizes at which whole-body columns are taken, by definition."""
 SHARES = {"none": 0.25, "single": 0.5, "outside": 0.25}

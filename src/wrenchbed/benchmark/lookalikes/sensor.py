@@ -18,7 +18,8 @@ from wrenchbed.physics.wrench import CHANNELS
 _BLOCKS = {"ff": (0, 0), "ft": (0, 3), "tf": (3, 0), "tt": (3, 3)}
 """Quarters of the crosstalk matrix: first row and column; ``tf`` is torque from force."""
 _STEADY, _SWINGING = 0.65, 0.2
-"""Share of drifts that are steady, and that swing; the others wander. Estimates."""
+"""Shares of drifts that are steady, and that swing; the others wander. Most sensors warm up or age
+one way."""
 
 
 def timing_delay(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:

@@ -17,9 +17,10 @@ from wrenchbed.benchmark.referee.scenario import RefereeSetting
 from wrenchbed.physics.wrench import symmetric
 
 _TONE = 0.9
-"""Share of the lowest tone in the vibration of a machine nearby: an estimate."""
+"""Share of the lowest tone in the vibration of a machine nearby: one tone that others only
+colour."""
 _G = 9.81
-"""Gravity for typical forces [m/s²]: an estimate."""
+"""Gravity for typical forces [m/s²]: three digits are enough for a size."""
 
 
 def mount_rotation(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:

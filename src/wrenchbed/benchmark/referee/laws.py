@@ -18,7 +18,7 @@ from wrenchbed.benchmark.referee.machine import Ride, wrench_at
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
 
 _ROUNDING = 1e-9
-"""Share by which C's logarithm and numpy's differ less: an estimate."""
+"""Share by which C's logarithm and numpy's differ less: a million times double precision."""
 WANDER = 0.3
 """Largest rms of the slow wander in noises of a row: a gap below 0.1."""
 _JITTER_S = 1.5e-4

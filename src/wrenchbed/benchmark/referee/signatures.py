@@ -22,16 +22,18 @@ from wrenchbed.benchmark.rigid import RigidBodies
 from wrenchbed.robots.base import INERTIA_AXES
 
 _H = 1e-4
-"""Step of finite differences [rad or m]: an estimate."""
+"""Step of finite differences [rad or m]: small against every geometry, its square above
+rounding."""
 _COURSES = 6
 """Courses in time that a slow change of the tool may be made of: an even one, and half waves."""
 _AWAY = 0.03
 """Distance of lost mass from the tool's CoG, along each axis [m]."""
 SAME = 0.1
-"""An effect that imitates another up to this gap cannot be distinguished from it: an estimate;
-minor imperfections together may leave four times as much."""
+"""An effect that imitates another up to this gap cannot be distinguished from it: a tenth of what
+counts; minor imperfections together may leave four times as much."""
 LARGEST = 8.0
-"""Largest size, in multiples of typical, of an effect that imitates another: an estimate."""
+"""Largest size, in multiples of typical, of an effect that imitates another: the largest size of a
+drawn fault and as much again."""
 _NEAREST = 4
 """Number of variants that are fitted with bounds."""
 

@@ -43,9 +43,11 @@ FROZEN, FEW = 1e-3, 8
 CLEAR = 6.0
 """A load on a channel this many times its noise cannot hide."""
 APART = 3.0
-"""A load on a channel this many times what the others' rest may make of it; estimate."""
+"""A load on a channel this many times what the others' rest may make of it: three standard
+deviations."""
 LONG = 0.5
-"""Longest lever [m] that counts as found where a channel is left out (an estimate)."""
+"""Longest lever [m] that counts as found where a channel is left out: tools' centres of gravity are
+nearer."""
 DEAD = 0.1
 """A channel that follows its load by less, relative, is dead."""
 CONTRADICTED = 0.25

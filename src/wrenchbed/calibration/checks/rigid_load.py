@@ -10,13 +10,13 @@ from functools import cached_property
 
 import numpy as np
 
-from wrenchbed.physics.newton_euler import INERTIAL, Motion, regressor
+from wrenchbed.physics.newton_euler import INERTIAL, Motion, motion_of, regressor
 from wrenchbed.physics.time_derivatives import Jet, Value, value
 from wrenchbed.robots.base import Robot
 
 LEAST_LEVER = 0.02
-"""Torques below this lever [m] times the forces' swing are no part of the judgement: a cable, a
-wander of the zero and an imperfect geometry make as much (an estimate)."""
+"""Torques below this lever [m] times the forces' swing are no part of the judgement: a cable of 0.1
+kg at 0.2 m, a wander of the zero and an imperfect geometry make as much."""
 SURE_OF_SIGNAL = 4.0
 """Standard deviations by which the scatter of forces must exceed that of their noise."""
 LOUD = 5.0
@@ -62,7 +62,7 @@ class Observed:
     def motion(self, q: Value) -> Motion:
         """Motion of the sensor at joint values or jets; at rest it sees gravity alone."""
         if isinstance(q, Jet):
-            return self.robot.motion_seen(q, self.theta, self.gravity)
+            return motion_of(*self.robot.sensor_pose(q, self.theta), self.gravity)
         seen = -self.robot.gravity_seen(q, self.theta, self.gravity).T
         return Motion(seen, np.zeros_like(seen), np.zeros_like(seen))
 
@@ -158,7 +158,8 @@ class Moments:
         return np.asarray(((self.design @ phi.T) * phi.T).sum(axis=1).T)
 
     def _fits(self, p: np.ndarray, use: np.ndarray) -> list[Load]:
-        """`fit` of mendings (B, 6, 6) by the channels to use (B, 6)."""
+        """The load that fits readings mended by matrices (B, 6, 6) best, each by the channels that
+        it uses (B, 6)."""
         mixed = np.swapaxes(np.swapaxes(p, 0, 1) @ self.mixed, 0, 1)  # (B, 6, 10)
         squares = ((p @ self.readings) * p).sum(axis=2)
         force, torque = _parts(squares * use)

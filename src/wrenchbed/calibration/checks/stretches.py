@@ -13,14 +13,16 @@ from wrenchbed.calibration.checks.rigid_load import Observed
 from wrenchbed.physics.newton_euler import INERTIAL
 
 STARTS, STEPS = 40, 12
-"""Random starts and concentration steps of the trimmed fit (estimates)."""
+"""Random starts and concentration steps of the trimmed fit: with a quarter of
+wrong rows forty starts of six miss a clean one with a chance of 4e-4."""
 KEPT = 0.6
 """Fraction of the observations that a trimmed fit explains, so that up to 40 % may be contact: at
 one half noise decides which half is kept, near 1 a long contact pulls the fit."""
 FAR = 8.0
-"""Observations so many robust standard deviations off, and"""
+"""Robust standard deviations from which an observation is no part of the load, if it is off by
+`PUSH` too."""
 PUSH = 0.15
-"""off by this part of the load's own swing of force, are no part of the same load."""
+"""Part of the load's own swing of force by which an observation must be off, beside `FAR`."""
 MOMENTS = 40
 """Number of moments at which a change is tried."""
 SIMPLER = 0.5

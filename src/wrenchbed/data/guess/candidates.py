@@ -186,7 +186,8 @@ def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Conv
 
 
 def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:
-    """`unexplained` of each pair (P,), by few of its rows; infinite where it is no rotation."""
+    """Share of the force (P,) that each pair leaves unexplained, by few of its rows; infinite where
+    the pairing is no rotation."""
     shares = np.full(len(pairs), np.inf)
     of_reading: dict[tuple[int, int, str, tuple[str, ...]], list[int]] = {}
     for k, (pairing, reading) in enumerate(pairs):

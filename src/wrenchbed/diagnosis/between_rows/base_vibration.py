@@ -28,7 +28,7 @@ GRID = 4
 """Trial frequencies per 1/(length of a group)."""
 LOWEST_HZ = 3.0
 """Lowest frequency of a line [Hz]: below it drift within a hold, and the sway of an arm that has
-just stopped, look like a line. Estimate: bases and tables shake faster."""
+just stopped, look like a line; bases and tables shake faster."""
 NARROW = 0.45
 """Fraction of the shaking's power within one line, from which its frequency is named: peaks of
 broad shaking reach a lower one by chance, a higher one misses a line that a window smears."""

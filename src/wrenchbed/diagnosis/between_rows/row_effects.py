@@ -33,9 +33,10 @@ APART = 0.45
 noise, stated or not, so that only the scale of the rise is uncertain."""
 UNEXPLAINED = 0.6
 """Rise of a channel's variance that nothing explains, from which there is a cause: the contract's
-half, and what small imperfections add to it (at most 0.15 in 13 healthy look-alikes; estimate)."""
+half, and what small imperfections add to it (at most 0.15 in 13 healthy look-alikes)."""
 BURST = 3.0
-"""Scatter of a group over that of the median one, from which it is a burst; estimate."""
+"""Scatter of a group over that of the median one, from which it is a burst: nine times its
+variance, beyond the heavy tails of sound sensors."""
 STALE = 0.03
 """Excess fraction of repeated rows that is reported: fewer repeat by chance in coarse counts."""
 BESIDE = 1.3

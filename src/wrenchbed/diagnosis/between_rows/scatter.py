@@ -83,7 +83,7 @@ class Scatter:
         return np.asarray(even if len(self.kernel) else np.ones_like(even))
 
     def passed(self, frequency: float) -> float:
-        """Share of a line's power [Hz] that is left of it in ``rows``."""
+        """Share of the power of a sine of a frequency [Hz] that smoothing leaves in ``rows``."""
         if not len(self.kernel):
             return 1.0
         m = np.arange(len(self.kernel)) - len(self.kernel) // 2

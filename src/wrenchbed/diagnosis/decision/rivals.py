@@ -24,11 +24,11 @@ from wrenchbed.diagnosis.prepare.configuration import STATED
 TRIED = 5
 """Number of rivals that are fitted, the likeliest first."""
 ALIKE = 0.8
-"""Share of what the leading cause closes from which a rival closes as much: the rest may be the
-recording's own. Estimate."""
+"""Share of what the leading cause closes from which a rival closes as much: a fifth may be the
+recording's own rest."""
 APART = 0.5
 """Share of what the leading cause closes that it closes beside a rival too, from which the two are
-two causes and no rivals. Estimate."""
+two causes and no rivals: the larger half is its own."""
 
 
 def as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str, ...]:

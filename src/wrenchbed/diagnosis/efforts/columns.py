@@ -21,13 +21,15 @@ from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import INERTIA_AXES
 
 FREE = 1e3
-"""Prior of what every fit leaves free, in noises of a row: wide; estimate."""
+"""Prior of what every fit leaves free, in noises of a row: so wide that it costs a fit nothing."""
 BACKGROUND = 0.1
-"""Rms of what any effect may add unnamed, in noises of a row: no robot is perfect; estimate."""
+"""Rms of what any effect may add unnamed, in noises of a row: no robot is perfect; a hundredth of
+the variance that counts."""
 STRETCHES = 6
 """Stretches of time over which friction, an offset or a zero may change; estimate."""
 LIMITS = (0.5, 0.75, 0.9)
-"""Quantiles of the torque from which it may be limited; estimate."""
+"""Quantiles of the torque from which it may be limited: a limit that half of the rows exceed stops
+the robot."""
 ENDS = (0.15, 0.85)
 """Quantiles of the angle beyond which something may resist; estimate."""
 LIGHT = 0.01

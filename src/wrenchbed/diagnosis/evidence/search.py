@@ -21,7 +21,7 @@ KERNEL_SCALES = 2.0 ** np.arange(0, 9, 1.0)
 """Standard deviations of the unknown's groups; their squares are gaps."""
 
 THREADS = 2
-"""Rungs that are weighed at a time; estimate: more share the memory's rate, and need more of it."""
+"""Levels of background (rungs) that are weighed at a time: as many as small machines have cores."""
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ PLAUSIBLE = 8.0
 search: a larger one lets weak signatures imitate many others, so that more verdicts are ambiguous;
 a smaller one denies rivals that the search itself would accept."""
 _UNSEEN = 1e-6
-"""Share of a signature that may be left where a fit takes all of it."""
+"""Share of a signature below which a fit of bias, mass and CoG leaves rounding alone."""
 _RIDGE = 0.002
 """Ridge of the fit of a signature by another, in prior precisions of the largest plausible size: it
 keeps the fit bounded and changes residuals by far less than `ALIKE` allows."""

@@ -35,8 +35,8 @@ ZERO_SIGMAS = 0.4
 ODDS = 0.15
 """Prior odds of a stated number being wrong."""
 HOLDS = 0.1
-"""Gap that a small part makes at least to count with others for what they hold together; estimate:
-a part that makes nothing cannot be what the others stand in for."""
+"""Gap that a small part makes at least to count with others for what they hold together: a tenth of
+what counts; a part that makes nothing cannot be what the others stand in for."""
 MANY = 9
 """Columns of an effect that may imitate stated numbers: torques from forces, for instance."""
 

@@ -14,7 +14,7 @@ from wrenchbed.diagnosis.explain.refit import Refitter
 CLAIMABLE = 0.75
 """Gap that a cause must add, as estimated: 1 by definition, less its uncertainty."""
 ALIKE = 0.85
-"""Correlation of two effects' readings from which either may be the large one."""
+"""Correlation of two effects' readings from which either one may be the large cause."""
 APART = 6.0
 """Square, over noise and background, by which readings differ that count as different: 3 in the
 logarithm of a likelihood, as `MARGIN` of explanations."""

@@ -19,21 +19,24 @@ from wrenchbed.diagnosis.explain.structures import Analysis, prediction_errors
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 
 FAR = 25.0
-"""Mean square error of an outlier over that of the median block; estimate."""
+"""Mean square error of an outlier over that of the median block: five standard deviations."""
 LARGE = 5.0
-"""Rms error of an outlier, in σ of a row, at least; estimate."""
+"""Rms error of an outlier, in σ of a row, at least: beyond any noise."""
 MOST = 0.1
 """Share of blocks that may be outliers: more of them are no exception."""
 ENERGY = 0.3
-"""Share of the squared error that outliers hold together at least; estimate."""
+"""Share of the squared error that outliers hold together at least: else their removal answers
+nothing."""
 ALIKE = 4.0
-"""Ratio of mean square errors of blocks that are set aside together; estimate."""
+"""Ratio of mean square errors of blocks that are set aside together: half and twice the size of one
+another."""
 LEVER_M = 0.5
-"""Longest lever of a force at a tool [m]; a larger torque is named instead; estimate."""
+"""Longest lever of a force at a tool [m]; a larger torque is named instead: tools are shorter."""
 NEAR = 0.966
 """Cosine from which a direction counts as along an axis: 15°."""
 MARGIN_S = 0.3
-"""A stretch of a motion is set aside with so much before and after it [s]; estimate."""
+"""A stretch of a motion is set aside with so much before and after it [s]: a touch begins and ends
+softly."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,9 +21,10 @@ from wrenchbed.diagnosis.explain.structures import MARGIN, Analysis, rank
 PASSES = 2
 """Number of passes that estimate the remaining residual: the first explanation ignored it."""
 MUCH = 3.0
-"""Gap that is the recording's own rather than what a form misses; estimate."""
+"""Gap that is the recording's own rather than what a form misses: three times what counts."""
 MOST_FREE = 0.7
-"""Share of all readings up to which free numbers are counted; estimate."""
+"""Share of all readings up to which free numbers are counted: beyond it the variance that is left
+rests on too few."""
 FREE = 1e-8
 """Prior precision of a number that is fitted whatever is stated."""
 

@@ -112,8 +112,8 @@ class Refitter(Case):
         return self._again[views][self._place]
 
     def like(self, h: Hypothesis, source: "Refitter") -> Hypothesis:
-        """Another recording's hypothesis in this one; without columns where its slopes are to be
-        taken."""
+        """The hypothesis of this recording that is a hypothesis ``h`` of another recording; without
+        columns where slopes have yet to be computed."""
         if source is self:
             return h
         alike = [o for o in self.d.hypotheses if o.name == h.name]

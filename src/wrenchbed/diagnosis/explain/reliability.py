@@ -203,7 +203,7 @@ def credible(probabilities: Mapping[str, float], level: float) -> tuple[str, ...
 
 
 def set90(verdict: Verdict[Any], known: Reliability) -> tuple[str, ...]:
-    """Names that hold the truth in 90 % of such cases: the likeliest answers, and all claims."""
+    """Names that hold the truth in 90 % of cases like this one: the likeliest, and all claims."""
     names = credible(verdict.probabilities, known.set90)
     return tuple(dict.fromkeys((*names, *(n for c in verdict.causes for n in c.names))))
 

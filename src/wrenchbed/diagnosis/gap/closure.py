@@ -100,7 +100,7 @@ class Claimed:
         return cls(twin_of(a, f, keep), f, tuple(keep), tuple(wrong))
 
     def in_recording(self, a: Analysis, k: int) -> "Claimed":
-        """The same claim in the recording k of several."""
+        """This claim as recording ``k`` of several fits it."""
         return Claimed.of(a, self.finalist.each[k], self.keep, self.wrong)
 
 

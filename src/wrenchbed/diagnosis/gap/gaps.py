@@ -184,7 +184,8 @@ class Bootstrap:
     """Blocks of held-out rows drawn anew: what a mean, or a ratio of means, might as well be."""
 
     def __init__(self, each: Sequence[tuple[np.ndarray, np.ndarray]], seed: int) -> None:
-        """Of each recording's observations the blocks (S,) and the rows behind them (S,)."""
+        """Take for each recording the blocks (S,) of its observations and the rows behind them
+        (S,)."""
         block = [np.stack([np.full_like(b, k), b]) for k, (b, _) in enumerate(each)]
         blocks, at = np.unique(np.concatenate(block, axis=1), axis=1, return_inverse=True)
         self._at = at.ravel()

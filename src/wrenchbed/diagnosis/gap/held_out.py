@@ -131,7 +131,7 @@ class CrossFit:
     def explained(
         self, twin: Twin, f: Finalist, keep: Sequence[int], wrong: Sequence[str]
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        """Readings (M, C) of the diagnosed simulator, and of it without each cause by its name.
+        """Readings (M, C) of the diagnosed simulator, and by each cause's name without that cause.
 
         Args:
             twin: fitted on all rows.

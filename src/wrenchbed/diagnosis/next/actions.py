@@ -19,7 +19,7 @@ from wrenchbed.robots.base import Robot, SimulatedRobot
 from wrenchbed.robots.motion_limits import duration, reachable
 
 POSES = 20
-"""Largest number of poses of a proposed recording; estimate of what is recorded in one go."""
+"""Largest number of poses of a proposed recording: some five minutes."""
 PAYLOAD_KG, MOUNTING_S = 0.5, 120.0
 """Mass of a second payload [kg], and the time to mount it [s]."""
 TURNS_S = 3.0

@@ -233,7 +233,7 @@ def _of_design(design: Design) -> dict[tuple[str, str], BlindSpot]:
 
 
 def _of_effect(design: Design, effect: Effect) -> list[BlindSpot]:
-    """Blind spots of one effect: all of it, or some of its elements."""
+    """Blind spots of one effect: the whole effect, or some of its elements (joints, channels)."""
     every = zip(design.similarity.signatures, design.sizes.tolist(), strict=True)
     ways = [(w, size) for w, size in every if w.name == effect.name]
     groups: dict[str, list[tuple[Hypothesis, float]]] = {}

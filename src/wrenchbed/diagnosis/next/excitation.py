@@ -20,24 +20,27 @@ from wrenchbed.robots.inverse_dynamics import torque_regressor
 HARMONICS = 5
 """Sines in each joint's Fourier series; estimate, after Swevers et al."""
 _PERIOD_S = 10.0
-"""Period of the slowest sine [s]; estimate."""
+"""Period of the slowest sine [s]: the usual 0.1 Hz of such trajectories (Swevers et al.)."""
 _FADE_S = 2.0
 """Duration of the fade from rest and to rest at both ends [s]: a fifth of `_PERIOD_S`. A shorter
 one adds accelerations that shrink the whole motion, a longer one wastes rows near rest."""
 _SPEED, _ACCELERATION = 0.6, 4.0
-"""Share of top speed, and largest acceleration [rad/s²]; estimates."""
+"""Share of top speed, and largest acceleration [rad/s²]: such that people stand beside it without
+fear and controllers do not stop."""
 _ROOM = 0.05
-"""Distance from the joints' limits [rad or m]; estimate."""
+"""Distance from the joints' limits [rad or m]: 3°, more than a controller overshoots."""
 _ROWS = 120
 """Number of samples at which the information is evaluated."""
 _CHECKS = 250
 """Number of samples at which collisions are checked."""
 _TRIES, _STEPS = 30, 250
-"""Random series to begin with, and random changes of the best; estimates."""
+"""Random series to begin with, and random changes of the best: some seconds of search."""
 _CHANGE = 0.35
-"""Size of a change, over that of the coefficients; estimate."""
+"""Size of a change, over that of the coefficients: smaller ones stay near a poor start, larger ones
+begin anew."""
 _WIDEST = 2.0
-"""Largest excursion of a joint from its middle [rad]; estimate."""
+"""Largest excursion of a joint from its middle [rad]: turning wider winds up cables and shows
+nothing new."""
 
 
 def excite(

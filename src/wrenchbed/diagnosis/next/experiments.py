@@ -47,7 +47,7 @@ Candidate = tuple[Hypothesis, np.ndarray]
 GAP = 0.3
 """Gap of the background that every robot has."""
 EFFECTS, ROWS = 0.5, 0.5
-"""Shares of it: small effects of the library, and what no effect makes."""
+"""Shares of the background `GAP`: small effects of the library, and what no effect makes."""
 FREE = 8.0
 """Standard deviation of a rival's amplitudes, in typical sizes."""
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(41)
@@ -55,7 +55,7 @@ LEAST = 0.05
 """Divergence [nat] that an experiment must add to be worth proposing; estimate: of two explanations
 with equal priors, the right one is then selected in 63 % of cases."""
 SEPARATED = 0.1
-"""… and that it must add to a pair to be said to separate it."""
+"""Divergence [nat] that an experiment must add to two explanations to be said to separate them."""
 MOST_PROPOSED = 4
 """Explanations that are compared, experiments that are proposed."""
 _AT_ONCE = 5

@@ -17,7 +17,8 @@ _STEPS, _DONE = 5, 1e-9
 MASS_SHARE, COG_M, BIAS_SIGMAS = 0.005, 5e-4, 3.0
 """Default tolerances: share of the stated mass, CoG [m], bias in units of what counts."""
 MOST_ROUNDED = (0.05, 5e-3)
-"""Rounding of a stated mass (share of it) and CoG [m] that is granted at most; estimates."""
+"""Rounding of a stated mass (share of it) and CoG [m] that is granted at most: one digit of "0.1
+kg", and whole centimetres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +42,7 @@ class Baseline:
         return self.configuration.robot_theta
 
     def at(self, stated: Configuration, beside: Configuration) -> "Baseline":
-        """The same with the tool as it comes out beside a cause."""
+        """This baseline with the tool's mass and CoG as they are fitted beside a cause."""
         mass = np.array([beside.mass - stated.mass])
         moved = {STATED[1]: mass, STATED[2]: beside.cog - stated.cog}
         return Baseline(beside, {k: moved[k] for k in self.moved}, self.tolerance)

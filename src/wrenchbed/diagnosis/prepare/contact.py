@@ -37,16 +37,18 @@ ONE_POINT = 0.9
 MARGIN = 3
 """Averaged rows on either side of a touch that are left out with it."""
 CLEAR = 10.0
-"""Force over the other poses' residual from which its direction is used; estimate."""
+"""Force over the other poses' residual from which its direction is used: it is then known to 6°."""
 FORM = 0.05
-"""Relative error of a torque about the point, for what slides and rolls in contact; estimate."""
+"""Relative error of a torque about the point, for what slides and rolls in contact: a twentieth of
+the lever."""
 REACH_M, REACH = 0.01, 0.2
-"""Distance of a contact from the tip (1 σ): a length [m] and a fraction of the tip's lever arm;
-estimate."""
+"""Distance of a contact from the tip (1 σ): a length [m] and a fraction of the tip's lever arm; a
+fingertip's size, and a tool touched along its last fifth."""
 ONE_WAY = float(np.cos(np.radians(45.0)))
-"""Cosine between each push and their mean: friction of up to 0.5 leans both sides; estimate."""
+"""Cosine between each push and their mean: friction of up to 0.5 (27°) leans both sides."""
 LEAN = float(np.cos(np.radians(35.0)))
-"""Cosine between the push and a surface's normal, with the same friction; estimate."""
+"""Cosine between the push and a surface's normal: the same friction of 0.5, and the direction's
+error."""
 PROBABLE, ONE_POSE = 0.97, 0.8
 """Probability of a contact where all three hold, and where but one pose shows them: of pushes and
 wrong rows at one random pose up to 9 % pass, at two 0.3 %."""

@@ -25,14 +25,15 @@ QUIET = 0.2, 0.5
 HANN = (4 / 9, 1 / 36)
 """Correlation of a periodogram's neighbours under a Hann window (Welch 1967)."""
 OVER, CHANCE = 1.5, 1e-3
-"""Scatter within poses over the stated noise from which it is another one, beyond what a random
-estimate exceeds with this probability; estimates."""
+"""Scatter within poses over the stated noise from which it is another one, more than data sheets
+vary by, beyond what random scatter exceeds with this probability: once in a thousand recordings."""
 MOVE_S, TOGETHER = 0.1, 0.7
-"""A sensor forgets its noise within this time [s], a motion does not: rows that far apart agree by
-more than this correlation; estimates."""
+"""A sensor forgets its noise within this time [s], a motion does not: rows that far apart share
+more than half of their variance, with this correlation or more."""
 AT_ONE, NEIGHBOURS, LEAST_IN_POSE = 0.6, 3, 32
-"""Share of the scatter at one frequency, within so many bins, from which it is periodic, and rows
-that a pose needs for that; of white noise 0.3 at most. Estimates."""
+"""Share of the scatter at one frequency, within so many bins (the window's main lobe), from which
+it is periodic, and rows that a pose needs for that: twice what white noise has of so many, 0.3 at
+most."""
 
 
 def noise_in_motion(

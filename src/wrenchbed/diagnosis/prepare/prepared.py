@@ -44,7 +44,8 @@ class Material(NamedTuple):
     place: float | None = None
 
     def counts(self, units: Sequence[str], noise: np.ndarray) -> np.ndarray:
-        """Residual (C,) that counts in columns of such units with such a noise of a row (C,)."""
+        """Size (C,) from which a residual counts in columns of these units; where the user stated
+        none for a unit, the noise of a row (C,)."""
         stated = {"N": self.force, "N·m": self.torque, "m": self.place}
         pairs = zip(map(stated.get, units), noise, strict=True)
         return np.array([n if size is None else size for size, n in pairs])
@@ -204,7 +205,7 @@ class Prepared:
         return np.asarray((self.row_sigma / self.sigma) ** 2)
 
     def counting(self, material: Material) -> "Prepared":
-        """The same with gaps in units of what a user calls material."""
+        """This recording with gaps in units of what a user calls material."""
         units = [unit for channel in self.channels for unit in channel.columns.values()]
         unit = material.counts(units, self.sigma)
         return replace(
@@ -230,7 +231,7 @@ class Prepared:
 
     @cached_property
     def leading(self) -> "Prepared":
-        """The same with its first channel alone, on which the published gap is defined."""
+        """This recording with its first channel alone, on which the published gap is defined."""
         of = self.families[0]
         return self if len(self.channels) == 1 else replace(
             self, channels=self.channels[:1], y=self.y[:, of], covariance=self.covariance[of, of],

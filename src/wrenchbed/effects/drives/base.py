@@ -186,7 +186,8 @@ class DriveEffect(ABC):
 
     @abstractmethod
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
-        """Columns that it adds; those with a standard deviation are ordinary, no part of it."""
+        """Columns that the effect adds; those with a standard deviation belong to every healthy
+        drive and are no part of the cause."""
 
     def block(self, rows: DriveRows, columns: tuple[Column, ...]) -> Block | None:
         """The cause made of its columns; None where these rows have none."""
@@ -220,7 +221,7 @@ class StatedNumber(DriveEffect):
 
     @abstractmethod
     def shape(self, rows: DriveRows) -> np.ndarray:
-        """What one unit of it adds (N,)."""
+        """Effort (N,) that one unit of the stated number adds."""
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
         free = self.name in rows.free

@@ -4,7 +4,8 @@ from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
 from wrenchbed.effects.drives.operators import stop
 
 WIDTHS = (1e-2, 3e-2, 1e-1)
-"""Half widths of a gear's hysteresis that are tried [rad, m]; estimate."""
+"""Half widths of a gear's hysteresis that are tried [rad, m]: steps of three, which overlap in
+shape."""
 
 
 class DriveHysteresis(DriveEffect):

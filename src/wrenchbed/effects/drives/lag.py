@@ -10,9 +10,11 @@ from scipy.optimize import minimize_scalar
 from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveResidual, DriveRows
 
 TIMES = np.geomspace(4e-3, 0.15, 16)
-"""Delays and time constants from which the search starts [s]; estimate, steps of 1.27."""
+"""Delays and time constants from which the search starts [s]: steps of 1.27, which the search
+bridges."""
 _CLOSE = 2e-4
-"""Error of what is found [s]; estimate: friction turns at one instant."""
+"""Error of a found delay or time constant [s]: friction turns at one instant, which a fortieth of a
+row resolves."""
 _RIDGE = 1e-9
 """Share of a column's square that is added to it: columns may be alike."""
 

@@ -5,9 +5,10 @@ import numpy as np
 from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
 
 WAYS = (3e-4, 1e-3, 3e-3, 1e-2, 4e-2)
-"""Ways after a reversal over which friction builds up or breaks away [rad, m]; estimate."""
+"""Ways after a reversal over which friction builds up or breaks away [rad, m]: steps of three,
+which overlap in shape."""
 ROUNDED = 3e-3
-"""Longest of them that ordinary bristles need [rad, m]; estimate."""
+"""Longest way after a reversal that ordinary bristles need [rad, m]: 0.2°."""
 
 
 class DriveStiction(DriveEffect):

@@ -5,7 +5,7 @@ import numpy as np
 from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
 
 SPEEDS = (0.02, 0.06, 0.15)
-"""Speeds over which friction falls [rad/s, m/s]; estimate, UR joints fall within 0.02 to 0.1."""
+"""Speeds over which friction falls [rad/s, m/s]: UR joints fall within 0.02 to 0.1."""
 
 
 class DriveStribeck(DriveEffect):

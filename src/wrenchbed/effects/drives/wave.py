@@ -9,18 +9,21 @@ import numpy as np
 from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveResidual, DriveRows
 
 HARMONICS = (1, 2)
-"""Of a period: a gear's teeth or a motor's poles make more than a sine; estimate."""
+"""Waves within a period: a gear's teeth or a motor's poles make more than a sine, of which the
+second shows."""
 SLOWEST, FASTEST = 1.5, 400.0
-"""Periods a turn of the joint that are tried; estimate: motors of 3 to 10 pole pairs, gears of 30
+"""Periods a turn of the joint that are tried: up to motors of 3 to 10 pole pairs behind gears of 30
 to 160."""
 GEAR_MOST = 12.0
-"""Periods a turn up to which the joint's own gear makes them, beyond it the motor; estimate."""
+"""Periods a turn up to which the joint's own gear makes them, beyond it the motor: the slowest
+motor turns 30 times."""
 _FINE = 4.0
-"""Steps of the search within the width of a peak; estimate."""
+"""Steps of the search within the width of a peak: the nearest one has 95 % of its power."""
 _STEP = 0.25
-"""Step between the slow spatial frequencies that are tried [periods per turn]; estimate."""
+"""Step between the slow spatial frequencies that are tried [periods per turn]: joints turn less
+than once, so peaks are wider."""
 _BINS = 8.0
-"""Bins of the angle within the shortest period; estimate."""
+"""Bins of the angle within the shortest period: averaging over one keeps 97 % of it."""
 
 
 def first_of(effect: str) -> tuple[str, ...]:

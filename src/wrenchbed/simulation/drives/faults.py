@@ -17,9 +17,10 @@ from wrenchbed.errors import NotFoundError, ParameterError, did_you_mean
 PREFIX = "drive."
 """Names of drives' parameters and faults begin with it."""
 REVERSAL = 1e-3
-"""Speed within which friction changes its sign, as tanh [rad/s or m/s]; estimate."""
+"""Speed within which friction changes its sign, as tanh [rad/s or m/s]: a thousandth of usual
+speeds."""
 _ROOM_C = 25.0
-"""Temperature at which friction is nominal [°C]; estimate."""
+"""Temperature at which friction is nominal [°C]: a room's, as `_COLD` of `drive_train`."""
 Values = Mapping[str, float]
 Memory = dict[str, Any]
 _TURN = 2.0 * np.pi

@@ -71,7 +71,7 @@ _BEGINS_S = 0.05
 
 
 class Closed(Exception):  # noqa: N818
-    """The other end is gone."""
+    """The process at the other end of a channel is gone."""
 
 
 class MessageChannel:
