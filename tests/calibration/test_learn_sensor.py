@@ -48,25 +48,28 @@ def test_what_is_learnt_lies_within_its_intervals(name):
     rest, z = RESTS[name], []
     for found in learnt(rest, 100, 12 if name == "coloured" else 3):
         noise = found.sensor.noise
-        for s, w, f in zip(found.spectra, WHITE, rest.flicker, strict=True):
+        for s, w, f in zip(found.rest.spectra, WHITE, rest.flicker, strict=True):
             z.append([(s.white - w) / s.white_std, (s.flicker - f * w) / s.flicker_std])
             most = 0.1 if rest.drift else 2.0 * f or 0.03  # no drift is 1/f noise
             assert s.flicker < most * w
-        assert np.abs((found.drift - rest.drift * WHITE / 60.0) / found.drift_std).max() < 5.0
+        assert (
+            np.abs((found.rest.drift - rest.drift * WHITE / 60.0) / found.rest.drift_std).max()
+            < 5.0
+        )
         sure = noise.warmup_drift != 0.0
         assert sure.sum() >= 5 if rest.drift else not sure.any()
         slope = noise.warmup_drift[sure] / noise.warmup_time
-        assert slope == pytest.approx(found.drift[sure])
+        assert slope == pytest.approx(found.rest.drift[sure])
         off = np.abs(noise.correlation - rest.correlation).max()
-        assert found.correlation_std < 0.02 and off < 5.0 * found.correlation_std
+        assert found.rest.correlation_std < 0.02 and off < 5.0 * found.rest.correlation_std
         np.testing.assert_allclose(noise.resolution, rest.step * WHITE, rtol=1e-5)
         if rest.hum:
             assert noise.mains_frequency == pytest.approx(rest.hum_hz, abs=0.01)
-            error = (noise.mains_amplitude - rest.hum * WHITE) / found.mains_std
+            error = (noise.mains_amplitude - rest.hum * WHITE) / found.rest.mains_std
             assert np.abs(error).max() < 4.5
         else:
             assert not noise.mains_amplitude.any()
-        assert not found.lines
+        assert not found.rest.lines
         if rest.step:  # its rounding is taken off, in part
             np.testing.assert_allclose(noise.white, WHITE, rtol=0.06)
     z = np.array(z)[:, : 2 if name == "coloured" else 1]
@@ -78,8 +81,8 @@ def test_what_is_learnt_lies_within_its_intervals(name):
 def test_the_intervals_are_narrow():
     """A minute at 250 Hz: white to 2 %, 1/f of a tenth of it to 15 %, of a twentieth to 40 %."""
     found = wb.learn_sensor(COLOURED.recording(110))
-    white = np.array([s.white_std for s in found.spectra]) / WHITE
-    flicker = np.array([s.flicker_std for s in found.spectra]) / (WHITE * COLOURED.flicker)
+    white = np.array([s.white_std for s in found.rest.spectra]) / WHITE
+    flicker = np.array([s.flicker_std for s in found.rest.spectra]) / (WHITE * COLOURED.flicker)
     assert (white < 0.02).all() and flicker[2] < 0.4
     assert (np.delete(flicker, 2) < 0.15).all()
 
@@ -121,12 +124,12 @@ def test_the_real_gamma_gets_about_the_published_numbers(ntnu):
     noise = found.sensor.noise
     np.testing.assert_allclose(noise.white, published.white, rtol=0.04)
     np.testing.assert_allclose(noise.flicker[:5], published.flicker[:5], rtol=0.08)
-    assert noise.flicker[5] == 0.0 and found.spectra[5].flicker_most < published.flicker[5]
+    assert noise.flicker[5] == 0.0 and found.rest.spectra[5].flicker_most < published.flicker[5]
     np.testing.assert_allclose(noise.correlation, published.correlation, atol=0.02)
     np.testing.assert_allclose(noise.row_std, published.row_std, rtol=0.03)
     assert not noise.mains_amplitude.any() and not noise.warmup_drift.any()
     np.testing.assert_allclose(noise.resolution[3:], 1e-6)
-    assert {3, 9, 13, 16, 72} <= {round(f) for f in found.lines}
+    assert {3, 9, 13, 16, 72} <= {round(f) for f in found.rest.lines}
     said = " ".join(found.cannot_tell)
     coloured = said.split("colour of")[1].split(":")[0]
     assert "slower than 1 s" in said and "fx, fy, fz, tx, ty" in said and "tz" not in coloured

@@ -45,36 +45,19 @@ _MOST_LINES = 6
 
 @dataclass(frozen=True, eq=False)
 class LearnedSensor:
-    """A sensor with the noise of a recording at rest; six numbers are fx fy fz tx ty tz [N, N·m].
+    """A sensor with the noise of a recording at rest.
 
     Attributes:
         sensor: the sensor; range, resolution, mass and plate offset are those of ``like``.
         like: registry name of the sensor that gave them.
-        rows, rate: of the recording; rate in [Hz].
-        spectra: white and 1/f part of each channel, with uncertainties.
-        correlation_std: standard uncertainty of one entry of the correlation.
-        mains_std: standard uncertainty (6,) of the mains line's amplitude.
-        drift, drift_std: slope over the recording (6,) [1/s].
-        lines: frequencies [Hz] that stand out and are counted as white noise.
+        rest: noise of the recording, with its uncertainties.
         cannot_tell: sentences.
     """
 
     sensor: Sensor
     like: str
-    rows: int
-    rate: float
-    spectra: tuple[Spectrum, ...]
-    correlation_std: float
-    mains_std: np.ndarray
-    drift: np.ndarray
-    drift_std: np.ndarray
-    lines: tuple[float, ...]
+    rest: "RestNoise"
     cannot_tell: tuple[str, ...]
-
-    @property
-    def seconds(self) -> float:
-        """Length of the recording [s]."""
-        return self.rows / self.rate
 
     @property
     def text(self) -> str:
@@ -111,17 +94,17 @@ def learn_sensor(
     rows = np.asarray(recording.wrench, dtype=np.float64)
     calibration = _within_range(rows, base, recording.name)
     clock = Clock(len(rows), rate, _BAND.f_low, _BAND.f_high)
-    channels = _Channels(rows, clock)
+    rest = RestNoise(rows, clock)
     steps = np.array([grid_step(column) for column in rows.T])
-    white = np.sqrt(np.maximum([s.white**2 for s in channels.spectra] - steps**2 / 12.0, 0.0))
-    sure = np.abs(channels.drift) > _sigmas(6) * channels.drift_std
+    white = np.sqrt(np.maximum([s.white**2 for s in rest.spectra] - steps**2 / 12.0, 0.0))
+    sure = np.abs(rest.drift) > _sigmas(6) * rest.drift_std
     noise = NoiseModel(
         white=white,
-        flicker=np.array([s.flicker for s in channels.spectra]),
+        flicker=np.array([s.flicker for s in rest.spectra]),
         f_low=_BAND.f_low, f_high=_BAND.f_high,
-        correlation=channels.correlation,
-        mains_amplitude=channels.mains, mains_frequency=channels.mains_hz,
-        warmup_drift=np.where(sure, channels.drift * _BAND.warmup_time, 0.0),
+        correlation=rest.correlation,
+        mains_amplitude=rest.mains, mains_frequency=rest.mains_hz,
+        warmup_drift=np.where(sure, rest.drift * _BAND.warmup_time, 0.0),
         warmup_time=_BAND.warmup_time, warmup_age=0.0,
         resolution=steps, range=calibration.range,
     )  # fmt: skip
@@ -131,19 +114,15 @@ def learn_sensor(
     sensor = replace(
         base, name=name.replace("@", "-"), title=f"{name}: noise {learnt}",
         default=calibration.name, noise=noise, record=None,
-        noise_source=f"{learnt}; {_figures(channels, white)}",
+        noise_source=f"{learnt}; {_figures(rest, white)}",
         calibrations=tuple(
             replace(c, source=_taken(c.source, like)) for c in base.calibrations
         ),
         mass_source=_taken(base.mass_source, like),
         plate_offset_source=_taken(base.plate_offset_source, like),
     )  # fmt: skip
-    return LearnedSensor(
-        sensor=sensor, like=like, rows=len(rows), rate=rate, spectra=channels.spectra,
-        correlation_std=channels.correlation_std, mains_std=channels.mains_std,
-        drift=channels.drift, drift_std=channels.drift_std, lines=channels.lines,
-        cannot_tell=tuple(_cannot_tell(channels, steps, like, sure)),
-    )  # fmt: skip
+    unknown = tuple(_cannot_tell(rest, steps, like, sure))
+    return LearnedSensor(sensor, like, rest, unknown)
 
 
 def _within_range(rows: np.ndarray, base: Sensor, name: str) -> SensorCalibration:
@@ -164,20 +143,33 @@ def _taken(source: str, like: str) -> str:
     return source if source.startswith("taken from ") else f"taken from {like}: {source}"
 
 
-def _figures(channels: "_Channels", white: np.ndarray) -> str:
+def _figures(rest: "RestNoise", white: np.ndarray) -> str:
     """Noise figures with uncertainties, for the source that the TOML file states."""
     parts = [
         f"{c} {w:.3g} ± {s.white_std:.1g}, 1/f "
         + (f"{s.flicker:.3g} ± {s.flicker_std:.1g}" if s.flicker else f"< {s.flicker_most:.2g}")
-        for c, w, s in zip(CHANNELS, white, channels.spectra, strict=True)
+        for c, w, s in zip(CHANNELS, white, rest.spectra, strict=True)
     ]
     return "white " + "; ".join(parts)
 
 
-class _Channels:
-    """Periodograms of six channels and what they show."""
+class RestNoise:
+    """Noise of a rest, from the periodograms of its six channels fx fy fz tx ty tz [N, N·m].
+
+    Attributes:
+        rows, rate: of the recording; rate in [Hz].
+        spectra: white and 1/f part of each channel, with uncertainties.
+        row_std: standard deviation of a row (6,), where the channels drift without the drift.
+        drift, drift_std: slope over the recording (6,) [1/s].
+        mains, mains_std, mains_hz: amplitudes (6,) of the mains line, 0 where none stands out,
+            their standard uncertainty, and its frequency [Hz].
+        correlation, correlation_std: of the channels (6, 6), and its standard uncertainty.
+        lines: frequencies [Hz] at which a channel stands out beside the mains, strongest first;
+            they are counted as white noise.
+    """
 
     def __init__(self, rows: np.ndarray, clock: Clock) -> None:
+        self.rows, self.rate = clock.rows, clock.rate
         self._clock = clock
         t = (np.arange(clock.rows) - (clock.rows - 1) / 2.0) / clock.rate
         self.drift = np.asarray(t @ rows / (t @ t))
@@ -202,7 +194,7 @@ class _Channels:
         self.lines = self._lines()
 
     def _mains(self) -> None:
-        """The mains line: one frequency, the amplitude of each channel; 0 where none stands out."""
+        """Search one frequency near 50 Hz or 60 Hz, and the amplitude of each channel there."""
         clock = self._clock
         best, self.mains_hz = 0.0, MAINS_HZ[0]
         self.mains, self.mains_std = np.zeros(6), np.full(6, np.nan)
@@ -239,7 +231,6 @@ class _Channels:
         self.correlation_std = 1.0 / math.sqrt(2.0 * calm.sum())
 
     def _lines(self) -> tuple[float, ...]:
-        """Frequencies at which a channel stands out, the mains line left out, strongest first."""
         clock = self._clock
         power = 2.0 / (clock.rate * clock.rows) * np.abs(self._spectrum) ** 2 / self._density
         strongest = power.max(axis=0)
@@ -311,35 +302,34 @@ def _refined(gaps: np.ndarray, step: float) -> float:
 
 
 def _cannot_tell(
-    channels: _Channels, steps: np.ndarray, like: str, drifting: np.ndarray
+    rest: RestNoise, steps: np.ndarray, like: str, drifting: np.ndarray
 ) -> Iterator[str]:
-    clock = channels._clock
-    seconds = clock.rows / clock.rate
+    seconds = rest.rows / rest.rate
     yield f"What is slower than {seconds:.3g} s: that the 1/f part goes on is an assumption."
     yield "What the robot adds at rest: vibration is in these numbers."
     yield f"Range, resolution, mass and plate offset: they are those of {like}."
-    if channels.lines:
-        said = ", ".join(f"{f:.3g}" for f in sorted(channels.lines))
+    if rest.lines:
+        said = ", ".join(f"{f:.3g}" for f in sorted(rest.lines))
         yield f"Lines at {said} Hz (robot, room): they are counted as white noise."
-    odd = [c for c, s in zip(CHANNELS, channels.spectra, strict=True) if not s.follows]
+    odd = [c for c, s in zip(CHANNELS, rest.spectra, strict=True) if not s.follows]
     if odd:
         yield (
             f"The colour of {', '.join(odd)}: it is not white and 1/f. The deviation of a row is "
             "kept as white noise; 1/f is what is below 2 Hz."
         )
-    low = [c for c, s in zip(CHANNELS, channels.spectra, strict=True) if not s.flicker]
+    low = [c for c, s in zip(CHANNELS, rest.spectra, strict=True) if not s.flicker]
     if low:
         yield f"The 1/f part of {', '.join(low)}: it is not significant above the white noise."
     coarse = [
-        c for c, std, step in zip(CHANNELS, channels.row_std, steps, strict=True)
+        c for c, std, step in zip(CHANNELS, rest.row_std, steps, strict=True)
         if std < _COARSE * step
     ]  # fmt: skip
     if coarse:
         yield f"The noise of {', '.join(coarse)}: it is below the step of the output."
-    unseen = [f for f in MAINS_HZ if f not in seen_mains(clock.rate)]
+    unseen = [f for f in MAINS_HZ if f not in seen_mains(rest.rate)]
     if unseen:
         said = " and ".join(f"{f:g}" for f in unseen)
-        yield f"A mains line of {said} Hz: the rate of {clock.rate:.4g} Hz is too low."
+        yield f"A mains line of {said} Hz: the rate of {rest.rate:.4g} Hz is too low."
     if drifting.any():
         yield (
             "How long the drift goes on: its time constant of 15 min is an estimate; record again "

@@ -140,11 +140,14 @@ def _scored(seen: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray
     power = np.array([seen[len(seen) // 2 :].mean() / basis[0, 0], 0.0])
     low = slice(0, max(2, len(seen) // 50))
     power[1] = max(0.0, float(np.mean((seen[low] - power[0] * basis[0, low]) / basis[1, low])))
+    from scipy.optimize import nnls  # slow to load: only when it is used
+
     information = np.eye(2)
     for _ in range(_ROUNDS):
-        scaled = basis / (power @ basis)
+        expected = power @ basis
+        scaled = basis / expected
         information = scaled @ scaled.T
-        new = _not_negative(information, scaled @ (seen / (power @ basis)))
+        new = nnls(scaled.T, seen / expected)[0]
         settled = np.abs(new - power) <= _SETTLED * power.max()
         power = 0.5 * (power + new)
         if settled.all():
@@ -176,16 +179,6 @@ def _coloured(density: np.ndarray, keep: np.ndarray, clock: Clock, misfit: float
 def _root_std(power: float, std: float) -> float:
     """Standard uncertainty of √power."""
     return float(std / (2.0 * np.sqrt(power)) if power > std else np.sqrt(std) / 2.0)
-
-
-def _not_negative(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Least-squares solution of two unknowns that cannot be negative."""
-    both = np.linalg.solve(matrix, right)
-    if (both >= 0.0).all():
-        return np.asarray(both)
-    alone = np.diag(np.maximum(right / np.diagonal(matrix), 0.0))
-    cost = [x @ matrix @ x - 2.0 * right @ x for x in alone]
-    return np.asarray(alone[int(np.argmin(cost))])
 
 
 def octaves(count: int) -> Iterator[slice]:

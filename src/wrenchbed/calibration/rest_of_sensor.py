@@ -1,5 +1,7 @@
 """Whether a recording is a rest that a sensor's noise can be learnt from; refusals say why not."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from wrenchbed.data.holds import split
@@ -29,76 +31,64 @@ def check_rest(recording: Recording) -> float:
         CalibrationError: too short, moving, uneven, saturated, disturbed or dead; names the file,
             the row and the remedy.
     """
-    _check_length(recording)
-    rate = _even_rate(recording)
-    _check_still(recording)
-    _check_channels(recording)
-    return rate
+    for reason in _reasons(recording):
+        raise CalibrationError(f"{recording.name}: {reason}")
+    return float((len(recording) - 1) / (recording.t[-1] - recording.t[0]))
 
 
-def _check_length(recording: Recording) -> None:
-    t, name = recording.t, recording.name
+def _reasons(recording: Recording) -> Iterator[str]:
+    """Why a recording is no rest; nothing if it is."""
+    t = recording.t
     seconds = float(t[-1] - t[0]) if len(t) > 1 else 0.0
     if len(t) < LEAST_ROWS or seconds < LEAST_S:
-        raise CalibrationError(
-            f"{name}: {len(t)} rows in {seconds:.3g} s are too short to learn noise from: at least "
+        yield (
+            f"{len(t)} rows in {seconds:.3g} s are too short to learn noise from: at least "
             f"{LEAST_ROWS} rows and {LEAST_S:g} s are needed; record a minute at rest"
         )
-
-
-def _even_rate(recording: Recording) -> float:
-    t = recording.t
     steps = np.diff(t)
     usual, longest = float(np.median(steps)), int(np.argmax(steps))
     if steps[longest] > _GAP * usual:
-        raise CalibrationError(
-            f"{recording.name}: row {longest + 1} comes {steps[longest]:.3g} s after the one "
-            f"before, others after {usual:.3g} s: rows are missing there; the colour of the noise "
-            "needs an even clock. Record again without gaps"
+        yield (
+            f"row {longest + 1} comes {steps[longest]:.3g} s after the one before, others after "
+            f"{usual:.3g} s: rows are missing there; the colour of the noise needs an even clock. "
+            "Record again without gaps"
         )
     if steps.std() > _UNEVEN * usual:
-        raise CalibrationError(
-            f"{recording.name}: the clock is uneven: steps of {usual:.3g} s scatter by "
-            f"{steps.std():.2g} s; the colour of the noise needs an even one"
+        yield (
+            f"the clock is uneven: steps of {usual:.3g} s scatter by {steps.std():.2g} s; the "
+            "colour of the noise needs an even one"
         )
-    return float((len(t) - 1) / (t[-1] - t[0]))
+    yield from _moves(recording)
+    marked = recording.columns.get("status", np.zeros(len(t))).astype(np.int64) & STATUS_SATURATED
+    if marked.any():
+        yield (
+            f"column 'status', row {int(np.argmax(marked > 0))}: the sensor is saturated in "
+            f"{np.count_nonzero(marked)} rows; take the load off it"
+        )
+    for channel, rows in zip(CHANNELS, recording.wrench.T, strict=True):
+        if np.ptp(rows) == 0.0:
+            yield (
+                f"column {channel!r} is {rows[0]:g} in all rows: its step hides its noise, or it "
+                "reads nothing"
+            )
+        yield from _touches(t, channel, rows)
 
 
-def _check_still(recording: Recording) -> None:
+def _moves(recording: Recording) -> Iterator[str]:
     where = "record a minute at rest, in one pose"
     try:
         found = split(recording)
     except RecordingError:
-        raise CalibrationError(f"{recording.name}: the robot moves all the time: {where}") from None
+        yield f"the robot moves all the time: {where}"
+        return
     if found.moves or len(found.seconds) > 1:
         moving = np.flatnonzero(found.hold < 0)
         inside = moving[(moving > np.argmax(found.hold >= 0))]
         row = int(inside[0]) if len(inside) else int(moving[0])
-        raise CalibrationError(
-            f"{recording.name}: the robot moves, for instance in row {row} ({found.sentence}): "
-            f"{where}"
-        )
+        yield f"the robot moves, for instance in row {row} ({found.sentence}): {where}"
 
 
-def _check_channels(recording: Recording) -> None:
-    status = recording.columns.get("status")
-    if status is not None:
-        marked = np.flatnonzero(status.astype(np.int64) & STATUS_SATURATED)
-        if len(marked):
-            raise CalibrationError(
-                f"{recording.name}: column 'status', row {int(marked[0])}: the sensor is saturated "
-                f"in {len(marked)} rows; take the load off it"
-            )
-    for channel, rows in zip(CHANNELS, recording.wrench.T, strict=True):
-        if np.ptp(rows) == 0.0:
-            raise CalibrationError(
-                f"{recording.name}: column {channel!r} is {rows[0]:g} in all rows: its step hides "
-                "its noise, or it reads nothing"
-            )
-        _check_undisturbed(recording, channel, rows)
-
-
-def _check_undisturbed(recording: Recording, channel: str, rows: np.ndarray) -> None:
+def _touches(t: np.ndarray, channel: str, rows: np.ndarray) -> Iterator[str]:
     size = len(rows) // _BLOCKS
     means = rows[: size * _BLOCKS].reshape(_BLOCKS, size).mean(axis=1)
     change = np.abs(np.diff(means))
@@ -107,8 +97,8 @@ def _check_undisturbed(recording: Recording, channel: str, rows: np.ndarray) -> 
     worst = int(np.argmax(change))
     if change[worst] > _JUMP * usual:
         row = (worst + 1) * size
-        raise CalibrationError(
-            f"{recording.name}: column {channel!r} jumps by {change[worst]:.3g} near row {row} "
-            f"({recording.t[row]:.3g} s), usually it changes by {usual:.2g}: something touched the "
-            "tool, or it moved. Record again without a touch"
+        yield (
+            f"column {channel!r} jumps by {change[worst]:.3g} near row {row} ({t[row]:.3g} s), "
+            f"usually it changes by {usual:.2g}: something touched the tool, or it moved. Record "
+            "again without a touch"
         )

@@ -117,37 +117,37 @@ def sensor(
 
 
 def _result(learned: "wb.LearnedSensor", out: Path) -> dict[str, object]:
-    noise = learned.sensor.noise
+    noise, rest = learned.sensor.noise, learned.rest
     return {
-        "sensor": str(out), "like": learned.like, "rows": learned.rows, "rate_hz": learned.rate,
+        "sensor": str(out), "like": learned.like, "rows": rest.rows, "rate_hz": rest.rate,
         "channels": {
             channel: {
                 "white": float(noise.white[k]), "white_std": s.white_std,
                 "flicker": s.flicker, "flicker_std": s.flicker_std if s.flicker else None,
                 "flicker_most": s.flicker_most, "mains": float(noise.mains_amplitude[k]),
-                "drift_per_s": float(learned.drift[k]),
-                "drift_per_s_std": float(learned.drift_std[k]), "step": float(noise.resolution[k]),
+                "drift_per_s": float(rest.drift[k]),
+                "drift_per_s_std": float(rest.drift_std[k]), "step": float(noise.resolution[k]),
             }
-            for k, (channel, s) in enumerate(zip(CHANNELS, learned.spectra, strict=True))
+            for k, (channel, s) in enumerate(zip(CHANNELS, rest.spectra, strict=True))
         },
         "mains_hz": noise.mains_frequency if noise.mains_amplitude.any() else None,
-        "correlation": noise.correlation.tolist(), "correlation_std": learned.correlation_std,
-        "lines_hz": list(learned.lines), "cannot_tell": list(learned.cannot_tell),
+        "correlation": noise.correlation.tolist(), "correlation_std": rest.correlation_std,
+        "lines_hz": list(rest.lines), "cannot_tell": list(learned.cannot_tell),
     }  # fmt: skip
 
 
 def _table(learned: "wb.LearnedSensor", out: Path) -> Table:
-    noise = learned.sensor.noise
-    title = f"{learned.seconds:.3g} s at {learned.rate:.4g} Hz → {out}  [mN, mN·m]"
+    noise, rest = learned.sensor.noise, learned.rest
+    title = f"{rest.rows / rest.rate:.3g} s at {rest.rate:.4g} Hz → {out}  [mN, mN·m]"
     heads = ("white", "1/f at 1 Hz", f"{noise.mains_frequency:.4g} Hz", "drift a minute", "step")
     table = console.table("", *(f">{head}" for head in heads), title=title)
-    for k, (channel, s) in enumerate(zip(CHANNELS, learned.spectra, strict=True)):
+    for k, (channel, s) in enumerate(zip(CHANNELS, rest.spectra, strict=True)):
         line, step = noise.mains_amplitude[k], noise.resolution[k]
-        drift = _PER_MINUTE * learned.drift[k], _PER_MINUTE * learned.drift_std[k]
+        drift = _PER_MINUTE * rest.drift[k], _PER_MINUTE * rest.drift_std[k]
         table.add_row(
             channel, _sure(noise.white[k], s.white_std),
             _sure(s.flicker, s.flicker_std) if s.flicker else f"< {_milli(s.flicker_most)}",
-            _sure(line, learned.mains_std[k]) if line else "none",
+            _sure(line, rest.mains_std[k]) if line else "none",
             _sure(*drift), _milli(step) if step else "none",
         )  # fmt: skip
     return table
