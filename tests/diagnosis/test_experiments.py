@@ -112,6 +112,11 @@ def test_timing_cannot_show_at_rest(wide):
         assert ways[name].smallest is None and not ways[name].detectable
 
 
+def test_no_effect_shows_below_what_a_healthy_robot_has_of_it(wide):
+    sizes = [way.smallest for way in shown(*wide).values() if way.smallest is not None]
+    assert len(sizes) > 20 and min(sizes) >= ORDINARY
+
+
 def test_without_turning_joint_one_a_tilt_looks_like_an_offset(still, wide):
     for (_, similarity), alike in ((still, True), (wide, False)):
         place = [(w.name, w.variant.label) for w in similarity.signatures]

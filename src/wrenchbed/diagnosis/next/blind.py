@@ -134,7 +134,8 @@ class Design:
 def reported_from(
     information: np.ndarray, scales: np.ndarray, odds: np.ndarray, gaps: np.ndarray
 ) -> np.ndarray:
-    """Size s95 (n,) of causes of k numbers each, in typical sizes.
+    """Size s95 (n,) of causes of k numbers each, in typical sizes; at least `ORDINARY`, since a
+    design that reports even that shows every fault.
 
     Args:
         information: P of the numbers (n, k, k), over noise and background.
@@ -154,7 +155,8 @@ def reported_from(
         low, high = np.where(enough, low, middle), np.where(enough, middle, high)
     least = np.maximum(np.exp(high) / values.sum(axis=1), LEAST_MINOR / gaps)
     known = (values / (1.0 + (ORDINARY**2) * values)).sum(axis=1)
-    return np.asarray(np.sqrt(chndtrinc(least * known, values.shape[1], MISSED) / known))
+    size = np.sqrt(chndtrinc(least * known, values.shape[1], MISSED) / known)
+    return np.maximum(ORDINARY, size)
 
 
 @dataclass(frozen=True)
