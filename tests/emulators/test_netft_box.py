@@ -188,13 +188,32 @@ def ask(address, *fields, line="GET /comm.cgi?comrdtrate=500 HTTP/1.1", body="")
         return int(b"".join(iter(lambda: link.recv(4096), b"")).split(b" ")[1])
 
 
-def test_programs_change_settings(box):
+def test_programs_and_the_boxs_own_pages_change_settings(box):
     address, asked = box
+    host = f"{PAGES}:{address[1]}"
     assert ask(address, line="GET /comm.cgi?comrdtrate=1 HTTP/1.0") == 200
     assert ask(address, f"Host: {PAGES}", "User-Agent: curl/8") == 200
-    post = ("Content-Length: 12", f"Host: {PAGES}:{address[1]}")
+    same = (f"Host: {host}", f"Origin: http://{host}", "Sec-Fetch-Site: same-origin")
+    assert ask(address, *same) == 200
+    post = ("Content-Length: 12", f"Host: {host}")
     assert ask(address, *post, line="POST /comm.cgi HTTP/1.1", body="comrdtrate=9") == 200
-    assert asked[-1] == ("/comm.cgi", "comrdtrate=9") and len(asked) == 3
+    assert asked[-1] == ("/comm.cgi", "comrdtrate=9") and len(asked) == 4
+
+
+@pytest.mark.parametrize(
+    "fields",
+    [
+        ("Host: {0}", "Origin: http://evil.example"),
+        ("Host: {0}", "Origin: null"),
+        ("Host: {0}", "Sec-Fetch-Site: cross-site"),  # an image's address: no Origin
+        ("Host: evil.example:{1}",),
+        ("Host: evil.example:{1}", "Origin: http://evil.example:{1}"),
+    ],
+)
+def test_a_page_elsewhere_changes_nothing(box, fields):
+    address, asked = box
+    place = f"{PAGES}:{address[1]}"
+    assert ask(address, *(f.format(place, address[1]) for f in fields)) == 403 and asked == []
 
 
 def test_targets_are_parsed_strictly(box):

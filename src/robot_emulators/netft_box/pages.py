@@ -3,11 +3,17 @@
 Sources: ATI 9620-05 Net F/T manual, sections on CGI and XML pages, and the elements that public
 clients of the box read. All configurations are alike. Not carried out, and shown as the maker's
 defaults: the low-pass filter, the tool transform, peak logging, monitor conditions, the network.
+
+Settings are changed by plain GETs, and a browser sends what any page tells it to: requests that a
+page elsewhere asks for are refused. A page elsewhere may have its name resolved to this machine
+(DNS rebinding) or ask across origins; Host, Origin and Sec-Fetch-Site show both. Programs that are
+no browsers send no Origin. Sources: the Fetch standard, Fetch Metadata (W3C).
 """
 
 import contextlib
 import math
 import random
+import re
 import threading
 from collections.abc import Callable
 from html import escape
@@ -51,6 +57,8 @@ _DEADLINE_S = 2.0
 """Longest pause of a client within its request."""
 _LOOK_S = 0.02
 """Time between two looks at the faults, and at a port that someone else took meanwhile [s]."""
+_HOST = re.compile(r"(?:localhost|[0-9]{1,3}(?:\.[0-9]{1,3}){3})(?::([0-9]{1,5}))?", re.IGNORECASE)
+"""A name that cannot be resolved to another machine; simple clients leave out the port."""
 
 
 class Pages:
@@ -139,6 +147,20 @@ def _row(values: np.ndarray) -> str:
     return ";".join(str(round(float(v))) for v in values)
 
 
+def is_ours(host: str | None, origin: str | None, site: str | None, port: int) -> bool:
+    """Whether a request is of a program, or of a page of the server at a port itself.
+
+    Args:
+        host: its field Host, None where there is none.
+        origin: its field Origin.
+        site: its field Sec-Fetch-Site.
+        port: at which the server listens.
+    """
+    name = _HOST.fullmatch(host or "localhost")
+    here = name is not None and name[1] in (None, str(port))
+    return here and origin in (None, f"http://{host}") and site in (None, "none", "same-origin")
+
+
 class _Server(ThreadingHTTPServer):
     timeout = _LOOK_S
     reply: Callable[[str, str], tuple[str, str, bytes]]
@@ -155,10 +177,13 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Serve a GET, or a POST of a form."""
+        fields, port = self.headers, self.server.server_port
         if not self.path.startswith("/"):
             self.send_error(400)
+        elif not is_ours(fields["Host"], fields["Origin"], fields["Sec-Fetch-Site"], port):
+            self.send_error(403)
         else:
-            length = self.headers.get("Content-Length", "0")
+            length = fields.get("Content-Length", "0")
             body = self.rfile.read(min(int(length), _BODY_BYTES)) if length.isdecimal() else b""
             status, kind, content = self.server.reply(self.path, body.decode("latin-1"))
             code, _, words = status.partition(" ")
