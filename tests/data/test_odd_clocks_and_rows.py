@@ -173,6 +173,26 @@ def test_a_joint_that_passes_half_a_turn_is_unwrapped(tmp_path, capsys):
     assert np.ptp(Recording.read(out).q, axis=0).max() < 1.1
 
 
+def test_poses_far_apart_with_a_pause_between_are_no_turns(tmp_path, capsys):
+    """A log of rests alone: the moves between them, of up to 5 rad, are not in it."""
+    rng, t, rows = np.random.default_rng(0), [], []
+    for pose in range(12):
+        t += (3.0 * pose + np.arange(100) / 100.0).tolist()
+        rows += [[(-1) ** pose * 2.4 * (1 - k / 10) for k in range(6)]] * 100
+    q = np.array(rows) + 3e-4 * rng.normal(size=(1200, 6))
+    values = np.hstack([q, np.ones((1200, 6)) + q])
+    path = write(tmp_path / "log.csv", [",".join(("t", *NAMES))], map(repr, t), values)
+    columns = {n: {"column": n, "unit": "rad" if n[0] == "q" else "N"} for n in NAMES[:9]}
+    columns |= {n: {"column": n, "unit": "N·m"} for n in NAMES[9:]}
+    columns["t"] = {"column": "t", "unit": "s"}
+    raw = {"recording": {"robot": "ur5", "mode": "auto"}, "file": [{"columns": columns}]}
+    (tmp_path / "map.json").write_text(json.dumps(raw))
+    out = tmp_path / "rec.parquet"
+    assert main(["import", str(path), "--map", str(tmp_path / "map.json"), "--out", str(out)]) == 0
+    assert "unwrapped" not in capsys.readouterr().out
+    assert Recording.read(out).q.min() < -2.39
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_stamps_of_arrival_give_way_to_the_clock_by_which_joints_were_read(seed):
     """Even reads that arrive late by up to 1.4 ms, encoder counts of 1e-5 rad."""
