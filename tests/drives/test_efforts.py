@@ -16,6 +16,7 @@ from wrenchbed.diagnosis.efforts.configured import stated_drives
 from wrenchbed.drives.base_parameters import base_parameters
 from wrenchbed.drives.identify import calibrate_efforts
 from wrenchbed.drives.signals import cutoff_of
+from wrenchbed.drives.solution import FOLDS, Problem, parts, solve
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet
 from wrenchbed.robots.inverse_dynamics import torque_regressor
@@ -142,6 +143,21 @@ def test_a_jittered_clock_of_a_fast_log_hides_no_motion():
     clean, jittered = cutoff_of(q, 1000.0), cutoff_of(q + speed * late, 1000.0)
     assert clean == pytest.approx(4.5, rel=0.1)
     assert jittered == pytest.approx(clean, rel=0.2)
+
+
+def test_a_load_does_not_run_away_where_currents_leave_the_scale_open():
+    """Readings that follow the load's columns and hardly the nominal robot's: the best fit has an
+    endless load and no gain."""
+    rng = np.random.default_rng(5)
+    rows, joints = 800, 3
+    nominal, load, noise = (rng.normal(size=(rows, joints)) for _ in range(3))
+    y = 0.1 * (0.02 * nominal + load) + 0.01 * noise
+    problem = Problem(
+        y, nominal, load[:, :, None], ("tool.mass",), np.ones((rows, joints, 1)), ("drive.offset",),
+        np.ones((rows, joints), dtype=bool), np.arange(rows) * FOLDS // rows, True, np.ones(1),
+    )  # fmt: skip
+    gain, change, _ = parts(problem, solve(problem).x)
+    assert (gain > 0.0).all() and change[0] < 20.0
 
 
 def test_friction_that_the_library_lacks_leaves_the_payload_and_is_not_hidden(clean):

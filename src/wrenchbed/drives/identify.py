@@ -38,6 +38,9 @@ _WORSE = 1.0
 LOAD = ("tool.mass", *(f"tool.moment.{a}" for a in "xyz"),
         *(f"tool.second.{a}" for a in INERTIA_AXES))  # fmt: skip
 """The ten inertial parameters of the load, about the sensor's origin in its axes."""
+_LEVER, _POWER = 0.2, np.repeat([0, 1, 2], [1, 3, 6])
+"""Distance of a load from the sensor over the arm's reach, and its power in each of `LOAD`: that a
+load is hardly heavier than the arm is known, and where currents' scale is free nothing else is."""
 WIDE = float(stdtrit(FOLDS - 1, 0.975))
 """Half the width of a 95 % interval in standard errors, with one degree of freedom less than
 folds."""
@@ -138,13 +141,17 @@ def problem_of(
     y = torque_regressor(robot, theta, q, np.asarray(model.gravity))
     nominal = y @ inertias.phi.ravel() + rotor_torque(robot, theta, inertias, q)
     starts: dict[str, float] = {}
+    spread = np.zeros(0)
     if "link" in groups:
         base = base_parameters(robot, theta)
         loads, changes = y[..., base.columns], base.names
         starts = dict(zip(changes, base.grouping @ inertias.phi.ravel(), strict=True))
+        spread = np.full(len(changes), np.inf)
     elif "tool" in groups:
         loads, changes = y[..., carrier_columns(robot)] @ load_columns(robot, theta), LOAD
         starts = dict(zip(changes, about_origin(robot.tool(theta)), strict=True))
+        reach = float(np.linalg.norm(robot.sensor_pose(np.asarray(robot.home)[None], theta)[1]))
+        spread = inertias.phi[:, 0].sum() * (_LEVER * reach) ** _POWER
     else:
         loads, changes = y[..., :0], ()
     if FRICTION[3] in groups:
@@ -156,7 +163,7 @@ def problem_of(
     problem = Problem(
         signals.filtered(signals.effort), signals.filtered(nominal, coarse),
         signals.filtered(loads, coarse), changes, signals.filtered(friction), kinds, use,
-        np.arange(len(use)) * FOLDS // len(use), CONSTANT in groups,
+        np.arange(len(use)) * FOLDS // len(use), CONSTANT in groups, spread,
     )  # fmt: skip
     return problem, starts
 

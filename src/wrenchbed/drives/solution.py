@@ -28,6 +28,8 @@ class Problem:
         own: columns of each joint alone (M, J, F): friction, by ``kinds``.
         use: rows that count (M, J).
         fold: block of each row (M,).
+        gains: whether each joint's drive constant is free.
+        spread: standard deviation of each change before the data (D,).
     """
 
     y: np.ndarray
@@ -39,6 +41,7 @@ class Problem:
     use: np.ndarray
     fold: np.ndarray
     gains: bool
+    spread: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,11 +58,11 @@ class Solution:
 
 def solve(problem: Problem) -> Solution:
     """Fit weighted by each joint's residual, and fits without each fold, one step further."""
-    spread = problem.y.std(axis=0)
+    spread, known = problem.y.std(axis=0), _known(problem)
     x, weight = start(problem), 1.0 / np.where(spread > 0.0, spread, 1.0)
     for _ in range(_ROUNDS):
         normal, right = _normal(problem, x, weight)
-        step = _shortest(normal.sum(axis=0), right.sum(axis=0))
+        step = _shortest(normal.sum(axis=0) + np.diag(known), right.sum(axis=0) - known * x)
         x, before = x + step, weight
         square = np.average(residual(problem, x) ** 2, axis=0, weights=problem.use.astype(float))
         weight = 1.0 / np.sqrt(np.maximum(square, 1e-300))
@@ -67,9 +70,20 @@ def solve(problem: Problem) -> Solution:
         if small and np.abs(weight / before - 1.0).max() < _LEVEL:
             break
     normal, right = _normal(problem, x, weight)
-    whole, all_right = normal.sum(axis=0), right.sum(axis=0)
-    folds = [x + _shortest(whole - n, all_right - r) for n, r in zip(normal, right, strict=True)]
+    whole = normal.sum(axis=0)
+    all_known, all_right = whole + np.diag(known), right.sum(axis=0) - known * x
+    blocks = zip(normal, right, strict=True)
+    folds = [x + _shortest(all_known - n, all_right - r) for n, r in blocks]
     return Solution(x, np.array(folds), _determined(whole))
+
+
+def _known(p: Problem) -> np.ndarray:
+    """Precision (K,) of what is known of the parameters before the data, of changes alone. Rows of
+    a block count as one there: what a model lacks is alike in them."""
+    result = np.zeros(len(start(p)))
+    at = p.y.shape[1] * p.gains
+    result[at : at + len(p.changes)] = len(p.y) / FOLDS / p.spread**2
+    return result
 
 
 def residual(p: Problem, x: np.ndarray) -> np.ndarray:
