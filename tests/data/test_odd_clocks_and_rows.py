@@ -84,12 +84,13 @@ def test_rows_without_a_value_are_left_out_where_that_is_asked_for(tmp_path, log
         tmp_path / "log.csv", [",".join(("t", *NAMES))], map(repr, t.tolist()), values,
         lambda cells, row: [*cells[:8], "" if row in (7, 50) else cells[8], *cells[9:]],
     )  # fmt: skip
+    path.write_text(path.read_text()[:-30])  # stopped within the last row
     out = str(tmp_path / "rec.parquet")
     assert main(["import", str(path), "--guess", "--robot", "ur5", "--out", out]) == 1
     assert "--skip-incomplete leaves such rows out" in capsys.readouterr().err
-    keep = np.delete(np.arange(len(t)), [7, 50])
+    keep = np.delete(np.arange(len(t)), [7, 50, len(t) - 1])
     came(path, t[keep], values[keep], "--skip-incomplete")
-    assert "2 rows without a value left out" in capsys.readouterr().out
+    assert "3 rows without a value left out" in capsys.readouterr().out
 
 
 def test_torques_of_joints_are_never_a_wrench(tmp_path, log, capsys):

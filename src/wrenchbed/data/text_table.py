@@ -155,6 +155,9 @@ def read_text(path: Path, separator: str | None = None) -> Columns:
     if mark == BLANKS:
         mark, rows = "\t", ["\t".join(line.split()) for line in rows]
     cells = rows[0].count(mark) + 1
+    missing = cells - 1 - rows[-1].count(mark)
+    if missing > 0:  # whoever wrote it was stopped: its last number may be cut, too
+        rows[-1] = rows[-1][: rows[-1].rfind(mark) + 1] + missing * mark
     for row, line in enumerate(rows):
         if line.count(mark) + 1 != cells and '"' not in line:
             at = "" if first_line is None else f" (line {first_line + row})"
