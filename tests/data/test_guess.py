@@ -2,6 +2,7 @@
 
 import json
 import re
+from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,10 @@ from written_logs import Written, write
 NTNU = Path(__file__).parents[1] / "data" / "ntnu_kuka_ati_gamma"
 OFF = 0.03
 """Errors of gravity and wrench, relative to their size, of a map that is right."""
+
+
+QUANTITIES = {"t": "time"} | dict(zip(CHANNELS, ["force"] * 3 + ["torque"] * 3, strict=True))
+"""What the columns of a map's targets are; the others are of orientations and joints."""
 
 
 def reads(found: Guess, k: int, log: Written) -> bool:
@@ -50,6 +55,31 @@ def judged(folder, seed: int) -> tuple[bool, str]:
     found = guess(log.files)
     right = any(reads(found, k, log) for k in range(len(found.maps)))
     return right, f"{log.text} → {found.conventions[0].sentence}"
+
+
+def answered(folder, seed: int, named: bool) -> tuple[str, str]:
+    """How a wide draw is answered, and the story.
+
+    ``first`` or ``named``: the right map is the first, or one of the named; ``refused``: exit 1;
+    ``wrong``: exit 0 without the right one; ``dimension``: a column is read as another quantity.
+    """
+    log = write(folder, seed, named)
+    stated = Stated(robot=log.robot if log.robot != "ur5" else None)
+    try:
+        found = guess(log.files, stated)
+    except MapError as error:
+        return "refused" if log.mappable else "rightly refused", f"{log.text} → {error}"
+    story = f"{log.text} → {found.conventions[0].sentence}"
+    for entry in found.maps[0]["file"]:
+        file = next(f.name for f in log.files if fnmatch(f.name, entry["match"]))
+        for target, column in entry["columns"].items():
+            quantity = QUANTITIES.get(target, "turn")
+            if log.quantities[file][column["column"]] != quantity:
+                return "dimension", f"{story}: {target} from {column['column']}"
+    right = log.mappable and [reads(found, k, log) for k in range(len(found.maps))]
+    if right and any(right):
+        return "first" if right[0] else "named", story
+    return "wrong", story
 
 
 @pytest.mark.sampled

@@ -8,7 +8,7 @@ import pytest
 
 from plain_ur5 import PlainUr5
 from wrenchbed.cli import main
-from wrenchbed.data.import_files import _even
+from wrenchbed.data.clock import evened
 from wrenchbed.data.recording import Recording
 
 NAMES = ("q1", "q2", "q3", "q4", "q5", "q6", "fx", "fy", "fz", "tx", "ty", "tz")
@@ -133,7 +133,7 @@ def motion(gap_s):
 
 def test_a_short_gap_of_a_motion_is_filled_along_the_joints_path():
     t, path, data = motion(0.026)
-    (even, sentence) = _even(data)
+    (even, sentence) = evened(data)
     assert "13 dropped frames interpolated" in sentence[0]
     assert even["t"] == pytest.approx(t, abs=1e-9)
     for name, q in path.items():
@@ -146,14 +146,14 @@ def test_a_short_gap_is_filled_although_joint_values_are_noisy():
     rng = np.random.default_rng(3)
     _, _, data = motion(0.018)
     noisy = {name: q + 6e-4 * rng.normal(size=len(q)) for name, q in data.items() if name != "t"}
-    (even, sentence) = _even({"t": data["t"]} | noisy)
+    (even, sentence) = evened({"t": data["t"]} | noisy)
     assert "9 dropped frames interpolated" in sentence[0]
     assert len(even["t"]) == 6000
 
 
 def test_a_gap_in_which_the_path_is_not_known_stays():
     t, _, data = motion(0.5)
-    (even, sentence) = _even(data)
+    (even, sentence) = evened(data)
     assert "1 gaps of 0.502 s in all kept" in sentence[0]
     assert len(even["t"]) == len(t) - 250
 
@@ -201,7 +201,7 @@ def test_stamps_of_arrival_give_way_to_the_clock_by_which_joints_were_read(seed)
     t, path, _ = motion(0.0)
     read = {name: np.round(q, 5) for name, q in path.items()}
     late = t + np.minimum(rng.exponential(0.35e-3, len(t)), 1.2e-3)
-    even, sentence = _even({"t": late, **read})
+    even, sentence = evened({"t": late, **read})
     assert "their own clock restored" in sentence[0]
     assert np.diff(even["t"]) == pytest.approx(0.002, rel=1e-3)
     assert all(np.array_equal(even[name], q) for name, q in read.items())
@@ -211,6 +211,6 @@ def test_stamps_of_arrival_give_way_to_the_clock_by_which_joints_were_read(seed)
 def test_reads_at_uneven_times_keep_their_stamps(seed):
     rng = np.random.default_rng(seed)
     t = np.arange(6000) / 500.0 + rng.uniform(-0.4e-3, 0.4e-3, 6000)
-    even, sentence = _even({"t": t, "q1": np.round(np.sin(4.0 * t), 5)})
+    even, sentence = evened({"t": t, "q1": np.round(np.sin(4.0 * t), 5)})
     assert "resampled" in sentence[0]
     assert np.abs(even["q1"] - np.sin(4.0 * even["t"])).max() < 3e-5

@@ -13,11 +13,12 @@ from wrenchbed import registry
 
 POSES = 24
 G = 9.80665
-SIZES = {"N": 1.0, "kgf": G, "gf": G / 1000, "lbf": 4.4482216152605}
-"""Unit of force → N."""
-TORQUES = {"N": ("N·m", 1.0), "kgf": ("kgf·m", G), "gf": ("gf·cm", G * 1e-5),
-           "lbf": ("lbf·in", 0.1129848290276167)}  # fmt: skip
-"""Unit of force → unit of torque, and its size in N·m."""
+UNITS = {
+    "N": (1.0, "N·m", 1.0), "N ": (1.0, "Nmm", 1e-3), "kgf": (G, "kgf·m", G),
+    "gf": (G / 1000, "gf·cm", G * 1e-5), "lbf": (4.4482216152605, "lbf·in", 0.1129848290276167),
+    "mN": (1e-3, "mN·m", 1e-3), "counts": (1 / 1600.0, "counts", 1 / 32000.0),
+}  # fmt: skip
+"""Unit of force → its size [N], the unit of torque that goes with it, and its size [N·m]."""
 KINDS = (
     "quaternion wxyz", "quaternion xyzw", "conjugate wxyz", "conjugate xyzw", "matrix",
     "matrix of the base", "pose by rows", "pose by columns", "rotation vector",
@@ -25,6 +26,12 @@ KINDS = (
 )  # fmt: skip
 LAYOUTS = ("static", "static", "static", "beside", "log", "two clocks")
 SEPARATORS = (",", ";", "\t", " ", " \t ")
+
+
+ROBOTS = ("ur5", "ur5", "medrue")
+"""Robots of a wide draw, by their names."""
+BESIDE = {"gyro": 0.3, "vel": 0.8, "i": 2.0}
+"""Other columns of a wide draw: stem and size."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,6 +44,9 @@ class Written:
         wrench: in sensor axes (N, 6) [N, N·m].
         mass: of the tool [kg].
         text: the convention in words.
+        quantities: what each column of each file is: time, turn, force, torque, other.
+        robot: whose joints it has; None without joints.
+        mappable: whether a right map exists: not of counts, and of no weight that is compensated.
     """
 
     files: list[Path]
@@ -44,40 +54,79 @@ class Written:
     wrench: np.ndarray
     mass: float
     text: str
+    quantities: dict[str, dict[str, str]]
+    robot: str | None = None
+    mappable: bool = True
 
 
-def write(folder: Path, seed: int) -> Written:
-    """A recording in the convention that a seed gives."""
-    rng = np.random.default_rng(seed)
+def write(folder: Path, seed: int, named: bool | None = None) -> Written:
+    """A recording in the convention that a seed gives.
+
+    Args:
+        folder: of the files.
+        seed: decides on all that is not stated.
+        named: a wide draw with or without names: more robots, units and columns, a wrench that
+            was set to zero, a weight that is compensated. Names state what is not N and N·m.
+    """
+    rng, wide = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     kind, layout = str(rng.choice(KINDS)), str(rng.choice(LAYOUTS))
-    joints = kind.startswith("joints")
-    t, q, flange = _path(rng, layout in ("log", "two clocks"), joints)
+    robot = None
+    if kind.startswith("joints"):
+        robot = "ur5" if named is None else str(wide.choice(ROBOTS))
+    t, q, flange = _path(rng, layout in ("log", "two clocks"), robot)
     down = _down(rng)
     in_base = rng.random() < 0.25
     mount = Rotation.identity()
     if not in_base:
         quarter = Rotation.create_group("O")[int(rng.integers(24))]
         mount = [mount, mount, mount, quarter, Rotation.random(rng=rng)][int(rng.integers(5))]
+    if robot == "medrue":
+        mount = Rotation.identity()
     sensor = flange * mount
     gravity = G * sensor.inv().apply(down)
     mass = float(rng.uniform(0.3, 4.0))
     cog = rng.uniform([-0.05, -0.05, 0.01], [0.05, 0.05, 0.11])
     bias = rng.normal(0, 1, 6) * [6, 6, 6, 0.3, 0.3, 0.3]
     load = np.hstack([mass * gravity, np.cross(cog, mass * gravity)]) + bias
+    compensated = named is not None and wide.random() < 0.05
+    if compensated:
+        load = np.tile(bias, (len(load), 1))
     load = load + rng.normal(0, 1, load.shape) * np.repeat([0.05, 2e-3], 3)
     sign = -1.0 if rng.random() < 0.3 else 1.0
-    unit = str(rng.choice(list(SIZES), p=[0.6, 0.15, 0.1, 0.15]))
-    written = sign * (_turned(sensor, load) if in_base else load)
-    written = written / np.repeat([SIZES[unit], TORQUES[unit][1]], 3)
+    unit = str(rng.choice(["N", "kgf", "gf", "lbf"], p=[0.6, 0.15, 0.1, 0.15]))
     headed = int(rng.integers(4))
+    beside = np.zeros((len(load), 0)), list[str]()
+    if named is not None:
+        unit = str(wide.choice(list(UNITS), p=[0.5, 0.1, 0.1, 0.02, 0.13, 0.08, 0.07]))
+        headed = 3 if not named else int(wide.integers(3)) if unit == "N" else 1
+        if wide.random() < 0.3:
+            load = load - load[0]
+        beside = _beside(wide, len(load))
+    written = sign * (_turned(sensor, load) if in_base else load)
+    written = written / np.repeat([UNITS[unit][0], UNITS[unit][2]], 3)
+    if robot is not None and kind.endswith("deg"):
+        turning = [joint.unit == "rad" for joint in registry.load("robots", robot).joints]
+        q = np.where(turning, np.rad2deg(q), q)
     turn, names = _orientation(kind, flange, q)
-    files = _files(rng, folder, layout, headed, unit, (t, turn, written), names)
+    files, quantities = _files(
+        rng, folder, layout, headed, unit, (t, turn, written, beside[0]), names, beside[1]
+    )
     axis = ("-" if down.sum() < 0 else "+") + "xyz"[int(np.argmax(np.abs(down)))]
     text = (
-        f"{kind}, {layout}, {'base' if in_base else 'sensor'} axes, sign {sign:+.0f}, {unit}, "
-        f"gravity {axis}, mount {np.rad2deg(mount.magnitude()):.0f}°, header {headed}"
+        f"{kind}, {layout}, {'base' if in_base else 'sensor'} axes, sign {sign:+.0f}, {unit} and "
+        f"{UNITS[unit][1]}, gravity {axis}, mount {np.rad2deg(mount.magnitude()):.0f}°, header "
+        f"{headed}, {robot}, beside {len(beside[1])}{', compensated' * compensated}"
     )
-    return Written(files, gravity, load, mass, text)
+    mappable = not compensated and unit != "counts"
+    return Written(files, gravity, load, mass, text, quantities, robot, mappable)
+
+
+def _beside(rng, n: int):
+    """Columns of other things (N, K), and their names."""
+    stems = [(stem, size) for stem, size in BESIDE.items() if rng.random() < 0.4]
+    names = [f"{s}_{e}" for s, _ in stems for e in ("xyz" if s == "gyro" else range(1, 7))]
+    sizes = [size for s, size in stems for _ in range(3 if s == "gyro" else 6)]
+    return rng.normal(size=(n, len(names))) * sizes, names
 
 
 def _down(rng):
@@ -86,13 +135,13 @@ def _down(rng):
     return np.eye(3)[int(rng.integers(3))] * float(rng.choice([-1.0, 1.0]))
 
 
-def _path(rng, moving: bool, joints: bool):
-    """Times (N,), joint values (N, 6) if any, and the flange in the base (N,)."""
-    robot = registry.load("robots", "ur5")
+def _path(rng, moving: bool, name: str | None):
+    """Times (N,), joint values (N, J) if any, and the flange in the base (N,)."""
+    robot, joints = registry.load("robots", name or "ur5"), name is not None
     theta = robot.parameters.nominal
     n = POSES if not moving else 14
     q = robot.sample(n, rng) if joints else np.zeros((n, 6))
-    if joints:
+    if name == "ur5":
         q = np.clip(q, -3.0, 3.0)
     turns = Rotation.random(n, rng=rng)
     if not moving:
@@ -145,13 +194,13 @@ def _orientation(kind: str, flange: Rotation, q: np.ndarray):
     if kind.startswith("KUKA"):
         return flange.as_euler("ZYX", True), (["A", "B", "C"], ["A [deg]", "B [deg]", "C [deg]"])
     names = [f"q{j}" for j in range(1, 7)]
-    values = q if kind.endswith("rad") else np.rad2deg(q)
-    return values, (names, [f"joint_{j}" for j in range(6)])
+    return q, (names, [f"joint_{j}" for j in range(6)])
 
 
-def _files(rng, folder, layout, headed, unit, data, names) -> list[Path]:
-    t, turn, load = data
-    torque = TORQUES[unit][0]
+def _files(rng, folder, layout, headed, unit, data, names, beside):
+    """Files, and what each of their columns is."""
+    t, turn, load, others = data
+    unit, torque = unit.strip(), UNITS[unit][1]
     wrench = [
         [*(f"F{a}" for a in "xyz"), *(f"T{a}" for a in "xyz")],
         [*(f"F{a} [{unit}]" for a in "xyz"), *(f"T{a} [{torque}]" for a in "xyz")],
@@ -162,8 +211,19 @@ def _files(rng, folder, layout, headed, unit, data, names) -> list[Path]:
     clock = ["t", "time [s]", "timestamp", ""][headed]
     separator, code = str(rng.choice(SEPARATORS)), str(rng.choice(["utf-8", "utf-16", "utf-8-sig"]))
     comma = separator == ";" and rng.random() < 0.5
+    if separator.isspace() and separator != "\t":  # blanks part the cells
+        wrench = [name.replace(" ", "") for name in wrench]
+        clock, turns = clock.replace(" ", ""), [name.replace(" ", "") for name in turns]
+    of_time = ([clock] if headed < 3 else [], t[:, None], ["time"])
+    of_turn = (turns, turn, ["turn"] * turn.shape[1])
+    of_load = (wrench, load, ["force"] * 3 + ["torque"] * 3)
+    of_others = (beside if headed < 3 else [], others, ["other"] * others.shape[1])
+    quantities = dict[str, dict[str, str]]()
 
-    def save(name, header, values):
+    def save(name, *blocks):
+        header, values = sum((b[0] for b in blocks), []), np.hstack([b[1] for b in blocks])
+        kinds = sum((b[2] for b in blocks), [])
+        quantities[name] = dict(zip(header or map(str, range(1, len(kinds) + 1)), kinds))
         lines = [separator.join(header)] if header else []
         for row in values:
             cells = [f"{x:.10g}" for x in row]
@@ -172,12 +232,12 @@ def _files(rng, folder, layout, headed, unit, data, names) -> list[Path]:
         return folder / name
 
     if layout == "static":
-        return [save("log.csv", turns + wrench, np.hstack([turn, load]))]
-    if layout == "log":
-        values = np.hstack([t[:, None], turn, load])
-        return [save("log.csv", [clock] * bool(turns) + turns + wrench, values)]
-    if layout == "beside":
-        return [save("wrench.csv", wrench, load), save("turns.csv", turns, turn)]
-    at = t[:, None]
-    first = save("run_wrench.csv", [clock] * bool(wrench) + wrench, np.hstack([at, load]))
-    return [first, save("run_turns.csv", [clock] * bool(turns) + turns, np.hstack([at, turn]))]
+        files = [save("log.csv", of_turn, of_others, of_load)]
+    elif layout == "log":
+        files = [save("log.csv", of_time, of_turn, of_others, of_load)]
+    elif layout == "beside":
+        files = [save("wrench.csv", of_load, of_others), save("turns.csv", of_turn)]
+    else:
+        files = [save("run_wrench.csv", of_time, of_load, of_others)]
+        files.append(save("run_turns.csv", of_time, of_turn))
+    return files, quantities

@@ -22,9 +22,10 @@ UNITS: dict[str, tuple[str, float]] = {
     "rad/s": ("angular velocity", 1.0), "deg/s": ("angular velocity", 0.017453292519943295),
     "m": ("length", 1.0), "mm": ("length", 1e-3),
     "N": ("force", 1.0), "kN": ("force", 1e3), "lbf": ("force", 4.4482216152605),
-    "kgf": ("force", 9.80665), "gf": ("force", 9.80665e-3),
+    "mN": ("force", 1e-3), "kgf": ("force", 9.80665), "gf": ("force", 9.80665e-3),
     "N·m": ("torque", 1.0), "Nm": ("torque", 1.0), "N.m": ("torque", 1.0), "N*m": ("torque", 1.0),
-    "Nmm": ("torque", 1e-3), "N·mm": ("torque", 1e-3), "lbf·in": ("torque", 0.1129848290276167),
+    "Nmm": ("torque", 1e-3), "N·mm": ("torque", 1e-3), "mN·m": ("torque", 1e-3),
+    "mNm": ("torque", 1e-3), "lbf·in": ("torque", 0.1129848290276167),
     "lbf-in": ("torque", 0.1129848290276167), "lbf·ft": ("torque", 1.3558179483314004),
     "kgf·m": ("torque", 9.80665), "kgf·cm": ("torque", 9.80665e-2),
     "kgf·mm": ("torque", 9.80665e-3), "gf·cm": ("torque", 9.80665e-5),
@@ -53,6 +54,8 @@ ROTATION_VECTOR = ("rx", "ry", "rz")
 ROLL_PITCH_YAW = ("roll", "pitch", "yaw")
 """R = Rz(yaw) Ry(pitch) Rx(roll): ROS's angles, and KUKA's C, B, A."""
 ANGLES = (ROTATION_VECTOR, ROLL_PITCH_YAW)
+ACCELERATION = ("ax", "ay", "az")
+"""An accelerometer in sensor axes: at rest it reads minus gravity."""
 _MOST_TURN = 4.0 * np.pi
 """Largest angle of an orientation [rad]: a rotation vector that turns on is hardly longer."""
 _ORIENTATIONS = (QUATERNION, ROTATION, *ANGLES)
@@ -137,6 +140,14 @@ class ColumnMap:
     name: str
     conventions: Conventions = field(default_factory=Conventions)
     mode: str = "static"
+
+    @property
+    def by_accelerometer(self) -> bool:
+        """Whether an accelerometer is all that says how the sensor is turned."""
+        targets = {c.target for f in self.files for c in f.columns}
+        turns = {name for kind in _ORIENTATIONS for name in kind} | {"q1"}
+        known = targets & turns or self.conventions.constant is not None
+        return targets >= {*CHANNELS, *ACCELERATION} and not known
 
 
 def ready() -> dict[str, Path]:
@@ -305,7 +316,7 @@ def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
         if source.target in units and source.target != "t":
             raise MapError(f"{source.target} is mapped twice")
         units[source.target] = source.unit
-    for group in (CHANNELS[:3], CHANNELS[3:], ("ax", "ay", "az"), TARGET):
+    for group in (CHANNELS[:3], CHANNELS[3:], ACCELERATION, TARGET):
         if len({units[t] for t in group if t in units}) > 1:
             stated = ", ".join(f"{t} in {units[t]}" for t in group if t in units)
             raise MapError(f"mixed units: {stated}; one sensor reports in one unit")

@@ -50,6 +50,10 @@ m], what `_SLOWEST` allows in a short window."""
 _SAME = 1e-3
 """Difference [rad or m] below which two adjacent rests are one: an encoder's flicker; what gravity
 shows of it is below any noise."""
+_SLOW, _SLOWLY, _SLOW_S = 0.1, 0.03, 0.5
+"""Where hardly anything rests, rows slower than this [rad/s or m/s] whose speed changes by less than this
+[rad/s² or m/s²] over windows of this length [s] show gravity alone: 1.3 kg at 0.5 m from the axis
+pull with 7 mN by the first and 20 mN by the second, below the noise of a usual sensor's row."""
 _BLOCK_S = 0.1
 """The tool's vibration after a move is judged over means of this length [s]: a few periods."""
 _ENOUGH_TO_MOVE, _MOST_SINGLE, _NEXT = 200, 0.3, 0.01
@@ -204,16 +208,21 @@ class Split:
         hold: of each row its hold's number from 0, −1 in a move (N,).
         seconds: length of each hold (H,) [s].
         moves: how many moves there are.
+        slow: whether the holds are stretches of slow turning.
     """
 
     hold: np.ndarray
     seconds: np.ndarray
     moves: int
+    slow: bool = False
 
     @property
     def sentence(self) -> str:
         """Sentence on holds and moves."""
         n, s = len(self.seconds), self.seconds
+        if self.slow:
+            rows = int((self.hold >= 0).sum())
+            return f"hardly anything rests, but {rows} rows turn so slowly that they show gravity alone"
         low, middle, high = float(s.min()), float(np.median(s)), float(s.max())
         length = f"{middle:.2g} s"
         if high - low > 0.2 * middle:
@@ -232,13 +241,21 @@ class Split:
         return Recording(metadata, columns, recording.name)
 
 
-def split(recording: Recording) -> Split:
+def split(recording: Recording, slow: bool = False) -> Split:
     """Tell holds and moves of a log apart.
+
+    Args:
+        recording: the log.
+        slow: where hardly anything rests, slow turning, whose inertia no sensor shows, is held.
 
     Raises:
         RecordingError: there is no hold.
     """
     holds = _split(recording)
+    turning = _slow(recording) if slow and recording.has_wrench else None
+    rows = 0 if holds is None else np.count_nonzero(holds.hold >= 0)
+    if turning is not None and np.count_nonzero(turning.hold >= 0) > 2 * rows:
+        return turning
     if holds is None:
         raise RecordingError(
             f"{recording.name}: nothing rests for {LEAST_HOLD_S} s; import it with mode = 'dynamic'"
@@ -397,6 +414,33 @@ def _split(recording: Recording) -> Split | None:
     moves = between + (runs[0][0] > edge) + (runs[-1][1] < n - edge)
     seconds = np.array([t[b - 1] - t[a] for a, b in runs])
     return Split(hold, seconds, int(moves))
+
+
+def _slow(recording: Recording) -> Split | None:
+    """Slow turning cut into stretches of `_DRIFT`, each a hold; None if there is none."""
+    q, t, n = _smooth(recording), recording.t, len(recording)
+    step = float(np.median(np.diff(t))) if n > 1 else 0.0
+    half = round(_SLOW_S / step / 2.0) if step > 0 else 0
+    if half < 1 or n < 8 * half:
+        return None
+    row = np.arange(3 * half, n - 3 * half)
+    before, here, behind = (
+        means_of(q, row + (2 * k - 1) * half, row + (2 * k + 1) * half) for k in (-1, 0, 1)
+    )
+    speed, bend = (behind - before) / (4 * half * step), behind - 2.0 * here + before
+    slow = np.zeros(n, dtype=bool)
+    slow[row] = (np.abs(speed) < _SLOW).all(axis=1)
+    slow[row] &= (np.abs(bend) < _SLOWLY * (2 * half * step) ** 2).all(axis=1)
+    place = np.zeros_like(q, dtype=int)
+    place[row] = np.floor(here / _DRIFT)
+    turned_on = np.append(True, (np.diff(place, axis=0) != 0).any(axis=1))
+    hold = np.where(slow, np.cumsum(turned_on | ~slow), -1)
+    numbers, number, count = np.unique(hold, return_inverse=True, return_counts=True)
+    keep = (numbers >= 0) & (count >= _LEAST_WINDOW)
+    if not keep.any():
+        return None
+    hold = np.where(keep, np.cumsum(keep) - 1, -1)[number]
+    return Split(hold, count[keep] * step, 0, slow=True)
 
 
 def _settled(y: np.ndarray, run: tuple[int, int], block: int) -> tuple[int, int]:

@@ -2,8 +2,7 @@
 
 The first file of the map sets the rows. Columns of other files are interpolated to its times,
 orientations along the shortest rotation (slerp), and rows outside any file's time are left out;
-files without a clock are laid beside it row by row. Clocks are whole nanoseconds: an epoch time in
-µs has 16 digits; a float of seconds would lose the last of them.
+files without a clock are laid beside it row by row.
 """
 
 import fnmatch
@@ -13,10 +12,19 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from wrenchbed import registry
+from wrenchbed.data.clock import (
+    PER_S,
+    at_times,
+    evened,
+    nanoseconds,
+    quaternion_columns,
+    unwrapped,
+)
 from wrenchbed.data.column_map import (
+    ACCELERATION,
     ANGLES,
     AUTO,
     ROTATION,
@@ -26,125 +34,22 @@ from wrenchbed.data.column_map import (
     Source,
     turned,
 )
-from wrenchbed.data.holds import Split, check_at_rest, split, with_noise
+from wrenchbed.data.holds import Split, check_at_rest, means_of, runs, split, with_noise
 from wrenchbed.data.logs import is_log
 from wrenchbed.data.logs import table as log_table
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import QUATERNION, Recording, joint_columns
 from wrenchbed.data.text_table import BLANKS, SKIP, Columns, read_text
+from wrenchbed.data.tilt import held, orientations
 from wrenchbed.errors import MapError, NotFoundError
 from wrenchbed.physics.wrench import CHANNELS
 
-PER_S = 1e9
-"""Nanoseconds in a second."""
-JITTER = 0.02
-"""Steps that differ by less than this fraction are even; as `calibrate` demands of a motion."""
-_GAP = 3.5
-"""A step of more than so many usual ones is a gap: over two lost frames in a row a straight line is
-the joints' path."""
-_DEGREE, _TRIED = 5, 40
-"""Degree of the polynomial that fills a gap through as long a stretch on both sides, and stretches
-without a gap on which it is tried first."""
-_LONGEST_S = 0.05
-"""Longest gap that may be filled [s]: of all but the joints straight lines fill it, which are off
-by 3 % of the amplitude of what repeats every half second."""
-_LOST, _SMOOTHER = 1.7, 0.5
-"""Step over the mean one from which a row was lost in between; and the ratio of squared bends of
-the joints' path, by rows over by stamps, below which the rows were read evenly: either is larger
-where its clock is not the true one."""
-_FASTEST = 10.0
-"""Top speed of arms' joints [rad/s]: a faster step is a report that passed from π to −π."""
-_LATEST_S = 9e9
-"""Largest time [s], in the year 2255: a larger one is in another unit."""
 HOLD = "hold"
 """Column of a whole log of mode auto: the number of the row's hold from 0, −1 in a move."""
 _POSES_PER_SECOND = 1.0
 _FORCE_TORQUE = (CHANNELS[:3], CHANNELS[3:])
 _GIVEN = {*ROTATION, *(name for three in ANGLES for name in three)}
 """Names of the columns that become a quaternion."""
-
-
-def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.ndarray:
-    """Times (N,) [ns] of a column of whole numbers or floats.
-
-    Args:
-        values: of the column (N,).
-        zero: what it shows at time 0.
-        size: of its unit [s].
-        where: file and column, for messages.
-
-    Raises:
-        MapError: the clock does not advance, or is not in this unit.
-    """
-    if values.dtype.kind in "iu":
-        t = (values.astype(np.int64) - round(zero)) * round(size * PER_S)
-    else:
-        seconds = (values - zero) * size
-        if np.abs(seconds).max(initial=0.0) > _LATEST_S:
-            raise MapError(f"{where}: {seconds[-1]:.4g} s is no time: give the unit of the clock")
-        t = np.rint(seconds * PER_S).astype(np.int64)
-    bad = np.flatnonzero(np.diff(t) <= 0)
-    if len(bad):
-        raise MapError(f"{where}, row {bad[0] + 1}: the clock does not advance")
-    return np.asarray(t)
-
-
-def even_clock(t: np.ndarray, bridged: float = 0.0) -> tuple[np.ndarray, str] | None:
-    """The even clock (M,) [s] nearest to a clock (N,) [s], without times in gaps, and what was done
-    in words; None if the clock is even already, or too short.
-
-    Args:
-        t: clock.
-        bridged: longest step that is no gap [s], however many frames are lost in it.
-    """
-    step = np.diff(t)
-    if len(step) < 2:
-        return None
-    usual = float(np.median(step))
-    # mean step of rows that follow each other: less than a frame is lost between them
-    h = float(step[(step > 0.5 * usual) & (step < 1.5 * usual)].mean())
-    if np.abs(step - h).max() <= JITTER * h:
-        return None
-    most = max(_GAP * usual, bridged)
-    breaks = np.flatnonzero(step > most)
-    parts = []
-    for begin, end in zip([0, *(breaks + 1)], [*breaks, len(t) - 1], strict=True):
-        first = np.ceil((t[begin] - t[0]) / h - 1e-6)
-        last = np.floor((t[end] - t[0]) / h + 1e-6)
-        parts.append(t[0] + h * np.arange(first, last + 1))
-    inside = step[step <= most]
-    sentence = (
-        f"steps of {1e3 * inside.min():.3g} … {1e3 * inside.max():.3g} ms resampled to "
-        f"{1.0 / h:.6g} Hz"
-    )
-    if dropped := int(np.maximum(np.rint(inside / usual) - 1, 0).sum()):
-        sentence += f", {dropped} dropped frames interpolated"
-    if len(breaks):
-        sentence += f", {len(breaks)} gaps of {step[breaks].sum():.3g} s in all kept"
-    return np.concatenate(parts), sentence
-
-
-def at_times(data: Mapping[str, np.ndarray], t: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns, ``t`` among them, interpolated to times (M,): linearly, orientations along the
-    shortest rotation, whole numbers from the nearest row."""
-    old = data["t"]
-    columns: dict[str, np.ndarray] = {}
-    if QUATERNION[0] in data:
-        q = Rotation.from_quat(np.stack([data[c] for c in QUATERNION], axis=-1), scalar_first=True)
-        turned = Slerp(old, q)(np.clip(t, old[0], old[-1]))
-        columns |= quaternion_columns(turned)
-    nearest = np.searchsorted((old[1:] + old[:-1]) / 2.0, t, side="right")
-    for name, values in data.items():
-        if name not in ("t", *QUATERNION):
-            whole = name in ("segment", "status") or values.dtype.kind in "iu"
-            columns[name] = values[nearest] if whole else np.interp(t, old, values)
-    return columns
-
-
-def quaternion_columns(rotation: Rotation) -> dict[str, np.ndarray]:
-    """Columns qw qx qy qz (N,), qw ≥ 0."""
-    q = rotation.as_quat(canonical=True, scalar_first=True)
-    return dict(zip(QUATERNION, q.T, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,21 +81,21 @@ def import_files(files: Sequence[str | Path], column_map: ColumnMap) -> Imported
     """
     data, left_out, name, skipped = merged(files, column_map)
     metadata = column_map.metadata
-    if column_map.mode != "static":
-        data, unwrapped = _unwrapped(data, column_map)
-        skipped += unwrapped
-    if column_map.mode == "static":
-        recording = _recording(data, metadata, name)
+    if column_map.mode == "static" or column_map.by_accelerometer:
+        recording = _recording(data, replace(metadata, mode="static"), name)
         check_at_rest(recording)
         return Imported(recording, left_out, skipped)
+    angles = {c.target for f in column_map.files for c in f.columns if UNITS[c.unit][0] == "angle"}
+    data, turned_on = unwrapped(data, angles & set(joint_columns(data)))
+    skipped += turned_on
     if column_map.mode != AUTO:
-        data, notes = _even(data)
+        data, notes = evened(data)
         recording = with_noise(_recording(data, metadata, name))
         return Imported(recording, left_out, skipped + notes)
     log = _recording(data, metadata, name)
-    holds = split(log)
+    holds = split(log, slow=True)
     rest = holds.at_rest(log, replace(metadata, mode="static"))
-    data, notes = _even(data | {HOLD: holds.hold})
+    data, notes = evened(data | {HOLD: holds.hold})
     motion = with_noise(_recording(data, metadata, name))
     return Imported(rest, left_out, (*skipped, *notes, holds.sentence), motion, holds)
 
@@ -202,100 +107,6 @@ def _recording(data: Mapping[str, np.ndarray], metadata: Metadata, name: str) ->
         if whole in columns:
             columns[whole] = columns[whole].astype(np.int64)
     return Recording(metadata, columns, name)
-
-
-def _unwrapped(
-    data: dict[str, np.ndarray], column_map: ColumnMap
-) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """A motion whose joints turn on where their reports pass from π to −π, and which these are."""
-    angles = {c.target for f in column_map.files for c in f.columns if UNITS[c.unit][0] == "angle"}
-    turned_on = dict[str, np.ndarray]()
-    for name in angles & set(joint_columns(data)):
-        steps = np.diff(data[name])
-        turns = np.round(steps / (2.0 * np.pi))
-        turns[np.abs(steps) < _FASTEST * np.diff(data["t"])] = 0.0  # the joint may have gone there
-        if turns.any():
-            turned_on[name] = data[name] - 2.0 * np.pi * np.append(0.0, np.cumsum(turns))
-    notes = [f"{name} passes ±180°: unwrapped" for name in sorted(turned_on)]
-    return data | turned_on, tuple(notes)
-
-
-def _even(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
-    """A motion of joints on an even clock, whose acceleration can be taken; and what was done."""
-    joints = joint_columns(data)
-    if not joints or len(data["t"]) < 2:
-        return data, ()
-    t, steps = data["t"], np.diff(data["t"])
-    q = np.stack([data[name] for name in joints], axis=1)
-    clock = even_clock(t, _longest_known(t, q))
-    if clock is None:
-        return data, ()
-    if steps.max() < _LOST * steps.mean() and _read_evenly(data, joints):
-        own = t[0] + np.arange(len(t)) * steps.mean()
-        late = 1e3 * float(np.abs(t - own).max())
-        words = f"stamps are late by up to {late:.2g} ms, the joints move by even steps of "
-        words += f"{1e3 * steps.mean():.6g} ms: their own clock restored"
-        return data | {"t": own}, (words,)
-    t, sentence = clock
-    path = _bridged(data["t"], q, t)
-    return {"t": t} | at_times(data, t) | dict(zip(joints, path.T, strict=True)), (sentence,)
-
-
-def _read_evenly(data: Mapping[str, np.ndarray], joints: Sequence[str]) -> bool:
-    """Whether joints bend much less from row to row than by their stamps: these then are of the
-    rows' arrival."""
-    step = np.diff(data["t"])
-    by_row = by_stamp = 0.0
-    for name in joints:
-        way = np.diff(data[name])
-        by_row += float((np.diff(way) ** 2).sum())
-        by_stamp += float((np.diff(way / step * step.mean()) ** 2).sum())
-    return by_row < _SMOOTHER * by_stamp
-
-
-def _longest_known(t: np.ndarray, q: np.ndarray) -> float:
-    """Longest gap [s] between times (N,) that may be filled; 0 if there is none.
-
-    Polynomials fill stretches of its length, of which the joint values (N, J) are known, with
-    errors of at most twice those of a straight line over every second row, by noise or by bends.
-    """
-    step, longest = np.diff(t), 0.0
-    most = _GAP * float(np.median(step))
-    line = ((q[1:-1] - (q[:-2] + q[2:]) / 2.0) ** 2).mean(axis=0)
-    for gap in np.sort(step[(step > most) & (step < _LONGEST_S)]):
-        error = list[np.ndarray]()
-        for middle in np.linspace(t[0] + 1.5 * gap, t[-1] - 1.5 * gap, _TRIED):
-            rows = np.flatnonzero(np.abs(t - middle) < 1.5 * gap)
-            near = rows[np.abs(t[rows] - middle) > 0.5 * gap]
-            if len(near) > 2 * _DEGREE and np.diff(t[rows]).max() < most:
-                hidden = np.setdiff1d(rows, near)
-                filled = _through(t[near], q[near], t[hidden])
-                error.append(((q[hidden] - filled) ** 2).mean(axis=0))
-        if not error or (np.mean(error, axis=0) > 4.0 * line).any():
-            break
-        longest = float(gap)
-    return longest
-
-
-def _through(t: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Values (M, J) at times (M,) of the polynomials through values (N, J) at times (N,)."""
-    middle, half = (t[0] + t[-1]) / 2.0, (t[-1] - t[0]) / 2.0
-    powers = np.polynomial.polynomial.polyvander((t - middle) / half, _DEGREE)
-    slopes = np.linalg.lstsq(powers, q, rcond=None)[0]
-    return np.polynomial.polynomial.polyvander((at - middle) / half, _DEGREE) @ slopes
-
-
-def _bridged(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
-    """Joint values (N, J) of times (N,) at times (M,), in gaps by a polynomial through the rows on
-    both sides."""
-    step = np.diff(old)
-    result = np.stack([np.interp(t, old, x) for x in q.T], axis=1)
-    for k in np.flatnonzero(step > _GAP * np.median(step)):
-        inside = (t > old[k]) & (t < old[k + 1])
-        near = (old > old[k] - step[k]) & (old < old[k + 1] + step[k])
-        if inside.any() and near.sum() > 2 * _DEGREE:
-            result[inside] = _through(old[near], q[near], t[inside])
-    return result
 
 
 def merged(
@@ -336,12 +147,44 @@ def merged(
         data |= part
     if not inside.any():
         raise MapError(f"{column_map.name}: the files' times do not overlap")
-    data = _in_sensor_axes({k: v[inside] for k, v in data.items()}, column_map, names[0])
+    data = {k: v[inside] for k, v in data.items()}
     notes = tuple(
         f"{path.name}: {skipped} rows without a value left out"
         for path, (_, skipped) in zip(names, tables, strict=True) if skipped
     )  # fmt: skip
+    if column_map.by_accelerometer:
+        data, sentence = _by_accelerometer(data, column_map.mode, str(names[0]))
+        notes += (sentence,)
+    data = _in_sensor_axes(data, column_map, names[0])
     return data, int((~inside).sum()), str(names[0]), notes
+
+
+def _by_accelerometer(
+    data: Mapping[str, np.ndarray], mode: str, where: str
+) -> tuple[dict[str, np.ndarray], str]:
+    """The rows at rest with the orientation that an accelerometer gives, in its place, each pose a
+    segment; and a sentence.
+
+    Raises:
+        MapError: rows lie between poses and the mode is not auto, or the sensor was not at rest.
+    """
+    read = np.stack([data[c] for c in ACCELERATION], axis=1)
+    groups = held(read)
+    if mode == AUTO:
+        path = {f"q{k + 1}": column for k, column in enumerate(read.T)}
+        log = Recording(Metadata("unknown", "dynamic"), dict(data) | path, where)
+        rests = split(log).hold
+        groups = np.array([r for k in range(rests.max() + 1) for r in runs(rests == k)])
+    elif groups is None or mode != "static":
+        raise MapError(
+            f"{where}: no orientation is mapped, and an accelerometer gives one only at rest: "
+            "--mode auto finds the rows at rest"
+        )
+    rotation, sentence = orientations(means_of(read, *groups.T), where)
+    pose = np.repeat(np.arange(len(groups)), np.diff(groups, axis=1)[:, 0])
+    rows = np.concatenate([np.arange(*group) for group in groups])
+    kept = {k: v[rows] for k, v in data.items() if k not in ACCELERATION}
+    return kept | quaternion_columns(rotation[pose]) | {"segment": pose}, sentence
 
 
 def _matching(file_map: FileMap, paths: list[Path], name: str) -> Path:

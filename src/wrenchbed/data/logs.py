@@ -216,9 +216,11 @@ def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
         others = f"{rows.skipped:,} of {rows.seen:,} messages of {topic!r} have none of "
         others += f"{', '.join(wanted)}: another publisher's, left out"
         warnings.warn(f"{path}: {others}", WrenchbedWarning, stacklevel=2)
-    if STAMP in columns.column_names and rows.seen and columns[STAMP].to_numpy().max() <= 0:
-        raise MapError(f"{path}: messages of {topic!r} have no stamp: map t to column 'logged'")
     times = np.asarray(logged, dtype=np.int64)
+    if STAMP in columns.column_names and rows.seen and columns[STAMP].to_numpy().max() <= 0:
+        columns = columns.set_column(columns.column_names.index(STAMP), STAMP, pa.array(times))
+        text = f"{path}: messages of {topic!r} have no stamp: the times of their logging count"
+        warnings.warn(text, WrenchbedWarning, stacklevel=2)
     in_order = (np.diff(times) >= 0).all()
     return columns if in_order else columns.take(np.argsort(times, kind="stable"))
 

@@ -17,7 +17,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.csv as pcsv
 
-from wrenchbed.data.stamps import nanoseconds_of
+from wrenchbed.data.clock import nanoseconds_of
 from wrenchbed.errors import MapError, raise_shortage
 
 _SAMPLE = 200

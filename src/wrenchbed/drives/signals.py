@@ -12,7 +12,7 @@ import numpy as np
 import scipy  # which loads its slow submodules when they are first used
 from scipy.interpolate import make_interp_spline
 
-from wrenchbed.data.import_files import JITTER
+from wrenchbed.data.clock import JITTER
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
 from wrenchbed.errors import CalibrationError, ParameterError, RecordingError
 from wrenchbed.physics.time_derivatives import Jet

@@ -90,12 +90,14 @@ class ArmTree:
         self._refuse_loads_beside()
         self.chain, self.equalities = self._joined()
         self._refuse_kinds(self.chain)
-        for one, other in source.mimics():
+        for one, other, offset in source.mimics():
             if {one, other} & {self._joint_name(j) for j in self.chain}:
                 raise self._refusal(
                     f"the file couples joints {one!r} and {other!r}: no arm of coupled joints can "
                     "be read, only loops that MJCF's equality constraint connect closes"
                 )
+            if (joint := mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, one)) >= 0:
+                self.data.qpos[model.jnt_qposadr[joint]] = offset  # what it follows is at 0
         self._home = self.data.qpos.copy()
         at = model.jnt_qposadr[self.chain]
         self.data.qpos[at] = model.qpos0[at]

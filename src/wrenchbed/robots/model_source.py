@@ -103,13 +103,22 @@ class ModelSource:
             for child in joint.findall("child")[:1]
         }
 
-    def mimics(self) -> list[tuple[str, str]]:
-        """Names of each joint of a URDF that mimics another one, and of that one."""
-        return [
-            (joint.get("name", ""), str(mimic.get("joint")))
+    def mimics(self) -> list[tuple[str, str, float]]:
+        """Names of each joint of a URDF that mimics another one, of that one, and its offset
+        [rad, m].
+
+        Raises:
+            ParameterError: an offset that is no number.
+        """
+        mimics = [
+            (joint.get("name", ""), str(mimic.get("joint")), mimic.get("offset", "0"))
             for joint in (self.root.findall("joint") if self.urdf else ())
             for mimic in joint.findall("mimic")
         ]
+        try:
+            return [(one, other, float(offset)) for one, other, offset in mimics]
+        except ValueError as cause:
+            raise ParameterError(f"{self.path}: offset of a mimic joint: {cause}") from None
 
 
 def content(path: Path, most: int = _MOST_BYTES) -> bytes:

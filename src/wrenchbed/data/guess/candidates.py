@@ -20,11 +20,13 @@ from wrenchbed.data.guess.sheets import (
     wrenches,
 )
 from wrenchbed.data.guess.stated import Stated
+from wrenchbed.data.holds import means_of
+from wrenchbed.data.tilt import held, upright
 from wrenchbed.errors import WrenchbedError
 
-MOST_TRIED = 100
+MOST_TRIED = 40
 """Pairs of a wrench and a reading of the orientation that are fitted in full: a right one and what
-fits as well lie among the first twenty; 100 pairs take some seconds."""
+fits as well lie among the first twenty."""
 _FEW_ROWS = 300
 """Rows by which pairs are compared before: a wrong orientation explains a share of about 9/300 of a
 noise by chance, far less than `HOPELESS` asks for."""
@@ -59,13 +61,24 @@ class Pairing:
             taken |= set(self.wrench.values())
         return not taken & set(reading.names)
 
-    def poses(self, names: Sequence[str]) -> Poses:
+    def turn(self, reading: Reading) -> np.ndarray:
+        """Columns (N, K) of an orientation, joints or an accelerometer at each row of the wrench,
+        by the clocks if both tables have one."""
+        load, sheet = self.load, self.sheet
+        values = sheet.block(reading.names).astype(float)
+        if reading.is_tilt and (groups := held(values)) is not None:  # a pose has one orientation
+            values = np.repeat(means_of(values, *groups.T), np.diff(groups, axis=1)[:, 0], axis=0)
+        if sheet is load or load.clock is None or sheet.clock is None:
+            return np.asarray(values[self.at])
+        return np.stack([np.interp(load.clock.t, sheet.clock.t, c) for c in values.T], axis=1)
+
+    def poses(self, reading: Reading) -> Poses:
         """The poses that columns of an orientation or of joints mean."""
-        key = tuple(sorted(names))
+        key = tuple(sorted(reading.names))
         if key not in self._poses:
-            turn = at_rows(self.load, self.sheet, self.sheet.block(key).astype(float), self.at)
             clock = self.load.clock
-            self._poses[key] = gather(None if clock is None else clock.t, turn, self.readings)
+            t = None if clock is None else clock.t
+            self._poses[key] = gather(t, self.turn(reading), self.readings)
         return self._poses[key]
 
 
@@ -88,9 +101,9 @@ def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention
             f"of {len(pairs):,} pairs of a wrench and an orientation the {MOST_TRIED} that agree "
             "best were tried in full; columns with names leave fewer"
         )
-        shares, most = _unexplained_shares(pairs), 1.0 if stated.fit is not None else HOPELESS
-        best = np.argsort(shares, kind="stable")[:MOST_TRIED]
-        pairs = [pairs[k] for k in sorted(best) if shares[k] < most]
+    shares, most = _unexplained_shares(pairs), 1.0 if stated.fit is not None else HOPELESS
+    best = np.argsort(shares, kind="stable")[:MOST_TRIED]
+    pairs = [pairs[k] for k in sorted(best) if shares[k] < most]
     conventions = [c for pairing, reading in pairs for c in _fitted(pairing, reading, stated)]
     return conventions, "; ".join(notes)
 
@@ -98,6 +111,8 @@ def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention
 def _pairs(tables: Sequence[Sheet], stated: Stated) -> Iterator[tuple[Pairing, Reading]]:
     """All pairs of a wrench with an orientation's or joints' reading."""
     readings = [[*orientations(sheet), *_of_joints(sheet, stated)] for sheet in tables]
+    if any(reading.named for of_sheet in readings for reading in of_sheet):
+        readings = [[r for r in of_sheet if r.named] for of_sheet in readings]  # names bind
     for load in tables:
         rows = [rows_at(load, sheet) for sheet in tables]
         beside = [*zip(rows, tables, readings, strict=True)]
@@ -128,24 +143,6 @@ def rows_at(load: Sheet, sheet: Sheet) -> np.ndarray | None:
     return np.arange(rows) if rows == len(sheet) and sheet.clock is None else None
 
 
-def at_rows(
-    load: Sheet, sheet: Sheet, values: np.ndarray, at: np.ndarray, late: float = 0.0
-) -> np.ndarray:
-    """Values (M, K) of a table at each row of the wrench's (N, K), by the clocks if both have one.
-
-    Args:
-        load: table with the wrench.
-        sheet: table with the values.
-        values: some of its columns.
-        at: as `rows_at` gives it.
-        late: by how much its clock is behind [s].
-    """
-    if sheet is load or load.clock is None or sheet.clock is None:
-        return np.asarray(values[at])
-    t = load.clock.t + late
-    return np.stack([np.interp(t, sheet.clock.t, column) for column in values.T], axis=1)
-
-
 def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | None:
     """The orientation (G, 3, 3) at some rows of the wrench; None if the columns are none."""
     sheet, at = pairing.sheet, pairing.at
@@ -156,6 +153,8 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
         sizes = [size if j.unit == "rad" else 1.0 for j in robot.joints]
         q, theta = np.stack([*columns.values()], axis=1) * sizes, robot.parameters.nominal
         return None if robot.infeasible(q, theta) else np.asarray(robot.sensor_pose(q, theta)[0])
+    if reading.is_tilt:
+        return upright(size * pairing.turn(reading)[rows])[0].as_matrix()
     try:
         orientation = turned({t: v * size for t, v in columns.items()}, str(sheet.path))
     except WrenchbedError:
@@ -165,7 +164,7 @@ def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | 
 
 def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Convention]:
     """Fitted conventions: both directions of an orientation, both axes of wrenches, all mounts."""
-    poses = pairing.poses(reading.names)
+    poses = pairing.poses(reading)
     turn = _turn(pairing, reading, poses.middle)
     if turn is None:
         return
@@ -174,11 +173,12 @@ def _fitted(pairing: Pairing, reading: Reading, stated: Stated) -> Iterator[Conv
         "mount.rotation.x" in registry.load("robots", reading.robot).parameters.names
     )
     for inverse, in_base in product((False, True), repeat=2):
-        if inverse and reading.robot is not None:
+        if (inverse and reading.robot is not None) or (reading.is_tilt and (inverse or in_base)):
             continue
         body = np.swapaxes(turn, 1, 2) if inverse else turn
         for fit in fits(body, y, in_base, stated.fit is not None):
-            if fit.mount is None or mounted:  # others have no pose_flange
+            # others have no pose_flange; tilt is about the vertical
+            if (fit.mount is None or mounted) and (fit.axis == 2 or not reading.is_tilt):
                 yield Convention(
                     reading, pairing.sheet, pairing.load, pairing.wrench,
                     inverse, in_base, fit, poses, body,

@@ -21,10 +21,11 @@ from wrenchbed.errors import RecordingError
 from wrenchbed.physics.rotations import cross
 from wrenchbed.physics.wrench import CHANNELS
 
-QUARTERS = Rotation.create_group("O")
-"""The 24 rotations of a sensor that is mounted at right angles."""
-_SNAP = np.deg2rad(5.0)
-"""A mount nearer than this to right angles is at right angles; a calibration finds the rest."""
+_QUARTERS = np.array(sorted(Rotation.create_group("O").as_matrix().tolist(), key=np.trace))[::-1]
+"""The 24 rotations of a sensor that is mounted at right angles, none first."""
+_SNAP = 1.0 + 2.0 * np.cos(np.deg2rad(5.0))
+"""A mount nearer than 5° to right angles, by the trace of the rotation between, is at right angles;
+a calibration finds the rest."""
 _ENOUGH = 50
 """Largest number of poses that count as independent; more share errors of the arm, and would rule
 out conventions that differ by less than these."""
@@ -104,12 +105,11 @@ def fits(
         if power < 1e-4 * len(down):
             continue
         mixed = force.T @ down  # (3, 3)
-        for mount, quarter in [(None, True)] if in_base else _mounts(mixed):
-            m = np.eye(3) if mount is None else mount.as_matrix()
-            weight = float((m * mixed).sum()) / power
-            if not every and total - weight**2 * power > HOPELESS**2 * total:
-                continue
-            load = weight * down @ m.T
+        mounts = _QUARTERS[:1] if in_base else _mounts(mixed)
+        weights = np.einsum("kij,ij->k", mounts, mixed) / power
+        hopeful = every | (total - weights**2 * power <= HOPELESS**2 * total)
+        for k in np.flatnonzero(hopeful):
+            load = float(weights[k]) * down @ mounts[k].T
             # torque = c × load = Σ_j c_j (e_j × load)
             design = np.stack([cross(np.broadcast_to(e, load.shape), load) for e in np.eye(3)])
             lever, *_ = np.linalg.lstsq(design.reshape(3, -1).T, torque.ravel(), rcond=1e-6)
@@ -117,7 +117,8 @@ def fits(
             residual = [float(np.sqrt((error**2).mean())) for error in errors]
             rms = [max(e, _FLOOR * size, 1e-12) for e, size in zip(residual, sizes, strict=True)]
             yield GravityFit(
-                weight, axis, mount, quarter, lever, rms[0], rms[1], residual[0] / sizes[0],
+                float(weights[k]), axis, Rotation.from_matrix(mounts[k]) if k else None,
+                bool(k < len(_QUARTERS)), lever, rms[0], rms[1], residual[0] / sizes[0],
                 rms[1] / sizes[1], len(wrench),
             )  # fmt: skip
 
@@ -127,25 +128,21 @@ def in_body(turn: np.ndarray, wrench: np.ndarray) -> np.ndarray:
     return np.einsum("nji,nkj->nki", turn, wrench.reshape(-1, 2, 3)).reshape(-1, 6)
 
 
-def _mounts(mixed: np.ndarray) -> Iterator[tuple[Rotation | None, bool]]:
-    """None, those at right angles, and those for which forces and gravity agree best, for a weight
-    of either sign; and whether they are at right angles.
+def _mounts(mixed: np.ndarray) -> np.ndarray:
+    """Mounts (K, 3, 3): those at right angles, none first; and those for which forces and gravity
+    agree best, for a weight of either sign, if they are at other angles.
 
     Orthogonal Procrustes problem: Schönemann 1966, doi 10.1007/BF02289451.
 
     Args:
         mixed: sum over rows of force times direction of gravity (3, 3).
     """
-    yield None, True
-    yield from ((m, True) for m in QUARTERS if m.magnitude() > 0.1)
     u, rank, vt = np.linalg.svd(mixed)
     if rank[1] < 0.05 * rank[0]:
-        return  # gravity moved along a line: a mount is not determined
-    for sign in (1.0, -1.0):
-        last = sign * np.linalg.det(u @ vt)
-        turn = Rotation.from_matrix(sign * u @ np.diag([1.0, 1.0, last]) @ vt)
-        if min((turn * q).magnitude() for q in QUARTERS) > _SNAP:
-            yield turn, False
+        return _QUARTERS  # gravity moved along a line: a mount is not determined
+    best = [sign * u @ np.diag([1.0, 1.0, sign * np.linalg.det(u @ vt)]) @ vt for sign in (1, -1)]
+    free = [m for m in best if (np.einsum("ij,kij", m, _QUARTERS) < _SNAP).all()]
+    return np.concatenate([_QUARTERS, np.reshape(free, (-1, 3, 3))])
 
 
 def right_angles(mount: Rotation) -> str:

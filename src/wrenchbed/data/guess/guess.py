@@ -8,7 +8,7 @@ angles this is one linear least squares. What fits best is taken, what fits as w
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from glob import escape
-from itertools import permutations, takewhile
+from itertools import permutations, product, takewhile
 from os.path import relpath
 from pathlib import Path
 from typing import Any
@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
+from wrenchbed.data.column_map import ACCELERATION, ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.column_map import UNITS as SIZES
-from wrenchbed.data.column_map import ColumnMap, from_fields, ready, seen_from
-from wrenchbed.data.guess.candidates import at_rows, candidates, rows_at
+from wrenchbed.data.guess.candidates import candidates, rows_at
 from wrenchbed.data.guess.convention import Convention
 from wrenchbed.data.guess.joint_torques import by_names
 from wrenchbed.data.guess.sheets import Sheet, is_of_wrench, orientations, sheet_of, wrenches
@@ -37,24 +37,25 @@ numbers, which fit 7 unknowns (weight, mount, bias) in some hundred conventions.
 _MOST_LEFT = 0.5
 """Largest fraction of the force that the best convention may leave: a weight that is compensated
 already leaves nearly all."""
-_FORCES = ("N", "kgf", "lbf", "gf", "kN")
-_TORQUES = ("N·m", "Nmm", "kgf·m", "kgf·cm", "kgf·mm", "lbf-in", "lbf·ft", "gf·cm")
-_WITH = {"N": ("N·m", "Nmm"), "kgf": ("kgf·m", "kgf·cm", "kgf·mm", "N·m", "Nmm"),
-         "lbf": ("lbf-in", "lbf·ft"), "gf": ("gf·cm", "Nmm"), "kN": ("N·m",)}  # fmt: skip
-"""Units of torque that go with each unit of force."""
+_UNITS = {
+    ("N", "N·m"): 0.9, ("N", "Nmm"): 0.02, ("lbf", "lbf-in"): 0.02, ("lbf", "lbf·ft"): 0.01,
+    ("kgf", "kgf·m"): 0.02, ("kgf", "kgf·cm"): 0.01, ("kgf", "kgf·mm"): 0.01, ("kgf", "N·m"): 0.01,
+}  # fmt: skip
+"""Pairs of units of force and torque, and how often a table without units has them: estimate."""
+_SELDOM = (("mN", "mN·m"), ("gf", "gf·cm"), ("gf", "Nmm"), ("kgf", "Nmm"), ("kN", "N·m"))
+"""Pairs that are tried only where the unit or the mass is stated: counts of a converter may be as
+large."""
 _MASSES, _LEVERS = (0.02, 60.0), (1e-3, 0.6)
 """Tools weigh [kg] and reach [m] between these: a touch probe and a large arm's payload. Wider
 ranges leave more units possible."""
+_USUAL_LOAD = ((1.3, 1.2), (0.07, 1.0))
+"""Usual mass [kg] and reach [m] of a tool, each with the standard deviation of its logarithm:
+estimate, which orders units that fit alike."""
 _MOST_SHOWN = 6
 _NEAR = 0.2
 """Relative difference up to which a fitted mass agrees with a known one."""
 _LEAST = 0.2
 """Least correlation of each axis of an accelerometer: 25 rows of noise reach 1/√25 by chance."""
-_LATEST_S, _STEP_S = 0.025, 2e-4
-"""Largest delay of an accelerometer's clock that is looked for, and the step of the search [s]."""
-_WORTH = 0.05
-"""A delay must raise the sum of the three correlations by so much: noise alone prefers some delay
-by a little, and a clock without one shall stay as it is."""
 _IN_G = 4.0
 """Readings that are this much smaller than the forces say are in g and not in m/s²."""
 
@@ -159,11 +160,13 @@ def guess(
         fitting = [replace(c, fit=known.fitted(c, gravity)) for c in fitting]
     fitting.sort(key=lambda c: c.fit.force_rms)
     best = min(fitting, key=lambda c: c.fit.against(fitting[0].fit))
-    if best.fit.share > _MOST_LEFT:
+    named = bool(best.load.loads)
+    if best.fit.share > _MOST_LEFT or (best.fit.torque_share > _MOST_LEFT and not named):
         raise MapError(
             f"{tables[0].path}: no convention makes the wrench the weight of one rigid load: "
-            f"the best ({best.sentence}) leaves {best.fit.share:.0%} of what changes. Is the "
-            f"weight already compensated, or did something touch the tool?{more}"
+            f"the best ({best.words()}) leaves {best.fit.share:.0%} of what changes in the force "
+            f"and {best.fit.torque_share:.0%} in the torque. Is the weight already compensated, or "
+            f"did something touch the tool?{more}"
         )
     alike = [c for c in fitting if c.fit.against(best.fit) < _SAME]
     others = [c for c in fitting if c.fit.against(best.fit) >= _SAME][:3]
@@ -175,8 +178,10 @@ def guess(
     whole = [w for c in usual.values() for w in _signs_and_units(c, gravity, stated.mass)]
     if not whole:
         raise MapError(
-            f"{tables[0].path}: {best.sentence} fits, but in no unit is the load a tool of "
-            f"{_MASSES[0]} … {_MASSES[1]} kg at {_LEVERS[0]} … {_LEVERS[1]} m"
+            f"{tables[0].path}: {best.words()} fits, but in no usual unit is "
+            f"the load a tool of {_MASSES[0]} … {_MASSES[1]} kg at {_LEVERS[0]} … {_LEVERS[1]} m: "
+            "are these mN or gf? --tool-mass KG decides. Counts of a converter need --map, whose "
+            "`per` is the count of a unit"
         )
     chosen = tuple(sorted(whole, key=lambda c: c.cost))
     maps = tuple(raw_map(c, tables, stated, mode) for c in chosen)
@@ -216,32 +221,37 @@ def _nothing(tables: Sequence[Sheet]) -> str:
 
 def _signs_and_units(c: Convention, size: float, mass: float | None) -> Iterator[Convention]:
     """A convention with the wrench and gravity reversed, and in every unit in which the load is a
-    tool, the most usual first.
+    tool, the most usual with the least penalty.
 
     Args:
         c: the convention.
         size: of gravity [m/s²].
         mass: known mass of the tool [kg], if any.
     """
-    force, torque = (c.load.units.get(c.wrench[channel], "1") for channel in ("fx", "tx"))
-    forces = (force,) if SIZES[force][0] == "force" else _FORCES
+    stated = [c.load.units.get(c.wrench[channel]) for channel in ("fx", "tx")]
+    pairs: Sequence[Sequence[str]] = [*_UNITS, *(_SELDOM if mass or any(stated) else ())]
+    of_pairs = ([s or u for u, s in zip(p, stated, strict=True)] for p in pairs)
+    pairs = [n for n, p in zip(of_pairs, pairs, strict=True) if _sizes(n) == _sizes(p)]
+    if None not in stated:  # names bind
+        pairs = [[str(unit) for unit in stated]]
     down = -1.0 if c.fit.axis == 2 else float(np.sign(c.fit.weight))
-    for along in (down, -down):
+    for along, (force, torque) in product((down, -down), pairs):
         gravity = tuple(along * size if axis == c.fit.axis else 0.0 for axis in range(3))
-        rank, sign = 0, 1 if along * c.fit.weight > 0 else -1
-        for f in forces:
-            torques: Sequence[str] = _TORQUES if len(forces) == 1 and f not in _WITH else _WITH[f]
-            torques = (torque,) if SIZES[torque][0] == "torque" else torques
-            for t in torques:
-                more = 0.05 * (along != down) + 0.01 * rank
-                signed = replace(c, sign=sign, gravity=gravity, units=(f, t), more=more)
-                reach = float(np.linalg.norm(signed.cog))
-                fits_mass = _MASSES[0] <= signed.mass <= _MASSES[1]
-                if mass is not None:
-                    fits_mass = abs(signed.mass / mass - 1.0) < _NEAR
-                if fits_mass and (_LEVERS[0] <= reach <= _LEVERS[1] or len(torques) == 1):
-                    rank += 1
-                    yield signed
+        sign = 1 if along * c.fit.weight > 0 else -1
+        signed = replace(c, sign=sign, gravity=gravity, units=(force, torque))
+        reach = float(np.linalg.norm(signed.cog))
+        fits_mass = _MASSES[0] <= signed.mass <= _MASSES[1]
+        if mass is not None:
+            fits_mass = abs(signed.mass / mass - 1.0) < _NEAR
+        if fits_mass and (_LEVERS[0] <= reach <= _LEVERS[1] or None not in stated):
+            unlikely = -np.log(_UNITS.get((force, torque), min(_UNITS.values())))
+            for value, (usual, spread) in zip((signed.mass, reach), _USUAL_LOAD, strict=True):
+                unlikely += (np.log(max(value, 1e-9) / usual) / spread) ** 2 / 2.0
+            yield replace(signed, more=0.05 * (along != down) + 0.004 * min(float(unlikely), 12.0))
+
+
+def _sizes(units: Sequence[str]) -> list[float]:
+    return [SIZES[unit][1] for unit in units]
 
 
 def raw_map(
@@ -275,7 +285,7 @@ def raw_map(
             columns["temperature"] = {"column": sheet.roles["temperature"], "unit": "°C"}
         if "segment" in sheet.roles and sheet is load:
             columns["segment"] = {"column": sheet.roles["segment"]}
-        if "ax" in sheet.roles and not c.in_base:
+        if "ax" in sheet.roles and not c.in_base and not c.reading.is_tilt:
             columns |= _accelerometer(c, sheet)
         if set(columns) - {"t"}:
             skip = {"skip_incomplete": True} if sheet.incomplete else {}
@@ -305,57 +315,22 @@ def _turn_columns(c: Convention) -> dict[str, dict[str, Any]]:
 
 
 def _accelerometer(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
-    """Columns of an accelerometer in sensor axes, and its clock if that is late; none where it does
-    not follow the forces."""
-    names, load, at = [sheet.roles[a] for a in ("ax", "ay", "az")], c.load, rows_at(c.load, sheet)
-    force = c.sign * load.block([c.wrench[f] for f in CHANNELS[:3]]) * SIZES[c.units[0]][1]
-    if at is None:
+    """Columns of an accelerometer, those that follow the sensor's axes; none where an axis does not
+    follow the forces."""
+    if (at := rows_at(c.load, sheet)) is None:
         return {}
-    inside, delays = np.ones(len(load), dtype=bool), np.zeros(1)
-    if sheet is not load and load.clock is not None and sheet.clock is not None:
-        t, its = load.clock.t, sheet.clock.t
-        inside = (t > its[0] + _LATEST_S) & (t < its[-1] - _LATEST_S)
-        delays = np.append(0.0, np.arange(-_LATEST_S, _LATEST_S + _STEP_S / 2, _STEP_S))
-    if inside.sum() < _LEAST_POSES:
-        return {}
-    values, wanted = sheet.block(names), -force[inside] / c.mass
-    axes = [
-        _axes(wanted, at_rows(load, sheet, values, at, float(late))[inside], names)
-        for late in delays
-    ]
-    best = int(np.argmax([score for score, _ in axes]))
-    if sheet.clock is None or axes[best][0] < axes[0][0] + _WORTH:
-        return axes[0][1]
-    zero = round(float(delays[best]) / SIZES[sheet.clock.unit][1], 6)
-    clock = {"t": {"column": sheet.clock.column, "unit": sheet.clock.unit, "zero": zero}}
-    return axes[best][1] | clock
-
-
-def _axes(
-    wanted: np.ndarray, reading: np.ndarray, names: Sequence[str]
-) -> tuple[float, dict[str, dict[str, Any]]]:
-    """Sum of the axes' correlations, and entries ax, ay, az of a map; (0, {}) where an axis does
-    not follow the forces.
-
-    Args:
-        wanted: −force/mass in sensor axes (N, 3) [m/s²], whatever its zero.
-        reading: columns of the accelerometer (N, 3).
-        names: of these columns.
-    """
-    wanted, reading = wanted - wanted.mean(axis=0), reading - reading.mean(axis=0)
-    power, size = (wanted**2).sum(axis=0), (reading**2).sum(axis=0)
-    alike = wanted.T @ reading / np.maximum(np.sqrt(np.outer(power, size)), 1e-12)
+    names = [sheet.roles[a] for a in ACCELERATION]
+    force = c.sign * c.load.block([c.wrench[f] for f in CHANNELS[:3]]) * SIZES[c.units[0]][1]
+    wanted, read = -force / c.mass, sheet.block(names)[at]
+    alike = np.corrcoef(wanted.T, read.T)[:3, 3:]
     order = max(permutations(range(3)), key=lambda p: np.abs(alike[range(3), p]).sum())
-    values = alike[range(3), order]
-    if np.abs(values).min() < _LEAST:
-        return 0.0, {}
-    ratio = np.sqrt(power.sum() / max(float(size.sum()), 1e-12))
-    unit = "g" if ratio > _IN_G else "m/s²"
-    entries = {
-        f"a{axis}": {"column": names[k], "unit": unit} | ({"sign": -1} if value < 0 else {})
-        for axis, k, value in zip("xyz", order, values, strict=True)
+    if not (np.abs(alike[range(3), order]) > _LEAST).all():
+        return {}
+    unit = "g" if wanted.std(axis=0).sum() > _IN_G * read.std(axis=0).sum() else "m/s²"
+    return {
+        axis: {"column": names[k], "unit": unit} | ({"sign": -1} if alike[n, k] < 0 else {})
+        for n, (axis, k) in enumerate(zip(ACCELERATION, order, strict=True))
     }
-    return float(np.abs(values).sum()), entries
 
 
 def toml(raw: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:

@@ -2,14 +2,21 @@
 
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
 
-from wrenchbed.data.column_map import ANGLES, ROLL_PITCH_YAW, ROTATION, ROTATION_VECTOR, UNITS
+from wrenchbed.data.column_map import (
+    ACCELERATION,
+    ANGLES,
+    ROLL_PITCH_YAW,
+    ROTATION,
+    ROTATION_VECTOR,
+    UNITS,
+)
 from wrenchbed.data.recording import QUATERNION
 from wrenchbed.data.text_table import SKIP, Columns, read_text
 from wrenchbed.errors import MapError
@@ -32,7 +39,7 @@ _NAMED = (
 )
 """Names that say what a column is, the first match counts, and its role with the found letters;
 A, B and C are KUKA's angles."""
-_TOGETHER = (CHANNELS, QUATERNION, ROTATION, *ANGLES, ("ax", "ay", "az"), ("gx", "gy", "gz"))
+_TOGETHER = (CHANNELS, QUATERNION, ROTATION, *ANGLES, ACCELERATION, ("gx", "gy", "gz"))
 """Roles that count only where all of them are there."""
 _KINDS = {"quaternion": QUATERNION, "matrix": ROTATION, "": ROTATION_VECTOR}
 _KINDS |= {"roll pitch yaw": ROLL_PITCH_YAW}
@@ -43,6 +50,8 @@ _JOINT_STEM = re.compile(
     r"^(?:.*_)?(?:q|joints?|j|axis|theta|jpos|jnt_?pos|(?:joint_?)?(?:positions?|angles?))$"
 )
 _NO_JOINT = re.compile(r"target|desired|command|vel|speed|current|torque|effort|qd|acc|_d$")
+_OTHER = re.compile(r"target|desired|command|vel|speed|current|gyro|omega|acc|temp|volt|power")
+"""Names of what is no joint value; and of what is neither an orientation nor a wrench."""
 _OF_JOINTS = {
     "tau": re.compile(r"^(?:.*_)?(?:tau(?:_?j)?|torques?|efforts?|moments?)$"),
     "i": re.compile(r"^(?:.*_)?currents?$"),
@@ -54,8 +63,12 @@ _PARTS = re.compile(r"_?n(?:ano)?_?sec(?:ond)?s?$")
 _SECONDS = re.compile(r"_?sec(?:ond)?s?$")
 _UNIT_AT_END = re.compile(r"^(.*?)\s*[\[(/]\s*([^\])]+?)\s*[\])]?\s*$")
 _SHORT_UNITS = {"ms": "ms", "us": "us", "ns": "ns", "deg": "deg", "rad": "rad", "sec": "s",
-                "degrees": "deg", "nmm": "Nmm", "nm": "Nm", "kgf": "kgf", "lbf": "lbf"}  # fmt: skip
+                "degrees": "deg", "nmm": "Nmm", "nm": "Nm", "kgf": "kgf", "lbf": "lbf",
+                "mn": "mN", "mnm": "mN·m"}  # fmt: skip
+_BRACKETS = re.compile(r"[\[(]\s*([^\W\d][^\])]+?)\s*[\])]\s*$")
+"""A unit, known or not, at the end of a name; one letter may be an axis."""
 _UNIT_NAMES = {unit.lower(): unit for unit in UNITS} | {
+    "radian": "rad", "radians": "rad",
     "n-m": "N·m", "n m": "N·m", "n-mm": "Nmm", "°": "deg", "degrees": "deg", "grad": "deg",
     "sec": "s", "seconds": "s", "µs": "us", "m/s2": "m/s²", "in-lbf": "lbf-in", "kgf-m": "kgf·m",
     "kgf*m": "kgf·m", "kgf-mm": "kgf·mm", "kgf*mm": "kgf·mm", "gf-cm": "gf·cm", "lbf*in": "lbf-in",
@@ -65,6 +78,11 @@ _NORM = 1e-2
 printed at least, and columns of other things do not stay so near to 1."""
 _MOST_ANGLE = 400.0
 """Largest value of a column of angles [°]."""
+_EARTH, _NEAR_G = 9.81, 0.02
+"""Gravity [m/s²], and how near to it an accelerometer reads at rest, relative: MEMS sensors err by
+0.5 %, and a force of 1 kg has a zero and is farther away."""
+_MOST_IN_G = 4.0
+"""A smaller length of an accelerometer's readings is in g, a larger one in m/s²."""
 MOST_UNNAMED = 160
 """Columns without a role that are looked through: the number of pairs of a wrench and an
 orientation grows with its square, and 160 columns take some ten seconds."""
@@ -115,7 +133,8 @@ class Sheet:
     def free(self) -> list[str]:
         """Columns without a role, the first `MOST_UNNAMED` of them."""
         taken = {*self.roles.values(), *(c for load in self.loads for c in load.values())}
-        return [name for name in self.values if name not in taken][:MOST_UNNAMED]
+        rest = (name for name in self.values if name not in taken)
+        return [name for name in rest if not _OTHER.search(plain(name))][:MOST_UNNAMED]
 
     @cached_property
     def clock(self) -> Clock | None:
@@ -142,9 +161,15 @@ class Sheet:
         every = max(1, len(self) // _FEW)
         return rule(self.block(names, every)) and rule(self.block(names))
 
-    def windows(self, width: int) -> Iterator[list[str]]:
-        """Groups of ``width`` adjacent columns without a role."""
-        free, names = set(self.free), list(self.values)
+    def may_be(self, names: Sequence[str], *quantities: str) -> bool:
+        """Whether no column's unit says that it is another quantity."""
+        units = (self.units.get(name) for name in names)
+        return all(unit is None or UNITS[unit][0] in quantities for unit in units)
+
+    def windows(self, width: int, *quantities: str) -> Iterator[list[str]]:
+        """Groups of ``width`` adjacent columns without a role that may be some quantities."""
+        free = {name for name in self.free if self.may_be([name], *quantities)}
+        names = list(self.values)
         for k in range(len(names) - width + 1):
             if free.issuperset(names[k : k + width]):
                 yield names[k : k + width]
@@ -160,6 +185,7 @@ class Reading:
         unit: of angles; none of numbers.
         cost: how unusual it is; of readings that fit alike the least costly is taken.
         robot: whose joints these are; none of an orientation.
+        named: whether names say so.
     """
 
     kind: str
@@ -167,6 +193,12 @@ class Reading:
     unit: str | None = None
     cost: float = 0.0
     robot: str | None = None
+    named: bool = False
+
+    @property
+    def is_tilt(self) -> bool:
+        """Whether it is an accelerometer: it says at rest where up is, and no more."""
+        return ACCELERATION[0] in self.targets
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -220,8 +252,24 @@ def sheet_of(path: Path, skip_incomplete: bool = False) -> Sheet:
         parts = None
     loads = [{c: roles[c] for c in CHANNELS}] if "fx" in roles else []
     loads += _numbered_wrenches(values)
+    for name in (c for load in loads for c in load.values()):
+        if name not in units and (foreign := _BRACKETS.search(name)):
+            raise MapError(
+                f"{path}: column {name!r} is in {foreign[1]!r}, which is no unit of a force or "
+                "torque that is known: give --map, whose `per` is the count of a unit"
+            )
     left_out = text.table.num_rows < rows
-    return Sheet(path, values, roles, units, tuple(loads), tuple(unread), parts, left_out)
+    sheet = Sheet(path, values, roles, units, tuple(loads), tuple(unread), parts, left_out)
+    return sheet if "ax" in roles else replace(sheet, roles=roles | _accelerometer(sheet))
+
+
+def _accelerometer(sheet: Sheet) -> dict[str, str]:
+    """Role → column of three columns without a name that are as long as gravity nearly always."""
+    for names in sheet.windows(3, "acceleration"):
+        length = np.linalg.norm(sheet.block(names), axis=1)
+        if (np.abs(length / _EARTH - 1.0) < _NEAR_G).mean() > _STEADY:
+            return dict(zip(ACCELERATION, names, strict=True))
+    return {}
 
 
 def _missing(text: Columns, name: str) -> int:
@@ -239,6 +287,7 @@ def plain(name: str) -> str:
     match = _UNIT_AT_END.match(name)
     if match and match[2].lower() in _UNIT_NAMES and match[1]:
         name = match[1]
+    name = _BRACKETS.sub("", name) or name
     name = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
     name = re.sub(r"[^a-z0-9]+", "_", name).strip("_")
     return re.sub(rf"_(?:{'|'.join(_SHORT_UNITS)})$", "", name)
@@ -335,28 +384,38 @@ def _steady(values: np.ndarray) -> bool:
 def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
     """Channel → column: by name, else every six columns in a row that nothing else claims."""
     yield from sheet.loads
-    for names in () if sheet.loads else sheet.windows(6):
-        if all(np.ptp(sheet.values[name]) > 0 for name in names):
-            yield dict(zip(CHANNELS, names, strict=True))
-            yield dict(zip(CHANNELS, [*names[3:], *names[:3]], strict=True))  # torques first
+    for names in () if sheet.loads else sheet.windows(6, "force", "torque"):
+        for order in (names, [*names[3:], *names[:3]]):  # torques may stand first
+            fits = sheet.may_be(order[:3], "force") and sheet.may_be(order[3:], "torque")
+            if fits and all(np.ptp(sheet.values[name]) > 0 for name in names):
+                yield dict(zip(CHANNELS, order, strict=True))
 
 
 def orientations(sheet: Sheet) -> Iterator[Reading]:
-    """Readings of columns as an orientation: by name, else by value, those of most columns."""
+    """Readings of columns as an orientation: by name, else by value, those of most columns; and an
+    accelerometer."""
     roles, named = sheet.roles, False
     for kind, group in _KINDS.items():
         if group[0] in roles:
             columns = {r: roles[r] for r in group}
-            one = [Reading(kind, columns)]
+            one = [Reading(kind, columns, named=True)]
             yield from _angles(sheet, columns.values(), kind) if group in ANGLES else one
             named = True
-    by_value: Sequence[tuple[int, Callable[[Sheet, Sequence[str]], Iterator[Reading]]]]
-    by_value = ((16, _poses), (9, _matrices), (4, _quaternions), (3, _angles))
-    for width, read in () if named else by_value:
-        readings = [r for names in sheet.windows(width) for r in read(sheet, names)]
+    by_value: Sequence[tuple[int, str, Callable[[Sheet, Sequence[str]], Iterator[Reading]]]]
+    by_value = (
+        (16, "number", _poses), (9, "number", _matrices), (4, "number", _quaternions),
+        (3, "angle", _angles),
+    )  # fmt: skip
+    for width, quantity, read in () if named else by_value:
+        readings = [r for names in sheet.windows(width, quantity) for r in read(sheet, names)]
         yield from readings
         if readings:
-            return
+            break
+    if ACCELERATION[0] in roles and not named:
+        columns = {r: roles[r] for r in ACCELERATION}
+        length = np.median(np.linalg.norm(sheet.block([*columns.values()]), axis=1))
+        unit = sheet.units.get(roles["ax"], "g" if length < _MOST_IN_G else "m/s²")
+        yield Reading("accelerometer", columns, unit, cost=0.4)
 
 
 def _poses(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
@@ -417,7 +476,7 @@ def _angles(sheet: Sheet, names: Collection[str], only: str = "") -> Iterator[Re
         ):
             if only in ("", kind):
                 columns = dict(zip(targets, names, strict=True))
-                yield Reading(f"{kind} in {unit}", columns, unit, cost + more)
+                yield Reading(f"{kind} in {unit}", columns, unit, cost + more, named=bool(only))
 
 
 def joints(sheet: Sheet, robot: str, joint_names: Sequence[str]) -> Iterator[Reading]:
@@ -428,7 +487,7 @@ def joints(sheet: Sheet, robot: str, joint_names: Sequence[str]) -> Iterator[Rea
         robot: name of the robot.
         joint_names: names of its joints.
     """
-    for names in _joint_columns(sheet, joint_names):
+    for names, named in _joint_columns(sheet, joint_names):
         stated = sheet.units.get(names[-1])
         units: tuple[str, ...] = ("rad", "deg")
         if stated in units:
@@ -437,23 +496,26 @@ def joints(sheet: Sheet, robot: str, joint_names: Sequence[str]) -> Iterator[Rea
             units = ("deg",)
         for unit in units:
             targets = {f"q{j}": name for j, name in enumerate(names, 1)}
-            yield Reading(f"joints of {robot} in {unit}", targets, unit, robot=robot)
+            kind = f"joints of {robot} in {unit}"
+            yield Reading(kind, targets, unit, robot=robot, named=named)
 
 
-def _joint_columns(sheet: Sheet, joint_names: Sequence[str]) -> Iterator[Sequence[str]]:
-    """Groups of columns, one for each joint of a robot."""
+def _joint_columns(
+    sheet: Sheet, joint_names: Sequence[str]
+) -> Iterator[tuple[Sequence[str], bool]]:
+    """Groups of columns, one for each joint of a robot, and whether their names say so."""
     count = len(joint_names)
     of_joints = [_of_joint(sheet, name) for name in joint_names]
     if all(len(hits) == 1 for hits in of_joints):
-        yield [hits[0] for hits in of_joints]
+        yield [hits[0] for hits in of_joints], True
     elif "q1" in sheet.roles:
         named = [sheet.roles[f"q{j}"] for j in range(1, count + 1) if f"q{j}" in sheet.roles]
         if len(named) == count and f"q{count + 1}" not in sheet.roles:
-            yield named
+            yield named, True
     else:
-        for names in sheet.windows(count):
+        for names in sheet.windows(count, "angle", "length"):
             if max(sheet.largest[name] for name in names) < _MOST_ANGLE:
-                yield names
+                yield names, False
 
 
 def _of_joint(sheet: Sheet, name: str) -> list[str]:

@@ -1,0 +1,255 @@
+"""Clocks: stamps in text, whole nanoseconds, even steps, and values at the times of another clock.
+
+Times are whole nanoseconds while they are read: an epoch time in µs has 16 digits; a float of
+seconds would lose the last of them.
+"""
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from datetime import UTC, datetime, time, timedelta
+
+import numpy as np
+import pyarrow as pa
+from scipy.spatial.transform import Rotation, Slerp
+
+from wrenchbed.data.recording import QUATERNION, joint_columns
+from wrenchbed.errors import MapError
+
+PER_S = 1e9
+"""Nanoseconds in a second."""
+JITTER = 0.02
+"""Steps that differ by less than this fraction are even; as `calibrate` demands of a motion."""
+_GAP = 3.5
+"""A step of more than so many usual ones is a gap: over two lost frames in a row a straight line is
+the joints' path."""
+_DEGREE, _TRIED = 5, 40
+"""Degree of the polynomial that fills a gap through as long a stretch on both sides, and stretches
+without a gap on which it is tried first."""
+_LONGEST_S = 0.05
+"""Longest gap that may be filled [s]: of all but the joints straight lines fill it, which are off
+by 3 % of the amplitude of what repeats every half second."""
+_LOST, _SMOOTHER = 1.7, 0.5
+"""Step over the mean one from which a row was lost in between; and the ratio of squared bends of
+the joints' path, by rows over by stamps, below which the rows were read evenly: either is larger
+where its clock is not the true one."""
+_LATEST_S = 9e9
+"""Largest time [s], in the year 2255: a larger one is in another unit."""
+_MARK = re.compile(r"(:\d\d:\d\d)[:,](?=\d)")
+"""Where some programs write a colon or comma before the parts of a second."""
+_DAY = 86_400 * 1_000_000_000
+"""A day [ns]."""
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def nanoseconds_of(column: pa.ChunkedArray) -> np.ndarray | None:
+    """Times (N,) [ns] since 1970 that a column of stamps or text gives; None if it is neither.
+
+    Without days midnight is passed where the time of day falls back by more than half a day.
+    """
+    kind = column.type
+    if column.null_count or not len(column):
+        return None
+    if pa.types.is_timestamp(kind):
+        stamps = column.cast(pa.timestamp("ns", kind.tz)).cast(pa.int64())
+        return np.asarray(stamps.to_numpy())
+    if not pa.types.is_string(kind) and not pa.types.is_time(kind):
+        return None
+    try:
+        moments = [_moment(str(text)) for text in column.to_pylist()]
+    except ValueError:
+        return None
+    t = np.array([(m - _EPOCH) // timedelta(microseconds=1) for m in moments]) * 1_000
+    if max(moments) - _EPOCH > timedelta(days=1):
+        return t
+    passed = np.cumsum(np.diff(t, prepend=t[0]) < -_DAY // 2)
+    return np.asarray(t + _DAY * passed)
+
+
+def _moment(text: str) -> datetime:
+    """The moment of a stamp, on the first of January 1970 if it has no day.
+
+    Raises:
+        ValueError: it is none.
+    """
+    text = _MARK.sub(r"\1.", text.strip().replace("/", "-"))
+    if ":" not in text:
+        raise ValueError(f"{text} is no stamp of time")
+    try:
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        moment = datetime.combine(_EPOCH.date(), time.fromisoformat(text))
+    return moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+
+
+def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.ndarray:
+    """Times (N,) [ns] of a column of whole numbers or floats.
+
+    Args:
+        values: of the column (N,).
+        zero: what it shows at time 0.
+        size: of its unit [s].
+        where: file and column, for messages.
+
+    Raises:
+        MapError: the clock does not advance, or is not in this unit.
+    """
+    if values.dtype.kind in "iu":
+        t = (values.astype(np.int64) - round(zero)) * round(size * PER_S)
+    else:
+        seconds = (values - zero) * size
+        if np.abs(seconds).max(initial=0.0) > _LATEST_S:
+            raise MapError(f"{where}: {seconds[-1]:.4g} s is no time: give the unit of the clock")
+        t = np.rint(seconds * PER_S).astype(np.int64)
+    bad = np.flatnonzero(np.diff(t) <= 0)
+    if len(bad):
+        raise MapError(f"{where}, row {bad[0] + 1}: the clock does not advance")
+    return np.asarray(t)
+
+
+def even_clock(t: np.ndarray, bridged: float = 0.0) -> tuple[np.ndarray, str] | None:
+    """The even clock (M,) [s] nearest to a clock (N,) [s], without times in gaps, and what was done
+    in words; None if the clock is even already, or too short.
+
+    Args:
+        t: clock.
+        bridged: longest step that is no gap [s], however many frames are lost in it.
+    """
+    step = np.diff(t)
+    if len(step) < 2:
+        return None
+    usual = float(np.median(step))
+    # mean step of rows that follow each other: less than a frame is lost between them
+    h = float(step[(step > 0.5 * usual) & (step < 1.5 * usual)].mean())
+    if np.abs(step - h).max() <= JITTER * h:
+        return None
+    most = max(_GAP * usual, bridged)
+    breaks = np.flatnonzero(step > most)
+    parts = []
+    for begin, end in zip([0, *(breaks + 1)], [*breaks, len(t) - 1], strict=True):
+        first = np.ceil((t[begin] - t[0]) / h - 1e-6)
+        last = np.floor((t[end] - t[0]) / h + 1e-6)
+        parts.append(t[0] + h * np.arange(first, last + 1))
+    inside = step[step <= most]
+    sentence = (
+        f"steps of {1e3 * inside.min():.3g} … {1e3 * inside.max():.3g} ms resampled to "
+        f"{1.0 / h:.6g} Hz"
+    )
+    if dropped := int(np.maximum(np.rint(inside / usual) - 1, 0).sum()):
+        sentence += f", {dropped} dropped frames interpolated"
+    if len(breaks):
+        sentence += f", {len(breaks)} gaps of {step[breaks].sum():.3g} s in all kept"
+    return np.concatenate(parts), sentence
+
+
+def at_times(data: Mapping[str, np.ndarray], t: np.ndarray) -> dict[str, np.ndarray]:
+    """Columns, ``t`` among them, interpolated to times (M,): linearly, orientations along the
+    shortest rotation, whole numbers from the nearest row."""
+    old = data["t"]
+    columns: dict[str, np.ndarray] = {}
+    if QUATERNION[0] in data:
+        q = Rotation.from_quat(np.stack([data[c] for c in QUATERNION], axis=-1), scalar_first=True)
+        turned = Slerp(old, q)(np.clip(t, old[0], old[-1]))
+        columns |= quaternion_columns(turned)
+    nearest = np.searchsorted((old[1:] + old[:-1]) / 2.0, t, side="right")
+    for name, values in data.items():
+        if name not in ("t", *QUATERNION):
+            whole = name in ("segment", "status") or values.dtype.kind in "iu"
+            columns[name] = values[nearest] if whole else np.interp(t, old, values)
+    return columns
+
+
+def quaternion_columns(rotation: Rotation) -> dict[str, np.ndarray]:
+    """Columns qw qx qy qz (N,), qw ≥ 0."""
+    q = rotation.as_quat(canonical=True, scalar_first=True)
+    return dict(zip(QUATERNION, q.T, strict=True))
+
+
+def unwrapped(
+    data: dict[str, np.ndarray], joints: Collection[str]
+) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """A motion whose joints turn on where their reports pass from π to −π, and which these are."""
+    turned_on = dict[str, np.ndarray]()
+    for name in joints:
+        path = np.unwrap(data[name])
+        if np.abs(path - data[name]).max(initial=0.0) > np.pi:
+            turned_on[name] = path
+    notes = [f"{name} passes ±180°: unwrapped" for name in sorted(turned_on)]
+    return data | turned_on, tuple(notes)
+
+
+def evened(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[str, ...]]:
+    """A motion of joints on an even clock, whose acceleration can be taken; and what was done."""
+    joints = joint_columns(data)
+    if not joints or len(data["t"]) < 2:
+        return data, ()
+    t, steps = data["t"], np.diff(data["t"])
+    q = np.stack([data[name] for name in joints], axis=1)
+    clock = even_clock(t, _longest_known(t, q))
+    if clock is None:
+        return data, ()
+    if steps.max() < _LOST * steps.mean() and _read_evenly(data, joints):
+        own = t[0] + np.arange(len(t)) * steps.mean()
+        late = 1e3 * float(np.abs(t - own).max())
+        words = f"stamps are late by up to {late:.2g} ms, the joints move by even steps of "
+        words += f"{1e3 * steps.mean():.6g} ms: their own clock restored"
+        return data | {"t": own}, (words,)
+    t, sentence = clock
+    path = _bridged(data["t"], q, t)
+    return {"t": t} | at_times(data, t) | dict(zip(joints, path.T, strict=True)), (sentence,)
+
+
+def _read_evenly(data: Mapping[str, np.ndarray], joints: Sequence[str]) -> bool:
+    """Whether joints bend much less from row to row than by their stamps: these then are of the
+    rows' arrival."""
+    step = np.diff(data["t"])
+    by_row = by_stamp = 0.0
+    for name in joints:
+        way = np.diff(data[name])
+        by_row += float((np.diff(way) ** 2).sum())
+        by_stamp += float((np.diff(way / step * step.mean()) ** 2).sum())
+    return by_row < _SMOOTHER * by_stamp
+
+
+def _longest_known(t: np.ndarray, q: np.ndarray) -> float:
+    """Longest gap [s] between times (N,) that may be filled; 0 if there is none.
+
+    Polynomials fill stretches of its length, of which the joint values (N, J) are known, with
+    errors of at most twice those of a straight line over every second row, by noise or by bends.
+    """
+    step, longest = np.diff(t), 0.0
+    most = _GAP * float(np.median(step))
+    line = ((q[1:-1] - (q[:-2] + q[2:]) / 2.0) ** 2).mean(axis=0)
+    for gap in np.sort(step[(step > most) & (step < _LONGEST_S)]):
+        error = list[np.ndarray]()
+        for middle in np.linspace(t[0] + 1.5 * gap, t[-1] - 1.5 * gap, _TRIED):
+            rows = np.flatnonzero(np.abs(t - middle) < 1.5 * gap)
+            near = rows[np.abs(t[rows] - middle) > 0.5 * gap]
+            if len(near) > 2 * _DEGREE and np.diff(t[rows]).max() < most:
+                hidden = np.setdiff1d(rows, near)
+                filled = _through(t[near], q[near], t[hidden])
+                error.append(((q[hidden] - filled) ** 2).mean(axis=0))
+        if not error or (np.mean(error, axis=0) > 4.0 * line).any():
+            break
+        longest = float(gap)
+    return longest
+
+
+def _through(t: np.ndarray, q: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Values (M, J) at times (M,) of the polynomials through values (N, J) at times (N,)."""
+    middle, half = (t[0] + t[-1]) / 2.0, (t[-1] - t[0]) / 2.0
+    powers = np.polynomial.polynomial.polyvander((t - middle) / half, _DEGREE)
+    slopes = np.linalg.lstsq(powers, q, rcond=None)[0]
+    return np.polynomial.polynomial.polyvander((at - middle) / half, _DEGREE) @ slopes
+
+
+def _bridged(old: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Joint values (N, J) of times (N,) at times (M,), in gaps by a polynomial through the rows on
+    both sides."""
+    step = np.diff(old)
+    result = np.stack([np.interp(t, old, x) for x in q.T], axis=1)
+    for k in np.flatnonzero(step > _GAP * np.median(step)):
+        inside = (t > old[k]) & (t < old[k + 1])
+        near = (old > old[k] - step[k]) & (old < old[k + 1] + step[k])
+        if inside.any() and near.sum() > 2 * _DEGREE:
+            result[inside] = _through(old[near], q[near], t[inside])
+    return result
