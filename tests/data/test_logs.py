@@ -127,3 +127,11 @@ def test_messages_of_another_publisher_on_the_same_topic_are_left_out_and_counte
     with pytest.warns(wb.errors.WrenchbedWarning, match="4 of 6 messages .* another publisher's"):
         found = table(tmp_path / "a.mcap", "/joint_states", ["position.elbow"])
     assert found["position.elbow"].to_pylist() == [0.0, 3.0]
+
+
+def test_messages_without_a_stamp_come_in_by_the_times_of_their_logging(tmp_path):
+    nothing = {"header": {"stamp": {"sec": 0, "nanosec": 0}}, "wrench": {"force": {"x": 1.5}}}
+    json_log(tmp_path / "a.mcap", (("/wrench", nothing, 7 + 10 * k) for k in range(3)))
+    with pytest.warns(wb.errors.WrenchbedWarning, match="no stamp: the times of their logging"):
+        found = table(tmp_path / "a.mcap", "/wrench", ["stamp", "wrench.force.x"])
+    assert found["stamp"].to_pylist() == [7, 17, 27]

@@ -7,6 +7,7 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
+import plain_ur5
 import wrenchbed as wb
 from continuous_log import TRUTH, How, log, random_how
 from wrenchbed.cli import main
@@ -114,6 +115,27 @@ def test_a_motion_without_a_hold_is_no_log_of_poses():
     t = np.arange(2000) / 100.0
     with pytest.raises(RecordingError, match=r"nothing rests for 0.4 s; .* mode = 'dynamic'"):
         split(of_joints(np.stack([np.sin(0.5 * t + j) for j in range(6)], axis=1)))
+
+
+@pytest.mark.parametrize("back", [False, True], ids=["one way", "there and back"])
+def test_slow_turning_of_one_joint_is_as_good_as_rest_where_nothing_rests(tmp_path, back, capsys):
+    """A UR5 of plain numpy that turns joint 5 within a minute; it comes to rest at most once."""
+    rng, t = np.random.default_rng(3), np.arange(6000) / 100.0
+    q = np.tile([0.3, -1.2, 1.4, -0.8, 0.6, 0.2], (len(t), 1))
+    q[:, 4] = 0.6 + 1.5 * np.sin(np.pi * t / 60.0) if back else -1.2 + 0.05 * t
+    turn = np.array([plain_ur5.flange(x)[:3, :3] for x in q])
+    force = plain_ur5.MASS * plain_ur5.GRAVITY @ turn
+    load = np.hstack([force, np.cross(plain_ur5.COG, force)])
+    load += plain_ur5.NOISE * rng.normal(size=load.shape)
+    columns = {"t": t} | {f"q{j + 1}": q[:, j] for j in range(6)}
+    columns |= dict(zip(CHANNELS, load.T, strict=True))
+    out = tmp_path / "rec.parquet"
+    recording = Recording(Metadata("ur5", "dynamic"), columns)
+    assert main(["import", *save(tmp_path, recording), "--out", str(out)]) == 0
+    assert "rows turn slowly enough to show gravity alone" in capsys.readouterr().out
+    fit = {v.name: v for v in wb.calibrate(wb.Recording.read(out)).identified}
+    assert fit["tool.mass"].value == pytest.approx(plain_ur5.MASS, abs=5.0 * fit["tool.mass"].std)
+    assert fit["tool.mass"].std < 1e-3
 
 
 def test_a_slow_creep_is_no_hold():

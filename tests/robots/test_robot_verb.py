@@ -244,6 +244,20 @@ def test_what_is_no_arm_is_refused_in_one_line(what, tmp_path, capsys):
     assert str(tmp_path / "a.urdf") in errors[0]
 
 
+def test_a_mimic_joint_of_the_gripper_stands_at_its_offset(tmp_path):
+    inertia = '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>'
+    fingers = "".join(
+        f'<joint name="{name}" type="prismatic"><parent link="t"/><child link="{name}l"/>'
+        f'<axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/>{more}</joint>'
+        f'<link name="{name}l"><inertial><mass value="0.5"/>{inertia}</inertial></link>'
+        for name, more in (("g", ""), ("m", '<mimic joint="g" multiplier="-1" offset="0.04"/>'))
+    )
+    text = URDF.format(kind="revolute", more="", rest=fingers)
+    assert refused(tmp_path, text, "t") == (0, True)
+    load = read(tmp_path / "my.toml").description.load
+    assert [load.mass, load.cog[0]] == pytest.approx([1.5, 0.5 * 0.04 / 1.5])
+
+
 def plain_arm(tmp_path, frame="t"):
     """The TOML of an arm of one joint."""
     assert refused(tmp_path, URDF.format(kind="revolute", more="", rest=""), frame) == (0, True)

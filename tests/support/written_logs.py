@@ -4,6 +4,7 @@ The load is m·g in plain numpy: nothing here comes from the code that guesses.
 """
 
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -84,14 +85,8 @@ def write(folder: Path, seed: int, named: bool | None = None) -> Written:
         mount = Rotation.identity()
     sensor = flange * mount
     gravity = G * sensor.inv().apply(down)
-    mass = float(rng.uniform(0.3, 4.0))
-    cog = rng.uniform([-0.05, -0.05, 0.01], [0.05, 0.05, 0.11])
-    bias = rng.normal(0, 1, 6) * [6, 6, 6, 0.3, 0.3, 0.3]
-    load = np.hstack([mass * gravity, np.cross(cog, mass * gravity)]) + bias
     compensated = named is not None and wide.random() < 0.05
-    if compensated:
-        load = np.tile(bias, (len(load), 1))
-    load = load + rng.normal(0, 1, load.shape) * np.repeat([0.05, 2e-3], 3)
+    mass, load = _load(rng, gravity, compensated)
     sign = -1.0 if rng.random() < 0.3 else 1.0
     unit = str(rng.choice(["N", "kgf", "gf", "lbf"], p=[0.6, 0.15, 0.1, 0.15]))
     headed = int(rng.integers(4))
@@ -119,6 +114,16 @@ def write(folder: Path, seed: int, named: bool | None = None) -> Written:
     )
     mappable = not compensated and unit != "counts"
     return Written(files, gravity, load, mass, text, quantities, robot, mappable)
+
+
+def _load(rng, gravity: np.ndarray, compensated: bool):
+    """Mass of a tool [kg] and the readings (N, 6) under its weight, which may be subtracted."""
+    mass = float(rng.uniform(0.3, 4.0))
+    cog = rng.uniform([-0.05, -0.05, 0.01], [0.05, 0.05, 0.11])
+    bias = rng.normal(0, 1, 6) * [6, 6, 6, 0.3, 0.3, 0.3]
+    load = np.hstack([mass * gravity, np.cross(cog, mass * gravity)])
+    load = (0.0 if compensated else 1.0) * load + bias
+    return mass, load + rng.normal(0, 1, load.shape) * np.repeat([0.05, 2e-3], 3)
 
 
 def _beside(rng, n: int):
@@ -221,9 +226,10 @@ def _files(rng, folder, layout, headed, unit, data, names, beside):
     quantities = dict[str, dict[str, str]]()
 
     def save(name, *blocks):
-        header, values = sum((b[0] for b in blocks), []), np.hstack([b[1] for b in blocks])
-        kinds = sum((b[2] for b in blocks), [])
-        quantities[name] = dict(zip(header or map(str, range(1, len(kinds) + 1)), kinds))
+        headers, parts, kinds = (list(some) for some in zip(*blocks, strict=True))
+        header, values = list(chain(*headers)), np.hstack(parts)
+        columns = header or map(str, range(1, values.shape[1] + 1))
+        quantities[name] = dict(zip(columns, chain(*kinds), strict=True))
         lines = [separator.join(header)] if header else []
         for row in values:
             cells = [f"{x:.10g}" for x in row]

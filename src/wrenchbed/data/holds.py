@@ -51,9 +51,9 @@ _SAME = 1e-3
 """Difference [rad or m] below which two adjacent rests are one: an encoder's flicker; what gravity
 shows of it is below any noise."""
 _SLOW, _SLOWLY, _SLOW_S = 0.1, 0.03, 0.5
-"""Where hardly anything rests, rows slower than this [rad/s or m/s] whose speed changes by less than this
-[rad/s² or m/s²] over windows of this length [s] show gravity alone: 1.3 kg at 0.5 m from the axis
-pull with 7 mN by the first and 20 mN by the second, below the noise of a usual sensor's row."""
+"""Where hardly anything rests, rows slower than this [rad/s or m/s] whose speed changes by less
+than this [rad/s² or m/s²] over windows of this length [s] show gravity alone: 1.3 kg at 0.5 m from
+the axis pull with 7 mN by the first and 20 mN by the second, less than a usual row's noise."""
 _BLOCK_S = 0.1
 """The tool's vibration after a move is judged over means of this length [s]: a few periods."""
 _ENOUGH_TO_MOVE, _MOST_SINGLE, _NEXT = 200, 0.3, 0.01
@@ -222,7 +222,7 @@ class Split:
         n, s = len(self.seconds), self.seconds
         if self.slow:
             rows = int((self.hold >= 0).sum())
-            return f"hardly anything rests, but {rows} rows turn so slowly that they show gravity alone"
+            return f"hardly anything rests; {rows} rows turn slowly enough to show gravity alone"
         low, middle, high = float(s.min()), float(np.median(s)), float(s.max())
         length = f"{middle:.2g} s"
         if high - low > 0.2 * middle:

@@ -10,8 +10,9 @@ from scipy.spatial.transform import Rotation
 from wrenchbed.data.holds import means_of
 from wrenchbed.errors import MapError
 
-_SIGMAS = 8.0
-"""Usual changes from row to row beyond which a change is a move."""
+_SIGMAS, _MOST_AT_REST = 4.0, 0.9
+"""Usual changes from row to row beyond which a change is a move: the largest of 600 rows of noise
+is 2.5; and least share of the rows that poses hold."""
 _LEAST_POSES, _SPREAD = 8, 0.05
 """Fewest poses that show an accelerometer's zero, twice its four unknowns; and least share of the
 directions' power along each axis, below which they do not surround it."""
@@ -22,8 +23,8 @@ _EARTH, _FAR = 9.81, 0.1
 
 
 def held(read: np.ndarray) -> np.ndarray | None:
-    """First row and end (G, 2) of each pose of rows at rest (N, 3); None where rows lie between
-    poses, in moves.
+    """First row and end (G, 2) of each pose of rows at rest (N, 3); None where many rows lie
+    between poses, in moves.
 
     A pose may have one row or many; of many, the changes from row to row show the noise.
     """
@@ -38,8 +39,8 @@ def held(read: np.ndarray) -> np.ndarray | None:
     third = np.maximum(np.diff(groups, axis=1)[:, 0] // 3, 1)
     begin = means_of(read, groups[:, 0], groups[:, 0] + third)
     end = means_of(read, groups[:, 1] - third, groups[:, 1])
-    creep = np.abs(end - begin).max(axis=1) / np.sqrt(1.0 / third)
-    return groups if (creep < _SIGMAS * usual).all() else None
+    still = groups[np.abs(end - begin).max(axis=1) * np.sqrt(third) < _SIGMAS * usual]
+    return still if np.diff(still, axis=1).sum() > _MOST_AT_REST * len(read) else None
 
 
 def upright(read: np.ndarray) -> tuple[Rotation, np.ndarray, np.ndarray]:

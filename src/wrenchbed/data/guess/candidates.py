@@ -20,7 +20,6 @@ from wrenchbed.data.guess.sheets import (
     wrenches,
 )
 from wrenchbed.data.guess.stated import Stated
-from wrenchbed.data.holds import means_of
 from wrenchbed.data.tilt import held, upright
 from wrenchbed.errors import WrenchbedError
 
@@ -66,8 +65,9 @@ class Pairing:
         by the clocks if both tables have one."""
         load, sheet = self.load, self.sheet
         values = sheet.block(reading.names).astype(float)
-        if reading.is_tilt and (groups := held(values)) is not None:  # a pose has one orientation
-            values = np.repeat(means_of(values, *groups.T), np.diff(groups, axis=1)[:, 0], axis=0)
+        groups = held(values) if reading.is_tilt else None
+        for group in () if groups is None else groups:
+            values[slice(*group)] = values[slice(*group)].mean(axis=0)  # a pose has one orientation
         if sheet is load or load.clock is None or sheet.clock is None:
             return np.asarray(values[self.at])
         return np.stack([np.interp(load.clock.t, sheet.clock.t, c) for c in values.T], axis=1)
