@@ -32,6 +32,8 @@ _LOST, _SMOOTHER = 1.7, 0.5
 """Step over the mean one from which a row was lost in between; and the ratio of squared bends of
 the joints' path, by rows over by stamps, below which the rows were read evenly: either is larger
 where its clock is not the true one."""
+_FASTEST = 10.0
+"""Top speed of arms' joints [rad/s]: a faster step is a report that passed from π to −π."""
 _LATEST_S = 9e9
 """Largest time [s], in the year 2255: a larger one is in another unit."""
 _MARK = re.compile(r"(:\d\d:\d\d)[:,](?=\d)")
@@ -170,9 +172,11 @@ def unwrapped(
     """A motion whose joints turn on where their reports pass from π to −π, and which these are."""
     turned_on = dict[str, np.ndarray]()
     for name in joints:
-        path = np.unwrap(data[name])
-        if np.abs(path - data[name]).max(initial=0.0) > np.pi:
-            turned_on[name] = path
+        steps = np.diff(data[name])
+        turns = np.round(steps / (2.0 * np.pi))
+        turns[np.abs(steps) < _FASTEST * np.diff(data["t"])] = 0.0  # the joint may have gone there
+        if turns.any():
+            turned_on[name] = data[name] - 2.0 * np.pi * np.append(0.0, np.cumsum(turns))
     notes = [f"{name} passes ±180°: unwrapped" for name in sorted(turned_on)]
     return data | turned_on, tuple(notes)
 
