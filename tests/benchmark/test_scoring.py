@@ -14,7 +14,7 @@ from wrenchbed.benchmark.scoring.metrics import (
     METRICS,
     effect_cells,
     figure,
-    figure_cells,
+    figures,
     matched,
     probability,
     right,
@@ -131,15 +131,13 @@ def test_intervals_hold_the_value_and_shrink():
 
 
 def test_tables_say_what_was_scored():
-    head, lines = figure_cells(ROWS, [OURS], METRICS, "ours")
-    assert head == ["", "target", "ours (95 %)", "n"]
-    title = "isolation: a claimed class holds the effect"
-    assert lines[0] == [title, "≥ 95 %", "67 % (9–99)", "2 of 3"]
+    isolation = figures(ROWS, [OURS])[OURS]["isolation"]
+    assert METRICS["isolation"].text(isolation) == "67 % (9–99)" and isolation.counted == "2 of 3"
     joint = row("single", named(("drive.viscous.3",)), "drive.coulomb.2")
     lines = effect_cells([*ROWS, joint])[1]
     assert ["base.tilt", "2", "4", "2", "0", "0", "–"] in lines
     assert ["drive.coulomb", "1", "4", "0", "0", "0", "drive.viscous 1"] in lines
-    assert ["4–8", "3", "67 %", "67 %"] in size_cells(ROWS, [OURS])[1]
+    assert ["4–8", "3", "67 %", "67 %"] in size_cells(ROWS)[1]
 
 
 @pytest.mark.parametrize("effect", ["base.tilt", "mount.rotation", "joint.offset", "sensor.gain"])

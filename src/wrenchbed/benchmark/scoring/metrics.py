@@ -258,6 +258,8 @@ def _closed(truth: Answer, claim: Claim) -> Sequence[float] | None:
     return (float(np.clip(closed, -1, 1)), float(np.clip(oracle, -1, 1)))
 
 
+Figures = Mapping[str, Mapping[str, ScoredMetric | None]]
+"""Every metric by method and name, None where no case counts."""
 METRICS = {
     "isolation": share(
         "isolation: a claimed class holds the effect", "≥ 95 %", _visible, isolated
@@ -321,20 +323,15 @@ METRICS = {
 # ---- tables --------------------------------------------------------------------------------------
 
 
-def figure_cells(
-    rows: Sequence[CaseRow], methods: Sequence[str], metrics: Mapping[str, Metric], main: str
-) -> Cells:
-    """Target, figure of the main method and each other's, one line a metric."""
-    others = [m for m in methods if m != OURS]
-    lines = []
-    for metric in metrics.values():
-        scored = figure(metric, rows)
-        theirs = [
-            "–" if metric.ours else metric.text(figure(metric, rows, m), wide=False) for m in others
-        ]
-        count = "" if scored is None else scored.counted
-        lines.append([metric.title, metric.target, metric.text(scored), count, *theirs])
-    return ["", "target", f"{main} (95 %)", "n", *others], lines
+def figures(rows: Sequence[CaseRow], methods: Sequence[str]) -> Figures:
+    """Every metric of every method, by both names; none of those that only the diagnosis states."""
+    return {
+        method: {
+            key: None if metric.ours and method != OURS else figure(metric, rows, method)
+            for key, metric in METRICS.items()
+        }
+        for method in methods
+    }
 
 
 def effect_cells(rows: Sequence[CaseRow]) -> Cells:
@@ -364,19 +361,15 @@ def _without_joint(name: str) -> str:
     return name.rstrip("0123456789").rstrip(".")
 
 
-def size_cells(rows: Sequence[CaseRow], methods: Sequence[str], main: str = OURS) -> Cells:
+def size_cells(rows: Sequence[CaseRow]) -> Cells:
     """Table cells of the shares of single effects that show in means, by the gap that they add:
-    noticed (any answer but none) and isolated; ``main`` is the name of the diagnosis."""
-    names = [main if m == OURS else m for m in methods]
-    heads = [f"{name}: {what}" for name in names for what in ("noticed", "isolated")]
+    noticed (any answer but none) and isolated."""
     singles = [r for r in rows if r.truth.kind == "single" and not r.truth.causes[0].rows]
     lines = []
     for low, high in pairwise(EDGES):
-        cases = [r for r in singles if low <= r.truth.causes[0].gap < high]
-        claims = [[(r.truth, r.claims[m]) for r in cases] for m in methods]
-        hits = [[(c.verdict != NONE, isolated(t, c)) for t, c in of_method] for of_method in claims]
-        parts = [100 * np.mean(part) for each in hits for part in zip(*each, strict=True)]
-        cells = [f"{part:.0f} %" for part in parts] or ["–"] * len(heads)
+        cases = [(t, c[OURS]) for t, c in singles if low <= t.causes[0].gap < high]
+        hits = [(c.verdict != NONE, isolated(t, c)) for t, c in cases]
+        parts = [f"{100 * np.mean(part):.0f} %" for part in zip(*hits, strict=True)]
         span = f"{low:g}–{high:g}" if np.isfinite(high) else f"> {low:g}"
-        lines.append([span, str(len(cases)), *cells])
-    return ["gap", "n", *heads], lines
+        lines.append([span, str(len(cases)), *(parts or ["–", "–"])])
+    return ["gap", "n", "noticed", "isolated"], lines

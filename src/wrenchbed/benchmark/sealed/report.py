@@ -5,13 +5,14 @@ It says how good an entrant is, how far its probabilities hold, and how small an
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from wrenchbed.benchmark.scoring import metrics
 from wrenchbed.benchmark.scoring.case_rows import OURS, CaseRow
+from wrenchbed.benchmark.scoring.metrics import METRICS, Figures
 from wrenchbed.benchmark.sealed.score import ORACLE, Score
 from wrenchbed.pages.document import Card, Document, Section, Table, provenance
 
@@ -53,12 +54,16 @@ def page(score: Score, command: str = "") -> Document:
     )
     title = f"Sealed benchmark: {score.main} on {len(rows)} robots ({some.robot}, {some.mode})"
     about = _ORACLE if ORACLE in score.beside else ""
-    methods = [OURS, *score.beside]
-    head, lines = metrics.figure_cells(rows, methods, metrics.METRICS, score.main)
-    judged = [(m, metrics.figure(m, rows, OURS)) for m in metrics.METRICS.values()]
-    marks = ["" if scored is None else marked(m, scored) for m, scored in judged]
-    for cells, mark in zip(lines, marks, strict=True):
-        cells[1] = f"{cells[1]} {mark}".rstrip()
+    figures = metrics.figures(rows, (OURS, *score.beside))
+    marks = {k: marked(m, x) for k, m in METRICS.items() if (x := figures[OURS][k]) is not None}
+    head = ["", "target", f"{score.main} (95 %)", "n", *score.beside]
+    lines = []
+    for key, metric in METRICS.items():
+        scored = figures[OURS][key]
+        beside = [metric.text(figures[m][key], wide=False) for m in score.beside]
+        target = f"{metric.target} {marks.get(key, '')}".rstrip()
+        count = "" if scored is None else scored.counted
+        lines.append([metric.title, target, metric.text(scored), count, *beside])
     sections = (
         Section(
             "Figures",
@@ -73,7 +78,7 @@ def page(score: Score, command: str = "") -> Document:
             "single effects are noticed and isolated, against the gap that they add.",
             (
                 _reliability(rows),
-                Table.of("Detection against size", *metrics.size_cells(rows, methods, score.main)),
+                Table.of("Detection against size", *metrics.size_cells(rows)),
             ),
         ),
         Section(
@@ -85,27 +90,30 @@ def page(score: Score, command: str = "") -> Document:
         Section("Wrong answers", "Every case whose first answer is wrong.", (_wrong(rows),)),
     )
     data = [("SHA-256 of the commitments", score.root), *provenance([], command)]
-    missed = [m.title for (m, _), mark in zip(judged, marks, strict=True) if mark == "✗"]
-    return Document(title, lead, sections, "", summary(score), data, (_targets(marks, missed),))
+    card = _targets(marks)
+    return Document(title, lead, sections, "", summary(score, figures), data, (card,))
 
 
-def _targets(marks: Sequence[str], missed: Sequence[str]) -> Card:
-    """Card of the targets met."""
-    total, open_ = sum(map(bool, marks)), sum("(" in mark for mark in marks)
+def _targets(marks: Mapping[str, str]) -> Card:
+    """Card of the targets met, from the mark of each metric."""
+    total, open_ = sum(map(bool, marks.values())), sum("(" in mark for mark in marks.values())
+    missed = [METRICS[key].title for key, mark in marks.items() if mark == "✗"]
     remark = f"For {open_} of them the cases are too few: the interval allows met and missed."
     if not open_:
         remark = "Every one of them beyond its 95 % interval."
     if missed:
         remark += f" Missed for sure: {'; '.join(missed)}."
-    return Card("Targets", f"{sum('✓' in mark for mark in marks)} of {total} met", remark)
+    met = sum("✓" in mark for mark in marks.values())
+    return Card("Targets", f"{met} of {total} met", remark)
 
 
 def marked(metric: metrics.Metric, scored: metrics.ScoredMetric) -> str:
     """✓ or ✗ at its target, in brackets where the interval allows the other; empty without one."""
-    goal = _goal(metric)
-    if goal is None:
+    parts = re.fullmatch(r"([≥≤<]?) ?([\d.]+)(?:–([\d.]+))?( %)?", metric.target)
+    if parts is None:
         return ""
-    low, high = goal
+    low, high = float(parts[2]), float(parts[3] or parts[2])
+    low, high = {"≥": (low, np.inf), "": (low, high)}.get(parts[1], (-np.inf, high))
     scale = 100.0 if metric.percent else 1.0
     value, least, most = (scale * x for x in (scored.value, scored.low, scored.high))
     met = low <= value <= high
@@ -114,38 +122,19 @@ def marked(metric: metrics.Metric, scored: metrics.ScoredMetric) -> str:
     return ("✓" if met else "✗") if exact or sure else ("(✓)" if met else "(✗)")
 
 
-def _goal(metric: metrics.Metric) -> tuple[float, float] | None:
-    """Smallest and largest figure that meets a metric's target, in the unit of the target's text;
-    None if the metric has no target."""
-    parts = re.fullmatch(r"([≥≤<>]?) ?([\d.]+)(?:–([\d.]+))?( %)?", metric.target)
-    if parts is None:
-        return None
-    x = float(parts[2])
-    ends = {
-        "≥": (x, np.inf), ">": (np.nextafter(x, np.inf), np.inf), "≤": (-np.inf, x),
-        "<": (-np.inf, np.nextafter(x, -np.inf)), "": (x, float(parts[3] or x)),
-    }  # fmt: skip
-    return ends[parts[1]]
-
-
-def summary(score: Score) -> dict[str, object]:
+def summary(score: Score, figures: Figures | None = None) -> dict[str, object]:
     """Every figure by entrant and name: value, 95 % interval and count."""
+    known = figures or metrics.figures(score.rows, (OURS, *score.beside))
     result: dict[str, object] = {
         "cases": len(score.rows), "unclaimed": score.unclaimed, "commitments": score.root,
         "main": score.main,
     }  # fmt: skip
-    for method in (OURS, *score.beside):
-        entries = {}
-        for key, metric in metrics.METRICS.items():
-            scored = (
-                None
-                if metric.ours and method != OURS
-                else metrics.figure(metric, score.rows, method)
-            )
-            if scored is not None:
-                ends = [scored.low, scored.high]
-                entries[key] = {"value": scored.value, "ci95": ends, "n": scored.count}
-        result[score.main if method == OURS else method] = entries
+    for method, scored in known.items():
+        result[score.main if method == OURS else method] = {
+            key: {"value": x.value, "ci95": [x.low, x.high], "n": x.count}
+            for key, x in scored.items()
+            if x is not None
+        }
     return result
 
 
