@@ -14,12 +14,12 @@ from wrenchbed.pages.document import Document, Figure, Section, Table, render
 from wrenchbed.planning.criteria import INDICES
 from wrenchbed.planning.exchange import Pool, exchange
 from wrenchbed.simulation.simulation import Simulation
-from wrenchbed.studies import medrue, ur5_methods
+from wrenchbed.studies import medrue
 from wrenchbed.studies import medrue_identification as identification
 from wrenchbed.studies import medrue_setting as published
 from wrenchbed.studies.medrue_identification import as_the_paper, weighted
 from wrenchbed.studies.medrue_setting import MINI40, PAPER, SAMPLES, PoseDesign, prepare
-from wrenchbed.studies.ur5_methods import SCENARIOS
+from wrenchbed.studies.ur5 import SCENARIOS, geometric_mean, trial
 
 
 @pytest.fixture(scope="module")
@@ -143,12 +143,12 @@ def test_the_medrue_study_runs_from_pool_to_page(tmp_path, monkeypatch, capfd):
 def overall(trial, method):
     """Geometric means of force and torque over all directions."""
     parts = np.split(trial.residual[method], 2, axis=1)
-    return [ur5_methods.geometric_mean(np.linalg.norm(part, axis=1)) for part in parts]
+    return [geometric_mean(np.linalg.norm(part, axis=1)) for part in parts]
 
 
 @pytest.fixture(scope="module")
 def as_assumed():
-    return ur5_methods.run(SCENARIOS[0], seed=4)
+    return trial(SCENARIOS[0], seed=4)
 
 
 def test_known_weights_and_the_joint_fit_reach_the_floor(as_assumed):
@@ -172,14 +172,12 @@ def test_the_other_methods_leave_what_first_principles_say(as_assumed):
 
 
 def test_what_no_method_models_stays_in_the_joint_fit():
-    wrong = ur5_methods.run(next(s for s in SCENARIOS if "dq5" in s.true), seed=4)
+    wrong = trial(next(s for s in SCENARIOS if "dq5" in s.true), seed=4)
     assert overall(wrong, "joint fit")[0] > 3 * overall(wrong, "exact model")[0]
 
 
 def test_a_wrong_stated_mass_spoils_all_but_the_joint_fit():
-    wrong = ur5_methods.run(
-        next(s for s in SCENARIOS if s.stated_mass != 1.0 and not s.cold), seed=4
-    )
+    wrong = trial(next(s for s in SCENARIOS if s.stated_mass != 1.0 and not s.cold), seed=4)
     floor = overall(wrong, "exact model")[0]
     assert overall(wrong, "Method 1")[0] > 20 * floor
     assert overall(wrong, "joint fit")[0] < 1.5 * floor

@@ -1,5 +1,5 @@
 """Published studies run again: their tables and figures on MuJoCo data, beside what they print.
-May import: campaigns (recording), hardware, planning, calibration, pages and the rooms below them.
+May import: hardware, planning, calibration, pages and the rooms below them.
 Read first: `medrue`, then `ur5`.
 Used by: cli.
 """
