@@ -40,12 +40,7 @@ _SIMPLE: dict[type, tuple[str, Callable[[str], Any]]] = {
     str: ("text", str), bool: ("on or off", lambda word: {"on": True, "off": False}[word]),
 }  # fmt: skip
 """Types of settings that a word can give, in words, and how the word becomes their value."""
-Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
-"""An option without a value."""
-Json = Annotated[
-    bool, tyro.conf.FlagCreatePairsOff,
-    tyro.conf.arg(name="json", help="Print the result as JSON."),
-]  # fmt: skip
+Json = Annotated[bool, tyro.conf.arg(name="json", help="Print the result as JSON.")]
 """Print the result as JSON on stdout; said here once for all verbs."""
 Repeated = tyro.conf.UseAppendAction[tuple[str, ...]]
 """A text option that may be given several times."""

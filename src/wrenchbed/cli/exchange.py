@@ -10,7 +10,7 @@ import tyro
 
 import wrenchbed as wb
 from wrenchbed.cli import console
-from wrenchbed.cli.console import Flag, Json
+from wrenchbed.cli.console import Json
 from wrenchbed.data.column_map import ColumnMap
 from wrenchbed.data.outputs import Kind, keeping
 from wrenchbed.data.recording import Recording
@@ -29,7 +29,7 @@ class RowOptions:
     # says if none.
     mode: Literal["static", "dynamic", "auto"] | None = None
     # Leave out rows that lack a value in a column that is used.
-    skip_incomplete: Flag = False
+    skip_incomplete: bool = False
 
 
 def import_(
@@ -37,10 +37,10 @@ def import_(
     /,
     out: Path,
     stated: wb.Stated,
-    guess: Flag = False,
+    guess: bool = False,
     map: Path | None = None,
     rows_read: RowOptions = RowOptions(),
-    force: Flag = False,
+    force: bool = False,
     as_json: Json = False,
 ) -> None:
     """Bring text files (CSV, …), rosbags, MCAP files and LeRobot data sets in, by a map of columns
@@ -155,7 +155,7 @@ def export(
     numbers: Numbers = Numbers(),
     mjcf: Path | None = None,
     mcap: Path | None = None,
-    force: Flag = False,
+    force: bool = False,
     as_json: Json = False,
 ) -> None:
     """Write a calibration for controllers, ROS 2 or URDF; a twin as MJCF; a recording as MCAP.

@@ -21,7 +21,7 @@ from rich.table import Table
 
 import wrenchbed as wb
 from wrenchbed.cli import console
-from wrenchbed.cli.console import Flag, Json
+from wrenchbed.cli.console import Json
 from wrenchbed.cli.record import DeviceArguments, LimitArguments, ready
 from wrenchbed.cli.small_verbs import compared
 from wrenchbed.data.metadata import stated_robot
@@ -62,11 +62,11 @@ class CheckArguments:
     new_baseline: str | None = None
     samples: int = monthly.SAMPLES  # Rows a pose.
     rate: float = monthly.RATE_HZ  # Sampling rate [Hz].
-    prepare: Flag = False  # Choose the poses, write DIR/plan.parquet, and record nothing.
+    prepare: bool = False  # Choose the poses, write DIR/plan.parquet, and record nothing.
     # Make DIR/history.parquet again from DIR/recordings; the old one is kept with ~.
-    rebuild: Flag = False
-    recover: Flag = False  # Somebody has looked: first clear a protective stop or a drive's fault.
-    yes: Flag = False  # Somebody has looked that the robot may move: ask no more.
+    rebuild: bool = False
+    recover: bool = False  # Somebody has looked: first clear a protective stop or a drive's fault.
+    yes: bool = False  # Somebody has looked that the robot may move: ask no more.
 
 
 def check(
@@ -160,7 +160,7 @@ def live_(
     /,
     device: DeviceArguments = DeviceArguments("rtde"),  # noqa: B008  (tyro reads its defaults)
     run: LiveArguments = LiveArguments(),
-    quiet: Flag = False,
+    quiet: bool = False,
     as_json: Json = False,
 ) -> None:
     """Show the wrench of the surroundings: readings less tool, zero and effects. Moves nothing.

@@ -13,7 +13,7 @@ import wrenchbed as wb
 from wrenchbed.campaigns.moves import Leg, LiveLimits, itinerary, live_limits
 from wrenchbed.campaigns.run import RunProgress
 from wrenchbed.cli import console
-from wrenchbed.cli.console import Flag, Json, Repeated
+from wrenchbed.cli.console import Json, Repeated
 from wrenchbed.data.outputs import Kind
 from wrenchbed.errors import DriverError, ParameterError, PlanError
 from wrenchbed.hardware.drivers.base import Driver
@@ -135,17 +135,17 @@ class RunArguments:
     samples: int = 100  # Rows a pose.
     rate: float | None = None  # Sampling rate [Hz]; the plan's, else 100 at rest and 125 in motion.
     # Check every move, show the campaign, and record it in simulation instead.
-    dry_run: Flag = False
-    resume: Flag = False  # Go on with the stopped campaign in OUT, at the pose where it stopped.
+    dry_run: bool = False
+    resume: bool = False  # Go on with the stopped campaign in OUT, at the pose where it stopped.
     # Somebody has looked: first clear a protective stop, a drive's fault, or a program that was
     # left on the robot.
-    recover: Flag = False
+    recover: bool = False
     # Somebody has looked that the robot may move: ask no more. Real robots alone are asked for.
-    yes: Flag = False
+    yes: bool = False
     # Visit the first pose again at the end, which shows drift; auto: on real robots and in dry
     # runs.
     revisit: Literal["auto", "yes", "no"] = "auto"
-    force: Flag = False  # Replace a recording at OUT; it is kept as OUT~, or OUT~2 and so on.
+    force: bool = False  # Replace a recording at OUT; it is kept as OUT~, or OUT~2 and so on.
 
 
 def record(

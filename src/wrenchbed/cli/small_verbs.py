@@ -11,7 +11,7 @@ from rich.text import Text
 
 import wrenchbed as wb
 from wrenchbed.cli import console
-from wrenchbed.cli.console import Flag, Json
+from wrenchbed.cli.console import Json
 from wrenchbed.data.outputs import Kind, keeping
 from wrenchbed.errors import MissingExtraError
 from wrenchbed.pages.numbers import quantity
@@ -55,7 +55,7 @@ def simulate(
     out: Path,
     noise: Literal["off", "white", "real"] = "off",
     seed: int = 0,
-    force: Flag = False,
+    force: bool = False,
     as_json: Json = False,
 ) -> None:
     """Run MuJoCo with a twin's effects on a recording's motion.
