@@ -80,15 +80,13 @@ def test_what_must_not_be_replaced_is_refused(kind, tmp_path):
     assert not list(tmp_path.glob(TEMPORARY))
 
 
-def test_a_full_disk_is_named_with_the_space_needed_and_free(tmp_path, monkeypatch):
+def test_a_full_disk_names_the_file(tmp_path, monkeypatch):
     def full(handle):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(OSError, match=r"No space .*: 12\.3 kB needed, [\d.]+ [kMGT]?B free"):
+    with pytest.raises(OSError, match="No space .*/a"):
         write_bytes(tmp_path / "a", bytes(12_345))
-    with pytest.raises(OSError, match="more than 5 B needed"), atomic_write(tmp_path / "a") as file:
-        file.write(b"12345")
     for named in (False, True):  # the file, not its temporary name
         with pytest.raises(OSError) as error, atomic_write(tmp_path / "a") as temporary:
             raise OSError(errno.ENOSPC, "No space left on device", *[temporary.name] * named)

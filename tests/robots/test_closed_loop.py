@@ -137,13 +137,13 @@ def test_the_toml_beside_the_model_is_its_robot(name, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "pose", "why"),
+    ("name", "pose"),
     [
-        ("five_bar", [-1.56, 1.56, 0.0, 0.0], "singular"),  # its distal links nearly one line
-        ("stewart", [0.9, 0.0, 0.0, 0.0, 0.0, 0.0], r"out of reach: .*'ball_\d' stays .* mm open"),
+        ("five_bar", [-1.56, 1.56, 0.0, 0.0]),  # its distal links nearly one line: singular
+        ("stewart", [0.9, 0.0, 0.0, 0.0, 0.0, 0.0]),
     ],
 )
-def test_rows_out_of_reach_and_singular_are_named(name, pose, why):
+def test_rows_out_of_reach_and_singular_are_named(name, pose):
     """Where the limits allow them."""
     robot = loop_robot(name)
     links = [replace(x, lower=-4.0, upper=4.0) for x in robot.arm_model.links]
@@ -152,7 +152,7 @@ def test_rows_out_of_reach_and_singular_are_named(name, pose, why):
     theta, q = robot.parameters.nominal, np.tile(robot.home, (3, 1))
     robot.check(q, theta, "plan")
     q[1] = pose
-    with pytest.raises(PlanError, match=f"plan: row 1: {why}"):
+    with pytest.raises(PlanError, match="plan: row 1: the loops cannot close there"):
         robot.check(q, theta, "plan")
     lost = np.isnan(robot.sensor_pose(q, theta)[1]).any(axis=1)
     assert lost.tolist() == [False, True, False]

@@ -6,7 +6,6 @@ Its room also reads JSON and TOML of others, `checked`. Used by: every room that
 import errno
 import fcntl
 import json
-import math
 import os
 import secrets
 import shutil
@@ -20,8 +19,6 @@ TEMPORARY = ".wrenchbed-*.part"
 """Pattern of the temporary files and folders that a killed writer leaves in a folder."""
 _AT_ONCE = 1 << 20
 """Size of a file's buffer [B]: most files are written by one call."""
-_FULL = (errno.ENOSPC, errno.EDQUOT)
-_SIZES = ("B", "kB", "MB", "GB", "TB")
 _HELD: set[Path] = set()
 """Outputs that this process has locked."""
 _LOCK_NAME = 60
@@ -29,7 +26,7 @@ _LOCK_NAME = 60
 
 
 @contextmanager
-def atomic_write(path: str | Path, size: int | None = None) -> Iterator[BinaryIO]:
+def atomic_write(path: str | Path) -> Iterator[BinaryIO]:
     """Yield a temporary file to write to; it takes the place of ``path`` when the block ends.
 
     The temporary file lies in the same folder, which is made if it is missing, and has a name
@@ -40,28 +37,22 @@ def atomic_write(path: str | Path, size: int | None = None) -> Iterator[BinaryIO
 
     Args:
         path: a file, or a name that is free.
-        size: of the content [B], if it is known; the error of a full disk names it.
 
     Raises:
-        OSError: names ``path``, also where a disk is full. The space that is needed and the space
-            that is free are stated then.
+        OSError: names ``path``, also where a disk is full.
     """
     path = Path(path)
     temporary = path.parent / _temporary_name()
     made: list[Path] = []
-    written = 0
     try:
         mode = _replaceable(path)
         made += _make(path.parent)
         with open_new(temporary) as file:
             if mode is not None:
                 os.fchmod(file.fileno(), mode)
-            try:
-                yield file
-                file.flush()
-                os.fsync(file.fileno())
-            finally:
-                written = os.fstat(file.fileno()).st_size
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
         temporary.replace(path)
         _sync(path.parent, path)
     except BaseException as error:
@@ -69,7 +60,7 @@ def atomic_write(path: str | Path, size: int | None = None) -> Iterator[BinaryIO
             temporary.unlink()
         _unmake(made)
         if isinstance(error, OSError) and error.errno and error.filename in (None, str(temporary)):
-            raise _named(error, path, size, written) from error
+            raise OSError(error.errno, error.strerror, str(path)) from error
         raise
 
 
@@ -193,7 +184,7 @@ def write_text(path: str | Path, text: str) -> None:
 
 def write_bytes(path: str | Path, data: bytes) -> None:
     """Write a file, atomically."""
-    with atomic_write(path, len(data)) as file:
+    with atomic_write(path) as file:
         file.write(data)
 
 
@@ -311,20 +302,3 @@ def _take_back(place: Path, kept: Path | None) -> None:
             place.unlink()
         else:
             kept.replace(place)
-
-
-def _named(error: OSError, path: Path, size: int | None, written: int) -> OSError:
-    """An error that names the file; on a full disk also the space needed and free."""
-    text = error.strerror
-    if error.errno in _FULL:
-        folder = next(p for p in (path.parent, *path.absolute().parents) if p.exists())
-        status = os.statvfs(folder)
-        needed = f"more than {_amount(written)}" if size is None else _amount(size)
-        text = f"{text}: {needed} needed, {_amount(status.f_bavail * status.f_frsize)} free"
-    return OSError(error.errno, text, str(path))
-
-
-def _amount(size: float) -> str:
-    """A size [B] in a unit that fits."""
-    power = min(int(math.log10(max(size, 1.0)) / 3.0), len(_SIZES) - 1)
-    return f"{size / 1000.0**power:.3g} {_SIZES[power]}"

@@ -43,6 +43,7 @@ _STEPS = 12
 """Newton steps to a solution at most; it needs three to five."""
 _KEPT = 8
 """Sets of poses whose solutions are kept: a fit asks for the same poses again and again."""
+_BARRED = "the loops cannot close there, or only beyond a singular pose"
 Frame = tuple[Value, Value]
 """Rotation (…, N, 3, 3) and origin (…, N, 3) [m] in the base's axes."""
 
@@ -311,11 +312,9 @@ class ClosedLoops:
                 values[k] = values[k] - move[..., i]
         return values
 
-    def failures(self, q: np.ndarray, at: np.ndarray) -> dict[int, str]:
-        """Rows of driven values (N, J) with no solution in ``at`` (N, L), and why."""
-        bad: dict[int, str] = {}
-        for n, row in enumerate(np.flatnonzero(np.isnan(at).any(axis=1))):
-            bad[int(row)] = self._why(q[row]) if n < _NEAREST else "the loops cannot close there"
+    def failures(self, at: np.ndarray) -> dict[int, str]:
+        """Rows of ``at`` (N, L) without a solution or beyond a passive joint's limits, and why."""
+        bad = {int(row): _BARRED for row in np.flatnonzero(np.isnan(at).any(axis=1))}
         for k in self.passive:
             link = self.arm.links[k]
             for row in np.flatnonzero((at[:, k] < link.lower) | (at[:, k] > link.upper)):
@@ -325,26 +324,6 @@ class ClosedLoops:
                     f"limits {link.lower:.4g} … {link.upper:.4g}",
                 )
         return dict(sorted(bad.items()))
-
-    def _why(self, q: np.ndarray) -> str:
-        """Least squares over the passive joints tell a pose out of reach from a barred way."""
-        from scipy.optimize import least_squares
-
-        at = self.home.copy()
-        at[self.driven] = q
-
-        def miss(x: np.ndarray) -> np.ndarray:
-            at[self.passive] = x
-            return np.asarray(self.residual(_split(at), self.arm))
-
-        nearest = least_squares(miss, self.home[self.passive], xtol=1e-12, ftol=1e-12, gtol=1e-12)
-        r = np.abs(miss(nearest.x))
-        if r.max() > _DIGITS:
-            return f"out of reach: the loops cannot close: {self._open(r)}"
-        return (
-            "singular, or not reached without passing a singular pose: near it the loops do not "
-            "determine the passive joints"
-        )
 
 
 def _split(at: np.ndarray) -> list[Value]:

@@ -101,7 +101,7 @@ class LoopArm(DescribedArm):
         if len(inside):
             driven = q[inside] + self.zeros(theta.real)
             at = self._loops.solved(q[inside], driven, self.at(theta.real))
-            bad |= {int(inside[k]): why for k, why in self._loops.failures(q[inside], at).items()}
+            bad |= {int(inside[k]): why for k, why in self._loops.failures(at).items()}
         return dict(sorted(bad.items()))
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
