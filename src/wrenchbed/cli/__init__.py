@@ -1,5 +1,6 @@
 """The command line: every verb is a function of the library with files in and out.
 May import every room; only this room prints.
+Never: compute; a verb calls the library and prints what it returns.
 Read first: this file, then `console`; each verb's module is loaded when it is called.
 Used by: the program ``wrenchbed``.
 

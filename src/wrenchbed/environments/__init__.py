@@ -1,5 +1,6 @@
 """Gymnasium environments of calibration and contact; importing this room registers them.
 It may import all rooms below it, which is every room but cli, studies and viewer.
+Never: import this room from another one, so that gymnasium stays optional.
 Read `calibration`, then `contact`.
 Used by: users, by `gymnasium.make`.
 """

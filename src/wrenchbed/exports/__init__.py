@@ -1,5 +1,6 @@
 """Files that carry a calibration to robot controllers, ROS 2, URDF and others; one file each.
 May import: twin, simulation, robots and the rooms below them.
+Never: fit; a number without its uncertainty is not written as known.
 Read first: `base` (the contract), then `load_numbers` (what a fit or a twin knows, with its ±).
 Used by: cli and monitoring.
 """

@@ -1,6 +1,7 @@
 """The one way to write: a file is complete under its name, or what was there before is.
 
 Its room also reads JSON and TOML of others, `checked`. Used by: every room that writes files.
+May import: errors. Never: open an output in place; it is complete under its name, or not there.
 """
 
 import errno

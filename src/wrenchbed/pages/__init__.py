@@ -1,5 +1,6 @@
 """HTML pages, plots and numbers for people: self-contained, light and dark, for screens and A4.
 May import: jobs and the root files.
+Never: a robot, a recording or a fit; it draws data that it is given.
 Read first: this file; then `chart` (the data of a figure), `draw` and ``assets/page.js`` (its two
 renderers), `document` (studies), `plots` and `numbers`.
 Used by: benchmark, calibration, campaigns, cli, drives, monitoring, reports, studies, viewer.

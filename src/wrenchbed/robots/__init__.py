@@ -1,5 +1,6 @@
 """Robots, one file or package each; `wrenchbed.registry.names("robots")` lists them.
-Imports physics only.
+Imports physics, files and registry.
+Never: a sensor's noise, an effect or a recording; MuJoCo only to write and read models.
 Read first: `base` (what a robot is), then `chain` with `ur5` and `file_arm` as its kinds, and
 `closed_loop` with `loop_arm`.
 Used by: every other room but files, jobs, pages, physics and sensors.

@@ -1,5 +1,6 @@
 """Force/torque sensors, one TOML file each: ranges, resolutions, noise, body, sources.
-Imports physics only.
+Imports physics and files.
+Never: a number without its ``source``.
 Read first: `base`, then `ati-gamma.toml` as an example; `described` checks and writes such files.
 Used by: calibration, diagnosis, monitoring; the registry, for all others.
 """

@@ -1,5 +1,6 @@
 """Published studies run again: their tables and figures on MuJoCo data, beside what they print.
 May import: hardware, planning, calibration, pages and the rooms below them.
+Never: a number of a paper in the place of a measured one; they stand side by side.
 Read first: `medrue`, then `ur5`.
 Used by: cli.
 """

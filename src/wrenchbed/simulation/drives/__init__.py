@@ -2,5 +2,6 @@
 
 Imports simulation, robots and what lies below. Read first: `drive_train`, then `faults`. The fits
 of `wrenchbed.drives` have formulas of their own.
+Never: formulas of `drives` or `effects`; what fits the data may not make them.
 Used by: hardware and plant.
 """
