@@ -109,6 +109,9 @@ def test_settings_that_make_no_sense_are_named(tmp_path):
     (tmp_path / SETTING).write_text(json.dumps(small(1).to_json()))
     with pytest.raises(FleetError, match="seed = 0, not 5"):
         campaign(small(1, seed=5), tmp_path)
+    (tmp_path / "robots.parquet").write_bytes(b"PAR1 garbage PAR1")
+    with pytest.raises(FleetError, match="robots.parquet: is broken"):
+        campaign(small(1), tmp_path)
     row = robot_row(Fleet("ur5", 1, poses=2, samples=2), 0)  # too few poses: a row says so
     assert "Error" in row["error"] and row["robot"] == 0
 

@@ -63,3 +63,10 @@ def test_the_version_is_printed(capfd):
         main(["--version"])
     assert not caught.value.code
     assert capfd.readouterr().out == f"wrenchbed {version('wrenchbed')}\n"
+
+
+@pytest.mark.parametrize("epoch", ["yesterday", "-1", "9" * 20, ""])
+def test_a_date_of_builds_that_is_none_is_refused_in_one_line(epoch, monkeypatch, capsys):
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", epoch)
+    assert main(["list", "robots"]) == 1
+    assert "must be whole seconds since 1970" in capsys.readouterr().err

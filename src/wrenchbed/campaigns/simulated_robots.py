@@ -22,7 +22,7 @@ from wrenchbed.calibration.calibrate import calibrate
 from wrenchbed.calibration.fit import Fit
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
-from wrenchbed.errors import FleetError, ParameterError, WrenchbedError
+from wrenchbed.errors import FleetError, ParameterError, WrenchbedError, raise_shortage
 from wrenchbed.files import write_text
 from wrenchbed.hardware.drivers.base import as_designed
 from wrenchbed.jobs.parts import Parts, Row, check_folders, read_table, run, write_table
@@ -301,7 +301,7 @@ def campaign(
         progress: called with how many more robots are done.
 
     Raises:
-        FleetError: the folder holds another campaign, or files of something else.
+        FleetError: the folder holds another campaign, files of something else, or broken rows.
         WorkerError: a worker died. Finished rows are kept; the same call continues.
         OSError: the disk is full; likewise.
     """
@@ -311,7 +311,11 @@ def campaign(
     columns = schema(fleet)
     table, parts = columns.empty_table(), Parts(place / PARTS, "robot-", columns)
     if (place / ALL).exists():
-        table = read_table(place / ALL, columns)
+        try:
+            table = read_table(place / ALL, columns)
+        except pa.ArrowException as cause:
+            raise_shortage(cause, place / ALL)
+            raise FleetError(f"{place / ALL}: is broken: {cause}; remove it") from cause
     done = set(table["robot"].to_pylist())
     progress(len(done.intersection(range(fleet.robots))))
     todo = sorted({*range(fleet.robots), *parts.numbers()} - done)

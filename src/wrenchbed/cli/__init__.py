@@ -27,6 +27,7 @@ from typing import Any
 
 from wrenchbed.errors import (
     OBEYED,
+    ParameterError,
     ShortageError,
     WrenchbedError,
     WrenchbedWarning,
@@ -169,10 +170,24 @@ def _check_memory(verb: str) -> None:
         os.environ.setdefault(name, "1")
 
 
+def _check_epoch() -> None:
+    """Refuse a SOURCE_DATE_EPOCH that is no time: numpy throws on it wherever it is loaded.
+
+    Raises:
+        ParameterError: it is no whole number of seconds before the year 10000.
+    """
+    epoch = os.environ.get("SOURCE_DATE_EPOCH", "0")
+    if not (epoch.isascii() and epoch.isdecimal() and len(epoch) < 12):
+        raise ParameterError(
+            f"SOURCE_DATE_EPOCH is {one_line(epoch)[:40]!r}: must be whole seconds since 1970"
+        )
+
+
 def _run(words: Sequence[str]) -> int:
     try:
         _check_memory(words[0])
-    except ShortageError as error:
+        _check_epoch()
+    except (ShortageError, ParameterError) as error:
         print(f"wrenchbed: error: {error}", file=sys.stderr)
         return 1
     from wrenchbed.cli.console import Console
