@@ -1,7 +1,7 @@
 """The run of one plan on one robot, resumable, and campaigns of many simulated robots.
 
 May import: hardware, diagnosis, calibration, planning, twin and the rooms below them.
-Never: print, or count rows of a robot that are not on the disk yet.
+Never: print, or move a robot along a way that was not checked first.
 Read first: ``run.py`` (`record`), ``moves.py`` (what is checked before) and ``resume.py`` (after a
 stop); ``simulated_robots.py`` for many.
 Used by: cli.
