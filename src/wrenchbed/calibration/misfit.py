@@ -88,11 +88,11 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
     if seen is None:
         return outcome, None
     q = np.linalg.qr(seen.A)[0]
-    left, alone = seen.r - q @ (q.T @ seen.r), seen.S - q @ (q.T @ seen.S)
-    if not _more_than_noise(seen, alone, left):
+    residual, alone = seen.r - q @ (q.T @ seen.r), seen.S - q @ (q.T @ seen.S)
+    if not _more_than_noise(seen, alone, residual):
         return outcome, None
-    shift, spread = _posterior(seen, _sizes(alone, left, every))
-    names, size, changes = _likeliest(every, seen, alone, left)
+    shift, spread = _posterior(seen, _sizes(alone, residual, every))
+    names, size, changes = _likeliest(every, seen, alone, residual)
     covariance = np.linalg.pinv(seen.A.T @ seen.A, rcond=1e-12)  # by noise alone
     by_one = np.abs(covariance @ (seen.A.T @ changes)).max(axis=1)
     std = np.sqrt(np.diagonal(outcome.covariance))
@@ -182,8 +182,8 @@ def _explained(fit: _Rows) -> bool:
         return False
     white, k = fit.white(np.maximum(noise.scatter, fit.least)), len(fit.problem.free)
     q = np.linalg.qr(white[:, :k])[0]
-    left = white[:, k:] - q @ (q.T @ white[:, k:])
-    return bool(_clear(white[:, k:-1], left[:, :-1], left[:, -1]) < CLEAR)
+    residual = white[:, k:] - q @ (q.T @ white[:, k:])
+    return bool(_clear(white[:, k:-1], residual[:, :-1], residual[:, -1]) < CLEAR)
 
 
 def _whitened(fit: _Rows) -> _Whitened | None:
@@ -218,37 +218,37 @@ def _rest(white: np.ndarray) -> tuple[np.ndarray, int]:
     return white[:, -1] - columns @ (basis @ along), len(along)
 
 
-def _more_than_noise(seen: _Whitened, alone: np.ndarray, left: np.ndarray) -> bool:
+def _more_than_noise(seen: _Whitened, alone: np.ndarray, residual: np.ndarray) -> bool:
     """Whether suspects explain more of the residual than they do of noise."""
-    if _clear(seen.S, alone, left) > CLEAR:
+    if _clear(seen.S, alone, residual) > CLEAR:
         return True
-    rest, rank = _rest(np.column_stack([alone, left]))
-    explained = float(left @ left - rest @ rest) / max(1, rank)
+    rest, rank = _rest(np.column_stack([alone, residual]))
+    explained = float(residual @ residual - rest @ rest) / max(1, rank)
     return bool(special.fdtrc(max(1, rank), seen.rest, explained) < SURE)
 
 
-def _clear(S: np.ndarray, alone: np.ndarray, left: np.ndarray) -> float:
+def _clear(S: np.ndarray, alone: np.ndarray, residual: np.ndarray) -> float:
     """Standard deviations by which one shape (n, C) explains the residual (n,), at most.
 
     Args:
         S: shapes of the suspects.
         alone: what parameters leave of them; of less than a millionth only rounding is left.
-        left: what parameters leave of the residual.
+        residual: what parameters leave of the residual.
     """
     least = 1e-6 * np.linalg.norm(S, axis=0) + 1e-300
     length = np.maximum(np.linalg.norm(alone, axis=0), least)
-    return float((np.abs(alone.T @ left) / length).max())
+    return float((np.abs(alone.T @ residual) / length).max())
 
 
-def _sizes(alone: np.ndarray, left: np.ndarray, every: list[Suspect]) -> np.ndarray:
+def _sizes(alone: np.ndarray, residual: np.ndarray, every: list[Suspect]) -> np.ndarray:
     """Size of each column's family (C,) that makes the residual likeliest (MacKay's updates).
 
     Args:
         alone: changes by the suspects that no parameter takes up (n, C), in units of noise.
-        left: residual that no parameter takes up (n,), in units of noise.
+        residual: what no parameter takes up (n,), in units of noise.
         every: the suspects.
     """
-    R = np.asarray(np.linalg.qr(np.column_stack([alone, left]), mode="r"))
+    R = np.asarray(np.linalg.qr(np.column_stack([alone, residual]), mode="r"))
     square, right = R[:, :-1].T @ R[:, :-1], R[:, :-1].T @ R[:, -1]
     _, family = np.unique([f for s in every for f in s.families], return_inverse=True)
     size = np.ones(len(family))
@@ -273,7 +273,7 @@ def _posterior(seen: _Whitened, size: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _likeliest(
-    every: list[Suspect], seen: _Whitened, alone: np.ndarray, left: np.ndarray
+    every: list[Suspect], seen: _Whitened, alone: np.ndarray, residual: np.ndarray
 ) -> tuple[list[str], np.ndarray, np.ndarray]:
     """Names of the suspects that explain the residual best by themselves.
 
@@ -289,7 +289,7 @@ def _likeliest(
         of = slice(end - len(suspect.families), end)
         u, s, vt = np.linalg.svd(alone[:, of], full_matrices=False)
         keep = s > 1e-6 * np.linalg.norm(seen.S[:, of])
-        along = u[:, keep].T @ left
+        along = u[:, keep].T @ residual
         sizes = vt[keep].T @ (along / s[keep])
         score = float(along @ along) - keep.sum() * np.log(seen.worth)
         scores.append((score, sizes, seen.S[:, of] @ sizes))

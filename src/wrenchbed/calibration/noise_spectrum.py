@@ -80,8 +80,8 @@ class Clock:
         padded = rfft(weight, next_fast_len(2 * self.rows, real=True))
         shared = np.fft.irfft(np.abs(padded) ** 2, next_fast_len(2 * self.rows, real=True))
         shared = shared[: self.rows]
-        own = 2.0 * shared @ self.covariance - shared[0] * self.covariance[0]
-        return float(np.sqrt(white**2 * shared[0] + flicker**2 * max(own, 0.0)))
+        flickering = 2.0 * shared @ self.covariance - shared[0] * self.covariance[0]
+        return float(np.sqrt(white**2 * shared[0] + flicker**2 * max(flickering, 0.0)))
 
 
 @dataclass(frozen=True)

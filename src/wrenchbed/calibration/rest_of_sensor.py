@@ -77,15 +77,15 @@ def _reasons(recording: Recording) -> Iterator[str]:
 def _moves(recording: Recording) -> Iterator[str]:
     where = "record a minute at rest, in one pose"
     try:
-        found = split(recording)
+        holds = split(recording)
     except RecordingError:
         yield f"the robot moves all the time: {where}"
         return
-    if found.moves or len(found.seconds) > 1:
-        moving = np.flatnonzero(found.hold < 0)
-        inside = moving[(moving > np.argmax(found.hold >= 0))]
+    if holds.moves or len(holds.seconds) > 1:
+        moving = np.flatnonzero(holds.hold < 0)
+        inside = moving[(moving > np.argmax(holds.hold >= 0))]
         row = int(inside[0]) if len(inside) else int(moving[0])
-        yield f"the robot moves, for instance in row {row} ({found.sentence}): {where}"
+        yield f"the robot moves, for instance in row {row} ({holds.sentence}): {where}"
 
 
 def _touches(t: np.ndarray, channel: str, rows: np.ndarray) -> Iterator[str]:

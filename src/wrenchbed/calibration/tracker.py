@@ -133,8 +133,8 @@ class Sight:
         pull = np.diag(1.0 / (tolerances * scale))
 
         def residual(x: np.ndarray) -> np.ndarray:
-            left = (self.read - self.expected(x)).ravel() / noise
-            return np.concatenate([left, pull @ (centre - x)])
+            white = (self.read - self.expected(x)).ravel() / noise
+            return np.concatenate([white, pull @ (centre - x)])
 
         def jacobian(x: np.ndarray) -> np.ndarray:
             return np.concatenate([self.jacobian(x).reshape(-1, len(x)) / noise, pull])
@@ -196,11 +196,11 @@ def calibrate_tracker(
     noise, start = max(repeats, _LEAST_NOISE), sight.start
     for _ in range(_NOISE_STEPS):
         solution = sight.solve(noise, tolerances, start)
-        left, start = sight.read - sight.expected(solution.x), solution.x
+        residual, start = sight.read - sight.expected(solution.x), solution.x
         known = np.diagonal(solution.covariance) / (tolerances * sight.parameters.tolerance) ** 2
         used = len(known) - known.sum()  # trace of the projection on what is free
         dof = max(count - used, 1.0)
-        rest = float(np.sqrt((left**2).sum() / dof))
+        rest = float(np.sqrt((residual**2).sum() / dof))
         before, noise = noise, max(repeats, rest, _LEAST_NOISE)
         if abs(noise / before - 1.0) < _SAME_NOISE:
             break
@@ -228,7 +228,7 @@ def calibrate_tracker(
         bound=bound,
         accuracy=before * float(np.sqrt(used / len(sight.q))),
         extent=float(np.sqrt(sight.read.var(axis=0).sum())),
-        residual=left,
+        residual=residual,
         poses=len(sight.q),
         rows=rows,
         observability=analyse(slopes, sight.parameters.names, sight.parameters.tolerance),
@@ -308,7 +308,7 @@ def _held_out(sight: Sight, noise: float, tolerances: float, x: np.ndarray) -> t
     _, same = np.unique(sight.q.round(4), axis=0, return_inverse=True)
     fold = (order % FOLDS)[same.ravel()]  # visits of one pose are held out together
     slopes = sight.jacobian(x) * (scale / noise)
-    left = (sight.read - sight.expected(x)) / noise
+    residual = (sight.read - sight.expected(x)) / noise
     pull = np.diag(np.full(len(x), 1.0 / tolerances))
     short = (sight.start - x) / (scale * tolerances)
     square = allowed = 0.0
@@ -316,8 +316,8 @@ def _held_out(sight: Sight, noise: float, tolerances: float, x: np.ndarray) -> t
         seen = fold != k
         design = np.concatenate([slopes[seen].reshape(-1, len(x)), pull])
         basis, triangle = np.linalg.qr(design)
-        step = solve_triangular(triangle, basis.T @ np.append(left[seen], short))
-        away = left[~seen] - slopes[~seen] @ step
+        step = solve_triangular(triangle, basis.T @ np.append(residual[seen], short))
+        away = residual[~seen] - slopes[~seen] @ step
         rows = slopes[~seen].reshape(-1, len(x))
         spread = solve_triangular(triangle, rows.T, trans="T")
         square += float((away**2).sum())
@@ -331,7 +331,7 @@ def _identified(
     """Values with uncertainties, without where the data tell less than was known before; stand and
     target left out."""
     std = np.sqrt(np.diagonal(solution.covariance))
-    told = std < _TOLD * tolerances * sight.parameters.tolerance
+    determined = std < _TOLD * tolerances * sight.parameters.tolerance
     names = ((p.name, p.unit) for p in sight.parameters)
-    wide, sure = float(special.stdtrit(dof, 0.975)), told | (tolerances == 1.0)
+    wide, sure = float(special.stdtrit(dof, 0.975)), determined | (tolerances == 1.0)
     return identified_values(names, solution.x, std, sight.start, sure, wide)[: -len(_STAND)]

@@ -86,9 +86,9 @@ class TrackerFit(WrittenFit):
         """Sentences on what these places do not determine."""
         hidden, rest = list(self.observability.no_effect), list[str]()
         for r in self.observability.redundancies:
-            own = [n for n in r.names if n not in self.stand]
-            if len(own) < len(r.names):
-                hidden += own
+            of_arm = [n for n in r.names if n not in self.stand]
+            if len(of_arm) < len(r.names):
+                hidden += of_arm
             else:
                 rest.append(r.sentence)
         known = f"where tracker and target stand takes up {', '.join(sorted(set(hidden)))}"

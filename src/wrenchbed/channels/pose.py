@@ -71,8 +71,8 @@ class TargetPose(Channel):
             channel = channel._moved(change)
             if np.abs(change).max() < _DONE:
                 break
-        left = read - channel._read(rotation, position)
-        return channel if left.std() < _FOLLOWS * (read - centre).std() else None
+        apart = read - channel._read(rotation, position)
+        return channel if apart.std() < _FOLLOWS * (read - centre).std() else None
 
     def facing(self, read: np.ndarray, scene: Scene, pose: Pose) -> Self:
         return self.fitted(read, scene, pose) or self

@@ -59,11 +59,11 @@ def posterior(
         known: columns C (n, k), of one standard deviation each.
         group: number of the group of each reading (n,), from 0.
     """
-    way, told = _determined(free)
+    way, determined = _determined(free)
     start = way @ np.linalg.lstsq(free @ way, y, rcond=None)[0]
     columns, r = np.column_stack([free @ way, *ordinary, known]), way.shape[1]
     kind = np.repeat(np.arange(len(ordinary)), [b.shape[1] for b in ordinary])
-    own = slice(r, r + len(kind))
+    fitted = slice(r, r + len(kind))
     rest, many = y - free @ start, len(ordinary)
     count = np.bincount(group).astype(float)
     parts = [columns[group == k] for k in range(len(count))]
@@ -74,21 +74,21 @@ def posterior(
     variance, size = np.maximum(square / count, least), np.ones(many)
     prior = np.concatenate([np.zeros(r), np.ones(columns.shape[1] - r)])
     for _ in range(_STEPS):
-        prior[own] = 1.0 / size[kind]
+        prior[fitted] = 1.0 / size[kind]
         covariance = np.linalg.inv(np.tensordot(1.0 / variance, grams, 1) + np.diag(prior))
         mean = covariance @ (right / variance[:, None]).sum(axis=0)
-        left = square - 2.0 * right @ mean + grams @ mean @ mean
+        squared = square - 2.0 * right @ mean + grams @ mean @ mean
         used = np.tensordot(grams, covariance, 2) / variance
-        seen = 1.0 - np.diagonal(covariance)[own] * prior[own]
+        seen = 1.0 - np.diagonal(covariance)[fitted] * prior[fitted]
         before = np.concatenate([variance, size])
-        variance = np.maximum(left / np.maximum(count - used, 1.0), least)
-        size = (SEEN + np.bincount(kind, mean[own] ** 2, many)) / (
+        variance = np.maximum(squared / np.maximum(count - used, 1.0), least)
+        size = (SEEN + np.bincount(kind, mean[fitted] ** 2, many)) / (
             SEEN + np.bincount(kind, np.clip(seen, 0.0, 1.0), many)
         )
         if np.abs(np.concatenate([variance, size]) / before - 1.0).max() < _SETTLED:
             break
     return Posterior(
-        start + way @ mean[:r], way @ covariance[:r, :r] @ way.T, told, np.sqrt(variance),
+        start + way @ mean[:r], way @ covariance[:r, :r] @ way.T, determined, np.sqrt(variance),
         np.sqrt(size), free @ start + columns @ mean,
     )  # fmt: skip
 

@@ -192,11 +192,11 @@ def evened(data: dict[str, np.ndarray]) -> tuple[dict[str, np.ndarray], tuple[st
     if clock is None:
         return data, ()
     if steps.max() < _LOST * steps.mean() and _read_evenly(data, joints):
-        own = t[0] + np.arange(len(t)) * steps.mean()
-        late = 1e3 * float(np.abs(t - own).max())
+        even = t[0] + np.arange(len(t)) * steps.mean()
+        late = 1e3 * float(np.abs(t - even).max())
         words = f"stamps are late by up to {late:.2g} ms, the joints move by even steps of "
         words += f"{1e3 * steps.mean():.6g} ms: their own clock restored"
-        return data | {"t": own}, (words,)
+        return data | {"t": even}, (words,)
     t, sentence = clock
     path = _bridged(data["t"], q, t)
     return {"t": t} | at_times(data, t) | dict(zip(joints, path.T, strict=True)), (sentence,)

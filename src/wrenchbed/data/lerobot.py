@@ -111,10 +111,10 @@ def _joints(
             rule = f"must be {len(joints)} of {', '.join(names)}, in the order q1…"
             raise stated.error("joints", rule)
         return given
-    found = [[n for n in names if _is_of(n, joint)] for joint in joints]
-    if all(len(n) == 1 for n in found):
-        return [n for (n,) in found]
-    lacking = joints[[len(n) == 1 for n in found].index(False)]
+    of_joints = [[n for n in names if _is_of(n, joint)] for joint in joints]
+    if all(len(n) == 1 for n in of_joints):
+        return [n for (n,) in of_joints]
+    lacking = joints[[len(n) == 1 for n in of_joints].index(False)]
     raise MapError(
         f"{where}: {STATE} names {', '.join(names)}: none, or several, is joint {lacking} of the "
         'robot; state [lerobot] joints = ["…"] in the order q1…'

@@ -98,10 +98,10 @@ def diagnose_several(
     entries = [(names[0], o) for o in d.outliers]
     entries += [(name, o.entry(None)) for name, e in of_each[1:] for o in e.outliers]
     outliers = [dict(o) | {"sentence": f"{name}: {o['sentence']}"} for name, o in entries]
-    own = set(_of_data(first, d.gap.folds))
+    with_data = set(_of_data(first, d.gap.folds))
     notes = (
         *settles(first.weighed.decision.verdict, settled.decision.verdict, names),
-        *(n for n in d.notes if n not in own),
+        *(n for n in d.notes if n not in with_data),
         *(f"{name}: {n}" for name, e in of_each for n in _of_data(e, d.gap.folds)),
         f"the twin has the tool of {names[0]}, which figures and places are of too",
     )
@@ -244,13 +244,13 @@ def _explained(refitters: Sequence[Refitter], f: Finalist) -> Explanation:
     each = [explained(r, g) for r, g in zip(refitters, f.each, strict=True)]
     parts = list[Part]()
     for k in sorted({p.index for e in each for p in e.parts if p.index is not None}):
-        own = [next((p for p in e.parts if p.index == k), None) for e in each]
-        every = zip(refitters, f.each, own, strict=True)
+        in_each = [next((p for p in e.parts if p.index == k), None) for e in each]
+        every = zip(refitters, f.each, in_each, strict=True)
         shares = [share_of(r, g, k) if p is None else p.share for r, g, p in every]
         share = _mean(refitters, shares)
         if share < CLAIMABLE:
             continue
-        alike = set.intersection(*(set(p.twins) for p in own if p is not None))
+        alike = set.intersection(*(set(p.twins) for p in in_each if p is not None))
         same = tuple(n for n in sorted(alike) if _same(refitters, f, k, n, share))
         parts.append(Part(f.parts[k].name, share, index=k, twins=same))
     large = {p.index for p in parts}
@@ -314,8 +314,8 @@ def settles(
             continue
         gone = sorted(rivals - set(now.names))
         if gone:
-            own = zip(cause.names, cause.shares, strict=True)
-            before = cause.probability * sum(share for name, share in own if name in now.names)
+            each = zip(cause.names, cause.shares, strict=True)
+            before = cause.probability * sum(share for name, share in each if name in now.names)
             others, still, ruled_out = (listed(n, "and") for n in (names[1:], now.names, gone))
             result.append(
                 f"{others} {verb} {still} from {ruled_out}: "

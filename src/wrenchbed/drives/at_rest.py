@@ -186,8 +186,8 @@ def _gains(p: RestProblem) -> tuple[np.ndarray, np.ndarray]:
     for _ in range(_ROUNDS):
         body = p.nominal + p.free @ x
         design = np.concatenate([_of_gains(body), gain[:, None] * p.free], axis=2)
-        left = (p.y - gain * body).ravel()
-        step = np.linalg.lstsq(design.reshape(len(left), -1), left, rcond=1e-9)[0]
+        residual = (p.y - gain * body).ravel()
+        step = np.linalg.lstsq(design.reshape(len(residual), -1), residual, rcond=1e-9)[0]
         gain, x = gain + step[:joints], x + step[joints:]
         if np.abs(step).max() <= _SETTLED * max(1.0, float(np.abs(x).max())):
             break
@@ -228,8 +228,8 @@ def _columns(p: RestProblem, gain: np.ndarray, x: np.ndarray) -> _Columns:
 def _held_out(c: _Columns, fit: Posterior, joints: int) -> np.ndarray:
     """Errors of efforts (H, J) at poses that a fit with the same noise and sizes did not see."""
     y, free = c.y, c.free
-    own = (s * errors for s, errors in zip(fit.sizes, c.ordinary, strict=True))
-    wide = np.column_stack([free, *own, c.friction])
+    ordinary = (s * errors for s, errors in zip(fit.sizes, c.ordinary, strict=True))
+    wide = np.column_stack([free, *ordinary, c.friction])
     weight = 1.0 / np.tile(fit.noise, len(y) // joints)
     prior = np.diag(np.repeat([0.0, 1.0], [free.shape[1], wide.shape[1] - free.shape[1]]))
     fold = np.arange(len(y)) // joints % FOLDS

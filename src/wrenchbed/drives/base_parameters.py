@@ -61,11 +61,11 @@ def _independent(y: np.ndarray, links: Sequence[int]) -> np.ndarray:
     chosen: list[int] = []
     basis = np.zeros((len(y), 0))
     for link in links:
-        own = np.arange(INERTIAL * link, INERTIAL * (link + 1))
-        left = y[:, own] - basis @ (basis.T @ y[:, own])
-        left = left - basis @ (basis.T @ left)  # twice: rounding
-        q, r, order = qr(left, mode="economic", pivoting=True)
+        of_link = np.arange(INERTIAL * link, INERTIAL * (link + 1))
+        remaining = y[:, of_link] - basis @ (basis.T @ y[:, of_link])
+        remaining = remaining - basis @ (basis.T @ remaining)  # twice: rounding
+        q, r, order = qr(remaining, mode="economic", pivoting=True)
         rank = int((np.abs(np.diagonal(r)) > _DEPENDENT).sum())
         basis = np.concatenate([basis, q[:, :rank]], axis=1)
-        chosen += own[order[:rank]].tolist()
+        chosen += of_link[order[:rank]].tolist()
     return np.array(sorted(chosen))

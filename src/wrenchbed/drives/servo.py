@@ -269,8 +269,8 @@ def _delays(problem: Problem, x: np.ndarray) -> np.ndarray:
 def _of_joints(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Entries (…, J, F) of columns of single joints, among those of parameters (…, K)."""
     joints = problem.y.shape[1]
-    own = x[..., joints + len(problem.changes) :]
-    return own.reshape(*x.shape[:-1], joints, -1)
+    numbers = x[..., joints + len(problem.changes) :]
+    return numbers.reshape(*x.shape[:-1], joints, -1)
 
 
 def _fit(
@@ -295,10 +295,10 @@ def _fit(
     covariance += np.outer(shift, shift)
     values = values_of(drive, of_drive, starts, joints, covariance[: -len(joints), : -len(joints)])
     std = np.sqrt(np.diagonal(covariance))[-len(joints) :]
-    told = _delays(problem, solution.determined)
+    delays_known = _delays(problem, solution.determined)
     identified = [_own(p, joints) for p in values]
     names = [(f"{DELAY}.{j}", "s") for j in range(1, len(joints) + 1)]
-    identified += identified_values(names, late, std, np.zeros(len(joints)), told, WIDE)
+    identified += identified_values(names, late, std, np.zeros(len(joints)), delays_known, WIDE)
     errors = errors_of(problem, solution, [joint.unit for joint in joints])
     signals = [p.signals for p in pieces]
     return DriveFit(
@@ -324,13 +324,13 @@ def _ratios(
 ) -> tuple[str, ...]:  # fmt: skip
     """Friction and damping over stiffness, of joints whose stiffness itself the data do not
     tell."""
-    told = {p.name: p.std is not None for p in identified}
-    own, folds = (_of_joints(problem, x) for x in (solution.x, solution.folds))
+    determined = {p.name: p.std is not None for p in identified}
+    numbers, folds = (_of_joints(problem, x) for x in (solution.x, solution.folds))
     sentences = []
     for j, joint in enumerate(joints):
-        if told[f"{STIFFNESS}.{j + 1}"]:
+        if determined[f"{STIFFNESS}.{j + 1}"]:
             continue
-        size, std = own[j], np.sqrt(np.diagonal(jackknife(folds[:, j])))
+        size, std = numbers[j], np.sqrt(np.diagonal(jackknife(folds[:, j])))
         rub, drag = (f"{size[k]:.3g} ± {std[k]:.2g}" for k in (0, 1))
         sentences.append(
             f"joint {j + 1}: too little known weight loads it to tell its stiffness; friction over "

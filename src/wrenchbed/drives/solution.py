@@ -111,7 +111,7 @@ def start(p: Problem) -> np.ndarray:
 
 def _normal(p: Problem, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """JᵀWJ (FOLDS, K, K) and JᵀWr (FOLDS, K) block by block."""
-    left, (gain, change, _) = residual(p, x), parts(p, x)
+    rest, (gain, change, _) = residual(p, x), parts(p, x)
     body = p.nominal + p.loads @ change
     joints, changes, kinds = p.y.shape[1], len(p.changes), len(p.kinds)
     at = joints * p.gains
@@ -121,8 +121,8 @@ def _normal(p: Problem, x: np.ndarray, weight: np.ndarray) -> tuple[np.ndarray, 
         first = at + changes + kinds * j
         spans = (range(j, j + p.gains), range(at, at + changes), range(first, first + kinds))
         places = np.array([k for span in spans for k in span], dtype=int)
-        own = body[:, j : j + p.gains]
-        columns = [own, gain[j] * p.loads[:, j], p.own[:, j], left[:, j : j + 1]]
+        of_joint = body[:, j : j + p.gains]
+        columns = [of_joint, gain[j] * p.loads[:, j], p.own[:, j], rest[:, j : j + 1]]
         some = np.concatenate(columns, axis=1) * (weight[j] * p.use[:, j : j + 1])
         some = np.concatenate([some, np.zeros_like(some[:1])])[blocks]
         products = np.swapaxes(some, 1, 2) @ some

@@ -98,10 +98,10 @@ class SensorJump(ReadingEffect):
         rows, chosen = [int(after[int(first.argmax())])], list[int]()
         energy = float((residual.value**2).sum() - first.max())
         for _ in range(MOST - 1):
-            rows, left = _placed(residual.value, residual.fitted, after, rows)
-            if left < EXPLAINED * energy:
+            rows, remaining = _placed(residual.value, residual.fitted, after, rows)
+            if remaining < EXPLAINED * energy:
                 chosen = rows
-            energy = left
+            energy = remaining
         if not chosen:
             return ()
         if len(chosen) == 2 and abs(chosen[1] - chosen[0]) == 1:  # about one pose: within it
@@ -128,15 +128,15 @@ def _placed(
 ) -> tuple[list[int], float]:
     """First rows after some jumps and one more, each again at its best place beside the others;
     and the squared residual that they leave."""
-    rows, left = [*chosen, 0], np.inf
+    rows, remaining = [*chosen, 0], np.inf
     for k in [len(chosen), *range(len(chosen)), len(chosen)]:
         rest, basis = value, fitted
         for other in (row for i, row in enumerate(rows) if i != k and row):
             rest, basis = _without(rest, basis, other)
         gains = _explained(rest, basis, after)
         rows[k] = int(after[int(gains.argmax())])
-        left = float((rest**2).sum() - gains.max())
-    return rows, left
+        remaining = float((rest**2).sum() - gains.max())
+    return rows, remaining
 
 
 def _explained(rest: np.ndarray, basis: np.ndarray, after: np.ndarray) -> np.ndarray:
@@ -162,8 +162,8 @@ def _without(rest: np.ndarray, basis: np.ndarray, row: int) -> tuple[np.ndarray,
     step[row:] = np.eye(6)
     known, step = basis.reshape(rest.size, -1), step.reshape(rest.size, 6)
     more = np.linalg.qr(step - known @ (known.T @ step))[0]
-    left = rest.ravel() - more @ (more.T @ rest.ravel())
-    return left.reshape(rest.shape), np.column_stack([known, more]).reshape(*rest.shape, -1)
+    remaining = rest.ravel() - more @ (more.T @ rest.ravel())
+    return remaining.reshape(rest.shape), np.column_stack([known, more]).reshape(*rest.shape, -1)
 
 
 EFFECT = SensorJump()

@@ -128,7 +128,7 @@ def notes_of(form: Export, numbers: LoadNumbers) -> list[str]:
     names of files, recordings and parameters are texts of others."""
     here = [getattr(numbers, name) for name in form.carries]
     absent = [n for n in CARRIES if not {n, f"{n}_sensor"} & set(form.carries)]
-    left = [q.line() for q in (getattr(numbers, n) for n in absent) if q.known]
+    unused = [q.line() for q in (getattr(numbers, n) for n in absent) if q.known]
     notes = [
         f"exported by wrenchbed {version('wrenchbed')}: {form.title}",
         f"from {numbers.source} (SHA-256 {numbers.digest}), robot {numbers.robot}, "
@@ -136,7 +136,7 @@ def notes_of(form: Export, numbers: LoadNumbers) -> list[str]:
         f"CoG and inertia in {numbers.frame} unless stated; ± is one standard uncertainty",
         "the load is what the sensor feels; its own body and its adapter plate come on top of it",
         *(q.line() for q in here),
-        *(f"left out: {line}" for line in (*left, *numbers.left)),
+        *(f"left out: {line}" for line in (*unused, *numbers.left)),
         *form.hints(numbers),
     ]
     return [one_line(note) for note in notes]

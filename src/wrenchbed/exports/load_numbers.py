@@ -187,9 +187,9 @@ def load_numbers(path: str | Path, mount: Sequence[float] | None = None) -> Load
         for name, value in _load_of(model, theta, stated).items()
     }
     for name in ("cog", "inertia"):  # a turned number is identified if the number itself is
-        own, turned = quantities[f"{name}_sensor"], quantities[name]
-        if turned.known and not own.known:
-            quantities[name] = replace(turned, std=None, origin=own.origin, why=own.why)
+        in_sensor, turned = quantities[f"{name}_sensor"], quantities[name]
+        if turned.known and not in_sensor.known:
+            quantities[name] = replace(turned, std=None, origin=in_sensor.origin, why=in_sensor.why)
     return LoadNumbers(
         source=Path(path).name,
         digest=hashlib.sha256(Path(path).read_bytes()).hexdigest(),
@@ -230,7 +230,7 @@ def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> 
     phi = model.robot.tool(model.robot.robot_theta(theta)).inertial
     if not phi[0].real > 0.0:
         raise ExportError(f"the mass is {phi[0].real:g} kg: there is no load to export")
-    mass, cog, own = about_centre(phi)
+    mass, cog, inertia = about_centre(phi)
     vector, shift = (np.zeros(3), np.zeros(3)) if mount is None else mount
     if "mount.position.x" in value:
         vector = np.array([value[f"mount.rotation.{a}"] for a in "xyz"])
@@ -239,7 +239,7 @@ def _load_of(model: Model, theta: np.ndarray, mount: tuple[Any, Any] | None) -> 
     tilt = exp(value.get("base.tilt.x", 0.0), value.get("base.tilt.y", 0.0), 0.0)
     return {
         "mass": np.array([mass]), "cog": shift + turn @ cog, "cog_sensor": cog,
-        "inertia": six_of(turn @ own @ turn.T), "inertia_sensor": six_of(own),
+        "inertia": six_of(turn @ inertia @ turn.T), "inertia_sensor": six_of(inertia),
         "rotation": vector, "position": shift, "bias": np.array([value[n] for n in _BIAS]),
         "gravity": tilt @ np.asarray(model.gravity),
     }  # fmt: skip
@@ -304,15 +304,15 @@ def _of_fit(fields: checked.Fields) -> _Calibrated:
 
 def _of_twin(path: str | Path) -> _Calibrated:
     twin = Twin.read(path)
-    robot, theta, left = twin.model.robot, twin.theta.copy(), []
+    robot, theta, omitted = twin.model.robot, twin.theta.copy(), []
     for a in twin.active:
         changed = a.effect.as_parameters(robot, theta[: len(robot.parameters)], a.values)
         if changed is None:
             values = ", ".join(f"{k} = {v:.4g}" for k, v in a.values.items())
-            left.append(f"{a.effect.name}: {values}")
+            omitted.append(f"{a.effect.name}: {values}")
         else:
             theta[: len(robot.parameters)] = changed
     nominal = twin.model.parameters.nominal
     free = tuple(int(i) for i in np.flatnonzero(theta != nominal))
     plain = Twin(twin.model, theta, (), twin.recording)
-    return _Calibrated(plain, free, None, {}, tuple(left))
+    return _Calibrated(plain, free, None, {}, tuple(omitted))

@@ -129,11 +129,11 @@ def _of_fits(fits: Sequence[checked.Fields], names: tuple[str, str], kind: str) 
         for each in entries
     ]
     both = [n for n in entries[0] if n in known[0] & known[1]]
-    left, sentences = list[str](), list[str]()
+    uncompared, sentences = list[str](), list[str]()
     for k, (fit, name) in enumerate(zip(fits, names, strict=True)):
-        left += [f"{n}: only in {name}" for n in entries[k] if n in known[k] - known[1 - k]]
+        uncompared += [f"{n}: only in {name}" for n in entries[k] if n in known[k] - known[1 - k]]
         fixed = (n for n in entries[k] if n not in known[k])
-        left += [f"{n}: {name} fixes it only in combination with others" for n in fixed]
+        uncompared += [f"{n}: {name} fixes it only in combination with others" for n in fixed]
         if fit.raw.get("refuted"):
             sentences.append(f"{name} is refuted by its own data: {fit.raw['refuted']}")
     if not both:
@@ -149,7 +149,7 @@ def _of_fits(fits: Sequence[checked.Fields], names: tuple[str, str], kind: str) 
         sentences.insert(0, f"both are of {recordings[0]}: {shared}")
     sentences.insert(0, _headline(changes, together))
     changed = any(c.changed for c in changes) or together["p"] < LEVEL
-    return Comparison(kind, *names, changes, together, tuple(left), tuple(sentences), changed)
+    return Comparison(kind, *names, changes, together, tuple(uncompared), tuple(sentences), changed)
 
 
 def changes_of(

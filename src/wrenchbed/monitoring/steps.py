@@ -111,14 +111,14 @@ def _reference(robot: Robot, first: Check) -> _Reference:
     Raises:
         CalibrationError: the load of the check cannot be identified.
     """
-    model, own = Model.of(robot), robot.parameters.nominal
+    model, nominal = Model.of(robot), robot.parameters.nominal
     gravity, n = np.asarray(model.gravity), len(robot.parameters)
-    rotation, _ = robot.sensor_pose(first.q, own)
+    rotation, _ = robot.sensor_pose(first.q, nominal)
     weight = 1.0 / np.diagonal(first.covariance)
     load = identify_from_gravity(gravity @ rotation, first.wrench, weight)
     check_mass(load.mass)
     theta = model.parameters.nominal.copy()
-    theta[:n] = robot.theta_of_tool(own, load.mass, [float(c) for c in load.cog])
+    theta[:n] = robot.theta_of_tool(nominal, load.mass, [float(c) for c in load.cog])
     theta[n : n + 6] = load.bias
     scene = Scene(robot, theta[:n], gravity, first.q, first.t, np.ones(len(first.q), dtype=bool))
     columns, typical = tangents(scene, FITTED)

@@ -38,7 +38,7 @@ def histograms(
         bins: of each distribution at most; fewer of few values.
     """
     roles: tuple[Role, ...] = ("measured", "before")
-    told = []
+    drawn = []
     for title, data in panels.items():
         series = []
         for role, (name, values) in zip(roles, data.items(), strict=False):
@@ -54,8 +54,8 @@ def histograms(
         if log:
             every = np.concatenate([s.x for s in series])
             axis = replace(axis, ticks=decades(every), low=every.min(), high=every.max())
-        told.append(Panel(axis, Axis(y, low=0.0), tuple(series), title=title, height=1.4))
-    return Chart("", "", tuple(told), columns=len(told))
+        drawn.append(Panel(axis, Axis(y, low=0.0), tuple(series), title=title, height=1.4))
+    return Chart("", "", tuple(drawn), columns=len(drawn))
 
 
 def _steps(edges: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -90,8 +90,8 @@ def decades(values: np.ndarray) -> tuple[float, ...]:
     low, high = float(known.min()), float(known.max())
     first, last = int(np.floor(np.log10(low))), int(np.ceil(np.log10(high)))
     for steps in ((1.0, 2.0, 5.0), (1.0, 3.0), (1.0,)):
-        told = [s * 10.0**k for k in range(first, last + 1) for s in steps]
-        inside = tuple(float(f"{v:.6g}") for v in told if 0.999 * low <= v <= 1.001 * high)
+        ticks = [s * 10.0**k for k in range(first, last + 1) for s in steps]
+        inside = tuple(float(f"{v:.6g}") for v in ticks if 0.999 * low <= v <= 1.001 * high)
         if len(inside) <= MOST_MARKS:
             break
     return inside or (float(f"{low:.2g}"), float(f"{high:.2g}"))
@@ -102,7 +102,7 @@ def groups(
 ) -> Chart:
     """Panels by title, each with its unit and one horizontal bar a label and name."""
     roles: tuple[Role, ...] = ("measured", "before", "after", "box")
-    told = []
+    drawn = []
     for title, (x, data) in panels.items():
         series = []
         for k, (role, (name, values)) in enumerate(zip(roles, data.items(), strict=False)):
@@ -110,9 +110,9 @@ def groups(
             series.append(Series(name, "bars", np.asarray(values, dtype=float), at, role=role))
         names = tuple(f"{label}, {name}" for label in labels for name in data)
         high = 1.05 * max(float(s.x.max()) for s in series)
-        told.append(Panel(Axis(x, low=0.0, high=high), Axis("", names=names), tuple(series),
+        drawn.append(Panel(Axis(x, low=0.0, high=high), Axis("", names=names), tuple(series),
                           title=title))  # fmt: skip
-    return Chart("", "", tuple(told), columns=len(told))
+    return Chart("", "", tuple(drawn), columns=len(drawn))
 
 
 def components(left: Mapping[str, np.ndarray]) -> Chart:

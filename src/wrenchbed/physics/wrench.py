@@ -45,11 +45,11 @@ class Tool:
         """The ten parameters (…, 10) of `newton_euler`, the sensor's own mass at its origin."""
         cx, cy, cz = (self.cog[..., k] for k in range(3))
         m, about = self.mass, self.inertia
-        own = [about[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+        six = [about[..., i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
         steiner = (
             cy * cy + cz * cz, cx * cx + cz * cz, cx * cx + cy * cy, -cx * cy, -cx * cz, -cy * cz,
         )  # fmt: skip
-        second = [a + m * b for a, b in zip(own, steiner, strict=True)]
+        second = [a + m * b for a, b in zip(six, steiner, strict=True)]
         parts = [m + self.sensor_mass, m * cx, m * cy, m * cz, *second]
         return np.stack(np.broadcast_arrays(*parts), axis=-1)
 
@@ -76,8 +76,8 @@ def wrench(rotation: Value, position: Value, tool: Tool, gravity: np.ndarray) ->
 
 def weight(seen: np.ndarray, tool: Tool) -> np.ndarray:
     """Load on the sensor (…, N, 6) [N, N·m] at rest in gravity that it sees as (…, N, 3) [m/s²]."""
-    force, own = (np.asarray(m)[..., None] * seen for m in (tool.mass, tool.sensor_mass))
-    return np.concatenate(np.broadcast_arrays(force + own, cross(tool.cog, force)), axis=-1)
+    force, side_force = (np.asarray(m)[..., None] * seen for m in (tool.mass, tool.sensor_mass))
+    return np.concatenate(np.broadcast_arrays(force + side_force, cross(tool.cog, force)), axis=-1)
 
 
 def symmetric(six: Sequence[float] | np.ndarray) -> np.ndarray:

@@ -93,8 +93,8 @@ class Answer(ABC):
     @property
     def measure(self) -> str:
         """What a gap is, and what the calibrated simulator has."""
-        own = all(s.material == s.noise for s in self.d.scale.values())
-        unit, noise = ("the noise of one row", "that") if own else ("what counts", "one row's")
+        as_noise = all(s.material == s.noise for s in self.d.scale.values())
+        unit, noise = ("the noise of one row", "that") if as_noise else ("what counts", "one row's")
         return (
             f"gap: mean square of measured minus simulated in units of {unit}, minus {noise} "
             f"noise; calibrated: {self.fitted}"
@@ -157,8 +157,8 @@ class Answer(ABC):
             if number["name"] == "tool.mass":
                 value = numbers.quantity("mass", number)
                 known = number["stated"]
-                told = "none is stated" if known is None else f"{known:.4g} kg is stated"
-                return [f"a load of {value} was fitted; {told}"]
+                stated = "none is stated" if known is None else f"{known:.4g} kg is stated"
+                return [f"a load of {value} was fitted; {stated}"]
         return []
 
     @property

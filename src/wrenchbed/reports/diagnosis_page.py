@@ -218,9 +218,9 @@ def _page(
 def _of_causes(words: WrenchAnswer, e: Evidence) -> list[Chart]:
     """What shows each cause, or what nothing explains, in the order of the causes."""
     charts: list[Chart | None] = []
-    for k, own in enumerate(e.causes()):
-        charts.append(cause_charts.own_chart(e, own, f"cause-{k}"))
-        charts += figures.of_cause(e, own, f"effect-{k}")
+    for k, cause in enumerate(e.causes()):
+        charts.append(cause_charts.own_chart(e, cause, f"cause-{k}"))
+        charts += figures.of_cause(e, cause, f"effect-{k}")
     for k, entry in enumerate(words.d.which):
         charts.append(cause_charts.curve_chart(entry, f"curve-{k}"))
         if entry["effect"] in words.row_effects:

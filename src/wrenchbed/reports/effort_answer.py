@@ -161,16 +161,16 @@ def _efforts(findings: EffortFindings) -> Chart:
         ("calibrated", "before", remaining(findings.d, findings.simulators.of().each))
     ]
     if findings.verdict.causes:
-        left = remaining(findings.d, findings.fit.each)
-        every.append(("with the effects", "after", left))
+        remainders = remaining(findings.d, findings.fit.each)
+        every.append(("with the effects", "after", remainders))
     panels, note = [], ""
     for j, joint in enumerate(scene.robot.joints[: scene.joints]):
         efforts, residuals = [Series("measured", "line", t[rows], measured[rows, j])], []
         for label, role, residual in every:
-            left = residual[rows, j]
-            predicted = measured[rows, j] - std[j] * left
+            remainders = residual[rows, j]
+            predicted = measured[rows, j] - std[j] * remainders
             efforts.append(Series(label, "line", t[rows], predicted, role=role))
-            residuals.append(Series(label, "line", t[rows], left, role=role))
+            residuals.append(Series(label, "line", t[rows], remainders, role=role))
         units = (f"joint {j + 1}", joint.own("N·m")), (f"joint {j + 1}, residual", "noise")
         for (label, unit), series in zip(units, (efforts, residuals), strict=True):
             some, note = thinned(series, what="rows")

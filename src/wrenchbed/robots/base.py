@@ -278,8 +278,8 @@ def load_parameters(inertia: Sequence[float]) -> ParameterSet:
         Parameter(f"tool.inertia.{a}", v, "kg·m²", 1e-3, -10.0 if a[0] != a[1] else 0.0, 10.0, text)
         for a, v in zip(INERTIA_AXES, inertia, strict=True)
     )
-    own = Parameter("sensor.mass", 0.0, "kg", 0.02, 0.0, 5.0, "own mass that loads the gauges")
-    return ParameterSet((*items, own))
+    sensor = Parameter("sensor.mass", 0.0, "kg", 0.02, 0.0, 5.0, "own mass that loads the gauges")
+    return ParameterSet((*items, sensor))
 
 
 def inertia_matrix(p: Values) -> np.ndarray:

@@ -189,10 +189,10 @@ def _carried_sensor(record: Mapping[str, Any], stated: str) -> str:
     if carried is None:
         return stated
     fields = Fields(carried, "robot_model: ", ParameterError, "sensor")
-    name, own = fields.stated_text("name"), fields.raw.get("record")
-    if not isinstance(own, Mapping):
+    name, record_of_sensor = fields.stated_text("name"), fields.raw.get("record")
+    if not isinstance(record_of_sensor, Mapping):
         fields.refuse("record", "must be an object")
-    registry.remember("sensors", name, own)
+    registry.remember("sensors", name, record_of_sensor)
     return name
 
 

@@ -53,12 +53,12 @@ def rotor_torque(
 
     The MJCF of a described robot has some in passive joints too: loops bring it to the motors.
     """
-    own = inertias.rotor * q.dd
+    torque = inertias.rotor * q.dd
     if not inertias.passive.any():
-        return own
+        return torque
     passive = inertias.passive * robot.qpos(q, theta).dd
     ways = robot.qpos(_unit_speeds(q.v), theta).d.reshape(*q.v.shape, -1)
-    return own + np.einsum("njl,nl->nj", ways, passive)
+    return torque + np.einsum("njl,nl->nj", ways, passive)
 
 
 def _unit_speeds(q: np.ndarray) -> Jet:

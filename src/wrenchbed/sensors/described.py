@@ -161,8 +161,8 @@ def _matrix(table: Fields, key: str) -> Array:
 def text(sensor: Sensor, notes: tuple[str, ...] = ()) -> str:
     """The TOML of a sensor; ``notes`` are comments at its beginning."""
     noise, lines = sensor.noise, [f"# {note}".rstrip() for note in notes]
-    own = {"name": sensor.name.partition("@")[0], "title": sensor.title, "default": sensor.default}
-    lines += [f"format = {FORMAT}", *(f"{key} = {quoted(value)}" for key, value in own.items())]
+    top = {"name": sensor.name.partition("@")[0], "title": sensor.title, "default": sensor.default}
+    lines += [f"format = {FORMAT}", *(f"{key} = {quoted(value)}" for key, value in top.items())]
     lines[-1] += "  # the calibration that the noise belongs to"
     for c in sensor.calibrations:
         values = {"range": listed(c.range), "resolution": listed(c.resolution)}

@@ -158,8 +158,8 @@ class StudyScene:
 
     def measure(self, q: np.ndarray) -> tuple[Recording, np.ndarray]:
         """Holds at q (N, 6), and the exact load and bias at each (N, 6) before noise and drift."""
-        own = len(self.model.robot.parameters)
-        simulation = Simulation(self.model.robot, self.theta[:own], self.model.gravity)  # type: ignore[arg-type]
+        count = len(self.model.robot.parameters)
+        simulation = Simulation(self.model.robot, self.theta[:count], self.model.gravity)  # type: ignore[arg-type]
         exact = self.model.read(simulation.wrench(q), self.theta)
         n = len(q)
         first = np.arange(n) * (SAMPLES / RATE_HZ + MOVE_S)
@@ -381,9 +381,9 @@ def _figures(one: Trial) -> tuple[Figure, ...]:
             "force": ("std [N]", {m: s[:3] for m, s in std.items()}),
             "torque": ("std [N·m]", {m: s[3:] for m, s in std.items()}),
         }
-        left = f"Figure {8 + 2 * i}, tool {direction}: what each method leaves, on its own scale"
+        title = f"Figure {8 + 2 * i}, tool {direction}: what each method leaves, on its own scale"
         spread = f"Figure {9 + 2 * i}, tool {direction}: standard deviations"
-        figures.append(Figure(f"figure{8 + 2 * i}", left, components(residual)))
+        figures.append(Figure(f"figure{8 + 2 * i}", title, components(residual)))
         figures.append(Figure(f"figure{9 + 2 * i}", spread, groups(panels, ("x", "y", "z"))))
     return tuple(figures)
 

@@ -110,9 +110,9 @@ def set_weights(
     if not _compiles(six):
         moments, axes = np.linalg.eigh(symmetric(six))
         axes[:, 0] *= np.sign(np.linalg.det(axes))
-        own = next((b for b, n in enumerate(names) if n.endswith(MASS)), names.index("tool"))
-        model.body_inertia[own], model.body_sameframe[own] = moments, 0
-        mujoco.mju_mat2Quat(model.body_iquat[own], axes.ravel())
+        body = next((b for b, n in enumerate(names) if n.endswith(MASS)), names.index("tool"))
+        model.body_inertia[body], model.body_sameframe[body] = moments, 0
+        mujoco.mju_mat2Quat(model.body_iquat[body], axes.ravel())
 
 
 def with_some_inertia(robot: Robot, theta: np.ndarray) -> np.ndarray:

@@ -38,10 +38,10 @@ def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
         for name, weight in zip(names, weights, strict=True):
             share = float(cause["probability"]) * weight / sum(weights)
             part = str(name).split(".")[0]
-            own = joints(cause) if part in ("joint", "link") and name == names[0] else []
-            if len(own) > 1 and joints_or(cause):
-                share /= len(own)  # one of them
-            for place in [f"{part} {k}" for k in own] or [part]:
+            blamed = joints(cause) if part in ("joint", "link") and name == names[0] else []
+            if len(blamed) > 1 and joints_or(cause):
+                share /= len(blamed)  # one of them
+            for place in [f"{part} {k}" for k in blamed] or [part]:
                 shares[place] = min(1.0, shares.get(place, 0.0) + share)
     return shares
 

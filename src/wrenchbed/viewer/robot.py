@@ -144,11 +144,11 @@ def _painted(
 
 def _colours(model: mujoco.MjModel) -> np.ndarray:
     """RGBA (G, 4) of 0 … 1: a geom's own, else its material's."""
-    own, material = np.array(model.geom_rgba), model.geom_matid
-    plain = (own == _PLAIN).all(axis=1) & (material >= 0)
-    own[plain] = model.mat_rgba[material[plain]]
-    own[plain & (model.geom_type == GEOM.mjGEOM_PLANE)] = _FLOOR
-    return own
+    rgba, material = np.array(model.geom_rgba), model.geom_matid
+    plain = (rgba == _PLAIN).all(axis=1) & (material >= 0)
+    rgba[plain] = model.mat_rgba[material[plain]]
+    rgba[plain & (model.geom_type == GEOM.mjGEOM_PLANE)] = _FLOOR
+    return rgba
 
 
 @dataclass(frozen=True, eq=False)

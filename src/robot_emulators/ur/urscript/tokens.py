@@ -48,7 +48,7 @@ def tokens(text: str) -> list[Token]:
     Raises:
         ScriptFaultError: a character that begins none.
     """
-    found: list[Token] = []
+    read: list[Token] = []
     line, start, at, depth = 1, 0, 0, 0
     while at < len(text):
         match = _PATTERN.match(text, at)
@@ -56,18 +56,18 @@ def tokens(text: str) -> list[Token]:
             raise ScriptFaultError(f"syntax_error_on_line:{line}:", line, at - start + 1)
         kind, word = str(match.lastgroup), match.group()
         if kind == LINE:
-            if not depth and found and found[-1].kind != LINE:
-                found.append(Token(LINE, word, line, at - start + 1))
+            if not depth and read and read[-1].kind != LINE:
+                read.append(Token(LINE, word, line, at - start + 1))
             line, start = line + 1, match.end()
         elif kind != "blank":
             depth += (word in _OPEN or kind == POSE) - (word in _CLOSE)
             depth = max(depth, 0)
             kind = word if kind == NAME and word in KEYWORDS else kind
-            found.append(Token(kind, word, line, at - start + 1))
+            read.append(Token(kind, word, line, at - start + 1))
         at = match.end()
-    found.append(Token(LINE, "", line, at - start + 1))
-    found.append(Token(END, "", line, at - start + 1))
-    return found
+    read.append(Token(LINE, "", line, at - start + 1))
+    read.append(Token(END, "", line, at - start + 1))
+    return read
 
 
 def is_secondary(text: str) -> bool:

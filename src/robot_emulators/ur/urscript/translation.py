@@ -89,11 +89,11 @@ def translated(text: str, table: Mapping[str, Builtin]) -> Code:
 
 
 class _Translator:
-    def __init__(self, found: list[Token], table: Mapping[str, Builtin]) -> None:
-        self._tokens, self._table = found, table
+    def __init__(self, tokens: list[Token], table: Mapping[str, Builtin]) -> None:
+        self._tokens, self._table = tokens, table
         self._at = self._depth = 0
         self._own = {
-            name.text for key, name in pairwise(found) if key.kind in ("def", "sec", "thread")
+            name.text for key, name in pairwise(tokens) if key.kind in ("def", "sec", "thread")
         }
         self._called: set[str] = set()
         self._top = self._scope = _Scope(None)
@@ -298,9 +298,9 @@ class _Translator:
 
     def _expression(self) -> ast.expr:
         self._deeper()
-        found = self._level(0)
+        tree = self._level(0)
         self._depth -= 1
-        return found
+        return tree
 
     def _level(self, number: int) -> ast.expr:
         if number == len(_LEVELS):

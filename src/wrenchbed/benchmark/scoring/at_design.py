@@ -58,11 +58,11 @@ def reliability_at_design(
 
     teach = partial(lesson_at, ExperimentDesign.of(at), seed)
     in_workers(teach, range(count), finished, processes)
-    of_it = [x for _, x in sorted(taught.items()) if x is not None]
-    if not of_it:
+    at_design = [x for _, x in sorted(taught.items()) if x is not None]
+    if not at_design:
         raise DiagnosisError("none of the look-alikes can be drawn at this design")
-    source = f"{len(of_it)} look-alikes of this recording and {len(lessons())} other cases"
-    return learnt([*lessons(), *of_it], source)
+    source = f"{len(at_design)} look-alikes of this recording and {len(lessons())} other cases"
+    return learnt([*lessons(), *at_design], source)
 
 
 def lesson_at(design: ExperimentDesign, seed: int, index: int) -> Lesson | None:
@@ -84,14 +84,14 @@ def lesson(design: ExperimentDesign, case: LookalikeCase, name: str, weight: flo
     weighed = weigh(gathered(recording(design, case)), UNLEARNT, 0)
     a, verdict, gap = weighed.analysis, weighed.decision.verdict, weighed.decision.gap
     mode = a.prepared.scene.mode
-    found = features(verdict, gap.closed_least, mode) if verdict.causes else ()
+    claimed = features(verdict, gap.closed_least, mode) if verdict.causes else ()
     probabilities = {k: p for k, p in verdict.probabilities.items() if p > 0.0}
     shown = set(case.causes) - set(case.rows)
     true = tuple(k for k in probabilities if shown & set(k.split("|")))
     if case.outside is not None or not shown:
         true = (NONE if case.outside is None else UNKNOWN,)
     return Lesson(
-        design.robot.name.partition("@")[0], mode, name, found, key_of(verdict),
+        design.robot.name.partition("@")[0], mode, name, claimed, key_of(verdict),
         true, probabilities, _errors(weighed, case), design_of(a), weight,
     )  # fmt: skip
 
@@ -104,6 +104,6 @@ def _errors(weighed: Weighed, case: LookalikeCase) -> tuple[float, ...]:
     for entry in answer.causes(a, final, gap, 1.0, ()):
         name = entry["effect"]
         if name in case.causes:
-            of_it = numbers(name, entry["parameters"], case.true(name))
-            result += [(n.value - n.truth) / n.std for n in of_it if n.std]
+            fitted = numbers(name, entry["parameters"], case.true(name))
+            result += [(n.value - n.truth) / n.std for n in fitted if n.std]
     return tuple(result)

@@ -228,9 +228,9 @@ def _of_frames(seen: Observed) -> Iterator[Mistake]:
         yield _fitted(seen, seen.design, _turned(rotation, seen.y), finding)
     if not seen.robot.joints:
         yield from _of_orientations(seen)
-    found = None if seen.turns else best_turn(-seen.seen.origin.T, seen.y[:, :3])
-    if found is not None:
-        yield from _turned_sensor(seen, found)
+    best = None if seen.turns else best_turn(-seen.seen.origin.T, seen.y[:, :3])
+    if best is not None:
+        yield from _turned_sensor(seen, best)
     yield from _of_gravity(seen, into)
 
 

@@ -181,8 +181,8 @@ class Moments:
         share[(phi[:, 0] <= 0.0) | silent] = 1.0  # a load has a mass
         heard = use & (squares > LOUD**2 * noise) & (squares > 0.0)
         channel = np.where(heard, (rest - noise) / np.maximum(squares, 1e-300), 0.0)
-        left, channel = np.sqrt(rest / self.count), np.clip(channel, 0.0, None)
-        return [Load(*each) for each in zip(phi, share.tolist(), left, channel, strict=True)]
+        residual, channel = np.sqrt(rest / self.count), np.clip(channel, 0.0, None)
+        return [Load(*each) for each in zip(phi, share.tolist(), residual, channel, strict=True)]
 
 
 def _parts(channels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

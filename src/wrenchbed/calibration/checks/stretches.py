@@ -98,11 +98,11 @@ def _torque_swing(seen: Observed) -> float:
     )
 
 
-def _where(seen: Observed, far: np.ndarray, peak: float, left: np.ndarray) -> str:
+def _where(seen: Observed, far: np.ndarray, peak: float, residual: np.ndarray) -> str:
     at = np.flatnonzero(far)
     runs = np.split(at, np.flatnonzero(np.diff(at) > 1) + 1)
     longest = max(runs, key=len)
-    strength = f"up to {peak:.3g} N and {np.abs(left[:, 3:]).max():.2g} N·m"
+    strength = f"up to {peak:.3g} N and {np.abs(residual[:, 3:]).max():.2g} N·m"
     kind = "samples" if not isinstance(seen.q, np.ndarray) else "poses"
     begin, end = seen.t[longest[0]], seen.t[longest[-1]]
     more = f", in {len(runs)} stretches" if len(runs) > 1 else ""

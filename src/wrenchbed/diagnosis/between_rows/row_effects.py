@@ -155,10 +155,10 @@ def _coarse(steps: list[Step | None], counted: np.ndarray, base: np.ndarray) -> 
     parameters: dict[str, dict[str, Any]] = {}
     words = []
     for k in chosen:
-        own = steps[k]
-        assert own is not None
-        parameters[f"step.{CHANNELS[k]}"] = quantity(own.value, own.std, UNITS[k])
-        words.append(f"{CHANNELS[k]} {own.value:.3g} {UNITS[k]}")
+        step = steps[k]
+        assert step is not None
+        parameters[f"step.{CHANNELS[k]}"] = quantity(step.value, step.std, UNITS[k])
+        words.append(f"{CHANNELS[k]} {step.value:.3g} {UNITS[k]}")
     sentence = (
         f"Values are quantised in coarse steps of {', '.join(words)}; rounding to them raises "
         f"a row's variance by up to {100 * rise.max():.0f} %."

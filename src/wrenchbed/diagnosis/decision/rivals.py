@@ -52,11 +52,11 @@ def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str
     wrong = [c.names[0] for c in others if c.part.index is None]
     base = a.refitter.keeping(f, beside)
     assert lead.part.index is not None
-    own = a.refitter.keeping(f, [lead.part.index, *beside])
+    leading = a.refitter.keeping(f, [lead.part.index, *beside])
     judge = _Judge(a, wrong, seed)
-    without, with_lead = judge.gaps(base), judge.gaps(own)
+    without, with_lead = judge.gaps(base), judge.gaps(leading)
     closes = judge.mean(without - with_lead).value
-    found: dict[str, float] = {}
+    rivals: dict[str, float] = {}
     for s in _candidates(a, base, {*claimed, lead.names[0]}):
         h = a.searcher.hypotheses[s.index]
         rival = a.refitter.extended(base, h, s.rung)
@@ -66,8 +66,8 @@ def _as_good(a: Analysis, verdict: Verdict[Explanation], seed: int) -> tuple[str
             continue
         both = judge.gaps(a.refitter.extended(rival, f.parts[lead.part.index]))
         if judge.mean(gaps - both).value < APART * closes:
-            found[h.name] = worse.value
-    return tuple(sorted(found, key=lambda n: found[n]))
+            rivals[h.name] = worse.value
+    return tuple(sorted(rivals, key=lambda n: rivals[n]))
 
 
 def _candidates(a: Analysis, base: Finalist, taken: set[str]) -> list[SingleEvidence]:

@@ -156,9 +156,9 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
     std_rows = np.array([n.std for n in noise])
     flat = [c for columns, _, _ in each for c in columns] + arm_columns
     joint = np.repeat([*many, -1], [*(len(columns) for columns, _, _ in each), len(arm_columns)])
-    own = [np.sqrt((each[j][1] ** 2).mean(axis=0)) / std_rows[j] for j in many]
+    sizes = [np.sqrt((each[j][1] ** 2).mean(axis=0)) / std_rows[j] for j in many]
     shared = np.sqrt(((arm / std_rows[:, None]) ** 2).mean(axis=0).sum(axis=0))
-    size = np.concatenate([*own, shared])
+    size = np.concatenate([*sizes, shared])
     blocks = (*(b for _, _, some in each for b in some), *arm_blocks)
     counts = (material or Material()).counts(scene.units, std_rows)
     channels = tuple(

@@ -116,5 +116,5 @@ def _right(verdict: Verdict[Structure], gap: Closure) -> float:
     joint = verdict.causes[0].part.joint
     of_joint = [c for n, c in gap.per_channel.items() if n.lstrip("taui") == str(joint)]
     little = gap.closed is None or gap.closed.value < _MOSTLY
-    left = bool(of_joint) and of_joint[0].get("after", 0.0) > LARGEST_NONE
-    return BELIEVED if little or left else 1.0
+    much = bool(of_joint) and of_joint[0].get("after", 0.0) > LARGEST_NONE
+    return BELIEVED if little or much else 1.0

@@ -55,18 +55,18 @@ class Sign:
 
 def signs(d: Dictionary) -> tuple[Sign, ...]:
     """Signs of faults in the efforts of all channels that rest on no model of a cause."""
-    scene, found = d.scene, list[Sign]()
+    scene, result = d.scene, list[Sign]()
     time = scene.signals.t[scene.kept()]
     for j, (name, channel) in enumerate(zip(scene.channels, d.channels, strict=True)):
-        use, left = channel.use, channel.left
+        use, residual = channel.use, channel.left
         every = (
             held(scene.signals.t, scene.measured[:, j], scene.speeds[:, j]),
-            episode(time, left, use),
-            peak(left, scene.rate),
-            outliers(time, left, use),
+            episode(time, residual, use),
+            peak(residual, scene.rate),
+            outliers(time, residual, use),
         )
-        found += [Sign(j + 1, f"{name}: {text}") for text in every if text]
-    return tuple(found)
+        result += [Sign(j + 1, f"{name}: {text}") for text in every if text]
+    return tuple(result)
 
 
 def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
@@ -86,14 +86,14 @@ def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
     )
 
 
-def episode(t: np.ndarray, left: np.ndarray, use: np.ndarray) -> str:
+def episode(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
     """Description of stretches in which a residual (M,) scatters far more; empty if none."""
-    fold = np.arange(len(left)) * _STRETCHES // len(left)
+    fold = np.arange(len(residual)) * _STRETCHES // len(residual)
     rows = np.bincount(fold, use, _STRETCHES)
     some = np.flatnonzero(rows >= _LEAST_ROWS)
     if some.size < _STRETCHES // 2:
         return ""
-    each = np.bincount(fold, np.where(use, left, 0.0) ** 2, _STRETCHES)[some] / rows[some]
+    each = np.bincount(fold, np.where(use, residual, 0.0) ** 2, _STRETCHES)[some] / rows[some]
     middle = max(float(np.median(each)), 1e-300)
     worst = float(each.max()) / middle
     if worst < _EPISODE and float(np.quantile(each, _TENTH)) / middle < _MANY:
@@ -105,9 +105,9 @@ def episode(t: np.ndarray, left: np.ndarray, use: np.ndarray) -> str:
     )
 
 
-def peak(left: np.ndarray, rate: float) -> str:
+def peak(residual: np.ndarray, rate: float) -> str:
     """Description of a narrow peak in the spectrum of a residual (M,); empty if none."""
-    hertz, power = scipy.signal.welch(left, rate, nperseg=min(_SEGMENT, len(left)))
+    hertz, power = scipy.signal.welch(residual, rate, nperseg=min(_SEGMENT, len(residual)))
     around = scipy.ndimage.median_filter(power, _NEIGHBOURS, mode="nearest")
     over = (power / np.maximum(around, 1e-300))[_FIRST:]
     if float(over.max()) < _PEAK:
@@ -116,12 +116,12 @@ def peak(left: np.ndarray, rate: float) -> str:
     return f"what no effect explains oscillates at {most:.1f} Hz"
 
 
-def outliers(t: np.ndarray, left: np.ndarray, use: np.ndarray) -> str:
+def outliers(t: np.ndarray, residual: np.ndarray, use: np.ndarray) -> str:
     """Description of a few rows far out in a residual (M,); empty if none."""
-    some = left[use]
+    some = residual[use]
     square = max(float(np.mean(some**2)), 1e-300)
     if float(np.mean(some**4)) / square**2 < _KURTOSIS:
         return ""
-    at = int(np.where(use, np.abs(left), 0.0).argmax())
-    size = abs(float(left[at])) / np.sqrt(square)
+    at = int(np.where(use, np.abs(residual), 0.0).argmax())
+    size = abs(float(residual[at])) / np.sqrt(square)
     return f"at {t[at]:.1f} s what no effect explains jumps to {size:.0f} times its usual size"

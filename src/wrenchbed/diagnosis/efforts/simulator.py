@@ -134,11 +134,11 @@ class Simulators:
                 amplitudes[:, d.at[k]] = 0.0
             label = Part(d.blocks[k].effect, 0.0, joint=d.blocks[k].joint).label
             without[label] = _gaps(d, remaining(d, amplitudes))
-        left = {name: remaining(d, x) for name, x in each.items()}
+        residuals = {name: remaining(d, x) for name, x in each.items()}
         rows = len(d.fold)
-        every = {name: _gaps(d, x) for name, x in left.items()} | {"floor": np.zeros(rows)}
+        every = {name: _gaps(d, x) for name, x in residuals.items()} | {"floor": np.zeros(rows)}
         stages = {"before": "calibrated"} | ({"after": "with_effects"} if blocks else {})
-        channels = {stage: _of_channels(d, left[name]) for stage, name in stages.items()}
+        channels = {stage: _of_channels(d, residuals[name]) for stage, name in stages.items()}
         return Judged(d.fold, np.ones(rows), every, without, channels)
 
 
@@ -149,10 +149,10 @@ def added(d: Dictionary, x: np.ndarray, block: int) -> float:
     Columns shared by all joints are known from the other joints, so they take up no part of a
     cause in one drive.
     """
-    own, gap = d.joint[d.at[block]], 0.0
-    in_one = bool((own >= 0).all())
+    joint, gap = d.joint[d.at[block]], 0.0
+    in_one = bool((joint >= 0).all())
     free = d.free & (d.joint >= 0) if in_one else d.free
-    for channel in [d.channels[own[0]]] if in_one else d.channels:
+    for channel in [d.channels[joint[0]]] if in_one else d.channels:
         at, gram = channel.at, channel.gram
         here = np.isin(at, d.at[block])
         beside = free[at] & ~here
@@ -168,24 +168,24 @@ def remaining(d: Dictionary, each: np.ndarray) -> np.ndarray:
     """Residual (M, C) in noises of a row beside amplitudes (B, P) of each block of time."""
     some, result = np.abs(each).max(axis=0) > 0.0, list[np.ndarray]()
     for channel in d.channels:
-        own = some[channel.at]
-        values = each[:, channel.at[own]][d.fold]
-        made = np.einsum("mk,mk->m", channel.data[:, own], values)
+        of_channel = some[channel.at]
+        values = each[:, channel.at[of_channel]][d.fold]
+        made = np.einsum("mk,mk->m", channel.data[:, of_channel], values)
         result.append((channel.y - made) / channel.noise.std)
     return np.stack(result, axis=-1)
 
 
-def _gaps(d: Dictionary, left: np.ndarray) -> np.ndarray:
+def _gaps(d: Dictionary, residual: np.ndarray) -> np.ndarray:
     """Gap at each row (M,) of a residual (M, C) in noises of a row, averaged over the joints that
     count there."""
     use = np.stack([c.use for c in d.channels], axis=-1)
     counts = np.array([c.noise_counts for c in d.channels])
-    return np.asarray(((left**2 - 1.0) * counts * use * (use.size / use.sum())).mean(axis=1))
+    return np.asarray(((residual**2 - 1.0) * counts * use * (use.size / use.sum())).mean(axis=1))
 
 
-def _of_channels(d: Dictionary, left: np.ndarray) -> np.ndarray:
+def _of_channels(d: Dictionary, residual: np.ndarray) -> np.ndarray:
     """Gap of each channel (C,) on the rows that count there."""
-    each = zip(d.channels, left.T, strict=True)
+    each = zip(d.channels, residual.T, strict=True)
     return np.array([c.noise_counts * (np.mean(x[c.use] ** 2) - 1.0) for c, x in each])
 
 

@@ -285,19 +285,19 @@ class EffectDictionary:
     @cached_property
     def _of_effects(self) -> Mapping[str, np.ndarray]:
         """Distinct columns by effect, in the order of their names."""
-        found: dict[str, list[int]] = {}
+        columns: dict[str, list[int]] = {}
         for k, (effect, parameter) in enumerate(self.label):
             if parameter:
-                found.setdefault(effect, []).append(k)
-        return {effect: np.array(found[effect]) for effect in sorted(found)}
+                columns.setdefault(effect, []).append(k)
+        return {effect: np.array(columns[effect]) for effect in sorted(columns)}
 
     @cached_property
     def imperfect(self) -> Mapping[str, np.ndarray]:
         """Columns by effect in which a robot may always differ a little; form-free variants are in
         the kernels, and stated numbers have their tolerances."""
         stated = {self.label[k][0] for k in self.stated}
-        own = {e: np.setdiff1d(k, self.free_form) for e, k in self._of_effects.items()}
-        return {e: k for e, k in own.items() if e not in stated}
+        columns = {e: np.setdiff1d(k, self.free_form) for e, k in self._of_effects.items()}
+        return {e: k for e, k in columns.items() if e not in stated}
 
     def of_effect(self, name: str) -> np.ndarray:
         """Distinct columns of an effect, whatever the variant."""

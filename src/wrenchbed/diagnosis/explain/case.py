@@ -146,8 +146,8 @@ class Case:
 
         All other parts give way. So does the part itself up to ``least`` of its typical sizes.
         """
-        own = np.isin(np.arange(len(f.spread)), f.variables.of_parts([part]))
-        spread = np.where(own, np.minimum(f.spread, least), f.spread)
+        of_part = np.isin(np.arange(len(f.spread)), f.variables.of_parts([part]))
+        spread = np.where(of_part, np.minimum(f.spread, least), f.spread)
         gives_way = spread > 0.0
         design = f.design[:, gives_way]
         energy, score, half = self._beside(f.rung, design, spread[gives_way], signal)

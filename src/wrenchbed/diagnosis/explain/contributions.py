@@ -88,7 +88,7 @@ def twins(
 def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
     """Names of effects that make a part's readings at plausible sizes, however many numbers that
     takes; with finite angles where slopes come near."""
-    hypotheses, own = refitter.searcher.hypotheses, f.parts[part]
+    hypotheses, small = refitter.searcher.hypotheses, f.parts[part]
     signal = made_by(refitter, f, [part])
     energy, remainders = refitter.remainders(f, part, signal)
     nearest: dict[str, int] = {}
@@ -96,7 +96,7 @@ def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
         if remainders[k] > max(APART, SAME * energy):
             break
         h = hypotheses[k]
-        if h.name != own.name and not h.effect.stated:
+        if h.name != small.name and not h.effect.stated:
             nearest.setdefault(h.name, k)
     alone = Refitter(refitter.searcher, signal)
 

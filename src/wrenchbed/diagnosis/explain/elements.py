@@ -121,7 +121,7 @@ def _imitating(
     imperfections of the others.
     """
     replaced, hypotheses = f.parts[part], refitter.searcher.hypotheses
-    own, of_one = element(replaced.variant), of_element(replaced.variant)
+    replaced_element, of_one = element(replaced.variant), of_element(replaced.variant)
     energy, each = refitter.remainders(f, part, signal)
     result = {}
     for effect in effects:
@@ -131,7 +131,7 @@ def _imitating(
         if effect != replaced.name:
             local = local or named
         elif of_one:
-            local = [k for k in local if element(hypotheses[k].variant) != own]
+            local = [k for k in local if element(hypotheses[k].variant) != replaced_element]
         elif local:
             remainders = refitter.remainders(f, part, signal, MOST)[1]
             most = float(remainders[local].min()) + APART

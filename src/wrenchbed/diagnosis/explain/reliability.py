@@ -113,9 +113,9 @@ class Reliability:
             return self.none if verdict.word == NONE else self.unknown
         return self.of(features(verdict, closed, mode))
 
-    def of(self, found: Sequence[float]) -> float:
+    def of(self, features: Sequence[float]) -> float:
         """Probability that a claim with such features is right."""
-        return min(float(expit(np.dot(self.claim, found))), self.believed)
+        return min(float(expit(np.dot(self.claim, features))), self.believed)
 
     def p_value(self, mode: str, design: Sequence[float]) -> float:
         """Probability that a recording like those that taught in a mode looks as unlike them."""

@@ -58,8 +58,8 @@ class Structure:
         place = {sets[s]: np.flatnonzero(owner == s) for s in order}
         first = {p: place[p, r] for p, r in reversed(sets)}
         at, blamed = [], []
-        for r, own in enumerate(parts):
-            free = [place.get((p, r), first[p]) for p, h in enumerate(own) if not h.effect.stated]
+        for r, some in enumerate(parts):
+            free = [place.get((p, r), first[p]) for p, h in enumerate(some) if not h.effect.stated]
             wrong = [place[s] for s, of in zip(sets, stated, strict=True) if of and s[1] == r]
             at.append(_joined(free).astype(int))
             blamed.append(_joined(wrong).astype(int))
@@ -106,8 +106,8 @@ class Structure:
         may be small as soon as one recording shows it."""
         result = []
         for p, home in self.sets:
-            own = self.parts[home][p]
-            of = [own] if own.effect.of_recording else [parts[p] for parts in self.parts]
+            one = self.parts[home][p]
+            of = [one] if one.effect.of_recording else [parts[p] for parts in self.parts]
             most = max(of, key=lambda h: h.typical_gap)
             result.append(self.cases[home].searcher.scales(most))
         return np.stack(result)
@@ -131,8 +131,8 @@ class Structure:
         some = list(which)
         result = np.zeros((len(f), len(x)))
         for c, parts, at, rows in zip(self.cases, self.parts, self.at, self.rows, strict=True):
-            own = np.flatnonzero(np.isin(at, some))
-            result[rows, at[own]] = c.design(parts, x[at], f[rows], own.tolist())
+            of_blocks = np.flatnonzero(np.isin(at, some))
+            result[rows, at[of_blocks]] = c.design(parts, x[at], f[rows], of_blocks.tolist())
         return result[:, some]
 
     @property

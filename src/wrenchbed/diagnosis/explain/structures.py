@@ -192,8 +192,8 @@ def _near(
     refitter: Refitter, more: Sequence[SingleEvidence], f: Finalist, part: int
 ) -> list[SingleEvidence]:
     """The best variant of each other effect, if it comes near the part itself."""
-    best, own = best_variants(refitter.searcher.hypotheses, more), f.parts[part].name
-    mark = best[own].log_posterior if own in best else -np.inf
+    best, name = best_variants(refitter.searcher.hypotheses, more), f.parts[part].name
+    mark = best[name].log_posterior if name in best else -np.inf
     others = [s for n, s in best.items() if n not in f.names and n not in STATED]
     return [s for s in others if s.log_posterior > mark - NEAR][:MOST]
 

@@ -146,20 +146,20 @@ def closure(
             s: np.concatenate([j.further.get(s, np.zeros(len(j.count))) for j in each])
             for s in ("calibrated", "with_effects", *each[0].without)
         }
-        before, left = origin + beside["calibrated"], after + beside["with_effects"]
-        in_all = drawn.ratio(before - left, before - floor)
+        before, diagnosed = origin + beside["calibrated"], after + beside["with_effects"]
+        in_all = drawn.ratio(before - diagnosed, before - floor)
         for name in each[0].without:
             without = np.concatenate([j.without[name] for j in each])
-            members[name] = drawn.mean(without + beside[name] - left)
+            members[name] = drawn.mean(without + beside[name] - diagnosed)
             further[name] = drawn.mean(beside[name] - beside["with_effects"])
     rows = np.array([int(j.count.sum()) for j in each])
     known = [tuple(j.names or names) for j in each]
     per_channel = dict[str, dict[str, float]]()
     for name in dict.fromkeys(n for of in known for n in of):
-        own = [(j, of.index(name)) for j, of in zip(each, known, strict=True) if name in of]
-        weight = np.array([float(j.count.sum()) for j, _ in own])
+        having = [(j, of.index(name)) for j, of in zip(each, known, strict=True) if name in of]
+        weight = np.array([float(j.count.sum()) for j, _ in having])
         per_channel[name] = {
-            stage: float(weight @ [j.channels[stage][k] for j, k in own] / weight.sum())
+            stage: float(weight @ [j.channels[stage][k] for j, k in having] / weight.sum())
             for stage in each[0].channels
         }
     return Closure(

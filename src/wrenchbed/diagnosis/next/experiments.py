@@ -92,8 +92,8 @@ class Comparison:
             (self.information(ExperimentRun(o, again=False)) for o in others),
             start=np.zeros((len(self.chosen),) * 2),
         )
-        own = _beyond(away, np.full(away.shape[1], LARGE), d.E[:, self.chosen] / noise)
-        self.known = own + self._beside
+        information = _beyond(away, np.full(away.shape[1], LARGE), d.E[:, self.chosen] / noise)
+        self.known = information + self._beside
 
     def _sizes(self, candidate: Candidate) -> np.ndarray:
         x = np.zeros(len(self.chosen))
@@ -144,13 +144,13 @@ class Comparison:
         """Information (n, n) of a session on the columns' sizes, and of the recording where the
         session continues it; what only the session has, its zero for one, is anything."""
         columns, at = self.columns(session), _with_payload(session)
-        own, more = nuisance(session.prepared), list[np.ndarray]()
+        free, more = nuisance(session.prepared), list[np.ndarray]()
         if not session.again:
-            own = np.concatenate([own, _zeros(at, len(columns))], axis=1)
+            free = np.concatenate([free, _zeros(at, len(columns))], axis=1)
             more = self._only_there(at)
-        wide = [np.full(own.shape[1], LARGE), *(np.ones(x.shape[1]) for x in more)]
+        wide = [np.full(free.shape[1], LARGE), *(np.ones(x.shape[1]) for x in more)]
         noise = np.sqrt(row_variance(at, ROWS * GAP))[:, None]
-        return _beyond(np.concatenate([own, *more], axis=1) / noise, np.concatenate(wide), columns)
+        return _beyond(np.concatenate([free, *more], axis=1) / noise, np.concatenate(wide), columns)
 
     def after(self, session: ExperimentRun) -> np.ndarray:
         """Information (n, n) of all that is known after a session."""

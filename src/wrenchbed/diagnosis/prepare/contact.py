@@ -140,9 +140,9 @@ def _beyond_gains(prepared: Prepared, force: np.ndarray) -> np.ndarray:
     return np.asarray(force - design @ np.linalg.lstsq(design, force, rcond=1e-3)[0])
 
 
-def _point(left: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+def _point(residual: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     """Point r (3,) [m] of T = r × F + T₀ over rows (H, 6), its uncertainty (3,), and R²."""
-    force, torque = left[:, :3], left[:, 3:]
+    force, torque = residual[:, :3], residual[:, 3:]
     levers = _levers(force)
     design = (levers - levers.mean(axis=0)).reshape(-1, 3)
     about = (torque - torque.mean(axis=0)).ravel()

@@ -56,7 +56,7 @@ class Wave(DriveEffect):
         return columns, self.cause(rows, names, turns, -float(np.log(self.tried)))
 
 
-def strongest(left: np.ndarray, angle: np.ndarray) -> float:
+def strongest(residual: np.ndarray, angle: np.ndarray) -> float:
     """Periods a turn above `GEAR_MOST` at which a residual (M,) repeats with the angle (M,) most.
 
     Sums over rows become a transform over bins of the angle: rows of a bin have nearly one phase.
@@ -66,7 +66,7 @@ def strongest(left: np.ndarray, angle: np.ndarray) -> float:
     bins = int(_BINS * FASTEST * turns) + 2
     share = (angle - angle.min()) / max(float(np.ptp(angle)), 1e-12)
     at = np.clip((bins * share).astype(int), 0, bins - 1)
-    total = np.bincount(at, left - left.mean(), bins)
+    total = np.bincount(at, residual - residual.mean(), bins)
     middle = angle.min() + (np.arange(bins) + 0.5) / bins * np.ptp(angle)
     power = np.abs(np.exp(1j * np.outer(tried, middle)) @ total)
     return float(tried[int(power.argmax())])

@@ -180,15 +180,15 @@ class MedRUE(SimulatedRobot):
     def packed(self, theta: np.ndarray, gravity: np.ndarray) -> Packed:
         """The robot's own numbers are d41 + d42, L14, dq6 and eleven of each five-bar."""
         p = self.values(theta)
-        own = [p["d41"] + p["d42"], p["L14"], p["dq6"]]
+        numbers = [p["d41"] + p["d42"], p["L14"], p["dq6"]]
         for i in (1, 2):
             ay, az, cy, cz = p[f"A{i}y"], p[f"A{i}z"], p[f"C{i}y"], p[f"C{i}z"]
             l1, l2, l3, l4 = (p[f"L{i}{k}"] for k in (1, 2, 3, 4))
             base = np.sqrt((ay - cy) * (ay - cy) + (az - cz) * (az - cz))
-            own += [base / 2, l1, l3, l4 * l4 - l2 * l2, l4 * l4, (ay - cy) / base,
+            numbers += [base / 2, l1, l3, l4 * l4 - l2 * l2, l4 * l4, (ay - cy) / base,
                     (cz - az) / base, (ay + cy) / 2, (az + cz) / 2,
                     p[f"dq{2 * i}"], p[f"dq{2 * i + 1}"]]  # fmt: skip
-        return Packed(gravity @ _turn(p, "0"), _turn(p, "S"), np.stack(own, axis=-1))
+        return Packed(gravity @ _turn(p, "0"), _turn(p, "S"), np.stack(numbers, axis=-1))
 
     def tool(self, theta: np.ndarray) -> Tool:
         p = self.values(theta)
