@@ -6,8 +6,10 @@ import pytest
 from altered import with_rows, with_wrench
 from corrupted import CORRUPTIONS
 from simulated import WHITE, static
+from simulated import recording as recorded
 from sound import BASES, good
 from subtle import SUBTLE
+from wrenchbed import registry
 from wrenchbed.calibration import calibrate as calibration
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.calibration.checks.finding import REASONS
@@ -16,6 +18,7 @@ from wrenchbed.calibration.trust import check
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import CalibrationError, DiagnosisError, WrenchbedError
+from wrenchbed.simulation.simulation import Simulation
 
 SEED = 7
 
@@ -199,6 +202,15 @@ def test_the_remedy_for_a_late_wrench_works(rows):
     place = np.arange(len(broken)) - np.searchsorted(segment, segment)
     fit = calibrate(with_rows(broken, place >= rows))
     assert abs(fit["tool.mass"].value - MASS) < 4.0 * fit["tool.mass"].std
+
+
+def test_of_a_base_on_its_side_gravity_is_named_where_a_joint_was_planned_to_stand():
+    rng, arm = np.random.default_rng(5), registry.load("robots", "ur5")
+    q = arm.sample(60, rng)
+    q[:, 0] = 0.0
+    load = Simulation(arm, arm.parameters.nominal, (0.0, -9.80665, 0.0)).wrench(q)
+    with pytest.raises(CalibrationError, match="gravity acts along"):
+        calibrate(recorded("ur5", q, load, 5, WHITE, 0.0, rng))
 
 
 def test_few_rows_a_pose_and_noiseless_rows_contradict_nothing():

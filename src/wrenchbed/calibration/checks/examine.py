@@ -176,8 +176,8 @@ def _frozen(recording: Recording, seen: Observed, load: Load) -> Finding | None:
     """A joint's column that stands while others move, where the readings go on."""
     for name, row, count in rows.frozen_joints(recording):
         inside = (seen.row >= row) & (seen.row < row + count)
-        if inside.all():
-            frozen = load.share > REFUTED
+        if inside.all():  # or it was planned to stand, and a mistake explains the readings
+            frozen = load.share > REFUTED and mistake(seen) is None
         else:
             rest = part(seen, ~inside)
             frozen = (
