@@ -13,7 +13,7 @@ from wrenchbed import registry
 from wrenchbed.calibration import calibrate as calibration
 from wrenchbed.calibration.calibrate import CalibrationOptions, calibrate
 from wrenchbed.calibration.checks.finding import REASONS
-from wrenchbed.calibration.checks.rows_of_poses import contradicted
+from wrenchbed.calibration.checks.rows import contradicted
 from wrenchbed.calibration.trust import check
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare

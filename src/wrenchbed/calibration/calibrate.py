@@ -25,7 +25,7 @@ from wrenchbed.calibration.fit_problem import LOSSES, Outcome, Problem
 from wrenchbed.calibration.least_squares import BLIND, Solution
 from wrenchbed.calibration.misfit import Fault, allowed_for
 from wrenchbed.calibration.observability import Observability, analyse
-from wrenchbed.calibration.observations import Observations, fallback_covariance, observe, usable
+from wrenchbed.calibration.observations import Observations, fallback_covariance, observe
 from wrenchbed.calibration.touches import Agreement, Touches
 from wrenchbed.calibration.trust import GENERAL, OUTLIERS, of_observations
 from wrenchbed.calibration.weighting import fit
@@ -246,7 +246,7 @@ def _checked(
         )
     robot = robot_of(recording)
     model = Model.of(robot, recording.metadata)
-    finding = of_rows(recording, usable(recording), robot.sensor)
+    finding = of_rows(recording)
     if finding is not None and not _answered(finding, options):
         raise CalibrationError(f"{recording.name}: {finding.sentence}")
     data = observe(recording)

@@ -5,9 +5,8 @@ import numpy as np
 from wrenchbed.calibration.checks.examine import of_load
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.calibration.checks.rigid_load import Observed
-from wrenchbed.calibration.checks.rows import of_rows
-from wrenchbed.calibration.checks.rows_of_poses import contradicted
-from wrenchbed.calibration.observations import Observations, observe, usable
+from wrenchbed.calibration.checks.rows import contradicted, of_rows
+from wrenchbed.calibration.observations import Observations, observe
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError
 from wrenchbed.simulation.closed_form import Model, robot_of
@@ -70,7 +69,7 @@ def check(recording: Recording) -> Finding | None:
     model = Model.of(robot_of(recording), recording.metadata)
     if recording.metadata.mode == "dynamic" and not recording.joints:
         raise CalibrationError(f"{recording.name}: motion needs joint columns")
-    finding = of_rows(recording, usable(recording), model.robot.sensor)
+    finding = of_rows(recording)
     if finding is not None:
         return finding
     free = {model.parameters.names[i] for i in model.parameters.select(model.robot.free)}

@@ -76,20 +76,16 @@ _UNITS = {
 """Readings of 1 N in other units; exact by definition."""
 
 
-def examine(
-    recording: Recording, keep: np.ndarray, seen: Observed, *, blocking: bool = False
-) -> Finding | None:
+def examine(recording: Recording, seen: Observed, *, blocking: bool = False) -> Finding | None:
     """Why a recording cannot be trusted, None if nothing speaks against it.
 
     Args:
         recording: as it was read.
-        keep: rows that are not known to be saturated (N,), boolean.
         seen: its observations.
         blocking: whether only reasons count from which nothing can be learnt, not even by a
             diagnosis, which sets a hand aside and names a zero that jumps.
     """
-    sensor = seen.robot.sensor
-    finding = rows.of_rows(recording, keep, sensor, blocking=blocking) or of_load(recording, seen)
+    finding = rows.of_rows(recording, blocking=blocking) or of_load(recording, seen)
     return finding if finding is None or finding.blocks or not blocking else None
 
 

@@ -1,14 +1,13 @@
-"""What rows alone show, without a robot: dead or clipped channels, spikes, a wrong clock."""
+"""What rows alone show, without a robot: dead or clipped channels, spikes, a wrong clock, rows of a
+pose that the others of it contradict."""
 
 from collections.abc import Iterator
 
 import numpy as np
 
-from wrenchbed import registry
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.physics.wrench import CHANNELS, UNITS
-from wrenchbed.sensors.base import Sensor
 
 STUCK = 0.2
 """Share of the rows after which a channel that stays at one value is stuck."""
@@ -17,15 +16,12 @@ CLIPPED = 0.3
 FEW = 10
 """Fewest rows from which the fraction at a channel's end is evaluated: of fewer rows `CLIPPED` is
 three or less, which coarse counts reach by chance."""
-AT_END, LEAST_CLIPPED = 0.01, 0.02
-"""Distance of a channel's extreme from the sensor's range, and least fraction of rows there, for a
-clipped channel."""
+LEAST_CLIPPED = 0.02
+"""Least fraction of the rows at a clipped channel's extreme."""
 LEAST_AT_END = 10
 """Least number of rows at a clipped channel's extreme."""
 PILE = 5.0
 """Least rows at a clipped channel's extreme, in multiples of those at any other value."""
-ENDS = (1.0, 1.05)
-"""Ends of converters' ranges in multiples of the sensor's range."""
 SPIKE, SPIKES = 3.0, 0.005
 """A row that leaves its neighbours by so many times the channel's usual swing, and comes back, is
 no measurement; more than this share of such rows is noise."""
@@ -46,28 +42,36 @@ MOVES = 10.0
 """Readings that scatter by so many times their noise move."""
 CLOCK = 0.1
 """Part by which a step of the clock may differ from the stated rate."""
+OFF = 8.0
+"""Standard deviations of a row from its pose's median, by the rows' median deviation, from which it
+is no repeat: normal noise is so far off once in 10¹⁵ rows."""
+OFF_SHARE, OFF_ROWS = 0.005, 3
+"""Share of the rows, and rows, that are far off at least: fewer move no mean by much."""
+MOVED = 3.0
+"""Standard uncertainties by which far rows move the poses' means, if they matter."""
+ALONG, MOST = 0.2, 0.8
+"""A far row is on its way to a neighbouring pose if it is off that way by less than this part of
+what it is off by; so are this part of the far rows where the wrench is late or early."""
+EARLY = 0.25
+"""Part of a pose in which the tool may still ring: far rows that stood anywhere would be there as
+often."""
 _MAD = 1.4826
+"""Standard deviation of a normal variable over its median absolute deviation."""
 
 
-def of_rows(
-    recording: Recording, keep: np.ndarray, sensor: str, *, blocking: bool = False
-) -> Finding | None:
+def of_rows(recording: Recording, *, blocking: bool = False) -> Finding | None:
     """The first reason that rows alone give; None if they give none.
 
     Args:
         recording: as it was read.
-        keep: rows that are not known to be saturated (N,), boolean.
-        sensor: registry name of the robot's own sensor.
         blocking: whether only reasons count that make a recording useless.
 
     Raises:
         RecordingError: the recording has no wrench.
     """
     recording.require_wrench()
-    groups = (_lost(recording), _channels(recording), _spikes(recording))
-    more = (_ranges(recording, keep, sensor), _clock(recording), standing(recording))
-    for some in (*groups, *more):
-        for finding in some:
+    for check in (_lost, _channels, _spikes, _clock, standing):
+        for finding in check(recording):
             if finding.blocks or not blocking:
                 return finding
     return None
@@ -130,28 +134,6 @@ def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
                 f"exactly {levels[end]:g}, beyond which nothing is read: it is saturated. Choose a "
                 "larger range, or leave these rows out",
             )
-
-
-def _ranges(recording: Recording, keep: np.ndarray, own: str) -> Iterator[Finding]:
-    """Unmarked rows at the end of one of the sensor's ranges."""
-    model = recording.metadata.sensor.model
-    if model is None or not registry.is_known("sensors", model):
-        return
-    sensor: Sensor = registry.load("sensors", str(model or own))
-    for calibration in sensor.calibrations:
-        for c, full in zip(CHANNELS, calibration.range, strict=True):
-            size = np.abs(recording.columns[c][keep])
-            top = float(size.max())
-            ends = np.flatnonzero(size == top)
-            near = min(abs(top / (full * end) - 1.0) for end in ENDS)
-            if near < AT_END and len(ends) > max(2, LEAST_CLIPPED * len(size)):
-                row = int(np.flatnonzero(keep)[ends[0]])
-                yield Finding(
-                    "saturated",
-                    f"column {c!r}, row {row}: stands at {top:g}, the end of the "
-                    f"range {calibration.name} of {model}, in {len(ends)} rows that no status "
-                    "marks: it is saturated. Choose a larger range or a lighter tool",
-                )
 
 
 def _lost(recording: Recording) -> Iterator[Finding]:
@@ -278,3 +260,70 @@ def _longest_run(column: np.ndarray) -> tuple[int, int]:
     lengths = np.diff(np.append(starts, len(column)))
     longest = int(lengths.argmax())
     return int(starts[longest]), int(lengths[longest])
+
+
+def contradicted(recording: Recording, keep: np.ndarray, count: np.ndarray) -> Finding | None:
+    """Why the rows of poses are not repeats of each other; None where nothing speaks against it.
+
+    Rows of the move before, or of no measurement at all, move the pose's mean and enlarge the noise
+    that its repeats show, so that no later check sees them.
+
+    Args:
+        recording: at rest.
+        keep: rows that are used (N,), boolean.
+        count: used rows of each pose, in the order of the recording (M,).
+    """
+    if count.mean() < OFF_ROWS:
+        return None
+    rows, y = np.flatnonzero(keep), recording.wrench[keep]
+    pose = np.repeat(np.arange(len(count)), count)
+    start = np.cumsum(count) - count
+    if (count == count[0]).all():
+        middle = np.median(y.reshape(len(count), -1, y.shape[1]), axis=1)
+    else:
+        middle = np.stack([np.median(part, axis=0) for part in np.split(y, start[1:])])
+    away = np.abs(y - middle[pose])
+    step = np.where(away > 1e-9 * np.ptp(y, axis=0), away, np.inf).min(axis=0)  # of coarse sensors
+    std = np.maximum(_MAD * np.median(away, axis=0), step)
+    far = (away > OFF * std).any(axis=1)
+    if far.sum() < max(OFF_ROWS, OFF_SHARE * len(y)):
+        return None
+    mean = np.add.reduceat(y, start) / count[:, None]
+    moved = (mean - middle) / (std / np.sqrt(count)[:, None])
+    if np.sqrt((moved**2).mean(axis=0)).max() < MOVED:
+        return None
+    share, row = 100.0 * far.mean(), int(rows[np.flatnonzero(far)[0]])
+    off, at, last = (y - middle[pose])[far] / std, pose[far], len(count) - 1
+    place = (np.arange(len(y)) - start[pose])[far]
+    before, after = (
+        _along(off, (middle[other] - middle[at]) / std) >= MOST
+        for other in (np.maximum(at - 1, 0), np.minimum(at + 1, last))
+    )
+    rings = (place < EARLY * count[at]).mean() >= MOST
+    if before or (rings and not after):
+        return Finding(
+            "order of poses",
+            f"the first rows of the poses ({share:.1f} % of all, the first in row {row}) are those "
+            f"of the move before: the wrench is late or filtered, or the tool still rings. Leave "
+            f"out the first {int(np.quantile(place, 0.9)) + 1} rows of each pose",
+        )
+    if after:
+        return Finding(
+            "order of poses",
+            f"the last rows of the poses ({share:.1f} % of all, the first in row {row}) are those "
+            "of the move after: the wrench is early, or the joints are late. Leave out the last "
+            f"{int(np.quantile(count[at] - place, 0.9))} rows of each pose",
+        )
+    return Finding(
+        "spike",
+        f"{share:.1f} % of the rows lie far from all others of their pose (the first: row {row}): "
+        "they are no measurements of it. Leave them out",
+    )
+
+
+def _along(off: np.ndarray, way: np.ndarray) -> float:
+    """Part of the rows that are off (F, 6) along ways (F, 6), no farther than these are long."""
+    size = np.maximum((way**2).sum(axis=1), 1e-300)
+    part = np.clip((off * way).sum(axis=1) / size, 0.0, 1.0)
+    beside = ((off - part[:, None] * way) ** 2).sum(axis=1)
+    return float((beside < ALONG * (off**2).sum(axis=1)).mean())

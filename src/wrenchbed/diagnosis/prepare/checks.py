@@ -38,6 +38,6 @@ def enough(recording: Recording, data: Observations, configuration: Configuratio
     model = configuration.model
     free = {model.parameters.names[i] for i in model.parameters.select(model.robot.free)}
     seen = observed(recording, data, model, configuration.theta, free)
-    finding = examine(recording, data.keep, seen, blocking=True)
+    finding = examine(recording, seen, blocking=True)
     if finding is not None:
         raise DiagnosisError(f"{name}: {finding.sentence}")
