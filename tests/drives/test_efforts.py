@@ -204,6 +204,15 @@ def test_the_opposite_sign_is_refused_and_forced(clean):
     assert "opposite sign" in calibrate_efforts(wrong, force=True).refuted
 
 
+def test_an_inertia_that_no_body_has_is_refused_and_forced():
+    """Motors without the rotors that the model has: five seconds give their inertia to the tool."""
+    t, q = fourier(np.random.default_rng(3), seconds=5.0)
+    bare = arm.recording(t, q.v, torques(q, armature=0.0) + COULOMB * np.sign(q.d), "tau")
+    with pytest.raises(CalibrationError, match=r"tool\.inertia\.\w+ .* free drive\.inertia"):
+        calibrate_efforts(bare, ("drive.coulomb", "tool"))
+    assert calibrate_efforts(bare, ("drive.coulomb", "tool"), force=True).refuted
+
+
 @pytest.mark.parametrize(
     ("change", "error", "words"),
     [

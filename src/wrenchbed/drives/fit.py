@@ -11,8 +11,11 @@ from wrenchbed.pages.numbers import percent
 
 EFFORT_FIT, COMMAND_FIT = "effort", "command"
 """What was fitted: joint efforts, or tracking errors of servos."""
-POSITIVE = ("drive.constant", "drive.coulomb", "drive.viscous", "servo.stiffness")
-"""Groups of values that cannot be negative."""
+_INERTIA = tuple(f"tool.inertia.{a}" for a in ("xx", "yy", "zz"))
+POSITIVE = (
+    "tool.mass", "drive.constant", "drive.coulomb", "drive.viscous", "servo.stiffness", *_INERTIA,
+)  # fmt: skip
+"""Values, or groups of them, that cannot be negative."""
 
 
 @dataclass(frozen=True)
@@ -193,11 +196,17 @@ def joint_errors(
 def impossible(values: Iterable[IdentifiedValue]) -> str | None:
     """Which value is surely below zero and cannot be, for people; None if none is."""
     for p in values:
-        positive = p.name == "tool.mass" or p.name.startswith(POSITIVE)
-        if positive and p.interval95 is not None and p.value + p.interval95 < 0.0:
+        half = p.interval95
+        if p.name.startswith(POSITIVE) and half is not None and p.value + half < 0.0:
+            why = (
+                "this motion, with what is held, does not tell it. Record a longer and faster "
+                "one, free drive.inertia too, or state the tool and --free drive"
+                if p.name in _INERTIA
+                else "the effort has the opposite sign, another robot made it, or the controller "
+                "subtracted what it knows"
+            )
             return (
-                f"{p.name} comes out as {p.value:.3g} ± {p.interval95:.2g} {p.unit}, which cannot "
-                "be negative: the effort has the opposite sign, another robot made it, or the "
-                "controller subtracted what it knows"
+                f"{p.name} comes out as {p.value:.3g} ± {half:.2g} {p.unit}, which cannot be "
+                f"negative: {why}"
             )
     return None
