@@ -16,7 +16,7 @@ from wrenchbed.benchmark.efforts.case import FAMILIES, OUTSIDE
 from wrenchbed.benchmark.efforts.world import bouc_wen, lugre
 from wrenchbed.benchmark.sealed import commitments, make, score
 from wrenchbed.benchmark.sealed.make import EffortFamily
-from wrenchbed.benchmark.sealed.run import CLAIM, Entrant, run
+from wrenchbed.benchmark.sealed.run import CLAIM
 from wrenchbed.data.recording import Recording
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -175,20 +175,6 @@ def test_the_recording_holds_no_truth(number, tmp_path):
                                   for j in range(1, 8)}  # fmt: skip
     assert set(again.columns) <= allowed
     assert again.has_wrench == (number == 4)
-
-
-@pytest.mark.slow
-def test_the_diagnosis_of_efforts_enters_and_is_scored(tmp_path):
-    folders = [tmp_path / "cases", tmp_path / "answers"]
-    cases = family(5, 1)
-    make.make(cases, *folders, processes=1)
-    entrants = [Entrant.of(m) for m in ("diagnose", "none")]
-    assert run(folders[0], tmp_path / "claims", entrants, 1) == {"diagnose": 0, "none": 0}
-    found = score.score(folders[0], tmp_path / "claims", folders[1])
-    assert {r.truth.kind for r in found.rows} == set(cases.kinds())
-    for row in found.rows:
-        assert all(n[-1].isdigit() for c in row.claims["wrenchbed"].causes for n in c
-                   if n.startswith("drive."))  # fmt: skip
 
 
 def test_causes_of_drives_are_claimed_with_their_joint(tmp_path):

@@ -1,11 +1,6 @@
 """Campaigns of many robots: rows follow from seed and number, and none is lost or doubled."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pyarrow as pa
@@ -24,7 +19,6 @@ from wrenchbed.campaigns.simulated_robots import (
     schema,
     varied,
 )
-from wrenchbed.cli import main
 from wrenchbed.errors import FleetError, ParameterError
 
 SMALL = {"poses": 24, "samples": 8}
@@ -153,27 +147,6 @@ def test_a_stopped_campaign_goes_on_and_may_grow(whole, tmp_path):
     again = []
     assert same(campaign(small(6), tmp_path, workers=1, progress=again.append), whole)
     assert sum(again) == 6
-
-
-@pytest.mark.slow
-def test_a_killed_campaign_loses_and_doubles_nothing(whole, tmp_path, monkeypatch):
-    words = ["campaign", "ur5", "--robots", "6", "--poses", "24", "--samples", "8",
-             "--workers", "1", "--out", str(tmp_path / "c")]  # fmt: skip
-    with subprocess.Popen([sys.executable, "-m", "wrenchbed", *words]) as process:
-        until = time.monotonic() + 600
-        while not list(tmp_path.glob("c/parts/*.parquet")):
-            assert time.monotonic() < until and process.poll() is None
-            time.sleep(0.01)
-        os.kill(process.pid, signal.SIGKILL)
-    assert main(words) == 0
-    assert same(pq.read_table(tmp_path / "c" / "robots.parquet"), whole)
-
-
-@pytest.mark.slow
-def test_a_crash_between_the_whole_file_and_its_parts_doubles_nothing(whole, tmp_path):
-    campaign(small(6), tmp_path, workers=1)
-    pq.write_table(whole.slice(2, 1), tmp_path / "parts" / "robot-000002.parquet")
-    assert same(campaign(small(6), tmp_path, workers=1), whole)
 
 
 def test_the_summary_tells_errors_and_failures(tmp_path):

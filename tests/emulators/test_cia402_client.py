@@ -265,20 +265,6 @@ def takes_targets_at_sync(bus):
     assert bus.read(0x6040) == 0x06
 
 
-def climbs(bus):
-    for word, state in (
-        (0x0F, 0x40), (0x06, 0x21), (0x07, 0x23), (0x0F, 0x27), (0x07, 0x23), (0x0F, 0x27),
-        (0x02, 0x07), (0x00, 0x40),
-    ):  # fmt: skip
-        assert bus.control(word) & 0x6F == state
-
-
-def resets_faults_by_an_edge(bus):
-    bus.control(0x80)
-    bus.drive.axis.fault(0x2310)
-    assert [bus.control(word) & 0x4F for word in (0x80, 0x00, 0x80)] == [0x08, 0x08, 0x40]
-
-
 def moves(bus):
     def enabled(mode):
         assert bus.write(0x6060, 0, mode, 1) == 0
@@ -309,7 +295,7 @@ def moves(bus):
 @pytest.mark.parametrize(
     "check",
     [obeys_nmt, beats, misses_heartbeats, refuses_by_code, transfers_segments, reports_errors,
-     transmits_at_sync, transmits_events, takes_targets_at_sync, climbs, resets_faults_by_an_edge,
+     transmits_at_sync, transmits_events, takes_targets_at_sync,
      moves],
     ids=lambda check: check.__name__,
 )  # fmt: skip

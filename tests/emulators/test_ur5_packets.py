@@ -3,8 +3,6 @@
 import struct
 
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from robot_emulators.errors import EmulatorError
 from robot_emulators.ur import packets as wire
@@ -146,23 +144,6 @@ def test_a_header_that_lies_ends_the_connection():
     with pytest.raises(EmulatorError):
         wire.Splitter().feed(b"\x00\x02\x55")
     assert not session()[0].receive(b"\x00\x00\x00", 1.0)
-
-
-@settings(max_examples=100, deadline=None)
-@given(
-    st.lists(
-        st.tuples(st.sampled_from("VvOISPUMx"), st.binary(max_size=80) | st.just(b"timestamp")),
-        max_size=20,
-    ),
-    st.integers(1, 7),
-)
-def test_arbitrary_packets_in_arbitrary_pieces(packets, piece):
-    one = session()
-    stream = b"".join(packet(kind, payload) for kind, payload in packets)
-    for at in range(0, len(stream), piece):
-        assert one[0].receive(stream[at : at + piece], 1.0)
-    assert not one[0].splitter.held
-    assert len(one[1]) <= len(packets)
 
 
 def test_recipes_do_not_grow_without_end():

@@ -14,7 +14,6 @@ from arm_files import DATA
 from emulator_process import running
 from wrenchbed import registry
 from wrenchbed.cli import main
-from wrenchbed.data.recording import Recording
 from wrenchbed.errors import DriverError, LinkError, ParameterError
 from wrenchbed.hardware.device import Health
 from wrenchbed.hardware.drivers.rtde import RtdeOptions, identity, states, status
@@ -270,22 +269,3 @@ def test_a_tcp_may_be_anywhere_and_must_not_be_changed_on_the_way():
     flange = identity.Flange(UR5)
     assert not troubles(UR5, POSES, np.zeros(3), flange)[-1]
     assert "its TCP was changed" in troubles(UR5, POSES[:1], np.array([0, 0, 0.1]), flange)[0]
-
-
-@pytest.mark.slow
-@pytest.mark.wire
-def test_what_answers_is_asked_recorded_and_compared(tmp_path, capsys):
-    plan, out = str(tmp_path / "p.parquet"), tmp_path / "r.parquet"
-    assert main(["plan", "ur5", "--n", "2", "--out", plan]) == 0
-    line = ["record", "--robot", "ur5", "--driver", "rtde", "--plan", plan, "--samples", "5"]
-    for host, model, message in (
-        ("127.0.1.43", "ur10", "the controller says that it moves a UR10, and the robot is 'ur5'"),
-        ("127.0.1.44", "ur5e", "the controller is an e-Series (a UR5e)"),
-    ):
-        with running("ur5", host, "--set", f"model={model}"):
-            assert main([*line, "--host", host, "--out", str(out)]) == 1
-        assert message in capsys.readouterr().err.replace("\n", " ") and not out.exists()
-    with running("ur5", "127.0.1.45", "--set", "series=e"):
-        assert main([*line, "--host", "127.0.1.45", "--out", str(out)]) == 0
-    stated = Recording.read(out).metadata.extra["controller"]
-    assert stated["model"] == "UR5" and stated["serial"] and "5.11" in stated["software"]

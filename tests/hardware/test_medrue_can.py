@@ -9,7 +9,7 @@ import pytest
 
 from can_witness import Witness, quick_stopped, upload
 from medrue_bench import HOST, away, options, until
-from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError, StoppedError
+from wrenchbed.errors import DriverError, LimitError, LinkError, SafetyStopError
 from wrenchbed.hardware.drivers.can import CanDriver, board, network
 from wrenchbed.robots.motion_limits import Limits
 
@@ -126,31 +126,6 @@ def moving(driver):
     motion = driver.move(away(driver))
     time.sleep(0.25)
     return motion
-
-
-@pytest.mark.slow
-def test_a_hard_stop_holds_until_recover(driver, witness):
-    moving(driver)
-    begun = time.monotonic()
-    assert until(lambda: len(witness.statuswords(begun)) == 6)
-    assert {word & 0x6F for word in witness.statuswords(begun).values()} == {0x27}
-    begun = time.monotonic()
-    driver.stop("hard")
-    at = driver.read().q
-    assert driver.health().state == "stopped"
-
-    def obeyed():
-        words = witness.statuswords(begun)
-        return len(words) == 6 and all(word & 0x6F == 0x07 for word in words.values())
-
-    assert until(obeyed, 0.5), witness.statuswords(begun)
-    time.sleep(0.1)
-    assert np.abs(driver.read().q - at).max() < 5e-3
-    with pytest.raises(StoppedError):
-        driver.move(at)
-    driver.recover(unlock=True)
-    assert until(lambda: driver.health().ok), driver.health()
-    driver.move(driver.position()).wait()
 
 
 @pytest.mark.sampled

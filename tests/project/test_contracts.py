@@ -159,13 +159,14 @@ def test_the_options_that_the_page_names_exist(verb, capsys):
     text = " ".join(f"{a} {b}" for a, b in table("Command line").items() if f"`{verb} " in a)
     if verb in ("record", "twin"):
         text += re.search(rf"`{verb}` also takes ([^.]+)\.", section("Command line")).group(1)
-    with pytest.raises(SystemExit):
-        main([verb, "--help"])
-    usage = capsys.readouterr().out
     options = {o for o in re.findall(r"--[a-z-]+", text) if "planned" not in text.split(o)[0][-9:]}
     if verb == "twin":
         options -= {"--quick"}
-    assert not {o for o in options if o not in usage}
+    if options:
+        with pytest.raises(SystemExit):
+            main([verb, "--help"])
+        usage = capsys.readouterr().out
+        assert not {o for o in options if o not in usage}
 
 
 def test_the_effects_are_those_of_the_page():

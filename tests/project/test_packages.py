@@ -31,9 +31,6 @@ NEEDED = (
     "tests/support/simulated.py",
     "tests/data/ntnu_kuka_ati_gamma/0-calibration_fts-accel.csv", "src/wrenchbed/py.typed",
 )  # fmt: skip
-SAMPLE = ("tests/project/test_dependencies.py", "tests/project/test_scripts.py",
-          "tests/cli/test_set_options.py", "tests/robots/test_parameters.py",
-          "tests/data/test_conventions.py")  # fmt: skip
 
 
 def run(*command: str, cwd: Path, **env: str) -> str:
@@ -145,9 +142,3 @@ def test_the_source_carries_what_set_up_and_tests_need(unpacked):
     if listed.returncode == 0:  # in a clone: all that is tracked is there
         absent = [n for n in listed.stdout.splitlines() if not (unpacked / n).exists()]
         assert not [n for n in absent if (ROOT / n).exists()]
-
-
-@pytest.mark.slow
-def test_a_sample_of_its_own_tests_passes_there(unpacked):
-    pytest_of = (sys.executable, *"-m pytest -q -p no:cacheprovider -m".split(), "not slow")
-    run(*pytest_of, *SAMPLE, cwd=unpacked, PYTHONPATH=str(unpacked / "src"))

@@ -40,7 +40,7 @@ def test_a_campaign_says_what_its_numbers_are_of_and_how_to_make_them_again(
     tmp_path, made_then, capsys
 ):
     out = tmp_path / "a campaign"
-    options = ["--robots", "2", "--poses", "24", "--samples", "8", "--seed", "5"]
+    options = ["--robots", "2", "--poses", "12", "--samples", "6", "--seed", "5"]
     assert main(["campaign", "ur5", "--out", str(out), "--workers", "1", *options]) == 0
     facts = told((out / "summary.html").read_text())
     assert facts["made"] == made_then and facts["seed"] == "5"

@@ -12,7 +12,6 @@ from test_report import words
 
 import wrenchbed as wb
 from simulated import driven
-from wrenchbed.cli import main
 from wrenchbed.errors import ParameterError
 from wrenchbed.pages.draw import Drawn
 from wrenchbed.reports.recording_page import agreements, recording_page
@@ -76,27 +75,6 @@ def test_a_simulator_that_is_off_is_named_with_the_next_step(folder, monkeypatch
     assert "The best simulator, configured, differs much from the recording in " in told
     assert "wrenchbed calibrate rec.parquet --out fit.json" in told
     assert "Nothing was fitted" in told
-
-
-@pytest.mark.slow
-def test_residuals_in_the_table_are_those_of_the_arrays(folder):
-    recording = wb.Recording.read(folder / "rec.parquet")
-    model = wb.Model.of(wb.load("robots", "ur5"), recording.metadata)
-    reading = model.predict(recording.q, model.configured(recording.metadata))
-    rms = ((recording.wrench - reading) ** 2).mean(axis=0) ** 0.5
-    told = text(recording_page(recording, [], ""))
-    assert all(f"{x:.3g}" in told for x in rms)
-
-
-@pytest.mark.slow
-def test_the_verb_writes_a_page_that_needs_nothing_else(folder, capsys):
-    out = folder / "report.html"
-    files = [str(folder / "rec.parquet"), str(folder / "fit.json")]
-    assert main(["report", *files, "--out", str(out)]) == 0
-    html = out.read_text()
-    assert "report → " in capsys.readouterr().out
-    assert not re.search(r"(src|href)=\"?(https?:)?//", html)
-    assert len(html) < 2_000_000
 
 
 def test_a_file_that_is_no_simulator_is_refused(folder):

@@ -110,26 +110,6 @@ def found(tmp_path_factory):
     return findings, Rrd(folder / "diagnosis.rrd"), folder
 
 
-def colours_of(rrd, body):
-    kinds = ("Boxes3D", "Cylinders3D", "Ellipsoids3D", "Capsules3D")
-    found = []
-    for kind in kinds:
-        entity = f"/world/real/{body}/{kind.removesuffix('3D').lower()}"
-        if entity in rrd.entities():
-            found += list(rrd.values(entity, f"{kind}:colors")[0])
-    return {(int(c) >> 24, int(c) >> 16 & 255, int(c) >> 8 & 255) for c in found}
-
-
-@pytest.mark.slow
-def test_the_blamed_joint_is_dark_and_the_rest_is_not(found):
-    findings, rrd, _ = found
-    share = blame(findings.diagnosis.to_json())["joint 2"]
-    assert share > 0.9
-    assert colours_of(rrd, "upper_arm") == {tuple(int(c) for c in heat(share))}
-    for body in ("shoulder", "forearm", "wrist_3", "flange", "tool"):
-        assert colours_of(rrd, body) == {tuple(int(c) for c in heat(0.0))}
-
-
 def test_a_painted_part_has_its_label_beside_it_and_no_label_covers_another(found):
     findings, rrd, folder = found
     (cause,) = findings.diagnosis.which
