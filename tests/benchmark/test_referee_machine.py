@@ -158,7 +158,7 @@ FORMS = {
 }
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("effect", FORMS)
 def test_a_form_without_a_formula_has_the_name_of_its_effect(effect):
     seed = (101, list(FORMS).index(effect))

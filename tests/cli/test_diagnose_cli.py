@@ -14,6 +14,7 @@ from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.explain.reliability import shipped
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.errors import ParameterError
+from wrenchbed.pages.draw import Drawn
 
 
 @pytest.fixture
@@ -34,6 +35,7 @@ def asked(monkeypatch):
         return replace(shipped(), source="a test's cases")
 
     monkeypatch.setattr(at_design, "reliability_at_design", learn)
+    monkeypatch.setattr("wrenchbed.reports.diagnosis_page.draw", lambda c: Drawn(c, "<svg></svg>"))
     return counts
 
 

@@ -50,6 +50,7 @@ def test_at_rest_a_gain_without_weight_on_its_joint_is_blind():
     assert blind["drive.constant", "joint 1"] is None and blind["drive.constant", "joint 3"] < 0.2
 
 
+@pytest.mark.slow
 def test_at_rest_a_sensor_and_a_load_that_read_alike_are_one_class():
     """All poses alike: the zero of a sensor, of its joint, or a load may make such readings."""
     rng = np.random.default_rng([0, 6])

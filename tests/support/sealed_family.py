@@ -10,7 +10,7 @@ from wrenchbed.benchmark.scoring.case_rows import Claim
 from wrenchbed.benchmark.sealed import commitments, make
 from wrenchbed.benchmark.sealed.run import CLAIM, RUN, contract
 
-COUNT, SEED = 12, 20
+COUNT, SEED = 16, 20
 
 
 def small(patch):

@@ -1,5 +1,6 @@
 """Diagnoses of commanded and reached joint values: what changed since a healthy day, in MuJoCo."""
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -56,9 +57,8 @@ def healthy(arm, tmp_path_factory):
     return file
 
 
-@pytest.mark.parametrize(
-    "case", ["delay", *(pytest.param(c, marks=SLOW) for c in CASES if c != "delay")]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES)
 def test_what_changed_is_named_with_its_joint_and_size(arm, healthy, case):
     servos, effect, element, (size, true) = CASES[case]
     diagnosis = diagnose_efforts(moved(arm, servos, 7), drives=healthy).diagnosis
@@ -87,6 +87,9 @@ def test_the_command_line_diagnoses_commands(arm, healthy, tmp_path, capsys):
     assert main(line) == 0
     shown = capsys.readouterr().out
     assert "joint 2" in shown and "stiffness" in shown
+    (only,) = json.loads((out / "diagnosis.json").read_text())["which"]
+    assert (only["effect"], only["elements"]) == ("drive.constant", ["joint 2"])
+    assert only["parameters"]["gain"]["value"] == approx(0.25, rel=0.4)
     assert {"diagnosis.json", "report.html", "drives.json"} <= {p.name for p in out.iterdir()}
 
 
