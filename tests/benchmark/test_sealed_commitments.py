@@ -170,18 +170,3 @@ def test_the_attack_finds_a_leak(copied, attack):
         commitments.write_recording(Recording(data.metadata, columns, name), path)
         os.utime(path, (when, when))
     assert attack(cases, answers)[0].p_value < 0.05
-
-
-@pytest.mark.study
-@pytest.mark.parametrize(("robot", "mode"), [("ur5", "dynamic"), ("medrue", "static")])
-def test_workers_make_cases_and_a_stopped_make_goes_on(tmp_path, robot, mode):
-    told, told_again = make.Family(robot, mode, 2, 6), make.Family(robot, mode, 2, 6)
-    cases, answers = tmp_path / "c", tmp_path / "a"
-    root = make.make(told, cases, answers)
-    commitments.recording_of(cases, "0002").unlink()  # as if it had not come so far
-    family = json.loads((answers / commitments.FAMILY).read_bytes()) | {"commitments": None}
-    (answers / commitments.FAMILY).write_text(json.dumps(family))
-    assert make.make(told_again, cases, answers) == root
-    assert len(commitments.verify(cases, answers)) == 2
-    data = Recording.read(commitments.recording_of(cases, "0001"))
-    assert (data.metadata.robot, data.metadata.mode) == (robot, mode)

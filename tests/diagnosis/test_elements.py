@@ -8,9 +8,6 @@ from scipy.spatial.transform import Rotation
 
 import wrenchbed as wb
 from wrenchbed import registry
-from wrenchbed.benchmark.frame import attempts
-from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
-from wrenchbed.benchmark.lookalikes.case import recording as recorded
 from wrenchbed.calibration.observations import observe
 from wrenchbed.campaigns.run import record
 from wrenchbed.data.plan import Plan
@@ -23,7 +20,6 @@ from wrenchbed.diagnosis.prepare.baseline import tolerances
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Material
 from wrenchbed.effects.base import Variant
-from wrenchbed.errors import ParameterError
 from wrenchbed.hardware.drivers.sim import SimDriver, SimOptions
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -134,12 +130,8 @@ STIFFNESS = 25_000.0
 ROWS = 50
 
 
-CASES = ("joint.compliance", "joint.offset", "sensor.gain", "none", "outside")
-"""Effects at fault, or kinds of look-alikes."""
-
-
-def averaged(recording, noise=None):
-    """The mean of each pose as one row, with the noise (6,) of a mean."""
+def averaged(recording):
+    """The mean of each pose as one row, with the noise of a mean."""
     segment = recording.columns["segment"]
     at = [np.flatnonzero(segment == k) for k in np.unique(segment)]
     columns = {
@@ -147,7 +139,7 @@ def averaged(recording, noise=None):
         for name, x in recording.columns.items()
     }
     sensor = recording.metadata.sensor
-    noise = np.array(sensor.noise_std) / np.sqrt(ROWS) if noise is None else noise
+    noise = np.array(sensor.noise_std) / np.sqrt(ROWS)
     metadata = replace(recording.metadata, sensor=replace(sensor, noise_std=tuple(noise.tolist())))
     return replace(recording, columns=columns, metadata=metadata)
 
@@ -229,32 +221,6 @@ def test_the_noise_of_means_is_not_that_of_a_count(spring):
     assert np.diagonal(coarse) == pytest.approx(
         np.maximum(np.square(means.metadata.sensor.noise_std), np.square(step) / 12.0)
     )
-
-
-def look_alike(seed):
-    """Answers to one recording of 60 poses, raw and averaged first."""
-    case, robot = CASES[seed % len(CASES)], registry.load("robots", "ur5")
-    kind, effect = (case, None) if case in ("none", "outside") else ("single", case)
-    plan = Plan.of("ur5", robot.sample(60, np.random.default_rng([seed // 20, 50])))
-    design = ExperimentDesign.of_plan(plan, robot, ROWS)
-    drawn = attempts(8, lambda k: draw(design, 8 * seed + k, kind, effect), ParameterError)
-    raw = recorded(design, drawn)
-    p = prepare(raw)
-    for r in (raw, averaged(raw, np.sqrt(p.noise) * p.sigma)):
-        yield wb.diagnose(r, material=Material(0.04, 0.001)).diagnosis
-
-
-@pytest.mark.study
-def test_averaging_first_changes_no_answer_of_200():
-    for seed in range(200):
-        raw, mean = look_alike(seed)
-        assert raw.verdict == mean.verdict
-        assert [set(named_by(e)) for e in raw.which] == [set(named_by(e)) for e in mean.which]
-        for a, b in zip(raw.which, mean.which, strict=True):
-            alike = (a["effect"], a["elements"][:1]) == (b["effect"], b["elements"][:1])
-            numbers = {k: x for k, x in a["parameters"].items() if alike and x.get("std")}
-            for k, x in numbers.items():
-                assert abs(x["value"] - b["parameters"][k]["value"]) < 0.2 * x["std"], (seed, k)
 
 
 def test_what_counts_decides_whether_it_is_a_cause(spring):

@@ -165,7 +165,7 @@ def slipping(change, seed):
     return with_wrench(with_tool(rec, *truth.values()), change(rec.wrench.copy()))
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(10))
 def test_a_sensor_that_was_zeroed_twice_jumps_twice(seed):
     rows = [13 * EACH, 27 * EACH]

@@ -44,7 +44,7 @@ def test_a_fault_is_named_beside_what_the_robot_leaves_unexplained(host, name):
     assert found.diagnosis.gap.with_effects.value > 5.0  # the robot's own rest remains
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("family", ["knock", "bursts", "popcorn"])
 def test_a_fault_that_the_library_lacks_is_not_named(host, family):
     assert named(diagnose(host.faulty(family, 8.0, np.random.default_rng(1)))) <= {"base.tilt"}

@@ -43,6 +43,7 @@ def test_at_rest_a_wrong_sensor_is_named_with_its_value(seed, joint, gain, zero)
     check(d, effect, f"{name}.q{joint}", joint, gain or zero)
 
 
+@pytest.mark.slow
 def test_at_rest_a_gain_without_weight_on_its_joint_is_blind():
     d = diagnose(broken(recording(UR5, 7, TOOL, wrong=REAL), 1, 0.3)).diagnosis
     assert d.verdict == "none"

@@ -40,3 +40,5 @@ def test_a_healthy_arm_is_none_and_says_what_it_could_not_have_shown(arms):
     assert lengths == {"not sought in joint torques at rest"}  # they carry weight, and so show
     assert spots["joint.offset", "joint 1"] is None  # it turns about gravity
     assert spots["joint.offset", "joint 2"] > np.deg2rad(0.3)
+    assert spots["drive.constant", "joint 1"] is None  # no weight acts on it
+    assert spots["drive.constant", "joint 3"] < 0.2

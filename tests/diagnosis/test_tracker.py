@@ -139,7 +139,7 @@ def test_an_arm_that_was_never_calibrated_is_off_in_zeros_and_geometry(seed):
     assert found.gap.closed.low > 0.99
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("joint", [3, 2, 4])
 @pytest.mark.parametrize("tracker_first", [False, True])
 def test_a_wrench_and_a_tracker_of_two_days_tell_parallel_joints_apart(joint, tracker_first):
@@ -191,7 +191,7 @@ def test_imperfections_of_an_accelerometer_are_no_cause(seed, bent):
     assert (found.verdict, found.which, found.minor) == ("none", [], [])
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_tilt_that_the_wrench_contradicts_is_not_claimed(seed):
     """A pull that hides it exactly would be a conspiracy."""

@@ -320,22 +320,20 @@ def spared(name, steps, k):
 
 
 STRIDES = {"diagnose": 4, "report": 4, "campaign": 3, "blind score": 3}
-"""Of these slow lines only every so many operations fail, unless all are asked for as a study."""
+"""Of these slow lines only every so many operations fail."""
 LINES = [(name, again) for name in CASES for again in ((False,) if name in ANEW else (False, True))]
 
 
 @pytest.mark.sampled
-@pytest.mark.parametrize("every", [False, pytest.param(True, marks=pytest.mark.study)])
 @pytest.mark.parametrize(("name", "again"), LINES)
-def test_a_failing_disk_loses_nothing(name, again, every, start, tmp_path, monkeypatch, capfd):
+def test_a_failing_disk_loses_nothing(name, again, start, tmp_path, monkeypatch, capfd):
     case = Case(name, start, tmp_path, again, monkeypatch)
     code, steps, good = case.on(tmp_path / "good")
     assert code == 0
     assert {"open", "write", "fsync", "replace"} <= set(steps)
     words = {part for f in good.keys() - files_in(case.inputs).keys() for part in Path(f).parts}
     capfd.readouterr()
-    stride = 1 if every else STRIDES.get(name, 1)
-    for k, step in list(enumerate(steps))[again::stride]:
+    for k, step in list(enumerate(steps))[again :: STRIDES.get(name, 1)]:
         code, _, after = case.on(tmp_path / "bad", k)
         told = capfd.readouterr().err.splitlines()
         where = f"{step} {k} of {len(steps)}: {told}"

@@ -94,13 +94,6 @@ class Dice:
     def signs(self) -> np.ndarray:
         return self.rng.choice([-1.0, 1.0], 6)
 
-    def exchanged(self, count: int) -> np.ndarray:
-        """The order of so many, two of them exchanged."""
-        order = np.arange(count)
-        pair = self.rng.choice(count, 2, replace=False)
-        order[pair] = order[pair[::-1]]
-        return order
-
 
 Mutator = Callable[[Dice], Recording]
 

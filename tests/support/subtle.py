@@ -70,7 +70,9 @@ class Mixed(Way):
 
 def mixed(words: tuple[str, ...], matrix: Callable[[Random], np.ndarray]) -> Mixed:
     """A mixture on all recordings."""
-    return Mixed(words, BASES, lambda d: d.r, matrix=matrix)
+    return Mixed(
+        words, BASES, lambda d: with_wrench(d.r, d.r.wrench @ matrix(d.rng).T), matrix=matrix
+    )
 
 
 def entry(to: str, of: str, value: float) -> Callable[[Random], np.ndarray]:
