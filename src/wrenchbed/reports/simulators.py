@@ -70,7 +70,7 @@ class Evidence:
         known = self.findings.diagnosis.gap.per_channel
         before = {c: float(v["before"]) for c, v in known.items()}
         if self.first == "as configured":
-            gaps = HeldOut(self.prepared).channels(self.start.wrench(self.prepared.scene))
+            gaps = HeldOut(self.prepared).channels(simulated(self.prepared, self.start))
             before = dict(zip(self.names, map(float, gaps), strict=True))
         after = {c: float(v["after"]) for c, v in known.items() if v.get("after") is not None}
         return before, after, self.first
