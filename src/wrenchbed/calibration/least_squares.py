@@ -13,8 +13,8 @@ from wrenchbed.calibration.observability import RANK_TOLERANCE
 
 MAX_STEPS = 50
 STEP_DONE = COST_DONE = 1e-11
-"""A step below this, in tolerances, or a cost that falls by less, relative, is the last; estimate.
-"""
+"""A step below this, in tolerances, or a cost that falls by less, relative, is the last: a hundred
+thousand times rounding, which numbers that people read never show."""
 SAME = 1e-7
 """A step below this, in tolerances, changes no derivative that counts."""
 BLIND = 1e-5

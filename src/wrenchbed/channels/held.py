@@ -15,7 +15,7 @@ from wrenchbed.robots.inverse_dynamics import torque_regressor
 
 LINK_MASS, LINK_CENTRE = 0.03, 3e-3
 """Ordinary errors of a link's stated mass, relative, and of its stated centre of gravity [m]:
-estimates, those that the diagnosis of efforts in motion allows."""
+drawings without cables and covers, as the diagnosis of efforts in motion allows."""
 _SCENES = 4
 """Scenes whose nominal torques are kept: a fit asks for those of two, and resumes one of before."""
 

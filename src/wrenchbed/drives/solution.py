@@ -14,7 +14,7 @@ _NULL = 1e-7
 _SHARE = 1e-3
 """Part of a parameter in such directions from which it counts as undetermined."""
 _START_CONSTANT = 10.0
-"""Drive constant at which a fit of currents starts [N·m/A]; estimate, it is found linearly."""
+"""Drive constant at which a fit of currents starts [N·m/A]: any will do, it is found linearly."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,11 +33,11 @@ from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import SimulatedRobot
 
 _CROSSING_S = 0.04
-"""Time in which a motion crosses backlash or clearance [s]: an estimate."""
+"""Time in which a motion crosses backlash or clearance [s]: 0.01 rad at 0.25 rad/s."""
 _AXES = 8
 """Directions that are tried until a loose part really moves to and fro."""
 _FALL_S = 0.05
-"""In motion a loose part takes about this long to change sides [s]: an estimate."""
+"""In motion a loose part takes about this long to change sides [s]: a free fall of 1 cm."""
 _G = 9.81
 """Gravity for typical forces [m/s²]: an estimate."""
 

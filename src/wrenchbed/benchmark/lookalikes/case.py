@@ -35,7 +35,8 @@ LARGEST = 8.0
 _PROBES = 4
 """Draws that find out whether a design shows an effect."""
 _PROBED_GAP = 1.3
-"""Gap that one of the `_PROBES` draws must reach: an estimate."""
+"""Gap that one of the `_PROBES` draws must reach: above the 1 that counts, so that a case of it is
+no matter of chance."""
 SMALLEST_BACKGROUND, LARGEST_BACKGROUND = 0.02, 0.45
 """Range of the gap that all small imperfections make together."""
 MOST_RISE = 0.25
@@ -46,9 +47,10 @@ _HARD = (
 )  # fmt: skip
 """Effects that often show too little: whether they can is tried out once for each design."""
 LEAST_REPEATS = 4
-"""Rows of a hold from which the scatter of rows shows: an estimate."""
+"""Rows of a hold from which the scatter of rows shows: three degrees of freedom."""
 _LEAST_RISE = 0.5
-"""Range of a recorded temperature [K] below which it shows nothing: an estimate."""
+"""Range of a recorded temperature [K] below which it shows nothing: a few counts of a
+thermometer."""
 _NOT_IN_BACKGROUND = (*STATED, "sensor.saturation", "environment.contact", "timing.stale")
 _PRESENT = 0.7
 """Probability of each effect to be in the background."""

@@ -17,7 +17,8 @@ from wrenchbed.diagnosis.gap.gaps import Closure, closure
 _SMALL = 1e-3
 """Total probability of the least probable structures, which are not examined."""
 _BESIDE = 0.25
-"""Gap of causes without a name over that of named ones, from which nothing is named; estimate."""
+"""Gap of causes without a name over that of named ones, from which nothing is named: the unnamed
+are then no small part."""
 _RIVAL = 0.1
 """Share of a class from which another cause is a rival: probabilities are means of 16 draws."""
 BELIEVED = 0.85

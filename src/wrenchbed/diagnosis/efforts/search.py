@@ -21,7 +21,7 @@ from wrenchbed.diagnosis.evidence.likelihood import Products, gains
 from wrenchbed.diagnosis.evidence.search import MORE, NONE, PRIOR, UNKNOWN
 
 AMPLITUDE = 6.0
-"""Rms that a named cause adds a priori, in noises of a row: twice what just counts; estimate."""
+"""Rms that a named cause adds a priori, in noises of a row: twice what just counts."""
 MOST_CAUSES = 5
 """Causes of a structure, those among them that are too small to count: two faults, and three small
 effects beside them."""
@@ -37,7 +37,8 @@ without those beyond."""
 _DRAWS = 16
 """Resamples of blocks of time in the comparison of structures: a share is then known to 0.12."""
 TEMPER = 4.0
-"""Factor on the variance of noise: rows are worth fewer than their number; estimate."""
+"""Factor on the variance of noise: rows with memory are worth fewer than their number, a quarter of
+it."""
 Structure = tuple[int, ...]
 """Sorted indices of the dictionary's blocks that act together."""
 

@@ -27,7 +27,7 @@ _ROUNDS = 6
 _RIDGE = 1e-8
 """Share of a column's square that is added to it: columns may be alike."""
 _PARTS = 4
-"""Folds in which the black box is cross-fitted; estimate: it has hundreds of columns."""
+"""Folds in which the black box is cross-fitted: few, because it has hundreds of columns."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from wrenchbed.robots.chain import SerialChain
 from wrenchbed.robots.inverse_dynamics import torque_regressor
 
 HARMONICS = 5
-"""Sines in each joint's Fourier series; estimate, after Swevers et al."""
+"""Sines in each joint's Fourier series: five, as Swevers et al. use."""
 _PERIOD_S = 10.0
 """Period of the slowest sine [s]: the usual 0.1 Hz of such trajectories (Swevers et al.)."""
 _FADE_S = 2.0

@@ -52,8 +52,8 @@ FREE = 8.0
 """Standard deviation of a rival's amplitudes, in typical sizes."""
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(41)
 LEAST = 0.05
-"""Divergence [nat] that an experiment must add to be worth proposing; estimate: of two explanations
-with equal priors, the right one is then selected in 63 % of cases."""
+"""Divergence [nat] that an experiment must add to be worth proposing: of two explanations with
+equal priors, the right one is then selected in 63 % of cases."""
 SEPARATED = 0.1
 """Divergence [nat] that an experiment must add to two explanations to be said to separate them."""
 MOST_PROPOSED = 4

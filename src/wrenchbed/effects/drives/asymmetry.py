@@ -13,7 +13,7 @@ class DriveAsymmetry(DriveEffect):
 
     name = "drive.asymmetry"
     title = "friction of joint {joint} differs by direction"
-    size = Size("difference", "N·m·s/rad", 2.0, columns=("asymmetry",))  # estimate
+    size = Size("difference", "N·m·s/rad", 2.0, columns=("asymmetry",))
     beside = ("offset",)
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:

@@ -21,7 +21,7 @@ class Size(NamedTuple):
     Attributes:
         name: of the parameter.
         unit: of a hinge, SI.
-        plausible: largest one that a fault in use has, over `Block.level`; estimate.
+        plausible: largest one of a fault with which the robot still runs, over `Block.level`.
         absolute: whether that level is 1, not what the cause changes.
         columns: beginnings of the names of the columns whose amplitudes make it; all of the cause
             if empty.

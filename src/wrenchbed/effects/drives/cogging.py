@@ -12,7 +12,7 @@ class DriveCogging(Wave):
 
     name = "drive.cogging"
     title = "the motor of joint {joint} cogs: its torque repeats with the motor's angle"
-    size = Size("amplitude", "N·m", 1.0, columns=first_of("drive.cogging"), vector=True)  # estimate
+    size = Size("amplitude", "N·m", 1.0, columns=first_of("drive.cogging"), vector=True)
     tried = FASTEST - GEAR_MOST
 
     def periods(self, residual: DriveResidual) -> float:

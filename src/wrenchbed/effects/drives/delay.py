@@ -7,8 +7,8 @@ from wrenchbed.effects.drives.lag import Lag
 from wrenchbed.effects.drives.operators import late
 
 LATE = 2e-3
-"""Ordinary delay of one joint's effort beside the others', one standard deviation [s]: estimate,
-controllers report within 2 to 8 ms."""
+"""Ordinary delay of one joint's effort beside the others', one standard deviation [s]: the lesser
+of the 2 to 8 ms in which controllers report."""
 
 
 class DriveDelay(Lag):
@@ -19,7 +19,7 @@ class DriveDelay(Lag):
 
     name = "drive.delay"
     title = "the effort of joint {joint} is reported late"
-    size = Size("delay", "s", 0.1, absolute=True)  # estimate
+    size = Size("delay", "s", 0.1, absolute=True)
     remedy = "record a motion with faster reversals, which tells a delay from a filter"
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:

@@ -16,7 +16,7 @@ class DriveHysteresis(DriveEffect):
 
     name = "drive.hysteresis"
     title = "the gear of joint {joint} has hysteresis after reversals"
-    size = Size("size", "N·m", 2.0, columns=("stop",))  # estimate
+    size = Size("size", "N·m", 2.0, columns=("stop",))
     remedy = "record slow motion with reversals after short and long ways"
     beside = ("coulomb",)
     one_way = True

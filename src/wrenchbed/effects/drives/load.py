@@ -13,7 +13,7 @@ class DriveLoad(DriveEffect):
 
     name = "drive.load"
     title = "friction of joint {joint} grows with its load"
-    size = Size("share", "1", 0.6, absolute=True, columns=("load.",))  # estimate
+    size = Size("share", "1", 0.6, absolute=True, columns=("load.",))
     remedy = "record the same motion with a known payload: such friction grows"
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:

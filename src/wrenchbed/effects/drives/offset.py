@@ -13,10 +13,10 @@ class DriveOffset(StatedNumber):
 
     name = "drive.offset"
     title = "the zero of joint {joint}'s torque sensor is off"
-    size = Size("offset", "N·m", 3.0)  # estimate
+    size = Size("offset", "N·m", 3.0)
     remedy = "read the joint's effort unloaded, or with the arm hanging straight down"
     word, relative = "offset", 0.05
-    """Ordinary changes of a stated constant torque: estimate."""
+    """Ordinary changes of a stated constant torque: 5 %, as of friction."""
 
     def shape(self, rows: DriveRows) -> np.ndarray:
         return np.ones_like(rows.speed)

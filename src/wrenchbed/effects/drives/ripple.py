@@ -14,7 +14,7 @@ class DriveRipple(Wave):
 
     name = "drive.ripple"
     title = "the gear of joint {joint} has a torque ripple per turn"
-    size = Size("amplitude", "N·m", 1.0, columns=first_of("drive.ripple"), vector=True)  # estimate
+    size = Size("amplitude", "N·m", 1.0, columns=first_of("drive.ripple"), vector=True)
     tried = GEAR_MOST - SLOWEST
 
     def periods(self, residual: DriveResidual) -> float:

@@ -21,7 +21,7 @@ class DriveStiction(DriveEffect):
 
     name = "drive.stiction"
     title = "joint {joint} sticks at reversals"
-    size = Size("size", "N·m", 2.0)  # estimate
+    size = Size("size", "N·m", 2.0)
     remedy = "record slow motion with many reversals"
     one_way = True
 

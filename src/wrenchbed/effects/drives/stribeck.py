@@ -16,7 +16,7 @@ class DriveStribeck(DriveEffect):
 
     name = "drive.stribeck"
     title = "friction of joint {joint} rises at low speed (Stribeck)"
-    size = Size("rise", "N·m", 2.0)  # estimate
+    size = Size("rise", "N·m", 2.0)
     remedy = "record slow motion at several steady speeds in both directions"
     one_way = True
 

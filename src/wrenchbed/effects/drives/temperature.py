@@ -11,7 +11,7 @@ class DriveTemperature(DriveEffect):
 
     name = "drive.temperature"
     title = "friction of joint {joint} changes with its temperature"
-    size = Size("slope", "N·m/K", 0.05, columns=("warmcoulomb",))  # estimate
+    size = Size("slope", "N·m/K", 0.05, columns=("warmcoulomb",))
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
         if rows.warm is None:

@@ -56,7 +56,7 @@ _CONSTANT: Mapping[str, tuple[float, ...]] = {
 """Torque per current, gear included [N·m/A; N/A]. UR5: estimate, as its emulator has. MedRUE:
 rated 200 N and 2 N·m over 4 A, estimates as the emulated drives have."""
 _USUAL_CONSTANT = 10.0
-"""Torque per current of an arm that the table lacks [N·m/A]; estimate, between a UR10e's joints."""
+"""Torque per current of an arm that the table lacks [N·m/A]: between a UR10e's joints."""
 _SHARE, _LEAST = 0.04, 0.5
 """Coulomb friction of an arm that nobody states: share of the torque that holds its weight, about a
 UR5's, and no less than that [N·m or N]."""
