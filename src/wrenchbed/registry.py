@@ -144,7 +144,7 @@ def _is_file(kind: str, name: str) -> bool:
 
 
 def _from_file(kind: str, path: Path) -> Any:
-    """What a file describes; the same object as long as the file says the same."""
+    """The object that a file describes, kept as long as the file says the same."""
     described = importlib.import_module(_DESCRIBED[kind]).read(path)
     _records.setdefault((kind, described.name), described.record)
     return _known.setdefault((kind, described.name), described)

@@ -26,7 +26,7 @@ SHEET = resources.files(__package__).joinpath("cia402.eds").read_text("utf-8")
 """The EDS file; its values after power-up are those of an axis of 2,000,000 counts."""
 CONTROL, STATUS, TARGET, ACTUAL = (0x6040, 0), (0x6041, 0), (0x607A, 0), (0x6064, 0)
 RATED_CURRENT, RATED_TORQUE = (0x6075, 0), (0x6076, 0)
-"""In mA, and in mN·m or mN."""
+"""Objects of the rated current [mA] and the rated torque [mN·m; of the slide mN]."""
 FAULT_SIGNAL, QUICK_STOP = 1, 3
 """Values of the abort connection option code (0x6007); 0 does nothing."""
 ALLOWED: dict[Key, tuple[int, ...]] = {

@@ -168,7 +168,7 @@ def outputs(version: Version) -> dict[str, str]:
 
 
 def inputs(version: Version) -> dict[str, str]:
-    """Name → type of what this software takes."""
+    """Types of the inputs that a version of the software takes, by their names."""
     return _listed(_INPUTS) | _registers("input", version)
 
 

@@ -23,7 +23,7 @@ _PLAIN: dict[str, Callable[..., float]] = {
 CONTACT_FORCE = 10.0
 """Force against the direction of motion from which the tool touches something [N]."""
 _CYCLES_BACK = 3
-"""What tool_contact answers then: control cycles since the contact."""
+"""Control cycles since a contact, as tool_contact answers them."""
 _ACTIVE = "active_tcp"
 _LONGEST_SAID = 1023
 _NEAR = 0.5

@@ -45,8 +45,8 @@ _LATE_S = 0.05
 _SHARE = 4
 """Cycles of which one sends a packet while the loop catches up."""
 _PAUSE = 0.25
-"""Between cycles that are made up for, in periods, until the lag is `_LATE_S`: a client that keeps
-the newest state alone would else miss those between; a quarter makes up three cycles in one."""
+"""Pause between two cycles that are made up for, in periods, until the lag is `_LATE_S`: without it
+a client that keeps the newest state alone misses the states between."""
 _INJECT_S = 2.0
 
 

@@ -95,7 +95,7 @@ EFFECTS: Mapping[str, CaseEffect] = {
     "timing.skew": CaseEffect(("motion",), compared="skew"),
     "environment.contact": CaseEffect(("joints",)),
 }
-"""By name, in the order in which causes are drawn: cases follow from it and the seed.
+"""Effects by name, in the order in which causes are drawn: cases follow from it and the seed.
 
 The weight of the sensor's own tool side is exactly a mass and a CoG: it is in every background."""
 

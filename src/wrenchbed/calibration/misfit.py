@@ -113,7 +113,7 @@ def allowed_for(problem: Problem, outcome: Outcome) -> tuple[Outcome, Fault | No
 
 
 def _sentence(names: list[str], size: np.ndarray, moves: str) -> str:
-    """On faults that explain the residual alike, the first of so many ordinary sizes."""
+    """Sentence on the faults that explain the residual best, and on what they move in the fit."""
     if names[0] == "a zero of the sensor":
         values = ", ".join(f"{v:.3g}" for v in size * CONSTANT)
         return (

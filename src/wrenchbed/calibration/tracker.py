@@ -252,7 +252,8 @@ def planned_slopes(robot: Robot, q: np.ndarray) -> np.ndarray:
 
 
 def _sight(recording: Recording, options: CalibrationOptions) -> tuple[Sight, float, int]:
-    """What is fitted, the noise of a pose's mean by its repeats [m] (0 without), and rows used."""
+    """The problem to fit, the noise of a pose's mean by its repeats [m] (0 without), and rows
+    used."""
     name = recording.name
     if not all(c in recording.columns for c in TARGET):
         raise CalibrationError(f"{name}: no columns mx my mz: a tracker did not record this")

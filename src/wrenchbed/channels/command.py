@@ -52,7 +52,7 @@ class CommandedJoints(Channel):
         return replace(self, joints=many, give=np.full(many, USUAL_GIVE), zero=np.zeros(many))
 
     def applies(self, recording: Recording) -> bool:
-        """Where nothing else was measured: controllers that feed torque forward follow a command
+        """Whether nothing else was measured: controllers that feed torque forward follow a command
         whatever the load."""
         return super().applies(recording) and recording.only_commanded
 

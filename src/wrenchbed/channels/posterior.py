@@ -24,7 +24,7 @@ the part of an amplitude in such directions from which it is."""
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """What a fit tells.
+    """Result of a fit: coefficients, their covariance, and which of them the data determine.
 
     Attributes:
         free: amplitudes a (p,); 0 along directions that no row tells.

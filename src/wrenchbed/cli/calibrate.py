@@ -23,7 +23,7 @@ from wrenchbed.pages.numbers import HUMAN, percent
 from wrenchbed.physics.wrench import CHANNELS
 
 _OF = {"effort": "efforts", "pose": "a tracker's readings", "command": "commands"}
-"""What the channels but the wrench are, for people."""
+"""Readings of the channels but the wrench, in words for people."""
 
 
 @dataclass(frozen=True)

@@ -121,7 +121,7 @@ class RobotArguments:
     seed: int = 0  # All follows from it.
 
     def fleet(self, robot: str) -> "wb.Fleet":
-        """What the rows of the campaign follow from."""
+        """The settings that all rows of the campaign follow from."""
         words = tuple(w.strip() for w in self.vary.split(",") if w.strip())
         plan = None if self.plan is None else wb.Plan.read(self.plan)
         return wb.Fleet(robot, self.robots, words, self.poses, self.samples, self.seed, plan)

@@ -48,7 +48,7 @@ class JointError:
 
 @dataclass(frozen=True)
 class AtRest:
-    """What a fit at rest has of its own.
+    """Parts of a drive fit that only a fit to poses at rest has.
 
     Attributes:
         poses: how many.

@@ -86,8 +86,7 @@ class Piece:
         return self.signals.filtered(self.held(delay) - self.signals.effort)
 
     def by_speed(self, delay: np.ndarray) -> np.ndarray:
-        """What it falls by with the square of the targets' speed, and with a longer delay
-        (M, J, 2)."""
+        """Tracking error by the square of the targets' speed, and by a longer delay (M, J, 2)."""
         step = 0.5 / self.signals.rate
         speed = (self.held(delay - step) - self.held(delay + step)) / (2.0 * step)
         return self.signals.filtered(np.stack([speed * np.abs(speed), speed], axis=2))

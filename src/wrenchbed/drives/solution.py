@@ -12,7 +12,7 @@ _ROUNDS, _SETTLED, _LEVEL = 30, 1e-9, 1e-3
 _NULL = 1e-7
 """Eigenvalue over the largest, columns scaled to 1, below which a direction is undetermined."""
 _SHARE = 1e-3
-"""Part of a parameter in such directions from which it counts as undetermined."""
+"""Part of a parameter in undetermined directions from which it counts as undetermined."""
 _START_CONSTANT = 10.0
 """Drive constant at which a fit of currents starts [N·m/A]: any will do, it is found linearly."""
 

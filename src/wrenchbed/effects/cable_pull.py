@@ -141,8 +141,8 @@ class CablePull(LoadEffect):
 
 
 def _gains(pulls: np.ndarray, residual: Residual) -> tuple[np.ndarray, np.ndarray]:
-    """What of a residual each of some forces (…, R, 3) explains (…), held at the point (…, 3) that
-    fits best: with readings free of their means, linear in k and k p."""
+    """Part (…) of a residual that each of some forces (…, R, 3) explains, held at the point (…, 3)
+    that fits best: with readings free of their means, linear in k and k p."""
     away = pulls - pulls.mean(axis=-2, keepdims=True)
     square = np.swapaxes(away, -1, -2) @ away  # (…, 3, 3)
     along = np.swapaxes(away, -1, -2) @ (residual.value / residual.noise)  # (…, 3, 6)

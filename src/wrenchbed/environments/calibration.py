@@ -47,7 +47,7 @@ def knowledge(model: Model, pool: np.ndarray, std: np.ndarray) -> "Knowledge":
 
 @dataclass(frozen=True, eq=False)
 class Knowledge:
-    """What some poses tell of the accuracy.
+    """Knowledge of the robot's accuracy that some poses give.
 
     Attributes:
         columns: parameters that differ from robot to robot.
@@ -81,7 +81,7 @@ class Knowledge:
         return float(std.min()), float(std.sum()) / len(std)
 
     def with_pose(self, pose: int) -> "Knowledge":
-        """After one more pose of the pool."""
+        """Knowledge after one more pose of the pool."""
         rows = self.rows[pose]
         half = rows @ self.covariance
         reading = half @ rows.T + np.eye(len(rows))  # with its noise

@@ -11,7 +11,8 @@ _MM = 1000.0
 """mm a metre; the SDK takes millimetres since 1.11.0."""
 
 _ENCODING = "# -*- coding: utf-8 -*-\n"
-"""First, for Python obeys such a line, which could stand in a name, in its first two (PEP 263)."""
+"""First line of a Python file: Python obeys an encoding in the first two (PEP 263), which could
+stand in a name."""
 
 
 class XArm(Export):

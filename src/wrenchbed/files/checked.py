@@ -14,7 +14,8 @@ from wrenchbed.errors import WrenchbedError, did_you_mean, raise_shortage
 _LARGEST = {"JSON": 2**25, "TOML": 2**20}
 """Largest file by kind [bytes]: 10 times the largest diagnosis and 100 times the largest map."""
 _MOST_DOTS = 200
-"""In a line of TOML: time and memory of `tomllib` grow with the square of a key's parts."""
+"""Most dots in a line of TOML: time and memory of `tomllib` grow with the square of a key's
+parts."""
 _PARQUET = b"PAR1"
 """First bytes of a Parquet file."""
 _DEEPEST = 100

@@ -79,7 +79,7 @@ class Table:
     def of(
         cls, title: str, columns: Sequence[str], rows: Sequence[Sequence[object]], note: str = ""
     ) -> "Table":
-        """From numbers, shown with four significant digits, and texts."""
+        """A table from numbers, shown with four significant digits, and texts."""
         cells = tuple(tuple(render(x) for x in row) for row in rows)
         if any(len(row) != len(columns) for row in cells):
             raise ValueError(f"table {title!r}: rows must have {len(columns)} cells")

@@ -13,14 +13,14 @@ from wrenchbed.errors import printable
 from wrenchbed.pages.chart import NEAR_ZERO, Axis, Chart, Matrix, Panel, Series, readable
 
 BLUE, ORANGE, GREEN, GREY, PURPLE = "#0072b2", "#d55e00", "#009e73", "#6b7680", "#7d4aa0"
-"""After Okabe & Ito 2008."""
+"""Colours of figures, after Okabe & Ito 2008."""
 INK = "#1c2126"
 WIDTH = 4.9
 """Width of a column of panels [in]: fits a telephone, and two fit beside each other on a screen."""
 HEIGHT = 1.75
 """Height of a usual panel [in]."""
 MOST_LETTERS = 75
-"""Beside each other under a matrix; names turn where there would be more."""
+"""Letters of names beside each other under a matrix; names turn where there would be more."""
 MOST_WHISKERS = 150
 """Points of a still figure that have their uncertainty drawn."""
 COLOURS = {

@@ -9,7 +9,7 @@ from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
 
 LEAST_BINS = 8
 MOST_MARKS = 6
-"""On an axis in decades."""
+"""Most marks on an axis in decades."""
 MOST_PLACES = 1200
 """Points of a workspace."""
 

@@ -33,7 +33,8 @@ class Motion(NamedTuple):
 
 
 def motion_of(rotation: Jet, position: Jet, gravity: np.ndarray) -> Motion:
-    """From the jets of R_world_sensor (…, N, 3, 3) and of the origin (…, N, 3) [m]."""
+    """Motion of a sensor from the jets of R_world_sensor (…, N, 3, 3) and its origin (…, N, 3)
+    [m]."""
     to_sensor = np.swapaxes(rotation.v, -1, -2)
     spin = to_sensor @ rotation.d  # [ω]×
     turn = to_sensor @ rotation.dd - spin @ spin  # [ω̇]×

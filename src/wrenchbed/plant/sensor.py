@@ -77,7 +77,7 @@ class BufferedNoise:
         return shown(self._model, measured)
 
     def _draw(self, n: int, until: float) -> None:
-        """At least n more rows."""
+        """Draw at least n more rows of noise."""
         spacing = max((until - self._last) / n, _SHORTEST_S)
         count = max(_BLOCK, n)
         start = max(self._drawn, self._last)

@@ -20,7 +20,7 @@ MOST_CANDIDATES, LEAST_CANDIDATE = 8, 0.005
 LEAST_NEAREST = 0.05
 """Probability from which the nearest cause is named beside unknown: below, it is a guess."""
 _DISTRUST = "do not trust the twin"
-"""In the note on causes that leave much of the gap."""
+"""Advice in the note on causes that leave much of the gap."""
 _COUNT = ("No", "One", "Two", "Three", "Four", "Five", "Six", "Seven", "Eight", "Nine")
 _MEANING = {NONE: "none: normal imperfections", UNKNOWN: "unknown: something else"}
 
@@ -63,7 +63,7 @@ class Answer(ABC):
     @property
     @abstractmethod
     def place(self) -> str:
-        """Where, in a few words."""
+        """Place of the cause in a few words."""
 
     @property
     @abstractmethod

@@ -207,7 +207,7 @@ def _cross(i: int, j: int, v: float) -> str:
 _OWN: Mapping[str, Callable[[Evidence, Cause, ActiveEffect], Chart | None]] = {
     "torque": _joint, "angle": _joint, "load": _load, "loop": _load, "matrix": _matrix,
 }  # fmt: skip
-"""By `Effect.shown`; the others are drawn by `figures.of_cause` alone."""
+"""Charts by `Effect.shown`; other causes are drawn by `figures.of_cause` alone."""
 
 
 # ---- where no single cause stands -----------------------------------------------------------

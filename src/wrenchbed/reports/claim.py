@@ -195,7 +195,7 @@ def title(name: str) -> str:
 
 
 def capital(text: str) -> str:
-    """With a capital first letter."""
+    """A text with a capital first letter."""
     return text[:1].upper() + text[1:]
 
 

@@ -24,7 +24,7 @@ from wrenchbed.reports.wrench_answer import WrenchAnswer
 SUBSYSTEMS = (
     "base", "joint", "link", "mount", "sensor", "tool", "cable", "environment", "timing",
 )  # fmt: skip
-"""In the order in which a load travels through them."""
+"""Subsystems in the order in which a load travels through them."""
 MOST_EXPLANATIONS = 6
 """Largest number of listed explanations; later ones are far less likely."""
 LEAST_SHARE = 0.005

@@ -236,5 +236,5 @@ class WrenchAnswer(Answer):
 
 
 def _the(place: str) -> str:
-    """With its article, which a numbered part has none of."""
+    """A part with its article, which a numbered part has none of."""
     return place if place[-1].isdigit() or place.startswith("all ") else f"the {place}"

@@ -105,7 +105,8 @@ class LoopArm(DescribedArm):
         return dict(sorted(bad.items()))
 
     def sample(self, n: int, rng: np.random.Generator) -> np.ndarray:
-        """Within the limits of driven and passive joints, and where the loops close."""
+        """Random poses (n, J) within the limits of driven and passive joints, where the loops
+        close."""
         low, high = self._sampled(self.home)
         return sample_until(n, lambda k: rng.uniform(low, high, (k, len(low))), self._feasible)
 

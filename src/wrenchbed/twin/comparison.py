@@ -38,7 +38,7 @@ class Simulator:
 
 
 def simulators(recording: Recording, files: Sequence[str | Path]) -> list[Simulator]:
-    """As the recording configures it, then of each file: a fit, or a twin.
+    """Simulators of a recording: as it configures it, then of each file, a fit or a twin.
 
     Raises:
         ParameterError: a file is neither, of another robot, or there are too many.

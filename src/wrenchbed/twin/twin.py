@@ -55,7 +55,7 @@ class Twin:
 
     @classmethod
     def from_json(cls, raw: Any, where: str = "twin") -> "Twin":
-        """From the contract's JSON object.
+        """A twin from the JSON object of the contract.
 
         Raises:
             TwinError: names the field, its value and what is allowed.

@@ -34,7 +34,7 @@ _RAMP = np.array(
 _LONGEST_M = 0.3
 """Length of the longest arrow [m]."""
 _BESIDE_M = 0.012
-"""By which an arrow may start beside the sensor's origin, along the sensor's x axis."""
+"""Distance from the sensor's origin, along the sensor's x axis, at which an arrow may start [m]."""
 _RADIUS_M = {"force": 0.006, "torque": 0.0035}
 _WIDTH, _BENEATH = 1.5, 3.5
 """Widths of curves, and of a measured one beneath the simulated ones [px]."""

@@ -129,7 +129,7 @@ def curves(
 
 
 def _all_of(timeline: str, at: np.ndarray) -> Any:
-    """From the first to the last row, or time."""
+    """Range from the first to the last row, or time."""
     unit = "seq" if timeline == ROW else "seconds"
     low, high = (float(at[k]) for k in (0, -1))
     ends = (int(x) if timeline == ROW else x for x in (low, max(high, low + 1e-3)))

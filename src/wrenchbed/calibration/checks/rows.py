@@ -155,7 +155,7 @@ def _lost(recording: Recording) -> Iterator[Finding]:
 
 
 def _no_readings(what: str, rows: np.ndarray) -> Finding:
-    """On rows (N,) that hold 0 instead of a reading."""
+    """Finding on rows (N,) that hold 0 instead of a reading."""
     return Finding(
         "spike",
         f"{what} exactly 0 in {rows.sum()} rows (the first: row {int(np.argmax(rows))}) between "

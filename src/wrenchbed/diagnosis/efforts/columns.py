@@ -85,7 +85,7 @@ def of_joint(scene: EffortScene, j: int) -> Made:
 
 
 def rows_of(scene: EffortScene, j: int) -> DriveRows:
-    """What the drive effects of joint j, from 0, see."""
+    """Rows of a scene as the drive effects of joint j, from 0, see them."""
     q, known = scene.q, scene.drives.known("drive.coulomb")
     spread = {
         name: _spread(scene, j, effect)

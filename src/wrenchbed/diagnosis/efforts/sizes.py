@@ -146,7 +146,8 @@ def blind_spots(d: Dictionary, evidence: Evidence) -> tuple[BlindSpot, ...]:
 
 
 def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
-    """Size from which 95 % of such recordings report it; of several columns, all of them alike."""
+    """Size of a block's cause from which 95 % of recordings like this one report it; all columns of
+    the block have that size."""
     some = d.sized(block)
     if not d.size[some].any():  # no reversal, or nothing that warms
         return np.inf

@@ -211,8 +211,8 @@ class EffectDictionary:
 
     @cached_property
     def fitted_away(self) -> np.ndarray:
-        """Orthonormal basis of what such a fit takes from any signal (C R, S), each vector from
-        one channel."""
+        """Orthonormal basis (C R, S) of what the fit of bias, mass and CoG takes from any signal,
+        each vector from one channel."""
         return np.linalg.qr(self.E[:, self.always])[0]
 
     def mean_square(self, x: np.ndarray) -> np.ndarray:

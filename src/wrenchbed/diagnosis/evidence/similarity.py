@@ -54,7 +54,7 @@ class Fitted:
 
 
 class Similarity:
-    """Hypothesiss of effects' variants in a design, and which of them make the same readings.
+    """Hypotheses of effects' variants in a design, and which of them make the same readings.
 
     Args:
         dictionary: of the design.

@@ -114,7 +114,7 @@ class Reliability:
         return self.of(features(verdict, closed, mode))
 
     def of(self, features: Sequence[float]) -> float:
-        """Probability that a claim with such features is right."""
+        """Probability that a claim is right for which so much speaks, in the order of `NAMES`."""
         return min(float(expit(np.dot(self.claim, features))), self.believed)
 
     def p_value(self, mode: str, design: Sequence[float]) -> float:

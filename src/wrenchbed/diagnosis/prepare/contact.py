@@ -47,7 +47,7 @@ fingertip's size, and a tool touched along its last fifth."""
 ONE_WAY = float(np.cos(np.radians(45.0)))
 """Cosine between each push and their mean: friction of up to 0.5 (27°) leans both sides."""
 LEAN = float(np.cos(np.radians(35.0)))
-"""Cosine between the push and a surface's normal: the same friction of 0.5, and the direction's
+"""Cosine between a push and a surface's normal: friction of 0.5 (27°), and the direction's
 error."""
 PROBABLE, ONE_POSE = 0.97, 0.8
 """Probability of a contact where all three hold, and where but one pose shows them: of pushes and
