@@ -1,6 +1,7 @@
 """The referee's machine at rest as closed forms say; curves that are no formula of the library."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -164,7 +165,7 @@ def test_a_form_without_a_formula_has_the_name_of_its_effect(effect):
     seed = (101, list(FORMS).index(effect))
     rng = np.random.default_rng([*seed, 7])
     world, minor = robot_with_minor("ur5", "static", seed, rng)
-    draw, size = named(effect, FORMS[effect]), 1.0
+    draw, size = partial(named, effect, FORMS[effect]), 1.0
     for _ in range(3):  # to a gap of 15
         cause = world.measured(draw(world.setting, np.random.default_rng(seed), size))
         size *= float(np.sqrt(15.0 / cause.gap))

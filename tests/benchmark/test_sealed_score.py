@@ -90,7 +90,6 @@ def test_a_made_family_goes_on_where_it_was_stopped(family, tmp_path):
     )
     assert again == root
     assert told == [COUNT]
-    assert making.drawn_seed() != making.drawn_seed()
 
 
 def test_probabilities_beside_how_often_they_hold(family, tmp_path):

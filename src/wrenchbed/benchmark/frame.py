@@ -5,11 +5,13 @@ Look-alikes, the referee and the efforts fill it, each with physics of its own; 
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from inspect import isfunction
 from types import ModuleType
-from typing import Any, Generic, ParamSpec, TypeVar
+from typing import Any, Generic, TypeVar
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from wrenchbed import registry
 from wrenchbed.data.metadata import Metadata, SensorInfo, ToolInfo
@@ -19,7 +21,6 @@ from wrenchbed.robots.base import INERTIA_AXES, Robot
 Rng = np.random.Generator
 Drawn = TypeVar("Drawn")
 Shake = TypeVar("Shake")
-P = ParamSpec("P")
 KINDS = ("none", "single", "pair", "outside")
 """Nothing wrong, one effect of the library, two of different subsystems, a fault of no library."""
 NEEDED = {"none": 0.0, "single": 1.0, "pair": 1.5, "outside": 2.0}
@@ -172,18 +173,6 @@ class Fault:
     name: str = field(default="", kw_only=True)
 
 
-AnyFault = TypeVar("AnyFault", bound=Fault)
-
-
-def named(name: str, draw: Callable[P, AnyFault]) -> Callable[P, AnyFault]:
-    """A draw whose faults have a name."""
-
-    def drawn(*args: P.args, **options: P.kwargs) -> AnyFault:
-        return replace(draw(*args, **options), name=name)
-
-    return drawn
-
-
 def draws(*modules: ModuleType, mark: str = ".") -> dict[str, Callable[..., Any]]:
     """Draws of faults by name: each public function of modules of draws, in their order.
 
@@ -197,7 +186,12 @@ def draws(*modules: ModuleType, mark: str = ".") -> dict[str, Callable[..., Any]
         if isfunction(f) and f.__module__ == module.__name__ and not f.__name__.startswith("_")
     )
     every = {f.__name__.replace("_", mark, 1): f for f in functions}
-    return {name: named(name, f) for name, f in every.items()}
+    return {name: partial(named, name, f) for name, f in every.items()}
+
+
+def named(name: str, draw: Callable[..., Any], *args: object, **options: object) -> Any:
+    """A fault that is drawn and gets a name."""
+    return replace(draw(*args, **options), name=name)
 
 
 def true_numbers(cause: Fault, faults: Iterable[tuple[Fault, float]]) -> dict[str, float]:
@@ -234,9 +228,20 @@ def by_channel(values: np.ndarray, stem: str = "") -> dict[str, float]:
     return {f"{stem}{c}": v for c, v in pairs if v != 0.0}
 
 
+def by_pair(matrix: np.ndarray) -> dict[str, float]:
+    """Nonzero numbers of crosstalk (6, 6) as ``x.fx.ty``: what fx reads of ty."""
+    entries = np.argwhere(matrix != 0.0)
+    return {f"x.{CHANNELS[i]}.{CHANNELS[j]}": float(matrix[i, j]) for i, j in entries}
+
+
 def numbered(stem: str, values: np.ndarray) -> dict[str, np.ndarray]:
     """Columns (N,) of values (N, J) by a stem and their number from 1."""
     return {f"{stem}{j + 1}": column for j, column in enumerate(values.T)}
+
+
+def at_times(y: np.ndarray, t: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """A signal (T, k) of instants (T,) at other times (T,), within its first and last instant."""
+    return np.asarray(CubicSpline(t, y)(np.clip(times, t[0], t[-1])))
 
 
 def elapsed(t: np.ndarray) -> np.ndarray:

@@ -14,6 +14,11 @@ Edit = Callable[[mujoco.MjModel], None]
 """Function that changes a compiled model in place."""
 
 
+def wrench_at(lever: np.ndarray, force: np.ndarray) -> np.ndarray:
+    """Wrench (N, 6) [N, N·m] of forces (N, 3) at a lever (3,) or (N, 3) [m]."""
+    return np.concatenate([force, np.cross(lever, force)], axis=1)
+
+
 class RigidBodies:
     """Bodies without constraints, rotors, friction, damping, servos and gravity compensation.
 

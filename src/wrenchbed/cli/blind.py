@@ -1,5 +1,6 @@
 """`wrenchbed blind`: make, run and score cases of the sealed benchmark."""
 
+import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -63,7 +64,7 @@ def make(
 
     if seed is None:
         known = making.resumed(answers)
-        seed = making.drawn_seed() if known is None else known
+        seed = secrets.randbits(63) if known is None else known  # that nobody can guess
     family, cases = made_of.family(seed), made_of.cases
     for folder in (out, answers):
         console.check_folder(folder)

@@ -27,8 +27,8 @@ from wrenchbed.benchmark.lookalikes.loads import (
     link_forces,
     rotate,
     rotate_back,
-    wrench_at,
 )
+from wrenchbed.benchmark.rigid import wrench_at
 from wrenchbed.physics.wrench import Tool
 from wrenchbed.robots.base import SimulatedRobot
 

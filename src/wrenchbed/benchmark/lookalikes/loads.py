@@ -78,12 +78,6 @@ def rotate_back(rotation: np.ndarray, vector: np.ndarray) -> np.ndarray:
     return (vector[..., None, :] @ rotation)[..., 0, :]
 
 
-def wrench_at(lever: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Wrench (N, 6) of forces (N, 3) at a lever (N, 3) or (3,)."""
-    torque = cross(np.broadcast_to(lever, force.shape), force)
-    return np.concatenate([force, torque], axis=1)
-
-
 def at_rest(robot: Robot, theta: np.ndarray, q: np.ndarray, gravity: np.ndarray) -> SensorMotion:
     """The sensor at rest at joint values (N, J)."""
     rotation, position = robot.sensor_pose(q, theta)

@@ -8,7 +8,8 @@ import numpy as np
 from wrenchbed.benchmark.frame import Rng
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, biased, channels, off, relax
-from wrenchbed.benchmark.lookalikes.loads import rotate_back, wrench_at
+from wrenchbed.benchmark.lookalikes.loads import rotate_back
+from wrenchbed.benchmark.rigid import wrench_at
 
 _G = 9.81
 """Gravity by which typical accelerations are scaled [m/s²]."""

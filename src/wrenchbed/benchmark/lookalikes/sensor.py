@@ -8,7 +8,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 
-from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform
+from wrenchbed.benchmark.frame import Rng, at_times, by_channel, by_pair, elapsed, log_uniform
 from wrenchbed.benchmark.lookalikes import imperfection
 from wrenchbed.benchmark.lookalikes.design import ExperimentDesign
 from wrenchbed.benchmark.lookalikes.imperfection import Imperfection, biased, channels, spread
@@ -25,7 +25,7 @@ one way."""
 def timing_delay(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
     """The wrench is about 8 ms older than the joints."""
     lag = 8e-3 * size * spread(rng)
-    return Imperfection({"delay": lag}, clock=lambda y: _at(design, y, design.t - lag))
+    return Imperfection({"delay": lag}, clock=lambda y: at_times(y, design.t, design.t - lag))
 
 
 def timing_lowpass(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
@@ -61,7 +61,7 @@ def timing_skew(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
     if rng.uniform() < 0.65:
         rate = 0.012 * size / float(np.ptp(t)) * spread(rng) * rng.choice([-1.0, 1.0])
         true = {"skew": -float(rate)}  # here the sensor's clock is ahead
-        return Imperfection(true, clock=lambda y: _at(design, y, t + rate * (t - t[0])))
+        return Imperfection(true, clock=lambda y: at_times(y, t, t + rate * (t - t[0])))
     gap = 2e-3 * size * spread(rng)
 
     def act(y: np.ndarray) -> np.ndarray:
@@ -69,10 +69,6 @@ def timing_skew(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection
         return np.stack([path(np.maximum(t - k * gap, t[0]))[:, k] for k in range(6)], axis=1)
 
     return Imperfection({"channel": gap}, clock=act)
-
-
-def _at(design: ExperimentDesign, y: np.ndarray, t: np.ndarray) -> np.ndarray:
-    return np.asarray(CubicSpline(design.t, y)(np.clip(t, design.t[0], design.t[-1])))
 
 
 def sensor_bias(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:
@@ -120,9 +116,7 @@ def sensor_crosstalk(design: ExperimentDesign, rng: Rng, size: float) -> Imperfe
     else:
         matrix = 0.7 * scale * rng.standard_normal((6, 6))
     np.fill_diagonal(matrix, 0.0)
-    entries = np.argwhere(matrix != 0.0)
-    values = {f"x.{CHANNELS[i]}.{CHANNELS[j]}": float(matrix[i, j]) for i, j in entries}
-    return Imperfection(values, sensor=lambda y: y + y @ matrix.T)
+    return Imperfection(by_pair(matrix), sensor=lambda y: y + y @ matrix.T)
 
 
 def sensor_hysteresis(design: ExperimentDesign, rng: Rng, size: float) -> Imperfection:

@@ -12,8 +12,9 @@ from wrenchbed.benchmark.frame import Rng, by_axis, by_moment, elapsed, sign
 from wrenchbed.benchmark.referee import fault, machine
 from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault, about, direction
 from wrenchbed.benchmark.referee.laws import dahl
-from wrenchbed.benchmark.referee.machine import Mechanics, Ride, wrench_at
+from wrenchbed.benchmark.referee.machine import Mechanics, Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
+from wrenchbed.benchmark.rigid import wrench_at
 from wrenchbed.physics.wrench import symmetric
 
 _TONE = 0.9

@@ -14,8 +14,9 @@ from scipy.signal import lfilter
 from wrenchbed import registry
 from wrenchbed.benchmark.frame import Rng, converted
 from wrenchbed.benchmark.referee.fault import RefereeFault
-from wrenchbed.benchmark.referee.machine import Ride, wrench_at
+from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
+from wrenchbed.benchmark.rigid import wrench_at
 
 _ROUNDING = 1e-9
 """Share by which C's logarithm and numpy's differ less: a million times double precision."""

@@ -305,11 +305,6 @@ class Ride:
         return np.asarray(np.einsum("tij,ti->tj", self.rotation, each))
 
 
-def wrench_at(lever: np.ndarray, force: np.ndarray) -> np.ndarray:
-    """Wrench (N, 6) [N, N·m] of forces (N, 3) at a lever (3,) [m]."""
-    return np.concatenate([force, np.cross(lever, force)], axis=1)
-
-
 def ride(robot: SimulatedRobot, truth: Mechanics, path: DrivePath) -> Ride:
     """Run a machine along a path.
 

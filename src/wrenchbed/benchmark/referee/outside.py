@@ -9,8 +9,9 @@ from scipy.spatial.transform import Rotation
 from wrenchbed.benchmark.frame import Rng, elapsed, sign
 from wrenchbed.benchmark.referee.fault import BEND, ZERO, RefereeFault, direction, shifted, touched
 from wrenchbed.benchmark.referee.laws import dahl, ornstein
-from wrenchbed.benchmark.referee.machine import Ride, wrench_at
+from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
+from wrenchbed.benchmark.rigid import wrench_at
 
 
 def _telegraph(setting: RefereeSetting, rng: Rng, flips: float) -> np.ndarray:

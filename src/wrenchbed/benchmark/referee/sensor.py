@@ -6,15 +6,21 @@ saturation and quantization have the same formula there; here only their sizes a
 """
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
-from wrenchbed.benchmark.frame import Rng, by_channel, elapsed, log_uniform, sign
+from wrenchbed.benchmark.frame import (
+    Rng,
+    at_times,
+    by_channel,
+    by_pair,
+    elapsed,
+    log_uniform,
+    sign,
+)
 from wrenchbed.benchmark.referee import fault
 from wrenchbed.benchmark.referee.fault import RefereeFault, RowFault, about, shifted, touched
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.physics.wrench import CHANNELS
 
 _ARM = 0.05
 """Typical lever of crosstalk between forces and torques [m]."""
@@ -23,7 +29,11 @@ _ARM = 0.05
 def timing_delay(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     """Wrenches about 7 ms older than the joints."""
     lag = about(rng, 7e-3 * size)
-    return RefereeFault({"delay": lag}, change=lambda r, y: _at(r, y, -lag), stage=fault.CLOCK)
+    return RefereeFault(
+        {"delay": lag},
+        change=lambda ride, y: at_times(y, ride.path.t, ride.path.t - lag),
+        stage=fault.CLOCK,
+    )
 
 
 def timing_lowpass(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -50,12 +60,11 @@ def timing_skew(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
     ahead = sign(rng) * about(rng, 0.012 * size)
     rate = ahead / float(t[-1])
     shift = rate * np.maximum(t, 0.0)
-    return RefereeFault({"skew": -rate}, change=lambda r, y: _at(r, y, shift), stage=fault.CLOCK)
-
-
-def _at(ride: Ride, y: np.ndarray, shift: np.ndarray | float) -> np.ndarray:
-    t = ride.path.t
-    return np.asarray(CubicSpline(t, y)(np.clip(t + shift, t[0], t[-1])))
+    return RefereeFault(
+        {"skew": -rate},
+        change=lambda ride, y: at_times(y, ride.path.t, ride.path.t + shift),
+        stage=fault.CLOCK,
+    )
 
 
 def sensor_bias(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:
@@ -100,10 +109,7 @@ def sensor_crosstalk(setting: RefereeSetting, rng: Rng, size: float) -> RefereeF
         shape = 0.7 * rng.standard_normal((6, 6))
     np.fill_diagonal(shape, 0.0)
     matrix = typical * shape
-    true = {
-        f"x.{CHANNELS[i]}.{CHANNELS[j]}": float(matrix[i, j]) for i, j in np.argwhere(matrix != 0)
-    }
-    return RefereeFault(true, change=lambda ride, y: y + y @ matrix.T, stage=fault.MIX)
+    return RefereeFault(by_pair(matrix), change=lambda ride, y: y + y @ matrix.T, stage=fault.MIX)
 
 
 def sensor_hysteresis(setting: RefereeSetting, rng: Rng, size: float) -> RefereeFault:

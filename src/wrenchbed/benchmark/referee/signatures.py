@@ -16,9 +16,9 @@ from scipy.optimize import lsq_linear
 
 from wrenchbed.benchmark.frame import STATED, Usual
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, dahl, lowpass
-from wrenchbed.benchmark.referee.machine import Ride, wrench_at
+from wrenchbed.benchmark.referee.machine import Ride
 from wrenchbed.benchmark.referee.scenario import RefereeSetting
-from wrenchbed.benchmark.rigid import RigidBodies
+from wrenchbed.benchmark.rigid import RigidBodies, wrench_at
 from wrenchbed.robots.base import INERTIA_AXES
 
 _H = 1e-4

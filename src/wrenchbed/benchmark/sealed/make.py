@@ -5,7 +5,6 @@ only the referee's have an oracle. A case is complete when both of its files exi
 makes the missing cases only.
 """
 
-import secrets
 from concurrent.futures import Future
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -197,11 +196,6 @@ class EffortFamily(Family):
             facts = (Fact(case.alike[0], None, case.gap, 0.0, true, case.alike[1:]),)
         rows, robot = case.recording, case.recording.metadata.robot
         return Answer("", robot, self.mode, case.kind, facts, None, len(rows), None, ""), rows
-
-
-def drawn_seed() -> int:
-    """Random seed that nobody can guess."""
-    return secrets.randbits(63)
 
 
 def make(
