@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from inspect import isfunction
 from types import ModuleType
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, ParamSpec, TypeVar
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -21,6 +21,7 @@ from wrenchbed.robots.base import INERTIA_AXES, Robot
 Rng = np.random.Generator
 Drawn = TypeVar("Drawn")
 Shake = TypeVar("Shake")
+P = ParamSpec("P")
 KINDS = ("none", "single", "pair", "outside")
 """Nothing wrong, one effect of the library, two of different subsystems, a fault of no library."""
 NEEDED = {"none": 0.0, "single": 1.0, "pair": 1.5, "outside": 2.0}
@@ -173,6 +174,14 @@ class Fault:
     name: str = field(default="", kw_only=True)
 
 
+AnyFault = TypeVar("AnyFault", bound=Fault)
+
+
+def named(name: str, draw: Callable[P, AnyFault], *args: P.args, **options: P.kwargs) -> AnyFault:
+    """A fault that is drawn and gets a name."""
+    return replace(draw(*args, **options), name=name)
+
+
 def draws(*modules: ModuleType, mark: str = ".") -> dict[str, Callable[..., Any]]:
     """Draws of faults by name: each public function of modules of draws, in their order.
 
@@ -187,11 +196,6 @@ def draws(*modules: ModuleType, mark: str = ".") -> dict[str, Callable[..., Any]
     )
     every = {f.__name__.replace("_", mark, 1): f for f in functions}
     return {name: partial(named, name, f) for name, f in every.items()}
-
-
-def named(name: str, draw: Callable[..., Any], *args: object, **options: object) -> Any:
-    """A fault that is drawn and gets a name."""
-    return replace(draw(*args, **options), name=name)
 
 
 def true_numbers(cause: Fault, faults: Iterable[tuple[Fault, float]]) -> dict[str, float]:
