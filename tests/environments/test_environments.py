@@ -107,20 +107,22 @@ def test_rewards_of_a_calibration_add_up_to_what_is_known():
     assert 30.0 <= told["seconds"] < 60.0
 
 
-def test_what_is_known_is_the_covariance_of_a_fit():
-    """(I + Σ JᵀJ)⁻¹ in tolerances, against the information matrix inverted at once."""
+def test_what_is_known_is_the_information_of_a_fit_and_gains_are_what_a_pose_adds():
+    """(I + Σ JᵀJ)⁻¹ in tolerances, against all rows at once."""
     robot = wb.load("robots", "ur5")
     model = wb.Model.of(robot)
     pool = robot.sample(9, np.random.default_rng(1))
     std = np.array([0.03] * 3 + [0.001] * 3)
     state = knowledge(model, pool, std)
     for pose in range(9):
-        state = state.with_pose(pose)
+        more = state.with_pose(pose)
+        assert state.gains()[pose] == pytest.approx(more.value - state.value, rel=1e-9)
+        state = more
     columns = list(state.columns)
     rows = model.jacobian(pool, model.parameters.nominal, columns)
     rows = (rows * model.parameters.tolerance[columns] / std[:, None]).reshape(-1, len(columns))
     exact = np.linalg.inv(np.eye(len(columns)) + rows.T @ rows)
-    assert np.allclose(state.covariance, exact, atol=1e-10)
+    assert np.allclose(np.linalg.inv(state.information), exact, atol=1e-10)
 
 
 @pytest.mark.parametrize("name", ["ur5", "medrue"])

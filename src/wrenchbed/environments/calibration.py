@@ -16,6 +16,7 @@ from wrenchbed.calibration.accuracy import Goal, tip_jacobian
 from wrenchbed.environments.rendering import Rendered, simulated
 from wrenchbed.errors import ParameterError
 from wrenchbed.physics.noise import NoiseStream, noise_model
+from wrenchbed.planning.criteria import Criterion, i_optimality
 from wrenchbed.robots.motion_limits import duration
 from wrenchbed.simulation.closed_form import Model
 from wrenchbed.simulation.simulation import Simulation
@@ -41,8 +42,8 @@ def knowledge(model: Model, pool: np.ndarray, std: np.ndarray) -> "Knowledge":
     else:
         q = robot.sample(_TARGETS, rng)
         unit, sensitivity = "N", model.jacobian(q, nominal, columns)[:, :3]
-    weight = Goal(sensitivity * scale).weight
-    return Knowledge(columns, unit, rows, weight, np.eye(len(columns)))
+    criterion = i_optimality(Goal(sensitivity * scale).weight)
+    return Knowledge(columns, unit, rows, criterion, np.eye(len(columns)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,22 +55,22 @@ class Knowledge:
         unit: of errors.
         rows: readings of each pose of the pool by the parameters, in noise and tolerances
             (N, 6, K).
-        weight: trace(weight · covariance) is the mean square error (K, K).
-        covariance: of the parameters in tolerances (K, K).
+        criterion: of an information matrix: 1 / mean square error.
+        information: on the parameters in tolerances (K, K).
     """
 
     columns: tuple[int, ...]
     unit: str
     rows: np.ndarray
-    weight: np.ndarray
-    covariance: np.ndarray
+    criterion: Criterion
+    information: np.ndarray
 
     @cached_property
     def error(self) -> float:
         """Expected rms error [unit]."""
-        return math.sqrt(np.vdot(self.weight, self.covariance))  # trace of the product
+        return float(self.criterion.values(self.information)) ** -0.5
 
-    @cached_property
+    @property
     def value(self) -> float:
         """Information [nats]; grows with every informative pose."""
         return -math.log(self.error)
@@ -77,25 +78,18 @@ class Knowledge:
     @property
     def open(self) -> tuple[float, float]:
         """Least and mean remaining share of the initial uncertainty, 0 … 1."""
-        std = np.sqrt(np.clip(self.covariance.diagonal(), 0.0, 1.0))
-        return float(std.min()), float(std.sum()) / len(std)
+        std = np.sqrt(np.clip(np.linalg.inv(self.information).diagonal(), 0.0, 1.0))
+        return float(std.min()), float(std.mean())
 
     def with_pose(self, pose: int) -> "Knowledge":
         """Knowledge after one more pose of the pool."""
         rows = self.rows[pose]
-        half = rows @ self.covariance
-        reading = half @ rows.T + np.eye(len(rows))  # with its noise
-        smaller = self.covariance - half.T @ np.linalg.solve(reading, half)
-        return replace(self, covariance=0.5 * (smaller + smaller.T))
+        return replace(self, information=self.information + rows.T @ rows)
 
     def gains(self) -> np.ndarray:
         """Rise of ``value`` by each pose of the pool (N,)."""
-        half = self.rows @ self.covariance
-        reading = np.eye(self.rows.shape[1]) + half @ np.swapaxes(self.rows, 1, 2)
-        less = half @ self.weight @ np.swapaxes(half, 1, 2)
-        off = np.trace(np.linalg.solve(reading, less), axis1=1, axis2=2)
-        squared_error = np.maximum(self.error**2 - off, 1e-300)
-        return np.asarray(-0.5 * np.log(squared_error) - self.value)
+        after = self.criterion.changed(self.information, self.rows, 1.0)
+        return 0.5 * np.log(np.maximum(after, 1e-300)) - self.value
 
 
 class CalibrationEnv(Rendered, gymnasium.Env[np.ndarray, np.int64]):
