@@ -28,8 +28,8 @@ _DECADES_BELOW = 1.0
 """Decades by which the 1/f band reaches below the inverse of the campaign's length."""
 _RANGE = (-8.0, 12.0)
 """Natural logarithm of wander over independent variance that is searched."""
-_GOLDEN, _SECTIONS = (np.sqrt(5.0) - 1.0) / 2.0, 16
-"""Golden section, by definition; 16 of them find a logarithm to 1 % within `_RANGE`."""
+_SEARCHED = 0.01
+"""Accuracy of that logarithm: 1 % of a ratio that the data know to a factor of two at best."""
 _REWEIGHTINGS, _SETTLED = 3, 1e-6
 """Most updates of the weights, and the relative change at which they have converged."""
 _TRUST = 0.01
@@ -79,6 +79,12 @@ def kernel(t: np.ndarray) -> np.ndarray:
     return np.asarray(result)
 
 
+def modes(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues (N,) and eigenvectors (N, N) of the 1/f kernel at times (N,) [s]."""
+    spread, basis = np.linalg.eigh(kernel(t))
+    return np.maximum(spread, 0.0), basis
+
+
 def estimate(
     kernel_modes: tuple[np.ndarray, np.ndarray], residual: np.ndarray, design: np.ndarray,
     least: np.ndarray,
@@ -92,82 +98,41 @@ def estimate(
         least: variance that the independent part has at least (6,).
     """
     spread, basis = kernel_modes
-    x, projected = basis.T @ np.moveaxis(design, 1, 0), basis.T @ residual.T[..., None]
-    independent, level = levels(x, projected[..., 0], spread, least)
-    return Wander(independent, level, basis, spread)
+    columns = basis.T @ np.moveaxis(design, 1, 0)
+    each = zip(columns, (basis.T @ residual).T, strict=True)
+    independent, level = np.transpose([_levels(x, r, spread) for x, r in each])
+    return Wander(np.maximum(independent, least), level, basis, spread)
 
 
-def modes(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Eigenvalues (N,) and eigenvectors (N, N) of the 1/f kernel at times (N,) [s]."""
-    spread, basis = np.linalg.eigh(kernel(t))
-    return np.maximum(spread, 0.0), basis
+def _levels(design: np.ndarray, residual: np.ndarray, spread: np.ndarray) -> tuple[float, float]:
+    """Independent variance and 1/f level of a channel: its derivatives (N, K) and residual (N,) in
+    the kernel's eigenvectors, and the eigenvalues (N,)."""
+    from scipy.optimize import minimize_scalar  # slow to load: only when it is used
 
-
-def levels(
-    design: np.ndarray, residual: np.ndarray, spread: np.ndarray, least: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Independent variance and 1/f level of many channels (B,), each on its own.
-
-    Args:
-        design: derivatives of each by the parameters, in the kernel's eigenvectors (B, N, K).
-        residual: measured − fitted, in the kernel's eigenvectors (B, N).
-        spread: the kernel's eigenvalues (N,).
-        least: variance that the independent part has at least (B,).
-    """
     u, s, _ = np.linalg.svd(design, full_matrices=False)
-    kept = s > 1e-9 * np.maximum(s[:, :1], 1e-300)
-    span = np.ascontiguousarray(np.swapaxes(u * kept[:, None], 1, 2))
+    span = u[:, s > 1e-9 * max(float(s[0]), 1e-300)]
 
-    def restricted(ratio: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return _restricted(residual, span, 1.0 / (1.0 + ratio[:, None] * spread))
+    def restricted(ratio: float) -> tuple[float, float]:
+        return _restricted(residual, span, 1.0 / (1.0 + ratio * spread))
 
-    low, high = (np.full(len(u), end) for end in _RANGE)
-    best, value = golden_sections(lambda x: restricted(np.exp(x))[0], low, high)
-    ratio = np.where(value < restricted(np.zeros(len(u)))[0], np.exp(best), 0.0)
+    found = minimize_scalar(
+        lambda x: restricted(np.exp(x))[0], bounds=_RANGE, method="bounded",
+        options={"xatol": _SEARCHED},
+    )  # fmt: skip
+    ratio = float(np.exp(found.x)) if found.fun < restricted(0.0)[0] else 0.0
     alone = restricted(ratio)[1]
-    return np.maximum(alone, least), ratio * alone
+    return alone, ratio * alone
 
 
-def golden_sections(
-    cost: Callable[[np.ndarray], np.ndarray], low: np.ndarray, high: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Places and values (B,) of the minima of B functions between low and high (B,), in step.
-
-    Kiefer 1953, doi 10.1090/S0002-9939-1953-0055639-3.
-    """
-    left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
-    at_left, at_right = cost(left), cost(right)
-    for _ in range(_SECTIONS):
-        lower = at_left < at_right
-        low, high = np.where(lower, low, left), np.where(lower, right, high)
-        step = _GOLDEN * (high - low)
-        new = np.where(lower, high - step, low + step)
-        value = cost(new)
-        left, right = np.where(lower, new, right), np.where(lower, left, new)
-        at_left, at_right = np.where(lower, value, at_right), np.where(lower, at_left, value)
-    lower = at_left < at_right
-    return np.where(lower, left, right), np.where(lower, at_left, at_right)
-
-
-def _restricted(
-    r: np.ndarray, span: np.ndarray, weight: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Restricted −log likelihood at weights (B, N), and the variance of unit weight (B,).
-
-    Args:
-        r: residuals (B, N).
-        span: orthonormal directions of what moves them (B, k, N); 0 counts as none.
-        weight: of the residuals (B, N).
-    """
-    moved = np.asarray(span.any(axis=2))
-    x, weighted = np.swapaxes(span, 1, 2), (weight * r)[..., None]
-    gram = span @ (weight[..., None] * x) + np.eye(span.shape[1]) * ~moved[:, None]
-    right = span @ weighted
-    dof = r.shape[1] - moved.sum(axis=1)
-    taken = np.swapaxes(right, 1, 2) @ np.linalg.solve(gram, right)
-    square = np.maximum((r[:, None] @ weighted - taken)[:, 0, 0] / dof, 1e-300)
-    cost = dof * np.log(square) - np.log(weight).sum(axis=1) + np.linalg.slogdet(gram)[1]
-    return cost / 2, square
+def _restricted(r: np.ndarray, span: np.ndarray, weight: np.ndarray) -> tuple[float, float]:
+    """Restricted −log likelihood of residuals (N,) at weights (N,), and the variance of unit
+    weight, beside orthonormal directions (N, k) of what moves them."""
+    weighted = weight * r
+    gram, right = span.T @ (weight[:, None] * span), span.T @ weighted
+    dof = len(r) - len(right)
+    square = max(float(r @ weighted - right @ np.linalg.solve(gram, right)) / dof, 1e-300)
+    cost = dof * np.log(square) - np.log(weight).sum() + np.linalg.slogdet(gram)[1]
+    return float(cost) / 2.0, square
 
 
 def none_of(variance: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
