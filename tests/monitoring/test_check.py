@@ -6,7 +6,6 @@ from dataclasses import replace
 from datetime import UTC, datetime
 
 import numpy as np
-import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from monthly_robot import MonthlyRobot
@@ -51,7 +50,7 @@ def folder(kept, tmp_path):
 
 
 def series(robot, months):
-    return [monthly.taken(robot.recording(m), UR5, robot.plan) for m in range(months)]
+    return [history.taken(robot.recording(m), UR5, robot.plan) for m in range(months)]
 
 
 def changed_names(judgement):
@@ -85,10 +84,10 @@ def test_values_are_those_of_the_simulation(plan, tmp_path):
              "sensor.bias.fx": 1.0, "sensor.bias.tz": 0.02}  # fmt: skip
     with wb.SimDriver(wb.SimOptions("ur5", parameters=truth, seed=3)) as link:
         wb.record(link, plan, tmp_path / "r.parquet", samples=200, revisit=False)
-    recording = monthly.stated(
+    recording = history.stated(
         wb.Recording.read(tmp_path / "r.parquet"), {"time": "2026-01-01T00:00:00Z"}
     )
-    fitted = History(UR5, [monthly.taken(recording, UR5, plan)])
+    fitted = History(UR5, [history.taken(recording, UR5, plan)])
     std = np.hypot(fitted.std, fitted._expected[0])
     stated = UR5.parameters.mapping(UR5.parameters.nominal) | truth
     for name, value, s in zip(NUMBERS, fitted.values[0], std, strict=True):
@@ -164,8 +163,9 @@ def test_a_change_that_the_numbers_do_not_explain_is_said_to_be_one(plan, fault)
 def test_a_change_stays_until_a_new_baseline(plan):
     robot, checks = MonthlyRobot(UR5, plan, 23, fault="tool.cog", begins=5), []
     for new in series(robot, 8):
-        checks.append(replace(new, verdict=monthly.judge(UR5, [*checks, new]).verdict))
-    assert [c.verdict for c in checks[5:]] == ["changed"] * 3
+        checks.append(new)
+    judged = monthly.judge(UR5, checks).checks
+    assert [c.verdict for c in judged[5:]] == ["changed"] * 3
     renewed = monthly.judge(UR5, [*checks[:7], replace(checks[7], baseline="tool replaced")])
     assert renewed.verdict == "cannot tell" and "since tool replaced" in headline(renewed)
 
@@ -177,86 +177,55 @@ def test_a_recorded_temperature_makes_zeros_sharper(healthy):
     assert all(w < c for n, w, c in zip(NUMBERS, warm, cold, strict=True) if ".bias." in n)
 
 
-def test_a_history_reads_as_it_was_written(folder, plan):
-    checks = history.read(folder)
-    assert [c.verdict for c in checks] == ["cannot tell"] * 3
+def test_a_history_is_read_from_its_recordings_and_its_table_says_the_same(folder, plan):
+    checks = history.read(folder, UR5, plan)
+    table = pq.read_table(folder / history.FILE).to_pydict()
+    assert table["verdict"] == ["cannot tell"] * 3
     fitted = History(UR5, checks)
     for month, (old, new) in enumerate(
         zip(checks, series(MonthlyRobot(UR5, plan, 7), 3), strict=True)
     ):
         assert np.array_equal(old.wrench, new.wrench) and old.time == new.time
         assert np.array_equal(old.covariance, new.covariance) and np.array_equal(old.q, new.q)
-        assert (folder / old.recording).exists()
-        assert old.values["tool.mass"] == pytest.approx(fitted.values[month, 6], abs=1e-5)
+        assert table["recording"][month] == old.recording == new.recording
+        assert table["hold03.fz"][month] == old.wrench[3, 2]
+        assert table["tool.mass"][month] == pytest.approx(fitted.values[month, 6], abs=1e-5)
 
 
-def test_histories_that_hold_a_covariance_are_read(folder):
-    """Earlier versions wrote one, as JSON."""
-    good, path = history.read(folder), folder / history.FILE
-    table = pq.read_table(path)
-    pq.write_table(table.append_column("covariance", pa.array(["[[1.0]]"] * 3)), path)
-    assert [c.values for c in history.read(folder)] == [c.values for c in good]
-
-
-def replaced(table, name, values):
-    return table.set_column(table.schema.get_field_index(name), name, pa.array(values))
-
-
-DAMAGES = {
-    "doubled": (
-        lambda t: pa.concat_tables([t, t.slice(2, 1)]),
-        r"row 3 \(2020-03-1\d .*\) holds the readings of row 2 .*one check is there twice; give",
-    ),
-    "of another robot": (
-        lambda t: replaced(t, "robot_digest", ["0" * 16, *["1" * 16] * 2]),
-        r"row 1 is of ur5 with ati-gamma \(1111111111111111\), row 0 of ur5 .*folder of its own",
-    ),
-    "out of order": (
-        lambda t: t.take([1, 0, 2]),
-        r"row 1 is of 2020-01-1\d .*, not after row 0 \(2020-02-1\d.*: the rows are out of order",
-    ),
-    "no number": (
-        lambda t: replaced(t, "hold03.fz", [1.0, np.nan, 2.0]),
-        r"column 'hold03.fz', row 1: .*nan.* is no finite number",
-    ),
-    "a column less": (
-        lambda t: t.drop_columns(["hold03.fz"]),
-        r"column 'hold03.fz' is missing: give --rebuild",
-    ),
-}
-
-
-@pytest.mark.parametrize("damage", ["cut", *DAMAGES])
-def test_a_damaged_history_is_refused_and_can_be_made_again(folder, damage, capfd):
-    good, path = history.read(folder), folder / history.FILE
+@pytest.mark.parametrize("damage", ["cut", "of something else"])
+def test_a_damaged_table_is_kept_and_made_again(folder, plan, damage):
+    path = folder / history.FILE
     if damage == "cut":
         path.write_bytes(path.read_bytes()[:-1000])
-        message = r"history.parquet: not a complete Parquet file .*; give --rebuild"
     else:
-        change, message = DAMAGES[damage]
-        pq.write_table(change(pq.read_table(path)), path)
+        plan.write(path)
     damaged = path.read_bytes()
-    with pytest.raises(HistoryError, match=message):
-        history.read(folder)
-    code = main(["check", "ur5", "--history", str(folder)])
-    printed = capfd.readouterr()
-    assert code == 1 and printed.err.count("\n") == 1 and printed.out == ""
-    assert path.read_bytes() == damaged
-    assert main(["check", "ur5", "--history", str(folder), "--rebuild"]) == 4
-    assert [c.time for c in history.read(folder)] == [c.time for c in good]
+    with pytest.warns(WrenchbedWarning, match=r"history.parquet: holds what recordings does not"):
+        found = wb.check(UR5, folder, MonthlyRobot(UR5, plan, 7).recording(3))
+    assert found.verdict == "healthy" and pq.read_table(path).num_rows == 4
     assert (folder / (history.FILE + "~")).read_bytes() == damaged
+
+
+def test_a_check_goes_with_its_recording(folder, plan):
+    first, second, third = sorted((folder / "recordings").iterdir())
+    second.unlink()
+    with pytest.warns(WrenchbedWarning, match=r"it is kept as .*history.parquet~"):
+        found = wb.check(UR5, folder, MonthlyRobot(UR5, plan, 7).recording(3))
+    names = [f"recordings/{p.name}" for p in (first, third)]
+    assert [c.recording for c in found.checks[:2]] == names and found.verdict == "cannot tell"
 
 
 def test_a_check_that_does_not_continue_its_history_is_refused(folder, plan):
     """A copy, a clock that was set back, other poses, another robot, no time."""
     robot = MonthlyRobot(UR5, plan, 7)
-    recording, (*_, last) = robot.recording(5), history.read(folder)
+    recording, (*_, last) = robot.recording(5), history.read(folder, UR5, plan)
     moved = wb.Plan.of("ur5", plan.q + np.where(np.arange(12) == 4, 0.1, 0.0)[:, None])
     short = wb.Plan.of("ur5", plan.q[:8])
     metadata = recording.metadata
     for given, year, error, match in (
-        (robot.recording(1), 2021, HistoryError, "holds the readings of row 1 .*checked already"),
-        (robot.recording(3), 2019, HistoryError, "new check is of 2019-02-01 .*, not after row 2"),
+        (robot.recording(1), 2021, HistoryError, "holds the readings of .*checked already"),
+        (robot.recording(3), 2019, HistoryError, 
+         r"new check is of 2019-02-01 .*, and recordings/2020\S+ of 2020.*state the true time"),
         (robot.recording(3), 2999, HistoryError, "new check is of 2999.*set the clock, or state"),
         (MonthlyRobot(UR5, moved, 7).recording(5), None, RecordingError,
          r"pose 4 is not that of .*plan.parquet: record that"),
@@ -270,20 +239,29 @@ def test_a_check_that_does_not_continue_its_history_is_refused(folder, plan):
         time = None if year is None else datetime(year, 2, 1, tzinfo=UTC)
         with pytest.raises(error, match=match):
             wb.check(UR5, folder, given, time=time)
+    gamma = replace(
+        recording, metadata=replace(metadata, sensor=replace(metadata.sensor, model="x"))
+    )
+    with pytest.raises(HistoryError, match=r"is of x, recordings/2020\S+ of ati-gamma: give each"):
+        wb.check(UR5, folder, gamma)
     with pytest.raises(
-        HistoryError, match=r"row 0 is of 2020-03-.*clock shows 2020-02-01 .*set back"
+        HistoryError, match=r"recordings/\S+ is of 2020-03-.*clock shows 2020-02-01 .*set back"
     ):
-        history.in_time(folder, [last], last.time, datetime(2020, 2, 1, tzinfo=UTC))
-    assert len(history.read(folder)) == 3 and len(list((folder / "recordings").iterdir())) == 3
+        history.in_time([last], last.time, datetime(2020, 2, 1, tzinfo=UTC))
+    assert len(list((folder / "recordings").iterdir())) == 3
 
 
-def test_rebuilding_leaves_out_what_does_not_fit(folder):
-    (folder / "recordings" / "20200214T000000Z.parquet").write_bytes(b"PAR1 cut")
-    with pytest.warns(
-        WrenchbedWarning, match="20200214T000000Z.parquet: left out: .*not a complete"
-    ):
-        found = monthly.rebuild(UR5, folder)
-    assert found.verdict == "cannot tell" and len(history.read(folder)) == 3
+def test_a_recording_that_does_not_fit_is_named_and_left_out(folder, plan):
+    known = folder / "recordings"
+    (known / "20200214T000000Z.parquet").write_bytes(b"PAR1 cut")
+    again = known / "20300101T000000Z.parquet"
+    shutil.copy(sorted(known.iterdir())[0], again)
+    MonthlyRobot(UR5, plan, 7).recording(9).write(known / "unfinished.parquet")
+    with pytest.warns(WrenchbedWarning) as said:
+        assert len(history.read(folder, UR5, plan)) == 3
+    texts = sorted(str(w.message) for w in said)
+    assert "left out: " in texts[0] and "not a complete" in texts[0]
+    assert "it was checked already" in texts[1] and len(texts) == 2
 
 
 @pytest.mark.slow

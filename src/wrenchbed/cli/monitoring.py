@@ -26,9 +26,8 @@ from wrenchbed.cli.record import DeviceArguments, LimitArguments, ready
 from wrenchbed.cli.small_verbs import compared
 from wrenchbed.data.metadata import stated_robot
 from wrenchbed.data.outputs import Kind
-from wrenchbed.errors import HistoryError, ParameterError, TwinError, WrenchbedWarning
+from wrenchbed.errors import ParameterError, TwinError, WrenchbedWarning
 from wrenchbed.exports.load_numbers import calibrated_twin
-from wrenchbed.files import set_aside
 from wrenchbed.files.checked import load
 from wrenchbed.hardware.drivers.live import LiveDriver
 from wrenchbed.hardware.drivers.sim import SimDriver
@@ -63,8 +62,6 @@ class CheckArguments:
     samples: int = monthly.SAMPLES  # Rows a pose.
     rate: float = monthly.RATE_HZ  # Sampling rate [Hz].
     prepare: bool = False  # Choose the poses, write DIR/plan.parquet, and record nothing.
-    # Make DIR/history.parquet again from DIR/recordings; the old one is kept with ~.
-    rebuild: bool = False
     recover: bool = False  # Somebody has looked: first clear a protective stop or a drive's fault.
     yes: bool = False  # Somebody has looked that the robot may move: ask no more.
 
@@ -88,27 +85,18 @@ def check(
         as_json: Print the result as JSON.
     """
     arm, now = wb.load("robots", robot), datetime.now(UTC)
-    if how.rebuild:
-        set_aside(history / stored.FILE)
-        return _answer(monthly.rebuild(arm, history), as_json)
-    before = stored.read(history)
     plan = monthly.plan_of(arm, history)
     if how.prepare:
         path = str(history / monthly.PLAN)
         console.answer({"plan": path, "poses": len(plan)}, as_json, f"{len(plan)} poses → {path}")
         return 0
-    time = None if how.time is None else monthly.parse_time(how.time, "--time")
+    time = None if how.time is None else stored.parse_time(how.time, "--time")
     if how.recording is not None:
         recording = wb.Recording.read(how.recording)
-        time = time or monthly.time_of(recording)
-        if time is None:
-            raise HistoryError(
-                f"{recording.name}: states no time; give --time 2026-11-23T06:00:00Z"
-            )
     else:
-        time = time or now
-        stored.in_time(history, before, time, now)  # before the robot moves
-        out = history / monthly.file_of(time)
+        time, before = time or now, stored.read(history, arm, plan)
+        stored.in_time(before, time, now)  # before the robot moves
+        out = history / stored.file_of(time)
         console.check_out(out, Kind.RECORDING)
         recording = _recorded(plan, out, device, how, motion, len(before))
     judgement = wb.check(

@@ -5,8 +5,7 @@ A comparison of the last 1, 2, 4 and 8 checks with those before them, by the rul
 `ALARMS_A_YEAR` is spent in proportion to the time since the check before.
 """
 
-import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -15,22 +14,14 @@ from typing import Any
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.calibration.compensated import restored
-from wrenchbed.calibration.observations import observe
 from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.effects.chain import effects
 from wrenchbed.effects.scene import Scene
-from wrenchbed.errors import (
-    HistoryError,
-    PlanError,
-    RecordingError,
-    WrenchbedError,
-    WrenchbedWarning,
-)
+from wrenchbed.errors import HistoryError, PlanError
 from wrenchbed.monitoring import history
 from wrenchbed.monitoring.compare import LEVEL, Change, Comparison, changes_of
-from wrenchbed.monitoring.history import RECORDINGS, Check, digest, digest_of
+from wrenchbed.monitoring.history import Check
 from wrenchbed.monitoring.steps import FITTED, NUMBERS, History, tangents
 from wrenchbed.pages.numbers import p_value
 from wrenchbed.planning.clearance import Clearance
@@ -55,11 +46,6 @@ SAMPLES, RATE_HZ = 200, 100.0
 """Rows a pose and their rate [Hz]: a mean of 2 s is as good as 1/f noise lets it be."""
 _POSES, _POOL = 12, 2000
 """Poses of a check, of which the last is the first again, and candidates."""
-_STATED = "check"
-"""Field of a recording's metadata with what a check states: time, temperature, baseline."""
-_FAR = 0.02
-"""Largest distance of a pose from the plan's [rad or m]: a readings' change by 0.02 rad of another
-orientation is corrected at the joint values that were measured."""
 
 
 @dataclass(frozen=True)
@@ -71,6 +57,7 @@ class Judgement:
         comparison: of the checks after a change with those before it; of the last check with all
             before it where nothing changed. Its first sentence is what a person should know first.
         history: checks since the last baseline.
+        checks: all, each with its verdict and its numbers.
         begin: the first check after the change, or the last check.
         alarms: names of numbers, or `MISFIT`, that the last check showed to have changed.
     """
@@ -78,6 +65,7 @@ class Judgement:
     verdict: str
     comparison: Comparison
     history: History
+    checks: Sequence[Check]
     begin: int
     alarms: tuple[str, ...] = ()
 
@@ -153,11 +141,11 @@ def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
     Raises:
         CalibrationError: the load of the first check since the baseline cannot be identified.
     """
+    judged = _judged(robot, checks)
     start = max(k for k, c in enumerate(checks) if k == 0 or c.baseline)
     series, n = History(robot, checks[start:]), len(checks) - start
-    first, begin, alarms = checks[start], n - 1, _alarms(series)
-    changed = bool(alarms) or any(c.verdict == CHANGED for c in checks[start:-1])
-    verdict = CHANGED if changed else CANNOT_TELL if n < LEAST else HEALTHY
+    first, begin, alarms, verdict = checks[start], n - 1, _alarms(series), judged[-1].verdict
+    changed = verdict == CHANGED
     if changed:
         begin = 1 + int(np.argmax([series.step(k).evidence for k in range(1, n)]))
     level = LEVEL if changed else _level(series, 1)
@@ -175,7 +163,24 @@ def judge(robot: Robot, checks: Sequence[Check]) -> Judgement:
         headline = f"healthy: no change in {n} checks since {first.time:%Y-%m-%d}"
     ends = f"{begin} checks from {first.day}", f"{n - begin} checks to {checks[-1].day}"
     comparison = Comparison("checks", *ends, changes, None, (), (headline,), changed)
-    return Judgement(verdict, comparison, series, begin, alarms)
+    return Judgement(verdict, comparison, series, judged, begin, alarms)
+
+
+def _judged(robot: Robot, checks: Sequence[Check]) -> list[Check]:
+    """Checks with verdicts and numbers, each judged by those before it; what changed once, stays
+    so until a new baseline."""
+    result, start, changed = list[Check](), 0, False
+    for k, check in enumerate(checks):
+        if check.baseline:
+            start, changed = k, False
+        series = History(robot, checks[start : k + 1])
+        changed = changed or bool(_alarms(series))
+        verdict = CHANGED if changed else CANNOT_TELL if k + 1 - start < LEAST else HEALTHY
+        numbers = zip(NUMBERS, series.values[-1].tolist(), series.std.tolist(), strict=True)
+        values = {n: v for name, x, std in numbers for n, v in ((name, x), (f"{name}.std", std))}
+        values[MISFIT] = float(series.misfit[-1])
+        result.append(replace(check, verdict=verdict, values=values))
+    return result
 
 
 def _budget(series: History) -> float:
@@ -221,79 +226,6 @@ def _what_changed(series: History, begin: int, changes: Sequence[Change]) -> str
     return f"changed between {before:%Y-%m-%d} and {after:%Y-%m-%d}: {'; '.join(texts)}"
 
 
-def stated(recording: Recording, given: Mapping[str, Any]) -> Recording:
-    """A recording that keeps what a check states of it: time, temperature, baseline."""
-    known = dict(recording.metadata.extra.get(_STATED) or {})
-    extra = {**recording.metadata.extra, _STATED: {**known, **given}}
-    return replace(recording, metadata=replace(recording.metadata, extra=extra))
-
-
-def time_of(recording: Recording) -> datetime | None:
-    """Time at which a recording was made; None if it states none.
-
-    Raises:
-        HistoryError: it states no time of ISO 8601 with a zone.
-    """
-    extra = recording.metadata.extra
-    text = (extra.get(_STATED) or {}).get("time") or extra.get("started")
-    return None if text is None else parse_time(str(text), recording.name)
-
-
-def parse_time(text: str, where: str) -> datetime:
-    """A time of ISO 8601, as UTC.
-
-    Raises:
-        HistoryError: it is none, or has no zone.
-    """
-    try:
-        time = datetime.fromisoformat(text)
-    except ValueError:
-        time = datetime.min
-    if time.tzinfo is None:
-        raise HistoryError(
-            f"{where}: {text!r} is no time with a zone: give it as 2026-11-23T06:00:00Z"
-        )
-    return time.astimezone(UTC)
-
-
-def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
-    """A recording that states its time as a check.
-
-    Raises:
-        HistoryError: it states no time.
-        RecordingError: another robot, a motion, or other poses than the plan's; names the first.
-    """
-    time, metadata = time_of(recording), recording.metadata
-    if time is None:
-        raise HistoryError(f"{recording.name}: states no time; give --time 2026-11-23T06:00:00Z")
-    if metadata.robot != robot.name or metadata.mode != "static" or not recording.joints:
-        raise RecordingError(
-            f"{recording.name}: is of {metadata.robot} ({metadata.mode}); a check needs "
-            f"{robot.name} at rest in the poses of {plan.name}"
-        )
-    data, poses = observe(restored(recording)), len(plan)
-    q = np.asarray(data.q)
-    known = min(len(q), poses)
-    far = np.abs(q[:known] - plan.q[:known]).max(axis=1) > _FAR
-    if known < poses or far.any():
-        first = known if known < poses else int(np.argmax(far))
-        raise RecordingError(
-            f"{recording.name}: holds {len(q)} poses; pose {first} is not that of {plan.name}: "
-            f"record that plan (wrenchbed record --plan {plan.name})"
-        )
-    said = metadata.extra.get(_STATED) or {}
-    warm = recording.columns.get("temperature")
-    temperature = said.get("temperature", np.nan) if warm is None else np.mean(warm)
-    sensor = metadata.sensor.model or robot.sensor
-    return Check(
-        time=time, robot=robot.name, sensor=sensor, robot_digest=digest(robot, sensor),
-        recording=file_of(time), recording_digest=digest_of(recording.wrench, recording.t),
-        temperature=float(temperature), t=data.t[:poses], q=q[:poses], wrench=data.wrench[:poses],
-        count=data.count[:poses].astype(float), covariance=data.row_covariance,
-        baseline=str(said.get("baseline", "")),
-    )  # fmt: skip
-
-
 def check(
     robot: Robot,
     folder: str | Path,
@@ -314,63 +246,25 @@ def check(
         baseline: why the robot differs from here on.
 
     Raises:
-        HistoryError: the history is damaged, or this check does not continue it.
+        HistoryError: this check does not continue the history.
         RecordingError: it is of another robot, or of other poses than the plan's.
         CalibrationError: the load of the first check cannot be identified.
     """
+    time = time or history.time_of(recording)
     given = {
-        "time": None if time is None else time.isoformat(timespec="milliseconds"),
+        "time": time.isoformat(timespec="milliseconds"),
         "temperature": temperature, "baseline": baseline,
     }  # fmt: skip
-    known = stated(recording, {k: v for k, v in given.items() if v is not None})
+    known = history.stated(recording, {k: v for k, v in given.items() if v is not None})
     folder = Path(folder)
-    checks = history.read(folder)
-    judgement, new = _judged(robot, folder, checks, taken(known, robot, plan_of(robot, folder)))
-    known.write(folder / new.recording)
-    history.write(folder, [*checks, new])
-    return judgement
-
-
-def _judged(
-    robot: Robot, folder: Path, checks: Sequence[Check], new: Check
-) -> tuple[Judgement, Check]:
-    """Judgement of a new check, and the check with it.
-
-    Raises:
-        HistoryError: it does not continue the history, see `history.continues`.
-    """
-    history.continues(folder / history.FILE, checks, new, "the new check")
-    history.in_time(folder, checks, new.time, datetime.now(UTC))
-    judgement = judge(robot, [*checks, new])
-    series, values = judgement.history, dict[str, float]()
-    for name, value, std in zip(NUMBERS, series.values[-1], series.std, strict=True):
-        values |= {name: float(value), f"{name}.std": float(std)}
-    values[MISFIT] = float(series.misfit[-1])
-    return judgement, replace(new, verdict=judgement.verdict, values=values)
-
-
-def file_of(time: datetime) -> str:
-    """Name of the recording of a check, `RECORDINGS` before it."""
-    return f"{RECORDINGS}/{time:%Y%m%dT%H%M%SZ}.parquet"
-
-
-def rebuild(robot: Robot, folder: Path) -> Judgement:
-    """Make a history again from the recordings beside it; those that do not fit are named.
-
-    Raises:
-        HistoryError: no recording fits.
-    """
     plan = plan_of(robot, folder)
-    checks: list[Check] = []
-    for path in sorted((folder / RECORDINGS).glob("*.parquet")):
-        try:
-            new = taken(Recording.read(path), robot, plan)
-            judgement, new = _judged(robot, folder, checks, new)
-        except WrenchbedError as error:
-            warnings.warn(f"{path}: left out: {error}", WrenchbedWarning, stacklevel=2)
-            continue
-        checks.append(new)
-    if not checks:
-        raise HistoryError(f"{folder / RECORDINGS}: no recording of {robot.name} fits the plan")
-    history.write(folder, checks)
+    checks, new = history.read(folder, robot, plan), history.taken(known, robot, plan)
+    try:
+        history.continues(checks, new)
+    except HistoryError as error:
+        raise HistoryError(f"{recording.name}: {error}") from error
+    history.in_time(checks, new.time, datetime.now(UTC))
+    judgement = judge(robot, [*checks, new])
+    known.write(folder / new.recording)
+    history.write(folder, judgement.checks)
     return judgement

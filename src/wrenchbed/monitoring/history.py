@@ -1,14 +1,15 @@
-"""The history of a robot's checks: one Parquet file, one row a check, written as a whole.
+"""The history of a robot's checks: the recordings in its folder, and a table of what they gave.
 
-A row holds what was measured (the mean of each hold), so that a later version can judge the
-complete history again, and the numbers that were fitted to it. Each check's recording is kept
-beside the file; the history can be made again from these.
+Every check is read from its recording, so that a later version judges all of them alike, and a
+check that went wrong goes with its recording. The table is one Parquet file, written as a whole:
+one row a check, with the mean of each hold and the numbers that were fitted to it.
 """
 
 import hashlib
 import json
+import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from itertools import combinations_with_replacement
 from pathlib import Path
@@ -16,9 +17,14 @@ from typing import Any
 
 import numpy as np
 
+from wrenchbed.calibration.compensated import restored
+from wrenchbed.calibration.observations import observe
 from wrenchbed.data import parquet
-from wrenchbed.data.metadata import carried_robot, stated_robot
-from wrenchbed.errors import HistoryError
+from wrenchbed.data.metadata import carried_robot
+from wrenchbed.data.plan import Plan
+from wrenchbed.data.recording import Recording
+from wrenchbed.errors import HistoryError, RecordingError, WrenchbedError, WrenchbedWarning
+from wrenchbed.files import set_aside
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Robot
 
@@ -29,9 +35,11 @@ _TEXTS = ("time", "robot", "robot_digest", "sensor", "recording", "recording_dig
           "verdict")  # fmt: skip
 _PAIRS = tuple(combinations_with_replacement(range(6), 2))
 """Entries of the upper triangle of a row's covariance."""
-_REMEDY = (
-    "give --rebuild: the history is made again from DIR/recordings, the old file is kept with ~"
-)
+_STATED = "check"
+"""Field of a recording's metadata with what a check states: time, temperature, baseline."""
+_FAR = 0.02
+"""Largest distance of a pose from the plan's [rad or m]: a readings' change by 0.02 rad of another
+orientation is corrected at the joint values that were measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +49,7 @@ class Check:
     Attributes:
         time: when it was recorded.
         robot, sensor: registry names.
-        robot_digest: see `digest`.
+        robot_digest: 16 digits of the SHA-256 of what is known of robot and sensor.
         recording, recording_digest: file in `RECORDINGS`, SHA-256 of what was measured.
         temperature: of the sensor, else of the room [°C]; NaN if not known.
         t: mean times of the holds (P,) [s].
@@ -76,134 +84,150 @@ class Check:
         return _day(self.time)
 
 
-def digest(robot: Robot, sensor: str) -> str:
-    """16 digits of the SHA-256 of what is known of a robot: name, description, numbers, sensor."""
-    known = [
-        robot.name, carried_robot(robot.name), robot.parameters.nominal.tolist(),
-        list(robot.gravity), sensor,
-    ]  # fmt: skip
-    return hashlib.sha256(json.dumps(known).encode()).hexdigest()[:16]
-
-
-def digest_of(*arrays: np.ndarray) -> str:
-    """16 digits of the SHA-256 of measured numbers: a copy under another name has the same."""
-    sha = hashlib.sha256()
-    for array in arrays:
-        sha.update(np.ascontiguousarray(array, dtype=float).tobytes())
-    return sha.hexdigest()[:16]
-
-
-def read(folder: Path) -> list[Check]:
-    """All checks of a history, the oldest first; none if there is no file.
-
-    Raises:
-        HistoryError: the file is damaged, its rows are out of order, doubled or of several robots;
-            names file, row and remedy.
-    """
-    path = folder / FILE
-    if not path.exists():
-        return []
-    try:
-        columns, raw = parquet.read(path, HistoryError)
-    except HistoryError as error:
-        raise HistoryError(f"{error}; {_REMEDY}") from error
-    if raw.get("kind") != _KIND:
-        raise HistoryError(f"{path}: is no history of checks; give another folder")
-    stated_robot(raw, str(raw.get("robot")))
-    checks = _checks(path, columns)
-    for k, check in enumerate(checks):
-        continues(path, checks[:k], check, f"row {k}")
+def read(folder: Path, robot: Robot, plan: Plan) -> list[Check]:
+    """All checks of a folder, the oldest first; what is no check of the plan is named and left
+    out."""
+    every, checks = list[Check](), list[Check]()
+    for path in sorted((folder / RECORDINGS).glob("*.parquet")):
+        try:
+            recording = Recording.read(path)
+            if _STATED in recording.metadata.extra:  # else its check was not finished
+                name = f"{RECORDINGS}/{path.name}"
+                every.append(replace(taken(recording, robot, plan), recording=name))
+        except WrenchbedError as error:
+            _left_out(path, error)
+    for check in sorted(every, key=lambda c: c.time):
+        try:
+            continues(checks, check)
+            checks.append(check)
+        except HistoryError as error:
+            _left_out(folder / check.recording, error)
     return checks
 
 
-def _checks(path: Path, columns: Mapping[str, np.ndarray]) -> list[Check]:
-    """Rows of the file as checks, not yet compared with each other."""
+def _left_out(path: Path, error: WrenchbedError) -> None:
+    warnings.warn(f"{path}: left out: {error}", WrenchbedWarning, stacklevel=3)
 
-    def column(name: str) -> np.ndarray:
-        if name not in columns:
-            raise HistoryError(f"{path}: column {name!r} is missing: {_REMEDY}")
-        return columns[name]
 
-    def numbers(name: str) -> np.ndarray:
-        values = column(name)
-        finite = np.array([isinstance(v, float | int) and np.isfinite(v) for v in values.tolist()])
-        if not finite.all():
-            row = int(np.argmin(finite))
-            raise HistoryError(
-                f"{path}: column {name!r}, row {row}: {values[row]!r} is no finite number"
-            )
-        return values.astype(float)
+def stated(recording: Recording, given: Mapping[str, Any]) -> Recording:
+    """A recording that keeps what a check states of it: time, temperature, baseline."""
+    known = dict(recording.metadata.extra.get(_STATED) or {})
+    extra = {**recording.metadata.extra, _STATED: {**known, **given}}
+    return replace(recording, metadata=replace(recording.metadata, extra=extra))
 
-    def holds_of(*names: str) -> np.ndarray:
-        """Columns of all holds (n, P, len(names))."""
-        return np.stack([np.stack([numbers(h + c) for c in names], axis=1) for h in holds], axis=1)
 
-    holds = [n.removesuffix("rows") for n in columns if n.startswith("hold") and n.endswith("rows")]
-    joints = [n.removeprefix("hold00.") for n in columns if n.startswith("hold00.q")]
-    texts = {name: [str(x) for x in column(name)] for name in _TEXTS}
-    temperature = column("temperature").astype(float)
-    q, wrench, timing = holds_of(*joints), holds_of(*CHANNELS), holds_of("t", "rows")
-    spread = np.empty((len(q), 6, 6))
-    for i, j in _PAIRS:
-        spread[:, i, j] = spread[:, j, i] = numbers(f"row.{CHANNELS[i]}.{CHANNELS[j]}")
-    other = {*_TEXTS, "temperature", "covariance"}  # once there was a covariance, as JSON
-    fitted = {n: numbers(n) for n in columns if n not in other
-              and not n.startswith(("hold", "row."))}  # fmt: skip
-    times = []
-    for k, text in enumerate(texts.pop("time")):
-        try:
-            times.append(datetime.fromisoformat(text).astimezone(UTC))
-        except ValueError as error:
-            raise HistoryError(f"{path}: row {k}: time cannot be read: {_REMEDY}") from error
-    return [
-        Check(
-            time=time, temperature=float(temperature[k]), t=timing[k, :, 0], q=q[k],
-            wrench=wrench[k], count=timing[k, :, 1], covariance=spread[k],
-            values={n: float(v[k]) for n, v in fitted.items()},
-            **{n: v[k] for n, v in texts.items()},
+def time_of(recording: Recording) -> datetime:
+    """Time at which a recording was made.
+
+    Raises:
+        HistoryError: it states no time of ISO 8601 with a zone.
+    """
+    extra = recording.metadata.extra
+    text = (extra.get(_STATED) or {}).get("time") or extra.get("started")
+    if text is None:
+        raise HistoryError(f"{recording.name}: states no time; give --time 2026-11-23T06:00:00Z")
+    return parse_time(str(text), recording.name)
+
+
+def parse_time(text: str, where: str) -> datetime:
+    """A time of ISO 8601, as UTC.
+
+    Raises:
+        HistoryError: it is none, or has no zone.
+    """
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:
+        time = datetime.min
+    if time.tzinfo is None:
+        raise HistoryError(
+            f"{where}: {text!r} is no time with a zone: give it as 2026-11-23T06:00:00Z"
         )
-        for k, time in enumerate(times)
-    ]  # fmt: skip
+    return time.astimezone(UTC)
 
 
-def in_time(folder: Path, checks: Sequence[Check], time: datetime, now: datetime) -> None:
+def file_of(time: datetime) -> str:
+    """Name of the recording of a check, `RECORDINGS` before it."""
+    return f"{RECORDINGS}/{time:%Y%m%dT%H%M%SZ}.parquet"
+
+
+def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
+    """A recording that states its time as a check.
+
+    Raises:
+        HistoryError: it states no time.
+        RecordingError: another robot, a motion, or other poses than the plan's; names the first.
+    """
+    time, metadata = time_of(recording), recording.metadata
+    if metadata.robot != robot.name or metadata.mode != "static" or not recording.joints:
+        raise RecordingError(
+            f"{recording.name}: is of {metadata.robot} ({metadata.mode}); a check needs "
+            f"{robot.name} at rest in the poses of {plan.name}"
+        )
+    data, poses = observe(restored(recording)), len(plan)
+    q = np.asarray(data.q)
+    known = min(len(q), poses)
+    far = np.abs(q[:known] - plan.q[:known]).max(axis=1) > _FAR
+    if known < poses or far.any():
+        first = known if known < poses else int(np.argmax(far))
+        raise RecordingError(
+            f"{recording.name}: holds {len(q)} poses; pose {first} is not that of {plan.name}: "
+            f"record that plan (wrenchbed record --plan {plan.name})"
+        )
+    said = metadata.extra.get(_STATED) or {}
+    warm = recording.columns.get("temperature")
+    temperature = said.get("temperature", np.nan) if warm is None else np.mean(warm)
+    sensor = metadata.sensor.model or robot.sensor
+    nominal = robot.parameters.nominal.tolist()
+    known_robot = [robot.name, carried_robot(robot.name), nominal, list(robot.gravity), sensor]
+    return Check(
+        time=time, robot=robot.name, sensor=sensor,
+        robot_digest=_digest(json.dumps(known_robot).encode()), recording=file_of(time),
+        recording_digest=_digest(*(np.array(x, float) for x in (recording.wrench, recording.t))),
+        temperature=float(temperature), t=data.t[:poses], q=q[:poses], wrench=data.wrench[:poses],
+        count=data.count[:poses].astype(float), covariance=data.row_covariance,
+        baseline=str(said.get("baseline", "")),
+    )  # fmt: skip
+
+
+def _digest(*parts: bytes | np.ndarray) -> str:
+    """16 digits of the SHA-256 of some bytes."""
+    sha = hashlib.sha256()
+    for part in parts:
+        sha.update(part)
+    return sha.hexdigest()[:16]
+
+
+def in_time(checks: Sequence[Check], time: datetime, now: datetime) -> None:
     """Refuse the time of a new check that this machine's clock or the last check contradicts.
 
     Raises:
-        HistoryError: names the row and the remedy.
+        HistoryError: names the recording and the remedy.
     """
-    path, clock = folder / FILE, f"this machine's clock shows {_day(now)}"
-    if checks and checks[-1].time > now:
-        row = f"row {len(checks) - 1} is of {checks[-1].day}"
+    clock, last = f"this machine's clock shows {_day(now)}", checks[-1] if checks else None
+    if last is not None and last.time > now:
         remedy = "it was set back. Set it right and check again"
-        raise HistoryError(f"{path}: {row}, and {clock}: {remedy}")
-    if time > now or (checks and time <= checks[-1].time):
-        why = clock if time > now else f"the last one of {checks[-1].day}"
+        raise HistoryError(f"{last.recording} is of {last.day}, and {clock}: {remedy}")
+    if time > now or (last is not None and time <= last.time):
+        why = clock if time > now or last is None else f"{last.recording} of {last.day}"
         remedy = "set the clock, or state the true time with --time"
-        raise HistoryError(f"{path}: the new check is of {_day(time)}, and {why}: {remedy}")
+        raise HistoryError(f"the new check is of {_day(time)}, and {why}: {remedy}")
 
 
-def continues(path: Path, before: Sequence[Check], check: Check, where: str) -> None:
-    """Refuse a check that does not continue those before it; a remedy depends on where it is."""
-    if not before:
-        return
-    in_file, first, why = where.startswith("row"), before[0], ""
-    digests = [old.recording_digest for old in before]
-    if check.recording_digest in digests:
-        k = digests.index(check.recording_digest)
-        why = f"({check.day}) holds the readings of row {k} ({before[k].day}): "
-        why += f"one check is there twice; {_REMEDY}" if in_file else "it was checked already"
-    elif check.robot_digest != first.robot_digest:
-        both = (f"{c.robot} with {c.sensor} ({c.robot_digest})" for c in (check, first))
-        why = f"is of {', row 0 of '.join(both)}: give each robot a folder of its own"
-    elif check.time <= before[-1].time:
-        why = f"is of {check.day}, not after row {len(before) - 1} ({before[-1].day}): "
-        why += f"the rows are out of order; {_REMEDY}" if in_file else "give its true --time"
-    elif check.q.shape != first.q.shape:
-        why = f"has {len(check.q)} holds, row 0 {len(first.q)}: the plan was replaced; begin "
-        why += "another folder"
-    if why:
-        raise HistoryError(f"{path}: {where} {why}")
+def continues(before: Sequence[Check], check: Check) -> None:
+    """Refuse a check that does not continue those before it.
+
+    Raises:
+        HistoryError: the same readings again, or another sensor.
+    """
+    for old in before:
+        if old.recording_digest == check.recording_digest:
+            raise HistoryError(f"holds the readings of {old.recording}: it was checked already")
+    if before and check.sensor != before[0].sensor:
+        raise HistoryError(
+            f"is of {check.sensor}, {before[0].recording} of {before[0].sensor}: give each sensor "
+            "a folder of its own"
+        )
 
 
 def _day(time: datetime) -> str:
@@ -212,13 +236,26 @@ def _day(time: datetime) -> str:
 
 
 def write(folder: Path, checks: Sequence[Check]) -> None:
-    """Write all checks, atomically."""
-    rows = [_columns(c) for c in checks]
-    if any(list(r) != list(rows[0]) for r in rows):
-        raise HistoryError(f"{folder / FILE}: its rows have other quantities: {_REMEDY}")
+    """Write the table of all checks, atomically; one that knows others than these is kept with
+    ``~``."""
+    rows, path = [_columns(c) for c in checks], folder / FILE
+    if path.exists() and not _recordings(path) <= {c.recording for c in checks}:
+        kept = set_aside(path)
+        text = f"{path}: holds what {RECORDINGS} does not: it is kept as {kept}"
+        warnings.warn(text, WrenchbedWarning, stacklevel=2)
     data = {n: np.array([r[n] for r in rows]) for n in rows[0]}
     raw: dict[str, Any] = {"format": parquet.FORMAT, "kind": _KIND, "robot": checks[0].robot}
-    parquet.write(folder / FILE, parquet.table_of(data, raw | carried_robot(checks[0].robot)))
+    parquet.write(path, parquet.table_of(data, raw | carried_robot(checks[0].robot)))
+
+
+def _recordings(path: Path) -> set[str]:
+    """Recordings that a table names; its own path if it cannot be read."""
+    try:
+        columns, raw = parquet.read(path, HistoryError)
+    except HistoryError:
+        return {str(path)}
+    known = raw.get("kind") == _KIND and "recording" in columns
+    return {str(name) for name in columns["recording"]} if known else {str(path)}
 
 
 def _columns(check: Check) -> dict[str, Any]:
