@@ -13,7 +13,6 @@ from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST, build
 from wrenchbed.diagnosis.evidence.likelihood import row_variance
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
-from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain.structures import case
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.next.actions import ExperimentRun, actions, posed
@@ -29,7 +28,6 @@ from wrenchbed.diagnosis.next.blind import (
 )
 from wrenchbed.diagnosis.next.dry_run import RUNG, dry_run, of_plan
 from wrenchbed.diagnosis.next.experiments import Comparison, explore, jensen_shannon, separate
-from wrenchbed.diagnosis.next.isolability import cannot_tell
 from wrenchbed.diagnosis.prepare.baseline import calibrate, tolerances
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.errors import DiagnosisError
@@ -52,7 +50,7 @@ def dictionary(plan):
 
 def of_poses(q):
     d = dictionary(Plan.of("ur5", q))
-    return d, Similarity(d)
+    return d, Design(Searcher(d), RUNG)
 
 
 @pytest.fixture(scope="module")
@@ -75,39 +73,20 @@ def candidates(d, *named):
 # ---- what a design shows ------------------------------------------------------------------------
 
 
-def within(similarity, first, second):
-    """Whether the readings of (effect, label) can be made by the other."""
-    place = {(w.name, w.variant.label): k for k, w in enumerate(similarity.signatures)}
-    return bool(similarity.inside[place[first], place[second]])
-
-
-def shown(d, similarity):
+def shown(design):
     """How a design shows each effect best, by name."""
-    return {s.effect: s for s in showings(Design(similarity, Searcher(d), RUNG))}
+    return {s.effect: s for s in showings(design)}
 
 
 def test_mass_hides_in_a_gain_of_forces_and_cog_in_a_shifted_origin(wide):
-    d, similarity = wide
-    tt, tf = (("sensor.crosstalk", f"torques from {x}") for x in ("torques", "forces"))
-    assert within(similarity, tt, tf) and not within(similarity, tf, tt)
-    assert within(similarity, ("tool.mass", "mass"), ("sensor.gain", "forces"))
-    assert within(similarity, ("tool.cog", "x, y and z"), ("sensor.crosstalk", "shifted origin"))
-    ways = shown(d, similarity)
+    ways = shown(wide[1])
     assert "sensor.crosstalk" in ways["tool.cog"].rivals
     assert "sensor.gain" in ways["tool.mass"].rivals
-
-
-def test_offsets_of_parallel_joints_enter_as_their_sum(wide):
-    d, similarity = wide
-    assert within(similarity, ("joint.offset", "joint 2"), ("joint.offset", "joint 4"))
-    told = cannot_tell(d, similarity, classes=[{"joint.offset"}])
-    assert "joint.offset of joints 2, 3 and 4 are identifiable only as a sum" in told
-    assert not any("tool.cog" in text for text in told)
+    assert "tool.mass" not in ways["joint.offset"].rivals
 
 
 def test_timing_cannot_show_at_rest(wide):
-    d, similarity = wide
-    ways = shown(d, similarity)
+    ways = shown(wide[1])
     for name in TIMING | {"tool.inertia", "tool.self_weight"}:
         assert ways[name].smallest is None and not ways[name].detectable
 
@@ -118,15 +97,15 @@ def test_no_effect_shows_below_what_a_healthy_robot_has_of_it(wide):
 
 
 def test_without_turning_joint_one_a_tilt_looks_like_an_offset(still, wide):
-    for (_, similarity), alike in ((still, True), (wide, False)):
-        place = [(w.name, w.variant.label) for w in similarity.signatures]
-        rivals = similarity.rivals(place.index(("joint.offset", "joint 2")))
+    for (_, design), alike in ((still, True), (wide, False)):
+        place = {(w.name, w.variant.label): w for w in design.signatures}
+        rivals = design.rivals(place["joint.offset", "joint 2"])
         assert ("base.tilt" in rivals) is alike
 
 
 def test_a_motion_shows_timing():
     d = dictionary(multisine(UR5, 6.0, 50.0, 1))
-    delay = shown(d, Similarity(d))["timing.delay"]
+    delay = shown(Design(Searcher(d), RUNG))["timing.delay"]
     assert delay.detectable and delay.size["delay"][1] == "s"
 
 
@@ -227,7 +206,7 @@ def plan(n, seed=1):
 def design():
     prepared = of_plan(plan(30), samples=20)
     d = build(prepared, prepared.configuration.robot_theta, tolerances(prepared))
-    return Design(Similarity(d), Searcher(d), 1)
+    return Design(Searcher(d), RUNG)
 
 
 @pytest.mark.sampled
@@ -237,7 +216,7 @@ def design():
 )
 def test_a_fault_of_that_size_is_reported_in_95_of_100_draws(design, effect, label):
     """Noise, background, imperfections of the effect and fault are drawn from the model."""
-    signatures, d, searcher = design.similarity.signatures, design.similarity.d, design.searcher
+    signatures, d, searcher = design.signatures, design.d, design.searcher
     (at,) = (k for k, w in enumerate(signatures) if (w.name, w.variant.label) == (effect, label))
     places = [k for k, h in enumerate(searcher.hypotheses) if h.name == effect]
     (place,) = (k for k in places if searcher.hypotheses[k].variant.label == label)
@@ -316,13 +295,12 @@ def faults_of(name, seed, draws, share):
     nominal = prepare(recorded(seed))
     baseline = calibrate(nominal)
     searcher = Searcher(build(nominal, baseline.robot_theta, baseline.tolerance))
-    similarity = Similarity(searcher.d)
     for number in range(1000 * seed, 1000 * seed + draws):
         around = tuple(background(truth, rng))
         y = case(searcher.d, prepare(recorded(number, *around)), baseline)
         rung = int(np.argmax(searcher.nulls(y)[[r.normal for r in searcher.rungs]]))
-        sizes = Design(similarity, searcher, rung).sizes
-        every = zip(similarity.signatures, sizes, strict=True)
+        of_rung = Design(searcher, rung)
+        every = zip(of_rung.signatures, of_rung.sizes, strict=True)
         ways = [(w, k) for w, k in every if w.name in FAULTS and k < LARGEST and not w.variant.at]
         effect = rng.choice(sorted({w.name for w, _ in ways}))
         some = [way for way in ways if way[0].name == effect]

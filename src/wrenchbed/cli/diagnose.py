@@ -253,7 +253,6 @@ def _rehearsed(path: Path, options: DryRunOptions, as_json: bool) -> None:
             }
             for s in result.showings
         ],
-        "cannot_tell": list(result.cannot_tell),
         "blind": [spot.to_json() for spot in result.blind],
     }
     console.answer(answer, as_json, isolability(path.name, result))
@@ -312,6 +311,5 @@ def isolability(name: str, result: DryRun) -> Group:
         *console.section(
             f"what {name} could show", [shown, "in brackets: only at an implausible size"]
         )[1:],
-        *console.section("what it cannot tell", result.cannot_tell),
         *console.section("what it could not show", sentences(result.blind)),
     )

@@ -10,6 +10,7 @@ from wrenchbed.diagnosis.between_rows.row_effects import RowFinding
 from wrenchbed.diagnosis.decision.decide import confirmed
 from wrenchbed.diagnosis.explain.claims import Explanation, stated
 from wrenchbed.diagnosis.explain.elements import (
+    NAMING,
     combination,
     element,
     elements,
@@ -17,9 +18,10 @@ from wrenchbed.diagnosis.explain.elements import (
 )
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
-from wrenchbed.diagnosis.explain.verdict import Cause, Elements, Verdict
+from wrenchbed.diagnosis.explain.verdict import INSEPARABLE, Cause, Elements, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.result import Diagnosis, Scale, cause, families, named_by, rival
+from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.contact import CONTACT
 from wrenchbed.diagnosis.prepare.prepared import Prepared, Touch
 from wrenchbed.effects.base import Curve, Effect, Values, Variant
@@ -63,6 +65,35 @@ def elements_of(a: Analysis, verdict: Verdict[Explanation]) -> list[Mapping[str,
         {} if c.part.index is None else elements(a.refitter, f, c.part.index, c.names)
         for c in verdict.causes
     ]
+
+
+def cannot_tell(which: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Sentences on the elements and effects that the classes of ``which`` leave open."""
+    result = []
+    for entry in which:
+        several, total = entry["elements"], entry["combination"]
+        if total is not None and str(total["text"]).startswith("sum of "):
+            result.append(f"{_of_elements(entry)} are identifiable only as a sum")
+        elif len(several) > 1 and entry["effect"] not in STATED:
+            result.append(f"{_of_elements(entry)} have the same effect in this data")
+        for other in entry["rivals"]:
+            pair = frozenset({entry["effect"], other["effect"]})
+            where = "any free-space" if pair in INSEPARABLE else "this"
+            both = f"{_of_elements(entry)} and {_of_elements(other)}"
+            result.append(f"{both} look the same in {where} data")
+    return result
+
+
+def _of_elements(entry: Mapping[str, Any]) -> str:
+    """Effect and elements of an entry in words: ``joint.offset of joints 2 and 3``,
+    ``mount.rotation about z``, ``cable.pull (always taut)``."""
+    effect, names = str(entry["effect"]), [str(n) for n in entry["elements"]]
+    if not names or effect in STATED:
+        return effect
+    text = listed(names, "and")
+    if all(n.startswith("about ") for n in names):
+        return f"{effect} {text}"
+    return f"{effect} of {text}" if names[0].split()[0] in NAMING else f"{effect} ({text})"
 
 
 def _with_rivals(parameters: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """Diagnose a recording: where the gap lies, which effect causes it, how far it shrinks."""
 
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,7 +29,6 @@ from wrenchbed.diagnosis.decision.decide import (
 from wrenchbed.diagnosis.decision.facts import Decision, Facts
 from wrenchbed.diagnosis.decision.options import facts_of
 from wrenchbed.diagnosis.evidence.search import UNKNOWN
-from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import own_rest
 from wrenchbed.diagnosis.explain.claims import Explanation
@@ -48,7 +47,7 @@ from wrenchbed.diagnosis.gap.closure import Claims
 from wrenchbed.diagnosis.gap.gaps import Closure
 from wrenchbed.diagnosis.gap.held_out import simulated
 from wrenchbed.diagnosis.gap.result import Diagnosis
-from wrenchbed.diagnosis.next import experiments, isolability
+from wrenchbed.diagnosis.next import experiments
 from wrenchbed.diagnosis.next.blind import Design, blind_spots
 from wrenchbed.diagnosis.prepare.contact import CONTACT, contact_of
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
@@ -200,9 +199,6 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
     progress("where")
     places = where.locate(prepared.leading, analysis.calibrated, seed=seed)
     progress("what next")
-    named = {n for c in verdict.causes for n in c.names}
-    similarities = [Similarity(x.dictionary, named) for x in (analysis, *analysis.others)]
-    cannot_tell = _cannot_tell(similarities, [c.names for c in verdict.causes])
     said = (scattered, often, weighed.refuted)
     of_data = [*prepared.notes, *(sentence for sentence in said if sentence)]
     plans, proposed = _next(analysis, verdict, seed)
@@ -222,8 +218,8 @@ def findings_of(examined: Examined, seed: int, progress: Progress, begun: float)
         ),
         which=which if verdict.word in ("identified", "ambiguous", PARTIAL) else [],
         probabilities=verdict.probabilities,
-        cannot_tell=cannot_tell,
-        blind=blind_spots(_designs(analysis, similarities)),
+        cannot_tell=answer.cannot_tell(which),
+        blind=blind_spots(_designs(analysis)),
         next=proposed,
         twin=twin,
         between=[e for r in between if (e := r.active(prepared.robot)) is not None],
@@ -367,17 +363,11 @@ def _learnt(known: Reliability, p_value: float) -> str:
     return f"the probabilities were learnt on {known.source}{unlike}"
 
 
-def _designs(a: Analysis, similarities: Sequence[Similarity]) -> list[Design]:
+def _designs(a: Analysis) -> list[Design]:
     """What each recording can show, beside the background that it has."""
     best = a.ranking.explanations[0].finalist
-    recordings = zip(similarities, (a, *a.others), best.each or [best], strict=True)
-    return [Design(s, x.searcher, f.rung) for s, x, f in recordings]
-
-
-def _cannot_tell(designs: Sequence[Similarity], classes: Collection[Collection[str]]) -> list[str]:
-    """Sentences on classes of effects that none of the recordings distinguishes."""
-    first, *others = [isolability.cannot_tell(s.d, s, classes) for s in designs]
-    return [text for text in first if all(text in other for other in others)]
+    recordings = zip((a, *a.others), best.each or [best], strict=True)
+    return [Design(x.searcher, f.rung) for x, f in recordings]
 
 
 def _next(

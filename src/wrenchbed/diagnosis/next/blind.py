@@ -22,7 +22,6 @@ from scipy.special import chndtrinc, logit
 from wrenchbed.diagnosis.evidence.dictionary import LARGEST, EffectDictionary, Hypothesis
 from wrenchbed.diagnosis.evidence.likelihood import MOST, log_sum
 from wrenchbed.diagnosis.evidence.search import NONE, PRIOR, Searcher
-from wrenchbed.diagnosis.evidence.similarity import PLAUSIBLE, Similarity
 from wrenchbed.diagnosis.explain.elements import element, listed, of_element
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.effects.base import Effect
@@ -39,6 +38,14 @@ MISSED = 0.05
 ORDINARY = 0.5 * MOST
 """Standard deviation of what a healthy robot has of an effect, in typical sizes: a fault adds to
 it, or takes from it."""
+PLAUSIBLE = 8.0
+"""Largest plausible size of an effect in multiples of its typical size, as `LARGEST_SCALE` of the
+search."""
+ALIKE = 0.05
+"""Share of a signature's square, over noise and background, that an effect which makes the same
+readings leaves at most: of 60 poses such effects leave 0.04, others 0.3 or more."""
+UNSEEN = 1e-6
+"""Share of a signature below which a fit of bias, mass and CoG leaves rounding alone."""
 SQUARES = (1e-2, 1e6)
 """Squares, over noise and background, between which evidence becomes enough: beyond the larger one
 a fault makes a gap of hundreds."""
@@ -97,38 +104,78 @@ class Design:
     """What the readings of a recording can show.
 
     Attributes:
-        similarity: of the effects' signatures.
-        searcher: of the same effects.
+        searcher: of its effects.
         rung: of the background that the recording has.
     """
 
-    similarity: Similarity
     searcher: Searcher
     rung: int
+
+    @property
+    def d(self) -> EffectDictionary:
+        """Dictionary of the design."""
+        return self.searcher.d
+
+    @cached_property
+    def signatures(self) -> tuple[Hypothesis, ...]:
+        """Variants that may be claimed, and those that cannot show whose columns are known by
+        name; with the gap that each adds."""
+        seen: dict[tuple[str, str], list[int]] = {}
+        for k, key in enumerate(self.d.label):
+            if key[1]:
+                seen.setdefault(key, []).append(k)
+        result = [h for h in self.d.hypotheses if not h.variant.free_form]
+        known = {(w.name, w.variant.label, tuple(w.columns)) for w in result}
+        scene = self.d.prepared.scene
+        for effect in effects().values():
+            for variant in effect.variants(scene) if effect.acts(scene) else ():
+                every = [seen.get((effect.name, n), []) for n in variant.free]
+                columns = tuple(c[0] for c in every if len(c) == 1)
+                new = (effect.name, variant.label, columns) not in known
+                if len(columns) == len(every) and new:
+                    result.append(Hypothesis(effect, variant, np.array(columns), 0.0))
+        return tuple(replace(w, typical_gap=self._gap(w)) for w in result)
+
+    def _gap(self, w: Hypothesis) -> float:
+        """Gap that a signature adds at its typical size; 0 where every fit takes it."""
+        before = self.d.configured_gap[w.columns]
+        after = before if w.name in STATED else self.d.column_gap[w.columns]
+        gap = float(after[after > UNSEEN * before].sum())
+        return gap if gap > max(UNSEEN * float(before.sum()), 1e-12) else 0.0
 
     @cached_property
     def sizes(self) -> np.ndarray:
         """s95 of each signature (signatures,), of all its numbers, in typical sizes; infinite where
         nothing shows."""
-        every, known = self.similarity.signatures, {h.name for h in self.searcher.hypotheses}
+        every, known = self.signatures, {h.name for h in self.searcher.hypotheses}
         result, widths = np.full(len(every), np.inf), dict[int, list[int]]()
         for k, w in enumerate(every):
-            if w.name in known and self.similarity.seen(w):
+            if w.name in known and w.typical_gap > 0.0:
                 widths.setdefault(len(w.columns), []).append(k)
         level = self.searcher.rungs[self.rung].level
         for some in widths.values():
             blocks = level.information(np.stack([every[k].columns for k in some]))
-            result[some] = self._sizes(some, blocks)
+            result[some] = self._sizes([every[k] for k in some], blocks)
         return result
 
-    def _sizes(self, some: Sequence[int], information: np.ndarray) -> np.ndarray:
+    def _sizes(self, some: Sequence[Hypothesis], information: np.ndarray) -> np.ndarray:
         """s95 (n,) of some signatures of as many numbers, by the information (n, k, k) of each."""
-        gaps = self.similarity.gaps[some]
-        every = self.similarity.signatures
-        each = [replace(every[k], typical_gap=float(gaps[i])) for i, k in enumerate(some)]
-        scales = np.stack([self.searcher.scales(h) for h in each])
-        odds = np.array([self.searcher.prior(h) for h in each]) - np.log(PRIOR[NONE])
-        return reported_from(information, scales, odds, gaps)
+        scales = np.stack([self.searcher.scales(h) for h in some])
+        odds = np.array([self.searcher.prior(h) for h in some]) - np.log(PRIOR[NONE])
+        return reported_from(information, scales, odds, np.array([h.typical_gap for h in some]))
+
+    def rivals(self, w: Hypothesis) -> tuple[str, ...]:
+        """Other effects that make the readings of a signature at sizes that may occur."""
+        columns = self.d.E[:, w.columns]
+        level, nothing = self.searcher.rungs[self.rung].level, np.zeros((0, len(self.d.label)))
+        scores, nulls = level.scored(columns)
+        alike = np.ones(len(self.searcher.hypotheses), dtype=bool)
+        for score, null in zip(scores.T, nulls.tolist(), strict=True):
+            energy = -2.0 * null - level.log_det
+            left = self.searcher.remainders(self.rung, energy, score, nothing)
+            alike &= left <= ALIKE * energy
+        names = {self.searcher.hypotheses[k].name for k in np.flatnonzero(alike)}
+        return tuple(sorted(names - {w.name}))
 
 
 def reported_from(
@@ -185,22 +232,21 @@ def showings(design: Design) -> tuple[Showing, ...]:
 
     Effects that show only between rows (noise, steps, repeats) depend on no pose and are left out.
     """
-    similarity, result = design.similarity, []
-    robot, sizes = similarity.d.prepared.scene.robot, similarity.d.size
+    result, robot, sizes = list[Showing](), design.d.prepared.scene.robot, design.d.size
     for name, effect in effects().items():
         if effect.between_rows:
             continue
-        ways = [k for k, w in enumerate(similarity.signatures) if w.name == name]
+        ways = [k for k, w in enumerate(design.signatures) if w.name == name]
         k = min(ways, key=lambda k: design.sizes[k], default=None)
         if k is None or not np.isfinite(design.sizes[k]):
             result.append(Showing(name, "", None, {}, False, ()))
             continue
-        w, smallest = similarity.signatures[k], float(design.sizes[k])
+        w, smallest = design.signatures[k], float(design.sizes[k])
         units = {p.name: p.unit for p in effect.parameters(robot)}
         both = zip(w.variant.free, sizes[w.columns].tolist(), strict=True)
         size = {n: (smallest * typical, units[n]) for n, typical in both}
-        likely, rivals = smallest <= PLAUSIBLE, similarity.rivals(k)
-        result.append(Showing(name, w.variant.label, smallest, size, likely, rivals))
+        likely = smallest <= PLAUSIBLE
+        result.append(Showing(name, w.variant.label, smallest, size, likely, design.rivals(w)))
     return tuple(result)
 
 
@@ -236,7 +282,7 @@ def _of_design(design: Design) -> dict[tuple[str, str], BlindSpot]:
 
 def _of_effect(design: Design, effect: Effect) -> list[BlindSpot]:
     """Blind spots of one effect: the whole effect, or some of its elements (joints, channels)."""
-    every = zip(design.similarity.signatures, design.sizes.tolist(), strict=True)
+    every = zip(design.signatures, design.sizes.tolist(), strict=True)
     ways = [(w, size) for w, size in every if w.name == effect.name]
     groups: dict[str, list[tuple[Hypothesis, float]]] = {}
     for w, size in ways:
@@ -244,10 +290,10 @@ def _of_effect(design: Design, effect: Effect) -> list[BlindSpot]:
         groups.setdefault(name, []).append((w, size))
     if len(groups) > 1:
         groups.pop("", None)
-    each = [_spot(design.similarity.d, name, some) for name, some in groups.items()]
+    each = [_spot(design.d, name, some) for name, some in groups.items()]
     spots = [s for s in each if s is not None]
     if effect.local:
-        spots += _without_variant(design.similarity.d, effect, [w for w, _ in ways])
+        spots += _without_variant(design.d, effect, [w for w, _ in ways])
     invisible = {s.element for s in spots if s.smallest is None}
     alike = len({s.why for s in spots}) < 2
     if alike and invisible >= set(groups) and len(invisible) == len(spots):

@@ -14,10 +14,8 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.diagnosis.evidence.dictionary import build
 from wrenchbed.diagnosis.evidence.search import Searcher
-from wrenchbed.diagnosis.evidence.similarity import Similarity
 from wrenchbed.diagnosis.next.actions import TURNS_S
 from wrenchbed.diagnosis.next.blind import BlindSpot, Design, Showing, blind_spots, showings
-from wrenchbed.diagnosis.next.isolability import cannot_tell
 from wrenchbed.diagnosis.prepare import scenes
 from wrenchbed.diagnosis.prepare.baseline import tolerances
 from wrenchbed.diagnosis.prepare.configuration import Configuration
@@ -95,11 +93,10 @@ def nominal_metadata(robot: Robot, mode: str, rate: float) -> Metadata:
 
 @dataclass(frozen=True)
 class DryRun:
-    """Effects that a recording of a plan could show, those that it could not distinguish, and those
-    that it could not show at all."""
+    """Effects that a recording of a plan could show, each with those that it could not distinguish
+    from it, and what it could not show at all."""
 
     showings: tuple[Showing, ...]
-    cannot_tell: tuple[str, ...]
     blind: tuple[BlindSpot, ...]
 
 
@@ -117,6 +114,5 @@ def dry_run(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> DryRun:
     """
     prepared = of_plan(plan, samples, rate)
     d = build(prepared, prepared.configuration.robot_theta, tolerances(prepared))
-    similarity = Similarity(d)
-    design = Design(similarity, Searcher(d), RUNG)
-    return DryRun(showings(design), cannot_tell(d, similarity), blind_spots([design]))
+    design = Design(Searcher(d), RUNG)
+    return DryRun(showings(design), blind_spots([design]))
