@@ -1,11 +1,7 @@
 """The compensated wrench: right in every frame; drift is followed, other changes are named."""
 
 import json
-import os
-import pty
 import socket
-import sys
-import termios
 import time
 from contextlib import nullcontext
 
@@ -17,7 +13,6 @@ from emulator_process import running, shared
 from simulated import UR5_TRUTH
 from wrenchbed import registry
 from wrenchbed.cli import main
-from wrenchbed.cli.monitoring import _Gauge
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.effects.chain import active_effect
 from wrenchbed.errors import DriverError, ParameterError, TwinError
@@ -159,21 +154,6 @@ def test_a_push_is_no_drift():
     assert found[-1].wrench[1] == pytest.approx(2.0, abs=0.02)
 
 
-def test_tare_refuses_what_may_be_a_load():
-    q = np.array(ROBOT.home)
-    compensate = made(follow=False)
-    with pytest.raises(TwinError, match="a second at rest"):
-        compensate.tare()
-    small = 0.5 * GAMMA.row_std
-    run(compensate, q, np.tile(readings(q[None]) + small, (15, 1)))
-    assert compensate.tare().startswith(f"fx {small[0]:+.3g}")
-    found = run(compensate, q, np.tile(readings(q[None]) + small, (15, 1)), 10.0)[-1]
-    assert np.abs(found.wrench).max() < 1e-9
-    run(compensate, q, np.tile(readings(q[None]) + np.eye(6)[2] * 5.0, (20, 1)), 20.0)
-    with pytest.raises(TwinError, match="refused while an alarm stands: fz"):
-        compensate.tare()
-
-
 def test_robots_without_joints_or_flange_are_refused():
     oriented = registry.load("robots", "oriented")
     model = Model.of(oriented)
@@ -241,25 +221,6 @@ def test_a_wrench_that_lacks_the_payload_is_refused(payload, what):
         live(driver, compensate, [], seconds=0.1)
     driver.extra = {"wrench": {"compensated": True, "payload": {"mass": 0.0}}}
     assert live(driver, compensate, [], seconds=0.02).readings > 0
-
-
-def test_a_key_makes_the_mean_at_rest_the_zero(monkeypatch):
-    q = np.array(ROBOT.home)
-    compensate = made(follow=False)
-    moved = 0.5 * GAMMA.row_std
-    found = run(compensate, q, np.tile(readings(q[None]) + moved, (15, 1)))[-1]
-    ours, theirs = pty.openpty()
-    with os.fdopen(theirs) as keys:
-        monkeypatch.setattr(sys, "stdin", keys)
-        echoes = termios.tcgetattr(keys)[3] & termios.ECHO
-        with _Gauge("sensor", compensate) as shown:
-            assert not termios.tcgetattr(keys)[3] & termios.ECHO
-            os.write(ours, b"t")
-            shown(found)
-        assert termios.tcgetattr(keys)[3] & termios.ECHO == echoes
-    os.close(ours)
-    after = compensate(10.0, q, readings(q[None])[0] + moved, True)
-    assert np.abs(after.wrench).max() < 1e-9
 
 
 @pytest.mark.parametrize("address", ["here", "127.0.0.1", "127.0.0.1:0", ":80", "h:99999", "h:x"])

@@ -23,7 +23,6 @@ from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.errors import CalibrationError, DiagnosisError, RecordingError
 from wrenchbed.pages import numbers
 from wrenchbed.pages.draw import Drawn
-from wrenchbed.reports import diagnosis_page as tables
 from wrenchbed.reports.claim import title
 from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.wrench_answer import WrenchAnswer
@@ -285,9 +284,6 @@ def causes_in_words(a: Answer) -> Rules:
     for text in (a.place, *a.places):
         denied = "differs from noise" in text or "carries more than noise" in text
         yield not (a.seen and denied), a.seen, "are seen:", text
-    own = {w["effect"] for w in a.which} - a.between_rows - {"environment.contact"}
-    rows = tables.explanations(a.found)
-    yield not own or rows[0]["named"], own, "named, best", rows[:3]
 
 
 RULES = (figures, verdict, where, gaps_in_words, causes_in_words)

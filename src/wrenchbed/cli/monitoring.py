@@ -1,18 +1,14 @@
 """The verbs `check` and `live`: the monthly check of one robot, the wrench of its surroundings."""
 
 import json
-import os
-import select
 import sys
-import termios
 import time
-import tty
 import warnings
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import tyro
@@ -26,7 +22,7 @@ from wrenchbed.cli.record import DeviceArguments, LimitArguments, ready
 from wrenchbed.cli.small_verbs import compared
 from wrenchbed.data.metadata import stated_robot
 from wrenchbed.data.outputs import Kind
-from wrenchbed.errors import ParameterError, TwinError, WrenchbedWarning
+from wrenchbed.errors import ParameterError, WrenchbedWarning
 from wrenchbed.exports.load_numbers import calibrated_twin
 from wrenchbed.files.checked import load
 from wrenchbed.hardware.drivers.live import LiveDriver
@@ -153,8 +149,6 @@ def live_(
 ) -> None:
     """Show the wrench of the surroundings: readings less tool, zero and effects. Moves nothing.
 
-    In a terminal, the key t makes the present mean at rest the zero, unless an alarm stands.
-
     Args:
         file: fit.json or twin.json of the robot.
         quiet: No gauge; only streams and the summary.
@@ -187,7 +181,7 @@ def live_(
         if as_json:
             sinks.append(lambda external: print(json.dumps(external.to_json()), flush=True))
         elif not quiet and sys.stdout.isatty():
-            sinks.append(stack.enter_context(_Gauge(run.frame, compensate)))
+            sinks.append(stack.enter_context(_Gauge(run.frame)))
         done = live(link, compensate, sinks, rate=run.rate, seconds=run.seconds, stopped=stopped)
     if as_json:
         rms = [x if np.isfinite(x) else None for x in done.rms]
@@ -210,47 +204,27 @@ def _sentence(done: LiveSummary) -> str:
 class _Gauge:
     """Six bars; a sink and a context manager."""
 
-    def __init__(self, frame: str, compensate: Compensator) -> None:
+    def __init__(self, frame: str) -> None:
         self._live, self._frame, self._shown = Live(auto_refresh=False), frame, -np.inf
-        self._compensate, self._said = compensate, ""
-        self._keys = sys.stdin.fileno() if sys.stdin is not None and sys.stdin.isatty() else None
-        self._mode: list[Any] = []
 
     def __enter__(self) -> "_Gauge":
-        if self._keys is not None:
-            self._mode = termios.tcgetattr(self._keys)
-            tty.setcbreak(self._keys)
         self._live.__enter__()
         return self
 
     def __exit__(self, *more: object) -> None:
         self._live.__exit__(None, None, None)
-        if self._keys is not None:
-            termios.tcsetattr(self._keys, termios.TCSADRAIN, self._mode)
 
     def __call__(self, external: External) -> None:
         if time.monotonic() - self._shown >= _EVERY_S:
             self._shown = time.monotonic()
-            self._tare()
-            self._live.update(gauge(external, self._frame, self._said), refresh=True)
-
-    def _tare(self) -> None:
-        """Do what was typed since the last picture."""
-        if self._keys is None or not select.select([self._keys], [], [], 0.0)[0]:
-            return
-        if b"t" in os.read(self._keys, 64):
-            try:
-                self._said = f"zero moved by {self._compensate.tare()} N, N·m"
-            except TwinError as refused:
-                self._said = str(refused)
+            self._live.update(gauge(external, self._frame), refresh=True)
 
 
-def gauge(external: External, frame: str, said: str = "") -> Table:
-    """Values, bars in units of noise, and the alarm; a sentence beneath."""
+def gauge(external: External, frame: str) -> Table:
+    """Values, bars in units of noise, and the alarm."""
     caption = external.alarm or (
         "at rest" if external.at_rest else "moving: inertia is not compensated"
     )
-    caption = f"{caption}\n{said}" if said else caption
     heads = ("", ">value", ">± noise", "unit", f"−{_FULL:g} σ … {_FULL:g} σ")
     table = console.table(*heads, space=1, title=f"external wrench, {frame} axes")
     table.caption, table.caption_justify = caption, "left"

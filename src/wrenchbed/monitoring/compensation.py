@@ -120,20 +120,6 @@ class Compensator:
         external = self._turn @ (residual - self._zero)
         return External(t, external, self._noise, at_rest, self._zero.copy(), self._alarm)
 
-    def tare(self) -> str:
-        """Make the present mean at rest the zero; returns what it moved, in words.
-
-        Raises:
-            TwinError: the robot moves, or an alarm stands: it may be a load or a push.
-        """
-        if not self._recent:
-            raise TwinError("tare needs a second at rest")
-        if self._alarm:
-            raise TwinError(f"tare is refused while an alarm stands: {self._alarm}")
-        moved = self._mean() - self._zero
-        self._zero = self._zero + moved
-        return ", ".join(f"{c} {v:+.3g}" for c, v in zip(CHANNELS, moved, strict=True))
-
     def _evaluated(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Reading (6,) that the calibrated sensor has at joint values (J,) without an external
         wrench, and the matrix (6, 6) that brings a wrench from its axes to those of the result."""
@@ -150,16 +136,13 @@ class Compensator:
         flange, origin = (np.asarray(x)[0] for x in self._robot.flange_pose(row, twin.robot_theta))
         return expected, _transform(flange.T @ turn, flange.T @ (at - origin))
 
-    def _mean(self) -> np.ndarray:
-        return self._sum / len(self._recent)
-
     def _judge(self, t: float, residual: np.ndarray) -> None:
         """Track the sensor's zero from a residual (6,), or raise an alarm."""
         self._recent.append((t, residual))
         self._sum = self._sum + residual
         while t - self._recent[0][0] > WINDOW_S:
             self._sum = self._sum - self._recent.popleft()[1]
-        mean = self._mean() - self._zero
+        mean = self._sum / len(self._recent) - self._zero
         beyond = np.abs(mean) > BAND * self._noise
         long = t - self._recent[0][0] > 0.9 * WINDOW_S
         if not beyond.any():

@@ -2,7 +2,6 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from functools import cached_property
 from typing import Any
 
 from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
@@ -196,21 +195,15 @@ class Answer(ABC):
         text = text if self.black_box in text else f"{text} {self.black_box}"
         return f"{figure}. {text}" if figure else text
 
-    @cached_property
-    def gaps(self) -> list[tuple[str, float, str]]:
-        """Label, gap and kind (``sim``, ``effects``, ``box``, ``real``) of each simulator."""
-        g, start = self.d.gap, self.d.gap.calibrated.value
-        rows = [("as configured", g.configured, "sim"), ("calibrated", start, "sim")]
-        if g.with_effects is not None:
-            rows.append(("with the effects", g.with_effects.value, "effects"))
-        if g.black_box is not None:
-            rows.append(("with a black box", start - g.black_box * (start - g.floor), "box"))
-        return [*rows, ("noise alone", max(g.floor, 0.0), "real")]
-
     @property
     def bars(self) -> list[tuple[str, str]]:
-        """Label and gap of each simulator but the black box."""
-        return [(label, numbers.gap(v)) for label, v, kind in self.gaps if kind != "box"]
+        """Label and gap of each simulator."""
+        g = self.d.gap
+        rows = [("as configured", g.configured), ("calibrated", g.calibrated.value)]
+        if g.with_effects is not None:
+            rows.append(("with the effects", g.with_effects.value))
+        rows.append(("noise alone", max(g.floor, 0.0)))
+        return [(label, numbers.gap(value)) for label, value in rows]
 
     @property
     def candidates(self) -> list[dict[str, str]]:

@@ -5,8 +5,6 @@ from collections.abc import Mapping
 from pathlib import PurePath
 from typing import Any
 
-import numpy as np
-
 from wrenchbed import registry
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import Findings
@@ -21,35 +19,6 @@ from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 from wrenchbed.reports.simulators import Evidence
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 
-SUBSYSTEMS = (
-    "base", "joint", "link", "mount", "sensor", "tool", "cable", "environment", "timing",
-)  # fmt: skip
-"""Subsystems in the order in which a load travels through them."""
-MOST_EXPLANATIONS = 6
-"""Largest number of listed explanations; later ones are far less likely."""
-LEAST_SHARE = 0.005
-"""Share of the residual below which a place that is seen has no row of its own."""
-
-
-def subsystems(words: WrenchAnswer) -> list[dict[str, Any]]:
-    """The map of where: what each part of the robot has to do with the gap."""
-    claimed = {c.name.split(".")[0] for c in words.causes}
-    means = {c.name.split(".")[0] for c in words.causes if c.name not in words.row_effects}
-    rivals = {name.split(".")[0] for c in words.causes for name, _ in c.rivals}
-    result = []
-    for name in SUBSYSTEMS:
-        shares = (float(w["share"]) for w in words.d.where if w["subsystem"] == name)
-        value = sum(max(share, 0.0) for share in shares)
-        kind, text = "quiet", "–"
-        if name in claimed:
-            kind, text = "claimed", numbers.share(value) if name in means else "rows"
-        elif name in rivals:
-            kind, text = "hint", "or here"
-        elif name in words.hinted:
-            kind, text = "hint", f"hint: {numbers.share(value)}"
-        result.append({"name": name, "kind": kind, "text": text, "weight": width(value)})
-    return result
-
 
 def places(findings: Findings) -> list[dict[str, str]]:
     """What the calibrated residual is seen to lie in, or to vary with, and how much of it."""
@@ -62,41 +31,8 @@ def places(findings: Findings) -> list[dict[str, str]]:
             "sentence": f.sentence,
         }
         for f in findings.places
-        if f.seen and f.share >= LEAST_SHARE
+        if f.seen
     ]
-
-
-def unlisted(findings: Findings) -> dict[str, str]:
-    """Variables that are no places of their own: of too small a share, and not seen at all."""
-    small = (f.variable for f in findings.places if f.seen and f.share < LEAST_SHARE)
-    unseen = (f.variable for f in findings.places if not f.seen)
-    return {"shared": ", ".join(small), "unseen": ", ".join(unseen)}
-
-
-def explanations(findings: Findings) -> list[dict[str, Any]]:
-    """The best structures with what each leaves, and how much less likely it is than the best."""
-    ranked = findings.analysis.ranking.explanations
-    result: list[dict[str, Any]] = []
-    seen = set()
-    for e in ranked:
-        text = " + ".join(f"{h.name} ({h.variant.label})" for h in e.finalist.parts)
-        own_names = {h.name for h in e.finalist.parts}
-        wrong = [p.name for p in e.parts if p.index is None and p.name not in own_names]
-        text = " + ".join(x for x in (text, *wrong) if x) or "small imperfections only"
-        if text in seen or len(result) == MOST_EXPLANATIONS:
-            continue
-        seen.add(text)
-        same = e.names == findings.verdict.explanation.names  # a fit of it with other numbers too
-        first = not any(row["named"] for row in result)
-        result.append(
-            {
-                "text": text,
-                "named": bool(findings.diagnosis.which) and same and first,
-                "rest": numbers.gap(max(e.rest, 0.0)),
-                "behind": _odds(ranked[0].log_posterior - e.log_posterior),
-            }
-        )
-    return result
 
 
 def recorded(recording: Recording, name: str, observed: str = "") -> list[tuple[str, str]]:
@@ -122,16 +58,6 @@ def recorded(recording: Recording, name: str, observed: str = "") -> list[tuple[
     ]
 
 
-def _odds(behind: float) -> str:
-    """How many times less likely than the best, from the difference of log posteriors."""
-    if behind < 0.05:
-        return "best"
-    decades = behind / np.log(10.0)
-    if decades < 2:
-        return f"1 : {np.exp(behind):.2g}"
-    return f"1 : 10{str(round(decades)).translate(str.maketrans('0123456789', '⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
-
-
 def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
     """The page of a diagnosis of a wrench.
 
@@ -144,22 +70,18 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
     """
     registry.require("matplotlib", "report")
     words, evidence = WrenchAnswer(findings), Evidence(findings)
-    gaps = [figures.gaps(words.gaps, words.fitted), figures.channels(*evidence.channels())]
     heat = draw(figures.residual_map(evidence))
     more = {
-        "subsystems": subsystems(words),
         "heat": heat,
         "observed": findings.analysis.prepared.observed,
         "places": places(findings),
-        **unlisted(findings),
-        "explanations": explanations(findings),
         "rows": words.row_sentences,
         "next": words.d.next,
         "record": f"wrenchbed record --robot {shlex.quote(words.d.robot)} --driver DRIVER --plan ",
         "notes": words.notes_besides_rows,
     }
-    causes = _of_causes(words, evidence)
-    return _page(words, command, _data(findings), [*gaps, *causes], more, [heat])
+    charts = [figures.channels(*evidence.channels()), *_of_causes(words, evidence)]
+    return _page(words, command, _data(findings), charts, more, [heat])
 
 
 def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
@@ -176,8 +98,7 @@ def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
     words, channels = EffortAnswer(findings), findings.diagnosis.gap.per_channel
     before = {c: v["before"] for c, v in channels.items()}
     after = {c: v["after"] for c, v in channels.items() if "after" in v}
-    gaps = [figures.gaps(words.gaps, words.fitted), figures.channels(before, after, "calibrated")]
-    charts = [*gaps, *effort_charts(findings)]
+    charts = [figures.channels(before, after, "calibrated"), *effort_charts(findings)]
     names = [words.d.recording]
     data = [("recording", names[0]), ("robot", words.d.robot)]
     data += provenance(names, seed=findings.seed)
@@ -192,11 +113,11 @@ def _page(
 
     Args:
         data: where it comes from.
-        charts: gaps of the simulators, gaps of the channels, then what shows the causes.
+        charts: gaps of the channels, then what shows the causes.
         more: what one kind of page shows besides.
         drawn: figures in that.
     """
-    d, (gaps, channels, *comparisons) = words.d, [draw(chart) for chart in charts]
+    d, (channels, *comparisons) = words.d, [draw(chart) for chart in charts]
     recordings = (d.recording, *d.others)
     context = {
         "d": d,
@@ -204,14 +125,13 @@ def _page(
         "name": ", ".join(PurePath(r).name for r in recordings),
         "badge": BADGES[d.verdict],
         "words": words,
-        "gaps": gaps,
         "channels": channels,
         "comparisons": comparisons,
         "notes": words.notes,
         "data": [*data, ("duration of the diagnosis", f"{d.seconds:.1f} s")],
         "command": command or f"wrenchbed diagnose {shlex.join(recordings)} --out DIR",
     }
-    figures_of = [*(drawn or []), gaps, channels, *comparisons]
+    figures_of = [*(drawn or []), channels, *comparisons]
     return ReportPage(context | dict(more), "diagnosis", figures_of)
 
 
@@ -225,7 +145,6 @@ def _of_causes(words: WrenchAnswer, e: Evidence) -> list[Chart]:
         charts.append(cause_charts.curve_chart(entry, f"curve-{k}"))
         if entry["effect"] in words.row_effects:
             charts.append(cause_charts.scatter(e, entry, f"rows-{k}"))
-    charts += figures.unexplained(e)
     if words.d.verdict in ("unknown", "partial"):
         charts.append(cause_charts.everywhere(e, "everywhere"))
     return [chart for chart in charts if chart is not None]

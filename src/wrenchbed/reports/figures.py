@@ -18,44 +18,24 @@ BINS = 8
 _LINEAR = 5.0
 """Largest gap [noise variances] that is drawn on a linear axis: there a gap of 1, as large as the
 noise, is still a sixth of the width; far beyond it small bars could not be read."""
-_ROLES: Mapping[str, Role] = {"sim": "before", "effects": "after", "box": "box", "real": "measured"}
-
-
-def gaps(rows: Sequence[tuple[str, float, str]], fitted: str) -> Chart:
-    """The gap of each simulator.
-
-    Args:
-        rows: label, gap and one of ``sim``, ``effects``, ``box``, ``real``, from the top down.
-        fitted: what the calibrated simulator has.
-    """
-    caption = (
-        f"“Calibrated” has {fitted}. The black box is a flexible regression on all variables: it "
-        "names no cause, and shows how much of the gap repeats."
-    )
-    return _bars("gaps", "Gap of each simulator", rows, caption)
 
 
 def channels(before: Mapping[str, float], after: Mapping[str, float], first: str) -> Chart:
-    """The gap of each channel before, and after where effects are named."""
-    rows = []
+    """The gap of each channel before, and after where effects are named: bars whose axis is linear
+    near zero and logarithmic above, where gaps differ much, else linear."""
+    rows: list[tuple[str, float, Role]] = []
     for channel, gap in before.items():
-        rows.append((channel, gap, "sim"))
+        rows.append((channel, gap, "before"))
         if channel in after:
-            rows.append((f"{channel}, after", after[channel], "effects"))
+            rows.append((f"{channel}, after", after[channel], "after"))
     caption = f"Each channel in units of its own noise: {first}"
     caption += ", and after that with the effects." if after else "."
-    return _bars("channels", "Gap of each channel", rows, caption)
-
-
-def _bars(name: str, title: str, rows: Sequence[tuple[str, float, str]], caption: str) -> Chart:
-    """Horizontal bars with their gaps, coloured by kind; the axis is linear near zero and
-    logarithmic above, where gaps differ much, else linear."""
     series = []
-    for kind in dict.fromkeys(kind for _, _, kind in rows):
-        of_kind = [(k, value) for k, (_, value, other) in enumerate(rows) if other == kind]
-        place, values = (np.array(x, dtype=float) for x in zip(*of_kind, strict=True))
+    for role in dict.fromkeys(role for _, _, role in rows):
+        of_role = [(k, value) for k, (_, value, other) in enumerate(rows) if other == role]
+        place, values = (np.array(x, dtype=float) for x in zip(*of_role, strict=True))
         texts = tuple(numbers.gap(v) for v in values)
-        series.append(Series("", "bars", values, place, role=_ROLES[kind], texts=texts))
+        series.append(Series("", "bars", values, place, role=role, texts=texts))
     every = [value for _, value, _ in rows]
     top, low = max(1.0, *every), 1.2 * min(0.0, *every)
     axis = Axis("gap", "1", low=low, high=1.18 * top)
@@ -63,7 +43,8 @@ def _bars(name: str, title: str, rows: Sequence[tuple[str, float, str]], caption
         decades = tuple(10.0**k for k in range(-1, int(np.floor(np.log10(top))) + 1))
         axis = Axis("gap", "1", "near zero", ticks=(0.0, *decades), low=low, high=3.5 * top)
     labels = Axis("", names=tuple(label for label, _, _ in rows))
-    return Chart(name, title, (Panel(axis, labels, tuple(series)),), caption=caption)
+    panel = Panel(axis, labels, tuple(series))
+    return Chart("channels", "Gap of each channel", (panel,), caption=caption)
 
 
 def heat(
@@ -110,17 +91,8 @@ def of_cause(e: Evidence, c: Cause, name: str) -> list[Chart]:
     return [_comparison(e, k, c.name, c.measured, c.effect, name) for k in chosen]
 
 
-def unexplained(e: Evidence) -> list[Chart]:
-    """One or two channels of the calibrated residual where nothing explains it."""
-    if e.after is not None or e.findings.diagnosis.verdict != "unknown":
-        return []
-    residual = e.prepared.y - e.before
-    chosen = largest(residual / e.std)
-    return [_comparison(e, k, "Calibrated residual", residual, None, "left") for k in chosen]
-
-
 def _comparison(
-    e: Evidence, k: int, title: str, measured: np.ndarray, effect: np.ndarray | None, name: str
+    e: Evidence, k: int, title: str, measured: np.ndarray, effect: np.ndarray, name: str
 ) -> Chart:
     """Measured and simulated of channel k with their residual beneath, over one axis.
 
@@ -129,25 +101,25 @@ def _comparison(
 
     Args:
         measured: minus the simulator without the effect (H, 6).
-        effect: what it adds (H, 6); None where nothing is claimed.
+        effect: what it adds (H, 6).
     """
     p, channel, unit, sigma = e.prepared, e.names[k], e.units[k], float(e.std[k])
     x, axis, order = _across(e, title, k, effect)
     y, ids = measured[order, k], e.ids[order]
     std = np.full(len(order), sigma * np.sqrt(p.noise[k]))
-    first = "calibrated" if effect is None else "without the effect"
-    top = [Series("measured", "points", x, y, std, "measured", ids=ids)]
-    low = [Series(first, "points", x, y / sigma, role="before", mark="ring", ids=ids)]
-    caption = f"Above: {channel} measured minus the calibrated simulator. Beneath: the same"
-    if effect is not None:
-        added = effect[order, k]
-        top.insert(0, Series("simulated effect", "line", x, added, None, "after", ids=ids))
-        rest = (y - added) / sigma
-        low.append(Series("with the effect", "points", x, rest, role="after", ids=ids))
-        caption = (
-            f"Above: {channel} measured minus the simulator without {title}, and what the "
-            "effect adds in the simulator. Beneath: the residual without and with it"
-        )
+    added = effect[order, k]
+    top = [
+        Series("simulated effect", "line", x, added, None, "after", ids=ids),
+        Series("measured", "points", x, y, std, "measured", ids=ids),
+    ]
+    low = [
+        Series("without the effect", "points", x, y / sigma, role="before", mark="ring", ids=ids),
+        Series("with the effect", "points", x, (y - added) / sigma, role="after", ids=ids),
+    ]
+    caption = (
+        f"Above: {channel} measured minus the simulator without {title}, and what the effect adds "
+        "in the simulator. Beneath: the residual without and with it"
+    )
     upper, note = thinned(top, what=p.observed)
     lower, _ = thinned(low, what=p.observed)
     panels = (
@@ -159,18 +131,13 @@ def _comparison(
 
 
 def _across(
-    e: Evidence, title: str, k: int, effect: np.ndarray | None
+    e: Evidence, title: str, k: int, effect: np.ndarray
 ) -> tuple[np.ndarray, Axis, np.ndarray]:
     """Where to draw the observations (H,), the axis, and their order: that of a motion's time, of
-    poses the size of the effect, or the variable that tells most."""
+    poses the size of the effect."""
     p, known = e.prepared, effects()
     order = np.arange(len(p.y))
-    timed = effect is not None and title in known and known[title].shown == "time"
-    if p.moving or p.averaged or timed:
+    if p.moving or p.averaged or (title in known and known[title].shown == "time"):
         return p.scene.t[p.scene.held], Axis("time", "s"), order
-    if effect is not None:
-        sorted_poses = Axis("poses, sorted by the predicted effect")
-        return 1.0 * order, sorted_poses, np.argsort(effect[:, k], kind="stable")
-    values, axis = e.variable()
-    order = np.argsort(values, kind="stable")
-    return values[order], axis, order
+    sorted_poses = Axis("poses, sorted by the predicted effect")
+    return 1.0 * order, sorted_poses, np.argsort(effect[:, k], kind="stable")
