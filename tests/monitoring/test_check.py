@@ -224,7 +224,7 @@ def test_a_check_that_does_not_continue_its_history_is_refused(folder, plan):
     metadata = recording.metadata
     for given, year, error, match in (
         (robot.recording(1), 2021, HistoryError, "holds the readings of .*checked already"),
-        (robot.recording(3), 2019, HistoryError, 
+        (robot.recording(3), 2019, HistoryError,
          r"new check is of 2019-02-01 .*, and recordings/2020\S+ of 2020.*state the true time"),
         (robot.recording(3), 2999, HistoryError, "new check is of 2999.*set the clock, or state"),
         (MonthlyRobot(UR5, moved, 7).recording(5), None, RecordingError,
