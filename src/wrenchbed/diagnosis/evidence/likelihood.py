@@ -131,28 +131,16 @@ class BackgroundLevel(OfProducts):
         V: variance of each column's coefficient (n,).
         weighed: Eᵀ v₀⁻¹ E (n, n) for v₀ (C R,), where it is the same in all rows of a measured
             column; without it the product is made from E.
-        spread: E V Eᵀ (C R, C R) of few rows, where levels share the work; made from E if None.
     """
 
     E: np.ndarray
     v0: np.ndarray
     V: np.ndarray
     weighed: Callable[[np.ndarray], np.ndarray] | None = None
-    spread: np.ndarray | None = None
-
-    def varied(self, variance: np.ndarray) -> "BackgroundLevel":
-        """The level with other variances of the columns' coefficients (n,)."""
-        if self.spread is None:
-            return replace(self, V=variance)
-        other = np.flatnonzero(variance != self.V)
-        some = self.E[:, other]
-        more = (some * (variance - self.V)[other]) @ some.T
-        return replace(self, V=variance, spread=self.spread + more)
 
     def of_rows(self, rows: np.ndarray) -> "BackgroundLevel":
         """Background level of a selection of rows (C R,), boolean."""
-        spread = None if self.spread is None else self.spread[np.ix_(rows, rows)]
-        return replace(self, E=self.E[rows], v0=self.v0[rows], weighed=None, spread=spread)
+        return replace(self, E=self.E[rows], v0=self.v0[rows], weighed=None)
 
     @property
     def tall(self) -> bool:
@@ -164,25 +152,11 @@ class BackgroundLevel(OfProducts):
             return np.asarray(self.E.T @ (self.E / self.v0[:, None]))
         return self.weighed(self.v0)
 
-    def make(self) -> None:
-        """Factor the level now, beside other levels' threads: a cached property of Python 3.11
-        would let these wait for each other."""
-        made = self.__dict__
-        if self.tall:
-            made["_gram"] = self._weighed()
-        made["_factor"] = self._factored()
-
     def _factored(self) -> tuple[np.ndarray, bool]:
         if self.tall:
             return super()._factored()
-        if self.spread is None:
-            scaled = (self.E[:, self._on] * self._root) / np.sqrt(self.v0)[:, None]
-            inner = scaled @ scaled.T
-        else:
-            root = np.sqrt(self.v0)
-            inner = self.spread / root
-            inner /= root[:, None]
-        return factored(inner)
+        scaled = (self.E[:, self._on] * self._root) / np.sqrt(self.v0)[:, None]
+        return factored(scaled @ scaled.T)
 
     @cached_property
     def log_det(self) -> float:
@@ -394,40 +368,12 @@ class Background:
 
 def ladder(d: EffectDictionary) -> tuple[Background, ...]:
     """All background rungs of a dictionary."""
-    variances = [_variance(d, g) for g in LADDER]
-    tall = len(d.E) > len(d.label)
-    alone = tall or d.prepared.held_out is not None
-    spreads = [None] * len(LADDER) if alone else _spreads(d.E, np.array(variances))
-    return tuple(
-        Background(
-            gap,
-            BackgroundLevel(
-                d.E, row_variance(d.prepared, SHARES["rows"] * gap), variance,
-                d.weighed_by if tall else None, spread,
-            ),
-        )
-        for gap, variance, spread in zip(LADDER, variances, spreads, strict=True)
-    )  # fmt: skip
-
-
-def _spreads(E: np.ndarray, variances: np.ndarray) -> list[np.ndarray | None]:
-    """E V Eᵀ (C R, C R) of the variances (L, n) of all rungs.
-
-    A column's variance grows with the rung's gap up to a limit: columns that reach theirs at the
-    same rung share two products.
-    """
-    gaps = np.array(LADDER)
-    slope = variances[0] / gaps[0]
-    grows = np.isclose(variances, gaps[:, None] * slope, rtol=1e-12, atol=0.0)
-    reached = np.logical_and.accumulate(grows).sum(axis=0)  # first rung at the limit
-    total = np.zeros((len(gaps), len(E), len(E)))
-    for rung in np.unique(reached):
-        of = np.flatnonzero((reached == rung) & (variances[-1] > 0.0))
-        some = E[:, of]
-        total[:rung] += gaps[:rung, None, None] * ((some * slope[of]) @ some.T)
-        if rung < len(gaps):
-            total[rung:] += (some * variances[-1][of]) @ some.T
-    return list(total)
+    weighed = d.weighed_by if len(d.E) > len(d.label) else None
+    result = list[Background]()
+    for gap in LADDER:
+        noise = row_variance(d.prepared, SHARES["rows"] * gap)
+        result.append(Background(gap, BackgroundLevel(d.E, noise, _variance(d, gap), weighed)))
+    return tuple(result)
 
 
 def _variance(d: EffectDictionary, gap: float) -> np.ndarray:

@@ -1,7 +1,6 @@
 """Every hypothesis alone: its exact evidence in the linear model, over all rungs and sizes."""
 
 from collections.abc import Collection, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,9 +18,6 @@ STEPS = 7
 LEAST_SCALE, LARGEST_SCALE = 0.06, 8.0
 KERNEL_SCALES = 2.0 ** np.arange(0, 9, 1.0)
 """Standard deviations of the unknown's groups; their squares are gaps."""
-
-THREADS = 2
-"""Levels of background (rungs) that are weighed at a time: as many as small machines have cores."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +141,6 @@ class Searcher:
 
     def singles(self, y: np.ndarray) -> list[SingleEvidence]:
         """Evidence of every hypothesis and kernel alone, on every rung."""
-        self._make()
         result: list[SingleEvidence] = []
         scores, nulls = self._scored(y)
         for r, (base, score) in enumerate(zip(nulls, scores, strict=True)):
@@ -197,27 +192,11 @@ class Searcher:
             result[batch.index] = energy - (w * x[:, :, 0]).sum(axis=1)
         return result
 
-    def _make(self) -> None:
-        """Weigh all columns on the rungs where they are not, rungs beside each other."""
-        missing = [r for r in range(len(self.rungs)) if r not in self._known]
-        if not missing:
-            return
-        if self.rungs[0].level.tall:
-            _ = self.d.grams  # once, before threads ask for it
-        _ = self.batches
-        with ThreadPoolExecutor(THREADS) as pool:
-            for _ in pool.map(self._weigh, missing):
-                pass
-
-    def _weigh(self, rung: int) -> None:
-        level = self.rungs[rung].level
-        level.make()
-        self._known[rung] = level.informations(batch.columns for batch in self.batches)
-
     def _information(self, rung: int) -> list[np.ndarray]:
         """Information of each batch's columns (b, k, k) on a rung."""
         if rung not in self._known:
-            self._weigh(rung)
+            level = self.rungs[rung].level
+            self._known[rung] = level.informations(batch.columns for batch in self.batches)
         return self._known[rung]
 
     def rung_prior(self, y: np.ndarray) -> np.ndarray:

@@ -1,6 +1,7 @@
 """One recording, and what effects of any size add to its readings."""
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -181,7 +182,7 @@ class Case:
             level = self.searcher.rungs[rung].level
             variance = level.V.copy()
             variance[list(blamed)] += LARGEST**2
-            self._freed[rung, blamed] = level.varied(variance)
+            self._freed[rung, blamed] = replace(level, V=variance)
         return self._freed[rung, blamed]
 
     def start(self, parts: Sequence[Hypothesis]) -> np.ndarray:

@@ -322,5 +322,5 @@ def _exact(refitter: Refitter, rung: int) -> BackgroundLevel:
             off = 0.5 * d.tolerance[mass] * d.size[d.stated[mass]] / d.size[of]
             variance[of] = np.minimum(0.5 * MOST, off) ** 2
         variance[d.stated] = 0.0
-        refitter.exact[rung] = level.varied(variance)
+        refitter.exact[rung] = replace(level, V=variance)
     return refitter.exact[rung]

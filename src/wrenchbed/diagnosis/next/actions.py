@@ -3,7 +3,7 @@
 Rows that might be recorded after a recording: more poses, a motion, another payload.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -34,8 +34,6 @@ _FAST_S, _SLOWER, _RATE, _LOOK = 10.0, 3, 125.0, 5
 """A motion [s], how much slower it is done again, its rate [Hz]; one row in five is looked at."""
 _HOLDS, _HOLD_S = 20, 30.0
 _HOLD_ROWS = 60
-Choose = Callable[[np.ndarray], np.ndarray]
-"""Function that selects among feasible poses (P, J) and returns their indices in order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,18 +122,15 @@ class Action:
     variables: tuple[str, ...] = ()
 
 
-def actions(
-    prepared: Prepared, choose: Choose, seed: int = 0, sweeps: int | None = None
-) -> Iterator[Action]:
+def actions(prepared: Prepared, seed: int = 0, sweeps: int | None = None) -> Iterator[Action]:
     """Recordings that this robot can make next.
 
     Args:
         prepared: the recording, its scene at the baseline.
-        choose: which poses of a pool to add.
         sweeps: joints, from the first, that are swept one by one; all if None.
     """
     for make in (_poses, _payload, _sides, _revisit, _hold, _motion):
-        action = make(prepared, choose, seed)
+        action = make(prepared, seed)
         if action is not None:
             yield action
     for k, joint in enumerate(prepared.robot.joints[:sweeps]):
@@ -199,14 +194,12 @@ def _pool(prepared: Prepared, seed: int) -> np.ndarray:
     return np.asarray(pool[feasible(robot, pool)] if robot.joints else pool)
 
 
-def _poses(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
-    pool = _pool(prepared, seed)
-    chosen = pool[choose(pool)[:POSES]]
+def _poses(prepared: Prepared, seed: int) -> Action | None:
     text = "record {n} more poses in other orientations"
-    return _visit(prepared, chosen, text, ("orientation", "position"))
+    return _visit(prepared, _pool(prepared, seed)[:POSES], text, ("orientation", "position"))
 
 
-def _payload(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
+def _payload(prepared: Prepared, seed: int) -> Action | None:
     tool = prepared.scene.tool
     weight = float(np.min(prepared.sensor.calibration().range[:3])) / 9.81 - float(tool.mass)
     mass = min(PAYLOAD_KG, 0.5 * weight)
@@ -224,7 +217,7 @@ def _payload(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
     return replace(action, session=ExperimentRun(again, payload, False), minutes=minutes)
 
 
-def _sides(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
+def _sides(prepared: Prepared, seed: int) -> Action | None:
     robot = prepared.robot
     if not robot.joints:
         return None
@@ -237,7 +230,7 @@ def _sides(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
     return _visit(prepared, every.reshape(-1, q.shape[1]), text, ("direction",))
 
 
-def _revisit(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
+def _revisit(prepared: Prepared, seed: int) -> Action | None:
     if prepared.moving:
         return None
     q = _spread(prepared, 30)
@@ -247,7 +240,7 @@ def _revisit(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
     return _visit(prepared, np.concatenate([*parts, first]), text, ("time",))
 
 
-def _hold(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
+def _hold(prepared: Prepared, seed: int) -> Action | None:
     if prepared.moving:
         return None
     q = np.repeat(prepared.poses[:1], _HOLDS, axis=0)
@@ -256,7 +249,7 @@ def _hold(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
     return _visit(prepared, q, text, ("time", "temperature"), dwell=_HOLD_S)
 
 
-def _motion(prepared: Prepared, choose: Choose, seed: int) -> Action | None:
+def _motion(prepared: Prepared, seed: int) -> Action | None:
     robot = prepared.robot
     if not isinstance(robot, SimulatedRobot):
         return None

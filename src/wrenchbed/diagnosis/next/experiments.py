@@ -28,13 +28,9 @@ from wrenchbed.diagnosis.explain.elements import element, listed
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.next.actions import (
-    POSES,
-    Choose,
     ExperimentRun,
     actions,
     loaded,
-    posed,
-    static_noise,
 )
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
@@ -58,7 +54,6 @@ SEPARATED = 0.1
 """Divergence [nat] that an experiment must add to two explanations to be said to separate them."""
 MOST_PROPOSED = 4
 """Explanations that are compared, experiments that are proposed."""
-_AT_ONCE = 5
 
 
 @dataclass(frozen=True)
@@ -191,20 +186,6 @@ class Comparison:
             both = (self.distance(a, b, known), self.distance(b, a, known))
             result[a, b] = 0.5 * sum(map(jensen_shannon, both))
         return result
-
-    def contrast(self, known: np.ndarray, columns: np.ndarray) -> np.ndarray:
-        """Squared difference (P,) that rows of a pool would show between the first two
-        explanations, once the second is fitted to what is known, over their noise.
-
-        Args:
-            known: information (n, n).
-            columns: of the pool's rows (C P, n), see `columns`.
-        """
-        free = np.unique(np.concatenate([self.stated, self.columns_of(self.candidates[1][0])]))
-        x, normal = self.sizes[0], known[np.ix_(free, free)] + np.eye(len(free)) / FREE**2
-        fitted = np.linalg.solve(normal, known[free] @ x)
-        rest = columns @ x - columns[:, free] @ fitted
-        return np.asarray((rest.reshape(-1, self.d.channels) ** 2).sum(axis=1))
 
 
 def jensen_shannon(d: float) -> float:
@@ -357,7 +338,7 @@ def separate(
     names = [h.name if several else element(h.variant) for h, _ in comparison.candidates]
     labels = [f"{h.name} ({h.variant.label})" for h, _ in comparison.candidates]
     proposed = []
-    for action in actions(d.prepared, _chooser(comparison), seed, sweeps=1):
+    for action in actions(d.prepared, seed, sweeps=1):
         after = comparison.divergence(comparison.after(action.session))
         added = {pair: after[pair] - before[pair] for pair in before}
         mean = float(np.mean(list(added.values())))
@@ -379,26 +360,6 @@ def separate(
     return tuple(sorted(proposed, key=lambda e: -e.gain)[:MOST_PROPOSED])
 
 
-def _chooser(comparison: Comparison) -> Choose:
-    """Poses at which the two leading explanations differ most, in steps."""
-
-    def choose(pool: np.ndarray) -> np.ndarray:
-        base = comparison.d.prepared
-        t = 3.0 * np.arange(len(pool))
-        run = ExperimentRun(posed(base, pool, t, static_noise(base), after=False))
-        columns, chosen, known = comparison.columns(run), list[int](), comparison.known
-        poses = columns.reshape(len(pool), -1, columns.shape[1])
-        while len(chosen) < min(POSES, len(pool)):
-            score = comparison.contrast(known, columns)
-            score[chosen] = -1.0
-            chosen += [int(k) for k in np.argsort(-score)[:_AT_ONCE]]
-            some = poses[chosen].reshape(-1, poses.shape[2])
-            known = comparison.known + some.T @ some
-        return np.array(chosen[:POSES])
-
-    return choose
-
-
 def explore(
     d: EffectDictionary, kernel: str, gap: float = 4.0, seed: int = 0
 ) -> tuple[Experiment, ...]:
@@ -408,12 +369,8 @@ def explore(
         gap: that the unknown adds.
     """
     before = _depends(d, d.prepared, kernel, gap)
-
-    def choose(pool: np.ndarray) -> np.ndarray:
-        return np.arange(len(pool))
-
     proposed = []
-    for action in actions(d.prepared, choose, seed):
+    for action in actions(d.prepared, seed):
         if kernel not in action.variables:
             continue
         after = _depends(d, action.session.prepared, kernel, gap)
