@@ -16,7 +16,7 @@ from wrenchbed.diagnosis.explain.claims import (
     wrong_numbers,
     zero_offset,
 )
-from wrenchbed.diagnosis.explain.contributions import doubled, twins
+from wrenchbed.diagnosis.explain.contributions import twins
 from wrenchbed.diagnosis.explain.structures import rank
 
 
@@ -168,22 +168,6 @@ def test_small_parts_count_together_where_they_stand_in_for_each_other(gap, alik
     assert told.rest == pytest.approx(rest, abs=0.01)
 
 
-@pytest.mark.parametrize(
-    ("large", "other", "small", "kept"),
-    [
-        ("sensor.temperature", "sensor.gain", 0.9, False),  # 6 % of 20: a form may miss it
-        ("sensor.temperature", "sensor.gain", 1.4, True),
-        ("sensor.temperature", "tool.loose", 0.9, True),  # another subsystem
-        ("environment.contact", "cable.pull", 0.9, False),  # both push
-    ],
-)
-def test_a_small_part_may_be_what_the_form_of_a_larger_one_of_its_kind_misses(
-    large, other, small, kept
-):
-    r, f = finalist({large: 20.0, other: small}, effects={large: 1, other: 1})
-    assert names(explained(r, f)) == ([large, other] if kept else [large])
-
-
 # ---- stated numbers -----------------------------------------------------------------------------
 
 
@@ -197,15 +181,6 @@ def test_errors_of_stated_numbers_are_estimated_without_their_tolerance(rung):
     assert told.mean == pytest.approx(expected, abs=1e-3)
     assert np.diagonal(told.covariance) == pytest.approx(np.full(10, 1.0 / precision), rel=1e-6)
     assert stated_errors_beside(r, f) == pytest.approx(expected, abs=1e-3)
-
-
-def test_what_a_small_part_holds_of_a_stated_number_is_given_back():
-    """0.2 of a jump whose column has 0.6 of a bias's: 0.12 of a bias, unless it is named."""
-    alike = {("sensor.bias", "sensor.jump"): 0.6}
-    r, f = finalist({"sensor.jump": 0.16}, effects={"sensor.jump": 1}, alike=alike)
-    small, large = (stated(r, replace(f, x=np.array([x]))).mean for x in (0.2, 2.0))
-    assert (small[0], large[0]) == pytest.approx((0.12, 0.0), abs=0.02)
-    assert small[1:] == pytest.approx(np.zeros(9), abs=1e-3)
 
 
 @pytest.mark.parametrize(
@@ -312,35 +287,3 @@ def test_a_twin_has_as_many_numbers(columns, found):
         {"cable.pull": 3.0}, effects=effects, alike={("cable.pull", "base.tilt"): 0.999}
     )
     assert twins(r, f, 0, 3.0, {0}) == found
-
-
-@pytest.mark.parametrize(
-    ("pair", "correlation", "second", "found"),
-    [
-        (PAIR, 0.999, 0.01, True),
-        (("joint.offset", "joint.backlash"), 0.9, 0.1, True),
-        (("joint.offset", "joint.backlash"), -0.9, 0.1, True),
-        (("joint.offset", "joint.backlash"), 0.8, 0.1, False),
-        (("tool.mass_error", "tool.loose"), 0.9, 0.1, False),  # no joint, no link
-        (("joint.offset", "link.length"), 0.9, 0.1, True),  # the same number of a place
-    ],
-)
-def test_a_small_part_of_the_same_joint_that_reads_alike_is_a_twin_unless_it_is_named(
-    pair, correlation, second, found
-):
-    effects = dict.fromkeys(pair, 1)
-    r, f = finalist({pair[0]: 3.0}, pair, effects=effects, alike={pair: correlation})
-    at = replace(f, x=np.array([0.8, second]))
-    assert twins(r, at, 0, 3.0, {0}) == (pair[1:] if found else ())
-    assert twins(r, at, 0, 3.0, {0, 1}) == ()
-
-
-@pytest.mark.parametrize(("correlation", "twice"), [(0.995, True), (0.985, False)])
-def test_a_part_that_makes_what_another_makes_is_doubled(correlation, twice):
-    every = (*PAIR, "tool.loose")
-    effects = dict.fromkeys(every, 1)
-    r, f = finalist({"cable.pull": 3.0}, every, effects=effects, alike={PAIR: correlation})
-    some = named(r.d, "cable.pull", "tool.loose", "sensor.temperature")
-    both = replace(f, parts=some, x=np.array([0.8, 0.5, -0.3]))
-    assert doubled(r, both) is twice
-    assert not doubled(r, replace(f, x=np.array([0.8, 0.3, 0.5])))  # only the last is asked

@@ -25,7 +25,7 @@ ROWS = 60
 class Other(Effect):
     """An effect that declares nothing."""
 
-    family = subsystem = "other"
+    subsystem = "other"
 
 
 @dataclass(frozen=True)

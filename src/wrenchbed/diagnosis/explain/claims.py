@@ -12,7 +12,6 @@ from wrenchbed.diagnosis.evidence.likelihood import MOST, BackgroundLevel
 from wrenchbed.diagnosis.explain.contributions import (
     CLAIMABLE,
     any_free_form,
-    claimable,
     imitators,
     made_by,
     rest,
@@ -111,9 +110,9 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
     parts += more
     if not parts:  # where nothing counts, what all small effects leave
         remaining = rest(refitter, f, added)
-    parts = [p for p in parts if not _form_of_another(p, parts, f)]
-    named = {p.index for p in parts}
-    parts = [replace(p, twins=twins(refitter, f, p.index, p.share, named)) for p in parts]
+    named = [p.index for p in parts if p.index is not None]
+    both = zip(named, parts, strict=True)
+    parts = [replace(p, twins=twins(refitter, f, k, p.share, named)) for k, p in both]
     parts += wrong_numbers(refitter, f)
     parts.sort(key=lambda p: -p.share)
     return Explanation(f, tuple(parts), remaining, max(float(total.sum()) - remaining, 0.0))
@@ -163,18 +162,6 @@ def _standing_in(
         parts.append(Part(f.parts[k].name, taken, index=k))
         residual = without[best]
     return parts, d.gap(residual) - d.row_noise
-
-
-def _form_of_another(part: Part, parts: list[Part], f: Finalist) -> bool:
-    """Whether a part may only correct the form assumed for a larger part of its kind."""
-    assert part.index is not None
-    family = f.parts[part.index].effect.family
-    for other in parts:
-        assert other.index is not None
-        effect = f.parts[other.index].effect
-        if effect.family == family and part.share < effect.form_error * other.share:
-            return True
-    return False
 
 
 def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
@@ -256,8 +243,7 @@ def stated(refitter: Refitter, f: Finalist) -> Stated:
     columns = np.column_stack([d.E[:, d.stated], f.design[:, :count]])
     spread = np.concatenate([np.full(numbers, LARGEST), f.spread[:count]])
     mean, covariance = _fitted(_exact(refitter, f.rung), columns, f.y, spread)
-    held = _held_by_small(refitter, f, mean[numbers:])
-    return Stated(mean[:numbers] + held, covariance[:numbers, :numbers])
+    return Stated(mean[:numbers], covariance[:numbers, :numbers])
 
 
 def stated_errors_beside(refitter: Refitter, f: Finalist) -> np.ndarray:
@@ -290,21 +276,6 @@ def _fitted(
     every = level.products(np.column_stack([columns, y]))
     covariance = np.linalg.inv(every[:-1, :-1] + np.diag(1.0 / spread**2))
     return covariance @ every[:-1, -1], covariance
-
-
-def _held_by_small(refitter: Refitter, f: Finalist, x: np.ndarray) -> np.ndarray:
-    """Error of the stated numbers (S,) that parts too small to be named hold, in typical sizes.
-
-    ``x`` are the parts' variables (k,) that go with these numbers.
-
-    A jump at an end of the recording is a zero that is off, a loose part that hardly moves is
-    where the tool's mass lies: few rows separate them.
-    """
-    small = set(f.effects) - set(claimable(refitter, f))
-    if not small:
-        return np.zeros(len(refitter.d.stated))
-    of_small = f.variables.of_parts(small)
-    return refitter.d.fitted(f.design[:, of_small] @ x[of_small])
 
 
 def _exact(refitter: Refitter, rung: int) -> BackgroundLevel:

@@ -7,14 +7,11 @@ from collections.abc import Collection
 
 import numpy as np
 
-from wrenchbed.diagnosis.evidence.dictionary import Hypothesis
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 
 CLAIMABLE = 0.75
 """Gap that a cause must add, as estimated: 1 by definition, less its uncertainty."""
-ALIKE = 0.85
-"""Correlation of two effects' readings from which either one may be the large cause."""
 APART = 6.0
 """Square, over noise and background, by which readings differ that count as different: 3 in the
 logarithm of a likelihood, as `MARGIN` of explanations."""
@@ -68,7 +65,7 @@ def rest(refitter: Refitter, f: Finalist, large: Collection[int | None]) -> floa
 
 
 def twins(
-    refitter: Refitter, f: Finalist, part: int | None, share: float, named: Collection[int | None]
+    refitter: Refitter, f: Finalist, part: int, share: float, named: Collection[int]
 ) -> tuple[str, ...]:
     """Names of effects that might as well be a part.
 
@@ -77,12 +74,10 @@ def twins(
         share: gap that it adds.
         named: numbers of all parts that are claimed.
     """
-    assert part is not None
-    added = made_by(refitter, f, [part])
-    names = [*f.parts[part].variant.rivals, *_in_the_same_place(refitter, f, part, added, named)]
-    claimed = {f.parts[k].name for k in named if k is not None}
-    others = _as_many_numbers(refitter, f, part, added, share)
-    return tuple(dict.fromkeys([*names, *(n for n in others if n not in claimed)]))
+    claimed = {f.parts[k].name for k in named}
+    others = _as_many_numbers(refitter, f, part, made_by(refitter, f, [part]), share)
+    alike = (n for n in others if n not in claimed)
+    return tuple(dict.fromkeys([*f.parts[part].variant.rivals, *alike]))
 
 
 def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
@@ -106,38 +101,6 @@ def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
         return refitter.remainders(f, part, alone.fit((hypotheses[k],), f.rung).residual)[0]
 
     return tuple(name for name, k in nearest.items() if away(k) <= APART)
-
-
-def doubled(refitter: Refitter, f: Finalist) -> bool:
-    """Whether the last part makes nearly the same readings as another part, of either sign."""
-    made = np.stack([made_by(refitter, f, [k]) for k in range(len(f.parts))], axis=1)
-    *others, last = refitter.d.without_stated(made).T
-    energy = (1.0 - SAME) * float(last @ last)
-    return any(float(last @ x) ** 2 > energy * float(x @ x) > 0.0 for x in others)
-
-
-def _in_the_same_place(
-    refitter: Refitter, f: Finalist, part: int, added: np.ndarray, named: Collection[int | None]
-) -> list[str]:
-    """Minor parts at the joint or link of a part that make nearly the same readings.
-
-    Backlash that gravity holds at one end, but for a few poses, is an offset and a little backlash;
-    of a link a wrong length and a little backlash.
-    """
-    place = _place(f.parts[part])
-    names = []
-    for k, h in enumerate(f.parts):
-        if place and k not in named and _place(h) == place:
-            other = made_by(refitter, f, [k])
-            if abs(added @ other) > ALIKE * np.linalg.norm(added) * np.linalg.norm(other):
-                names.append(h.name)
-    return names
-
-
-def _place(h: Hypothesis) -> str:
-    """Joint or link of a part, from the end of its parameters' names."""
-    ends = {name.partition(".")[2] for name in h.variant.free}
-    return ends.pop() if h.effect.local and len(ends) == 1 else ""
 
 
 def _as_many_numbers(
