@@ -168,6 +168,22 @@ def test_small_parts_count_together_where_they_stand_in_for_each_other(gap, alik
     assert told.rest == pytest.approx(rest, abs=0.01)
 
 
+@pytest.mark.parametrize(
+    ("large", "other", "small", "kept"),
+    [
+        ("sensor.temperature", "sensor.gain", 0.9, False),  # 6 % of 20: a form may miss it
+        ("sensor.temperature", "sensor.gain", 1.4, True),
+        ("sensor.temperature", "tool.loose", 0.9, True),  # another subsystem
+        ("environment.contact", "cable.pull", 0.9, False),  # both push
+    ],
+)
+def test_a_small_part_may_be_what_the_form_of_a_larger_one_of_its_kind_misses(
+    large, other, small, kept
+):
+    r, f = finalist({large: 20.0, other: small}, effects={large: 1, other: 1})
+    assert names(explained(r, f)) == ([large, other] if kept else [large])
+
+
 # ---- stated numbers -----------------------------------------------------------------------------
 
 

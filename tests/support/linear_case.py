@@ -25,7 +25,7 @@ ROWS = 60
 class Other(Effect):
     """An effect that declares nothing."""
 
-    subsystem = "other"
+    family = subsystem = "other"
 
 
 @dataclass(frozen=True)

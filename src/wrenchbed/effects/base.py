@@ -217,6 +217,12 @@ class Effect(ABC):
         return self.name.partition(".")[0]
 
     @property
+    def family(self) -> str:
+        """Effects of one family may imitate what the form of another of them misses: what pushes on
+        the tool from outside may pass for another such push."""
+        return "external" if self.subsystem in ("cable", "environment") else self.subsystem
+
+    @property
     def of_recording(self) -> bool:
         """Whether the effect belongs to a recording (its tool, its zero, its day), not to the
         robot."""

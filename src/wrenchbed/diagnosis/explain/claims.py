@@ -110,6 +110,7 @@ def explained(refitter: Refitter, f: Finalist) -> Explanation:
     parts += more
     if not parts:  # where nothing counts, what all small effects leave
         remaining = rest(refitter, f, added)
+    parts = [p for p in parts if not _form_of_another(p, parts, f)]
     named = [p.index for p in parts if p.index is not None]
     both = zip(named, parts, strict=True)
     parts = [replace(p, twins=twins(refitter, f, k, p.share, named)) for k, p in both]
@@ -162,6 +163,18 @@ def _standing_in(
         parts.append(Part(f.parts[k].name, taken, index=k))
         residual = without[best]
     return parts, d.gap(residual) - d.row_noise
+
+
+def _form_of_another(part: Part, parts: list[Part], f: Finalist) -> bool:
+    """Whether a part may only correct the form assumed for a larger part of its kind."""
+    assert part.index is not None
+    family = f.parts[part.index].effect.family
+    for other in parts:
+        assert other.index is not None
+        effect = f.parts[other.index].effect
+        if effect.family == family and part.share < effect.form_error * other.share:
+            return True
+    return False
 
 
 def wrong_numbers(refitter: Refitter, f: Finalist) -> list[Part]:
