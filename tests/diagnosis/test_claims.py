@@ -16,7 +16,7 @@ from wrenchbed.diagnosis.explain.claims import (
     wrong_numbers,
     zero_offset,
 )
-from wrenchbed.diagnosis.explain.contributions import twins
+from wrenchbed.diagnosis.explain.contributions import doubled, twins
 from wrenchbed.diagnosis.explain.structures import rank
 
 
@@ -303,3 +303,14 @@ def test_a_twin_has_as_many_numbers(columns, found):
         {"cable.pull": 3.0}, effects=effects, alike={("cable.pull", "base.tilt"): 0.999}
     )
     assert twins(r, f, 0, 3.0, {0}) == found
+
+
+@pytest.mark.parametrize(("correlation", "twice"), [(0.995, True), (0.985, False)])
+def test_a_part_that_makes_what_another_makes_is_doubled(correlation, twice):
+    every = (*PAIR, "tool.loose")
+    effects = dict.fromkeys(every, 1)
+    r, f = finalist({"cable.pull": 3.0}, every, effects=effects, alike={PAIR: correlation})
+    some = named(r.d, "cable.pull", "tool.loose", "sensor.temperature")
+    both = replace(f, parts=some, x=np.array([0.8, 0.5, -0.3]))
+    assert doubled(r, both) is twice
+    assert not doubled(r, replace(f, x=np.array([0.8, 0.3, 0.5])))  # only the last is asked

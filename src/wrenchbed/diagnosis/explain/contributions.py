@@ -103,6 +103,14 @@ def imitators(refitter: Refitter, f: Finalist, part: int) -> tuple[str, ...]:
     return tuple(name for name, k in nearest.items() if away(k) <= APART)
 
 
+def doubled(refitter: Refitter, f: Finalist) -> bool:
+    """Whether the last part makes nearly the same readings as another part, of either sign."""
+    made = np.stack([made_by(refitter, f, [k]) for k in range(len(f.parts))], axis=1)
+    *others, last = refitter.d.without_stated(made).T
+    energy = (1.0 - SAME) * float(last @ last)
+    return any(float(last @ x) ** 2 > energy * float(x @ x) > 0.0 for x in others)
+
+
 def _as_many_numbers(
     refitter: Refitter, f: Finalist, part: int, added: np.ndarray, share: float
 ) -> list[str]:

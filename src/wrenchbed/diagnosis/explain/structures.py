@@ -20,7 +20,7 @@ from wrenchbed.diagnosis.evidence.search import (
     best_variants,
 )
 from wrenchbed.diagnosis.explain.claims import Explanation, corrected, explained, with_imitators
-from wrenchbed.diagnosis.explain.contributions import claimable
+from wrenchbed.diagnosis.explain.contributions import claimable, doubled
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.refit import Refitter
 from wrenchbed.diagnosis.prepare.baseline import Baseline, calibrate
@@ -159,7 +159,7 @@ def _extended(
                 continue
             seen.add(names)
             pair = refitter.extended(f, h)
-            if pair.log_posterior <= f.log_posterior:
+            if pair.log_posterior <= f.log_posterior or doubled(refitter, pair):
                 continue
             if len(claimable(refitter, pair)) <= AT_ONCE:
                 longer.append(pair)
