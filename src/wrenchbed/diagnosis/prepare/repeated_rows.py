@@ -17,6 +17,8 @@ FAR, FAR_TO_NEAR = 11, 1.5
 may do so next to each other."""
 FEW = 0.015
 """Share of rows beyond what counts may make, below which no row is taken for a repeat."""
+DEVICES = (0, 1, 2), (3, 4, 5)
+"""Channels that a device of its own may deliver: a clipped channel repeats alone."""
 WINDOW = 64
 """Rows over which a channel's own chance of repeating is taken."""
 
@@ -96,14 +98,22 @@ class Repeats:
 
 
 def repeats(wrench: np.ndarray) -> Repeats:
-    """Repeats of rows (N, 6) in all channels."""
+    """Repeats of rows (N, 6) in all channels, else of continuous forces or torques alone."""
     same = wrench[1:] == wrench[:-1]
     all_same = same.all(axis=1)
     others = same[~all_same]
     if len(others) < 2 * WINDOW:
         return _repeats(all_same, 1.0, ())
     expected = max(_chance(others), FAR_TO_NEAR * _far(wrench, all_same))
-    return _repeats(all_same, expected, (0, 1, 2, 3, 4, 5))
+    result = _repeats(all_same, expected, (0, 1, 2, 3, 4, 5))
+    if result.share > result.expected + 0.01:
+        return result
+    for group in DEVICES:
+        again = same[:, group[0]]
+        together = all(np.array_equal(same[:, k], again) for k in group)
+        if together and again.mean() > 0.02 and all(_continuous(wrench[:, k]) for k in group):
+            return _repeats(again, 0.0, group)
+    return result
 
 
 def _repeats(again: np.ndarray, expected: float, channels: tuple[int, ...]) -> Repeats:
@@ -133,3 +143,12 @@ def _far(wrench: np.ndarray, all_same: np.ndarray) -> float:
     changes = np.concatenate([[0], np.cumsum(~all_same)])
     same = (wrench[FAR:] == wrench[:-FAR]).all(axis=1)
     return float(np.mean(same & (changes[FAR:] > changes[:-FAR])))
+
+
+def _continuous(y: np.ndarray) -> bool:
+    """Whether a channel's changes rarely have the same size twice and no size is a limit."""
+    fresh = y[np.concatenate([[True], y[1:] != y[:-1]])]
+    if len(fresh) < WINDOW:
+        return False
+    _, count = np.unique(fresh, return_counts=True)
+    return bool(count.max() <= 2 and len(count) > 0.98 * len(fresh))
