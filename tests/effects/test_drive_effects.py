@@ -40,7 +40,7 @@ def of(effect, at, y):
     block = effect.block(at, columns)
     ones = np.ones((len(y), 1))
     use = np.ones(len(y), dtype=bool)
-    residual = DriveResidual(y, use, at.angle, y, ones, ones, np.array([np.inf]), lambda x: x)
+    residual = DriveResidual(y, use, at.angle, y, ones, lambda x: x)
     scanned = effect.scan(at, residual)
     return (columns, block) if scanned is None else ((*columns, *scanned[0]), scanned[1])
 

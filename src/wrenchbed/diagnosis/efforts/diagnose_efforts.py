@@ -84,7 +84,7 @@ def diagnose_efforts(
     Args:
         recording: of an arm, with ``tau1…`` or ``i1…``, or with commands alone, ``q_target1…``.
         drives: output of ``wrenchbed calibrate`` on a healthy recording of this robot, if any.
-        seed: of the resampled blocks.
+        seed: of the bootstrap over held-out blocks.
         wrench: the recording's wrench testifies too.
         material: residual of a torque, and of a force, that counts; a row's noise if None.
         progress: called with the step that begins.
@@ -109,7 +109,7 @@ def diagnose_efforts(
     progress("effects and noise")
     d = dictionary(scene, material)
     progress("structures and their evidence")
-    structures, simulators = search(d, seed), Simulators(d)
+    structures, simulators = search(d), Simulators(d)
     likely = weighed(structures, simulators)
     progress("held-out rows")
     unnamed = outside(d, likely[0])

@@ -3,7 +3,6 @@
 Structures are compared on these products alone; rows are needed again only for figures.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -45,6 +44,7 @@ class Channel:
             reversals too, where a delay acts most.
         at: its columns, then the arm's, by their places among all (K,).
         data: these columns (M, K).
+        left: what all of them leave of y (M,), zero where no row counts.
         noise: of a row.
         counts: residual that counts, a gap of 1: a row's noise unless the user says otherwise.
     """
@@ -54,6 +54,7 @@ class Channel:
     moving: np.ndarray
     at: np.ndarray
     data: np.ndarray
+    left: np.ndarray
     noise: RowNoise
     counts: float
 
@@ -68,11 +69,6 @@ class Channel:
         counts."""
         seen = self.data[self.moving] / self.counts
         return np.asarray(seen.T @ seen / len(seen))
-
-    @property
-    def left(self) -> np.ndarray:
-        """What the richest model leaves (M,), zero where no row counts."""
-        return remains(self.y, self.data, self.use)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,10 +123,16 @@ class Dictionary:
             at, white = channel.at, channel.noise.white(channel.y)
             columns = channel.noise.white(channel.data)
             for b in range(BLOCKS):
-                some = columns[self.fold == b]
+                rows = channel.use & (self.fold == b)
+                some = columns[rows]
                 gram[b][np.ix_(at, at)] += some.T @ some
-                right[b][at] += some.T @ white[self.fold == b]
+                right[b][at] += some.T @ white[rows]
         return gram, right
+
+    def weighed(self, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Sums of `products` with a weight of each block (B,): (P, P) and (P, 1)."""
+        gram, right = self.products
+        return np.tensordot(weight, gram, axes=1), (weight @ right)[:, None]
 
 
 def dictionary(scene: EffortScene, material: Material | None = None) -> Dictionary:
@@ -148,11 +150,10 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
     arm_columns, arm_blocks = of_arm(scene)
     arm = scene.thin(np.stack([c.data for c in arm_columns], axis=-1))
     speeds, many = np.abs(scene.speeds[scene.kept()]), range(y.shape[1])
-    each = [_made(scene, j, y[:, j], use[:, j], arm_columns, arm[:, j]) for j in many]
-    noise = [
-        row_noise(y[:, j], np.hstack([each[j][1], arm[:, j]]), speeds[:, j], use[:, j])
-        for j in many
-    ]
+    each = [_made(scene, j, y[:, j], use[:, j], arm[:, j]) for j in many]
+    every = [np.hstack([each[j][1], arm[:, j]]) for j in many]
+    left = [remains(y[:, j], every[j], use[:, j]) for j in many]
+    noise = [row_noise(y[:, j], left[j], use[:, j], every[j].shape[1]) for j in many]
     std_rows = np.array([n.std for n in noise])
     flat = [c for columns, _, _ in each for c in columns] + arm_columns
     joint = np.repeat([*many, -1], [*(len(columns) for columns, _, _ in each), len(arm_columns)])
@@ -165,7 +166,7 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
         Channel(
             y[:, j], use[:, j], speeds[:, j] > REST * speeds[:, j].max(),
             np.concatenate([np.flatnonzero(joint == j), np.flatnonzero(joint < 0)]),
-            np.hstack([each[j][1], arm[:, j]]), noise[j], float(counts[j]),
+            every[j], left[j], noise[j], float(counts[j]),
         )
         for j in many
     )  # fmt: skip
@@ -179,9 +180,8 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
 
 
 def _made(
-    scene: EffortScene, j: int, y: np.ndarray, use: np.ndarray, arm_columns: Sequence[Column],
-    arm: np.ndarray,
-) -> tuple[list[Column], np.ndarray, list[Block]]:  # fmt: skip
+    scene: EffortScene, j: int, y: np.ndarray, use: np.ndarray, arm: np.ndarray
+) -> tuple[list[Column], np.ndarray, list[Block]]:
     """Columns of channel j, from 0, what they are at the kept rows (M, K), and its causes.
 
     Args:
@@ -193,14 +193,9 @@ def _made(
     data = scene.thin(np.column_stack([c.data for c in columns]))
     if sensor >= 0:
         return columns, data, blocks
-    rows, ordered, whole = rows_of(scene, j), [*columns, *arm_columns], np.hstack([data, arm])
-    std = np.array([np.inf if c.free else c.std or 0.0 for c in ordered])
-    ordinary, joints = std > 0.0, np.arange(len(std)) < len(columns)
-    timed = np.array([c.name.startswith(("late", "common")) for c in ordered])
-    residual = DriveResidual(
-        y, use, scene.q.v[scene.kept(), j], remains(y, whole, use), whole[:, ordinary & joints],
-        whole[:, ordinary & ~timed], std[ordinary & ~timed], scene.thin,
-    )  # fmt: skip
+    rows, left = rows_of(scene, j), remains(y, np.hstack([data, arm]), use)
+    own = data[:, [(c.free or bool(c.std)) and not c.name.startswith("late") for c in columns]]
+    residual = DriveResidual(y, use, scene.q.v[scene.kept(), j], left, own, scene.thin)
     for effect in drive_effects().values():
         if (scanned := effect.scan(rows, residual)) is not None:
             more, block = scanned

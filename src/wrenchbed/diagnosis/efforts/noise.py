@@ -16,9 +16,6 @@ _FLOOR = 1e-3
 """White share that is added to its variance: filters leave bands without any."""
 _RIDGE = 1e-6
 """Share of a column's square that is added to it in the fit of the richest model."""
-_SLOW = (0.02, 0.06)
-"""Speeds over the largest that bound bins of rows with a noise of their own: friction laws differ
-most near reversals, within a few hundredths."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,40 +26,33 @@ class RowNoise:
         std: standard deviation of one row's noise [N·m].
         filter: whitening filter (K,), which begins with 1.
         innovation: standard deviation of the filtered noise [N·m].
-        weight: of each row in a fit (M,), at most 1; smaller where the residual of the richest
-            model is larger.
     """
 
     std: float
     filter: np.ndarray
     innovation: float
-    weight: np.ndarray
 
     def white(self, columns: np.ndarray) -> np.ndarray:
-        """Columns (M, …) in units of the innovations, weighted."""
-        made = scipy.signal.lfilter(self.filter, [1.0], columns, axis=0) / self.innovation
-        shape = (-1,) + (1,) * (columns.ndim - 1)
-        return np.asarray(made * np.sqrt(self.weight).reshape(shape))
+        """Columns (M, …) in units of the innovations."""
+        filtered = scipy.signal.lfilter(self.filter, [1.0], columns, axis=0)
+        return np.asarray(filtered / self.innovation)
 
 
-def row_noise(y: np.ndarray, columns: np.ndarray, speed: np.ndarray, use: np.ndarray) -> RowNoise:
-    """Noise of one channel, from the residual of its torque y (M,) [N·m] after a fit of all columns
-    (M, K), at joint speeds (M,); rows outside ``use`` (M,), boolean, get no weight.
+def row_noise(y: np.ndarray, left: np.ndarray, use: np.ndarray, columns: int) -> RowNoise:
+    """Noise of one channel.
+
+    Args:
+        y: measured less predicted (M,) [N·m].
+        left: what a fit of all columns leaves of it (M,), zero where no row counts.
+        use: which rows count (M,).
+        columns: their number.
     """
-    residual, rows = remains(y, columns, use), int(use.sum())
-    std = float(np.std(residual[use])) * float(np.sqrt(rows / max(rows - columns.shape[1], 1)))
+    rows = int(use.sum())
+    std = float(np.std(left[use])) * float(np.sqrt(rows / max(rows - columns, 1)))
     std = max(std, 1e-9 * max(float(np.std(y)), 1e-3))
-    kernel = _whitening(residual)
-    white = scipy.signal.lfilter(kernel, [1.0], residual)
-    fast = np.abs(speed) / max(float(np.abs(speed).max()), 1e-12)
-    level = float(np.var(white[use & (fast > _SLOW[-1])]))
-    weight = use.astype(float)
-    for low, high in zip((0.0, *_SLOW[:-1]), _SLOW, strict=True):
-        slow = use & (fast >= low) & (fast < high)
-        if slow.sum() > _ORDER:
-            weight[slow] = min(1.0, level / max(float(np.var(white[slow])), 1e-300))
-    innovation = max(float(np.sqrt(level)), 1e-9 * std)
-    return RowNoise(std, kernel, innovation, weight)
+    kernel = _whitening(left)
+    innovation = float(np.std(scipy.signal.lfilter(kernel, [1.0], left)[use]))
+    return RowNoise(std, kernel, max(innovation, 1e-9 * std))
 
 
 def remains(y: np.ndarray, columns: np.ndarray, use: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ import numpy as np
 
 from wrenchbed.diagnosis.efforts.columns import FREE
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
-from wrenchbed.diagnosis.efforts.search import Evidence
+from wrenchbed.diagnosis.efforts.search import wide
 from wrenchbed.diagnosis.evidence.likelihood import Products
 from wrenchbed.diagnosis.explain.verdict import Part
 from wrenchbed.diagnosis.gap.gaps import Judged
@@ -87,10 +87,9 @@ class Simulator:
 
     def _fitted(self, weight: np.ndarray) -> tuple[np.ndarray, Products]:
         """Amplitudes (P,) of weighted blocks of time (B,), and what they were fitted with."""
-        d, evidence, bounded = self.d, Evidence(self.d, weight), self._bounded
-        gram, right = evidence.level.gram, evidence.right
-        wide = np.where(self._unbounded, FREE / np.maximum(d.size, 1e-12), 0.0)
-        variance, fixed = np.where(bounded, d.std, wide) ** 2, np.zeros(right.shape)
+        d, bounded, (gram, right) = self.d, self._bounded, self.d.weighed(weight)
+        free = np.where(self._unbounded, FREE / np.maximum(d.size, 1e-12), 0.0)
+        variance, fixed = np.where(bounded, d.std, free) ** 2, np.zeros(right.shape)
         for _ in range(_ROUNDS):
             level = Products(gram, variance)
             x = fixed + level.held(right - gram @ fixed)
@@ -191,6 +190,8 @@ def _of_channels(d: Dictionary, residual: np.ndarray) -> np.ndarray:
 
 def _box(d: Dictionary) -> np.ndarray:
     """Amplitudes (B, P) of a regression on all columns at once, cross-fitted in few parts."""
-    part, every = np.arange(BLOCKS) * _PARTS // BLOCKS, list(range(len(d.blocks)))
-    each = [Evidence(d, (part != k).astype(float)).amplitudes(every) for k in range(_PARTS)]
-    return np.stack(each)[part]
+    part, of_causes = np.arange(BLOCKS) * _PARTS // BLOCKS, np.concatenate(d.at)
+    std = d.std.copy()
+    std[of_causes] = np.maximum(std, wide(d))[of_causes]
+    both = [d.weighed((part != k).astype(float)) for k in range(_PARTS)]
+    return np.stack([Products(gram, std**2).held(right)[:, 0] for gram, right in both])[part]

@@ -154,9 +154,7 @@ class DriveResidual:
         use: which rows count.
         angle: of the joint.
         left: of y beside all columns, zero where no row counts.
-        own: ordinary columns of the joint (M, K).
-        ordinary: the same without delays, with those of the arm (M, L).
-        std: of the amplitudes of ``ordinary`` (L,), infinite where free.
+        own: ordinary columns of the joint, but of a delay (M, K).
         thin: takes a column (N,) to the kept rows.
     """
 
@@ -165,9 +163,13 @@ class DriveResidual:
     angle: np.ndarray
     left: np.ndarray
     own: np.ndarray
-    ordinary: np.ndarray
-    std: np.ndarray
     thin: Callable[[np.ndarray], np.ndarray]
+
+    @cached_property
+    def basis(self) -> np.ndarray:
+        """Orthonormal basis (n, K) of the ordinary columns at the n rows that count."""
+        some = self.own[self.use]
+        return np.linalg.qr(some / np.maximum(np.sqrt((some**2).mean(axis=0)), 1e-12))[0]
 
 
 class DriveEffect(ABC):

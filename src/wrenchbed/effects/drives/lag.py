@@ -4,7 +4,6 @@ from abc import abstractmethod
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import minimize_scalar
 
 from wrenchbed.effects.drives.base import Block, Column, DriveEffect, DriveResidual, DriveRows
@@ -15,13 +14,11 @@ bridges."""
 _CLOSE = 2e-4
 """Error of a found delay or time constant [s]: friction turns at one instant, which a fortieth of a
 row resolves."""
-_RIDGE = 1e-9
-"""Share of a column's square that is added to it: columns may be alike."""
 
 
 def closest(
     change: Callable[[float], np.ndarray], thin: Callable[[np.ndarray], np.ndarray], y: np.ndarray,
-    beside: np.ndarray, std: np.ndarray, noise: float,
+    basis: np.ndarray,
 ) -> float:  # fmt: skip
     """The time [s] whose change of the torque fits best, at its own size, beside other columns.
 
@@ -29,18 +26,12 @@ def closest(
         change: of the torque (N,) by a time [s].
         thin: takes the rows (M,) that count.
         y: measured less predicted torque (M,).
-        beside: columns (M, K) of what is ordinary.
-        std: of their amplitudes (K,), infinite where they are free.
-        noise: standard deviation of a row (that of correlated noise is larger).
+        basis: orthonormal (M, K), of what is ordinary.
     """
-    gram = beside.T @ beside
-    prior = _RIDGE * np.diagonal(gram) + (noise / std) ** 2
-    factor = cho_factor(gram + np.diag(np.maximum(prior, np.finfo(float).tiny)))
 
     def left(time: float) -> float:
         off = y - thin(change(time))
-        seen = beside.T @ off
-        return float(off @ off - seen @ cho_solve(factor, seen))
+        return float(off @ off - np.square(basis.T @ off).sum())
 
     best = int(np.argmin([left(float(t)) for t in TIMES]))
     low, high = TIMES[max(best - 1, 0)], TIMES[min(best + 1, len(TIMES) - 1)]
@@ -60,10 +51,10 @@ class Lag(DriveEffect):
     def scan(
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:
-        use, noise = residual.use, float(np.std(residual.left[residual.use]))
+        use = residual.use
         time = closest(
             lambda x: self.change(rows, x), lambda x: residual.thin(x)[use], residual.y[use],
-            residual.ordinary[use], residual.std, noise,
+            residual.basis,
         )  # fmt: skip
         column = rows.column(self.name, self.change(rows, time))
         return (column,), self.cause(rows, (column.name,), time, -float(np.log(len(TIMES))))

@@ -19,7 +19,7 @@ class DriveRipple(Wave):
 
     def periods(self, residual: DriveResidual) -> float:
         use = residual.use
-        return fitting(residual.y[use], residual.own[use], residual.angle[use])
+        return fitting(residual.y[use], residual.basis, residual.angle[use])
 
 
 EFFECT = DriveRipple()

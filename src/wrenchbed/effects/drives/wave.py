@@ -72,9 +72,9 @@ def strongest(residual: np.ndarray, angle: np.ndarray) -> float:
     return float(tried[int(power.argmax())])
 
 
-def fitting(y: np.ndarray, beside: np.ndarray, angle: np.ndarray) -> float:
-    """Periods a turn up to `GEAR_MOST` that fit a torque (M,) best beside other columns (M, K)."""
-    basis = np.linalg.qr(beside / np.maximum(np.sqrt((beside**2).mean(axis=0)), 1e-12))[0]
+def fitting(y: np.ndarray, basis: np.ndarray, angle: np.ndarray) -> float:
+    """Periods a turn up to `GEAR_MOST` that fit a torque (M,) best beside an orthonormal basis
+    (M, K)."""
     residual, best, period = y - basis @ (basis.T @ y), -1.0, SLOWEST
     for turn in np.arange(SLOWEST, GEAR_MOST, _STEP):
         phase = turn * angle
