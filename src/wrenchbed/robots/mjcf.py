@@ -110,13 +110,11 @@ class LinkInertias:
             origin of `SimulatedRobot.link_frames`.
         rotor: inertia of each motor at the joint's side (J,) [kg·m² or kg], MuJoCo's ``armature``.
         passive: that of all joints (L,), zero at those with motors.
-        names: of the links (L,), those of their bodies.
     """
 
     phi: np.ndarray
     rotor: np.ndarray
     passive: np.ndarray
-    names: tuple[str, ...]
 
 
 def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
@@ -145,8 +143,7 @@ def link_inertias(robot: SimulatedRobot, theta: np.ndarray) -> LinkInertias:
     motors = [int(model.joint(joint.name).dofadr[0]) for joint in robot.joints]
     passive = model.dof_armature.copy()
     passive[motors] = 0.0
-    names = tuple(model.body(int(b)).name for b in model.jnt_bodyid)
-    return LinkInertias(phi, model.dof_armature[motors], passive, names)
+    return LinkInertias(phi, model.dof_armature[motors], passive)
 
 
 def at_home(turn: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
