@@ -15,7 +15,7 @@ from wrenchbed.diagnosis.evidence.search import NONE, UNKNOWN
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
 from wrenchbed.diagnosis.explain.verdict import Cause, Key, Verdict
 from wrenchbed.diagnosis.gap.gaps import Closure
-from wrenchbed.diagnosis.gap.result import Scale, cause, families
+from wrenchbed.diagnosis.gap.result import Scale, cause, families, rival
 from wrenchbed.diagnosis.gap.where import located
 from wrenchbed.diagnosis.next.blind import DETECTED, LEAST_MINOR
 
@@ -52,11 +52,10 @@ def _rivals(s: Simulators, c: Cause, beside: Sequence[int]) -> list[dict[str, An
     result = []
     for effect, keys in by_effect.items():
         block = next(k for k, b in enumerate(s.d.blocks) if b.key == keys[0][0])
-        result.append({
-            "effect": effect, "elements": [place(key)[1] for key, _ in keys],
-            "probability": c.probability * sum(share for _, share in keys),
-            "parameters": parameters(s.of((*beside, block)), block),
-        })  # fmt: skip
+        elements = [place(key)[1] for key, _ in keys]
+        numbers = {"elements": elements, "parameters": parameters(s.of((*beside, block)), block)}
+        probability = c.probability * sum(share for _, share in keys)
+        result.append(rival(effect, probability, numbers))
     return result
 
 

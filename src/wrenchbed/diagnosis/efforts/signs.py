@@ -10,6 +10,7 @@ import numpy as np
 import scipy  # which loads its slow submodules when they are first used
 
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary
+from wrenchbed.effects.drives.operators import REST
 
 _STRETCHES = 40
 """Stretches of time whose variances are compared: a few seconds each of an ordinary recording."""
@@ -36,8 +37,6 @@ _KURTOSIS = 15.0
 _HELD_S, _HELD_ROWS = 0.15, 12
 """Shortest time [s] and rows over which a moving joint's effort repeats exactly: twice what
 quantised noise reaches, 0.07 s."""
-_REST = 0.03
-"""Share of the largest speed below which a joint rests, as in `operators`."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +70,7 @@ def signs(d: Dictionary) -> tuple[Sign, ...]:
 
 def held(t: np.ndarray, effort: np.ndarray, speed: np.ndarray) -> str:
     """Description of times at which an effort (N,) repeats exactly in motion; empty if none."""
-    moves = np.abs(speed[1:]) > _REST * np.abs(speed).max()
+    moves = np.abs(speed[1:]) > REST * np.abs(speed).max()
     same = np.concatenate([[0], ((np.diff(effort) == 0.0) & moves).astype(int), [0]])
     first, end = np.flatnonzero(np.diff(same) > 0), np.flatnonzero(np.diff(same) < 0)
     if not first.size:

@@ -29,17 +29,24 @@ _UNITS = {"coulomb": "N·m", "viscous": "N·m·s/rad", "offset": "N·m", "inerti
 def parameters(fit: Simulator, block: int) -> dict[str, Any]:
     """``parameters`` of an entry of ``which``: the size, and what else belongs to the cause."""
     d, b = fit.d, fit.d.blocks[block]
-    size = known()[b.effect].size
-    result: dict[str, Any] = {
-        size.name: {**fit.number(partial(_size, d, block)), "unit": unit_of(d, block)}
-    }
-    if b.joint is not None and isinstance(known()[b.effect], Wave):
+    about, some = known()[b.effect], d.sized(block)
+    size = about.size
+
+    def part(x: np.ndarray, k: int) -> float:
+        return float(_scale(d, block, x) * x[k])
+
+    def whole(x: np.ndarray) -> float:
+        parts = [part(x, k) for k in some]
+        return float(np.linalg.norm(parts)) if size.vector else sum(parts)
+
+    result: dict[str, Any] = {size.name: {**fit.number(whole), "unit": unit_of(d, block)}}
+    if b.joint is not None and isinstance(about, Wave):
         slides = d.scene.robot.joints[b.joint - 1].unit == "m"
         value, unit = (b.value / (2.0 * np.pi), "1/m") if slides else (b.value, "1")
         result["periods"] = {"value": value, "std": None, "unit": unit}
     elif size.vector and not size.columns:
-        for i, k in enumerate(d.sized(block)):
-            number = fit.number(lambda x, i=i: float(_amplitudes(d, block, x)[i]))
+        for k in some:
+            number = fit.number(partial(part, k=k))
             result[d.names[k].rpartition(".")[2]] = {**number, "unit": size.unit}
     if b.joint is not None:
         result["joint"] = {"value": b.joint}
@@ -55,11 +62,6 @@ def unit_of(d: Dictionary, block: int) -> str:
     return d.scene.robot.joints[b.joint - 1].own(unit)
 
 
-def _amplitudes(d: Dictionary, block: int, x: np.ndarray) -> np.ndarray:
-    """Numbers (K,) that make a cause's size, at amplitudes (P,)."""
-    return np.asarray(_scale(d, block, x) * x[d.sized(block)])
-
-
 def _scale(d: Dictionary, block: int, x: np.ndarray) -> float:
     """Size of a cause over the amplitudes of its columns, at amplitudes x (P,) of all."""
     b = d.blocks[block]
@@ -71,13 +73,6 @@ def _scale(d: Dictionary, block: int, x: np.ndarray) -> float:
 def _mass_of_tool(d: Dictionary, x: np.ndarray) -> float:
     """Mass of the tool [kg] at amplitudes (P,)."""
     return max(float(d.scene.tool.mass) + float(x[d.names.index("tool.mass")]), LIGHT)
-
-
-def _size(d: Dictionary, block: int, x: np.ndarray) -> float:
-    parts = _amplitudes(d, block, x)
-    return float(
-        np.linalg.norm(parts) if known()[d.blocks[block].effect].size.vector else parts.sum()
-    )
 
 
 def fitted(fit: Simulator) -> list[dict[str, Any]]:

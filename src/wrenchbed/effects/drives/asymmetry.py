@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
+from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
 
 
 class DriveAsymmetry(DriveEffect):
@@ -16,8 +16,8 @@ class DriveAsymmetry(DriveEffect):
     size = Size("difference", "N·m·s/rad", 2.0, columns=("asymmetry",))
     beside = ("offset",)
 
-    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
-        return (rows.column("asymmetry", np.abs(rows.speed)),)
+    def shapes(self, rows: DriveRows) -> dict[str, np.ndarray]:
+        return {"asymmetry": np.abs(rows.speed)}
 
 
 EFFECT = DriveAsymmetry()

@@ -18,9 +18,6 @@ class DriveBandwidth(Lag):
     size = Size("time", "s", 0.1, absolute=True)
     remedy = "record a motion with faster reversals, which tells a delay from a filter"
 
-    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
-        return ()
-
     def scan(
         self, rows: DriveRows, residual: DriveResidual
     ) -> tuple[tuple[Column, ...], Block] | None:

@@ -186,10 +186,15 @@ class DriveEffect(ABC):
     one_way: ClassVar[bool] = False
     """Whether its size is never below zero: it can only add to friction, or be late."""
 
-    @abstractmethod
+    def shapes(self, rows: DriveRows) -> Mapping[str, np.ndarray]:
+        """What the effect adds to the effort (N,) at size 1, by the words of its columns; none
+        where it does not show, or a residual suggests its shape."""
+        return {}
+
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:
         """Columns that the effect adds; those with a standard deviation belong to every healthy
         drive and are no part of the cause."""
+        return tuple(rows.column(word, shape) for word, shape in self.shapes(rows).items())
 
     def block(self, rows: DriveRows, columns: tuple[Column, ...]) -> Block | None:
         """The cause made of its columns; None where these rows have none."""

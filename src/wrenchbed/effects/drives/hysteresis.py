@@ -1,6 +1,8 @@
 """The gear of a joint has hysteresis after reversals."""
 
-from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
+import numpy as np
+
+from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
 from wrenchbed.effects.drives.operators import stop
 
 WIDTHS = (1e-2, 3e-2, 1e-1)
@@ -21,11 +23,8 @@ class DriveHysteresis(DriveEffect):
     beside = ("coulomb",)
     one_way = True
 
-    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
-        return tuple(
-            rows.column(f"stop{k}", stop(rows.angle, width) - rows.sign)
-            for k, width in enumerate(WIDTHS)
-        )
+    def shapes(self, rows: DriveRows) -> dict[str, np.ndarray]:
+        return {f"stop{k}": stop(rows.angle, w) - rows.sign for k, w in enumerate(WIDTHS)}
 
 
 EFFECT = DriveHysteresis()

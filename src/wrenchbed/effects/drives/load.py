@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
+from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
 
 
 class DriveLoad(DriveEffect):
@@ -16,9 +16,9 @@ class DriveLoad(DriveEffect):
     size = Size("share", "1", 0.6, absolute=True, columns=("load.",))
     remedy = "record the same motion with a known payload: such friction grows"
 
-    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
+    def shapes(self, rows: DriveRows) -> dict[str, np.ndarray]:
         load = np.abs(rows.body)
-        return rows.column("load", rows.sign * load), rows.column("loadspeed", rows.speed * load)
+        return {"load": rows.sign * load, "loadspeed": rows.speed * load}
 
 
 EFFECT = DriveLoad()

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
+from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
 
 SPEEDS = (0.02, 0.06, 0.15)
 """Speeds over which friction falls [rad/s, m/s]: UR joints fall within 0.02 to 0.1."""
@@ -20,11 +20,9 @@ class DriveStribeck(DriveEffect):
     remedy = "record slow motion at several steady speeds in both directions"
     one_way = True
 
-    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
-        return tuple(
-            rows.column(f"stribeck{k}", rows.sign * np.exp(-np.abs(rows.speed) / speed))
-            for k, speed in enumerate(SPEEDS)
-        )
+    def shapes(self, rows: DriveRows) -> dict[str, np.ndarray]:
+        size = np.abs(rows.speed)
+        return {f"stribeck{k}": rows.sign * np.exp(-size / v) for k, v in enumerate(SPEEDS)}
 
 
 EFFECT = DriveStribeck()

@@ -1,6 +1,8 @@
 """Friction of a joint changes with its temperature."""
 
-from wrenchbed.effects.drives.base import Column, DriveEffect, DriveRows, Size
+import numpy as np
+
+from wrenchbed.effects.drives.base import DriveEffect, DriveRows, Size
 
 
 class DriveTemperature(DriveEffect):
@@ -13,14 +15,11 @@ class DriveTemperature(DriveEffect):
     title = "friction of joint {joint} changes with its temperature"
     size = Size("slope", "N·m/K", 0.05, columns=("warmcoulomb",))
 
-    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
+    def shapes(self, rows: DriveRows) -> dict[str, np.ndarray]:
         if rows.warm is None:
-            return ()
+            return {}
         above = rows.warm - rows.warm[0]
-        return (
-            rows.column("warmcoulomb", rows.sign * above),
-            rows.column("warmviscous", rows.speed * above),
-        )
+        return {"warmcoulomb": rows.sign * above, "warmviscous": rows.speed * above}
 
 
 EFFECT = DriveTemperature()

@@ -42,9 +42,6 @@ class Wave(DriveEffect):
     def periods(self, residual: DriveResidual) -> float:
         """Periods a turn that a residual shows most."""
 
-    def columns(self, rows: DriveRows) -> tuple[Column, ...]:
-        return ()
-
     def scan(self, rows: DriveRows, residual: DriveResidual) -> tuple[tuple[Column, ...], Block]:
         turns = self.periods(residual)
         columns = tuple(
