@@ -6,7 +6,7 @@ search with a beam; tempered, so that a law that is not quite right makes an ans
 """
 
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -26,11 +26,9 @@ effects beside them."""
 _BEAM = 8
 """Structures that each step of the beam search continues: time grows with it."""
 _LIKELY = 60
-"""Causes that are tried beside each structure but the best: ten a joint of a six-axis arm."""
+"""Structures of as many causes that are kept: ten a joint of a six-axis arm."""
 _HOPELESS = 10.0
 """Log posterior below the best at which longer structures end the search: one in 22,000."""
-_KEPT = 150
-"""Structures that the final comparison keeps: their probabilities sum to 1 without those beyond."""
 TEMPER = 4.0
 """Factor on the variance of noise: rows with memory are worth fewer than their number, a quarter of
 it."""
@@ -131,27 +129,20 @@ class Search:
 
 def search(d: Dictionary) -> Search:
     """Structures of up to `MOST_CAUSES` causes, that of nothing among them, by a beam search."""
-    evidence = Evidence(d)
-    slots = [b.slot for b in evidence.d.blocks]
+    evidence, slots = Evidence(d), [b.slot for b in d.blocks]
     score: dict[Structure, float] = {(): evidence.prior(())}
-
-    def extend(structures: Sequence[Structure], blocks: Iterable[int]) -> None:
-        """Weigh structures with one more cause each, whose slot is not taken."""
-        free = ((s, k) for s in structures for k in blocks if slots[k] not in {slots[i] for i in s})
-        grown = dict.fromkeys(tuple(sorted((*s, k))) for s, k in free)
-        fresh = [s for s in grown if s not in score]
-        logs = evidence.logs(fresh) if fresh else ()
-        for s, log in zip(fresh, logs, strict=True):
-            score[s] = float(log) + evidence.prior(s) if evidence.possible(s) else -np.inf
-
     beam: list[Structure] = [()]
-    for size in range(1, MOST_CAUSES + 1):
-        extend(beam[:1], range(len(slots)))
-        gains = {k: score.get(tuple(sorted((*beam[0], k))), -np.inf) for k in range(len(slots))}
-        extend(beam[1:], sorted(gains, key=lambda k: -gains[k])[:_LIKELY])
-        beam = sorted((s for s in score if len(s) == size), key=lambda s: -score[s])[:_BEAM]
-        if score[beam[0]] < max(score.values()) - _HOPELESS:
+    for _ in range(MOST_CAUSES):
+        taken = [{slots[k] for k in s} for s in beam]  # of causes that exclude others
+        pairs = ((i, k) for i in range(len(beam)) for k in range(len(slots)))
+        free = (tuple(sorted((*beam[i], k))) for i, k in pairs if slots[k] not in taken[i])
+        grown = list(dict.fromkeys(free))
+        logs = evidence.logs(grown) + [evidence.prior(s) for s in grown]
+        likely = [(grown[i], float(logs[i])) for i in np.argsort(-logs)[:_LIKELY]]
+        possible = {s: log for s, log in likely if evidence.possible(s)}
+        score |= possible
+        beam = list(possible)[:_BEAM]
+        if not beam or score[beam[0]] < max(score.values()) - _HOPELESS:
             break
-    best = sorted(score, key=lambda s: -score[s])[:_KEPT]
-    best = best if () in best else [*best, ()]
+    best = sorted(score, key=lambda s: -score[s])
     return Search(evidence, tuple(best), softmax([score[s] for s in best]))
