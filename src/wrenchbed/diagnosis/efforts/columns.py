@@ -47,7 +47,7 @@ and covers."""
 _GYRATION = 0.02
 """Least radius of gyration of a link [m], for files that leave inertias out: that of a ball of 6
 cm."""
-_STEP = 0.01
+_STEP = 1e-4
 """Steps in mass [kg] and first moment [kg·m] at which the wrench's columns are made: small, since
 the wrench is linear in both but for the square of the centre of gravity."""
 _LATE = 4e-3
@@ -225,17 +225,12 @@ def _tool(scene: EffortScene) -> Made:
     cog, mass = np.asarray(tool.cog, dtype=float), float(tool.mass)
     by_file = registry.record_of("robots", scene.robot.name) is not None  # its [tool] says so
     known = by_file or stated.mass is not None, by_file or stated.cog is not None
-    gravity = np.asarray(scene.model.gravity, dtype=float)
 
     def seen(form: np.ndarray, moved: np.ndarray, more: float) -> np.ndarray:
         """Change of all channels (N, C) by a mass [kg] and a moment (3,) [kg·m]."""
-        ends = list[np.ndarray]()
-        for half in (0.5 * _STEP, -0.5 * _STEP):
-            place = [float(c) for c in cog + half * moved / max(mass, LIGHT)]
-            heavy = max(mass, _STEP * more) + half * more  # no tool weighs less than nothing
-            theta = scene.robot.theta_of_tool(scene.theta, heavy, place)
-            ends.append(scene.sensed(theta, gravity))
-        return np.hstack([y @ form, (ends[0] - ends[1]) / _STEP])
+        place = [float(c) for c in cog + _STEP * moved / max(mass, LIGHT)]
+        theta = scene.robot.theta_of_tool(scene.theta, mass + _STEP * more, place)
+        return np.hstack([y @ form, (scene.sensed(theta) - scene.load) / _STEP])
 
     fit = scene.drives.load
     mass_std, *cog_std = (np.zeros(4) if fit is None else fit[1]).tolist()
@@ -270,7 +265,7 @@ def _tilt(scene: EffortScene) -> Made:
         axis = axis / np.linalg.norm(axis)
         more = np.cross(axis, gravity)  # for 1 rad, to first order
         held = -scene.robot.gravity_torque(scene.q.v, scene.theta, more)
-        seen = scene.sensed(scene.theta, gravity + more) - scene.load
+        seen = scene.sensed(scene.theta, more) - scene.load
         columns.append(Column(f"base.tilt.{k}", np.hstack([held, seen]), _TILT))
     return columns, [Block("base.tilt", None, False, tuple(c.name for c in columns))]
 

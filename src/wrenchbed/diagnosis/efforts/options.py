@@ -20,7 +20,8 @@ _BESIDE = 0.25
 """Gap of causes without a name over that of named ones, from which nothing is named: the unnamed
 are then no small part."""
 _RIVAL = 0.1
-"""Share of a class from which another cause is a rival; estimate."""
+"""Share of a class from which another cause is a rival: odds of ten to one are those of two
+noises, which ordinary errors make."""
 BELIEVED = 0.85
 """Share of right answers where ordinary errors may imitate a cause, or causes leave a gap that
 counts: 79 % of `none` were right on the development seeds, half of all arms having a cause."""

@@ -118,15 +118,17 @@ class EffortScene:
     @cached_property
     def load(self) -> np.ndarray:
         """Predicted wrench (N, 6) [N, N·m]; (N, 0) without a measured one."""
-        return self.sensed(self.theta, np.asarray(self.model.gravity))
+        return self.sensed(self.theta)
 
-    def sensed(self, theta: np.ndarray, gravity: np.ndarray) -> np.ndarray:
-        """Wrench (N, 6) of other parameters (P,) or gravity (3,) [m/s²]; (N, 0) without one."""
+    def sensed(self, theta: np.ndarray, pull: np.ndarray | float = 0.0) -> np.ndarray:
+        """Wrench (N, 6) of other parameters (P,) and more gravity (3,) [m/s²]; (N, 0) without
+        one."""
         if self.wrench is None:
             return np.zeros((len(self.signals.t), 0))
         whole = self.model.configured(self.recording.metadata)
         whole[: len(theta)] = theta
-        return replace(self.model, gravity=tuple(map(float, gravity))).predict(self.q, whole)
+        gravity = tuple((np.asarray(self.model.gravity) + pull).tolist())
+        return replace(self.model, gravity=gravity).predict(self.q, whole)
 
     @property
     def channels(self) -> tuple[str, ...]:
