@@ -145,16 +145,8 @@ def notes(
     d: Dictionary, v: Verdict[Structure], gap: Closure, seen: Sequence[Sign] = (), outside: str = ""
 ) -> tuple[str, ...]:
     """Notes for the reader: what the answer rests on and what it leaves open."""
-    scene = d.scene
-    units = scene.units
-    each = [f"{c.noise.std:.2g}" for c in d.channels]
-    noise = f"{', '.join(each)} {units[0]}"
-    if len(set(units)) > 1:
-        noise = ", ".join(f"{n} {unit}" for n, unit in zip(each, units, strict=True))
-    by = "joint" if scene.wrench is None else "channel"
-    result = [
-        f"noise of a row by {by}: {noise}, estimated from what all effects together leave",
-    ]
+    scene, noise = d.scene, [f"{s.noise:.2g} {s.unit}" for s in scales(d).values()]
+    result = [f"noise of a row: {', '.join(noise)}, from what all effects together leave"]
     stated = [k for k in scene.drives.value if scene.drives.known(k).any()]
     result.append(
         f"stated: {', '.join(stated)}" if stated

@@ -27,8 +27,6 @@ from wrenchbed.errors import DiagnosisError
 BLOCKS = 20
 """Blocks of time, each of which is held out once: 19 degrees of freedom for intervals, seconds
 each."""
-_UNNAMED = 0.5
-"""Background of columns without a name over that of named ones: they are many for each cause."""
 _NOTHING = 1e-9
 """Rms in noises of a row below which a column is none."""
 
@@ -170,8 +168,7 @@ def dictionary(scene: EffortScene, material: Material | None = None) -> Dictiona
         )
         for j in many
     )  # fmt: skip
-    unnamed = {n for b in blocks if b.outside for n in b.columns}
-    std = [_prior(c, max(s, _NOTHING), c.name in unnamed) for c, s in zip(flat, size, strict=True)]
+    std = [_prior(c, max(s, _NOTHING)) for c, s in zip(flat, size, strict=True)]
     return Dictionary(
         scene, channels, tuple(c.name for c in flat), joint, np.array(std),
         np.array([c.free for c in flat]),
@@ -204,9 +201,7 @@ def _made(
     return columns, data, blocks
 
 
-def _prior(column: Column, size: float, unnamed: bool) -> float:
-    if column.free:
-        return FREE / size
-    if column.std is not None:
+def _prior(column: Column, size: float) -> float:
+    if column.std is not None and not column.free:
         return column.std
-    return BACKGROUND * (_UNNAMED if unnamed else 1.0) / size
+    return (FREE if column.free else BACKGROUND) / size
