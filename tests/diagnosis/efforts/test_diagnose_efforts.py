@@ -14,6 +14,7 @@ from wrenchbed.benchmark.efforts.arm import Path, TrueArm
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.efforts.diagnose_efforts import diagnose_efforts
 from wrenchbed.diagnosis.efforts.options import facts_of
+from wrenchbed.diagnosis.efforts.search import Evidence
 from wrenchbed.diagnosis.efforts.signs import episode, held, outliers, peak
 from wrenchbed.diagnosis.efforts.sizes import shows_from
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
@@ -189,7 +190,7 @@ def test_a_cause_that_this_motion_lacks_shows_at_no_size():
     """Stiction, of a joint that never reverses: its columns are zero."""
     block = Block("drive.stiction", 5, False, ("since3.5", "since4.5"))
     nothing = SimpleNamespace(size=np.zeros(2), blocks=(block,), sized=lambda _: np.array([0, 1]))
-    assert shows_from(nothing, None, 0) == np.inf
+    assert shows_from(SimpleNamespace(d=nothing), 0) == np.inf
 
 
 def test_what_nobody_states_is_fitted_and_shows_at_no_size():
@@ -207,7 +208,7 @@ def test_a_cause_is_reported_from_the_size_that_is_stated(effect, joint):
     for seed in range(60, 63):
         healthy = diagnose_efforts(case(seed=seed, spread=0.0))
         block = next(k for k, b in enumerate(healthy.d.blocks) if b.key == (effect, joint))
-        size = shows_from(healthy.d, healthy.search.evidence, block)
+        size = shows_from(Evidence(healthy.d), block)
         unit = 1.0 if joint is None else NOISE[joint - 1]
         for factor, answers in ((1.0, reported), (0.25, too_small)):
             gap = Gap(effect, joint or 2, factor * size / unit)

@@ -15,7 +15,7 @@ from wrenchbed.diagnosis.efforts.configured import stated_drives, with_tool
 from wrenchbed.diagnosis.efforts.dictionary import Dictionary, dictionary
 from wrenchbed.diagnosis.efforts.options import blocks, facts_of, outside, weighed
 from wrenchbed.diagnosis.efforts.scene import effort_scene
-from wrenchbed.diagnosis.efforts.search import Search, Structure, search
+from wrenchbed.diagnosis.efforts.search import Evidence, Structure, search
 from wrenchbed.diagnosis.efforts.signs import signs
 from wrenchbed.diagnosis.efforts.simulator import Simulator, Simulators
 from wrenchbed.diagnosis.efforts.sizes import blind_spots, corrected, fitted
@@ -42,7 +42,6 @@ class EffortFindings:
     Attributes:
         diagnosis: the answers.
         d: columns and noise.
-        search: structures.
         verdict: with joints.
         simulators: with causes, those that were fitted.
         outside: what a gap without a name looks most like, in words.
@@ -51,7 +50,6 @@ class EffortFindings:
 
     diagnosis: Diagnosis
     d: Dictionary
-    search: Search
     verdict: Verdict[Structure]
     simulators: Simulators
     outside: str = ""
@@ -109,8 +107,8 @@ def diagnose_efforts(
     progress("effects and noise")
     d = dictionary(scene, material)
     progress("structures and their evidence")
-    structures, simulators = search(d), Simulators(d)
-    likely = weighed(structures, simulators)
+    evidence, simulators = Evidence(d), Simulators(d)
+    likely = weighed(search(evidence), simulators)
     progress("held-out rows")
     unnamed = outside(d, likely[0])
     seen = () if scene.commanded else signs(d)  # counts of encoders are no ordinary noise
@@ -128,7 +126,7 @@ def diagnose_efforts(
         set90=set90(final, UNLEARNT),
         minor=answer.minor(simulators, likely, final),
         fitted=fitted(fit),
-        scale=answer.scales(d), blind=blind_spots(d, structures.evidence),
+        scale=answer.scales(d), blind=blind_spots(evidence),
         familiar="the probabilities were chosen on simulated arms of six and seven joints",
     )  # fmt: skip
-    return EffortFindings(diagnosis, d, structures, final, simulators, unnamed, seed)
+    return EffortFindings(diagnosis, d, final, simulators, unnamed, seed)

@@ -7,7 +7,7 @@ from functools import cache
 from wrenchbed.diagnosis.decision.decide import LARGEST_NONE, small
 from wrenchbed.diagnosis.decision.facts import Facts
 from wrenchbed.diagnosis.efforts.dictionary import BLOCKS, Dictionary
-from wrenchbed.diagnosis.efforts.search import Search, Structure
+from wrenchbed.diagnosis.efforts.search import Structure
 from wrenchbed.diagnosis.efforts.simulator import Simulators, added
 from wrenchbed.diagnosis.evidence.search import NONE
 from wrenchbed.diagnosis.explain.contributions import CLAIMABLE
@@ -43,14 +43,14 @@ class Weighed:
         return {b: g for b, g in self.gaps.items() if g >= CLAIMABLE}
 
 
-def weighed(s: Search, simulators: Simulators) -> tuple[Weighed, ...]:
-    """Probable structures with the gap that each of their causes adds, best first."""
-    likely = [k for k, p in enumerate(s.probability.tolist()) if p >= _SMALL or k == 0]
-    total, result = float(s.probability[likely].sum()), list[Weighed]()
-    for k in likely:
-        x = simulators.of(s.structures[k]).x
-        gaps = {b: added(simulators.d, x, b) for b in s.structures[k]}
-        result.append(Weighed(s.structures[k], float(s.probability[k]) / total, gaps))
+def weighed(chances: Mapping[Structure, float], simulators: Simulators) -> tuple[Weighed, ...]:
+    """Probable structures, of all best first, with the gap that each of their causes adds."""
+    likely = {s: p for k, (s, p) in enumerate(chances.items()) if p >= _SMALL or k == 0}
+    total, result = sum(likely.values()), list[Weighed]()
+    for structure, p in likely.items():
+        x = simulators.of(structure).x
+        gaps = {b: added(simulators.d, x, b) for b in structure}
+        result.append(Weighed(structure, p / total, gaps))
     return tuple(result)
 
 

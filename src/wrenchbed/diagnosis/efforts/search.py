@@ -112,24 +112,10 @@ class Evidence:
         return all(x[self.d.sized(k)].sum() >= 0.0 for k in signed)
 
 
-@dataclass(frozen=True, eq=False)
-class Search:
-    """Structures of causes that were searched.
-
-    Attributes:
-        evidence: of all rows.
-        structures: best first.
-        probability: of each (S,).
-    """
-
-    evidence: Evidence
-    structures: tuple[Structure, ...]
-    probability: np.ndarray
-
-
-def search(d: Dictionary) -> Search:
-    """Structures of up to `MOST_CAUSES` causes, that of nothing among them, by a beam search."""
-    evidence, slots = Evidence(d), [b.slot for b in d.blocks]
+def search(evidence: Evidence) -> dict[Structure, float]:
+    """Probabilities of structures of up to `MOST_CAUSES` causes, best first, by a beam search; that
+    of nothing is among them."""
+    slots = [b.slot for b in evidence.d.blocks]
     score: dict[Structure, float] = {(): evidence.prior(())}
     beam: list[Structure] = [()]
     for _ in range(MOST_CAUSES):
@@ -145,4 +131,4 @@ def search(d: Dictionary) -> Search:
         if not beam or score[beam[0]] < max(score.values()) - _HOPELESS:
             break
     best = sorted(score, key=lambda s: -score[s])
-    return Search(evidence, tuple(best), softmax([score[s] for s in best]))
+    return dict(zip(best, softmax([score[s] for s in best]).tolist(), strict=True))

@@ -119,19 +119,14 @@ def corrected(d: Dictionary, x: np.ndarray, entries: Sequence[Mapping[str, Any]]
             "effects": list(entries)}  # fmt: skip
 
 
-def blind_spots(d: Dictionary, evidence: Evidence) -> tuple[BlindSpot, ...]:
-    """Effects, by joint or link, that these efforts show at no plausible size.
-
-    Args:
-        d: columns.
-        evidence: of all rows.
-    """
-    spots = []
+def blind_spots(evidence: Evidence) -> tuple[BlindSpot, ...]:
+    """Effects, by joint or link, that these efforts show at no plausible size."""
+    d, spots = evidence.d, list[BlindSpot]()
     for effect, number in _every(d):
         blocks = [k for k, b in enumerate(d.blocks) if b.key == (effect, number)]
         element = "" if number is None else place((effect, number))[1]
         most = known()[effect].size.plausible * (d.blocks[blocks[0]].level if blocks else 1.0)
-        shown = min((shows_from(d, evidence, k) for k in blocks), default=np.inf)
+        shown = min((shows_from(evidence, k) for k in blocks), default=np.inf)
         if shown > ABSURD * most:
             why = NOTHING if blocks else _why(effect)
             spots.append(BlindSpot(effect, element, None, "", why))
@@ -140,10 +135,10 @@ def blind_spots(d: Dictionary, evidence: Evidence) -> tuple[BlindSpot, ...]:
     return tuple(spots)
 
 
-def shows_from(d: Dictionary, evidence: Evidence, block: int) -> float:
+def shows_from(evidence: Evidence, block: int) -> float:
     """Size of a block's cause from which 95 % of recordings like this one report it; all columns of
     the block have that size."""
-    some = d.sized(block)
+    d, some = evidence.d, evidence.d.sized(block)
     if not d.size[some].any():  # no reversal, or nothing that warms
         return np.inf
     unit = 1.0 / max(float(np.sqrt(np.mean(d.size[some] ** 2))), 1e-12)  # a noise of a row
