@@ -19,7 +19,7 @@ _FULL_SPEED, _HARDEST = 0.9, 15.0
 """Fraction of the joints' speeds, and acceleration [rad/s²], that a move in a given time may
 take."""
 _LOOKS = 24
-"""Places along a blended or circular way at which it is looked at before the arm moves."""
+"""Places along a way at which its steepest part is sought before the arm moves."""
 _GAIN = 300.0
 """servoj's default gain, at which the lookahead time is the time by which the arm lags."""
 
