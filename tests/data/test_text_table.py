@@ -64,7 +64,7 @@ def test_columns_of_text_do_no_harm(tmp_path):
         (b"t,fx\n1,2\n2,1e999\n3,4\n", r"column 'fx', row 1: .* not finite \(line 3\)"),
         (b"t,fx\nx,2\n2,3\n3,4\n4,5\n", r"column 't', row 0: 'x' is no number \(line 2\)"),
         (b"1,2\n2,nan\n", r"column '2', row 1: the value is missing or not finite \(line 2\)"),
-        (b"t,fx\n1,2\n\n2,\n", "column 'fx', row 1: the value is missing or not finite$"),
+        (b"t,fx\n1,2\n\n2,\n", r"column 'fx', row 1: .* missing or not finite \(line 4\)"),
         (b"t,fx,fy\n1,2,3\n1,2\n1,2,3\n", r"row 1 \(line 3\) has 2 cells, the rows before it 3"),
         (b"t,fx\n", "0 rows"),
         (b"", "0 rows"),
@@ -90,18 +90,16 @@ def test_whole_numbers_keep_their_digits(tmp_path):
 
 
 @pytest.mark.parametrize("mark", [",", ";", "\t", " "])
-def test_a_large_file_is_the_same_table(tmp_path, mark, monkeypatch):
+def test_a_file_longer_than_what_its_layout_is_read_from(tmp_path, mark, monkeypatch):
     rows = np.random.default_rng(1).normal(size=(400, 3)).round(6)
     lines = [mark.join("abc"), *(mark.join(map(str, row)) for row in rows)]
     path = tmp_path / "log.csv"
     path.write_text("\n".join(["# made by a test", *lines]) + "\n")
-    monkeypatch.setattr(text_table, "_LARGE", 2000)
+    monkeypatch.setattr(text_table, "_HEAD", 2000)
     found = read_text(path)
-    monkeypatch.undo()
-    assert found.table.equals(read_text(path).table) and found.first_line == 3
+    assert found.skipped == 2
     assert np.array_equal(np.stack([found.numbers(c) for c in "abc"], axis=1), rows)
     with path.open("a") as stream:
         stream.write(mark.join(["1", "x", "2"]) + "\n")
-    monkeypatch.setattr(text_table, "_LARGE", 2000)
     with pytest.raises(MapError, match=r"column 'b', row 400: 'x' is no number \(line 403\)"):
         read_text(path).numbers("b")

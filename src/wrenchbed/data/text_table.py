@@ -7,10 +7,11 @@ settings) are skipped; the columns of a table without header are called 1, 2, 3 
 import csv
 import io
 import re
+from codecs import getincrementaldecoder
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import accumulate
+from itertools import accumulate, islice
 from pathlib import Path
 
 import numpy as np
@@ -27,8 +28,8 @@ _LONGEST = 100_000
 to split it in all ways takes seconds."""
 _SAMPLE_SIZE = 500_000
 """Characters that are looked at, at most: splitting a line in all ways is slow."""
-_LARGE = 1_000_000
-"""Files from this size on are read in a stream, if they hold nothing but numbers [bytes]."""
+_HEAD = 1_000_000
+"""Bytes at the beginning that are looked at."""
 _SEPARATORS = ("\t", ";", ",", "|")
 BLANKS = " "
 """The separator that stands for any number of blanks and tabs."""
@@ -67,14 +68,13 @@ class Columns:
     Attributes:
         table: numbers where every cell is one, else text.
         where: name of the file, for messages.
-        first_line: of the file, counted from 1, that holds row 0; none in a log, or if notes stand
-            between rows.
+        skipped: lines of the file before row 0; none in a log, or where rows were left out.
         units: of columns, where a line below the names has them.
     """
 
     table: pa.Table
     where: str
-    first_line: int | None = None
+    skipped: int | None = None
     units: Mapping[str, str] = field(default_factory=dict)
 
     def complete(self, names: Sequence[str]) -> "Columns":
@@ -85,7 +85,7 @@ class Columns:
             keep &= ~column.is_null().to_numpy()
             if pa.types.is_floating(column.type):
                 keep &= np.isfinite(column.to_numpy())
-        return self if keep.all() else replace(self, table=self.table.filter(keep), first_line=None)
+        return self if keep.all() else replace(self, table=self.table.filter(keep), skipped=None)
 
     def times(self, name: str) -> np.ndarray | None:
         """A column (N,) as nanoseconds since 1970, if it is text or stamps of time."""
@@ -121,7 +121,9 @@ class Columns:
         return values
 
     def _wrong(self, name: str, row: int, why: str, remedy: str = "") -> MapError:
-        line = "" if self.first_line is None else f" (line {self.first_line + row})"
+        line = ""
+        if self.skipped is not None:
+            line = f" (line {next(islice(_rows(Path(self.where), self.skipped), row, None))[0]})"
         return MapError(f"{self.where}: column {name!r}, row {row}: {why}{line}{remedy}")
 
 
@@ -135,10 +137,8 @@ def read_text(path: Path, separator: str | None = None) -> Columns:
     Raises:
         MapError: no such file, no table of numbers in it, or a row with another number of cells.
     """
-    whole = _streamed(path, separator)
-    if whole is not None:
-        return whole
-    lines = decode(path).splitlines()
+    head, encoding = _head(path)
+    lines = head.splitlines()
     long = next((k for k, line in enumerate(lines) if len(line) > _LONGEST), None)
     if long is not None:
         raise MapError(
@@ -146,98 +146,99 @@ def read_text(path: Path, separator: str | None = None) -> Columns:
             "is this a table?"
         )
     layout = find_layout(lines, path, separator)
-    body = lines[layout.skipped :]
-    rows = [line for line in body if line.strip() and not _COMMENT.match(line)]
-    first_line = layout.skipped + 1 if rows == body[: len(rows)] else None
-    if not rows:
-        raise MapError(f"{path}: the file has 0 rows")
-    mark = layout.separator
+    source, mark, skipped = path, layout.separator, layout.skipped
     if mark == BLANKS:
-        mark, rows = "\t", ["\t".join(line.split()) for line in rows]
-    cells = rows[0].count(mark) + 1
-    missing = cells - 1 - rows[-1].count(mark)
-    if missing > 0:  # whoever wrote it was stopped: its last number may be cut, too
-        rows[-1] = rows[-1][: rows[-1].rfind(mark) + 1] + missing * mark
-    for row, line in enumerate(rows):
-        if line.count(mark) + 1 != cells and '"' not in line:
-            at = "" if first_line is None else f" (line {first_line + row})"
-            raise MapError(
-                f"{path}: row {row}{at} has {line.count(mark) + 1} cells, the rows before it "
-                f"{cells}: {line[:60]!r}"
-            )
-    try:
-        table = _parsed(io.BytesIO("\n".join(rows).encode()), replace(layout, skipped=0), rows[0])
-    except pa.ArrowException as error:
-        raise MapError(f"{path}: not a table: {str(error).splitlines()[0]}") from error
-    return Columns(table, str(path), first_line, _stated_units(layout))
+        rows = ("\t".join(text.split()) for _, text in _rows(path, skipped))
+        source, mark, skipped, encoding = io.BytesIO("\n".join(rows).encode()), "\t", 0, "utf-8"
 
+    uneven = list[str]()
 
-def _streamed(path: Path, separator: str | None) -> Columns | None:
-    """A large file of numbers alone, read without holding its text; None for any other."""
-    try:
-        if path.stat().st_size < _LARGE:
-            return None
-        with path.open("rb") as stream:
-            head = stream.read(_LARGE)
-        lines = head.decode("utf-8-sig").splitlines()[:-1]  # the last one may be cut
-        layout = find_layout(lines, path, separator)
-        if layout.separator == BLANKS or not all(map(str.strip, lines)):
-            return None
-        table = _parsed(path, layout, lines[layout.skipped])
-    except (OSError, UnicodeDecodeError, MapError, pa.ArrowException) as cause:
-        raise_shortage(cause, path)
-        return None  # whoever reads it line by line names the line
-    plain = all(pa.types.is_floating(c.type) or pa.types.is_integer(c.type) for c in table.columns)
-    if not plain or any(c.null_count for c in table.columns):
-        return None
-    return Columns(table, str(path), layout.skipped + 1, _stated_units(layout))
+    def judged(row: pcsv.InvalidRow) -> str:
+        if not _COMMENT.match(row.text):
+            uneven.append(row.text)
+        return "skip"
 
-
-def _stated_units(layout: Layout) -> dict[str, str]:
-    """Units by the names of the columns."""
-    return {n: u for n, u in zip(layout.names, layout.units, strict=False) if u}
-
-
-def _parsed(source: "Path | io.BytesIO", layout: Layout, row: str) -> pa.Table:
-    """The table of a text in UTF-8 with one character between cells; ``row`` is one of its rows."""
-    mark = "\t" if layout.separator == BLANKS else layout.separator
     width = len(layout.names)
-    names = [str(k) for k in range(max(width, len(split(row, mark))))]
-    table = pcsv.read_csv(
-        source,
-        read_options=pcsv.ReadOptions(column_names=names, skip_rows=layout.skipped),
-        parse_options=pcsv.ParseOptions(delimiter=mark),
-        convert_options=pcsv.ConvertOptions(
-            decimal_point=layout.decimal, strings_can_be_null=True, null_values=_NULLS
-        ),
-    )
-    return table.select(names[:width]).rename_columns(list(layout.names))
+    cells = max(width, len(split(lines[layout.skipped], layout.separator)))
+    try:
+        table = pcsv.read_csv(
+            source,
+            read_options=pcsv.ReadOptions(
+                column_names=[str(k) for k in range(cells)], skip_rows=skipped, encoding=encoding
+            ),
+            parse_options=pcsv.ParseOptions(delimiter=mark, invalid_row_handler=judged),
+            convert_options=pcsv.ConvertOptions(
+                decimal_point=layout.decimal, strings_can_be_null=True, null_values=_NULLS
+            ),
+        )
+    except (pa.ArrowException, UnicodeError) as error:
+        raise_shortage(error, path)
+        raise MapError(f"{path}: not a table: {str(error).splitlines()[0]}") from error
+    if uneven:
+        _check_cut(path, layout, cells)
+        lost = {
+            name: pa.nulls(1, kind)
+            for name, kind in zip(table.schema.names, table.schema.types, strict=True)
+        }
+        table = pa.concat_tables([table, pa.table(lost)])
+    if not table.num_rows:
+        raise MapError(f"{path}: the file has 0 rows")
+    units = {n: u for n, u in zip(layout.names, layout.units, strict=False) if u}
+    named = table.select(range(width)).rename_columns(list(layout.names))
+    return Columns(named, str(path), layout.skipped, units)
 
 
-def decode(path: Path) -> str:
-    """The text of a file: UTF-8, UTF-16, or else Windows-1252 (Excel).
+def _check_cut(path: Path, layout: Layout, cells: int) -> None:
+    """Refuse rows of another number of cells, but a last row that was cut off: its numbers lack.
+
+    Raises:
+        MapError: names the row.
+    """
+    rows = enumerate(_rows(path, layout.skipped))
+    for row, (line, text) in rows:
+        count = len(split(text, layout.separator))
+        if count != cells and (count > cells or next(rows, None) is not None):
+            raise MapError(
+                f"{path}: row {row} (line {line}) has {count} cells, the rows before it {cells}: "
+                f"{text.strip()[:60]!r}"
+            )
+
+
+def _rows(path: Path, skipped: int) -> Iterator[tuple[int, str]]:
+    """Rows of a table with their lines, counted from 1, without empty lines and comments."""
+    with path.open(encoding=_head(path)[1], errors="replace") as stream:
+        for line, text in enumerate(stream, start=1):
+            if line > skipped and text.strip() and not _COMMENT.match(text):
+                yield line, text
+
+
+def _head(path: Path) -> tuple[str, str]:
+    """The first complete lines of a file, and its encoding: UTF-8, UTF-16, or else Windows-1252
+    (Excel).
 
     Raises:
         MapError: no such file, or no text.
     """
     try:
-        raw = path.read_bytes()
+        with path.open("rb") as stream:
+            raw = stream.read(_HEAD)
+            cut = bool(stream.read(1))
     except FileNotFoundError as error:
         raise MapError(f"{path}: there is no such file") from error
     except OSError as error:
         raise_shortage(error, path)
         raise MapError(f"{path}: cannot be read: {error.strerror}") from error
-    head = raw[:400]
+    first = raw[:400]
     wide = {b"\xff\xfe": "utf-16", b"\xfe\xff": "utf-16"}.get(raw[:2])
-    if wide is None and head.count(0) > len(head) // 4:
-        wide = "utf-16-le" if head[1::2].count(0) > head[::2].count(0) else "utf-16-be"
+    if wide is None and first.count(0) > len(first) // 4:
+        wide = "utf-16-le" if first[1::2].count(0) > first[::2].count(0) else "utf-16-be"
     for name in [wide] if wide else ["utf-8-sig", "cp1252"]:
         try:
-            text = raw.decode(name)
+            text = getincrementaldecoder(name)().decode(raw, final=not cut)
         except UnicodeDecodeError:
             continue
         if "\0" not in text:
-            return text
+            return text.rpartition("\n")[0] if cut and "\n" in text else text, name
     raise MapError(f"{path}: is not text; a CSV table, a rosbag or an MCAP file is wanted")
 
 
