@@ -13,6 +13,7 @@ from wrenchbed.data.guess.stated import Stated
 from wrenchbed.data.logs import table, write_mcap
 from wrenchbed.data.metadata import Metadata
 from wrenchbed.data.recording import Recording
+from wrenchbed.data.text_table import read_text
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.described import describe
 from wrenchbed.simulation.simulation import Simulation
@@ -48,7 +49,7 @@ def test_a_table_in_any_order_is_read_by_the_joints_names(digger, tmp_path):
     (tmp_path / "log.csv").write_text("\n".join(lines))
     found = guess([tmp_path / "log.csv"], Stated(robot=str(folder / "my.toml")))
     assert found.conventions[0].reading.names == NAMES
-    sheet = sheet_of(tmp_path / "log.csv")
+    sheet = sheet_of(read_text(tmp_path / "log.csv"))
     assert {r.names for r in joints(sheet, "r", ("turret", "boom"))} == {("turret", "boom")}
     assert ("turret", "nobody") not in {r.names for r in joints(sheet, "r", ("turret", "nobody"))}
 

@@ -6,6 +6,7 @@ from datetime import datetime, timedelta
 import numpy as np
 import pytest
 
+import wrenchbed as wb
 from plain_ur5 import PlainUr5
 from wrenchbed.cli import main
 from wrenchbed.data.clock import evened
@@ -91,6 +92,26 @@ def test_rows_without_a_value_are_left_out_where_that_is_asked_for(tmp_path, log
     keep = np.delete(np.arange(len(t)), [7, 50, len(t) - 1])
     came(path, t[keep], values[keep], "--skip-incomplete")
     assert "3 rows without a value left out" in capsys.readouterr().out
+
+
+def test_topics_with_rows_of_their_own_in_one_table_are_put_together_by_the_clock(tmp_path, log):
+    """As PlotJuggler exports them: a row for each stamp, no value in the other topic's columns."""
+    t, values = log
+    names = [f"/joint_states/{k}/position" for k in wb.load("robots", "ur5").joint_names]
+    names += [f"/ft/wrench/{kind}/{axis}" for kind in ("force", "torque") for axis in "xyz"]
+    lines = [",".join(["__time", *names])]
+    for stamp, row in zip(t.tolist(), values.tolist(), strict=True):
+        cells = [repr(x) for x in row]
+        lines.append(",".join([f"{1.7e9 + stamp:.6f}", *cells[:6], *[""] * 6]))
+        lines.append(",".join([f"{1.7e9 + stamp + 0.004:.6f}", *[""] * 6, *cells[6:]]))
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    out = tmp_path / "rec.parquet"
+    line = ["import", str(tmp_path / "log.csv"), "--skip-incomplete", "--out", str(out)]
+    assert main([*line, "--guess", "--robot", "ur5", "--mode", "static"]) == 0
+    recording = Recording.read(out)
+    assert np.array_equal(recording.wrench, values[:-1, 6:])  # the last one comes after all joints
+    assert np.abs(recording.q - values[:-1, :6]).max() < 0.01  # 4 ms into a pause of 3 s
+    assert main([*line[:-1], str(out), "--force", "--map", str(tmp_path / "rec.map.toml")]) == 0
 
 
 def test_torques_of_joints_are_never_a_wrench(tmp_path, log, capsys):

@@ -22,6 +22,7 @@ from wrenchbed.data.guess.sheets import (
 from wrenchbed.data.guess.stated import Stated
 from wrenchbed.data.tilt import held, upright
 from wrenchbed.errors import WrenchbedError
+from wrenchbed.physics.wrench import CHANNELS
 
 MOST_TRIED = 40
 """Pairs of a wrench and a reading of the orientation that are fitted in full: a right one and what
@@ -53,12 +54,11 @@ class Pairing:
         """Wrench (N, 6) in the file's units."""
         return self.load.block(list(self.wrench.values())).astype(float)
 
-    def may_use(self, reading: Reading) -> bool:
-        """Whether a reading uses neither the clock's columns nor this wrench."""
-        taken = set() if self.sheet.clock is None else {self.sheet.clock.column}
-        if self.load is self.sheet:
-            taken |= set(self.wrench.values())
-        return not taken & set(reading.names)
+    @cached_property
+    def taken(self) -> set[str]:
+        """Columns of the clock and of this wrench, which are of no orientation."""
+        clock = set() if self.sheet.clock is None else {self.sheet.clock.column}
+        return clock | set(self.wrench.values() if self.load is self.sheet else ())
 
     def turn(self, reading: Reading) -> np.ndarray:
         """Columns (N, K) of an orientation, joints or an accelerometer at each row of the wrench,
@@ -119,7 +119,8 @@ def _pairs(tables: Sequence[Sheet], stated: Stated) -> Iterator[tuple[Pairing, R
         for wrench, (at, sheet, of_sheet) in product(wrenches(load), beside):
             if at is not None:
                 pairing = Pairing(load, sheet, wrench, at)
-                yield from ((pairing, r) for r in of_sheet if pairing.may_use(r))
+                taken = pairing.taken
+                yield from ((pairing, r) for r in of_sheet if taken.isdisjoint(r.names))
         if load.loads:
             return
 
@@ -193,14 +194,22 @@ def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:
     for k, (pairing, reading) in enumerate(pairs):
         key = id(pairing.load), id(pairing.sheet), reading.kind, reading.names
         of_reading.setdefault(key, []).append(k)
+    few = {id(pairing.load): _few_rows(pairing.load) for pairing, _ in pairs}
     for members in of_reading.values():
         pairing, reading = pairs[members[0]]
-        rows = np.unique(np.linspace(0, len(pairing.readings) - 1, _FEW_ROWS).astype(int))
+        rows, place, values = few[id(pairing.load)]
         turn = _turn(pairing, reading, rows)
         if turn is not None:
-            force = np.stack([pairs[k][0].readings[rows, :3] for k in members])
-            shares[members] = unexplained(turn, force)
+            forces = [[place[pairs[k][0].wrench[c]] for c in CHANNELS[:3]] for k in members]
+            shares[members] = unexplained(turn, values[forces].swapaxes(1, 2))
     return shares
+
+
+def _few_rows(load: Sheet) -> tuple[np.ndarray, dict[str, int], np.ndarray]:
+    """Some rows (R,) of a table, the place of each column, and the columns (C, R) at these rows."""
+    rows = np.unique(np.linspace(0, len(load) - 1, _FEW_ROWS).astype(int))
+    place = {name: k for k, name in enumerate(load.values)}
+    return rows, place, np.stack([values[rows] for values in load.values.values()], dtype=float)
 
 
 def unexplained(turn: np.ndarray, force: np.ndarray) -> np.ndarray:

@@ -21,7 +21,7 @@ from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.guess.candidates import candidates, rows_at
 from wrenchbed.data.guess.convention import Convention
 from wrenchbed.data.guess.joint_torques import by_names
-from wrenchbed.data.guess.sheets import Sheet, is_of_wrench, orientations, sheet_of, wrenches
+from wrenchbed.data.guess.sheets import Sheet, is_of_wrench, orientations, sheets_of, wrenches
 from wrenchbed.data.guess.stated import NOTHING, Stated
 from wrenchbed.data.logs import is_log
 from wrenchbed.errors import MapError
@@ -138,7 +138,7 @@ def guess(
             f"{logs[0]}: --guess reads text files; a log's topics and fields have names: give "
             f"--map, a file or one of {', '.join(ready())}"
         )
-    tables = [sheet_of(path, skip_incomplete) for path in paths]
+    tables = [sheet for path in paths for sheet in sheets_of(path, skip_incomplete)]
     fitting, untried = candidates(tables, stated)
     more = f" ({untried})" if untried else ""
     if not fitting and len(tables) == 1:

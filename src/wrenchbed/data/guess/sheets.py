@@ -200,14 +200,14 @@ class Reading:
         """Whether it is an accelerometer: it says at rest where up is, and no more."""
         return ACCELERATION[0] in self.targets
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the columns."""
         return tuple(self.targets.values())
 
 
-def sheet_of(path: Path, skip_incomplete: bool = False) -> Sheet:
-    """Table of a text file.
+def sheets_of(path: Path, skip_incomplete: bool = False) -> list[Sheet]:
+    """Table of a text file; several where its columns have their values in rows of their own.
 
     Args:
         path: of the file.
@@ -217,10 +217,34 @@ def sheet_of(path: Path, skip_incomplete: bool = False) -> Sheet:
         MapError: a file without a table of numbers.
     """
     text = read_text(path)
-    rows = text.table.num_rows
-    if skip_incomplete:
-        names = [n for n in text.table.column_names if _missing(text, n) <= rows // 2]
-        text = text.complete(names)
+    if not skip_incomplete:
+        return [sheet_of(text)]
+    names, rows = text.table.column_names, text.table.num_rows
+    lacks = {name: _lacks(text, name) for name in names}
+    frequent = text.complete([name for name in names if lacks[name].mean() <= 0.5])
+    if frequent.table.num_rows > rows // 2:
+        return [sheet_of(frequent, frequent.table.num_rows < rows)]
+    together: dict[bytes, list[str]] = {}
+    for name in names:
+        if 0 < lacks[name].sum() < rows:
+            together.setdefault(lacks[name].tobytes(), []).append(name)
+    always = [name for name in names if not lacks[name].any()]
+    parts = [[n for n in names if n in {*always, *group}] for group in together.values()]
+    wide = (text.complete(part).table.select(part) for part in parts)
+    return [sheet_of(replace(text, table=table, skipped=None), True) for table in wide]
+
+
+def sheet_of(text: Columns, incomplete: bool = False) -> Sheet:
+    """Columns of a text by their roles.
+
+    Args:
+        text: as it was read.
+        incomplete: whether rows were left out that lack a value.
+
+    Raises:
+        MapError: it holds no numbers, or a unit that is not known.
+    """
+    path = Path(text.where)
     values: dict[str, np.ndarray] = {}
     unread = []
     units = {name: unit for name in text.table.column_names if (unit := unit_of(name)) is not None}
@@ -258,8 +282,7 @@ def sheet_of(path: Path, skip_incomplete: bool = False) -> Sheet:
                 f"{path}: column {name!r} is in {foreign[1]!r}, which is no unit of a force or "
                 "torque that is known: give --map, whose `per` is the count of a unit"
             )
-    left_out = text.table.num_rows < rows
-    sheet = Sheet(path, values, roles, units, tuple(loads), tuple(unread), parts, left_out)
+    sheet = Sheet(path, values, roles, units, tuple(loads), tuple(unread), parts, incomplete)
     return sheet if "ax" in roles else replace(sheet, roles=roles | _accelerometer(sheet))
 
 
@@ -272,11 +295,11 @@ def _accelerometer(sheet: Sheet) -> dict[str, str]:
     return {}
 
 
-def _missing(text: Columns, name: str) -> int:
-    """Cells of a column that lack a number."""
+def _lacks(text: Columns, name: str) -> np.ndarray:
+    """Rows (N,) in which a column has no value."""
     column = text.table.column(name)
-    lost = int(np.isnan(column.to_numpy()).sum()) if pa.types.is_floating(column.type) else 0
-    return max(lost, column.null_count)
+    empty = np.asarray(column.is_null())
+    return empty | np.isnan(column.to_numpy()) if pa.types.is_floating(column.type) else empty
 
 
 # names

@@ -11,6 +11,7 @@ import numpy as np
 from wrenchbed.data.column_map import UNITS
 from wrenchbed.data.guess.convention import Convention, GravityFit, in_body
 from wrenchbed.data.guess.sheets import Sheet, sheet_of, wrenches
+from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError
 from wrenchbed.files.checked import Fields, load
 from wrenchbed.physics.rotations import cross
@@ -195,7 +196,7 @@ class KnownLoad:
 
 def _noise(rest: Path, wrench: Mapping[str, Mapping[str, Any]]) -> list[float]:
     """Standard deviation of one row at rest (6,) [N, N·m], of a text file of the wrench."""
-    sheet = sheet_of(rest)
+    sheet = sheet_of(read_text(rest))
     columns = next(wrenches(sheet), None)
     if columns is None:
         raise MapError(f"{rest}: no six columns that might be a wrench")
