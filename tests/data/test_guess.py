@@ -218,6 +218,14 @@ def test_what_is_missing_is_named(tmp_path, leave, words):
         guess([save(tmp_path, "log.csv", columns)])
 
 
+def test_a_robot_that_nobody_knows_is_said_to_be_none(tmp_path):
+    columns = {f"joint_{k}": v for k, v in enumerate(np.random.default_rng(0).normal(size=(6, 50)))}
+    wrench = {k: v for k, v in random_columns(50).items() if k in CHANNELS}
+    path = save(tmp_path, "log.csv", columns | wrench)
+    with pytest.raises(MapError, match=r"'ur55' is none; did you mean 'ur5'"):
+        guess([path], Stated(robot="ur55"))
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [

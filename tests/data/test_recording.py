@@ -104,7 +104,7 @@ def test_files_that_are_no_recordings_are_refused(tmp_path):
     with pytest.raises(RecordingError, match="no such file"):
         Recording.read(path)
     path.write_text("not parquet")
-    with pytest.raises(RecordingError, match="not a complete Parquet file"):
+    with pytest.raises(RecordingError, match="not a complete Parquet file .*wrenchbed import"):
         Recording.read(path)
     pq.write_table(pa.table(columns()), path)
     with pytest.raises(RecordingError, match="wrenchbed import"):

@@ -53,7 +53,8 @@ def read(path: Path, error: type[WrenchbedError]) -> tuple[dict[str, np.ndarray]
         if isinstance(cause, OSError) and cause.errno is not None:
             raise error(f"{path}: cannot be read: {cause.strerror}") from cause
         raise error(
-            f"{path}: not a complete Parquet file (truncated, damaged or of another kind)"
+            f"{path}: not a complete Parquet file (truncated, damaged or of another kind; of a log "
+            "`wrenchbed import` makes one)"
         ) from cause
     finally:
         pa.default_memory_pool().release_unused()

@@ -24,7 +24,7 @@ from wrenchbed.data.guess.joint_torques import by_names
 from wrenchbed.data.guess.sheets import Sheet, is_of_wrench, orientations, sheets_of, wrenches
 from wrenchbed.data.guess.stated import NOTHING, Stated
 from wrenchbed.data.logs import is_log
-from wrenchbed.errors import MapError
+from wrenchbed.errors import MapError, did_you_mean
 from wrenchbed.files.checked import Fields, quoted
 from wrenchbed.physics.wrench import CHANNELS
 
@@ -146,7 +146,7 @@ def guess(
         if named is not None:
             return Guess((), (named[0],), (), by_names=named[1])
     if not fitting:
-        raise MapError(f"{_nothing(tables)}{more}")
+        raise MapError(f"{_nothing(tables, stated.robot)}{more}")
     # of several wrenches in the files; six columns in a row share their forces with others
     clearest = min(fitting, key=lambda c: c.fit.share * c.fit.torque_share)
     fitting = [c for c in fitting if (c.load, c.wrench) == (clearest.load, clearest.wrench)]
@@ -200,7 +200,8 @@ def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str)
     return tuple(notes)
 
 
-def _nothing(tables: Sequence[Sheet]) -> str:
+def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
+    """Why no convention fits, and the columns that were looked at."""
     names = ", ".join(n for s in tables for n in s.values)
     if not any(True for s in tables for _ in wrenches(s)):
         what = "no six columns that might be a wrench"
@@ -209,6 +210,9 @@ def _nothing(tables: Sequence[Sheet]) -> str:
             "no orientation (quaternion, matrix, angles) of the sensor; joints need --robot NAME "
             "of a robot that is known"
         )
+        if robot is not None and not registry.is_known("robots", robot):
+            hint = did_you_mean(robot, registry.names("robots"))
+            what += f", and {robot!r} is none{hint} (`wrenchbed robot FILE` makes one)"
     else:
         what = (
             "no reading of the columns makes the wrench the weight of a rigid load that is turned "
