@@ -184,14 +184,14 @@ class CalibrationOptions:
             that the robot might have wrong, `default` for the robot's own, which none gives.
         hold: Of these, to hold at their stated or nominal value.
         prior: Take each tolerance as a prior standard deviation.
-        loss: Huber and Student's t resist outliers.
+        loss: Huber's resists outliers.
         force: Give the values all the same where the data refute them.
     """
 
     free: Sequence[str] = ()
     hold: Sequence[str] = ()
     prior: bool = False
-    loss: Literal["linear", "huber", "student"] = "linear"
+    loss: Literal["linear", "huber"] = "linear"
     force: bool = False
 
 

@@ -11,12 +11,9 @@ from wrenchbed.calibration.observations import Observations
 from wrenchbed.calibration.touches import Touches
 from wrenchbed.simulation.closed_form import Model
 
-LOSSES = ("linear", "huber", "student")
+LOSSES = ("linear", "huber")
 _HUBER_K = 1.345
 """95 % efficient under normal noise: Holland & Welsch 1977, doi 10.1080/03610927708827533."""
-_STUDENT_NU = 4.0
-"""Degrees of freedom of the Student loss: heavier tails waste good rows, lighter ones trust
-outliers."""
 _ROBUST_STEPS = 10
 _MAD = 1.4826
 """Standard deviation of a normal variable over its median absolute deviation."""
@@ -100,7 +97,7 @@ class Problem:
         solution = self._solve(whiten, start, weight)
         for _ in range(_ROBUST_STEPS if self.loss != "linear" else 0):
             plain = solution.residual[: weight.size].reshape(-1, 6) / weight
-            weight = np.sqrt(_robust_weight(plain, self.loss))
+            weight = np.sqrt(_robust_weight(plain))
             solution = self._solve(whiten, solution.x, weight)
         return solution
 
@@ -139,8 +136,6 @@ class Outcome:
     noise: FitNoise
 
 
-def _robust_weight(residual: np.ndarray, loss: str) -> np.ndarray:
+def _robust_weight(residual: np.ndarray) -> np.ndarray:
     size = np.abs(residual) / max(1.0, _MAD * float(np.median(np.abs(residual))))
-    if loss == "huber":
-        return np.minimum(1.0, _HUBER_K / np.maximum(size, 1e-300))
-    return (_STUDENT_NU + 1) / (_STUDENT_NU + size**2)
+    return np.minimum(1.0, _HUBER_K / np.maximum(size, 1e-300))

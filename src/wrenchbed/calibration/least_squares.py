@@ -21,8 +21,6 @@ BLIND = 1e-5
 """A parameter with more than this share in the null space is not identified by itself."""
 HALVINGS = 30
 """Largest number of halvings of a step: it is then 1e-9 of itself and changes nothing."""
-_PART = 512
-"""Rows that are triangularised together; more than any model has parameters."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,39 +66,22 @@ def solve(
     while steps < MAX_STEPS and not converged:
         steps += 1
         j = jacobian(x)
-        triangle, turned = triangular(j, r)
-        u, s, vt = np.linalg.svd(triangle * scale, full_matrices=False)
+        triangle = np.linalg.qr(np.column_stack([j, r]), mode="r")[: len(x)]
+        u, s, vt = np.linalg.svd(triangle[:, :-1] * scale, full_matrices=False)
         keep = s > RANK_TOLERANCE * s[0]
-        step = vt[keep].T @ ((u[:, keep].T @ turned) / s[keep])
+        step = vt[keep].T @ ((u[:, keep].T @ triangle[:, -1]) / s[keep])
         x, r, moved, gained = _halve(residual, x, r, step * scale)
         size = np.abs(step).max(initial=0.0)
         converged = bool(not moved or size < STEP_DONE or gained < COST_DONE)
         fresh = not moved or size < SAME
     if not fresh:
         j = jacobian(x)
-        _, s, vt = np.linalg.svd(triangular(j, r)[0] * scale, full_matrices=False)
+        _, s, vt = np.linalg.svd(np.linalg.qr(j, mode="r") * scale, full_matrices=False)
         keep = s > RANK_TOLERANCE * s[0]
     seen = vt[keep].T
     covariance = (seen / s[keep] ** 2) @ seen.T * np.outer(scale, scale)
     blind = np.sqrt(np.clip(1.0 - (seen**2).sum(axis=1), 0.0, 1.0))
     return Solution(x, r, j * scale, covariance, blind, int(keep.sum()), steps, converged)
-
-
-def triangular(j: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R (K, K) and Qᵀr (K,) of j = Q R (M, K), part by part: each part fits into a cache.
-
-    Golub & Van Loan, Matrix Computations, 4th ed., Section 5.2; Demmel et al. 2012,
-    doi 10.1137/080731992.
-    """
-    both = np.concatenate([j, r[:, None]], axis=1)
-    columns = both.shape[1]
-    while len(both) > 2 * _PART:
-        whole = len(both) // _PART * _PART
-        parts = np.linalg.qr(both[:whole].reshape(-1, _PART, columns), mode="r")
-        both = np.concatenate([np.asarray(parts).reshape(-1, columns), both[whole:]])
-    if len(both) >= columns:
-        both = np.asarray(np.linalg.qr(both, mode="r"))[:-1]
-    return both[:, :-1], both[:, -1]
 
 
 def _halve(
