@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 from wrenchbed.calibration import weighting
 from wrenchbed.calibration.fit_problem import Problem, _robust_weight
-from wrenchbed.calibration.least_squares import MAX_STEPS, Solution, solve, triangular
+from wrenchbed.calibration.least_squares import MAX_STEPS, Solution, solve
 from wrenchbed.calibration.observability import analyse, null_space
 from wrenchbed.calibration.observations import Observations
 from wrenchbed.calibration.touches import Agreement, Touches
@@ -383,13 +383,3 @@ def test_rank_and_null_space_of_few_and_of_no_rows():
     assert null_space(np.zeros((4, 2)))[0] == 0
     assert null_space(np.array([[1e-3, 1e-3, 0.0]]))[0] == 1
     assert null_space(np.diag([1.0, 1e-9, 1e-11]))[0] == 2
-
-
-@pytest.mark.parametrize("rows", [3, 5, 900, 5000])
-def test_a_triangle_made_in_parts_has_the_normal_equations_of_the_whole(rows):
-    rng = np.random.default_rng(rows)
-    j, r = rng.standard_normal((rows, 4)), rng.standard_normal(rows)
-    triangle, turned = triangular(j, r)
-    np.testing.assert_allclose(triangle.T @ triangle, j.T @ j, atol=1e-9)
-    np.testing.assert_allclose(triangle.T @ turned, j.T @ r, atol=1e-9)
-    assert len(triangle) <= max(rows if rows < 5 else 4, 4)
