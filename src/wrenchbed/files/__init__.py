@@ -12,7 +12,7 @@ import secrets
 import shutil
 import stat
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -70,7 +70,7 @@ def atomic_folder(path: str | Path) -> Iterator[Path]:
     """Yield a temporary folder to write files to; all of them appear in ``path`` when it ends.
 
     A new folder takes its name in one step. Where there is one already, its other files stay. If
-    the block raises, or a file cannot take its place, ``path`` stays as it was.
+    the block raises, or a name is not free for its file, ``path`` stays as it was.
 
     Raises:
         OSError: names the file in ``path``.
@@ -276,30 +276,13 @@ def _sync(folder: Path, named: Path) -> None:
 
 
 def _move(source: Path, folder: Path) -> None:
-    """Move all files of a folder into another; if one fails, none has moved."""
+    """Move all files of a folder into another; all names are checked before the first moves."""
     files = sorted(p for p in source.rglob("*") if p.is_file())
-    with ExitStack() as undo:
-        for number, file in enumerate(files):
-            place, kept = folder / file.relative_to(source), source / f"before-{number}"
-            _make(place.parent)
-            mode = _replaceable(place)
-            there = os.path.lexists(place)
-            if there:
-                try:
-                    os.link(place, kept, follow_symlinks=False)
-                except OSError:  # a file system without links
-                    shutil.copy2(place, kept, follow_symlinks=False)
-            if mode is not None:
-                file.chmod(mode)
-            file.replace(place)
-            undo.callback(_take_back, place, kept if there else None)
-        _sync(folder, folder)
-        undo.pop_all()
-
-
-def _take_back(place: Path, kept: Path | None) -> None:
-    with suppress(OSError):
-        if kept is None:
-            place.unlink()
-        else:
-            kept.replace(place)
+    places = [folder / file.relative_to(source) for file in files]
+    for file, place in zip(files, places, strict=True):
+        if (mode := _replaceable(place)) is not None:
+            file.chmod(mode)
+    for file, place in zip(files, places, strict=True):
+        _make(place.parent)
+        file.replace(place)
+    _sync(folder, folder)

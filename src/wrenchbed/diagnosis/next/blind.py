@@ -203,7 +203,7 @@ def reported_from(
     least = np.maximum(np.exp(high) / values.sum(axis=1), LEAST_MINOR / gaps)
     known = (values / (1.0 + (ORDINARY**2) * values)).sum(axis=1)
     size = np.sqrt(chndtrinc(least * known, values.shape[1], MISSED) / known)
-    return np.maximum(ORDINARY, size)
+    return np.asarray(np.maximum(ORDINARY, size))
 
 
 @dataclass(frozen=True)
