@@ -68,9 +68,7 @@ class Pairing:
         groups = held(values) if reading.is_tilt else None
         for group in () if groups is None else groups:
             values[slice(*group)] = values[slice(*group)].mean(axis=0)  # a pose has one orientation
-        if sheet is load or load.clock is None or sheet.clock is None:
-            return np.asarray(values[self.at])
-        return np.stack([np.interp(load.clock.t, sheet.clock.t, c) for c in values.T], axis=1)
+        return at_rows(load, sheet, values, self.at)
 
     def poses(self, reading: Reading) -> Poses:
         """The poses that columns of an orientation or of joints mean."""
@@ -144,6 +142,24 @@ def rows_at(load: Sheet, sheet: Sheet) -> np.ndarray | None:
     return np.arange(rows) if rows == len(sheet) and sheet.clock is None else None
 
 
+def at_rows(
+    load: Sheet, sheet: Sheet, values: np.ndarray, at: np.ndarray, late: float = 0.0
+) -> np.ndarray:
+    """Values (M, K) of a table at each row of the wrench's (N, K), by the clocks if both have one.
+
+    Args:
+        load: table with the wrench.
+        sheet: table with the values.
+        values: some of its columns.
+        at: as `rows_at` gives it.
+        late: by how much its clock is behind [s].
+    """
+    if sheet is load or load.clock is None or sheet.clock is None:
+        return np.asarray(values[at])
+    t = load.clock.t + late
+    return np.stack([np.interp(t, sheet.clock.t, column) for column in values.T], axis=1)
+
+
 def _turn(pairing: Pairing, reading: Reading, rows: np.ndarray) -> np.ndarray | None:
     """The orientation (G, 3, 3) at some rows of the wrench; None if the columns are none."""
     sheet, at = pairing.sheet, pairing.at
@@ -194,7 +210,8 @@ def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:
     for k, (pairing, reading) in enumerate(pairs):
         key = id(pairing.load), id(pairing.sheet), reading.kind, reading.names
         of_reading.setdefault(key, []).append(k)
-    few = {id(pairing.load): _few_rows(pairing.load) for pairing, _ in pairs}
+    loads = {id(pairing.load): pairing.load for pairing, _ in pairs}
+    few = {key: _few_rows(load) for key, load in loads.items()}
     for members in of_reading.values():
         pairing, reading = pairs[members[0]]
         rows, place, values = few[id(pairing.load)]

@@ -18,7 +18,7 @@ import numpy as np
 from wrenchbed import registry
 from wrenchbed.data.column_map import ACCELERATION, ColumnMap, from_fields, ready, seen_from
 from wrenchbed.data.column_map import UNITS as SIZES
-from wrenchbed.data.guess.candidates import candidates, rows_at
+from wrenchbed.data.guess.candidates import at_rows, candidates, rows_at
 from wrenchbed.data.guess.convention import Convention
 from wrenchbed.data.guess.joint_torques import by_names
 from wrenchbed.data.guess.sheets import Sheet, is_of_wrench, orientations, sheets_of, wrenches
@@ -56,6 +56,11 @@ _NEAR = 0.2
 """Relative difference up to which a fitted mass agrees with a known one."""
 _LEAST = 0.2
 """Least correlation of each axis of an accelerometer: 25 rows of noise reach 1/√25 by chance."""
+_LATEST_S, _STEP_S = 0.025, 2e-4
+"""Largest delay of an accelerometer's clock that is looked for, and the step of the search [s]."""
+_WORTH = 0.05
+"""A delay must raise the sum of the three correlations by so much: noise alone prefers some delay
+by a little, and a clock without one shall stay as it is."""
 _IN_G = 4.0
 """Readings that are this much smaller than the forces say are in g and not in m/s²."""
 
@@ -319,22 +324,57 @@ def _turn_columns(c: Convention) -> dict[str, dict[str, Any]]:
 
 
 def _accelerometer(c: Convention, sheet: Sheet) -> dict[str, dict[str, Any]]:
-    """Columns of an accelerometer, those that follow the sensor's axes; none where an axis does not
-    follow the forces."""
-    if (at := rows_at(c.load, sheet)) is None:
+    """Columns of an accelerometer in sensor axes, and its clock if that is late; none where it does
+    not follow the forces."""
+    names, load, at = [sheet.roles[a] for a in ACCELERATION], c.load, rows_at(c.load, sheet)
+    force = c.sign * load.block([c.wrench[f] for f in CHANNELS[:3]]) * SIZES[c.units[0]][1]
+    if at is None:
         return {}
-    names = [sheet.roles[a] for a in ACCELERATION]
-    force = c.sign * c.load.block([c.wrench[f] for f in CHANNELS[:3]]) * SIZES[c.units[0]][1]
-    wanted, read = -force / c.mass, sheet.block(names)[at]
-    alike = np.corrcoef(wanted.T, read.T)[:3, 3:]
+    inside, delays = np.ones(len(load), dtype=bool), np.zeros(1)
+    if sheet is not load and load.clock is not None and sheet.clock is not None:
+        t, its = load.clock.t, sheet.clock.t
+        inside = (t > its[0] + _LATEST_S) & (t < its[-1] - _LATEST_S)
+        delays = np.append(0.0, np.arange(-_LATEST_S, _LATEST_S + _STEP_S / 2, _STEP_S))
+    if inside.sum() < _LEAST_POSES:
+        return {}
+    values, wanted = sheet.block(names), -force[inside] / c.mass
+    axes = [
+        _axes(wanted, at_rows(load, sheet, values, at, float(late))[inside], names)
+        for late in delays
+    ]
+    best = int(np.argmax([score for score, _ in axes]))
+    if sheet.clock is None or axes[best][0] < axes[0][0] + _WORTH:
+        return axes[0][1]
+    zero = round(float(delays[best]) / SIZES[sheet.clock.unit][1], 6)
+    clock = {"t": {"column": sheet.clock.column, "unit": sheet.clock.unit, "zero": zero}}
+    return axes[best][1] | clock
+
+
+def _axes(
+    wanted: np.ndarray, reading: np.ndarray, names: Sequence[str]
+) -> tuple[float, dict[str, dict[str, Any]]]:
+    """Sum of the axes' correlations, and entries ax, ay, az of a map; (0, {}) where an axis does
+    not follow the forces.
+
+    Args:
+        wanted: −force/mass in sensor axes (N, 3) [m/s²], whatever its zero.
+        reading: columns of the accelerometer (N, 3).
+        names: of these columns.
+    """
+    wanted, reading = wanted - wanted.mean(axis=0), reading - reading.mean(axis=0)
+    power, size = (wanted**2).sum(axis=0), (reading**2).sum(axis=0)
+    alike = wanted.T @ reading / np.maximum(np.sqrt(np.outer(power, size)), 1e-12)
     order = max(permutations(range(3)), key=lambda p: np.abs(alike[range(3), p]).sum())
-    if not (np.abs(alike[range(3), order]) > _LEAST).all():
-        return {}
-    unit = "g" if wanted.std(axis=0).sum() > _IN_G * read.std(axis=0).sum() else "m/s²"
-    return {
-        axis: {"column": names[k], "unit": unit} | ({"sign": -1} if alike[n, k] < 0 else {})
-        for n, (axis, k) in enumerate(zip(ACCELERATION, order, strict=True))
+    values = alike[range(3), order]
+    if np.abs(values).min() < _LEAST:
+        return 0.0, {}
+    ratio = np.sqrt(power.sum() / max(float(size.sum()), 1e-12))
+    unit = "g" if ratio > _IN_G else "m/s²"
+    entries = {
+        axis: {"column": names[k], "unit": unit} | ({"sign": -1} if value < 0 else {})
+        for axis, k, value in zip(ACCELERATION, order, values, strict=True)
     }
+    return float(np.abs(values).sum()), entries
 
 
 def toml(raw: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:
