@@ -71,6 +71,7 @@ def test_five_bars_have_clearance_and_links_that_show():
     assert not {"joint.clearance", "link.length"} & set(effects(design_of("ur5 static")))
 
 
+@pytest.mark.sampled
 @each_design
 def test_the_same_seed_gives_the_same_case_bit_for_bit(kind):
     one, two = design_of(kind), DESIGNS[kind]()
@@ -82,6 +83,7 @@ def test_the_same_seed_gives_the_same_case_bit_for_bit(kind):
     np.testing.assert_array_equal(recording(one, a).wrench, recording(two, b).wrench)
 
 
+@pytest.mark.sampled
 @each_design
 def test_the_background_alone_is_no_gap(kind):
     design = design_of(kind)
@@ -94,6 +96,7 @@ def test_the_background_alone_is_no_gap(kind):
         assert 0.01 < left @ left / len(r) < 0.5
 
 
+@pytest.mark.sampled
 @each_design
 def test_pairs_are_two_causes_of_different_subsystems_that_both_show(kind):
     design = design_of(kind)
@@ -104,6 +107,7 @@ def test_pairs_are_two_causes_of_different_subsystems_that_both_show(kind):
         assert shows(case, first, 1.5, 0.75) and shows(case, second, 1.5, 0.75)
 
 
+@pytest.mark.sampled
 @each_design
 def test_families_outside_the_library_show(kind):
     design = design_of(kind)

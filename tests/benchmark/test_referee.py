@@ -167,6 +167,7 @@ def test_every_effect_changes_what_is_read(world, name):
     assert max(found.gap, found.rows) > 1e-3
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", list(FAMILIES))
 def test_every_family_outside_changes_what_is_read(world, name):
     found = world.measured(FAMILIES[name](world.setting, np.random.default_rng(2), 2.0))

@@ -68,7 +68,7 @@ def test_a_broken_recording_publishes_nothing_false(base, name):
     assert far(fit, truth) < 5.0
 
 
-@pytest.mark.parametrize("base", ["ur5", "oriented"])
+@pytest.mark.parametrize("base", ["ur5", pytest.param("oriented", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(
     "name, words",
     [

@@ -30,6 +30,7 @@ def limited(kind: int, value: int, *words: object) -> tuple[int, str]:
     return done.returncode, done.stderr
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(("megabytes", "verb"), [(150, "calibrate"), (500, "diagnose")])
 def test_low_memory_is_told_at_once_and_never_hangs(made, tmp_path, megabytes, verb):
     rec = made / "rec.parquet"

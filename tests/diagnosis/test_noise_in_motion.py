@@ -75,6 +75,7 @@ def quiet():
     return prepare(recording(DESIGN, draw(DESIGN, 21, "none")))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("effect", ["sensor.noise", "sensor.quantization", "base.vibration"])
 def test_what_scatters_rows_raises_the_noise_not_the_gap(effect):
     loud = prepare(recording(DESIGN, draw(DESIGN, 21, "single", effect, 3.0)))

@@ -143,6 +143,7 @@ def shaped(hypotheses, name):
     return max(of, key=lambda h: (bool(h.variant.shape), len(h.variant.free)))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "names",
     [

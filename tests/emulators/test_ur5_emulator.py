@@ -198,6 +198,7 @@ def test_the_stream_keeps_its_rate(cb3):
         assert np.median(np.diff(stamps)) == pytest.approx(0.008)
 
 
+@pytest.mark.slow
 @alone
 def test_power_off_and_on_by_dashboard(cb3):
     with receiving(CB3) as robot, dashboard(CB3) as desk:
@@ -210,6 +211,7 @@ def test_power_off_and_on_by_dashboard(cb3):
         assert desk.getRobotModel() == "UR5"
 
 
+@pytest.mark.slow
 @alone
 def test_a_protective_stop_cannot_be_unlocked_at_once(cb3):
     with controlling(CB3) as arm, receiving(CB3) as robot, dashboard(CB3) as desk:

@@ -290,6 +290,7 @@ def test_settings_are_checked(setting, why):
         emulated("ur5", EmulatorOptions("127.0.1.32", setting=setting))
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("model", MODELS)
 def test_the_controller_is_that_of_its_arm(model):
     """Its poses are those of the published table, its body is that arm, its series fits."""

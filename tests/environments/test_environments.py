@@ -20,6 +20,8 @@ from wrenchbed.plant.contact_surface import Limb, tip_of
 
 ROBOTS = ("UR5", "MedRUE")
 NAMES = [f"wrenchbed/{r}{kind}-v0" for r in ROBOTS for kind in ("Calibration", "Contact")]
+SOME = [NAMES[0], NAMES[3], *(pytest.param(n, marks=pytest.mark.slow) for n in NAMES[1:3])]
+"""A robot of each kind, and what is left of both."""
 SHORT = {"Calibration": {"budget": 15.0, "pool": 24}, "Contact": {"seconds": 0.6}}
 
 
@@ -42,14 +44,14 @@ def played(env, seed, policy=None):
             return np.array(rows), np.array(rewards), told
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", SOME)
 def test_gymnasium_finds_nothing_to_complain_of(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(made(name).unwrapped, skip_render_check=True)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", SOME)
 def test_an_episode_follows_from_its_seed_and_stays_in_its_spaces(name):
     env = made(name)
     first, second, other = (played(env, seed) for seed in (4, 4, 5))
@@ -58,7 +60,7 @@ def test_an_episode_follows_from_its_seed_and_stays_in_its_spaces(name):
     assert all(row in env.observation_space for row in first[0])
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", SOME)
 def test_environments_run_side_by_side(name):
     kind = SHORT["Contact" if "Contact" in name else "Calibration"]
     envs = gymnasium.make_vec(name, num_envs=2, vectorization_mode="sync", **kind)

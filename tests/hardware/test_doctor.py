@@ -61,7 +61,7 @@ def look(monkeypatch):
         said = {"model": "UR5", "serial": "2015350000"} if told is None else told
         monkeypatch.setattr(identity, "stated", lambda host: said)
         monkeypatch.setattr(status, "request", lambda *a: remote)
-        report = looking.doctor(robot, "192.0.2.7", seconds=2.0)
+        report = looking.doctor(robot, "192.0.2.7", seconds=1.0)
         return report, {line.name: line for line in report.lines}
 
     return run

@@ -140,6 +140,7 @@ def test_first_checks_cannot_tell_and_later_ones_are_healthy(healthy):
     assert judged[0].alarms == () and "check 1 since the first check" in headline(judged[0])
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "fault", ["sensor.gain", "base.tilt", "tool.mass", "tool.cog", "mount.rotation"]
 )
@@ -153,6 +154,7 @@ def test_a_change_is_found_and_named(plan, fault):
     assert max(sigmas, key=sigmas.get) in headline(judgement)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("fault", ["cable.pull", "joint.offset"])
 def test_a_change_that_the_numbers_do_not_explain_is_said_to_be_one(plan, fault):
     judgement = monthly.judge(UR5, series(MonthlyRobot(UR5, plan, 22, fault=fault, begins=5), 6))

@@ -4,6 +4,7 @@ import itertools
 import json
 import re
 from functools import cached_property
+from unittest.mock import patch
 
 import axe
 import numpy as np
@@ -19,6 +20,7 @@ from wrenchbed.campaigns import summary
 from wrenchbed.campaigns.simulated_robots import Fleet, schema
 from wrenchbed.diagnosis.diagnose import diagnose
 from wrenchbed.pages.document import Document, Figure, Section, Table, provenance
+from wrenchbed.pages.draw import Drawn
 from wrenchbed.pages.plots import components, histograms
 from wrenchbed.reports.diagnosis_page import diagnosis_page
 from wrenchbed.reports.fit_page import fit_page
@@ -62,7 +64,8 @@ class Pages:
     @cached_property
     def recording(self):
         files = [self.folder / "fit.json"]
-        page = recording_page(self.fitted[1], files, "wrenchbed report rec.parquet")
+        with patch("wrenchbed.reports.recording_page.draw", lambda c: Drawn(c, "<svg></svg>")):
+            page = recording_page(self.fitted[1], files, "wrenchbed report rec.parquet")
         return self._written("recording", page)
 
     @cached_property

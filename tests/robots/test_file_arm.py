@@ -114,7 +114,9 @@ CONTRACT = (
 
 
 @pytest.mark.parametrize("contract", CONTRACT, ids=lambda c: c.__name__)
-@pytest.mark.parametrize("case", (CASES[0], CASES[5]), ids=lambda c: c.file)
+@pytest.mark.parametrize(
+    "case", [CASES[0], pytest.param(CASES[5], marks=pytest.mark.slow)], ids=lambda c: c.file
+)
 def test_the_contract_of_every_robot(case, contract, tmp_path):
     contract(arm_of(case, tmp_path))
 

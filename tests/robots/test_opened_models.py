@@ -102,6 +102,7 @@ def test_what_is_computed_knows_none_of_it(name):
     assert not model.geom_contype.any()
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     "make",
     [

@@ -241,6 +241,7 @@ def test_without_values_an_effect_has_its_typical_size():
 # ---- export ------------------------------------------------------------------------------------
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize(
     ("robot", "effect", "close"),
     [
