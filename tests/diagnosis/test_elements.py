@@ -97,6 +97,7 @@ def test_a_tilt_of_any_size_is_one_class_with_a_pull(tmp_path, degrees):
     ]
 
 
+@pytest.mark.slow
 def test_none_says_what_it_could_not_have_seen(tmp_path):
     effect = "joint.offset:joint=1,offset=0.14"  # 8°
     answer = wb.diagnose(simulated(tmp_path / "r.parquet", effect, poses())).diagnosis.to_json()
