@@ -176,8 +176,6 @@ def test_a_mix_reaches_its_accuracy_with_few_measurements(mix):
     assert mix.rms < mix.assured < mix.before
     assert len(mix) <= 16
     assert len(mix.gravity) >= 6
-    assert list(mix.course) == sorted(mix.course, key=lambda step: step[0])
-    assert mix.course[0][1] > 20 * mix.course[-1][1]
 
 
 @pytest.mark.slow

@@ -22,7 +22,8 @@ _REMEDY = "record with payload 0, or with a Net F/T box (--sensor netft://HOST)"
 
 
 def restored(recording: Recording) -> Recording:
-    """The recording with all of the load in its wrench; itself where nothing was subtracted.
+    """The recording with all of the load in its wrench, by the nominal robot; itself where nothing
+    was subtracted.
 
     Raises:
         CalibrationError: what was subtracted is not known, or the robot moved.
@@ -44,7 +45,16 @@ def restored(recording: Recording) -> Recording:
             f"{name}: the controller subtracted a payload of {mass:g} kg from the wrench; whether "
             f"it also subtracts the payload's inertia is not published: {_REMEDY}"
         )
-    return _with(recording, notes, _weight(recording, mass, cog))
+    robot, pose = robot_of(recording), recording.metadata.sensor.pose_flange
+    if pose is not None:
+        cog = matrix(np.array(pose[3:])).T @ (cog - np.array(pose[:3]))
+    gravity = np.asarray(Model.of(robot, recording.metadata).gravity)
+    seen = robot.gravity_seen(recording.q, robot.parameters.nominal, gravity)
+    load = weight(seen, Tool(np.array(mass), cog, np.zeros((3, 3)), np.array(0.0)))
+    wrench = dict(zip(CHANNELS, (recording.wrench + load).T, strict=True))
+    extra = {**recording.metadata.extra, _WRENCH: {**notes, _RESTORED: True}}
+    metadata = replace(recording.metadata, extra=extra)
+    return Recording(metadata, {**recording.columns, **wrench}, name)
 
 
 def _stated(name: str, payload: Mapping[str, Any]) -> tuple[float, np.ndarray]:
@@ -58,21 +68,3 @@ def _stated(name: str, payload: Mapping[str, Any]) -> tuple[float, np.ndarray]:
             f"{name}: metadata wrench.payload must have mass [kg] and cog of three numbers [m]"
         )
     return mass, cog
-
-
-def _weight(recording: Recording, mass: float, cog: np.ndarray) -> np.ndarray:
-    """Load of the payload on the sensor (N, 6), by the nominal robot."""
-    robot = robot_of(recording)
-    pose = recording.metadata.sensor.pose_flange
-    if pose is not None:
-        cog = matrix(np.array(pose[3:])).T @ (cog - np.array(pose[:3]))
-    payload = Tool(np.array(mass), cog, np.zeros((3, 3)), np.array(0.0))
-    gravity = np.asarray(Model.of(robot, recording.metadata).gravity)
-    return weight(robot.gravity_seen(recording.q, robot.parameters.nominal, gravity), payload)
-
-
-def _with(recording: Recording, notes: Mapping[str, Any], load: np.ndarray) -> Recording:
-    wrench = recording.wrench + load
-    columns = {**recording.columns, **{c: wrench[:, k] for k, c in enumerate(CHANNELS)}}
-    extra = {**recording.metadata.extra, _WRENCH: {**notes, _RESTORED: True}}
-    return Recording(replace(recording.metadata, extra=extra), columns, recording.name)

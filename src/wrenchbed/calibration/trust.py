@@ -37,7 +37,7 @@ def observed(
     if data.source != "residual":
         known = np.sqrt(np.diagonal(data.row_covariance) / np.mean(data.count))
     return Observed(
-        recording.name, robot, robot_theta, np.asarray(model.gravity), data.q, data.wrench, known,
+        robot, robot_theta, np.asarray(model.gravity), data.q, data.wrench, known,
         data.t, np.searchsorted(recording.t, data.t).clip(0, len(recording) - 1), float(tool.mass),
         stated.mass is not None, None if stated.cog is None else np.asarray(stated.cog),
         any(mount <= free for mount in _MOUNTS),

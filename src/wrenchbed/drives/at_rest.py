@@ -19,7 +19,7 @@ from wrenchbed.channels.held import held, held_weight, nominal_ways
 from wrenchbed.channels.posterior import Posterior, posterior
 from wrenchbed.data.holds import first_rows
 from wrenchbed.data.recording import EFFORT_UNITS, Recording
-from wrenchbed.drives.fit import AtRest, DriveFit, JointError, impossible, joint_errors
+from wrenchbed.drives.fit import AtRest, DriveFit, impossible, joint_errors
 from wrenchbed.drives.signals import as_torques, efforts_of
 from wrenchbed.effects.scene import Scene
 from wrenchbed.errors import CalibrationError, ParameterError
@@ -125,9 +125,13 @@ def calibrate_at_rest(
     identified, covariance = _identified(scene, problem, gain, fit)
     sizes = dict(zip(problem.ordinary, fit.sizes.tolist(), strict=True))
     units = [joint.own(EFFORT_UNITS[prefix]) for joint in robot.joints]
+    nominal = None if problem.gains else y - problem.nominal
+    unseen, use = _held_out(columns, fit, y.shape[1]), np.ones(y.shape, dtype=bool)
+    rest = (columns.y - fit.fitted).reshape(y.shape)
+    errors = joint_errors(y, nominal, rest, unseen, use, units)
     result = DriveFit(
         recording.name, recording.metadata.robot, EFFORT_UNITS[prefix], identified,
-        _errors(problem, fit, columns, units), covariance, None,
+        errors, covariance, None,
         float(recording.t[-1] - recording.t[0]), len(recording),
         rest=AtRest(len(t), tuple(fit.noise.tolist()), sizes),
     )  # fmt: skip
@@ -240,15 +244,6 @@ def _held_out(c: _Columns, fit: Posterior, joints: int) -> np.ndarray:
         goal = np.concatenate([y[seen] * weight[seen], np.zeros(len(prior))])
         errors[~seen] = y[~seen] - wide[~seen] @ np.linalg.lstsq(some, goal, rcond=1e-10)[0]
     return errors.reshape(-1, joints)
-
-
-def _errors(
-    p: RestProblem, fit: Posterior, columns: _Columns, units: Sequence[str]
-) -> tuple[JointError, ...]:
-    unseen = _held_out(columns, fit, p.y.shape[1])
-    residuals = (columns.y - fit.fitted).reshape(p.y.shape)
-    nominal = None if p.gains else p.y - p.nominal
-    return joint_errors(p.y, nominal, residuals, unseen, np.ones(p.y.shape, dtype=bool), units)
 
 
 def _identified(

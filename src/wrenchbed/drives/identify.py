@@ -98,9 +98,21 @@ def _calibrate_in_motion(
     if constants is not None:
         known = as_torques(signals.effort, signals.prefix, constants, recording.name)
         signals = replace(signals, effort=known, prefix="tau")
-    groups = _groups(free, signals)
-    problem, starts = _problem(recording, signals, groups)
-    return _fit(recording, signals, problem, solve(problem), starts)
+    problem, starts = problem_of(recording, signals, _groups(free, signals))
+    check_moves(recording.name, problem)
+    dead = np.flatnonzero(np.ptp(signals.effort, axis=0) == 0.0)
+    if dead.size:
+        column = f"{signals.prefix}{dead[0] + 1}"
+        raise CalibrationError(f"{recording.name}: column {column!r} never changes")
+    solution, joints = solve(problem), arm_of(recording).joints
+    covariance = jackknife(np.array([published(problem, x, starts) for x in solution.folds]))
+    identified = values_of(problem, solution, starts, joints, covariance)
+    errors = errors_of(problem, solution, [joint.own(signals.unit) for joint in joints])
+    return DriveFit(
+        recording.name, recording.metadata.robot, signals.unit, identified, errors,
+        covariance, signals.cutoff, float(signals.t[-1] - signals.t[0]), len(problem.use),
+        refutation(errors, identified),
+    )  # fmt: skip
 
 
 def _groups(free: Sequence[str], signals: DriveSignals) -> tuple[str, ...]:
@@ -115,18 +127,6 @@ def _groups(free: Sequence[str], signals: DriveSignals) -> tuple[str, ...]:
     if "link" in wanted and CONSTANT in wanted:
         raise ParameterError("--free link and drive.constant: both scale the torques; hold one")
     return tuple(g for g in GROUPS if g in wanted and not (g == "tool" and "link" in wanted))
-
-
-def _problem(
-    recording: Recording, signals: DriveSignals, groups: tuple[str, ...]
-) -> tuple[Problem, dict[str, float]]:
-    problem, starts = problem_of(recording, signals, groups)
-    check_moves(recording.name, problem)
-    dead = np.flatnonzero(np.ptp(signals.effort, axis=0) == 0.0)
-    if dead.size:
-        column = f"{signals.prefix}{dead[0] + 1}"
-        raise CalibrationError(f"{recording.name}: column {column!r} never changes")
-    return problem, starts
 
 
 def problem_of(
@@ -246,25 +246,6 @@ def _second(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def _six(matrix: np.ndarray) -> list[float]:
     """Elements xx yy zz xy xz yz of a symmetric matrix (3, 3)."""
     return [float(matrix["xyz".index(i), "xyz".index(j)]) for i, j in map(tuple, INERTIA_AXES)]
-
-
-def _fit(
-    recording: Recording,
-    signals: DriveSignals,
-    problem: Problem,
-    solution: Solution,
-    starts: dict[str, float],
-) -> DriveFit:
-    joints = arm_of(recording).joints
-    covariance = jackknife(np.array([published(problem, x, starts) for x in solution.folds]))
-    identified = values_of(problem, solution, starts, joints, covariance)
-    units = [joint.own(signals.unit) for joint in joints]
-    errors = errors_of(problem, solution, units)
-    return DriveFit(
-        recording.name, recording.metadata.robot, signals.unit, identified, errors,
-        covariance, signals.cutoff, float(signals.t[-1] - signals.t[0]), len(problem.use),
-        refutation(errors, identified),
-    )  # fmt: skip
 
 
 def values_of(

@@ -82,7 +82,6 @@ class Mix:
         assured: what it stays below for the wanted share of them [m].
         before: rms without any measurement [m].
         share: of the rehearsed robots that the plan is for.
-        course: (measurements, error [m] assured by the linear design) as the plan grew.
     """
 
     gravity: Plan
@@ -91,7 +90,6 @@ class Mix:
     assured: float
     before: float
     share: float
-    course: tuple[tuple[int, float], ...]
 
     def __len__(self) -> int:
         return len(self.gravity) + len(self.touches)
@@ -274,14 +272,12 @@ def reach(
     chosen: Chosen = ([], [])
     while len(chosen[0]) < o.least_poses:
         chosen[0].append(task.best(0, task.information(chosen), chosen[0])[0])
-    course = [(len(chosen[0]), task.assured(chosen))]
-    while course[-1][1] > accuracy:
-        if course[-1][0] == _MOST:
-            reached = f"{_MOST} measurements reach {1e3 * course[-1][1]:.3g} mm"
+    while (assured := task.assured(chosen)) > accuracy:
+        if (count := len(chosen[0]) + len(chosen[1])) == _MOST:
+            reached = f"{_MOST} measurements reach {1e3 * assured:.3g} mm"
             raise PlanError(f"{reached}, {wanted}, {remedy}")
         task.grow(chosen)
-        course.append((len(chosen[0]) + len(chosen[1]), task.assured(chosen)))
-        progress(course[-1][0])
+        progress(count + 1)
     chosen = task.pruned(chosen, accuracy)
     for _ in range(_ROUNDS):
         before, after = task.rehearsed(chosen, seed)
@@ -296,7 +292,6 @@ def reach(
                 assured=assured,
                 before=float(np.sqrt(np.mean(before**2))),
                 share=o.share,
-                course=tuple(course),
             )
         task.grow(chosen)
         chosen = task.exchanged(chosen)

@@ -29,7 +29,6 @@ class Observed:
     """M observations of a robot that carries one load, poses at rest or samples of a motion.
 
     Attributes:
-        name: of the recording, for messages.
         robot, theta, gravity: its model, its own parameters (P,), gravity in world axes (3,).
         q: joint values (M, J), orientations (M, 4), or jets.
         y: readings (M, 6) [N, N·m].
@@ -42,7 +41,6 @@ class Observed:
         turns: whether the fit to come finds the rotation of the sensor's mount by itself.
     """
 
-    name: str
     robot: Robot
     theta: np.ndarray
     gravity: np.ndarray
