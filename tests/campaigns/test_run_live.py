@@ -1,7 +1,6 @@
 """Campaigns on a live driver: what fails is tried again, what was stopped goes on."""
 
 import time
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,7 +13,6 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import (
     DriverError,
-    LimitError,
     LinkError,
     StoppedError,
     WrenchbedWarning,
@@ -140,18 +138,6 @@ def test_what_fails_is_recovered_from_and_nothing_is_lost(tmp_path):
     assert poses(tmp_path / "r.parquet") == [20, 10, 10, 10]
 
 
-def test_it_gives_up_in_the_end_and_keeps_what_it_has(tmp_path, monkeypatch):
-    monkeypatch.setattr(recording_run, "TRIES", 3)
-    arm = Arm({k: LinkError("gone for good") for k in range(2, 99)})
-    with (
-        warnings.catch_warnings(),
-        pytest.raises(LinkError, match=r"pose 2: gone for good; find the cause, .* --resume"),
-    ):
-        warnings.simplefilter("ignore", WrenchbedWarning)
-        run(arm, tmp_path / "r.parquet")
-    assert poses(tmp_path / "r.parquet") == [10, 10, 0, 0]
-
-
 def test_a_stopped_campaign_goes_on_where_it_stopped(tmp_path):
     path = tmp_path / "r.parquet"
     with pytest.raises(KeyboardInterrupt):
@@ -168,15 +154,6 @@ def test_a_stopped_campaign_goes_on_where_it_stopped(tmp_path):
     assert (np.diff(rec.t) > 0).all()
     assert rec.metadata.extra["started"] == first.metadata.extra["started"]
     assert done.drift.seconds > 0.0
-
-
-def test_too_large_a_load_stops_the_robot_and_is_not_tried_again(tmp_path):
-    arm = Arm(force=40.0)
-    arm.push = np.array([0.0, 0.0, 60.0, 0.0, 0.0, 0.0])
-    with pytest.raises(LimitError, match="above the limit 40 N"):
-        run(arm, tmp_path / "r.parquet")
-    assert "hard" in arm.stops
-    assert arm.recovered == 0
 
 
 def test_a_robot_in_fault_takes_no_target():

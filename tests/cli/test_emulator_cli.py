@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from commanded import names, said
+from commanded import said
 from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.data.recording import Recording
@@ -74,14 +74,6 @@ def test_the_metadata_states_the_robot_without_effects(plans, tmp_path):
     other = record(plan, tmp_path / "b.parquet", "tool.mass", "sensor.bias")
     assert bare.metadata == other.metadata
     assert np.abs(bare.wrench - other.wrench).max() > 0.1
-
-
-def test_a_wrong_effect_gives_one_line_and_nothing_is_written(plans, tmp_path, capfd):
-    run = ["record", "--robot", "ur5", "--plan", str(plans / "static.parquet")]
-    run += ["--out", str(tmp_path / "r.parquet"), "--effect", "base.tild"]
-    assert main(run) == 1
-    assert "did you mean 'base.tilt'" in said(capfd)
-    assert names(tmp_path) == []
 
 
 def test_bad_twins_and_recordings_give_one_line(plans, tmp_path, capfd):
