@@ -66,7 +66,7 @@ def solve(
     while steps < MAX_STEPS and not converged:
         steps += 1
         j = jacobian(x)
-        triangle = np.linalg.qr(np.column_stack([j, r]), mode="r")[: len(x)]
+        triangle = np.asarray(np.linalg.qr(np.column_stack([j, r]), mode="r"))[: len(x)]
         u, s, vt = np.linalg.svd(triangle[:, :-1] * scale, full_matrices=False)
         keep = s > RANK_TOLERANCE * s[0]
         step = vt[keep].T @ ((u[:, keep].T @ triangle[:, -1]) / s[keep])

@@ -146,7 +146,8 @@ def read_text(path: Path, separator: str | None = None) -> Columns:
             "is this a table?"
         )
     layout = find_layout(lines, path, separator)
-    source, mark, skipped = path, layout.separator, layout.skipped
+    source: Path | io.BytesIO = path
+    mark, skipped = layout.separator, layout.skipped
     if mark == BLANKS:
         rows = ("\t".join(text.split()) for _, text in _rows(path, skipped))
         source, mark, skipped, encoding = io.BytesIO("\n".join(rows).encode()), "\t", 0, "utf-8"

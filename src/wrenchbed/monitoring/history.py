@@ -183,14 +183,14 @@ def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
     return Check(
         time=time, robot=robot.name, sensor=sensor,
         robot_digest=_digest(json.dumps(known_robot).encode()), recording=file_of(time),
-        recording_digest=_digest(*(np.array(x, float) for x in (recording.wrench, recording.t))),
+        recording_digest=_digest(*(np.array(x, float).tobytes() for x in (recording.wrench, recording.t))),
         temperature=float(temperature), t=data.t[:poses], q=q[:poses], wrench=data.wrench[:poses],
         count=data.count[:poses].astype(float), covariance=data.row_covariance,
         baseline=str(said.get("baseline", "")),
     )  # fmt: skip
 
 
-def _digest(*parts: bytes | np.ndarray) -> str:
+def _digest(*parts: bytes) -> str:
     """16 digits of the SHA-256 of some bytes."""
     sha = hashlib.sha256()
     for part in parts:

@@ -165,8 +165,8 @@ def guess(
         fitting = [replace(c, fit=known.fitted(c, gravity)) for c in fitting]
     fitting.sort(key=lambda c: c.fit.force_rms)
     best = min(fitting, key=lambda c: c.fit.against(fitting[0].fit))
-    named = bool(best.load.loads)
-    if best.fit.share > _MOST_LEFT or (best.fit.torque_share > _MOST_LEFT and not named):
+    has_names = bool(best.load.loads)
+    if best.fit.share > _MOST_LEFT or (best.fit.torque_share > _MOST_LEFT and not has_names):
         raise MapError(
             f"{tables[0].path}: no convention makes the wrench the weight of one rigid load: "
             f"the best ({best.words()}) leaves {best.fit.share:.0%} of what changes in the force "
