@@ -183,7 +183,7 @@ def taken(recording: Recording, robot: Robot, plan: Plan) -> Check:
     return Check(
         time=time, robot=robot.name, sensor=sensor,
         robot_digest=_digest(json.dumps(known_robot).encode()), recording=file_of(time),
-        recording_digest=_digest(*(np.array(x, float).tobytes() for x in (recording.wrench, recording.t))),
+        recording_digest=_digest(recording.wrench.tobytes(), recording.t.tobytes()),
         temperature=float(temperature), t=data.t[:poses], q=q[:poses], wrench=data.wrench[:poses],
         count=data.count[:poses].astype(float), covariance=data.row_covariance,
         baseline=str(said.get("baseline", "")),
