@@ -98,12 +98,12 @@ class EffortAnswer(Answer):
 
     @property
     def place(self) -> str:
-        if self.findings.verdict.causes:
-            places = dict.fromkeys(place_of(c.part.key)[1] for c in self.findings.verdict.causes)
+        names = list(dict.fromkeys(str(w["detail"]) for w in self.d.where))
+        if self.d.which:
             partial = self.d.verdict == "partial"
-            return f"{'Mostly not in' if partial else 'In'} {', '.join(places)}"
-        if self.d.where:
-            return f"Only a hint: {self.d.where[0]['detail']}"
+            return f"{'Mostly not in' if partial else 'In'} {', '.join(names)}"
+        if names:
+            return f"Only a hint: {names[0]}"
         return "No joint has more than noise and ordinary imperfections"
 
     @property

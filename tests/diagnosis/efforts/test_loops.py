@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from wrenchbed.cli import main
-from wrenchbed.diagnosis.efforts.columns import of_joint
+from wrenchbed.diagnosis.efforts.columns import of_joint, rows_of
 from wrenchbed.diagnosis.efforts.configured import stated_drives
 from wrenchbed.diagnosis.efforts.scene import effort_scene
 
@@ -20,7 +20,7 @@ def recording():
 
 def test_a_slide_has_no_spring_that_turns(recording):
     scene = effort_scene(recording, stated_drives(recording))
-    effects = [{b.effect for b in of_joint(scene, j)[1]} for j in range(2)]
+    effects = [{b.effect for b in of_joint(scene, rows_of(scene, j))[1]} for j in range(2)]
     assert effects[1] - effects[0] == {"link.spring"} and not effects[0] - effects[1]
 
 

@@ -64,9 +64,8 @@ Made = tuple[list[Column], list[Block]]
 """Columns, and the causes that set them free."""
 
 
-def of_joint(scene: EffortScene, j: int) -> Made:
+def of_joint(scene: EffortScene, rows: DriveRows) -> Made:
     """Columns and causes of joint j, from 0, but those whose shape a residual suggests."""
-    rows = rows_of(scene, j)
     columns, blocks = list[Column](), list[Block]()
     if rows.command is not None:  # setpoints of limited speed trail by the square of the speed
         speed = np.gradient(rows.command, rows.t)

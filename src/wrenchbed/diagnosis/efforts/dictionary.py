@@ -185,12 +185,13 @@ def _made(
         y, use: residual of the channel (M,), and which rows of it count.
         arm: the columns of the arm there (M, A).
     """
-    sensor = j - scene.joints
-    columns, blocks = of_joint(scene, j) if sensor < 0 else of_sensor(scene, sensor)
+    if j >= scene.joints:
+        columns, blocks = of_sensor(scene, j - scene.joints)
+        return columns, scene.thin(np.column_stack([c.data for c in columns])), blocks
+    rows = rows_of(scene, j)
+    columns, blocks = of_joint(scene, rows)
     data = scene.thin(np.column_stack([c.data for c in columns]))
-    if sensor >= 0:
-        return columns, data, blocks
-    rows, left = rows_of(scene, j), remains(y, np.hstack([data, arm]), use)
+    left = remains(y, np.hstack([data, arm]), use)
     own = data[:, [(c.free or bool(c.std)) and not c.name.startswith("late") for c in columns]]
     residual = DriveResidual(y, use, scene.q.v[scene.kept(), j], left, own, scene.thin)
     for effect in drive_effects().values():
