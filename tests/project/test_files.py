@@ -162,8 +162,7 @@ def test_two_processes_do_not_write_to_one_output(kind, tmp_path):
 
 ALLOWED = {
     "files/__init__.py": {"open"},
-    "jobs/parts.py": {"open"},  # a journal: rows are appended
-    "benchmark/sealed/entrants.py": {"open"},  # another program's output, in a folder of its own
+    "benchmark/sealed/run.py": {"open"},  # another program's output, in a folder of its own
 }
 WRITES = {"write_text", "write_bytes", "savefig", "save", "to_parquet", "to_csv", "tofile"}
 
