@@ -151,7 +151,6 @@ def read_text(path: Path, separator: str | None = None) -> Columns:
     if mark == BLANKS:
         rows = ("\t".join(text.split()) for _, text in _rows(path, skipped))
         source, mark, skipped, encoding = io.BytesIO("\n".join(rows).encode()), "\t", 0, "utf-8"
-
     uneven = list[str]()
 
     def judged(row: pcsv.InvalidRow) -> str:
@@ -177,11 +176,8 @@ def read_text(path: Path, separator: str | None = None) -> Columns:
         raise MapError(f"{path}: not a table: {str(error).splitlines()[0]}") from error
     if uneven:
         _check_cut(path, layout, cells)
-        lost = {
-            name: pa.nulls(1, kind)
-            for name, kind in zip(table.schema.names, table.schema.types, strict=True)
-        }
-        table = pa.concat_tables([table, pa.table(lost)])
+        lost = pa.table({field.name: pa.nulls(len(uneven), field.type) for field in table.schema})
+        table = pa.concat_tables([table, lost])
     if not table.num_rows:
         raise MapError(f"{path}: the file has 0 rows")
     units = {n: u for n, u in zip(layout.names, layout.units, strict=False) if u}
