@@ -29,7 +29,7 @@ class Posterior:
     Attributes:
         free: amplitudes a (p,); 0 along directions that no row tells.
         covariance: of them (p, p).
-        told: which of them the rows determine (p,), boolean.
+        determined: which of them the rows determine (p,), boolean.
         noise: standard deviation of a reading of each group (G,).
         sizes: of the ordinary errors of each kind, over the usual ones.
         fitted: what all columns make (n,), noise left out.
@@ -37,7 +37,7 @@ class Posterior:
 
     free: np.ndarray
     covariance: np.ndarray
-    told: np.ndarray
+    determined: np.ndarray
     noise: np.ndarray
     sizes: np.ndarray
     fitted: np.ndarray

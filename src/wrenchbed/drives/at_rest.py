@@ -266,10 +266,10 @@ def _identified(
         for step in steps
     ], axis=1)  # fmt: skip
     covariance = slopes @ fit.covariance @ slopes.T
-    wide, determined = float(stdtrit(max(len(p.y) - _SHARED, 1), 0.975)), fit.told.copy()
+    wide, determined = float(stdtrit(max(len(p.y) - _SHARED, 1), 0.975)), fit.determined.copy()
     if loads:
         heavy = load[0] + fit.free[0] > wide * std[0]  # no mass has no centre
-        determined[1:4] = fit.told[:4].all() and heavy
+        determined[1:4] = fit.determined[:4].all() and heavy
     if gains:
         determined[-gains:] &= np.abs(gain + fit.free[-gains:]) > wide * std[-gains:]
     names = [("tool.mass", "kg"), *((f"tool.cog.{a}", "m") for a in "xyz")][:loads]
