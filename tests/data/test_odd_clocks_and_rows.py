@@ -144,6 +144,15 @@ def test_what_was_taken_for_granted_and_what_is_not_used_is_said(tmp_path, log, 
     assert f"not used: another wrench, {named[0]} … {named[-1]}" in out
 
 
+def test_a_file_of_other_things_is_not_used_and_that_is_said(tmp_path, log, capsys):
+    t, values = log
+    path = write(tmp_path / "a.csv", [",".join(("t", *NAMES))], map(repr, t.tolist()), values)
+    other = write(tmp_path / "b.csv", ["t,humidity"], map(repr, t.tolist()), values[:, :1])
+    line = ["import", str(path), str(other), "--guess", "--robot", "ur5"]
+    assert main([*line, "--out", str(tmp_path / "rec.parquet")]) == 0
+    assert f"not used: {other}" in capsys.readouterr().out
+
+
 def motion(gap_s):
     """Two joints at 500 Hz that turn by sines of up to 1 Hz, without the rows of a gap."""
     t = np.arange(6000) / 500.0

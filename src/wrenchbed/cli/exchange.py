@@ -68,6 +68,7 @@ def import_(
         guesses = wb.guess_map(files, stated, rows_read.mode, rows_read.skip_incomplete)
         write_text(map_file, guesses.text(map_file.parent))
         column_map, guessed = guesses.column_map(), {"guess": [*guesses.lines, f"map → {map_file}"]}
+        files = tuple(file for file in files if file not in guesses.unused)
     else:
         if flags := [name for name, value in vars(stated).items() if value is not None]:
             flag = flags[0].replace("_", "-")

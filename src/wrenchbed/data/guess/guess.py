@@ -7,6 +7,7 @@ angles this is one linear least squares. What fits best is taken, what fits as w
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fnmatch import fnmatch
 from glob import escape
 from itertools import permutations, product, takewhile
 from os.path import relpath
@@ -75,6 +76,7 @@ class Guess:
         others: the next best that fit worse.
         notes: sentences on what was taken for granted, not used or not tried.
         by_names: what the names of the columns say, in words, where there is no convention to find.
+        unused: files that the first map does not read.
     """
 
     conventions: tuple[Convention, ...]
@@ -82,6 +84,7 @@ class Guess:
     others: tuple[Convention, ...]
     notes: tuple[str, ...] = ()
     by_names: str = ""
+    unused: tuple[Path, ...] = ()
 
     def column_map(self, k: int = 0) -> ColumnMap:
         """Column map of the k-th best convention, checked."""
@@ -190,7 +193,10 @@ def guess(
         )
     chosen = tuple(sorted(whole, key=lambda c: c.cost))
     maps = tuple(raw_map(c, tables, stated, mode) for c in chosen)
-    return Guess(chosen, maps, tuple(others), _notes(chosen[0], tables, stated, untried))
+    patterns = [entry["match"] for entry in maps[0]["file"]]
+    unused = tuple(p for p in paths if not any(fnmatch(p.name, match) for match in patterns))
+    notes = [*_notes(chosen[0], tables, stated, untried), *(f"not used: {p}" for p in unused)]
+    return Guess(chosen, maps, tuple(others), tuple(notes), unused=unused)
 
 
 def _notes(c: Convention, tables: Sequence[Sheet], stated: Stated, untried: str) -> tuple[str, ...]:
