@@ -28,58 +28,51 @@ class Redundancy:
 
 
 @dataclass(frozen=True, eq=False)
-class NullSpace:
-    """Directions that change no reading.
+class Observability:
+    """Rank of a Jacobian, its singular values, and what it cannot tell.
 
     Attributes:
-        names: parameters that move a reading (K,).
-        scale: typical size of each (K,), its unit.
-        basis: orthonormal, of scaled parameters (K, D).
+        names: of all parameters.
+        rank, singular_values: of the scaled Jacobian.
+        no_effect: names of the parameters that move no reading.
+        scale: typical size of each other parameter (K,), its unit.
+        basis: orthonormal directions of these, scaled, that change no reading (K, D).
         symmetries: directions with a known name.
     """
-
-    names: tuple[str, ...]
-    scale: np.ndarray
-    basis: np.ndarray
-    symmetries: Mapping[str, Mapping[str, float]]
-
-    def named(self) -> tuple[Redundancy, ...]:
-        """Directions that span it: known ones that it confirms, then those with few parameters."""
-        directions: list[np.ndarray] = []
-        texts: list[str] = []
-        count = len(self.names)
-        for text, direction in self.symmetries.items():
-            x = np.array([direction.get(n, 0.0) for n in self.names]) / self.scale
-            if _in_span(x, self.basis) and not _in_span(x, _columns(directions, count)):
-                directions.append(x / np.abs(x).max())
-                texts.append(text)
-        for x in _sparsest(self.basis):
-            if len(directions) == self.basis.shape[1]:
-                break
-            if not _in_span(x, _columns(directions, count)):
-                directions.append(x)
-                texts.append("")
-        redundancies = [
-            _redundancy(x * self.scale, self.names, text)
-            for x, text in zip(directions, texts, strict=True)
-        ]
-        return tuple(sorted(redundancies, key=lambda r: len(r.names)))
-
-
-@dataclass(frozen=True, eq=False)
-class Observability:
-    """Rank of a Jacobian (M, K), its singular values (scaled), and what it cannot tell."""
 
     names: tuple[str, ...]
     rank: int
     singular_values: np.ndarray
     no_effect: tuple[str, ...]
-    null_space: NullSpace
+    scale: np.ndarray
+    basis: np.ndarray
+    symmetries: Mapping[str, Mapping[str, float]]
 
     @cached_property
     def redundancies(self) -> tuple[Redundancy, ...]:
-        """Parameters that enter only together; looked for when somebody asks, which takes long."""
-        return self.null_space.named()
+        """Parameters that enter only together, in directions that span all: known ones that are
+        confirmed, then those with few parameters. Looked for when somebody asks: it takes long."""
+        names = [n for n in self.names if n not in self.no_effect]
+        directions: list[np.ndarray] = []
+        texts: list[str] = []
+        known = [
+            (text, np.array([direction.get(n, 0.0) for n in names]) / self.scale)
+            for text, direction in self.symmetries.items()
+        ]
+        confirmed = [
+            (text, x / np.abs(x).max()) for text, x in known if x.any() and _in_span(x, self.basis)
+        ]
+        for text, x in (*confirmed, *(("", x) for x in _sparsest(self.basis))):
+            if len(directions) < self.basis.shape[1] and not _in_span(
+                x, _columns(directions, len(names))
+            ):
+                directions.append(x)
+                texts.append(text)
+        redundancies = [
+            _redundancy(x * self.scale, names, text)
+            for x, text in zip(directions, texts, strict=True)
+        ]
+        return tuple(sorted(redundancies, key=lambda r: len(r.names)))
 
 
 def null_space(jacobian: np.ndarray) -> tuple[int, np.ndarray, np.ndarray]:
@@ -110,14 +103,7 @@ def analyse(
     no_effect = tuple(n for n, a in zip(names, active, strict=True) if not a)
     kept = np.flatnonzero(active)
     rank, s, basis = null_space(scaled[:, kept])
-    kept_names = tuple(names[int(i)] for i in kept)
-    return Observability(
-        tuple(names),
-        rank,
-        s,
-        no_effect,
-        NullSpace(kept_names, scale[kept], basis, symmetries or {}),
-    )
+    return Observability(tuple(names), rank, s, no_effect, scale[kept], basis, symmetries or {})
 
 
 def _columns(vectors: list[np.ndarray], n: int) -> np.ndarray:
