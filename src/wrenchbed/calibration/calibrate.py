@@ -247,7 +247,8 @@ def _checked(
     robot = robot_of(recording)
     model = Model.of(robot, recording.metadata)
     finding = of_rows(recording)
-    if finding is not None and not _answered(finding, options):
+    robust = options.loss != "linear"
+    if finding and not (options.force or (robust and finding.reason in OUTLIERS)):
         raise CalibrationError(f"{recording.name}: {finding.sentence}")
     data = observe(recording)
     if recording.metadata.mode == "dynamic" and not recording.joints:
@@ -273,7 +274,7 @@ def _checked(
     finding = finding or of_observations(recording, data, model, stated, names)
     if finding is not None and finding.reason == "one orientation":
         finding = None  # the uncertainties say so, or the fit does
-    if finding is not None and options.loss != "linear" and finding.reason in OUTLIERS:
+    if finding is not None and robust and finding.reason in OUTLIERS:
         finding = None  # such a loss resists them
     if finding is not None and finding.reason not in GENERAL and not options.force:
         raise CalibrationError(f"{recording.name}: {finding.sentence}")
@@ -293,11 +294,6 @@ def left_by(fit: Fit, recording: Recording) -> tuple[Observations, np.ndarray]:
     model, data = Model.of(robot_of(recording), recording.metadata), observe(recording)
     theta = model.parameters.vector(dict(fit.theta))
     return data, data.wrench - model.predict(data.q, theta)
-
-
-def _answered(finding: Finding, options: CalibrationOptions) -> bool:
-    """Whether a finding on rows need not stop the calibration."""
-    return options.force or (options.loss != "linear" and finding.reason in OUTLIERS)
 
 
 def _refuted(

@@ -107,10 +107,6 @@ class Sight:
         model = self.model
         return model.robot.gravity_torque(self.q, self.theta, np.asarray(model.gravity))
 
-    def with_stand_alone(self) -> "Sight":
-        """This sight with the stated geometry: only the tracker's stand and target are fitted."""
-        return replace(self, columns=(), joints=())
-
     def expected(self, x: np.ndarray) -> np.ndarray:
         """Places (H, 3) at parameters (K,) [m]."""
         return self._seen(*self._pose(self._moved(x), self.geometry(x)), x[-9:])
@@ -205,7 +201,7 @@ def calibrate_tracker(
         if abs(noise / before - 1.0) < _SAME_NOISE:
             break
     x, covariance = solution.x, solution.covariance
-    alone = sight.with_stand_alone()
+    alone = replace(sight, columns=(), joints=())  # the geometry as it is stated
     held_out, bound = _held_out(sight, noise, tolerances, x)
     nominal, _ = _held_out(alone, noise, _WIDE, alone.solve(noise, _WIDE, alone.start).x)
     slopes = sight.jacobian(sight.start).reshape(count, -1)

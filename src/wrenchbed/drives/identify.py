@@ -22,7 +22,7 @@ from wrenchbed.drives.solution import FOLDS, Problem, Solution, parts, residual,
 from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
 from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.physics.wrench import Tool
+from wrenchbed.physics.wrench import Tool, about_centre, six_of
 from wrenchbed.robots.base import INERTIA_AXES, Joint, SimulatedRobot
 from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.robots.mjcf import at_home, link_inertias
@@ -202,7 +202,7 @@ def about_origin(tool: Tool) -> np.ndarray:
     """Parameters `LOAD` (10,) of a tool: mass, first moments and inertia about the origin."""
     mass, cog = float(tool.mass), np.asarray(tool.cog, dtype=float)
     second = np.asarray(tool.inertia) + mass * _second(cog, cog)
-    return np.array([mass, *(mass * cog), *_six(second)])
+    return np.array([mass, *(mass * cog), *six_of(second)])
 
 
 def carrier_columns(robot: SimulatedRobot) -> slice:
@@ -223,29 +223,24 @@ def load_columns(robot: SimulatedRobot, theta: np.ndarray) -> np.ndarray:
         one = np.zeros((3, 3))
         i, j = "xyz".index(axes[0]), "xyz".index(axes[1])
         one[i, j] = one[j, i] = 1.0
-        result[4:, 4 + k] = _six(turn @ one @ turn.T)
+        result[4:, 4 + k] = six_of(turn @ one @ turn.T)
     return result
 
 
 def of_mass(place: np.ndarray) -> np.ndarray:
     """Inertial parameters (10,) of 1 kg at a place (3,) [m]."""
-    return np.array([1.0, *place, *_six(_second(place, place))])
+    return np.array([1.0, *place, *six_of(_second(place, place))])
 
 
 def of_moment(place: np.ndarray, way: np.ndarray) -> np.ndarray:
     """Change of inertial parameters (10,) by 1 kg·m along a way (3,), of a mass at a place (3,)
     [m]."""
-    return np.array([0.0, *way, *_six(2.0 * _second(place, way))])
+    return np.array([0.0, *way, *six_of(2.0 * _second(place, way))])
 
 
 def _second(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(a·b) 1 − (a bᵀ + b aᵀ)/2 (3, 3): the inertia of a unit mass, bilinear in its place."""
     return np.asarray((a @ b) * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a)))
-
-
-def _six(matrix: np.ndarray) -> list[float]:
-    """Elements xx yy zz xy xz yz of a symmetric matrix (3, 3)."""
-    return [float(matrix["xyz".index(i), "xyz".index(j)]) for i, j in map(tuple, INERTIA_AXES)]
 
 
 def values_of(
@@ -321,8 +316,8 @@ def published(p: Problem, x: np.ndarray, starts: dict[str, float]) -> np.ndarray
 
 def _about_cog(load: np.ndarray) -> np.ndarray:
     """Mass, CoG and inertia about the CoG (10,) from `LOAD`."""
-    mass, cog = load[0], load[1:4] / load[0]
-    return np.array([mass, *cog, *(load[4:] - mass * np.array(_six(_second(cog, cog))))])
+    mass, cog, inertia = about_centre(load)
+    return np.array([mass, *cog, *six_of(inertia)])
 
 
 def errors_of(p: Problem, solution: Solution, units: Sequence[str]) -> tuple[JointError, ...]:
