@@ -22,7 +22,7 @@ from wrenchbed.drives.solution import FOLDS, Problem, Solution, parts, residual,
 from wrenchbed.errors import CalibrationError, NotFoundError, ParameterError
 from wrenchbed.physics.newton_euler import INERTIAL
 from wrenchbed.physics.time_derivatives import Jet
-from wrenchbed.physics.wrench import Tool, about_centre, six_of
+from wrenchbed.physics.wrench import Tool, about_centre, six_of, symmetric
 from wrenchbed.robots.base import INERTIA_AXES, Joint, SimulatedRobot
 from wrenchbed.robots.inverse_dynamics import rotor_torque, torque_regressor
 from wrenchbed.robots.mjcf import at_home, link_inertias
@@ -219,11 +219,8 @@ def load_columns(robot: SimulatedRobot, theta: np.ndarray) -> np.ndarray:
     result = np.zeros((INERTIAL, INERTIAL))
     result[:, 0] = of_mass(lever)
     result[:, 1:4] = np.stack([of_moment(lever, axis) for axis in turn.T], axis=1)
-    for k, axes in enumerate(INERTIA_AXES):
-        one = np.zeros((3, 3))
-        i, j = "xyz".index(axes[0]), "xyz".index(axes[1])
-        one[i, j] = one[j, i] = 1.0
-        result[4:, 4 + k] = six_of(turn @ one @ turn.T)
+    turned = [six_of(turn @ symmetric(unit) @ turn.T) for unit in np.eye(6)]
+    result[4:, 4:] = np.stack(turned, axis=1)
     return result
 
 
