@@ -45,11 +45,10 @@ def test_every_reason_is_a_known_one():
 
 @pytest.mark.parametrize("base", BASES)
 def test_a_sound_recording_is_not_refused(base, recwarn):
-    for seed in range(900, 902):
-        sound = good(base, seed)
-        assert check(sound.recording) is None
-        assert far(calibrate(sound.recording), sound.truth) < 5.0
-        prepare(sound.recording)
+    sound = good(base, 900)
+    assert check(sound.recording) is None
+    assert far(calibrate(sound.recording), sound.truth) < 5.0
+    prepare(sound.recording)
     assert not recwarn.list
 
 

@@ -41,7 +41,7 @@ import sys, time
 sys.path.insert(0, sys.argv[2])
 from control_worker import SharedNumbers
 shared = SharedNumbers(int(sys.argv[1]))
-end = time.monotonic() + 0.8
+end = time.monotonic() + 0.4
 while time.monotonic() < end:
     shared.beat("driver")
 """

@@ -121,6 +121,7 @@ def test_the_contract_of_every_robot(name, contract):
     contract(loop_robot(name))
 
 
+@pytest.mark.sampled
 @each_model
 def test_the_toml_beside_the_model_is_its_robot(name, tmp_path):
     """As `wrenchbed robot` writes it; and the same from what a recording carries, to the bit."""
