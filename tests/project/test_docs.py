@@ -21,14 +21,8 @@ from wrenchbed.simulation.closed_form import SENSOR
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").rglob("*.md")])
-OURS = sorted(
-    [*ROOT.glob("*.md")]
-    + [
-        p
-        for at in ("docs", "models", "requirements", "src", "tests")
-        for p in (ROOT / at).rglob("*.md")
-    ]
-)
+FOLDERS = ("docs", "models", "requirements", "src", "tests")
+OURS = sorted([*ROOT.glob("*.md"), *(p for f in FOLDERS for p in (ROOT / f).rglob("*.md"))])
 LIMIT_S = 240
 _FENCE = re.compile(
     r"(?:^ *<!-- not run: (?P<reason>[^\n]+) -->\n)?"
