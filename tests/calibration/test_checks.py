@@ -247,6 +247,7 @@ def test_a_refusal_names_the_fault(name, base, words):
     assert words in str(caught.value)
 
 
+@pytest.mark.sampled
 @pytest.mark.parametrize("name", ["gain of fx +5 %", "gain of fx +10 %"])
 def test_an_interval_holds_what_each_of_the_faults_that_explain_alike_would_move(name):
     """A gain of fx in a narrow motion looks like faults that move other values."""
