@@ -23,7 +23,8 @@ _STOP = 1e-12
 _MOST = 30
 """Largest number of Newton steps."""
 _NOISY_STOP = 1e-6
-"""Far below what noise leaves, in mm and degrees; the steps converge quadratically."""
+"""Step that ends a search on noisy readings [mm and degrees]: far below what noise leaves; the
+steps converge quadratically."""
 STATISTICS = ("mean", "max", "std", "rms")
 INDICES = ("O1", "O2", "O3", "O4", "O5")
 AGAIN = "O1 again"

@@ -157,8 +157,9 @@ class Case:
     def _beside(
         self, rung: int, design: np.ndarray, spread: np.ndarray, y: np.ndarray
     ) -> tuple[float, np.ndarray, np.ndarray]:
-        """Square of y (C R,) over a background and columns (C R, k) of sizes (k,); w of all columns
-        (n,), and H (k, n): HᵀH is what the columns take from the information of all."""
+        """Square of a signal y (C R,) over a background and columns (C R, k) whose sizes have
+        standard deviations (k,); its products w with all columns (n,), and H (k, n), of which HᵀH
+        is what those columns take from the information of all."""
         level = self.searcher.rungs[rung].level
         solved = level.solve(np.column_stack([design, y]))
         side = self.d.E.T @ solved[:, :-1]
