@@ -8,7 +8,8 @@ from wrenchbed import registry
 from wrenchbed.cli import main
 from wrenchbed.data import column_map
 from wrenchbed.data.guess.guess import guess
-from wrenchbed.data.guess.sheets import joints, sheet_of
+from wrenchbed.data.guess.readings import joints
+from wrenchbed.data.guess.sheets import sheet_of
 from wrenchbed.data.guess.stated import Stated
 from wrenchbed.data.logs import table, write_mcap
 from wrenchbed.data.metadata import Metadata

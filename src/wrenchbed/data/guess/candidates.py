@@ -11,14 +11,8 @@ from wrenchbed import registry
 from wrenchbed.data.column_map import UNITS as SIZES
 from wrenchbed.data.column_map import turned
 from wrenchbed.data.guess.convention import HOPELESS, Convention, Poses, fits, gather
-from wrenchbed.data.guess.sheets import (
-    MOST_UNNAMED,
-    Reading,
-    Sheet,
-    joints,
-    orientations,
-    wrenches,
-)
+from wrenchbed.data.guess.readings import Reading, joints, orientations, wrenches
+from wrenchbed.data.guess.sheets import MOST_UNNAMED, Sheet
 from wrenchbed.data.guess.stated import Stated
 from wrenchbed.data.tilt import held, upright
 from wrenchbed.errors import WrenchbedError

@@ -10,7 +10,8 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.data.guess.convention import gather
-from wrenchbed.data.guess.sheets import Sheet, joints
+from wrenchbed.data.guess.readings import joints
+from wrenchbed.data.guess.sheets import Sheet
 from wrenchbed.data.guess.stated import Stated
 from wrenchbed.errors import MapError
 

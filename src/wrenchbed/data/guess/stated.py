@@ -10,7 +10,8 @@ import numpy as np
 
 from wrenchbed.data.column_map import UNITS
 from wrenchbed.data.guess.convention import Convention, GravityFit, in_body
-from wrenchbed.data.guess.sheets import Sheet, sheet_of, wrenches
+from wrenchbed.data.guess.readings import wrenches
+from wrenchbed.data.guess.sheets import Sheet, sheet_of
 from wrenchbed.data.text_table import read_text
 from wrenchbed.errors import MapError
 from wrenchbed.files.checked import Fields, load

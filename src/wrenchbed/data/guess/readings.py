@@ -1,0 +1,205 @@
+"""What columns may be, by their names, else by value: an orientation, joints, a wrench."""
+
+import re
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from wrenchbed.data.column_map import (
+    ACCELERATION,
+    ANGLES,
+    ROLL_PITCH_YAW,
+    ROTATION,
+    ROTATION_VECTOR,
+)
+from wrenchbed.data.guess.sheets import NO_JOINT, Sheet, plain
+from wrenchbed.data.recording import QUATERNION
+from wrenchbed.physics.wrench import CHANNELS
+
+_KINDS = {"quaternion": QUATERNION, "matrix": ROTATION, "": ROTATION_VECTOR}
+_KINDS |= {"roll pitch yaw": ROLL_PITCH_YAW}
+"""Groups of roles that are an orientation, by their kind; three angles may be of any."""
+_NORM = 1e-2
+"""Largest error of a unit length by which columns are taken for an orientation: two digits are
+printed at least, and columns of other things do not stay so near to 1."""
+_MOST_ANGLE = 400.0
+"""Largest value of a column of angles [°]."""
+_MOST_IN_G = 4.0
+"""A smaller length of an accelerometer's readings is in g, a larger one in m/s²."""
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Columns that might be an orientation or a robot's joints, and how they would be read.
+
+    Attributes:
+        kind: in words.
+        targets: column by target of a map.
+        unit: of angles; none of numbers.
+        cost: how unusual it is; of readings that fit alike the least costly is taken.
+        robot: whose joints these are; none of an orientation.
+        named: whether names say so.
+    """
+
+    kind: str
+    targets: Mapping[str, str]
+    unit: str | None = None
+    cost: float = 0.0
+    robot: str | None = None
+    named: bool = False
+
+    @property
+    def is_tilt(self) -> bool:
+        """Whether it is an accelerometer: it says at rest where up is, and no more."""
+        return ACCELERATION[0] in self.targets
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the columns."""
+        return tuple(self.targets.values())
+
+
+def wrenches(sheet: Sheet) -> Iterator[Mapping[str, str]]:
+    """Channel → column: by name, else every six columns in a row that nothing else claims."""
+    yield from sheet.loads
+    for names in () if sheet.loads else sheet.windows(6, "force", "torque"):
+        for order in (names, [*names[3:], *names[:3]]):  # torques may stand first
+            fits = sheet.may_be(order[:3], "force") and sheet.may_be(order[3:], "torque")
+            if fits and all(np.ptp(sheet.values[name]) > 0 for name in names):
+                yield dict(zip(CHANNELS, order, strict=True))
+
+
+def orientations(sheet: Sheet) -> Iterator[Reading]:
+    """Readings of columns as an orientation: by name, else by value, those of most columns; and an
+    accelerometer."""
+    roles, named = sheet.roles, False
+    for kind, group in _KINDS.items():
+        if group[0] in roles:
+            columns = {r: roles[r] for r in group}
+            one = [Reading(kind, columns, named=True)]
+            yield from _angles(sheet, columns.values(), kind) if group in ANGLES else one
+            named = True
+    by_value: Sequence[tuple[int, str, Callable[[Sheet, Sequence[str]], Iterator[Reading]]]]
+    by_value = (
+        (16, "number", _poses), (9, "number", _matrices), (4, "number", _quaternions),
+        (3, "angle", _angles),
+    )  # fmt: skip
+    for width, quantity, read in () if named else by_value:
+        readings = [r for names in sheet.windows(width, quantity) for r in read(sheet, names)]
+        yield from readings
+        if readings:
+            break
+    if ACCELERATION[0] in roles and not named:
+        columns = {r: roles[r] for r in ACCELERATION}
+        length = np.median(np.linalg.norm(sheet.block([*columns.values()]), axis=1))
+        unit = sheet.units.get(roles["ax"], "g" if length < _MOST_IN_G else "m/s²")
+        yield Reading("accelerometer", columns, unit, cost=0.4)
+
+
+def _poses(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
+    """Readings of a pose's matrix (4, 4), by rows or by columns."""
+    for what, order in (("by rows", (0, 1, 2)), ("by columns", (0, 2, 1))):
+
+        def is_pose(m: np.ndarray, order: tuple[int, ...] = order) -> bool:
+            pose = m.reshape(-1, 4, 4).transpose(order)
+            last = np.abs(pose[:, 3] - [0, 0, 0, 1]).max() < _NORM
+            return bool(last and _turns(pose[:, :3, :3]))
+
+        if sheet.obeys(names, is_pose):
+            place = np.arange(16).reshape(1, 4, 4).transpose(order)[0, :3, :3].ravel()
+            columns = {r: names[p] for r, p in zip(ROTATION, place.tolist(), strict=True)}
+            yield Reading(f"pose {what}", columns)
+
+
+def _matrices(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
+    """Nine columns as a rotation matrix, if they are one."""
+    if sheet.obeys(names, _turns):
+        yield Reading("matrix", dict(zip(ROTATION, names, strict=True)))
+
+
+def _turns(columns: np.ndarray) -> bool:
+    """Whether all matrices, (N, 9) or (N, 3, 3), are rotations."""
+    m = columns.reshape(-1, 3, 3)
+    near = np.abs(np.swapaxes(m, 1, 2) @ m - np.eye(3)).max() < _NORM
+    return bool(near and (np.linalg.det(m) > 0).all())
+
+
+def _quaternions(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
+    """Four columns of length 1 as a quaternion in both orders."""
+    if sheet.obeys(names, lambda q: bool(np.abs(np.linalg.norm(q, axis=1) - 1).max() < _NORM)):
+        for order, cost in (("wxyz", 0.0), ("xyzw", 0.1)):
+            targets = {f"q{c}": n for c, n in zip(order, names, strict=True)}
+            yield Reading(f"quaternion {order}", targets, None, cost)
+
+
+def _angles(sheet: Sheet, names: Collection[str], only: str = "") -> Iterator[Reading]:
+    """Readings of three numbers as rotation vector, roll pitch yaw, or KUKA's A B C.
+
+    Args:
+        sheet: the table.
+        names: of the three columns.
+        only: kind that their names state; empty for all.
+    """
+    stated, largest = sheet.units.get(next(iter(names))), max(sheet.largest[n] for n in names)
+    units = [("deg", 0.0)] if largest > 7.0 else [("rad", 0.0), ("deg", 0.5)]
+    if stated in ("rad", "deg"):
+        units = [(stated, 0.0)]
+    elif largest > _MOST_ANGLE:
+        return
+    for unit, cost in units:
+        for kind, targets, more in (
+            ("rotation vector", ROTATION_VECTOR, 0.0),
+            ("roll pitch yaw", ROLL_PITCH_YAW, 0.0 if only else 0.1),
+            ("yaw pitch roll", ROLL_PITCH_YAW[::-1], 0.2),
+        ):
+            if only in ("", kind):
+                columns = dict(zip(targets, names, strict=True))
+                yield Reading(f"{kind} in {unit}", columns, unit, cost + more, named=bool(only))
+
+
+def joints(sheet: Sheet, robot: str, joint_names: Sequence[str]) -> Iterator[Reading]:
+    """Columns that might be a robot's joint values: by their names, as q1 …, else by value.
+
+    Args:
+        sheet: the table.
+        robot: name of the robot.
+        joint_names: names of its joints.
+    """
+    for names, named in _joint_columns(sheet, joint_names):
+        stated = sheet.units.get(names[-1])
+        units: tuple[str, ...] = ("rad", "deg")
+        if stated in units:
+            units = (stated,)
+        elif max(sheet.largest[name] for name in names) > 4.0 * np.pi:
+            units = ("deg",)
+        for unit in units:
+            targets = {f"q{j}": name for j, name in enumerate(names, 1)}
+            kind = f"joints of {robot} in {unit}"
+            yield Reading(kind, targets, unit, robot=robot, named=named)
+
+
+def _joint_columns(
+    sheet: Sheet, joint_names: Sequence[str]
+) -> Iterator[tuple[Sequence[str], bool]]:
+    """Groups of columns, one for each joint of a robot, and whether their names say so."""
+    count = len(joint_names)
+    of_joints = [_of_joint(sheet, name) for name in joint_names]
+    if all(len(hits) == 1 for hits in of_joints):
+        yield [hits[0] for hits in of_joints], True
+    elif "q1" in sheet.roles:
+        named = [sheet.roles[f"q{j}"] for j in range(1, count + 1) if f"q{j}" in sheet.roles]
+        if len(named) == count and f"q{count + 1}" not in sheet.roles:
+            yield named, True
+    else:
+        for names in sheet.windows(count, "angle", "length"):
+            if max(sheet.largest[name] for name in names) < _MOST_ANGLE:
+                yield names, False
+
+
+def _of_joint(sheet: Sheet, name: str) -> list[str]:
+    """Columns that are called after a joint, and are not its speed or torque."""
+    word = re.compile(rf"(?:^|_){re.escape(plain(name).removesuffix('_joint'))}(?:_|$)")
+    hits = [n for n in sheet.values if word.search(plain(n))]
+    return [n for n in hits if not NO_JOINT.search(word.sub("_", plain(n)))]
