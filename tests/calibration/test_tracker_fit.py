@@ -64,7 +64,8 @@ def slopes_in_plain_numpy(q):
 def test_planned_poses_tell_more_than_random_ones():
     """24 poses leave two thirds of the variance of places, by slopes of plain numpy."""
     planned = for_tracker(UR5, 24, 2000, seed=0)
-    assert np.array_equal(planned.q, for_tracker(UR5, 24, 2000, seed=0).q)
+    few, again = (for_tracker(UR5, 8, 200, seed=0).q for _ in range(2))
+    assert np.array_equal(few, again)
     everywhere = slopes_in_plain_numpy(UR5.sample(150, np.random.default_rng(99)))
 
     def variance(q):

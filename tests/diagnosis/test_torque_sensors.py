@@ -30,7 +30,7 @@ def check(found, effect, name, joint, truth):
     assert abs(number["value"] - truth) < 3.0 * number["std"] < abs(truth)
 
 
-@pytest.mark.sampled
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("joint", "gain", "zero"),
     [(4, 0.0, 4.0), (3, -0.2, 0.0), (1, 0.0, 3.0), (2, 0.0, -8.0), (5, 0.0, 1.0), (6, 0.0, 0.5),

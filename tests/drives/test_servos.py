@@ -89,7 +89,7 @@ def test_another_servo_law_moves_no_value_beyond_its_interval(arm, seed):
     assert far.max() < 4.0 and np.sqrt(np.mean(far**2)) < 1.5
 
 
-@pytest.mark.parametrize("law", [follow, own_servo])
+@pytest.mark.parametrize("law", [follow, pytest.param(own_servo, marks=pytest.mark.slow)])
 def test_written_servos_trail_a_motion_that_nobody_fitted_as_the_robot_does(
     fit, arm, law, tmp_path
 ):
