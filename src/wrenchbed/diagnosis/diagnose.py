@@ -380,25 +380,21 @@ def _next(
     if not unknown and not rivals and not several:
         return {}, []
     fits = [fit for e in several for fit in zip(e.fits, e.parts, strict=True)]
-    candidates = (
-        *experiments.candidates_of(a, rivals),
-        *(experiments.candidate(f, k) for f, k in fits),
-    )
+    if unknown:
+        proposed = experiments.explore(a.dictionary.prepared, a.ranking.kernel, seed)
+    else:
+        candidates = (
+            *experiments.candidates_of(a, rivals),
+            *(experiments.candidate(f, k) for f, k in fits),
+        )
+        others = [o.dictionary.prepared for o in a.others]
+        proposed = experiments.separate(a.dictionary, candidates, seed, others)
     plans: dict[str, Plan] = {}
     entries = []
-    for k, e in enumerate(experiments.propose(a, candidates, unknown=unknown, seed=seed)):
+    for k, e in enumerate(proposed):
         name = None
         if e.plan is not None:
             name = "next.parquet" if not plans else f"next-{k + 1}.parquet"
             plans[name] = e.plan
-        entries.append(
-            {
-                "action": e.action,
-                "separates": list(e.separates),
-                "gain": e.gain,
-                "minutes": e.minutes,
-                "plan": name,
-                "sentence": e.sentence,
-            }
-        )
+        entries.append(e.entry(name))
     return plans, entries

@@ -8,8 +8,9 @@ doi 10.1109/18.61115; its use for designs: Vanlier et al. 2014, doi 10.1186/1752
 """
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -19,7 +20,6 @@ from wrenchbed.data.plan import Plan
 from wrenchbed.diagnosis.evidence.dictionary import (
     EffectDictionary,
     Hypothesis,
-    features,
     nuisance,
 )
 from wrenchbed.diagnosis.evidence.likelihood import LARGE, MOST, BackgroundLevel, row_variance
@@ -28,6 +28,7 @@ from wrenchbed.diagnosis.explain.elements import element, listed
 from wrenchbed.diagnosis.explain.finalist import Finalist
 from wrenchbed.diagnosis.explain.structures import Analysis
 from wrenchbed.diagnosis.next.actions import (
+    Action,
     ExperimentRun,
     actions,
     loaded,
@@ -259,7 +260,8 @@ class Experiment:
     Attributes:
         action: what to do.
         separates: effects that it would separate, or the variable that it would show.
-        gain: Jensen–Shannon divergence that it adds, mean over the pairs, per minute [nat/min].
+        gain: Jensen–Shannon divergence that it adds, mean over the pairs, per minute [nat/min]; 0
+            where it shows what something unknown depends on.
         minutes: that it takes, moves and mounting included.
         plan: ready to record, None where there is nothing to plan.
         sentence: all of it for people.
@@ -272,21 +274,10 @@ class Experiment:
     plan: Plan | None
     sentence: str
 
-
-def propose(
-    analysis: Analysis, candidates: Sequence[Candidate], *, unknown: bool = False, seed: int = 0
-) -> tuple[Experiment, ...]:
-    """Experiments after a diagnosis, most telling a minute first.
-
-    Args:
-        candidates: explanations that remain with their amplitudes in typical sizes, best first.
-        unknown: nothing of the library explains it: propose what shows on what it depends.
-    """
-    if unknown:
-        ranking = analysis.ranking
-        return explore(analysis.dictionary, ranking.kernel, max(ranking.gap, 1.0), seed)
-    others = [o.dictionary.prepared for o in analysis.others]
-    return separate(analysis.dictionary, candidates, seed, others)
+    def entry(self, plan: str | None) -> dict[str, Any]:
+        """The entry of ``next``, with the name of the plan's file."""
+        stated = {f.name: getattr(self, f.name) for f in fields(self)}
+        return stated | {"separates": list(self.separates), "plan": plan}
 
 
 def candidates_of(analysis: Analysis, names: Collection[str]) -> tuple[Candidate, ...]:
@@ -350,62 +341,30 @@ def separate(
         apart = tuple(dict.fromkeys(names[k] for pair in pairs for k in pair))
         what = listed([f"{labels[a]} from {labels[b]}" for a, b in pairs], "and")
         now, then = before[best], after[best]
-        sentence = (
-            f"{_capital(action.text)} ({action.minutes:.1f} min): it separates {what}; the "
-            f"probability of naming the right one rises from {100 * settled(now):.0f} to "
-            f"{100 * settled(then):.0f} %."
+        shows = (
+            f"it separates {what}; the probability of naming the right one rises from "
+            f"{100 * settled(now):.0f} to {100 * settled(then):.0f} %"
         )
-        gain = mean / action.minutes
-        proposed.append(Experiment(action.text, apart, gain, action.minutes, action.plan, sentence))
+        proposed.append(_proposed(action, apart, mean / action.minutes, shows))
     return tuple(sorted(proposed, key=lambda e: -e.gain)[:MOST_PROPOSED])
 
 
-def explore(
-    d: EffectDictionary, kernel: str, gap: float = 4.0, seed: int = 0
-) -> tuple[Experiment, ...]:
-    """Experiments that show whether something unknown depends on a variable (a kernel's name).
-
-    Args:
-        gap: that the unknown adds.
-    """
-    before = _depends(d, d.prepared, kernel, gap)
-    proposed = []
-    for action in actions(d.prepared, seed):
-        if kernel not in action.variables:
-            continue
-        after = _depends(d, action.session.prepared, kernel, gap)
-        gain = max(after - before, 0.0) / action.minutes
-        sentence = (
-            f"{_capital(action.text)} ({action.minutes:.1f} min): it shows whether the residual "
-            f"depends on {kernel}."
-        )
-        proposed.append(
-            Experiment(action.text, (kernel,), gain, action.minutes, action.plan, sentence)
-        )
-    return tuple(sorted(proposed, key=lambda e: (-e.gain, e.minutes))[:MOST_PROPOSED])
+def explore(prepared: Prepared, kernel: str, seed: int = 0) -> tuple[Experiment, ...]:
+    """Experiments that show whether something unknown depends on a variable (a kernel's name), the
+    shortest first. What they tell of a cause that nobody knows has no number."""
+    known = [action for action in actions(prepared, seed) if kernel in action.variables]
+    shows = f"it shows whether the residual depends on {kernel}"
+    some = sorted(known, key=lambda action: action.minutes)[:MOST_PROPOSED]
+    return tuple(_proposed(action, (kernel,), 0.0, shows) for action in some)
 
 
-def _depends(d: EffectDictionary, prepared: Prepared, kernel: str, gap: float) -> float:
-    """Divergence [nat] between a dependence on one variable and all that the others can make."""
-    groups = features(prepared)
-    if kernel not in groups:
-        return 0.0
-    target = groups.pop(kernel)
-    zeros = _zeros(prepared, len(target))
-    columns = np.concatenate([zeros, *groups.values()], axis=1)
-    variance = np.full(columns.shape[1], gap)
-    variance[: zeros.shape[1]] = LARGE
-    noise = np.tile(prepared.variance + GAP, len(target) // len(prepared.variance))
-    level = BackgroundLevel(columns, noise, variance)
-    square = gap * float((target * level.solve(target)).sum())
-    return jensen_shannon(float(np.sqrt(square / target.shape[1])))
+def _proposed(action: Action, separates: tuple[str, ...], gain: float, shows: str) -> Experiment:
+    text = f"{action.text[0].upper()}{action.text[1:]}"
+    sentence = f"{text} ({action.minutes:.1f} min): {shows}."
+    return Experiment(action.text, separates, gain, action.minutes, action.plan, sentence)
 
 
 def _zeros(prepared: Prepared, values: int) -> np.ndarray:
     """Columns (C R, C) of a zero of each measured column, for C R values."""
     count = len(prepared.variance)
     return np.tile(np.eye(count), (values // count, 1))
-
-
-def _capital(text: str) -> str:
-    return text[0].upper() + text[1:]
