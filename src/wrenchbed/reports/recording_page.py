@@ -3,13 +3,10 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath
-from typing import Any
 
 import numpy as np
 
 from wrenchbed.data.recording import Recording
-from wrenchbed.errors import ParameterError
-from wrenchbed.files import checked
 from wrenchbed.pages import ReportPage, numbers
 from wrenchbed.pages.chart import Axis, Chart, Panel, Role, Series, thinned
 from wrenchbed.pages.document import provenance
@@ -18,6 +15,7 @@ from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.reports import figures
 from wrenchbed.reports.diagnosis_page import recorded
 from wrenchbed.reports.simulators import joint_axis
+from wrenchbed.robots.base import SimulatedRobot
 from wrenchbed.twin.comparison import Simulator, noise_of, order_of, robot_of, simulators
 
 AGREES, NEAR = 1.25, 3.0
@@ -117,7 +115,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
     known, noise = simulators(recording, files), noise_of(recording)
     judged = agreements(recording, known, noise)
     nearest, name = best(judged), PurePath(recording.name).name
-    fits = [s for s in known if s.fit]
+    fits = [s for s in known if s.fitted]
     drawn = [draw(chart) for chart in _charts(recording, known, noise)]
     context = {
         "verdict": "unknown" if nearest.differing else "none",
@@ -129,7 +127,7 @@ def recording_page(recording: Recording, files: Sequence[str | Path], command: s
         "simulators": judged,
         "channels": CHANNELS,
         "noise": noise,
-        "tool": _tool(fits[-1].name, fits[-1].fit) if fits else [],
+        "tool": _tool(robot_of(recording), fits[-1]) if fits else [],
         "heat": drawn[0],
         "series": drawn[1:],
         "next": _next(nearest, bool(fits), name),
@@ -191,22 +189,14 @@ def _what(recording: Recording) -> dict[str, str]:
     return {"figure": figure, "text": f"{len(recording):,} rows in {span:,.0f} s, from {source}."}
 
 
-def _tool(name: str, fit: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Label and text of a fit's tool.
-
-    Raises:
-        ParameterError: the field is not as `calibrate` writes it.
-    """
-    try:
-        mass, cog = fit["tool"]["mass"], list[Any](fit["tool"]["cog"])
-    except (LookupError, TypeError):
-        mass, cog = None, list[Any]()
-    if len(cog) != 3 or not all(map(checked.is_number, (mass, *cog))):
-        raise ParameterError(
-            f"{name}: field 'tool' is not as `calibrate` writes it; calibrate again"
-        )
-    place = numbers.minus(f"({', '.join(f'{1e3 * x:.4g}' for x in cog)}) mm")
-    return [("mass", numbers.minus(f"{mass:.4g} kg")), ("centre of gravity", place)]
+def _tool(robot: SimulatedRobot, fitted: Simulator) -> list[tuple[str, str]]:
+    """Label and text of a fit's tool."""
+    tool = robot.tool(fitted.theta)
+    place = ", ".join(f"{1e3 * float(x):.4g}" for x in tool.cog)
+    return [
+        ("mass", numbers.minus(f"{float(tool.mass):.4g} kg")),
+        ("centre of gravity", numbers.minus(f"({place}) mm")),
+    ]
 
 
 def _next(nearest: Agreement, fitted: bool, name: str) -> list[str]:

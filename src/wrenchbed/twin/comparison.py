@@ -1,9 +1,8 @@
 """Simulators to hold against a recording: as configured, a fit's, a twin's."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -28,13 +27,13 @@ class Simulator:
         name: for people.
         theta: the robot's parameters (P,).
         reading: of every row (N, 6) [N, N·m].
-        fit: the fit.json that it comes from, empty for others.
+        fitted: whether it is of a fit.json.
     """
 
     name: str
     theta: np.ndarray
     reading: np.ndarray
-    fit: Mapping[str, Any] = field(default_factory=dict)
+    fitted: bool = False
 
 
 def simulators(recording: Recording, files: Sequence[str | Path]) -> list[Simulator]:
@@ -47,13 +46,11 @@ def simulators(recording: Recording, files: Sequence[str | Path]) -> list[Simula
         raise ParameterError(f"{len(files)} simulators: at most {MOST - 1} can be shown together")
     robot = robot_of(recording)
     model = Model.of(robot, recording.metadata)
-    twins: list[tuple[str, Twin, Mapping[str, Any]]] = [
-        ("configured", Twin(model, model.configured(recording.metadata)), {})
-    ]
+    twins = [("configured", Twin(model, model.configured(recording.metadata)), False)]
     twins += [(printable(Path(file).stem), *_read(Path(file), model)) for file in files]
     return [
-        Simulator(name, twin.robot_theta, simulate(twin, recording).wrench, fit)
-        for name, twin, fit in twins
+        Simulator(name, twin.robot_theta, simulate(twin, recording).wrench, fitted)
+        for name, twin, fitted in twins
     ]
 
 
@@ -106,17 +103,17 @@ def binned_rms(residual: np.ndarray, groups: Sequence[np.ndarray]) -> np.ndarray
         return np.sqrt(np.stack([np.nanmean(residual[g] ** 2, axis=0) for g in groups], axis=1))
 
 
-def _read(path: Path, model: Model) -> tuple[Twin, Mapping[str, Any]]:
-    """A twin.json, or a fit.json as a twin without effects, and the fit."""
+def _read(path: Path, model: Model) -> tuple[Twin, bool]:
+    """A twin.json, or a fit.json as a twin without effects; and whether it is a fit."""
     raw = load(path, ParameterError)
     if not isinstance(raw, dict):
         raise ParameterError(f"{path}: is no fit or twin")
     if "parameters" not in raw:
-        return Twin.read(path), {}
+        return Twin.read(path), False
     if raw.get("robot") != model.robot.name:
         raise ParameterError(f"{path}: is a fit of {raw.get('robot')!r}, not {model.robot.name!r}")
     try:
         theta = model.parameters.vector({k: float(v) for k, v in raw["theta"].items()})
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError) as error:
         raise ParameterError(f"{path}: theta: {error}") from error
-    return Twin(model, theta), raw
+    return Twin(model, theta), True

@@ -24,9 +24,6 @@ PAYLOAD_KG, MOUNTING_S = 0.5, 120.0
 """Mass of a second payload [kg], and the time to mount it [s]."""
 TURNS_S = 3.0
 """Time of a turn between orientations of a robot without a model [s]."""
-_SIDES = 8
-_SIDE = (0.2, 0.02)
-"""A pose is reached from so far to either side [rad, m]."""
 _SWEPT = 16
 _SWEEP = 2.6
 """Sweep of a rotary joint to either side [rad]."""
@@ -129,7 +126,7 @@ def actions(prepared: Prepared, seed: int = 0, sweeps: int | None = None) -> Ite
         prepared: the recording, its scene at the baseline.
         sweeps: joints, from the first, that are swept one by one; all if None.
     """
-    for make in (_poses, _payload, _sides, _revisit, _hold, _motion):
+    for make in (_poses, _payload, _revisit, _hold, _motion):
         action = make(prepared, seed)
         if action is not None:
             yield action
@@ -215,19 +212,6 @@ def _payload(prepared: Prepared, seed: int) -> Action | None:
     again = posed(prepared, q, t, static_noise(prepared), after=False)
     minutes = action.minutes + MOUNTING_S / 60.0
     return replace(action, session=ExperimentRun(again, payload, False), minutes=minutes)
-
-
-def _sides(prepared: Prepared, seed: int) -> Action | None:
-    robot = prepared.robot
-    if not robot.joints:
-        return None
-    side = np.array([_SIDE[j.unit == "m"] for j in robot.joints])
-    q = _some(prepared) if prepared.moving else prepared.poses
-    good = feasible(robot, q) & feasible(robot, q - side) & feasible(robot, q + side)
-    chosen = _evenly(q[good], _SIDES)
-    every = np.stack([chosen - side, chosen, chosen + side, chosen], axis=1)
-    text = f"approach {len(chosen)} poses from both sides"
-    return _visit(prepared, every.reshape(-1, q.shape[1]), text, ("direction",))
 
 
 def _revisit(prepared: Prepared, seed: int) -> Action | None:
