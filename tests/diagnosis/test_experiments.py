@@ -91,7 +91,7 @@ def test_timing_cannot_show_at_rest(wide):
 
 
 def test_no_effect_shows_below_what_a_healthy_robot_has_of_it(wide):
-    sizes = [way.smallest for way in shown(*wide).values() if way.smallest is not None]
+    sizes = [way.smallest for way in shown(wide[1]).values() if way.smallest is not None]
     assert len(sizes) > 20 and min(sizes) >= ORDINARY
 
 
