@@ -8,6 +8,7 @@ from rest_torques import REAL, TOOL, by_file, recording, ur5
 
 from wrenchbed.cli import main
 from wrenchbed.diagnosis.diagnose import diagnose
+from wrenchbed.pages.draw import Drawn
 
 
 @pytest.fixture(scope="module")
@@ -17,8 +18,11 @@ def arms(tmp_path_factory):
 
 @pytest.mark.sampled
 @pytest.mark.parametrize("arm", ["iiwa", "ur5"])
-def test_a_load_beyond_the_stated_one_is_named_and_weighed(arm, arms, tmp_path, capsys):
+def test_a_load_beyond_the_stated_one_is_named_and_weighed(
+    arm, arms, tmp_path, capsys, monkeypatch
+):
     """1.3 kg at the stated centre; links, sensors and zeros of joints off as in real arms."""
+    monkeypatch.setattr("wrenchbed.reports.diagnosis_page.draw", lambda c: Drawn(c, "<svg></svg>"))
     load, out = (TOOL[0] + 1.3, TOOL[1]), tmp_path / "out"
     recording(arms[arm], 0, load, wrong=REAL).write(tmp_path / "rest.parquet")
     words = ["diagnose", str(tmp_path / "rest.parquet"), "--channels", "effort", "--out", str(out)]

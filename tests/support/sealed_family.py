@@ -15,7 +15,7 @@ COUNT, SEED = 16, 20
 
 def small(patch):
     """Robots with few poses and rows."""
-    patch.setattr(settings, "POSES", (12, 20))
+    patch.setattr(settings, "POSES", (12, 14))
     patch.setattr(settings, "SAMPLES", 6)
 
 
