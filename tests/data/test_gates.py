@@ -2,6 +2,8 @@
 
 import resource
 import struct
+import sys
+import tracemalloc
 from functools import partial
 
 import numpy as np
@@ -12,13 +14,13 @@ from mcap.writer import CompressionType
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
-from rosbags.typesys import Stores
+from rosbags.typesys import Stores, get_typestore
 
 import wrenchbed as wb
 from json_logs import json_log
 from recorded import METADATA, columns
 from robot_logs import COUNT, bag1, bag2, fill
-from wrenchbed.data import logs, parquet
+from wrenchbed.data import logs, parquet, unpacking
 from wrenchbed.data.logs import table
 from wrenchbed.data.plan import Plan, is_plan
 from wrenchbed.data.recording import Recording
@@ -37,6 +39,8 @@ from wrenchbed.robots.model_file import read_arm
 from wrenchbed.sensors.described import read as read_sensor
 
 WANTED = ["stamp", "wrench.force.x"]
+MB = 2**20
+zstd = pytest.importorskip("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
 
 
 def mcap_of(path, **options):
@@ -123,6 +127,64 @@ def test_compressed_bags_come_in(make, way, tmp_path):
     assert table(tmp_path / name, "/wrench", WANTED).equals(plain)
 
 
+@pytest.mark.parametrize(("make", "way"), COMPRESSED)
+def test_a_bag_that_is_a_bomb_is_refused_before_it_fills_the_memory(
+    make, way, tmp_path, monkeypatch
+):
+    writer, known, name = make(tmp_path, way)
+    with writer:
+        kind, store = "geometry_msgs/msg/WrenchStamped", get_typestore(known)
+        topic = writer.add_connection("/wrench", kind, typestore=store)
+        writer.write(topic, 1, bytes(32 * MB))
+    monkeypatch.setattr(unpacking, "LARGEST", 4 * MB)
+    monkeypatch.setattr(unpacking, "RATIO", 2)
+    refused_without_memory(tmp_path / name, "4,194,304")
+    if make is compressed1:  # a chunk that states less than it holds
+        path = tmp_path / name
+        whole = path.read_bytes()
+        at = whole.index(b"size=", whole.index(b"compression=")) + 5
+        path.write_bytes(whole[:at] + struct.pack("<I", 1000) + whole[at + 4 :])
+        refused_without_memory(path, "unpack to more than 1,000")
+
+
+def refused_without_memory(path, *parts):
+    """The message as `refused`, where far less than the bomb's 32 MB was in use meanwhile."""
+    assert sum(f.stat().st_size for f in (path.iterdir() if path.is_dir() else [path])) < 300_000
+    tracemalloc.start()
+    try:
+        text = refused(path, *parts)
+        assert tracemalloc.get_traced_memory()[1] < 16 * MB
+    finally:
+        tracemalloc.stop()
+    return text
+
+
+@pytest.mark.parametrize("storage", list(StoragePlugin))
+def test_a_message_that_does_not_state_its_size_is_no_bomb_either(storage, tmp_path, monkeypatch):
+    packer = zstd.ZstdCompressor()
+    bomb = packer.compress(bytes(32 * MB)) + packer.flush()
+    with Writer2(tmp_path / "log", version=9, storage_plugin=storage) as writer:
+        kind, store = "geometry_msgs/msg/WrenchStamped", get_typestore(Stores.ROS2_HUMBLE)
+        writer.write(writer.add_connection("/wrench", kind, typestore=store), 1, bomb)
+    about = tmp_path / "log" / "metadata.yaml"
+    text = about.read_text()
+    text = text.replace("compression_format: ''", "compression_format: zstd")
+    about.write_text(text.replace("compression_mode: ''", "compression_mode: MESSAGE"))
+    monkeypatch.setattr(unpacking, "LARGEST", 4 * MB)
+    refused_without_memory(tmp_path / "log", "unpack to more than 4,194,304")
+
+
+@pytest.mark.parametrize("way", [CompressionType.LZ4, CompressionType.ZSTD])
+@pytest.mark.parametrize("stated", [32 * MB + 100, 1000])
+def test_a_chunk_of_an_mcap_file_that_is_a_bomb_is_refused(stated, way, tmp_path, monkeypatch):
+    path = json_log(tmp_path / "a.mcap", [("/wrench", bytes(32 * MB), 1)], compression=way)
+    whole = path.read_bytes()
+    at = whole.index(b"\x06", 9 + 12) + 9 + 16
+    path.write_bytes(whole[:at] + struct.pack("<Q", stated) + whole[at + 8 :])
+    monkeypatch.setattr(unpacking, "LARGEST", 4 * MB)
+    refused_without_memory(path, "4,194,304" if stated > MB else "unpack to more than 1,000")
+
+
 def test_a_bag_whose_index_or_definition_is_another_is_refused(tmp_path):
     path = bag1(tmp_path)
     whole = path.read_bytes()
@@ -207,14 +269,16 @@ def test_a_small_file_that_states_many_rows_is_refused(tmp_path):
 
 
 def test_a_long_text_that_is_repeated_does_not_fill_the_memory(tmp_path):
-    text = pa.DictionaryArray.from_arrays(pa.array(np.zeros(50, np.int32)), pa.array(["y" * 2**23]))
+    text = pa.DictionaryArray.from_arrays(
+        pa.array(np.zeros(50, np.int32)), pa.array(["y" * 8 * MB])
+    )
     plain = pq.read_table(recording(tmp_path / "rec.parquet"))
     wide = plain.append_column("note", text)
     with pq.ParquetWriter(tmp_path / "rec.parquet", wide.schema, store_schema=False) as writer:
         writer.write_table(wide)
         writer.add_key_value_metadata({"wrenchbed": plain.schema.metadata[b"wrenchbed"]})
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    assert len(Recording.read(tmp_path / "rec.parquet").columns["note"][49]) == 2**23
+    assert len(Recording.read(tmp_path / "rec.parquet").columns["note"][49]) == 8 * MB
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - peak < 200_000  # kB, 50 × 8 MB
 
 
@@ -288,6 +352,18 @@ def test_a_file_whose_columns_names_are_no_text_is_no_plan(tmp_path):
     assert not is_plan(path)
     with pytest.raises(RecordingError, match="not a complete Parquet file"):
         Recording.read(path)
+
+
+def test_a_chunk_that_states_more_than_memory_is_refused(tmp_path):
+    def record(kind, content):
+        return struct.pack("<BQ", kind, len(content)) + content
+
+    head = struct.pack("<QQQI", 0, 0, 3 * 2**30, 0) + struct.pack("<I", 4) + b"zstd"
+    chunk = record(6, head + struct.pack("<Q", 9) + bytes(9))
+    magic = b"\x89MCAP0\r\n"
+    path = tmp_path / "bomb.mcap"
+    path.write_bytes(magic + record(1, bytes(8)) + chunk + record(15, bytes(4)) + magic)
+    refused(path, "state 3,221,225,472 bytes unpacked, more than 268,435,456")
 
 
 @pytest.mark.parametrize(

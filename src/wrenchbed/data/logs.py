@@ -2,23 +2,27 @@
 
 Rosbags 1 and 2 are read by `rosbags`, MCAP files by `mcap`, which checks the CRC-32 of chunks and
 data. What these libraries do not check is checked here: the number of messages that a log states,
-and the checksum of a message's definition.
+the sizes to which chunks, messages and files unpack, and the checksum of a message's definition.
 """
 
 import json
 import warnings
 from array import array
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
 from wrenchbed import registry
+from wrenchbed.data import unpacking
 from wrenchbed.data.recording import Recording
+from wrenchbed.data.unpacking import check_file, unpack
 from wrenchbed.errors import MapError, WrenchbedError, WrenchbedWarning, raise_shortage
 from wrenchbed.files import atomic_write
 
@@ -260,21 +264,29 @@ def _of_mcap(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
     kinds = registry.require("mcap.records", "logs")
     schemas: dict[int, Any] = {}
     channels: dict[int, Channel] = {}
-    count = 0
+    counts: Counter[int] = Counter()
     with path.open("rb") as stream:
-        for record in library.StreamReader(stream, validate_crcs=True).records:
-            if isinstance(record, kinds.Schema):
-                schemas[record.id] = record
-            elif isinstance(record, kinds.Channel):
-                channel = _channel_of_mcap(record, schemas.get(record.schema_id))
-                channels[record.id] = channel
-                topics[channel.topic] = channel.kind or "no schema"
-            elif isinstance(record, kinds.Message):
-                count += 1
-                if channels[record.channel_id].topic == topic:
-                    yield channels[record.channel_id], record.log_time, record.data
-            elif isinstance(record, kinds.Statistics):
-                _check_count(path, record.message_count, count)
+        for outer in library.StreamReader(
+            stream, emit_chunks=True, validate_crcs=True, record_size_limit=unpacking.LARGEST
+        ).records:
+            records = [outer]
+            if isinstance(outer, kinds.Chunk):
+                data = unpack(outer.data, outer.compression, outer.uncompressed_size)
+                chunk = replace(outer, compression="", data=data)
+                records = library.breakup_chunk(chunk, validate_crc=True)
+            for record in records:
+                if isinstance(record, kinds.Schema):
+                    schemas[record.id] = record
+                elif isinstance(record, kinds.Channel):
+                    channel = _channel_of_mcap(record, schemas.get(record.schema_id))
+                    channels[record.id] = channel
+                    topics[channel.topic] = channel.kind or "no schema"
+                elif isinstance(record, kinds.Message):
+                    counts[record.channel_id] += 1
+                    if channels[record.channel_id].topic == topic:
+                        yield channels[record.channel_id], record.log_time, record.data
+                elif isinstance(record, kinds.Statistics):
+                    _check_count(path, record.message_count, counts.total())
 
 
 def _channel_of_mcap(record: Any, schema: Any) -> Channel:
@@ -289,29 +301,54 @@ def _channel_of_mcap(record: Any, schema: Any) -> Channel:
 
 
 def _of_bag(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
-    """Messages of a bag of ROS 1 or 2; see `_messages`. MCAP files of a bag are read by `mcap`,
-    which checks their CRC-32."""
+    """Messages of a bag of ROS 1 or 2; see `_messages`."""
+    bag1 = path.suffix == ".bag"
+    library = registry.require(f"rosbags.rosbag{1 if bag1 else 2}.reader", "logs")
     whole = path.parent if path.suffix == ".db3" and (path.parent / METADATA).is_file() else path
-    version = 1 if path.suffix == ".bag" else 2
-    bag = registry.require(f"rosbags.rosbag{version}.reader", "logs").Reader(whole)
+    bag = library.Reader(whole)
+    if whole.is_dir():
+        for file in filter(Path.is_file, whole.iterdir()):
+            check_file(file)
+        bag.storage.STORAGE_PLUGINS = {**bag.storage.STORAGE_PLUGINS, "mcap": _left_to_mcap}
     with bag:
-        parts = sorted(whole.glob("*.mcap"))
-        if parts and bag.compression_mode != "message":
-            for part in parts:
-                yield from _of_mcap(part, topic, topics)
-            return
+        for position, chunk in bag.chunks.items() if bag1 else ():
+            bag.bio.seek(position)
+            header = library.Header.read(bag.bio)
+            kind, size = header.get_string("compression"), header.get_uint32("size")
+            limited = partial(unpack, compression=kind, stated=size)
+            bag.chunks[position] = chunk._replace(decompressor=limited)
+        packed = not bag1 and bag.compression_mode == "message"
+        if packed:  # rosbags unpacks without a limit; now it hands out what is stored
+            bag.storage.metadata = bag.storage.metadata._replace(compression_mode=None)
         topics |= {c.topic: c.msgtype for c in bag.connections}
         connections = [c for c in bag.connections if c.topic == topic]
         count = 0
-        for connection, logged, data in bag.messages(connections) if connections else ():
+        for channel, logged, data in _stored(bag, connections):
             count += 1
-            text, digest = connection.msgdef, connection.digest.removeprefix("*")
-            yield Channel(
-                connection.topic, connection.msgtype,
-                getattr(connection.ext, "serialization_format", "ros1"), text.data,
-                text.format.name.lower(), digest,
-            ), logged, data  # fmt: skip
+            yield channel, logged, unpack(data, "zstd") if packed else data
         _check_count(path, sum(c.msgcount for c in connections), count)
+
+
+def _left_to_mcap(path: Path) -> SimpleNamespace:
+    """In the place of rosbags' reader of an MCAP file, which unpacks chunks without a limit."""
+    return SimpleNamespace(path=path, connections=(), open=lambda: None, close=lambda: None)
+
+
+def _stored(bag: Any, connections: Sequence[Any]) -> Messages:
+    """Messages of one topic of an open bag; those of ROS 2 may yet be compressed."""
+    if not connections:
+        return
+    parts = getattr(getattr(bag, "storage", None), "storages", ())
+    files = [part.path for part in parts if isinstance(part, SimpleNamespace)]
+    digest = "" if connections[0].digest == "*" else connections[0].digest
+    for file in files:
+        for channel, logged, data in _of_mcap(file, connections[0].topic, {}):
+            yield replace(channel, digest=digest), logged, data
+    for connection, logged, data in () if files else bag.messages(connections):
+        text, kind = connection.msgdef, connection.msgtype
+        encoding = getattr(connection.ext, "serialization_format", "ros1")
+        language = text.format.name.lower()
+        yield Channel(connection.topic, kind, encoding, text.data, language, digest), logged, data
 
 
 def _check_count(path: Path, stated: int, count: int) -> None:

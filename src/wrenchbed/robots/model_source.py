@@ -110,10 +110,13 @@ class ModelSource:
         Raises:
             ParameterError: an offset that is no number.
         """
-        joints = self.root.findall("joint") if self.urdf else ()
-        pairs = [(joint.get("name", ""), m) for joint in joints for m in joint.findall("mimic")]
+        mimics = [
+            (joint.get("name", ""), str(mimic.get("joint")), mimic.get("offset", "0"))
+            for joint in (self.root.findall("joint") if self.urdf else ())
+            for mimic in joint.findall("mimic")
+        ]
         try:
-            return [(n, str(m.get("joint")), float(m.get("offset", "0"))) for n, m in pairs]
+            return [(one, other, float(offset)) for one, other, offset in mimics]
         except ValueError as cause:
             raise ParameterError(f"{self.path}: offset of a mimic joint: {cause}") from None
 
