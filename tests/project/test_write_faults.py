@@ -192,7 +192,7 @@ def quick():
     prepared = cache(lambda path: prepare(wb.Recording.read(path)))
     answered = cache(lambda path: answering.bic(wb.Recording.read(path)))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("wrenchbed.data.writer.FLUSH_S", 1e9)  # one batch, however slow
+        patch.setattr("wrenchbed.data.writer.FLUSH_S", 1e9)  # no rewriting in another thread
         patch.setattr(scenario, "POSES", (12, 13))
         patch.setattr(scenario, "SAMPLES", 6)
         patch.setattr("wrenchbed.jobs.workers.workers", inline)

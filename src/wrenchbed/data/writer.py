@@ -1,12 +1,15 @@
 """Writes a recording row by row so that `kill -9` loses at most the last second.
 
-Rows go to a journal (an Arrow stream, ``<file>.journal``) at least once a second; `Recording.read`
-reads it while there is one. Closing writes the recording and removes the journal.
+Rows go to a journal (an Arrow stream, ``<file>.journal``) at least once a second, and the
+recording itself is rewritten and renamed into place as often as that costs little, in a
+thread: `append` never waits for it. So there is always a complete Parquet file, and
+`Recording.read` adds what only the journal has. A clean close leaves the Parquet file alone.
 """
 
 import json
 import time
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from pathlib import Path
 from types import TracebackType
@@ -23,6 +26,8 @@ from wrenchbed.files import locked, open_new, put_back, set_aside
 
 FLUSH_S = 0.5
 """Longest time that rows stay in memory only [s]."""
+REWRITE_SHARE = 0.05
+"""Largest share of a processor's time spent on rewriting the growing file."""
 
 
 class RecordingWriter:
@@ -45,7 +50,10 @@ class RecordingWriter:
         self._batches: list[pa.RecordBatch] = []
         self._sink: BinaryIO | None = None
         self._stream: pa.RecordBatchStreamWriter | None = None
-        self._flushed = time.monotonic()
+        self._flushed = self._rewritten = time.monotonic()
+        self._rewrite_cost = 0.0
+        self._pool = ThreadPoolExecutor(1, "rewrite")
+        self._rewriting: Future[None] | None = None
         self._kept: Path | None = None
         self._lock = ExitStack()
 
@@ -53,28 +61,41 @@ class RecordingWriter:
         if self.path.is_dir():
             raise RecordingError(f"{self.path}: is a folder; give the name of a file")
         self._lock.enter_context(locked(self.path))
+        self._lock.enter_context(self._pool)
         return self
 
     def append(self, block: Mapping[str, np.ndarray]) -> None:
         """Add rows: every block has the same columns, each (n,).
 
         Raises:
-            OSError: the disk did not take these rows.
+            OSError: the disk did not take these rows or earlier ones.
         """
+        self._check()
         rows = {name: np.atleast_1d(array) for name, array in block.items()}
         self._pending.append(rows)
         self.rows += len(rows["t"])
         if time.monotonic() - self._flushed > FLUSH_S:
-            self.flush()
+            self._note()
+            if self._due() and (self._rewriting is None or self._rewriting.done()):
+                self._rewriting = self._pool.submit(self._rewrite, list(self._batches))
+
+    def flush(self) -> None:
+        """Write all rows to disk and wait for it."""
+        self._note()
+        self._check(wait=True)
+        if self._batches and self._due():
+            self._rewrite(self._batches)
 
     def close(self) -> None:
         """Write the finished file and remove the journal."""
-        self.flush()
+        if self._rewriting is not None:
+            self._rewriting.exception()  # waits; what failed is written again below
+            self._rewriting = None
+        self._note()
         if self._stream is None or self._sink is None:
             return
-        table = pa.Table.from_batches(self._batches).combine_chunks()
         try:
-            parquet.write(self.path, table.replace_schema_metadata(self._key()))
+            self._rewrite(self._batches)
         except OSError as error:
             text = f"{error.strerror}; all rows are in {self._journal_path}, which is read with it"
             raise OSError(error.errno, text, str(self.path)) from error
@@ -84,7 +105,7 @@ class RecordingWriter:
         self._journal_path.unlink(missing_ok=True)
         self._stream = None
 
-    def flush(self) -> None:
+    def _note(self) -> None:
         """Write the waiting rows to the journal."""
         self._flushed = time.monotonic()
         if not self._pending:
@@ -124,6 +145,21 @@ class RecordingWriter:
             self._journal_path.unlink(missing_ok=True)
         if self._kept is not None:
             put_back(self._kept, self.path, JOURNAL)
+
+    def _due(self) -> bool:
+        return time.monotonic() - self._rewritten > self._rewrite_cost / REWRITE_SHARE
+
+    def _check(self, wait: bool = False) -> None:
+        """Raise the error of the last rewriting in the thread."""
+        if self._rewriting is not None and (wait or self._rewriting.done()):
+            self._rewriting.result()
+
+    def _rewrite(self, batches: list[pa.RecordBatch]) -> None:
+        start = time.thread_time()
+        table = pa.Table.from_batches(batches).combine_chunks()
+        parquet.write(self.path, table.replace_schema_metadata(self._key()))
+        self._rewritten = time.monotonic()
+        self._rewrite_cost = time.thread_time() - start
 
     def __exit__(
         self,
