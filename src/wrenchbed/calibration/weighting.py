@@ -116,7 +116,7 @@ def _levels(design: np.ndarray, residual: np.ndarray, spread: np.ndarray) -> tup
         return _restricted(residual, span, 1.0 / (1.0 + ratio * spread))
 
     found = minimize_scalar(
-        lambda x: restricted(np.exp(x))[0], bounds=_RANGE, method="bounded",
+        lambda x: restricted(float(np.exp(x)))[0], bounds=_RANGE, method="bounded",
         options={"xatol": _SEARCHED},
     )  # fmt: skip
     ratio = float(np.exp(found.x)) if found.fun < restricted(0.0)[0] else 0.0
