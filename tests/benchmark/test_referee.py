@@ -4,6 +4,7 @@ import ast
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,7 +16,14 @@ from wrenchbed.benchmark import frame
 from wrenchbed.benchmark.frame import EFFECTS, KINDS, NEEDED, ROWS_NEEDED, STATED
 from wrenchbed.benchmark.referee import case
 from wrenchbed.benchmark.referee import scenario as settings
-from wrenchbed.benchmark.referee.case import DRAWS, FAMILIES, FaultyRobot, background, possible
+from wrenchbed.benchmark.referee.case import (
+    DRAWS,
+    FAMILIES,
+    FaultyRobot,
+    background,
+    between_rows,
+    possible,
+)
 from wrenchbed.benchmark.referee.laws import after, bouc_wen, lowpass
 from wrenchbed.benchmark.referee.signatures import SAME, bench
 from wrenchbed.effects.chain import ActiveEffect, respond
@@ -275,3 +283,18 @@ def test_numbers_of_a_tenth_joint_are_compared():
         parameter = name.partition(".")[2]
         assert re.fullmatch(pattern, f"{parameter}.q3")
         assert re.fullmatch(pattern, f"{parameter}.q12")
+
+
+@pytest.mark.parametrize("robot", ["ur5", "medrue"])
+def test_a_minor_vibration_raises_no_channels_variance_by_a_fifth(robot):
+    """MedRUE's torques are finer beside its forces than the tool's lever is short."""
+    arm = registry.load("robots", robot)
+    stated = frame.as_stated(arm, "static", "sim", 100.0, arm.tool(arm.parameters.nominal))
+    tool, noise = stated.tool, np.array(stated.sensor.noise_std)
+    mass, cog = tool.mass, np.array(tool.cog)
+    setting = SimpleNamespace(noise=noise, mass=mass, cog=cog, metadata=stated)
+    for seed in range(30):
+        shake = between_rows(setting, np.random.default_rng(seed)).rows.shake
+        force = mass * shake(np.arange(0.0, 15.0, 0.01))
+        load = np.concatenate([force, np.cross(cog, force)], axis=1)
+        assert np.square(load / noise).mean(axis=0).max() < 0.2

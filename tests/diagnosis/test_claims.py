@@ -248,6 +248,7 @@ def test_how_surely_a_number_is_wrong_is_by_its_odds(name, tolerance, error, imp
     ("name", "columns", "moves"),
     [
         ("sensor.drift", 1, True),
+        ("tool.slide", 1, True),
         ("tool.loose", 1, False),
         ("sensor.crosstalk", 9, True),
         ("sensor.crosstalk", 8, False),

@@ -57,6 +57,7 @@ def test_zeros_of_parallel_joints_are_one_class_at_rest(tmp_path, joint, seed):
     assert total["text"] == "sum of joint.offset of joints 2, 3 and 4"
     assert total["unit"] == "rad"
     assert abs(total["value"] - OFFSET) < 4 * total["std"] < 0.1 * OFFSET
+    assert cause["parameters"][f"offset.q{chosen['value']}"]["std"] is None  # any part of the sum
     assert answer["where"][0]["detail"] == "joints 2, 3 or 4"
     alike = "joint.offset of joints 2, 3 and 4 are identifiable only as a sum"
     assert answer["cannot_tell"] == [alike]

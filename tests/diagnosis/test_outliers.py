@@ -12,7 +12,7 @@ from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw
 from wrenchbed.benchmark.lookalikes import recording as look_alike
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.explain.outliers import Outlier
+from wrenchbed.diagnosis.explain.outliers import Outlier, comes_again
 from wrenchbed.planning import choose
 
 POSES, ROWS = 60, 10
@@ -79,6 +79,25 @@ def test_poses_that_disagree_at_many_times_are_a_fault_of_their_own():
     assert len(told.outliers) == 5
     assert told.verdict == "unknown" and told.which == []
     assert any("intermittent fault" in note for note in told.notes)
+
+
+@pytest.mark.parametrize("channels", [1, 6])
+def test_a_jump_that_shows_again_in_what_was_set_aside_comes_and_goes(channels):
+    """Of one channel or of all; set aside is what reads as the other level does, or hands."""
+    rng = np.random.default_rng(9)
+    step = rng.standard_normal(6) * (np.arange(6) < channels)
+    on = np.repeat([0.0, 1.0, 0.0], 20)[:, None] * step
+    here = np.zeros(60, dtype=bool)
+
+    def aside(errors):
+        return [Outlier(here, k, 0.0, 1.0, WHITE * e) for k, e in enumerate(errors)]
+
+    again = [sign * 10.0 * step + 0.3 * rng.standard_normal(6) for sign in (-1.0, 1.0, 1.0)]
+    assert comes_again(aside(again), on, WHITE)
+    assert not comes_again([], on, WHITE)
+    assert not comes_again(aside(again), 0.0 * on, WHITE)
+    hands = [aside(20.0 * rng.standard_normal((3, 6))) for _ in range(300)]
+    assert sum(comes_again(h, on, WHITE) for h in hands) == 0  # 0.03 expected
 
 
 @pytest.mark.study  # three quarters of a minute

@@ -17,7 +17,7 @@ from wrenchbed.diagnosis.explain.own_rest import is_left, rest_variance, weighed
 from wrenchbed.diagnosis.explain.reliability import RIGHT_ELSEWHERE, shipped
 from wrenchbed.diagnosis.explain.structures import analyse
 from wrenchbed.diagnosis.explain.verdict import Cause, Part, Verdict
-from wrenchbed.diagnosis.gap.constancy import CHANGES, changing
+from wrenchbed.diagnosis.gap.constancy import CHANGES, changing, grown
 from wrenchbed.diagnosis.gap.result import named_by
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 
@@ -109,9 +109,12 @@ def made_up(factor, rest):
     design = np.column_stack([stated, column.ravel()])
     x = np.linalg.lstsq(design, y, rcond=None)[0]
     prepared = SimpleNamespace(variance=np.ones(6), block_rows=np.arange(ROWS))
-    d = SimpleNamespace(E=stated, always=np.arange(6), prepared=prepared, rows=ROWS)
+    d = SimpleNamespace(
+        E=stated, always=np.arange(6), prepared=prepared, rows=ROWS, channels=6, row_noise=0.0,
+        gap=lambda signal: np.square(signal).mean(),
+    )  # fmt: skip
     variables = SimpleNamespace(part=np.zeros(1, dtype=int), shape=np.zeros(1, dtype=bool))
-    part = SimpleNamespace(name="base.tilt")
+    part = SimpleNamespace(name="base.tilt", effect=SimpleNamespace(of_recording=False))
     f = SimpleNamespace(parts=(part,), x=x[6:], variables=variables, residual=y - design @ x)
     f.design = np.column_stack([design[:, 6:], np.zeros(len(y))])  # a shape that shows nothing
     refitter = SimpleNamespace(response=lambda parts, x: column.ravel() * x[0])
@@ -146,6 +149,16 @@ def test_a_cause_that_changes_is_found_beside_a_rest(kind):
         assert "base.tilt comes nearest" in change.sentence
 
 
+@pytest.mark.parametrize(("kind", "found"), [("grows", True), ("constant", False)])
+def test_what_a_cause_that_grows_leaves_is_mostly_its_growth(kind, found):
+    factor = 6.0 * np.linspace(0.0, 1.0, ROWS) if kind == "grows" else np.full(ROWS, 3.0)
+    a, f = made_up(factor, 0.2 * np.random.default_rng(SEED).standard_normal((ROWS, 6)))
+    left = np.square(f.residual).mean() - 0.04
+    assert grown(a, f, [0]) == pytest.approx(left if found else 0.0, rel=0.1)
+    f.parts[0].effect.of_recording = True  # it has a course of its own
+    assert grown(a, f, [0]) == 0.0
+
+
 def of_referee(draw):
     """A UR5 with a fault of the referee, whose physics are not the library's."""
     rng = np.random.default_rng(SEED)
@@ -170,7 +183,9 @@ def test_a_floor_that_sinks_is_a_tilt_that_grows_and_a_tilt_is_constant():
     assert change is not None and change.name == "base.tilt"
     first, _, last = change.thirds
     assert first < 0.7 < 1.3 < last
-    # what changes is not named where a robot may leave a rest of its own
+    # what changes is not named, also where a robot may leave a rest of its own
+    alike = settle(sinking, shipped(), 0)
+    assert (alike.decision.verdict.word, alike.decision.verdict.causes) == ("unknown", ())
     far = {mode: designs + 100.0 for mode, designs in shipped().designs.items()}
     strange = replace(shipped(), designs=far)
     weighed = settle(sinking, strange, 0)

@@ -15,13 +15,11 @@ from simulated import WHITE, static
 from wrenchbed import registry
 from wrenchbed.benchmark.lookalikes import ExperimentDesign, draw, recording
 from wrenchbed.diagnosis.diagnose import diagnose
-from wrenchbed.diagnosis.gap import where
 from wrenchbed.diagnosis.gap.dependence import family_wise, partitions
 from wrenchbed.diagnosis.gap.locality import locality
 from wrenchbed.diagnosis.gap.where import Finding, entries, locate
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.effects.chain import respond
-from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.planning.choose import multisine, poses
 from wrenchbed.reports.wrench_answer import WrenchAnswer
 
@@ -100,10 +98,6 @@ def signals(prepared):
     }
 
 
-def varying(findings):
-    return [f for f in findings if not f.variable.startswith(("channel", "frequency"))]
-
-
 @pytest.mark.sampled
 @pytest.mark.parametrize("kind", ["memory", "normal", "heavy"])
 def test_noise_with_memory_is_no_finding_in_motion(kind):
@@ -116,13 +110,11 @@ def test_noise_with_memory_is_no_finding_in_motion(kind):
 def test_p_values_of_noise_are_even():
     prepared, _ = bench("poses")
     parts = partitions(prepared)
-    alone, loud = [], []
+    alone = []
     for seed in range(60):
         case, residual = made("poses", 1000 + seed, kind=("normal", "heavy")[seed % 2])
         alone.append(family_wise(parts, residual, case.block_rows, 99, seed)[1])
-        covariance = where.autocovariance(case)
-        loud.append(where.channels(case, residual, covariance, CHANNELS).p_value)
-    for p_value in (*np.transpose(alone), *np.transpose(loud)):
+    for p_value in np.transpose(alone):
         assert kstest(p_value, "uniform").pvalue > 1e-4
         assert (p_value < 0.05).mean() < 0.17
 
@@ -133,7 +125,7 @@ def test_p_values_of_noise_are_even():
 def test_a_gap_of_one_is_found_where_it_lies(variable):
     signal = signals(bench("poses")[0])[variable]
     for seed in range(3):
-        first = varying(locate(*made("poses", seed, signal), seed=seed))[0]
+        first = locate(*made("poses", seed, signal), seed=seed)[0]
         assert first.variable == variable and first.p_value < 0.01 and first.share > 0.7
         assert "%" in first.sentence
 
@@ -141,30 +133,12 @@ def test_a_gap_of_one_is_found_where_it_lies(variable):
 def test_a_drift_in_motion_is_found_in_time_and_a_delay_in_speed():
     prepared, _ = bench("motion")
     age = prepared.scene.age[:, None] / prepared.scene.span
-    others = 0
     for seed in range(3):
-        found = locate(*made("motion", seed, age * np.eye(6)[3]))
-        assert varying(found)[0].variable == "time" and varying(found)[0].p_value < 0.01
-        seen = [f.variable for f in found if f.seen and f.variable[:7] == "channel"]
-        assert seen[0] == "channel tx"
-        others += len(seen) - 1
-    assert others <= 2  # of 15, each at a level of 5 %
+        first = locate(*made("motion", seed, age * np.eye(6)[3]))[0]
+        assert first.variable == "time" and first.p_value < 0.01
     rate = np.gradient(respond(prepared.scene), prepared.scene.period, axis=0)
-    first = varying(locate(*made("motion", 0, rate)))[0]
+    first = locate(*made("motion", 0, rate))[0]
     assert first.variable == "speed" and first.p_value < 0.01 and first.share > 0.8
-
-
-def test_a_hum_is_found_in_its_band_and_its_channel():
-    prepared, _ = bench("motion")
-    hum = np.sin(2 * np.pi * 4.5 * prepared.scene.age)[:, None] * np.eye(6)[2]
-    found = {f.variable: f for f in locate(*made("motion", 0, hum))}
-    (name,) = [v for v in found if v.startswith("frequency 4–")]
-    band = found[name]
-    assert band.p_value < 1e-6 and band.share > 0.7
-    assert name.removeprefix("frequency ") in band.sentence
-    assert found["channel fz"].p_value < 1e-6
-    assert found["channel fz"].sentence.startswith("Force z is off by ")
-    assert not found["frequency 1–2 Hz"].seen and not found["channel tx"].seen
 
 
 def test_a_residual_without_noise_or_gap_breaks_nothing():
@@ -187,7 +161,6 @@ def test_claimed_causes_are_the_entries_in_their_order():
         ("time", "sensor"), ("temperature", "sensor"), ("load", "sensor"), ("joint 3", "joint"),
         ("direction of joint 3", "joint"), ("direction of load", "sensor"),
         ("orientation", "sensor"), ("position", "cable"), ("speed", "timing"),
-        ("frequency 2–4 Hz", "timing"), ("channel fx", "sensor"),
     ],
 )  # fmt: skip
 def test_without_a_cause_what_is_seen_is_a_hint(variable, subsystem):
@@ -197,16 +170,14 @@ def test_without_a_cause_what_is_seen_is_a_hint(variable, subsystem):
     assert "only a hint" in entry["sentence"] and entry["sentence"].startswith("Seen.")
 
 
-def test_hints_come_from_one_split():
-    named = ("channel fx", "frequency 2–4 Hz", "time", "load")
-    each = zip(named, (1.0, 0.9, 0.6, 0.0), (1e-9, 1e-3, 5e-3, 5e-3), strict=True)
+def test_hints_have_a_share_where_any_has_and_are_one_a_subsystem():
+    each = zip(("time", "speed", "load"), (0.6, 0.3, 0.0), (5e-3, 5e-3, 5e-3), strict=True)
     findings = [Finding(*f, "It is seen.") for f in each]
-    assert [e["detail"] for e in entries([], findings)] == ["time"]
-    assert [e["detail"] for e in entries([], findings[:2])] == ["frequency 2–4 Hz"]
+    assert [e["detail"] for e in entries([], findings)] == ["time", "speed"]
+    assert [e["detail"] for e in entries([], findings[2:])] == ["load"]
     assert entries([], [Finding("time", 0.0, 0.5, "Not seen.")]) == []
-    loud = [Finding(f"channel {c}", 0.2, 1e-9, f"{c} is loud.") for c in CHANNELS[:3]]
-    said = ["only a hint" in e["sentence"] for e in entries([], loud)]
-    assert said == [True, False, False]
+    both = [Finding(v, 0.2, 1e-9, f"{v} is seen.") for v in ("time", "load")]
+    assert ["only a hint" in e["sentence"] for e in entries([], both)] == [True, False]
 
 
 def test_what_is_seen_beside_none_is_said_to_be_small_not_absent():
@@ -215,9 +186,9 @@ def test_what_is_seen_beside_none_is_said_to_be_small_not_absent():
     drift = 0.9 * WHITE * np.eye(6)[5] * (rec.t / rec.t[-1] - 0.5)[:, None]
     found = diagnose(with_added(rec, drift))
     assert found.diagnosis.verdict == "none"
-    assert "channel tz" in {f.variable for f in found.places if f.seen}
+    assert "time" in {f.variable for f in found.places if f.seen}
     (sentence,) = WrenchAnswer(found).where
-    assert "too small for a cause" in sentence and "channel tz" in sentence
+    assert "too small for a cause" in sentence and "time" in sentence
     assert consistent.violations(found) == []
 
 

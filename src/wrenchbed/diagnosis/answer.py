@@ -162,7 +162,7 @@ def numbers_of(a: Analysis, f: Finalist, k: int, of: Elements, spread: float) ->
         curve = _free_curve(part.effect, part.variant, scene, values, covariance)
         _with_rivals(curve["parameters"], of.names)
         return of_elements | curve
-    std = _uncertainty(a, f, k, spread)
+    std = _uncertainty(a, f, k, spread) if total is None else {}  # a sum has it, no element
     parameters = part.effect.publish(a.prepared.robot, part.variant, values, std)
     return of_elements | {"parameters": _with_rivals(parameters, of.names)}
 

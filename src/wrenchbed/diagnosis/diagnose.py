@@ -20,11 +20,13 @@ from wrenchbed.diagnosis.between_rows.tool_vibration import find_tool_vibration
 from wrenchbed.diagnosis.decision import rivals
 from wrenchbed.diagnosis.decision.decide import (
     LARGEST_NONE,
+    LEAST,
     PARTIAL,
     beside_contact,
     beside_own_rest,
     conclude,
     decide,
+    withdrawn,
 )
 from wrenchbed.diagnosis.decision.facts import Decision, Facts
 from wrenchbed.diagnosis.decision.options import facts_of
@@ -32,6 +34,7 @@ from wrenchbed.diagnosis.evidence.search import UNKNOWN
 from wrenchbed.diagnosis.explain import outliers as outliers_
 from wrenchbed.diagnosis.explain import own_rest
 from wrenchbed.diagnosis.explain.claims import Explanation
+from wrenchbed.diagnosis.explain.contributions import made_by
 from wrenchbed.diagnosis.explain.familiarity import LEAST_P, design_of
 from wrenchbed.diagnosis.explain.reliability import (
     NAMES,
@@ -52,6 +55,7 @@ from wrenchbed.diagnosis.next.blind import Design, blind_spots
 from wrenchbed.diagnosis.prepare.contact import CONTACT, contact_of
 from wrenchbed.diagnosis.prepare.prepare_recording import prepare
 from wrenchbed.diagnosis.prepare.prepared import Material, Prepared, Touch
+from wrenchbed.effects import sensor_jump
 from wrenchbed.jobs.workers import one_thread
 from wrenchbed.twin.twin import Twin
 
@@ -64,6 +68,8 @@ MOST_SPELLS = 3
 a fault that comes and goes, which has a name."""
 OFTEN = "the rows set aside disagree at many times, each differently: an intermittent fault"
 """Note on a recording in which rows disagree at more times than a cause explains."""
+AGAIN = "the rows set aside show the jump of the zero again: a fault that comes and goes"
+"""Note on a recording whose zero jumps to and fro."""
 LOUD = "there is a gap beyond the noise that no effect between rows explains"
 """Sign of a gap where no cause is named."""
 PROBABLE = 0.8
@@ -281,7 +287,11 @@ def settle(analysis: Analysis, known: Reliability, seed: int) -> Weighed:
     claims = Claims(analysis, seed)
     first = decide(facts(claims, known))
     if p_value >= LEAST_P or not own_rest.is_left(analysis):
-        return Weighed(analysis, first, claims.twin(first.verdict), p_value)
+        weighed = Weighed(analysis, first, claims.twin(first.verdict), p_value)
+        f, names = first.verdict.explanation.finalist, {c.part.name for c in first.verdict.causes}
+        grown = constancy.grown(analysis, f, _parts(first.verdict, names))
+        change = _changing(analysis, first.verdict, names, seed) if grown >= LEAST else None
+        return weighed if change is None else _refuted(weighed, change.sentence, seed)
     again = Claims(own_rest.weighed_again(analysis), seed)
 
     def changing(verdict: Verdict[Explanation], names: Collection[str]) -> str:
@@ -325,10 +335,22 @@ def _changing(
     a: Analysis, verdict: Verdict[Explanation], names: Collection[str], seed: int
 ) -> constancy.Change | None:
     """Change of a named cause's size during the recording; None if all are constant."""
-    f = verdict.explanation.finalist
+    parts = _parts(verdict, names)
+    return constancy.changing(a, verdict.explanation.finalist, parts, seed) if parts else None
+
+
+def _parts(verdict: Verdict[Explanation], names: Collection[str]) -> list[int]:
+    """Numbers of the parts that are causes with some names; a wrong stated number is none."""
     claimed = [c.part.index for c in verdict.causes if c.part.name in names]
-    parts = [k for k in claimed if k is not None]
-    return constancy.changing(a, f, parts, seed) if parts else None
+    return [k for k in claimed if k is not None]
+
+
+def _refuted(weighed: Weighed, sentence: str, seed: int) -> Weighed:
+    """What was weighed without its causes, which something else refutes."""
+    claims = Claims(weighed.analysis, seed)
+    verdict = withdrawn(weighed.decision.verdict, UNKNOWN)
+    decision = Decision(verdict, claims.gap(verdict))
+    return weighed._replace(decision=decision, twin=claims.twin(verdict), refuted=sentence)
 
 
 def _without_outliers(
@@ -354,6 +376,13 @@ def _without_outliers(
         weighed = again
         if not np.array_equal(all_rows, rows):  # fewer: only what does disagree
             weighed = weigh(prepared.aside(all_rows), known, seed)
+    verdict, a = weighed.decision.verdict, weighed.analysis
+    jumps, p = _parts(verdict, {sensor_jump.EFFECT.name}), a.prepared
+    if jumps and p.has_wrench:
+        made = made_by(a.refitter, verdict.explanation.finalist, jumps)
+        made = made.reshape(a.dictionary.rows, -1)[:, p.families[0]]
+        if outliers_.comes_again(outliers, made, p.leading.sigma):
+            weighed = _refuted(weighed, AGAIN, seed)
     return weighed, outliers
 
 

@@ -89,7 +89,7 @@ def background(setting: RefereeSetting, rng: Rng, scale: float) -> list[RefereeF
         *faults,
         *_geometry(setting, rng, scale),
         *_within_tolerance(setting, rng),
-        _between_rows(setting, rng),
+        between_rows(setting, rng),
     ]
 
 
@@ -133,10 +133,12 @@ def _within_tolerance(setting: RefereeSetting, rng: Rng) -> list[RefereeFault]:
     return [replace(made, name=name) for name, made in faults.items()]
 
 
-def _between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
-    """Quantization and vibration far below the noise."""
+def between_rows(setting: RefereeSetting, rng: Rng) -> RefereeFault:
+    """Quantization and vibration far below the noise of every channel."""
     step = rng.uniform(0.0, 0.4) * setting.noise
-    shake = body.base_vibration(setting, _stream(rng), float(rng.uniform(0.02, 0.15))).rows
+    lever = np.sqrt(setting.cog @ setting.cog - setting.cog**2)
+    most = max(1.0, (lever / setting.noise[3:]).max() * setting.noise[:3].min())
+    shake = body.base_vibration(setting, _stream(rng), rng.uniform(0.02, 0.15) / most).rows
     assert shake is not None
     return RefereeFault(name="background", rows=RowFault(step=step, shake=shake.shake))
 

@@ -223,8 +223,9 @@ def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
     """Size by which the parts may shift each stated number (S,), in typical sizes.
 
     Where the zero of a drift, a cable or a memory lies is a convention: a constant part of such an
-    effect within its own range is no wrong bias, its mean share of the load no wrong mass. And an
-    effect of many numbers hardly differs from a wrong centre of gravity.
+    effect within its own range is no wrong bias (what moves in the tool is none), its mean share of
+    the load no wrong mass. And an effect of many numbers hardly differs from a wrong centre of
+    gravity.
     """
     d = refitter.d
     result = np.zeros(len(d.stated))
@@ -234,7 +235,7 @@ def zero_offset(refitter: Refitter, f: Finalist) -> np.ndarray:
             continue
         signal = made_by(refitter, f, [k])
         result += np.abs(d.fitted(signal))
-        if conventional:
+        if conventional and f.parts[k].effect.subsystem != "tool":
             result += _range(d, np.ptp(signal.reshape(-1, d.channels), axis=0))
     return result
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy.special import betainc, chdtrc
 
 from wrenchbed.calibration.observations import usable
 from wrenchbed.data.holds import runs
@@ -34,6 +35,8 @@ LEVER_M = 0.5
 """Longest lever of a force at a tool [m]; a larger torque is named instead: tools are shorter."""
 NEAR = 0.966
 """Cosine from which a direction counts as along an axis: 15°."""
+AGAIN = 1e-4
+"""There is no jump that comes again where chance makes as much oftener than this."""
 MARGIN_S = 0.3
 """A stretch of a motion is set aside with so much before and after it [s]: a touch begins and ends
 softly."""
@@ -83,6 +86,28 @@ class Outlier:
 def spells(outliers: Sequence[Outlier]) -> int:
     """Number of outliers, neighbours counted once."""
     return len(runs(np.any([o.rows for o in outliers], axis=0))) if outliers else 0
+
+
+def comes_again(outliers: Sequence[Outlier], made: np.ndarray, scale: np.ndarray) -> bool:
+    """Whether a jump of the zero shows again in rows that were set aside.
+
+    The squared cosine of a direction with one that has nothing to do with it is Beta(½, (C − 1)/2).
+
+    Args:
+        outliers: what was set aside.
+        made: readings that the jump adds, row by row, over the noise (R, C).
+        scale: noise of a row (C,) [N, N·m].
+    """
+    steps = np.diff(made, axis=0)
+    steps = steps[np.abs(steps).max(axis=1) > 0.0]
+    if not outliers or not len(steps):
+        return False
+    errors = np.array([o.error for o in outliers]) / scale
+    size = np.linalg.norm(errors, axis=1)[:, None] * np.linalg.norm(steps, axis=1)
+    square = np.max((errors @ steps.T / size) ** 2, axis=1)
+    chance = np.minimum(len(steps) * betainc(0.5 * (len(scale) - 1), 0.5, 1.0 - square), 1.0)
+    together = -2.0 * np.log(np.maximum(chance, 1e-300)).sum()  # of Fisher
+    return bool(chdtrc(2.0 * len(chance), together) < AGAIN)
 
 
 def _axis(x: np.ndarray) -> str:

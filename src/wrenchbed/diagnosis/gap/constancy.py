@@ -22,6 +22,8 @@ CHANGES = 0.01
 """Family-wise p-value below which a cause is not constant."""
 PERMUTATIONS = 499
 """Random orders of blocks: the least p-value that they can give is 1/500."""
+MOST = 0.5
+"""Share of what a cause leaves from which a size that grows with time takes most of it."""
 _RANK = 1e-9
 """Singular value over the largest one, below which a column depends on the others."""
 
@@ -78,6 +80,30 @@ def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Chang
     thirds = np.array_split(np.arange(len(size)), 3)
     share = [1.0 + float(along[i].sum() / max(size[i].sum(), 1e-300)) for i in thirds]
     return Change(f.parts[parts[k]].name, p_value, (share[0], share[1], share[2]))
+
+
+def grown(a: Analysis, f: Finalist, parts: Sequence[int]) -> float:
+    """Gap that causes take up besides where their sizes may grow with time; 0 where that is not
+    most of what they leave.
+
+    What belongs to one recording, a drift or a load that moves, has a course of its own.
+
+    Args:
+        a: the analysis.
+        f: the explanation.
+        parts: numbers of its causes.
+    """
+    d, parts = a.dictionary, [k for k in parts if not f.parts[k].effect.of_recording]
+    if not parts:
+        return 0.0
+    time = np.repeat(np.linspace(-1.0, 1.0, d.rows), d.channels)
+    growing = np.stack([made_by(a.refitter, f, [k]) * time for k in parts])
+    basis = _basis(np.column_stack([d.E[:, d.always], f.design]))
+    (rest, *columns) = _without(basis, np.concatenate([f.residual[None], growing]))
+    X = np.stack(columns, axis=1)
+    before, after = (d.gap(r) for r in (rest, rest - X @ np.linalg.lstsq(X, rest, rcond=None)[0]))
+    taken = before - after
+    return taken if taken > MOST * (before - d.row_noise) else 0.0
 
 
 def _studentised(rest: np.ndarray, made: np.ndarray, block: np.ndarray) -> np.ndarray:
