@@ -6,13 +6,12 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from wrenchbed import registry
-from wrenchbed.calibration.checks.rows import frozen_joints
+from wrenchbed.calibration.checks.rows import frozen_joints, usable
 from wrenchbed.data.holds import about_means, gather
 from wrenchbed.data.recording import Recording
 from wrenchbed.errors import CalibrationError
 from wrenchbed.physics.time_derivatives import Jet, Value
 from wrenchbed.physics.wrench import CHANNELS
-from wrenchbed.sensors.base import STATUS_SATURATED
 
 _WINDOW_S, _LEAST_WINDOW, _ORDER = 0.085, 11, 5
 """Savitzky–Golay window [s, samples] and order that turn joint values into acceleration."""
@@ -208,20 +207,6 @@ def scatter(recording: Recording, data: Observations) -> np.ndarray:
             mean = np.add.reduceat(away[:, j] * away[:, k], starts) / count
             products[some, j, k] = products[some, k, j] = mean
     return products
-
-
-def usable(recording: Recording) -> np.ndarray:
-    """Rows (N,) to use: those that no channel of which is said to be saturated.
-
-    Recordings of live drivers say so in ``saturated``, simulated ones in ``status``; the word of
-    a real device has its maker's meaning and drops nothing.
-    """
-    flags = recording.columns.get("saturated")
-    if flags is None and recording.metadata.source == "sim":
-        flags = recording.columns.get("status")
-    if flags is None:
-        return np.ones(len(recording), dtype=bool)
-    return (flags.astype(np.uint32) & STATUS_SATURATED) == 0
 
 
 def _stated(recording: Recording) -> tuple[np.ndarray, float, str]:

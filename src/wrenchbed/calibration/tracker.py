@@ -15,10 +15,10 @@ from scipy.linalg import solve_triangular
 from scipy.spatial.transform import Rotation
 
 from wrenchbed.calibration.calibrate import CalibrationOptions
+from wrenchbed.calibration.checks.rows import usable
 from wrenchbed.calibration.fit import IdentifiedValue, identified_values
 from wrenchbed.calibration.least_squares import Solution, solve
 from wrenchbed.calibration.observability import analyse
-from wrenchbed.calibration.observations import usable
 from wrenchbed.calibration.tracker_fit import COMPLIANCE, TrackerFit
 from wrenchbed.data.holds import gather
 from wrenchbed.data.recording import TARGET, Recording

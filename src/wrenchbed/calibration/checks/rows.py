@@ -5,9 +5,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from wrenchbed import registry
 from wrenchbed.calibration.checks.finding import Finding
 from wrenchbed.data.recording import QUATERNION, Recording
 from wrenchbed.physics.wrench import CHANNELS, UNITS
+from wrenchbed.sensors.base import STATUS_SATURATED
 
 STUCK = 0.2
 """Share of the rows after which a channel that stays at one value is stuck."""
@@ -16,12 +18,15 @@ CLIPPED = 0.3
 FEW = 10
 """Fewest rows from which the fraction at a channel's end is evaluated: of fewer rows `CLIPPED` is
 three or less, which coarse counts reach by chance."""
-LEAST_CLIPPED = 0.02
-"""Least fraction of the rows at a clipped channel's extreme."""
+AT_END, LEAST_CLIPPED = 0.01, 0.02
+"""Distance of a channel's extreme from the sensor's range, and least fraction of rows there, for a
+clipped channel."""
 LEAST_AT_END = 10
 """Least number of rows at a clipped channel's extreme."""
 PILE = 5.0
 """Least rows at a clipped channel's extreme, in multiples of those at any other value."""
+ENDS = (1.0, 1.05)
+"""Ends of converters' ranges in multiples of the sensor's range."""
 SPIKE, SPIKES = 3.0, 0.005
 """A row that leaves its neighbours by so many times the channel's usual swing, and comes back, is
 no measurement; more than this share of such rows is noise."""
@@ -70,7 +75,7 @@ def of_rows(recording: Recording, *, blocking: bool = False) -> Finding | None:
         RecordingError: the recording has no wrench.
     """
     recording.require_wrench()
-    for check in (_lost, _channels, _spikes, _clock, standing):
+    for check in (_lost, _channels, _spikes, _ranges, _clock, standing):
         for finding in check(recording):
             if finding.blocks or not blocking:
                 return finding
@@ -134,6 +139,41 @@ def _one_sided(recording: Recording, channel: str) -> Iterator[Finding]:
                 f"exactly {levels[end]:g}, beyond which nothing is read: it is saturated. Choose a "
                 "larger range, or leave these rows out",
             )
+
+
+def usable(recording: Recording) -> np.ndarray:
+    """Rows (N,) to use: those that no channel of which is said to be saturated.
+
+    Recordings of live drivers say so in ``saturated``, simulated ones in ``status``; the word of
+    a real device has its maker's meaning and drops nothing.
+    """
+    flags = recording.columns.get("saturated")
+    if flags is None and recording.metadata.source == "sim":
+        flags = recording.columns.get("status")
+    if flags is None:
+        return np.ones(len(recording), dtype=bool)
+    return (flags.astype(np.uint32) & STATUS_SATURATED) == 0
+
+
+def _ranges(recording: Recording) -> Iterator[Finding]:
+    """Unmarked rows at the end of one of the sensor's ranges."""
+    model, keep = recording.metadata.sensor.model, usable(recording)
+    if model is None or not registry.is_known("sensors", model):
+        return
+    for calibration in registry.load("sensors", model).calibrations:
+        for c, full in zip(CHANNELS, calibration.range, strict=True):
+            size = np.abs(recording.columns[c][keep])
+            top = float(size.max())
+            ends = np.flatnonzero(size == top)
+            near = min(abs(top / (full * end) - 1.0) for end in ENDS)
+            if near < AT_END and len(ends) > max(2, LEAST_CLIPPED * len(size)):
+                row = int(np.flatnonzero(keep)[ends[0]])
+                yield Finding(
+                    "saturated",
+                    f"column {c!r}, row {row}: stands at {top:g}, the end of the "
+                    f"range {calibration.name} of {model}, in {len(ends)} rows that no status "
+                    "marks: it is saturated. Choose a larger range or a lighter tool",
+                )
 
 
 def _lost(recording: Recording) -> Iterator[Finding]:

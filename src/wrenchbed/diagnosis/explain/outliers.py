@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.special import betainc, chdtrc
 
-from wrenchbed.calibration.observations import usable
+from wrenchbed.calibration.checks.rows import usable
 from wrenchbed.data.holds import runs
 from wrenchbed.diagnosis.evidence.likelihood import BackgroundLevel
 from wrenchbed.diagnosis.explain.finalist import Finalist
