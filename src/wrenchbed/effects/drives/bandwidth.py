@@ -15,7 +15,7 @@ class DriveBandwidth(Lag):
 
     name = "drive.bandwidth"
     title = "the effort of joint {joint} is low-pass filtered"
-    size = Size("time", "s", 0.1, absolute=True)
+    size = Size("time", "s", 0.1, absolute=True)  # with more the arm hardly runs: estimate
     remedy = "record a motion with faster reversals, which tells a delay from a filter"
 
     def scan(

@@ -13,7 +13,7 @@ class DriveConstant(StatedNumber):
 
     name = "drive.constant"
     title = "the drive constant of joint {joint} differs from its stated value"
-    size = Size("gain", "1", 0.3, absolute=True)
+    size = Size("gain", "1", 0.3, absolute=True)  # with more the arm hardly runs: estimate
     remedy = "record the same motion with a known payload, which tells the drive constant"
     word, relative = "constant", 0.01
     """Ordinary errors of a drive constant or a torque sensor's gain: 1 %, as data sheets of torque

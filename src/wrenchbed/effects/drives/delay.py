@@ -19,7 +19,7 @@ class DriveDelay(Lag):
 
     name = "drive.delay"
     title = "the effort of joint {joint} is reported late"
-    size = Size("delay", "s", 0.1, absolute=True)
+    size = Size("delay", "s", 0.1, absolute=True)  # with more the arm hardly runs: estimate
     remedy = "record a motion with faster reversals, which tells a delay from a filter"
 
     def columns(self, rows: DriveRows) -> tuple[Column, ...]:

@@ -13,7 +13,9 @@ class DriveLoad(DriveEffect):
 
     name = "drive.load"
     title = "friction of joint {joint} grows with its load"
-    size = Size("share", "1", 0.6, absolute=True, columns=("load.",))
+    size = Size(
+        "share", "1", 0.6, absolute=True, columns=("load.",)
+    )  # with more the arm hardly runs: estimate
     remedy = "record the same motion with a known payload: such friction grows"
 
     def shapes(self, rows: DriveRows) -> dict[str, np.ndarray]:

@@ -13,7 +13,9 @@ class DriveTemperature(DriveEffect):
 
     name = "drive.temperature"
     title = "friction of joint {joint} changes with its temperature"
-    size = Size("slope", "N·m/K", 0.05, columns=("warmcoulomb",))
+    size = Size(
+        "slope", "N·m/K", 0.05, columns=("warmcoulomb",)
+    )  # with more the arm hardly runs: estimate
 
     def shapes(self, rows: DriveRows) -> dict[str, np.ndarray]:
         if rows.warm is None:
