@@ -150,12 +150,9 @@ def possible(shown: Iterable[str]) -> list[str]:
 
 
 def attempts(tries: int, draw: Callable[[int], Drawn], failure: type[Exception]) -> Drawn:
-    """The first of several draws that finds a case.
+    """The first of several draws that finds a case; each gets its number, from 0 on.
 
-    Args:
-        tries: draws before giving up.
-        draw: called with the number of the attempt, from 0 on.
-        failure: what a draw raises that finds none; the last one's is passed on.
+    A draw that finds none raises ``failure``; that of the last one is passed on.
     """
     for attempt in range(tries - 1):
         try:
@@ -199,12 +196,8 @@ def draws(*modules: ModuleType, mark: str = ".") -> dict[str, Callable[..., Any]
 
 
 def true_numbers(cause: Fault, faults: Iterable[tuple[Fault, float]]) -> dict[str, float]:
-    """True numbers of a cause by name, SI, with what minor imperfections of its name add.
-
-    Args:
-        cause: whose numbers.
-        faults: all faults of the robot, and how much of each is there: 1 of a cause.
-    """
+    """True numbers of a cause by name, SI, with what minor imperfections of its name add: all
+    faults of the robot with the amount of each, which is 1 of a cause."""
     if cause.name not in EFFECTS or not EFFECTS[cause.name].adds:
         return dict(cause.true)
     sums: dict[str, float] = {}

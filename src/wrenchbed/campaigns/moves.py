@@ -82,16 +82,10 @@ def itinerary(
     *,
     clear: bool,
 ) -> tuple[Leg, ...]:
-    """Moves that visit some rows of a plan in order, from joint values (J,) on.
+    """Moves that visit rows of a static plan in this order, from joint values ``start`` (J,) on.
 
-    Args:
-        robot: of the plan.
-        plan: static.
-        start: where the robot is.
-        limits: joint speed and workspace.
-        rows: of the plan, in the order of the visit.
-        clear: whether moves must not touch the robot itself or its surroundings; then a blocked
-            straight move is replaced by one around the obstacle.
+    If ``clear`` they touch neither the robot itself nor its surroundings: a straight move that is
+    blocked is replaced by one around the obstacle.
 
     Raises:
         PlanError: a pose or every path to it is out of reach or blocked; names the row.
@@ -143,12 +137,8 @@ class LiveLimits:
 
 
 def live_limits(driver: Driver, plan: Plan, *, clear: bool = True) -> LiveLimits:
-    """The driver's limits, and those that it lacks worked out for a plan.
-
-    Args:
-        driver: connected; it does not move.
-        plan: that it will run.
-        clear: whether its moves lead around obstacles.
+    """The limits of a connected driver, which does not move, and those that it lacks worked out for
+    a plan; with ``clear`` its moves lead around obstacles.
 
     Raises:
         PlanError: the robot cannot run the plan.

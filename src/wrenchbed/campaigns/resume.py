@@ -106,13 +106,9 @@ def second_visit(plan: Plan) -> int:
 
 
 def before(path: Path, plan: Plan, needed: np.ndarray, metadata: Metadata) -> Before:
-    """Read a stopped run's recording; an incomplete visit is dropped.
+    """Read the recording of a plan's stopped run; an incomplete visit is dropped.
 
-    Args:
-        path: of the recording.
-        plan: that it followed.
-        needed: rows that each pose of the plan needs (P,).
-        metadata: that the run would state now.
+    Its poses need so many rows each (P,), and its metadata are what the run would state now.
 
     Raises:
         PlanError: it is not of this plan, was recorded otherwise, or cannot be resumed.

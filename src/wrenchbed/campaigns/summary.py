@@ -22,13 +22,7 @@ all stand in the table of rows."""
 
 
 def page(fleet: Fleet, table: pa.Table, folder: Path, command: str = "") -> Document:
-    """The summary of a campaign's rows.
-
-    Args:
-        fleet: what the rows follow from.
-        table: the rows.
-        folder: that they were written to.
-        command: that made them.
+    """The summary of the rows of a fleet's campaign in a folder, and the command that made them.
 
     Raises:
         MissingExtraError: matplotlib is not installed.

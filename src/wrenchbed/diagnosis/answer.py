@@ -177,13 +177,9 @@ def _off(wrong: Mapping[str, Mapping[str, Any]]) -> list[str]:
 def _free_curve(
     effect: Effect, variant: Variant, scene: Scene, values: Values, covariance: np.ndarray
 ) -> dict[str, Any]:
-    """``parameters``, ``form`` and ``curve`` of an entry of ``which``.
+    """``parameters``, ``form`` and ``curve`` of a form-free cause in ``which``, SI.
 
-    Args:
-        effect, variant: the cause, form-free.
-        scene: the rows that it was fitted to.
-        values: all its parameters, SI.
-        covariance: of the variant's amplitudes in their order (k, k), SI.
+    By all values of its parameters, and the covariance (k, k) of the variant's amplitudes.
     """
     sizes: dict[str, dict[str, Any]] = {}
     best: tuple[float, Mapping[str, Any]] = (-1.0, {})
@@ -351,13 +347,7 @@ def confirmations(
 
 
 def with_contact(d: Diagnosis, verdict: Verdict[Explanation], touch: Touch) -> Diagnosis:
-    """The diagnosis of the rows that nothing touched, with the contact.
-
-    Args:
-        d: the diagnosis.
-        verdict: with the contact.
-        touch: what touches.
-    """
+    """The diagnosis of the rows that nothing touched, with the contact that the verdict holds."""
     rest = f"the other answers are of the {int((~touch.rows).sum())} {touch.what} without it"
     d = replace(
         d, verdict=verdict.word, probabilities=verdict.probabilities,

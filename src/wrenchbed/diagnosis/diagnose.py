@@ -308,13 +308,8 @@ def settle(analysis: Analysis, known: Reliability, seed: int) -> Weighed:
 
 
 def facts(claims: Claims, known: Reliability, *, own_rest: bool = False) -> Facts[Explanation]:
-    """What a decision on the means of readings rests on.
-
-    Args:
-        claims: simulators with causes, of the analysis.
-        known: how often claims are right.
-        own_rest: whether what no effect explains counts as noise.
-    """
+    """What a decision on the means of readings rests on; with ``own_rest`` what no effect explains
+    counts as noise."""
     a, least = claims.analysis, least_beside(claims.analysis.prepared.touch)
 
     def right(verdict: Verdict[Explanation], gap: Closure) -> float:

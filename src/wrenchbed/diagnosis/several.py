@@ -152,12 +152,7 @@ def together(analyses: Sequence[Analysis]) -> Analysis:
 
 
 def rank(refitters: Sequence[Refitter], analyses: Sequence[Analysis]) -> Ranking:
-    """Ranking of every structure that explains one recording, fitted to all recordings.
-
-    Args:
-        refitters: of the recordings together.
-        analyses: of each recording alone.
-    """
+    """Ranking of every structure that explains one recording alone, fitted to all of them."""
     nothing = refitters[0].nothing()
     drafts = _drafts(refitters, [a.ranking for a in analyses])
     fitted = [d.refitter.fit(d.parts, d.rung, d.x).each[0] for d in drafts]

@@ -161,13 +161,10 @@ def changes_of(
     level: float = LEVEL,
     freedom: float = np.inf,
 ) -> tuple[Change, ...]:
-    """Numbers (K,) before and after, and which of them changed.
+    """Numbers (K,) before and after, and which of them changed, by the standard uncertainties of
+    their differences (Student's t with ``freedom``).
 
-    Args:
-        units: of the numbers, by name.
-        std: standard uncertainty of each difference (K,).
-        level: probability that any is called changed where none did.
-        freedom: of the uncertainties (Student's t).
+    With probability ``level`` any is called changed where none did.
     """
     difference = after - before
     sigmas = np.divide(difference, std, out=np.zeros(len(std)), where=std > 0)

@@ -58,15 +58,10 @@ def live(
     seconds: float | None = None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> LiveSummary:
-    """Publish new readings of a connected driver, compensated.
+    """Publish the compensated readings of a connected driver, which is only read, at most ``rate``
+    of them a second [Hz], for some seconds or until ``stopped``.
 
-    Args:
-        driver: connected; it is only read.
-        compensate: see `Compensator`.
-        sinks: called with each result, in this thread; they must not block.
-        rate: readings a second at most [Hz].
-        seconds: how long [s]; until ``stopped`` if None.
-        stopped: asked before each reading.
+    Sinks are called with each result in this thread; they must not block.
 
     Raises:
         DriverError: the controller subtracts a payload from the wrench, which would be subtracted

@@ -36,14 +36,8 @@ half)."""
 def reliability_at_design(
     at: Recording, count: int, *, seed: int = 0, processes: int = 2, report: Progress = silent
 ) -> Reliability:
-    """Learn how often claims are right from look-alikes of a recording.
-
-    Args:
-        at: recording whose poses, times, sensor and stated numbers the look-alikes share.
-        count: cases.
-        seed: of the cases.
-        processes: that work at the same time.
-        report: called with the number of further cases that are done.
+    """Learn how often claims are right from a number of look-alikes of a recording, which share its
+    poses, times, sensor and stated numbers.
 
     Raises:
         DiagnosisError: too few cases, or none of them can be drawn at this design.

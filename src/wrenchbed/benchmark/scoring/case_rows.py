@@ -147,14 +147,10 @@ class Number(NamedTuple):
 def numbers(
     effect: str, published: Mapping[str, Mapping[str, Any]], true: Mapping[str, float]
 ) -> list[Number]:
-    """Published parameters of an effect with an uncertainty, beside the true ones, 0 if unlisted.
+    """Published parameters of an effect with an uncertainty, beside the true ones [SI], 0 if
+    unlisted, by name.
 
     Only those that mean the same in the library and in the physics of the cases.
-
-    Args:
-        effect: its name.
-        published: ``value`` and ``std`` by the parameter's name.
-        true: SI.
     """
     pattern = EFFECTS[effect].compared if effect in EFFECTS else ""
     given = effects()[effect].amplitudes(published) if pattern else None

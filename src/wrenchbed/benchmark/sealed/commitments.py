@@ -100,15 +100,8 @@ def commit(
     names: Iterable[str],
     about: Mapping[str, object],
 ) -> str:
-    """Write ``commitments.json`` and ``family.json`` of cases that are on disk.
-
-    Args:
-        names: of the cases.
-        about: what ``family.json`` says of the family.
-
-    Returns:
-        SHA-256 of ``commitments.json``.
-    """
+    """Write ``commitments.json`` and ``family.json``, which says all of ``about``, of named cases
+    that are on disk; the SHA-256 of the former."""
     cases = {
         name: {
             "recording": digest(recording_of(out, name).read_bytes()),

@@ -203,10 +203,7 @@ def make(
 ) -> str:
     """Make a family, or its missing cases; the SHA-256 of its ``commitments.json``.
 
-    Args:
-        out: folder of recordings and commitments, for entrants.
-        answers: folder of answers, to keep secret.
-        report: called with the number of further cases that are done.
+    Recordings and commitments in ``out`` are for entrants, the answers are to keep secret.
 
     Raises:
         BenchmarkError: the folders are the same, hold each other or another family.

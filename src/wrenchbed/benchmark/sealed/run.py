@@ -126,15 +126,8 @@ class Entrant:
 def enter(
     cases: Path, claims: Path, limit: float, item: tuple[str, Sequence[Entrant]]
 ) -> list[str]:
-    """Let entrants answer one case; a crash or a timeout counts as a wrong answer.
-
-    Args:
-        limit: of one entrant [s].
-        item: a case's name, and who answers it.
-
-    Returns:
-        Names of the entrants that failed.
-    """
+    """Let entrants answer one case, within a limit [s] each; a crash or a timeout counts as a wrong
+    answer. Names of the entrants that failed."""
     name, entrants = item
     recording = commitments.recording_of(cases, name)
     digest, failed = commitments.digest(recording.read_bytes()), []

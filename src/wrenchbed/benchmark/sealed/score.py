@@ -174,14 +174,9 @@ def score(
     main: str | None = None,
     published: str | None = None,
 ) -> Score:
-    """Check what was committed to, and hold claims against answers.
-
-    Args:
-        cases: folder of recordings and commitments.
-        claims: folder of claims, one folder an entrant.
-        answers: folder of answers.
-        main: entrant that is judged; wrenchbed's diagnosis, else the first.
-        published: SHA-256 of the commitments as it was published with the cases, if it was.
+    """Check what was committed to, also against a published SHA-256, and hold claims (one folder an
+    entrant) against answers; wrenchbed's diagnosis is judged if no other one is named, else the
+    first entrant.
 
     Raises:
         BenchmarkError: a case or an answer was changed, or claims are missing.

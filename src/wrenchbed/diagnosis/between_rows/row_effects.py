@@ -78,13 +78,9 @@ def find_row_effects(
     recording: Recording, configuration: Configuration
 ) -> tuple[tuple[RowFinding, ...], Scatter | None]:
     """Effects that raise the row noise above the stated noise, none if the noise is as stated, and
-    how rows scatter.
+    how rows that follow each other scatter.
 
     The most probable comes first, of those that are equally sure the one that adds most.
-
-    Args:
-        recording: rows next to each other.
-        configuration: the simulator as its metadata configures it.
     """
     if len(recording) < 3:
         return (), None

@@ -315,16 +315,9 @@ def conclude(
 def beside_contact(
     verdict: Verdict[S], name: str, probability: float, gap: Closure, *, at_a_point: bool
 ) -> Verdict[S]:
-    """The verdict with a contact, of which all other rows are free.
+    """The verdict with a contact of this name and probability, of which all other rows are free.
 
     A force that acts at no one point is something unknown, and then nothing else can be told.
-
-    Args:
-        verdict: on the rows that nothing touched.
-        name: of the effect that the contact is.
-        probability: that there is one.
-        gap: on held-out rows.
-        at_a_point: whether its force acts at one point.
     """
     if not at_a_point:
         return replace(verdict, word=UNKNOWN, causes=(), probabilities={UNKNOWN: 1.0})

@@ -85,13 +85,8 @@ def blocks(causes: Sequence[Cause]) -> tuple[int, ...]:
 
 
 def facts_of(s: Simulators, every: Sequence[Weighed], seed: int) -> Facts[Structure]:
-    """What a decision on joint efforts rests on; see `Facts`.
-
-    Args:
-        s: simulators with causes.
-        every: probable structures, best first.
-        seed: of the bootstrap.
-    """
+    """What a decision on joint efforts rests on, of probable structures, best first; see
+    `Facts`."""
     some, unknown = options(s.d, every)
 
     @cache

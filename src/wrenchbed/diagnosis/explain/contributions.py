@@ -67,13 +67,8 @@ def rest(refitter: Refitter, f: Finalist, large: Collection[int | None]) -> floa
 def twins(
     refitter: Refitter, f: Finalist, part: int, share: float, named: Collection[int]
 ) -> tuple[str, ...]:
-    """Names of effects that might as well be a part.
-
-    Args:
-        part: its number.
-        share: gap that it adds.
-        named: numbers of all parts that are claimed.
-    """
+    """Names of effects that might as well be a part of this number, which adds a share of the gap,
+    beside the other ``named`` parts."""
     claimed = {f.parts[k].name for k in named}
     others = _as_many_numbers(refitter, f, part, made_by(refitter, f, [part]), share)
     alike = (n for n in others if n not in claimed)

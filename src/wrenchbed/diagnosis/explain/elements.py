@@ -157,10 +157,7 @@ def _likely(log_posteriors: Sequence[float]) -> list[int]:
 def combination(refitter: Refitter, of: Elements, spread: float) -> Combination | None:
     """Weighted sum of the sizes of several elements that the readings determine; None if none is.
 
-    Args:
-        refitter: of the recording.
-        of: elements of one effect with one amplitude each, whose readings are proportional.
-        spread: factor on the standard uncertainty.
+    The elements are of one effect, with one amplitude each and proportional readings.
     """
     parts = [f.parts[p] for f, p in zip(of.fits, of.parts, strict=True)]
     if len(parts) < 2 or any(len(h.columns) != 1 or h.variant.shape for h in parts):

@@ -41,12 +41,8 @@ def design_of(a: Analysis) -> tuple[float, ...]:
 
 
 def p_value(design: Sequence[float], designs: np.ndarray) -> float:
-    """Share of points (N + 1, F), the recording's among them, as far from their mean as it.
-
-    Args:
-        design: the recording's point (F,).
-        designs: points of those that taught (N, F).
-    """
+    """Share of points as far from their mean as a recording's (F,), which is one of them beside
+    those that taught (N, F)."""
     points = np.vstack([designs, np.asarray(design)])
     away = points - points.mean(axis=0)
     covariance = away.T @ away / len(points) + RIDGE * np.eye(points.shape[1])

@@ -276,12 +276,8 @@ class Refitter(Case):
 def together(
     refitters: Sequence[Refitter], known: Sequence[Sequence[Finalist]] = ()
 ) -> tuple[Refitter, ...]:
-    """Refitters of several recordings of one robot that fit every structure to all of them.
-
-    Args:
-        refitters: of each recording alone.
-        known: finalists of each recording alone.
-    """
+    """Refitters of several recordings of one robot that fit every structure to all of them, from
+    those of each recording alone and its finalists."""
     each = tuple(copy(r) for r in refitters)
     for r, finalists in zip(each, known or [()] * len(each), strict=True):
         r.each, r.known, r._again = each, finalists, each[0]._again

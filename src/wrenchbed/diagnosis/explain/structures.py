@@ -173,12 +173,7 @@ def _extended(
 def with_rivals(
     refitter: Refitter, f: Finalist, parts: Sequence[int], singles: Sequence[SingleEvidence]
 ) -> list[Finalist]:
-    """A finalist with each of some parts replaced by effects that do nearly as well.
-
-    Args:
-        parts: numbers of the parts that would be claimed.
-        singles: every hypothesis alone.
-    """
+    """A finalist with each of some parts, by number, replaced by effects that do nearly as well."""
     result = []
     for k in parts:
         base = refitter.keeping(f, [i for i in range(len(f.parts)) if i != k])

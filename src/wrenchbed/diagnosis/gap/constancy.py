@@ -54,14 +54,8 @@ class Change:
 
 
 def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Change | None:
-    """The cause whose size changes most surely; None if all are constant.
-
-    Args:
-        a: the analysis, its noise with the recording's own rest.
-        f: the explanation.
-        parts: numbers of its causes.
-        seed: of the permutations.
-    """
+    """The cause whose size changes most surely, of the parts with these numbers; None if all are
+    constant. The analysis takes the recording's own rest for noise."""
     d = a.dictionary
     scale = np.tile(np.sqrt(np.maximum(d.prepared.variance, 1e-300)), d.rows)
     block = d.prepared.block_rows
@@ -83,15 +77,10 @@ def changing(a: Analysis, f: Finalist, parts: Sequence[int], seed: int) -> Chang
 
 
 def grown(a: Analysis, f: Finalist, parts: Sequence[int]) -> float:
-    """Gap that causes take up besides where their sizes may grow with time; 0 where that is not
-    most of what they leave.
+    """Gap that causes, the parts with these numbers, take up besides where their sizes may grow
+    with time; 0 where that is not most of what they leave.
 
     What belongs to one recording, a drift or a load that moves, has a course of its own.
-
-    Args:
-        a: the analysis.
-        f: the explanation.
-        parts: numbers of its causes.
     """
     d, parts = a.dictionary, [k for k in parts if not f.parts[k].effect.of_recording]
     if not parts:

@@ -76,12 +76,8 @@ def family_wise(
 ) -> tuple[np.ndarray, np.ndarray]:
     """p-values (V,) of each variable over all of them, and of each alone.
 
-    Args:
-        parts: the variables.
-        residual: (R, C), whitened.
-        block: of each row (R,); blocks of one row are poses.
-        permutations: how often.
-        seed: of the permutations.
+    Blocks, by number of each row (R,), of the whitened residual (R, C) are permuted; those of one
+    row are poses.
     """
     order = orders(block, permutations, np.random.default_rng([seed, 30]))
     permuted = np.ascontiguousarray(np.moveaxis(residual[order], 2, 0).swapaxes(1, 2))

@@ -46,12 +46,7 @@ def locality(
 ) -> Locality | None:
     """The joint and range in which a residual is concentrated most; None if in none.
 
-    Args:
-        prepared: the recording.
-        residual: whitened rows of the fit (R, C).
-        noise: variance of such a row (C,).
-        permutations: how often stretches of time are permuted.
-        seed: of these.
+    Stretches of time of the fit's whitened rows (R, C), of noise variance (C,), are permuted.
     """
     rows = len(residual)
     if not prepared.scene.jointed or rows < LEAST_ROWS:

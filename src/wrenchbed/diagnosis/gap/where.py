@@ -67,11 +67,7 @@ def locate(
 ) -> tuple[Finding, ...]:
     """Places where a residual may lie, significant ones first, by share.
 
-    Args:
-        prepared: the recording.
-        residual: whitened rows of the fit's part (R, C), bias, mass and CoG fitted away.
-        permutations: how often blocks are permuted.
-        seed: of the permutations.
+    Blocks of the fit's whitened rows (R, C), bias, mass and CoG fitted away, are permuted.
     """
     varying = _variables(prepared, residual, permutations, seed)
     local = _local(prepared, residual, permutations, seed)

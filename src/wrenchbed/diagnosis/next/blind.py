@@ -251,11 +251,7 @@ def showings(design: Design) -> tuple[Showing, ...]:
 
 
 def blind_spots(designs: Sequence[Design]) -> tuple[BlindSpot, ...]:
-    """Blind spots that all recordings of a robot have in common, by effect.
-
-    Args:
-        designs: of the recordings; at least one.
-    """
+    """Blind spots that all recordings of a robot, at least one, have in common, by effect."""
     first, *others = (_of_design(d) for d in designs)
     result = []
     for key, spot in first.items():

@@ -40,9 +40,7 @@ RUNG = 1
 def of_plan(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> Prepared:
     """Prepare what a plan would record from a nominal robot, in closed form.
 
-    Args:
-        samples: rows a pose, where the plan gives no dwell.
-        rate: of sampling [Hz], where the plan gives none.
+    Rows a pose and their rate [Hz] hold where the plan gives none.
 
     Raises:
         DiagnosisError: such a recording could not be diagnosed, and why.
@@ -102,12 +100,7 @@ class DryRun:
 
 @one_thread
 def dry_run(plan: Plan, samples: int = SAMPLES, rate: float = RATE) -> DryRun:
-    """Rehearse a plan on the nominal robot with its sensor's noise.
-
-    Args:
-        plan: poses or a motion.
-        samples: rows a pose.
-        rate: rows a second [Hz].
+    """Rehearse a plan of poses or a motion on the nominal robot with its sensor's noise.
 
     Raises:
         DiagnosisError: such a recording could not be diagnosed, and why.

@@ -313,11 +313,7 @@ def separate(
     seed: int = 0,
     others: Sequence[Prepared] = (),
 ) -> tuple[Experiment, ...]:
-    """Experiments that separate two or more explanations.
-
-    Args:
-        others: what has been recorded besides.
-    """
+    """Experiments that separate two or more explanations, beside what else has been recorded."""
     candidates = [c for c in candidates if len(c[0].columns)]
     if len(candidates) < 2:
         return ()

@@ -33,10 +33,7 @@ COUNTS = 0.999
 def prepare(recording: Recording, seed: int = 0, material: Material | None = None) -> Prepared:
     """Check, whiten and split a recording, without rows in which something touches a bare tool.
 
-    Args:
-        recording: at rest or in motion; of a long motion the middle is taken.
-        seed: of the split into blocks.
-        material: residual that counts; one row's noise if None.
+    Of a long motion the middle is taken. What counts is ``material``, else one row's noise.
 
     Raises:
         DiagnosisError: the data cannot answer, and why.
