@@ -84,13 +84,8 @@ def _moment(text: str) -> datetime:
 
 
 def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.ndarray:
-    """Times (N,) [ns] of a column of whole numbers or floats.
-
-    Args:
-        values: of the column (N,).
-        zero: what it shows at time 0.
-        size: of its unit [s].
-        where: file and column, for messages.
+    """Times (N,) [ns] of a column of whole numbers or floats, which shows ``zero`` at time 0 and
+    whose unit has a ``size`` [s].
 
     Raises:
         MapError: the clock does not advance, or is not in this unit.
@@ -110,12 +105,8 @@ def nanoseconds(values: np.ndarray, zero: float, size: float, where: str) -> np.
 
 def even_clock(t: np.ndarray, bridged: float = 0.0) -> tuple[np.ndarray, str] | None:
     """The even clock (M,) [s] nearest to a clock (N,) [s], without times in gaps, and what was done
-    in words; None if the clock is even already, or too short.
-
-    Args:
-        t: clock.
-        bridged: longest step that is no gap [s], however many frames are lost in it.
-    """
+    in words; None if the clock is even already, or too short. Steps up to ``bridged`` [s] are no
+    gaps, however many frames are lost in them."""
     step = np.diff(t)
     if len(step) < 2:
         return None

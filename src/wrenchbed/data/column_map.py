@@ -173,12 +173,7 @@ def read(path: str | Path) -> ColumnMap:
 
 
 def from_fields(raw: Fields, name: str, folder: Path) -> ColumnMap:
-    """A map from its fields, checked.
-
-    Args:
-        raw: as TOML or JSON holds them.
-        name: of the map, for messages.
-        folder: from which paths of a robot's or sensor's file are seen.
+    """A map from its fields, checked; paths of a robot's or sensor's file are seen from ``folder``.
 
     Raises:
         MapError: names the entry and what it should say.
@@ -341,11 +336,7 @@ def _check_targets(sources: Sequence[Source], conventions: Conventions) -> None:
 
 
 def turned(data: Mapping[str, np.ndarray], where: str) -> Rotation | None:
-    """The orientation (N,) that a file's columns give, as the file means it; None without one.
-
-    Args:
-        data: columns (N,), angles in rad.
-        where: name of the file, for messages.
+    """The orientation (N,) that a file's columns give, angles in rad; None without one.
 
     Raises:
         MapError: a matrix or quaternion that is no rotation; names the row.

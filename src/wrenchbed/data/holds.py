@@ -97,12 +97,7 @@ class Holds:
 
 
 def gather(recording: Recording, keep: np.ndarray) -> Holds:
-    """Average consecutive rows of one segment with unmoving joints.
-
-    Args:
-        recording: at rest in each hold.
-        keep: rows to use (N,), boolean.
-    """
+    """Average consecutive rows of one segment with unmoving joints, of those to ``keep`` (N,)."""
     names = recording.joints or QUATERNION
     sensed = CHANNELS if recording.has_wrench else ()
     columns = recording.columns
@@ -129,11 +124,7 @@ def gather(recording: Recording, keep: np.ndarray) -> Holds:
 
 
 def first_rows(columns: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Index of each hold's first row (H,): a segment begins, or the joints moved.
-
-    Args:
-        columns: of a recording (N,): joints or an orientation, perhaps ``segment``.
-    """
+    """Index of each hold's first row (H,): a segment begins, or the joints moved."""
     names = joint_columns(columns) or QUATERNION
     segment = columns.get("segment")
     limit = MOVING if segment is None else MOVING_WITHIN_SEGMENT
@@ -174,13 +165,8 @@ def means_of(values: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarra
 def about_means(
     rows: Sequence[np.ndarray], mean: np.ndarray, count: np.ndarray
 ) -> Iterator[tuple[slice, np.ndarray]]:
-    """Rows minus their hold's mean (n, 6) of some complete holds at a time: (holds, rows).
-
-    Args:
-        rows: six channels (N,) [N, N·m].
-        mean: of each hold (H, 6).
-        count: rows of each hold (H,).
-    """
+    """Rows (six channels (N,)) minus their hold's mean (H, 6) of some complete holds at a time:
+    (holds, rows), of the number of rows of each (H,)."""
     for some, at in parts(count):
         residual = np.stack([y[at] for y in rows], axis=1, dtype=float)
         residual -= np.repeat(mean[some], count[some], axis=0)
@@ -242,11 +228,8 @@ class Split:
 
 
 def split(recording: Recording, slow: bool = False) -> Split:
-    """Tell holds and moves of a log apart.
-
-    Args:
-        recording: the log.
-        slow: where hardly anything rests, slow turning, whose inertia no sensor shows, is held.
+    """Tell holds and moves of a log apart; where hardly anything rests, ``slow`` turning, whose
+    inertia no sensor shows, may be held.
 
     Raises:
         RecordingError: there is no hold.

@@ -281,11 +281,6 @@ def _in_sensor_axes(
 def sensor_by_joints(data: Mapping[str, np.ndarray], metadata: Metadata, where: str) -> Rotation:
     """The sensor in the base (N,) from joint values, by the nominal model of the robot.
 
-    Args:
-        data: columns q1… (N,) [rad or m].
-        metadata: names the robot, and states how the sensor sits on its flange.
-        where: name of the file, for messages.
-
     Raises:
         MapError: no joints, or no such robot.
     """

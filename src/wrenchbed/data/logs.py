@@ -175,10 +175,7 @@ def _nanoseconds(stamp: Any) -> int:
 def table(path: Path, topic: str | None, wanted: Sequence[str]) -> pa.Table:
     """Columns of one topic of a log, rows in the order in which the messages were written.
 
-    Args:
-        path: of the log.
-        topic: that is read; may be left out where there is only one.
-        wanted: columns, see `MessageRows`.
+    The topic may be left out where there is only one; for ``wanted`` see `MessageRows`.
 
     Raises:
         MapError: no such file, topic or field; a message without a stamp; a damaged log.
@@ -250,10 +247,7 @@ def _line(error: Exception) -> str:
 def _messages(path: Path, topic: str | None, topics: dict[str, str]) -> Messages:
     """Messages of one topic of a log, in the order of the file; none if the topic is None.
 
-    Args:
-        path: of the log.
-        topic: whose messages are yielded.
-        topics: receives all topics and the kinds of their messages.
+    ``topics`` receives all topics and the kinds of their messages.
     """
     return (_of_mcap if path.suffix == ".mcap" else _of_bag)(path, topic, topics)
 
@@ -384,10 +378,6 @@ def _decoder(channel: Channel) -> Callable[[bytes], Any]:
 
 def write_mcap(recording: Recording, path: str | Path) -> None:
     """Write wrench, joints and temperature as `geometry_msgs` and `sensor_msgs` in CDR.
-
-    Args:
-        recording: its time 0 becomes the log's.
-        path: of the ``.mcap``.
 
     Raises:
         MissingExtraError: mcap or rosbags is not installed.

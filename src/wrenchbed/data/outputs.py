@@ -119,11 +119,7 @@ def check(out: Path, kind: Kind, *inputs: Path | None, force: bool = False) -> N
 
 
 def keeping(path: Path, write: Callable[[Path], Made]) -> Made:
-    """Write a file; what had its name gets the first free name NAME~, NAME~2, … .
-
-    Args:
-        write: called with the path; its result is returned.
-    """
+    """Write a file; what had its name gets the first free name NAME~, NAME~2, … ."""
     kept = set_aside(path, beside=JOURNAL)
     try:
         return write(path)

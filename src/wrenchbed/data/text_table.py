@@ -93,11 +93,7 @@ class Columns:
         return nanoseconds_of(self.table.column(name)) if once else None
 
     def numbers(self, name: str, remedy: str = "") -> np.ndarray:
-        """A column (N,) as numbers.
-
-        Args:
-            name: of the column.
-            remedy: words behind the refusal of a missing value.
+        """A column (N,) as numbers; ``remedy`` stands behind the refusal of a missing value.
 
         Raises:
             MapError: no such column, or a cell that holds text or nothing; names row and line.
@@ -128,11 +124,7 @@ class Columns:
 
 
 def read_text(path: Path, separator: str | None = None) -> Columns:
-    """Read a text file.
-
-    Args:
-        path: of the file.
-        separator: if it is known; `BLANKS` for any number of blanks and tabs.
+    """Read a text file, whose separator may be known.
 
     Raises:
         MapError: no such file, no table of numbers in it, or a row with another number of cells.

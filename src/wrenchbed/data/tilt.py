@@ -69,10 +69,6 @@ def upright(read: np.ndarray) -> tuple[Rotation, np.ndarray, np.ndarray]:
 def orientations(read: np.ndarray, where: str) -> tuple[Rotation, str]:
     """What `upright` gives of means at rest (G, 3) [m/s²], and a sentence on it.
 
-    Args:
-        read: the means.
-        where: name of the file, for messages.
-
     Raises:
         MapError: the readings have not the length of gravity, so the sensor was not at rest.
     """

@@ -36,9 +36,6 @@ def atomic_write(path: str | Path) -> Iterator[BinaryIO]:
     of the file before it, or those of any new file. If ``path`` is a symbolic or hard link, this
     name alone is replaced: the file that it shared or pointed to stays as it is.
 
-    Args:
-        path: a file, or a name that is free.
-
     Raises:
         OSError: names ``path``, also where a disk is full.
     """
@@ -158,7 +155,7 @@ def set_aside(path: Path, suffix: str = "~", beside: str = "") -> Path | None:
     return kept
 
 
-def put_back(kept: Path, path: Path, beside: str = "") -> None:
+def put_back(kept: Path, path: Path, beside: str) -> None:
     """Undo `set_aside`."""
     for end in dict.fromkeys(("", beside)):
         if os.path.lexists(f"{kept}{end}"):

@@ -48,13 +48,7 @@ def load(path: str | Path, error: type[WrenchbedError], other: str = "JSON") -> 
 
 
 def parsed(raw: bytes, where: str, error: type[WrenchbedError], kind: str = "JSON") -> Any:
-    """The content of JSON or TOML.
-
-    Args:
-        raw: the text in UTF-8.
-        where: file or part of one, for messages.
-        error: what is raised.
-        kind: ``JSON`` or ``TOML``.
+    """The content of JSON or TOML (``kind``) in UTF-8.
 
     Raises:
         error: not valid, too long, or nested too deeply.
@@ -83,17 +77,17 @@ def parsed(raw: bytes, where: str, error: type[WrenchbedError], kind: str = "JSO
     return content
 
 
-def text_of(path: Path, error: type[WrenchbedError], kind: str = "TOML") -> str:
-    """The text of a regular file, not read beyond what a file of its kind may hold.
+def text_of(path: Path, error: type[WrenchbedError]) -> str:
+    """The text of a regular TOML file, not read beyond what one may hold.
 
     Raises:
         error: no such file, or it is no text; a longer one is left to `parsed` to refuse.
     """
     if path.exists() and not path.is_file():  # a pipe would be waited for
-        raise error(f"{path}: is no regular file: give a {kind} file")
+        raise error(f"{path}: is no regular file: give a TOML file")
     try:
         with path.open("rb") as file:
-            return file.read(_LARGEST[kind] + 1).decode()
+            return file.read(_LARGEST["TOML"] + 1).decode()
     except (OSError, UnicodeDecodeError) as cause:
         why = getattr(cause, "strerror", None) or "it is no text"
         raise error(f"{path}: cannot be read: {why}") from None
@@ -139,12 +133,7 @@ class Fields:
         return f"{self.name}.{key}" if self.name else key
 
     def only(self, known: Collection[str], what: str = "it") -> "Fields":
-        """Raise the error for a field that is not known, with the nearest name; return the object.
-
-        Args:
-            known: names of all fields.
-            what: has these fields, for the message.
-        """
+        """Raise the error for a field that is not known, with the nearest name; else itself."""
         for key in self.raw:
             if key not in known:
                 has = f"{what} has {', '.join(sorted(known))}"

@@ -268,11 +268,8 @@ def complex_steps(theta: np.ndarray, columns: Sequence[int]) -> np.ndarray:
 
 
 def load_parameters(inertia: Sequence[float]) -> ParameterSet:
-    """Parameters of the load that every robot has, sensor axes.
-
-    Args:
-        inertia: of the tool about its CoG, xx yy zz xy xz yz [kg·m²].
-    """
+    """Parameters of the load that every robot has, sensor axes, from the tool's inertia about its
+    CoG, xx yy zz xy xz yz [kg·m²]."""
     text = "inertia about the centre of gravity"
     items = (
         Parameter(f"tool.inertia.{a}", v, "kg·m²", 1e-3, -10.0 if a[0] != a[1] else 0.0, 10.0, text)

@@ -16,7 +16,7 @@ from wrenchbed import registry
 from wrenchbed.errors import WrenchbedError
 from wrenchbed.physics.gravity import BodyMass
 from wrenchbed.physics.parameters import Parameter, ParameterSet
-from wrenchbed.physics.rotations import apply, exp
+from wrenchbed.physics.rotations import apply
 from wrenchbed.robots.arm_model import HINGE, ArmLink, ArmModel, Load
 from wrenchbed.robots.base import (
     ANGLE,
@@ -63,9 +63,7 @@ class ArmDescription:
 class DescribedArm(MountedArm):
     """An arm from MJCF or URDF with a six-axis sensor at a named frame.
 
-    Args:
-        description: what the file and its TOML say.
-        record: what a recording carries to make the robot again, see `described.rebuilt`.
+    ``record`` is what a recording carries to make the robot again, see `described.rebuilt`.
     """
 
     free = ("tool.mass", "tool.cog", "sensor.bias", "mount.rotation")
@@ -130,7 +128,7 @@ class DescribedArm(MountedArm):
         """The arm with its parameters (P,), or a batch of them (K, 1, P)."""
         arm = self.arm_model
         links = tuple(
-            replace(link, turn=turned(link.turn, theta[..., turn]), shift=theta[..., place])
+            replace(link, turn=link.turn @ mount_turn(theta[..., turn]), shift=theta[..., place])
             for link, turn, place in zip(arm.links, self._turns, self._places, strict=True)
         )
         return replace(arm, base_turn=self._leaning(arm.base_turn, theta), links=links)
@@ -174,9 +172,8 @@ class FileArm(DescribedArm, SerialChain):
         """Rotations of all links but the first that are no joint's zero, its own or that before."""
 
     def fixed(self, theta: np.ndarray) -> Fixed:
-        arm, turned = self.arm_model, theta[..., self._turns]
-        pre = self._pre @ exp(*np.moveaxis(turned, -1, 0)) if turned.any() else self._pre
-        turns = pre @ self._to_z  # (…, J, 3, 3)
+        arm = self.arm_model
+        turns = self._pre @ mount_turn(theta[..., self._turns]) @ self._to_z  # (…, J, 3, 3)
         shifts = (self._before @ theta[..., self._places][..., None])[..., 0]
         base = self._leaning(arm.base_turn, theta)
         first = apply(base, shifts[..., 0, :]) + arm.base_shift
@@ -249,11 +246,6 @@ def _places(group: str, place: np.ndarray, text: str) -> list[Parameter]:
         Parameter(f"{group}.{a}", float(v), "m", _LENGTH, -_FARTHEST, _FARTHEST, text)
         for a, v in zip("xyz", place, strict=True)
     ]
-
-
-def turned(fixed: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """A rotation (3, 3) that a rotation vector (…, 3) turns in its own axes."""
-    return fixed @ exp(*np.moveaxis(vector, -1, 0)) if vector.any() else fixed
 
 
 def _to_z(axis: np.ndarray) -> np.ndarray:

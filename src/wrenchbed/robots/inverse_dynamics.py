@@ -20,13 +20,8 @@ _ROWS_AT_ONCE = 1000
 def torque_regressor(
     robot: SimulatedRobot, theta: np.ndarray, q: Jet, gravity: np.ndarray
 ) -> np.ndarray:
-    """Y (N, J, 10 L) with torques (N, J) = Y φ [N·m, N for slides].
-
-    Args:
-        robot: one with frames of its links.
-        theta: of the robot (P,).
-        q: joint values, speeds and accelerations (N, J).
-        gravity: in world axes (3,) [m/s²].
+    """Y (N, J, 10 L) with torques (N, J) = Y φ [N·m, N for slides] of joint values, speeds and
+    accelerations (N, J) under gravity in world axes (3,) [m/s²].
 
     Raises:
         NotFoundError: the model of the robot has no frames of links.

@@ -50,21 +50,15 @@ class Sensor:
         title: one line for people.
         calibrations: the ranges it is sold with.
         default: name of the one that ``noise`` belongs to.
-        mass: of the complete sensor [kg].
-        mass_source: where the mass comes from.
+        mass: of the complete sensor [kg]; ``…_source`` says where this and other values come from.
         noise: of one row at rest, see ``NoiseModel``.
-        noise_source: how it was measured or estimated.
         accuracy: (6,) certified accuracy ± [N, N·m], None where no certificate is known.
-        accuracy_source: whose certificate.
         plate_offset: (3,) from the middle of the face on the robot's side to the origin of the
             wrench, in sensor axes [m].
-        plate_offset_source: where it comes from.
         counts: (6,) counts of the digital output per newton and newton metre, None where the
             output is a floating-point number.
-        counts_source: where they come from.
         gauges: (6, 6) matrix from gauge voltages to the wrench [N/V, N·m/V] of one sensor, None
             where none is known.
-        gauges_source: which sensor.
         record: what `described.rebuilt` makes the sensor of again; None of what everybody has.
     """
 

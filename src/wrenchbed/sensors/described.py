@@ -100,7 +100,8 @@ def _sensor(text: str, where: str) -> Sensor:
         more |= {key: _positive(stated, "value"), f"{key}_source": stated.stated_text("source")}
     if "gauges" in top.raw:
         gauges = top.part("gauges").only(("matrix", "source"))
-        more |= {"gauges": _matrix(gauges, "matrix"), "gauges_source": gauges.stated_text("source")}
+        more["gauges"] = np.array(gauges.square("matrix", 6))
+        more["gauges_source"] = gauges.stated_text("source")
     x, y, z = offset.stated_numbers("value", 3, "must be three lengths in m", _FARTHEST, "mm")
     return Sensor(
         name=name, title=top.stated_text("title"), calibrations=calibrations, default=default,
@@ -133,7 +134,7 @@ def _noise(table: Fields, calibration: SensorCalibration) -> NoiseModel:
         parts["resolution" if key == "step" else key] = value
     parts |= {key: table.amount(key, unit) for key, unit in _SCALARS.items()}
     if "correlation" in table.raw:
-        parts["correlation"] = _matrix(table, "correlation")
+        parts["correlation"] = np.array(table.square("correlation", 6))
     try:
         return NoiseModel(**parts, range=full)
     except ParameterError as cause:
@@ -146,16 +147,6 @@ def _positive(table: Fields, key: str) -> Array:
     if not (value > 0.0).all():
         table.refuse(key, "must be above 0 in every channel")
     return value
-
-
-def _matrix(table: Fields, key: str) -> Array:
-    """Six rows of six numbers."""
-    rows = table.raw.get(key)
-    rule = "must be six rows of six numbers"
-    if not isinstance(rows, list) or len(rows) != 6:
-        table.refuse(key, rule)
-    each = (Fields({key: row}, table.where, ParameterError, table.name) for row in rows)
-    return np.array([row.stated_numbers(key, 6, rule) for row in each])
 
 
 def text(sensor: Sensor, notes: tuple[str, ...] = ()) -> str:

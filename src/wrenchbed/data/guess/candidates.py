@@ -75,12 +75,7 @@ class Pairing:
 
 
 def candidates(tables: Sequence[Sheet], stated: Stated) -> tuple[list[Convention], str]:
-    """All conventions that explain most of the force, and a sentence on those not tried.
-
-    Args:
-        tables: of one recording.
-        stated: what is known besides.
-    """
+    """All conventions that explain most of the force, and a sentence on those not tried."""
     pairs = [*_pairs(tables, stated)]
     notes = [
         f"of {len(sheet.values)} columns the first {MOST_UNNAMED} without a name that says what "
@@ -141,12 +136,7 @@ def at_rows(
 ) -> np.ndarray:
     """Values (M, K) of a table at each row of the wrench's (N, K), by the clocks if both have one.
 
-    Args:
-        load: table with the wrench.
-        sheet: table with the values.
-        values: some of its columns.
-        at: as `rows_at` gives it.
-        late: by how much its clock is behind [s].
+    ``at`` is as `rows_at` gives it; the table's clock is ``late`` [s].
     """
     if sheet is load or load.clock is None or sheet.clock is None:
         return np.asarray(values[at])
@@ -204,23 +194,15 @@ def _unexplained_shares(pairs: Sequence[tuple[Pairing, Reading]]) -> np.ndarray:
     for k, (pairing, reading) in enumerate(pairs):
         key = id(pairing.load), id(pairing.sheet), reading.kind, reading.names
         of_reading.setdefault(key, []).append(k)
-    loads = {id(pairing.load): pairing.load for pairing, _ in pairs}
-    few = {key: _few_rows(load) for key, load in loads.items()}
     for members in of_reading.values():
         pairing, reading = pairs[members[0]]
-        rows, place, values = few[id(pairing.load)]
+        rows = np.unique(np.linspace(0, len(pairing.load) - 1, _FEW_ROWS).astype(int))
         turn = _turn(pairing, reading, rows)
         if turn is not None:
-            forces = [[place[pairs[k][0].wrench[c]] for c in CHANNELS[:3]] for k in members]
-            shares[members] = unexplained(turn, values[forces].swapaxes(1, 2))
+            few = {name: values[rows] for name, values in pairing.load.values.items()}
+            forces = [[few[pairs[k][0].wrench[c]] for c in CHANNELS[:3]] for k in members]
+            shares[members] = unexplained(turn, np.array(forces, dtype=float).swapaxes(1, 2))
     return shares
-
-
-def _few_rows(load: Sheet) -> tuple[np.ndarray, dict[str, int], np.ndarray]:
-    """Some rows (R,) of a table, the place of each column, and the columns (C, R) at these rows."""
-    rows = np.unique(np.linspace(0, len(load) - 1, _FEW_ROWS).astype(int))
-    place = {name: k for k, name in enumerate(load.values)}
-    return rows, place, np.stack([values[rows] for values in load.values.values()], dtype=float)
 
 
 def unexplained(turn: np.ndarray, force: np.ndarray) -> np.ndarray:

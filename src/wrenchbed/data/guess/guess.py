@@ -129,13 +129,7 @@ def guess(
     mode: str | None = None,
     skip_incomplete: bool = False,
 ) -> Guess:
-    """Find the map of text files.
-
-    Args:
-        files: of one recording.
-        stated: what is known besides.
-        mode: static, dynamic or auto; found out if none.
-        skip_incomplete: leave rows out that lack a value.
+    """Find the map of the text files of one recording; its mode too, if none is given.
 
     Raises:
         MapError: no wrench, no orientation and no known robot's joints, or nothing that looks like
@@ -237,13 +231,8 @@ def _nothing(tables: Sequence[Sheet], robot: str | None) -> str:
 
 def _signs_and_units(c: Convention, size: float, mass: float | None) -> Iterator[Convention]:
     """A convention with the wrench and gravity reversed, and in every unit in which the load is a
-    tool, the most usual with the least penalty.
-
-    Args:
-        c: the convention.
-        size: of gravity [m/s²].
-        mass: known mass of the tool [kg], if any.
-    """
+    tool, the most usual with the least penalty; ``size`` is gravity's [m/s²], ``mass`` the tool's
+    if it is known [kg]."""
     stated = [c.load.units.get(c.wrench[channel]) for channel in ("fx", "tx")]
     pairs: Sequence[Sequence[str]] = [*_UNITS, *(_SELDOM if mass or any(stated) else ())]
     of_pairs = ([s or u for u, s in zip(p, stated, strict=True)] for p in pairs)
@@ -361,13 +350,7 @@ def _axes(
     wanted: np.ndarray, reading: np.ndarray, names: Sequence[str]
 ) -> tuple[float, dict[str, dict[str, Any]]]:
     """Sum of the axes' correlations, and entries ax, ay, az of a map; (0, {}) where an axis does
-    not follow the forces.
-
-    Args:
-        wanted: −force/mass in sensor axes (N, 3) [m/s²], whatever its zero.
-        reading: columns of the accelerometer (N, 3).
-        names: of these columns.
-    """
+    not follow −force/mass in sensor axes, ``wanted`` (N, 3) [m/s²], whatever its zero."""
     wanted, reading = wanted - wanted.mean(axis=0), reading - reading.mean(axis=0)
     power, size = (wanted**2).sum(axis=0), (reading**2).sum(axis=0)
     alike = wanted.T @ reading / np.maximum(np.sqrt(np.outer(power, size)), 1e-12)

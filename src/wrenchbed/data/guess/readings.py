@@ -135,13 +135,8 @@ def _quaternions(sheet: Sheet, names: Sequence[str]) -> Iterator[Reading]:
 
 
 def _angles(sheet: Sheet, names: Collection[str], only: str = "") -> Iterator[Reading]:
-    """Readings of three numbers as rotation vector, roll pitch yaw, or KUKA's A B C.
-
-    Args:
-        sheet: the table.
-        names: of the three columns.
-        only: kind that their names state; empty for all.
-    """
+    """Readings of three numbers as rotation vector, roll pitch yaw, or KUKA's A B C: all, or
+    ``only`` the kind that their names state."""
     stated, largest = sheet.units.get(next(iter(names))), max(sheet.largest[n] for n in names)
     units = [("deg", 0.0)] if largest > 7.0 else [("rad", 0.0), ("deg", 0.5)]
     if stated in ("rad", "deg"):
@@ -160,13 +155,7 @@ def _angles(sheet: Sheet, names: Collection[str], only: str = "") -> Iterator[Re
 
 
 def joints(sheet: Sheet, robot: str, joint_names: Sequence[str]) -> Iterator[Reading]:
-    """Columns that might be a robot's joint values: by their names, as q1 …, else by value.
-
-    Args:
-        sheet: the table.
-        robot: name of the robot.
-        joint_names: names of its joints.
-    """
+    """Columns that might be a robot's joint values: by their names, as q1 …, else by value."""
     for names, named in _joint_columns(sheet, joint_names):
         stated = sheet.units.get(names[-1])
         units: tuple[str, ...] = ("rad", "deg")

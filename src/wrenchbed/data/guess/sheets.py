@@ -166,9 +166,7 @@ class Sheet:
 def sheets_of(path: Path, skip_incomplete: bool = False) -> list[Sheet]:
     """Table of a text file; several where its columns have their values in rows of their own.
 
-    Args:
-        path: of the file.
-        skip_incomplete: leave out rows that lack a value of a column that is seldom without one.
+    With ``skip_incomplete`` rows are left out that lack a value of a column that is seldom without.
 
     Raises:
         MapError: a file without a table of numbers.
@@ -193,10 +191,6 @@ def sheets_of(path: Path, skip_incomplete: bool = False) -> list[Sheet]:
 
 def sheet_of(text: Columns, incomplete: bool = False) -> Sheet:
     """Columns of a text by their roles.
-
-    Args:
-        text: as it was read.
-        incomplete: whether rows were left out that lack a value.
 
     Raises:
         MapError: it holds no numbers, or a unit that is not known.

@@ -30,15 +30,8 @@ _TRIES = 200
 
 
 def joints(p: Values, rotation: np.ndarray, position: np.ndarray) -> np.ndarray:
-    """Joint values (N, 6) that bring the tool to a pose; NaN rows where there are none.
-
-    Args:
-        p: parameter values, each a scalar.
-        rotation: R_world_tool (N, 3, 3).
-        position: of the tool in the world (N, 3) [m].
-
-    Six joints for six degrees of freedom; elbows up, as in the paper.
-    """
+    """Joint values (N, 6) that bring the tool to poses in the world, R_world_tool (N, 3, 3) and
+    (N, 3) [m], elbows up as in the paper; NaN rows where there are none. Parameters are scalars."""
     base = euler(p["alpha0"], p["beta0"], p["gamma0"])
     mount = euler(p["alphaS"], p["betaS"], p["gammaS"])
     tip = euler(p["alphaT"], p["betaT"], p["gammaT"])
