@@ -218,15 +218,15 @@ def test_channels_go_and_come_and_a_figure_zooms(page, pages):
 def test_the_data_of_a_figure_come_as_csv(page, pages):
     shown(page, pages["diagnosis"])
     page.run("URL.createObjectURL = file => { window.kept = file; return '#kept'; }; 0")
-    page.run("document.querySelector('#channels button[title=\"download the data\"]').click()")
+    page.run("document.querySelector('#heat button[title=\"download the data\"]').click()")
     told = page.call("Runtime.evaluate", expression="kept.text()", awaitPromise=True,
                      returnByValue=True)["result"]["value"]  # fmt: skip
     data = json.loads(page.run("document.getElementById('charts').textContent"))
-    bars = list(data["channels"]["panels"][0]["series"])
+    matrices = [panel["matrix"] for panel in data["heat"]["panels"]]
     lines = told.strip().split("\n")
-    assert lines[0].startswith("panel,series,gap [1],y,std,observation")
-    assert len(lines) == 1 + sum(len(s["x"]) for s in bars)
-    assert f",{bars[0]['x'][0]},fx," in told
+    assert lines[0].startswith("panel,series,number of the pose,y,std,observation")
+    assert len(lines) == 1 + sum(len(row) for m in matrices for row in m["values"])
+    assert f",{matrices[0]['values'][0][0]},," in told
 
 
 def test_tables_sort_by_numbers_and_filter(page, pages):

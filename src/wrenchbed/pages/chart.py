@@ -10,16 +10,14 @@ from typing import Any, Literal
 
 import numpy as np
 
-Role = Literal["measured", "before", "after", "box", "rest", "ink"]
-"""What a colour means: measured, simulated without and with the effects, a black box, beside."""
+Role = Literal["measured", "before", "after", "box"]
+"""What a colour means: measured, simulated without and with the effects, one simulator more."""
 Mark = Literal["dot", "ring", "diamond"]
 Kind = Literal["line", "points", "band", "bars"]
 DIGITS = 6
 """Significant digits of a number in a page."""
 MOST_POINTS = 400
 """Points of a series of a static figure; of more rows the extremes are kept."""
-NEAR_ZERO = 0.1
-"""Values below are linear on an axis that is logarithmic above."""
 _MAPS = {False: "cividis", True: "RdBu_r"}
 """Matplotlib's colours of scales: cividis (Nuñez, Anderton & Renslow 2018,
 10.1371/journal.pone.0199239), and of diverging ones ColorBrewer's, blue below zero, red above."""
@@ -31,7 +29,7 @@ class Axis:
 
     Attributes:
         label, unit: what it shows.
-        scale: ``near zero`` is linear below ``NEAR_ZERO`` and logarithmic above.
+        scale: ``log`` is in decades.
         names: categories, whose values are 0, 1 …; from the top down on a y axis.
         ticks: where it is marked; chosen by whoever draws it if empty.
         low, high: its ends, None: those of the data.
@@ -39,7 +37,7 @@ class Axis:
 
     label: str
     unit: str = ""
-    scale: Literal["linear", "log", "near zero"] = "linear"
+    scale: Literal["linear", "log"] = "linear"
     names: tuple[str, ...] = ()
     ticks: tuple[float, ...] = ()
     low: float | None = None
@@ -64,8 +62,6 @@ class Series:
         mark: of points.
         dashed: of lines.
         ids: number of the observation behind each point (N,): figures share their cursor by it.
-        texts: printed beside the points, one each; none if empty.
-        ends: of an interval of y, (N,) each, where it is not y ± std.
     """
 
     name: str
@@ -77,13 +73,10 @@ class Series:
     mark: Mark = "dot"
     dashed: bool = False
     ids: np.ndarray | None = None
-    texts: tuple[str, ...] = ()
-    ends: tuple[np.ndarray, np.ndarray] | None = None
 
     def __post_init__(self) -> None:
-        given = (self.x, self.y, self.std, self.ids, *(self.ends or ()))
-        sizes = {len(v) for v in given if v is not None}
-        if len(sizes) != 1 or (self.texts and len(self.texts) != len(self.x)):
+        given = (self.x, self.y, self.std, self.ids)
+        if len({len(v) for v in given if v is not None}) != 1:
             raise ValueError(f"series {self.name!r}: arrays of different lengths")
 
     def at(self, keep: np.ndarray) -> "Series":
@@ -92,11 +85,7 @@ class Series:
         def of(v: np.ndarray | None) -> np.ndarray | None:
             return None if v is None else v[keep]
 
-        return replace(
-            self, x=self.x[keep], y=self.y[keep], std=of(self.std), ids=of(self.ids),
-            texts=tuple(self.texts[k] for k in keep) if self.texts else (),
-            ends=None if self.ends is None else (self.ends[0][keep], self.ends[1][keep]),
-        )  # fmt: skip
+        return replace(self, x=self.x[keep], y=self.y[keep], std=of(self.std), ids=of(self.ids))
 
 
 @dataclass(frozen=True)

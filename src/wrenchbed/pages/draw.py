@@ -10,7 +10,7 @@ import numpy as np
 
 from wrenchbed import registry
 from wrenchbed.errors import printable
-from wrenchbed.pages.chart import NEAR_ZERO, Axis, Chart, Matrix, Panel, Series, readable
+from wrenchbed.pages.chart import Axis, Chart, Matrix, Panel, Series, readable
 
 BLUE, ORANGE, GREEN, GREY, PURPLE = "#0072b2", "#d55e00", "#009e73", "#6b7680", "#7d4aa0"
 """Colours of figures, after Okabe & Ito 2008."""
@@ -23,9 +23,7 @@ MOST_LETTERS = 75
 """Letters of names beside each other under a matrix; names turn where there would be more."""
 MOST_WHISKERS = 150
 """Points of a still figure that have their uncertainty drawn."""
-COLOURS = {
-    "measured": BLUE, "before": ORANGE, "after": GREEN, "box": PURPLE, "rest": GREY, "ink": INK,
-}  # fmt: skip
+COLOURS = {"measured": BLUE, "before": ORANGE, "after": GREEN, "box": PURPLE}
 _THEME = {
     INK: "--ink", "#5b6670": "--soft", "#e3e7ea": "--line", BLUE: "--real", ORANGE: "--sim",
     GREY: "--soft", PURPLE: "--box", GREEN: "--after",
@@ -136,18 +134,12 @@ def _series(ax: Any, s: Series) -> None:
         ax.plot(s.x, s.y, color=colour, lw=1.6, ls=style, label=label)
     else:
         ring = s.mark == "ring"
-        if s.ends is not None:
-            ax.vlines(s.x, *s.ends, color=colour, lw=1.1)
-        elif s.std is not None and len(s.x) <= MOST_WHISKERS:
+        if s.std is not None and len(s.x) <= MOST_WHISKERS:
             ax.errorbar(s.x, s.y, s.std, fmt="none", ecolor=colour, elinewidth=0.9, alpha=0.6)
         ax.plot(
             s.x, s.y, _MARKS[s.mark], color=colour, ms=6.0 if ring else 3.6, ls="", label=label,
             mfc="none" if ring else colour, mew=1.6 if ring else 0.0,
         )  # fmt: skip
-    for x, y, text in zip(s.x, s.y, s.texts, strict=False):
-        ax.annotate(
-            text, (x, y), xytext=(7, 0), textcoords="offset points", va="center", fontsize=8.0
-        )
 
 
 def _axis(ax: Any, which: str, a: Axis) -> None:
@@ -166,8 +158,6 @@ def _axis(ax: Any, which: str, a: Axis) -> None:
         return
     if a.scale == "log":
         getattr(ax, f"set_{which}scale")("log")
-    elif a.scale == "near zero":
-        getattr(ax, f"set_{which}scale")("symlog", linthresh=NEAR_ZERO, linscale=0.35)
     if a.ticks:
         axis.set_major_locator(FixedLocator(list(a.ticks)))
         axis.set_minor_locator(NullLocator())

@@ -206,6 +206,14 @@ class Answer(ABC):
         return [(label, numbers.gap(value)) for label, value in rows]
 
     @property
+    def channel_gaps(self) -> list[tuple[str, dict[str, str]]]:
+        """Gap of each channel, calibrated (``before``) and with the effects (``after``), if any."""
+        return [
+            (channel, {when: numbers.gap(value) for when, value in gaps.items()})
+            for channel, gaps in self.d.gap.per_channel.items()
+        ]
+
+    @property
     def candidates(self) -> list[dict[str, str]]:
         """Leading causes by probability; none and unknown always stand among them."""
         ranked = sorted(self.d.probabilities.items(), key=lambda kv: -kv[1])

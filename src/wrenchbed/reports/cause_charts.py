@@ -258,8 +258,7 @@ def _variables(e: Evidence, channel: int) -> Iterator[tuple[Axis, np.ndarray]]:
 def scatter(e: Evidence, entry: Mapping[str, Any], name: str) -> Chart:
     """Rows about their means where a cause shows only between rows.
 
-    Over time; beneath at rest how many are how large, in a motion their spectrum: a vibration is a
-    peak, noise is flat.
+    Over time; of a motion their spectrum beneath: a vibration is a peak, noise is flat.
     """
     rows = e.prepared.excerpt
     stated = np.asarray(rows.metadata.sensor.noise_std or (0.0,) * 6, dtype=float)
@@ -280,26 +279,12 @@ def scatter(e: Evidence, entry: Mapping[str, Any], name: str) -> Chart:
     k = int(np.argmax((residual**2).mean(axis=0)))
     channel = Axis(f"{CHANNELS[k]} about its mean", "stated noise")
     over_time, note = thinned([Series("measured", "line", t, residual[:, k])])
-    panels = (
-        Panel(Axis("time", "s"), channel, over_time, zero=True),
-        _sizes(residual[:, k], channel) if at_rest else _spectrum(t, residual[:, k]),
-    )
+    panels = [Panel(Axis("time", "s"), channel, over_time, zero=True)]
+    if not at_rest:
+        panels.append(_spectrum(t, residual[:, k]))
     caption = f"Each row less the mean of {about}, in units of the noise that the sensor states."
     title = f"{entry['effect']}: rows about their means"
-    return Chart(name, title, panels, caption=caption, note=note)
-
-
-def _sizes(residual: np.ndarray, axis: Axis) -> Panel:
-    """How many rows (N,) are how large, beside what the stated noise makes."""
-    reach = max(4.0, float(np.abs(residual).max()))
-    counts, edges = np.histogram(residual, np.linspace(-reach, reach, 61))
-    middle = (edges[1:] + edges[:-1]) / 2.0
-    usual = len(residual) * np.diff(edges) * np.exp(-(middle**2) / 2.0) / np.sqrt(2.0 * np.pi)
-    series = (
-        Series("rows", "line", middle, counts.astype(float)),
-        Series("stated noise", "line", middle, usual, role="before", dashed=True),
-    )
-    return Panel(axis, Axis("rows"), series)
+    return Chart(name, title, tuple(panels), caption=caption, note=note)
 
 
 def _spectrum(t: np.ndarray, residual: np.ndarray) -> Panel:

@@ -80,8 +80,7 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
         "record": f"wrenchbed record --robot {shlex.quote(words.d.robot)} --driver DRIVER --plan ",
         "notes": words.notes_besides_rows,
     }
-    charts = [figures.channels(*evidence.channels()), *_of_causes(words, evidence)]
-    return _page(words, command, _data(findings), charts, more, [heat])
+    return _page(words, command, _data(findings), _of_causes(words, evidence), more, [heat])
 
 
 def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
@@ -95,10 +94,7 @@ def effort_page(findings: EffortFindings, command: str = "") -> ReportPage:
         MissingExtraError: matplotlib is not installed.
     """
     registry.require("matplotlib", "report")
-    words, channels = EffortAnswer(findings), findings.diagnosis.gap.per_channel
-    before = {c: v["before"] for c, v in channels.items()}
-    after = {c: v["after"] for c, v in channels.items() if "after" in v}
-    charts = [figures.channels(before, after, "calibrated"), *effort_charts(findings)]
+    words, charts = EffortAnswer(findings), effort_charts(findings)
     names = [words.d.recording]
     data = [("recording", names[0]), ("robot", words.d.robot)]
     data += provenance(names, seed=findings.seed)
@@ -113,11 +109,11 @@ def _page(
 
     Args:
         data: where it comes from.
-        charts: gaps of the channels, then what shows the causes.
+        charts: what shows the causes.
         more: what one kind of page shows besides.
         drawn: figures in that.
     """
-    d, (channels, *comparisons) = words.d, [draw(chart) for chart in charts]
+    d, comparisons = words.d, [draw(chart) for chart in charts]
     recordings = (d.recording, *d.others)
     context = {
         "d": d,
@@ -125,13 +121,13 @@ def _page(
         "name": ", ".join(PurePath(r).name for r in recordings),
         "badge": BADGES[d.verdict],
         "words": words,
-        "channels": channels,
+        "channels": words.channel_gaps,
         "comparisons": comparisons,
         "notes": words.notes,
         "data": [*data, ("duration of the diagnosis", f"{d.seconds:.1f} s")],
         "command": command or f"wrenchbed diagnose {shlex.join(recordings)} --out DIR",
     }
-    figures_of = [*(drawn or []), channels, *comparisons]
+    figures_of = [*(drawn or []), *comparisons]
     return ReportPage(context | dict(more), "diagnosis", figures_of)
 
 

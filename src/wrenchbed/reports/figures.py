@@ -9,42 +9,12 @@ import numpy as np
 
 from wrenchbed.effects.chain import effects
 from wrenchbed.pages import numbers
-from wrenchbed.pages.chart import NOISE, Axis, Chart, Matrix, Panel, Role, Series, thinned
-from wrenchbed.reports.simulators import Cause, Evidence, largest
+from wrenchbed.pages.chart import NOISE, Axis, Chart, Matrix, Panel, Series, thinned
+from wrenchbed.reports.simulators import Cause, Evidence, along, largest
 from wrenchbed.twin.comparison import binned_rms, bins
 
 BINS = 8
 """Columns of the map of residuals."""
-_LINEAR = 5.0
-"""Largest gap [noise variances] that is drawn on a linear axis: there a gap of 1, as large as the
-noise, is still a sixth of the width; far beyond it small bars could not be read."""
-
-
-def channels(before: Mapping[str, float], after: Mapping[str, float], first: str) -> Chart:
-    """The gap of each channel before, and after where effects are named: bars whose axis is linear
-    near zero and logarithmic above, where gaps differ much, else linear."""
-    rows: list[tuple[str, float, Role]] = []
-    for channel, gap in before.items():
-        rows.append((channel, gap, "before"))
-        if channel in after:
-            rows.append((f"{channel}, after", after[channel], "after"))
-    caption = f"Each channel in units of its own noise: {first}"
-    caption += ", and after that with the effects." if after else "."
-    series = []
-    for role in dict.fromkeys(role for _, _, role in rows):
-        of_role = [(k, value) for k, (_, value, other) in enumerate(rows) if other == role]
-        place, values = (np.array(x, dtype=float) for x in zip(*of_role, strict=True))
-        texts = tuple(numbers.gap(v) for v in values)
-        series.append(Series("", "bars", values, place, role=role, texts=texts))
-    every = [value for _, value, _ in rows]
-    top, low = max(1.0, *every), 1.2 * min(0.0, *every)
-    axis = Axis("gap", "1", low=low, high=1.18 * top)
-    if top > _LINEAR:
-        decades = tuple(10.0**k for k in range(-1, int(np.floor(np.log10(top))) + 1))
-        axis = Axis("gap", "1", "near zero", ticks=(0.0, *decades), low=low, high=3.5 * top)
-    labels = Axis("", names=tuple(label for label, _, _ in rows))
-    panel = Panel(axis, labels, tuple(series))
-    return Chart("channels", "Gap of each channel", (panel,), caption=caption)
 
 
 def heat(
@@ -78,10 +48,10 @@ def _cell(v: float) -> str:
 
 
 def residual_map(e: Evidence) -> Chart:
-    """Residual of the simulators before and after over the variable that tells most."""
+    """Residual of the simulators before and after over poses or time."""
     readings = {e.first: e.before} | ({} if e.after is None else {"with the effects": e.after})
     residuals = {name: (e.prepared.y - reading) / e.std for name, reading in readings.items()}
-    return heat(residuals, e.names, *e.variable(), e.prepared.observed)
+    return heat(residuals, e.names, *along(e.prepared), e.prepared.observed)
 
 
 def of_cause(e: Evidence, c: Cause, name: str) -> list[Chart]:

@@ -7,7 +7,7 @@ import numpy as np
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.explain.outliers import pose_numbers
 from wrenchbed.diagnosis.gap.closure import calibrated
-from wrenchbed.diagnosis.gap.held_out import HeldOut, simulated
+from wrenchbed.diagnosis.gap.held_out import simulated
 from wrenchbed.diagnosis.prepare.configuration import STATED
 from wrenchbed.diagnosis.prepare.prepared import Prepared
 from wrenchbed.effects.chain import ActiveEffect
@@ -64,17 +64,6 @@ class Evidence:
         self.before = self.of(self.start) if wrong_only else readings["calibrated"]
         self.after = readings.get("with_effects")
 
-    def channels(self) -> tuple[dict[str, float], dict[str, float], str]:
-        """Gap of each channel on held-out rows, before and after (empty without a claim), and what
-        the simulator is before."""
-        known = self.findings.diagnosis.gap.per_channel
-        before = {c: float(v["before"]) for c, v in known.items()}
-        if self.first == "as configured":
-            gaps = HeldOut(self.prepared).channels(simulated(self.prepared, self.start))
-            before = dict(zip(self.names, map(float, gaps), strict=True))
-        after = {c: float(v["after"]) for c, v in known.items() if v.get("after") is not None}
-        return before, after, self.first
-
     def causes(self) -> list[Cause]:
         """What is claimed and shows in the means: active effects, then wrong stated numbers."""
         if self.after is None:
@@ -96,26 +85,6 @@ class Evidence:
     def of(self, twin: Twin) -> np.ndarray:
         """Readings (H, C) of a simulator at the observations."""
         return simulated(self.prepared, twin)[self.prepared.scene.held]
-
-    def variable(self) -> tuple[np.ndarray, Axis]:
-        """Values (H,) and axis of a joint where one is to blame or seen, else as in `along`."""
-        p = self.prepared
-        joints = p.model.robot.joints if p.scene.jointed else ()
-        for k in self._blamed():
-            if 1 <= k <= len(joints):
-                axis, factor = joint_axis(joints[k - 1], k)
-                return factor * p.poses[:, k - 1], axis
-        return along(p)
-
-    def _blamed(self) -> list[int]:
-        """Joints that may tell most: of a claim, of the best unknown, of what is seen."""
-        findings = self.findings
-        joints = [w["parameters"].get("joint", {}).get("value") for w in findings.diagnosis.which]
-        names = [f.variable for f in findings.places if f.seen and f.share > 0.05][:1]
-        if findings.diagnosis.verdict == "unknown":
-            names.insert(0, findings.analysis.ranking.kernel)
-        joints += [int(n.split()[-1]) for n in names if n.startswith("joint ")]
-        return [k for k in joints if isinstance(k, int)]
 
 
 def joint_axis(joint: Joint, number: int) -> tuple[Axis, float]:

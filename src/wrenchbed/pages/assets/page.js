@@ -8,10 +8,8 @@
     node.append(...inside);
     return node;
   };
-  const NEAR_ZERO = 0.1;
   const LETTER = 6.2;  // mean width of a letter of the marks of an axis [px]
-  const VARIABLES = {measured: "--real", before: "--sim", after: "--after", box: "--box",
-    rest: "--soft", ink: "--ink"};
+  const VARIABLES = {measured: "--real", before: "--sim", after: "--after", box: "--box"};
   const colour = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
   const role = name => colour(VARIABLES[name]);
   const oneLine = text => text.replace(/(\.?)\n/, (_, dot) => dot || ", ");  // of a mark of two lines
@@ -25,11 +23,6 @@
   };
 
   // ---- axes -------------------------------------------------------------------------------
-  const bend = (axis, v) => axis.scale === "near zero" && v !== null ?
-    Math.sign(v) * Math.log10(1 + Math.abs(v) / NEAR_ZERO) : v;
-  const straight = (axis, v) => axis.scale === "near zero" ?
-    Math.sign(v) * NEAR_ZERO * (10 ** Math.abs(v) - 1) : v;
-
   function axis(a, index, vertical, named) {
     const soft = colour("--ink"), line = colour("--line");
     const common = {gridIndex: index, name: named ? a.text : "", nameLocation: "middle",
@@ -41,24 +34,21 @@
       axisTick: {show: false}, splitLine: {show: false},
       axisLabel: {...common.axisLabel, interval: 0}};
     const told = {...common, type: a.scale === "log" ? "log" : "value", scale: true};
-    if (a.low !== null) told.min = bend(a, a.low);
+    if (a.low !== null) told.min = a.low;
     if (a.scale === "log" && a.low !== null) told.startValue = a.low;
-    if (a.high !== null) told.max = bend(a, a.high);
-    told.axisLabel = {...common.axisLabel, formatter: v => short(+straight(a, v).toPrecision(6)),
+    if (a.high !== null) told.max = a.high;
+    told.axisLabel = {...common.axisLabel, formatter: v => short(+v.toPrecision(6)),
       showMinLabel: a.low === null ? null : false, showMaxLabel: a.high === null ? null : false};
     if (a.ticks.length) {
-      const marks = a.ticks.map(v => bend(a, v));
-      told.axisLabel.customValues = marks;
+      told.axisLabel.customValues = a.ticks;
       told.axisLabel.showMinLabel = told.axisLabel.showMaxLabel = null;
-      told.axisTick = {customValues: marks};
+      told.axisTick = {customValues: a.ticks};
       told.splitLine = {...told.splitLine, show: false};
     }
     return told;
   }
 
   // ---- series -----------------------------------------------------------------------------
-  const pairs = (p, s) => s.x.map((x, k) => [bend(p.x, x), bend(p.y, s.y[k])]);
-
   function area(p, s, k) {
     const points = s.x.map((x, i) => [x, s.y[i] + s.std[i]])
       .concat(s.x.map((x, i) => [x, s.y[i] - s.std[i]]).reverse());
@@ -68,11 +58,9 @@
         shape: {points: points.map(v => api.coord(v))}, style: {fill: role(s.role), opacity: .22}})};
   }
 
-  const ends = (s, i) => s.ends ? s.ends.map(e => e[i]) : [s.y[i] - s.std[i], s.y[i] + s.std[i]];
-
-  function whiskers(p, s, k) {
+  function whiskers(s, k) {
     return {type: "custom", name: s.name, xAxisIndex: k, yAxisIndex: k, silent: true, clip: true, z: 2,
-      data: s.x.map((x, i) => [x, ...ends(s, i)]), tooltip: {show: false},
+      data: s.x.map((x, i) => [x, s.y[i] - s.std[i], s.y[i] + s.std[i]]), tooltip: {show: false},
       renderItem: (_, api) => {
         const [x, a] = api.coord([api.value(0), api.value(1)]);
         const [, b] = api.coord([api.value(0), api.value(2)]);
@@ -82,22 +70,18 @@
   }
 
   function drawn(p, s, k, narrow) {
-    const common = {name: s.name, xAxisIndex: k, yAxisIndex: k, data: pairs(p, s),
+    const common = {name: s.name, xAxisIndex: k, yAxisIndex: k, data: s.x.map((x, i) => [x, s.y[i]]),
       itemStyle: {color: role(s.role)}, emphasis: {disabled: false}, animation: false};
     if (s.kind === "band") return [area(p, s, k)];
-    if (s.kind === "bars") return [{...common, type: "bar", barWidth: "60%", barGap: "-100%",
-      label: {show: s.texts.length > 0, position: "right", color: colour("--ink"), fontWeight: 600,
-        formatter: v => s.texts[v.dataIndex]}}];
+    if (s.kind === "bars") return [{...common, type: "bar", barWidth: "60%", barGap: "-100%"}];
     if (s.kind === "line") return [{...common, type: "line", showSymbol: false, symbolSize: 6, z: 4,
       lineStyle: {color: role(s.role), width: 1.8, type: s.dashed ? "dashed" : "solid"}}];
     const ring = s.mark === "ring";
     const points = {...common, type: "scatter", z: 3, symbol: s.mark === "diamond" ? "diamond" : "circle",
       symbolSize: ring ? (s.x.length > 12 ? 7 : 10) : s.mark === "diamond" ? 10 : 6,
       itemStyle: ring ? {color: "transparent", borderColor: role(s.role), borderWidth: s.x.length > 12 ? 1.4 : 2} :
-        {color: role(s.role)},
-      label: {show: s.texts.length > 0, position: "right", color: colour("--ink"),
-        formatter: v => s.texts[v.dataIndex]}};
-    return s.std || s.ends ? [whiskers(p, s, k), points] : [points];
+        {color: role(s.role)}};
+    return s.std ? [whiskers(s, k), points] : [points];
   }
 
   function marks(p) {
@@ -276,8 +260,7 @@
         const value = (a, v) => a.names.length ? a.names[v] : `${short(v)}${a.unit ? ` ${a.unit}` : ""}`;
         const head = `${p.x.label} ${value(p.x, s.x[n])}`;
         if (!p.y.names.length && !lines.includes(head)) lines.push(head);
-        const spread = s.ends ? ` (${s.ends.map(e => short(e[n])).join(" … ")})` :
-          s.std && s.std[n] !== null ? ` ± ${short(s.std[n])}` : "";
+        const spread = s.std && s.std[n] !== null ? ` ± ${short(s.std[n])}` : "";
         const size = p.y.names.length ? `${p.y.names[s.y[n]]}: ${value(p.x, s.x[n])}` :
           `${short(s.y[n])}${spread}${p.y.unit ? ` ${p.y.unit}` : ""}`;
         lines.push(`${p.title && !p.y.names.length ? `${p.title}, ` : ""}${s.name || p.y.label}: ${size}`);
@@ -307,7 +290,7 @@
         this.at = Math.min(shown[seriesIndex].data.length - 1, Math.max(0, this.at + step));
         this.chart.dispatchAction({type: "showTip", seriesIndex, dataIndex: this.at});
         this.said.textContent = (this.last ?? []).join("; ");
-        if (walked) this.share({axesInfo: [{axisDim: "x", axisIndex: walked.k, value: bend(walked.p.x, walked.s.x[this.at])}]});
+        if (walked) this.share({axesInfo: [{axisDim: "x", axisIndex: walked.k, value: walked.s.x[this.at]}]});
       });
       this.ground.addEventListener("blur", () => {
         this.active = false;
@@ -322,8 +305,7 @@
       if (!this.active || !at) return;
       const own = this.series.find(({s, k}) => s.ids && k === at.axisIndex && !this.off.has(s.name));
       if (!own) return;
-      const x = straight(own.p.x, at.value);
-      const found = own.s.ids[nearest(own.s.x, x)];
+      const found = own.s.ids[nearest(own.s.x, at.value)];
       if (found === last) return;
       last = found;
       for (const other of live) if (other !== this) other.follow(found);
@@ -341,13 +323,13 @@
 
     save() {
       const cell = v => v === null || v === undefined ? "" : /[",\n]/.test(v) ? `"${String(v).replaceAll('"', '""')}"` : String(v);
-      const rows = [["panel", "series", "x", "y", "std", "observation", "low", "high"]];
+      const rows = [["panel", "series", "x", "y", "std", "observation"]];
       for (const p of this.data.panels) {
         const title = p.title || p.y.text;
         if (p.matrix) p.matrix.values.forEach((row, i) => row.forEach((v, j) =>
-          rows.push([title, p.matrix.rows[i], p.matrix.columns[j].replace("\n", " "), v, "", "", "", ""])));
+          rows.push([title, p.matrix.rows[i], p.matrix.columns[j].replace("\n", " "), v, "", ""])));
         for (const s of p.series) s.x.forEach((x, n) => rows.push([title, s.name, p.x.names[x] ?? x,
-          p.y.names[s.y[n]] ?? s.y[n], s.std?.[n], s.ids?.[n], s.ends?.[0][n], s.ends?.[1][n]]));
+          p.y.names[s.y[n]] ?? s.y[n], s.std?.[n], s.ids?.[n]]));
         rows[0][2] = this.data.panels.every(q => q.x.text === p.x.text) ? p.x.text || "x" : "x";
       }
       const file = new Blob([rows.map(r => r.map(cell).join(",")).join("\n") + "\n"], {type: "text/csv"});
