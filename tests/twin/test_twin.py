@@ -135,7 +135,7 @@ def test_several_effects_act_together():
 def test_the_closed_form_is_not_called_for_mechanical_effects(monkeypatch):
     scene = SCENES["ur5"]
     names = ("joint.compliance", "joint.backlash", "base.compliance", "tool.flexure", "tool.loose",
-             "cable.pull", "cable.torsion", "environment.contact", "joint.clearance")  # fmt: skip
+             "cable.pull", "environment.contact", "joint.clearance")  # fmt: skip
     for name in names:
         effect = effects()[name]
         active = sized(effect, scene, effect.variants(scene)[0])

@@ -2,11 +2,10 @@
 
 import numpy as np
 
-from wrenchbed.effects.base import LoadEffect, MjSpec, Pose, Values, Variant, alike
+from wrenchbed.effects.base import LoadEffect, Pose, Values, Variant, alike
 from wrenchbed.effects.scene import Scene
 from wrenchbed.physics.parameters import Parameter
 from wrenchbed.physics.time_derivatives import STEP
-from wrenchbed.robots.base import Robot
 
 
 class CableTorsion(LoadEffect):
@@ -52,14 +51,6 @@ class CableTorsion(LoadEffect):
         twist = twist + p["friction"] * scene.coming[:, -1]
         axis = joint_axis(scene) if p["joint_axis"] > 0.5 else np.array([0.0, 0.0, 1.0])
         return np.concatenate([np.zeros((len(scene), 3)), -axis * twist[:, None]], axis=1)
-
-    def edit_spec(self, spec: MjSpec, robot: Robot, theta: np.ndarray, p: Values) -> None:
-        """Add a tendon along the last joint."""
-        from wrenchbed.simulation.springs import twist
-
-        if p["stiffness"] or p["friction"]:
-            about, joint = "joint" if p["joint_axis"] > 0.5 else "z", robot.joints[-1].name
-            twist(spec, self.name, joint, about, p["stiffness"], p["neutral"], p["friction"])
 
 
 def joint_axis(scene: Scene) -> np.ndarray:

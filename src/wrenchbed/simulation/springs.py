@@ -6,8 +6,7 @@ what ``lags`` settles against the way in which its joint last moved. A negative 
 the sides.
 """
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -129,38 +128,14 @@ def plane(
     _tendon(spec, name, point, None, stiffness, [BEHIND, 2.0 * BEHIND])
 
 
-def twist(
-    spec: mujoco.MjSpec,
-    effect: str,
-    joint: str,
-    about: str,
-    stiffness: float,
-    neutral: float,
-    friction: float,
-) -> None:
-    """A spring [N·m/rad] and friction [N·m] that resist a joint's turn by a torque on the tool
-    about the ``joint`` or about the sensor's ``z``; `mechanics` brings it to the sensor."""
-    with _once(f"{effect} acts twice"):
-        tendon = spec.add_tendon(name=f"{effect}{MARK}{about}")
-    tendon.wrap_joint(joint, 1.0)
-    tendon.stiffness, tendon.springlength = [stiffness, 0.0, 0.0], [neutral, neutral]
-    tendon.frictionloss = friction
-
-
-@contextmanager
-def _once(twice: str) -> Iterator[None]:
-    """Adding an element inside the block is refused if its name is taken."""
-    try:
-        yield
-    except ValueError as cause:
-        raise ParameterError(f"effect {twice}: give it once, with one value") from cause
-
-
 def _add(
     body: mujoco.MjsBody, name: str, kind: mujoco.mjtJoint, axis: Sequence[float], spring: Spring
 ) -> mujoco.MjsJoint:
-    with _once(" acts twice on ".join(name.split(MARK, 1))):
+    try:
         joint = body.add_joint(name=name, type=kind, axis=axis)
+    except ValueError as cause:  # the name is taken
+        twice = " acts twice on ".join(name.split(MARK, 1))
+        raise ParameterError(f"effect {twice}: give it once, with one value") from cause
     joint.limited = spring.half is not None
     joint.ref, joint.armature = 0.0, ROTOR
     joint.stiffness = [spring.stiffness, 0.0, 0.0]

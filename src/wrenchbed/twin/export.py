@@ -25,8 +25,6 @@ recordings state it, is minus that. Then come `sensor` and the effects `outside`
 opens. Nothing touches anything and joints have no friction: neither may change the load.
 {weights}
 """
-_BESIDE_SENSOR = "cable.torsion"
-"""Effect that MuJoCo's force sensor misses although the model holds it."""
 _IN_FULL = (
     "Joints named `effect:…` are springs and play. Gravity compensation would hide the weight on\n"
     f"them: `gravcomp` is 0 and the servos are {STIFFER:g} times stiffer instead."
@@ -142,8 +140,7 @@ def _outside(twin: Twin, inside: set[str]) -> dict[str, Any]:
     known = twin.model.parameters
     sensor = known.items[len(twin.robot_theta) :]
     values = known.mapping(twin.theta)
-    held = set(inside) - {_BESIDE_SENSOR}
-    outside = [a for a in twin.active if a.effect.name not in held]
+    outside = [a for a in twin.active if a.effect.name not in inside]
     return {
         "format": FORMAT,
         "robot": in_mujoco(twin.model.robot).name,

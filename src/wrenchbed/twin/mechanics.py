@@ -189,8 +189,6 @@ class Mechanism:
         self._series = np.array(
             [[float(k == a.driven) for k in range(len(self.joints))] for a in self._added]
         ).reshape(len(self._added), len(self.joints))
-        wraps = self.model.wrap_type[self.model.tendon_adr]
-        self._twists = np.flatnonzero(wraps == mujoco.mjtWrap.mjWRAP_JOINT).tolist()
 
     @property
     def smooth(self) -> np.ndarray:
@@ -224,18 +222,13 @@ class Mechanism:
             force = self._force(q, give)
         return give
 
-    def load(self, q: Value, give: Value, coming: np.ndarray) -> np.ndarray:
+    def load(self, q: Value, give: Value) -> np.ndarray:
         """Load on the sensor (M, 6) [N, N·m] with the added joints at ``give`` (M, E)."""
         rows = _moving(self._place(q, give))
         result = np.empty((len(rows.v), 6))
-        tool = self.model.body("tool").id
         for i in range(len(result)):
-            self.data.xfrc_applied[tool] = 0.0
             _put(self.data, rows, i)
             mujoco.mj_inverse(self.model, self.data)
-            if self._twists:
-                self.data.xfrc_applied[tool, 3:] = self._torque(coming[i, -1])
-                mujoco.mj_inverseSkip(self.model, self.data, mujoco.mjtStage.mjSTAGE_VEL, 0)
             result[i] = load_on_sensor(self.data)
         return result
 
@@ -322,28 +315,6 @@ class Mechanism:
         jacobian = np.asarray(data.efc_J).reshape(data.nefc, self.model.nv)[loops]
         turn, *_ = np.linalg.lstsq(jacobian[:, self._passive], jacobian[:, columns])
         return np.asarray(-turn)
-
-    def _torque(self, coming: float) -> np.ndarray:
-        """Torque (3,) [N·m] on the tool in world axes of the tendons along the last joint."""
-        model, data = self.model, self.data
-        total = np.zeros(3)
-        for t in self._twists:
-            about_joint = model.tendon(t).name.endswith("joint")
-            axis = self._last_axis() if about_joint else data.site("ft").xmat[2::3]
-            twist = data.ten_length[t] - model.tendon_lengthspring[t, 0]
-            twist = model.tendon_stiffness[t] * twist + model.tendon_frictionloss[t] * coming
-            total -= twist * axis
-        return total
-
-    def _last_axis(self) -> np.ndarray:
-        """Unit vector (3,) in the world about which the last joint turns the tool, loops closed."""
-        rates, turn = np.zeros(self.model.nv), np.zeros((3, self.model.nv))
-        rates[self._driven[-1]] = 1.0
-        if self._passive:
-            rates[self._passive] = self._turns(self._driven[-1:])[:, 0]
-        mujoco.mj_jacBody(self.model, self.data, None, turn, self.model.body("tool").id)
-        spin = turn @ rates
-        return np.asarray(spin / np.linalg.norm(spin))
 
 
 def _moving(values: Value) -> Jet:

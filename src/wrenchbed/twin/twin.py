@@ -167,7 +167,7 @@ class Twin:
         if scene.moving:
             jets = scene.in_motion(give)
             give = Jet(give, jets.d * mechanism.smooth, jets.dd * mechanism.smooth)
-        load = mechanism.load(q, give, coming)
+        load = mechanism.load(q, give)
         padded = np.concatenate([np.zeros((first, 6)), load])
         pull = self._outside.pull(scene, Pose(*scene.pose), padded)
         return load + np.broadcast_to(pull, padded.shape)[first:]

@@ -5,8 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import mujoco
-import numpy as np
-import rerun as rr
 
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.gap.result import named_by
@@ -19,10 +17,7 @@ from wrenchbed.simulation.simulation import Simulation
 from wrenchbed.viewer import stream
 from wrenchbed.viewer.elements import heat
 from wrenchbed.viewer.robot import log_pose, log_shapes, log_world, motion
-from wrenchbed.viewer.stream import Canvas, log_words, readable, to_file
-
-_LABEL_M = 0.1
-"""Least distance of two labels."""
+from wrenchbed.viewer.stream import Canvas, log_words, to_file
 
 
 def blame(diagnosis: Mapping[str, Any]) -> dict[str, float]:
@@ -142,25 +137,9 @@ def _claimed(c: Claim) -> str:
 
 
 def _log_robot(canvas: Canvas, robot: SimulatedRobot, shares: Mapping[str, float]) -> None:
-    """The robot at home, painted, and each painted part's probability beside it, one label above
-    the other."""
+    """The robot at home, painted."""
     log_world(canvas)
     simulation = Simulation(robot, robot.parameters.nominal)
-    model, home = simulation.model, motion(simulation, robot.home[None])
+    model = simulation.model
     log_shapes(canvas, "world/real", model, painted(model, robot, shares))
-    log_pose(canvas, "world/real", home)
-    parts = part_of(model, robot, shown_world=True)
-    labels, places = list[str](), list[np.ndarray]()
-    for part, share in sorted(shares.items(), key=lambda item: -item[1]):
-        bodies = [model.body(int(model.geom_bodyid[g])).name for g, n in parts.items() if part in n]
-        known = [home.names.index(b) for b in bodies if b in home.names]
-        place = home.position[0, known[0]] if known else np.array([0.0, 0.0, -0.05])
-        while any(np.abs(place - other).max() < _LABEL_M for other in places):
-            place = place + np.array([0.0, 0.0, _LABEL_M])
-        places.append(place)
-        labels.append(readable(f"{part}, probability {numbers.chance(share)}"))
-    if places:
-        shown = rr.Points3D(
-            places, labels=labels, radii=0.004, colors=(255, 255, 255), show_labels=True
-        )
-        canvas.once("world/blame", shown)
+    log_pose(canvas, "world/real", motion(simulation, robot.home[None]))

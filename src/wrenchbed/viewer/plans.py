@@ -32,7 +32,7 @@ WAY = (13, 148, 136)
 _DOT_M, _LINE_M = 0.008, 0.0015
 
 
-def plan_view(plan: Plan, path: str | Path, limits: Limits | None = None) -> None:
+def plan_view(plan: Plan, path: str | Path) -> None:
     """Write the view of a plan.
 
     Poses are reached from home as a campaign would reach them; a plan that cannot be run is shown
@@ -40,7 +40,6 @@ def plan_view(plan: Plan, path: str | Path, limits: Limits | None = None) -> Non
 
     Args:
         path: of the ``.rrd``.
-        limits: of the driver that shall run it.
 
     Raises:
         ParameterError: the robot has no model.
@@ -49,7 +48,7 @@ def plan_view(plan: Plan, path: str | Path, limits: Limits | None = None) -> Non
     robot = registry.load("robots", plan.robot)
     if not isinstance(robot, SimulatedRobot):
         raise ParameterError(f"{plan.name}: robot {plan.robot!r} has no model to show")
-    axis, q, at, blocked = _course(robot, plan, limits or Limits())
+    axis, q, at, blocked = _course(robot, plan)
     model = Model.of(robot)
     expected = model.predict(q, model.parameters.nominal)
     shown = frames(q, at if axis == TIME else None)
@@ -69,13 +68,12 @@ def plan_view(plan: Plan, path: str | Path, limits: Limits | None = None) -> Non
         log_words(canvas, "report", _words(plan, at, blocked, scale.sentence))
 
 
-def _course(
-    robot: SimulatedRobot, plan: Plan, limits: Limits
-) -> tuple[str, np.ndarray, np.ndarray, str]:
+def _course(robot: SimulatedRobot, plan: Plan) -> tuple[str, np.ndarray, np.ndarray, str]:
     """Timeline, joint values (K, J), their times [s] or rows (K,), and why it cannot be run."""
     if plan.mode == "dynamic":
         assert plan.rate_hz is not None  # `Plan` holds it
         return TIME, plan.q, np.arange(len(plan)) / plan.rate_hz, ""
+    limits = Limits()
     try:
         legs = itinerary(robot, plan, robot.home, limits, range(len(plan)), clear=True)
     except PlanError as error:

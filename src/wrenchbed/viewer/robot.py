@@ -1,6 +1,6 @@
 """The robot in the scene: MuJoCo's geoms as shapes of rerun, and where its bodies are."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -51,12 +51,12 @@ def geoms_of(model: mujoco.MjModel, body: int) -> np.ndarray:
 def shapes(
     model: mujoco.MjModel,
     body: int,
-    paint: Mapping[int, tuple[int, ...]] | tuple[int, ...] | None = None,
+    paint: Mapping[int, tuple[int, ...]] | None = None,
 ) -> dict[str, Any]:
     """A body's geoms in its own frame as rerun archetypes, by kind.
 
     Args:
-        paint: RGB(A) of 0 … 255 instead of the model's, for all geoms or by number.
+        paint: RGB of 0 … 255 instead of the model's, by number of the geom.
 
     Raises:
         NotFoundError: a geom is none of plane, box, sphere, ellipsoid, capsule, cylinder, mesh.
@@ -127,18 +127,12 @@ def _half_sizes(model: mujoco.MjModel, g: np.ndarray) -> np.ndarray:
 
 
 def _painted(
-    model: mujoco.MjModel,
-    g: np.ndarray,
-    paint: Mapping[int, tuple[int, ...]] | tuple[int, ...] | None,
+    model: mujoco.MjModel, g: np.ndarray, paint: Mapping[int, tuple[int, ...]] | None
 ) -> np.ndarray:
     colours = np.rint(255 * _colours(model)[g]).astype(np.uint8)
-    if isinstance(paint, tuple):
-        colours[:, : len(paint)] = paint
-    elif paint is not None:
-        for k, number in enumerate(g):
-            if int(number) in paint:
-                colour = paint[int(number)]
-                colours[k, : len(colour)] = colour
+    for k, number in enumerate(map(int, g)):
+        if paint and number in paint:
+            colours[k, :3] = paint[number]
     return colours
 
 
@@ -221,18 +215,12 @@ def log_shapes(
     canvas: Canvas,
     root: str,
     model: mujoco.MjModel,
-    paint: Mapping[int, tuple[int, ...]] | tuple[int, ...] | None = None,
-    only: Collection[str] | None = None,
+    paint: Mapping[int, tuple[int, ...]] | None = None,
 ) -> None:
-    """Log bodies' shapes under ``root/<body>``; see `shapes`.
-
-    Args:
-        only: names of these bodies; all, with bench and floor, if None.
-    """
+    """Log the shapes of all bodies, with bench and floor, under ``root/<body>``; see `shapes`."""
     for name, body in bodies(model).items():
-        if only is None or name in only:
-            for kind, shape in shapes(model, body, paint).items():
-                canvas.once(f"{root}/{name}/{kind}", shape)
+        for kind, shape in shapes(model, body, paint).items():
+            canvas.once(f"{root}/{name}/{kind}", shape)
 
 
 def log_motion(canvas: Canvas, root: str, at: np.ndarray, motion: BodyMotion) -> None:
@@ -244,10 +232,10 @@ def log_motion(canvas: Canvas, root: str, at: np.ndarray, motion: BodyMotion) ->
         canvas.columns(f"{root}/{name}", at, where)
 
 
-def log_pose(canvas: Canvas, root: str, motion: BodyMotion, at: int = 0) -> None:
-    """Log one moment of a motion for all times."""
+def log_pose(canvas: Canvas, root: str, motion: BodyMotion) -> None:
+    """Log the first moment of a motion for all times."""
     for k, name in enumerate(motion.names):
         place = rr.Transform3D(
-            translation=motion.position[at, k], quaternion=motion.quaternion[at, k]
+            translation=motion.position[0, k], quaternion=motion.quaternion[0, k]
         )
         canvas.once(f"{root}/{name}", place)
