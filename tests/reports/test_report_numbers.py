@@ -47,11 +47,6 @@ def test_people_read_millimetres_and_degrees_and_files_hold_si(si, unit, text):
     ) or f"{factor * si:g}{'' if shown == '°' else ' '}{shown}" == text
 
 
-def test_a_share_that_is_small_is_not_nothing():
-    assert numbers.share(0.002) == "< 1 %" and numbers.share(0.0) == "0 %"
-    assert numbers.share(0.994) == "99 %"
-
-
 def test_certainty_is_never_claimed():
     assert numbers.chance(1.0) == ">\u00a00.99" and numbers.chance(0.0) == "<\u00a00.01"
     assert numbers.percent(0.954) == "95.4" and numbers.percent(0.99977) == "99.97"

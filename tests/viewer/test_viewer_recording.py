@@ -23,7 +23,6 @@ from wrenchbed.viewer import recordings
 from wrenchbed.viewer.elements import heat, scale_for
 from wrenchbed.viewer.recordings import recording_view
 from wrenchbed.viewer.robot import FRAMES_HZ, bodies, frames, geoms_of, shapes
-from wrenchbed.viewer.stream import readable
 
 ROBOTS = ("ur5", "medrue")
 CHANNELS = ("fx", "fy", "fz", "tx", "ty", "tz")
@@ -179,15 +178,6 @@ def test_arrows_fit_the_scene(force, torque):
     assert 0.1 < scale.torque * torque <= 0.3 + 1e-9
     for size in (scale.force, scale.torque):
         assert round(size / 10 ** np.floor(np.log10(size) + 1e-9), 6) in (1.0, 2.0, 5.0)
-
-
-def test_words_are_made_of_what_the_viewers_font_has():
-    kept = "Torque x: −0.0028 ± 0.0003 N·m, 15 × its noise: “joint 2” → 97 % of 3 µrad²"
-    assert readable(kept) == kept and readable("測試 █") == "?? ?"
-    text = "".join(map(chr, np.random.default_rng(0).integers(0x20, 0x2FFFF, 5000)))
-    told = readable(text)
-    assert len(told) == len(text) and readable(told) == told
-    assert all(a == b or b == "?" for a, b in zip(text, told, strict=True))
 
 
 def test_colours_grow_darker_with_blame():

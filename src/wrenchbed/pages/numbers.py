@@ -44,11 +44,6 @@ def percent(x: float) -> str:
     return minus(f"{100 * x:,.0f}" if abs(x) >= 10 else f"{100 * x:.1f}")
 
 
-def share(x: float) -> str:
-    """A share (0 … 1) in whole percent; one that rounds to nothing is not nothing."""
-    return "< 1 %" if 0.0 < x < 0.005 else f"{100 * x:.0f} %"
-
-
 def chance(p: float) -> str:
     """A probability; certainty is never claimed."""
     return ">\u00a00.99" if p > 0.994 else "<\u00a00.01" if p < 0.006 else f"{p:.2f}"

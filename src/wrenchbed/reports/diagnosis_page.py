@@ -14,25 +14,10 @@ from wrenchbed.pages.chart import Chart
 from wrenchbed.pages.document import Facts, provenance
 from wrenchbed.pages.draw import Drawn, draw
 from wrenchbed.reports import cause_charts, figures
-from wrenchbed.reports.answer import BADGES, Answer, width
+from wrenchbed.reports.answer import BADGES, Answer
 from wrenchbed.reports.effort_answer import EffortAnswer, effort_charts
 from wrenchbed.reports.simulators import Evidence
 from wrenchbed.reports.wrench_answer import WrenchAnswer
-
-
-def places(findings: Findings) -> list[dict[str, str]]:
-    """What the calibrated residual is seen to lie in, or to vary with, and how much of it."""
-    return [
-        {
-            "variable": f.variable,
-            "share": numbers.share(max(f.share, 0.0)),
-            "width": width(f.share),
-            "p": numbers.p_value(f.p_value),
-            "sentence": f.sentence,
-        }
-        for f in findings.places
-        if f.seen
-    ]
 
 
 def recorded(recording: Recording, name: str, observed: str = "") -> list[tuple[str, str]]:
@@ -74,7 +59,6 @@ def diagnosis_page(findings: Findings, command: str = "") -> ReportPage:
     more = {
         "heat": heat,
         "observed": findings.analysis.prepared.observed,
-        "places": places(findings),
         "rows": words.row_sentences,
         "next": words.d.next,
         "record": f"wrenchbed record --robot {shlex.quote(words.d.robot)} --driver DRIVER --plan ",

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 import rerun as rr
 
+from wrenchbed.errors import printable
 from wrenchbed.pages.numbers import HUMAN, round_down
 from wrenchbed.physics.rotations import apply
 from wrenchbed.physics.wrench import CHANNELS
 from wrenchbed.robots.base import Joint
 from wrenchbed.viewer.robot import BodyMotion
-from wrenchbed.viewer.stream import Canvas, readable
+from wrenchbed.viewer.stream import Canvas
 
 MEASURED = (40, 140, 220)
 """Blue: what a robot's sensor said; as in reports, and told from orange by everybody."""
@@ -109,7 +110,7 @@ def log_curves(
 
     A measured one is wide, beneath the others.
     """
-    widths, known = [_BENEATH if c == MEASURED else _WIDTH for c in colours], map(readable, names)
+    widths, known = [_BENEATH if c == MEASURED else _WIDTH for c in colours], map(printable, names)
     canvas.once(path, rr.SeriesLines(names=list(known), colors=list(colours), widths=widths))
     canvas.columns(path, at, rr.Scalars.columns(scalars=values))
 

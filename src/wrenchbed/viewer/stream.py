@@ -11,6 +11,7 @@ import numpy as np
 import rerun as rr
 
 from wrenchbed import registry
+from wrenchbed.errors import printable
 from wrenchbed.files import write_bytes
 from wrenchbed.physics.wrench import CHANNELS, UNITS
 from wrenchbed.robots.base import SimulatedRobot
@@ -18,9 +19,6 @@ from wrenchbed.robots.base import SimulatedRobot
 APP = "wrenchbed"
 TIME, ROW = "time", "row"
 """Timelines: of a motion [s], and of poses at rest, between which nothing is recorded."""
-_RANGES = ((0x20, 0x7E), (0xA0, 0x17F), (0x391, 0x3C9), (0x410, 0x44F))
-"""Latin, Greek and Cyrillic letters of its font, Inter."""
-_SIGNS = frozenset("–—‘’“”„…•→←↑↓−×÷±≈≠≤≥√∞∆∑·\n")
 _SKY = (242, 244, 247)
 """Behind the robot; curves keep the viewer's own ground."""
 Window = tuple[str, np.ndarray]
@@ -67,19 +65,10 @@ def to_file(path: str | Path, blueprint: Any, axis: str = TIME) -> Iterator[Canv
     write_bytes(path, data or b"")
 
 
-def readable(text: str) -> str:
-    """The text with a question mark for every character that the viewer may lack."""
-    return "".join(c if c in _SIGNS or _known(ord(c)) else "?" for c in text)
-
-
 def log_words(canvas: Canvas, path: str, text: str) -> None:
     """Log Markdown for all times."""
-    document = rr.TextDocument(readable(text), media_type=rr.MediaType.MARKDOWN)
+    document = rr.TextDocument(printable(text), media_type=rr.MediaType.MARKDOWN)
     canvas.once(path, document)
-
-
-def _known(code: int) -> bool:
-    return any(low <= code <= high for low, high in _RANGES)
 
 
 def scene(robot: str, name: str = "robot") -> Any:
