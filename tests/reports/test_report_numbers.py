@@ -22,13 +22,11 @@ def test_a_value_has_as_many_digits_as_are_known(value, std, text):
     assert numbers.measured(value, std) == text
 
 
-def test_intervals_have_the_unit_of_their_value():
+def test_values_have_a_unit_that_people_read():
     told = {"value": 0.006, "std": 0.0001, "unit": "rad"}
     assert numbers.quantity("x", told) == "0.344 ± 0.006°"
-    assert numbers.interval("x", told) == "0.333 … 0.355°"
     assert numbers.quantity("gain.fx", {"value": -0.05, "std": 0.01, "unit": "1"}) == "−5.0 ± 1.0 %"
     assert numbers.quantity("joint", {"value": 2, "rivals": [3]}) == "2 (or 3)"
-    assert numbers.interval("x", {"value": 1.0, "std": None, "unit": "N"}) == "–"
 
 
 @pytest.mark.parametrize(

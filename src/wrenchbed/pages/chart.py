@@ -13,7 +13,7 @@ import numpy as np
 Role = Literal["measured", "before", "after", "box"]
 """What a colour means: measured, simulated without and with the effects, one simulator more."""
 Mark = Literal["dot", "ring", "diamond"]
-Kind = Literal["line", "points", "band", "bars"]
+Kind = Literal["line", "points", "bars"]
 DIGITS = 6
 """Significant digits of a number in a page."""
 MOST_POINTS = 400
@@ -51,11 +51,11 @@ class Axis:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Points, lines, bands or bars of N values.
+    """Points, lines or bars of N values.
 
     Attributes:
         name: for legend and table; one that is empty has none.
-        kind: a ``band`` is y ± std as an area; ``bars`` are horizontal where y has names.
+        kind: ``bars`` are horizontal, y has names.
         x, y: (N,) in the axes' units.
         std: standard uncertainty of y (N,), None where it is not known.
         role: its colour.

@@ -126,9 +126,6 @@ def _series(ax: Any, s: Series) -> None:
     colour, label = COLOURS[s.role], s.name or None
     if s.kind == "bars":
         ax.barh(s.y, s.x, 0.6, color=colour, label=label)
-    elif s.kind == "band":
-        half = 0.0 if s.std is None else s.std
-        ax.fill_between(s.x, s.y - half, s.y + half, color=colour, alpha=0.22, lw=0, label=label)
     elif s.kind == "line":
         style = "--" if s.dashed else "-"
         ax.plot(s.x, s.y, color=colour, lw=1.6, ls=style, label=label)

@@ -72,21 +72,6 @@ def rough(name: str, value: float, unit: str) -> str:
     return minus(_with(f"{factor * value:.2g}", shown))
 
 
-def interval(name: str, entry: Mapping[str, Any]) -> str:
-    """The 95 % interval of a parameter in the unit of `quantity`; a dash where it is not known."""
-    value, std = entry.get("value"), entry.get("std")
-    if not _is_number(value) or not _is_number(std) or not std or not math.isfinite(std):
-        return "–"
-    factor, unit = _unit(name, entry)
-    value, std = factor * float(value or 0.0), factor * std
-    power = _power(max(abs(value), std))
-    scale, std = 10.0**power, std / 10.0**power
-    digits = _digits(std)
-    low, high = (f"{value / scale + k * NORMAL_95 * std:.{digits}f}" for k in (-1, 1))
-    both = minus(f"{low} … {high}")
-    return _with(f"({both}){_times(power)}" if power else both, unit)
-
-
 def measured(value: float, std: float | None, *, signed: bool = False) -> str:
     """``(1.40 ± 0.05)·10⁴``: as many digits as the uncertainty allows, four without one."""
     if not math.isfinite(value):

@@ -53,17 +53,14 @@ def own_chart(e: Evidence, c: Cause, name: str) -> Chart | None:
 
 
 def curve_chart(entry: Mapping[str, Any], name: str) -> Chart | None:
-    """The form-free curve of an entry of ``which`` with its 95 % band; None if it has none."""
+    """The form-free curve of an entry of ``which`` with its ±; None if it has none."""
     curve = entry.get("curve")
     if not curve:
         return None
     x, y, std = (np.asarray(curve[k], dtype=float) for k in ("x", "y", "std"))
     across = Axis(_OF_UNIT.get(str(curve["x_unit"]), "variable"), str(curve["x_unit"]))
-    series = [
-        Series("95 % interval", "band", x, y, 1.96 * std, "after"),
-        Series("estimated curve", "line", x, y, std, "after"),
-    ]
-    caption = "A curve without an assumed formula, with the interval that the data leave it."
+    series = [Series("estimated curve", "points", x, y, std, "after")]
+    caption = "A curve without an assumed formula; upright lines: one standard uncertainty."
     title, up = f"{entry['effect']}: estimated curve", Axis("what it adds", str(curve["y_unit"]))
     return replace(_over(title, across, up, series, caption), name=name)
 

@@ -27,13 +27,11 @@ class Size:
         key: its name in diagnosis.json.
         name: the same in words.
         value: ± standard uncertainty with its unit.
-        interval: of 95 %; a dash where it is not known.
     """
 
     key: str
     name: str
     value: str
-    interval: str
 
 
 @dataclass(frozen=True)
@@ -72,7 +70,7 @@ class Claim:
     @property
     def rows(self) -> tuple[Size, ...]:
         """Rows of a table of its parameters, at least one."""
-        return self.sizes or (Size("–", "–", "–", "–"),)
+        return self.sizes or (Size("–", "–", "–"),)
 
     @property
     def names(self) -> str:
@@ -110,8 +108,7 @@ def claim(
         quantities = {"sum": entry["combination"]}
     sizes = {
         n: Size(n, "together" if n == "sum" else parameter(n),
-                numbers.quantity(n, v, signed=name in STATED or bool(wording and v.get("std"))),
-                numbers.interval(n, v))
+                numbers.quantity(n, v, signed=name in STATED or bool(wording and v.get("std"))))
         for n, v in quantities.items()
     }  # fmt: skip
     ranked = list(sizes)

@@ -9,7 +9,7 @@ from wrenchbed import registry
 from wrenchbed.data.recording import Recording
 from wrenchbed.diagnosis.diagnose import Findings
 from wrenchbed.diagnosis.efforts.diagnose_efforts import EffortFindings
-from wrenchbed.pages import ReportPage, numbers
+from wrenchbed.pages import ReportPage
 from wrenchbed.pages.chart import Chart
 from wrenchbed.pages.document import Facts, provenance
 from wrenchbed.pages.draw import Drawn, draw
@@ -27,18 +27,12 @@ def recorded(recording: Recording, name: str, observed: str = "") -> list[tuple[
         name: under which it was given.
         observed: what was made of its rows, before a comma.
     """
-    stated, tool = recording.metadata, []
-    if stated.tool.mass is not None:
-        tool.append(f"{stated.tool.mass:.4g} kg")
-    if stated.tool.cog is not None:
-        cog = ", ".join(f"{1e3 * x:.4g}" for x in stated.tool.cog)
-        tool.append(numbers.minus(f"centre of gravity ({cog}) mm"))
+    stated = recording.metadata
     rate = "" if stated.rate_hz is None else f" at {stated.rate_hz:g} Hz"
     rows = f"{observed}{len(recording):,} rows{rate}, source: {stated.source or 'not stated'}"
     return [
         ("recording", name),
         ("sensor", stated.sensor.model or "not stated"),
-        ("stated tool", ", ".join(tool) or "not stated"),
         ("data", rows),
     ]
 

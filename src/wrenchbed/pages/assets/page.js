@@ -49,15 +49,6 @@
   }
 
   // ---- series -----------------------------------------------------------------------------
-  function area(p, s, k) {
-    const points = s.x.map((x, i) => [x, s.y[i] + s.std[i]])
-      .concat(s.x.map((x, i) => [x, s.y[i] - s.std[i]]).reverse());
-    return {type: "custom", name: s.name, xAxisIndex: k, yAxisIndex: k, data: [[s.x[0], s.y[0]]],
-      silent: true, clip: true, z: 1, tooltip: {show: false},
-      renderItem: (_, api) => ({type: "polygon", silent: true,
-        shape: {points: points.map(v => api.coord(v))}, style: {fill: role(s.role), opacity: .22}})};
-  }
-
   function whiskers(s, k) {
     return {type: "custom", name: s.name, xAxisIndex: k, yAxisIndex: k, silent: true, clip: true, z: 2,
       data: s.x.map((x, i) => [x, s.y[i] - s.std[i], s.y[i] + s.std[i]]), tooltip: {show: false},
@@ -69,10 +60,9 @@
       }};
   }
 
-  function drawn(p, s, k, narrow) {
+  function drawn(s, k) {
     const common = {name: s.name, xAxisIndex: k, yAxisIndex: k, data: s.x.map((x, i) => [x, s.y[i]]),
       itemStyle: {color: role(s.role)}, emphasis: {disabled: false}, animation: false};
-    if (s.kind === "band") return [area(p, s, k)];
     if (s.kind === "bars") return [{...common, type: "bar", barWidth: "60%", barGap: "-100%"}];
     if (s.kind === "line") return [{...common, type: "line", showSymbol: false, symbolSize: 6, z: 4,
       lineStyle: {color: role(s.role), width: 1.8, type: s.dashed ? "dashed" : "solid"}}];
@@ -211,7 +201,7 @@
           told.series.push(matrix(p, k));
           told.graphic.push(...barOf(p.matrix, b));
         }
-        const own = p.series.filter(s => !this.off.has(s.name)).flatMap(s => drawn(p, s, k));
+        const own = p.series.filter(s => !this.off.has(s.name)).flatMap(s => drawn(s, k));
         if (own.length) own[own.length - 1].markLine = marks(p);
         told.series.push(...own);
       });
@@ -252,10 +242,9 @@
           lines.push(`${m.rows[i]}, ${p.x.label} ${m.columns[j].replace("\n", " ")}: ${m.texts[i][j]}`);
           continue;
         }
-        const s = p.series.find(s => s.name === item.seriesName && s.kind !== "band") ??
-          p.series.find(s => s.name === item.seriesName);
+        const s = p.series.find(s => s.name === item.seriesName);
         const n = item.dataIndex;
-        if (!s || seen.has(`${k} ${s.name}`) || s.kind === "band") continue;
+        if (!s || seen.has(`${k} ${s.name}`)) continue;
         seen.add(`${k} ${s.name}`);
         const value = (a, v) => a.names.length ? a.names[v] : `${short(v)}${a.unit ? ` ${a.unit}` : ""}`;
         const head = `${p.x.label} ${value(p.x, s.x[n])}`;
