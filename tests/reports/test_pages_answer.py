@@ -64,7 +64,8 @@ class Pages:
     @cached_property
     def recording(self):
         files = [self.folder / "fit.json"]
-        with patch("wrenchbed.reports.recording_page.draw", lambda c: Drawn(c, "<svg></svg>")):
+        still = "<svg><title>not drawn</title></svg>"
+        with patch("wrenchbed.reports.recording_page.draw", lambda c: Drawn(c, still)):
             page = recording_page(self.fitted[1], files, "wrenchbed report rec.parquet")
         return self._written("recording", page)
 

@@ -30,7 +30,7 @@ class Axis:
     Attributes:
         label, unit: what it shows.
         scale: ``log`` is in decades.
-        names: categories, whose values are 0, 1 …; from the top down on a y axis.
+        names: categories of a y axis, whose values are 0, 1 … from the top down.
         ticks: where it is marked; chosen by whoever draws it if empty.
         low, high: its ends, None: those of the data.
     """

@@ -146,10 +146,7 @@ def _axis(ax: Any, which: str, a: Axis) -> None:
     if a.names:
         axis.set_major_locator(FixedLocator(range(len(a.names))))
         axis.set_ticklabels(list(a.names))
-        if which == "y":
-            ax.set_ylim(len(a.names) - 0.5, -0.5)
-        else:
-            ax.set_xlim(-0.5, len(a.names) - 0.5)
+        ax.set_ylim(len(a.names) - 0.5, -0.5)
         ax.grid(visible=False, axis=which)
         ax.tick_params(axis=which, length=0)
         return

@@ -146,7 +146,7 @@ def _slope(p: Prepared, scene: Scene, c: Cause, joint: int) -> np.ndarray:
 
 def _load(e: Evidence, c: Cause, active: ActiveEffect) -> Chart:
     """What a channel shows too much against its load; of a loop rising apart from falling rows."""
-    scene, k = e.prepared.scene, largest(c.effect / e.std)[0]
+    scene, k = e.prepared.scene, largest(c.effect / e.std)
     channel, unit, at = CHANNELS[k], UNITS[k], np.flatnonzero(scene.held)
     load = scene.load[:, k]
     came = load[at] - load[np.maximum(at - 1, 0)]
@@ -214,7 +214,7 @@ def everywhere(e: Evidence, name: str) -> Chart:
     """The residual of its largest channel over every joint, direction, time and load."""
     claimed = e.after is not None
     residual = (e.prepared.y - (e.before if e.after is None else e.after)) / e.std
-    k = largest(residual)[0]
+    k = largest(residual)
     y, panels, note = Axis(f"{e.names[k]}, residual", "noise"), [], ""
     for axis, x in _variables(e, k):
         order = np.argsort(x, kind="stable")

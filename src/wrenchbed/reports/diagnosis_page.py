@@ -114,7 +114,7 @@ def _of_causes(words: WrenchAnswer, e: Evidence) -> list[Chart]:
     charts: list[Chart | None] = []
     for k, cause in enumerate(e.causes()):
         charts.append(cause_charts.own_chart(e, cause, f"cause-{k}"))
-        charts += figures.of_cause(e, cause, f"effect-{k}")
+        charts.append(figures.of_cause(e, cause, f"effect-{k}"))
     for k, entry in enumerate(words.d.which):
         charts.append(cause_charts.curve_chart(entry, f"curve-{k}"))
         if entry["effect"] in words.row_effects:

@@ -54,30 +54,19 @@ def residual_map(e: Evidence) -> Chart:
     return heat(residuals, e.names, *along(e.prepared), e.prepared.observed)
 
 
-def of_cause(e: Evidence, c: Cause, name: str) -> list[Chart]:
-    """What a cause makes, against a twin without it; one channel where causes are many."""
-    many = len(e.findings.diagnosis.which) > 1
-    chosen = largest(c.effect / e.std)[: 1 if many else 2]
-    return [_comparison(e, k, c.name, c.measured, c.effect, name) for k in chosen]
-
-
-def _comparison(
-    e: Evidence, k: int, title: str, measured: np.ndarray, effect: np.ndarray, name: str
-) -> Chart:
-    """Measured and simulated of channel k with their residual beneath, over one axis.
+def of_cause(e: Evidence, c: Cause, name: str) -> Chart:
+    """What a cause makes, against a twin without it: measured and simulated of the channel that
+    shows it most with their residual beneath, over one axis.
 
     Both are without what the other effects make; the simulation is by fits that did not see the
     rows.
-
-    Args:
-        measured: minus the simulator without the effect (H, 6).
-        effect: what it adds (H, 6).
     """
-    p, channel, unit, sigma = e.prepared, e.names[k], e.units[k], float(e.std[k])
-    x, axis, order = _across(e, title, k, effect)
-    y, ids = measured[order, k], e.ids[order]
+    p, title, k = e.prepared, c.name, largest(c.effect / e.std)
+    channel, unit, sigma = e.names[k], e.units[k], float(e.std[k])
+    x, axis, order = _across(e, title, c.effect[:, k])
+    y, ids = c.measured[order, k], e.ids[order]
     std = np.full(len(order), sigma * np.sqrt(p.noise[k]))
-    added = effect[order, k]
+    added = c.effect[order, k]
     top = [
         Series("simulated effect", "line", x, added, None, "after", ids=ids),
         Series("measured", "points", x, y, std, "measured", ids=ids),
@@ -100,14 +89,12 @@ def _comparison(
     return Chart(f"{name}-{channel}", f"{title}: {channel}", panels, 1, True, caption, note)
 
 
-def _across(
-    e: Evidence, title: str, k: int, effect: np.ndarray
-) -> tuple[np.ndarray, Axis, np.ndarray]:
+def _across(e: Evidence, title: str, effect: np.ndarray) -> tuple[np.ndarray, Axis, np.ndarray]:
     """Where to draw the observations (H,), the axis, and their order: that of a motion's time, of
-    poses the size of the effect."""
+    poses the size of the effect (H,)."""
     p, known = e.prepared, effects()
     order = np.arange(len(p.y))
     if p.moving or p.averaged or (title in known and known[title].shown == "time"):
         return p.scene.t[p.scene.held], Axis("time", "s"), order
     sorted_poses = Axis("poses, sorted by the predicted effect")
-    return 1.0 * order, sorted_poses, np.argsort(effect[:, k], kind="stable")
+    return 1.0 * order, sorted_poses, np.argsort(effect, kind="stable")

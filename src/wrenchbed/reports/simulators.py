@@ -16,9 +16,6 @@ from wrenchbed.pages.numbers import HUMAN
 from wrenchbed.robots.base import Joint
 from wrenchbed.twin.twin import Twin
 
-SECOND_CHANNEL = 0.1
-"""A chart draws a second channel if its residual is this share of the first one's."""
-
 
 @dataclass(frozen=True, eq=False)
 class Cause:
@@ -103,8 +100,7 @@ def along(p: Prepared) -> tuple[np.ndarray, Axis]:
     return pose_numbers(p), Axis("number of the pose")
 
 
-def largest(effect: np.ndarray) -> list[int]:
-    """One or two channels in which an effect (H, 6) shows most."""
+def largest(effect: np.ndarray) -> int:
+    """The channel in which an effect (H, C) shows most."""
     size = ((effect - effect.mean(axis=0)) ** 2).sum(axis=0) + (effect**2).sum(axis=0)
-    first, second = (int(k) for k in np.argsort(-size)[:2])
-    return [first, second] if size[second] > SECOND_CHANNEL * size[first] else [first]
+    return int(np.argmax(size))

@@ -48,7 +48,7 @@ def recording_view(
     real, residual = motion(simulation, q[shown]), recording.wrench - best.reading
     scale = scale_for(recording.wrench)
     tabs = [
-        stream.channels("wrench and residual", (axis, at), residual),
+        stream.channels("wrench and residual", (axis, at), residual=True),
         stream.curves("/joints", "joints [°, mm]", (axis, at)),
         stream.document("/report", "about"),
     ]

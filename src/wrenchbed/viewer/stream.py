@@ -87,32 +87,27 @@ def scene(robot: str, name: str = "robot") -> Any:
     )
 
 
-def channels(name: str, window: Window, residual: np.ndarray | None = None) -> Any:
-    """Curves of the six channels; with a residual (N, 6) each stands over its own, whose range
-    holds all but one in a thousand of the values."""
+def channels(name: str, window: Window, *, residual: bool = False) -> Any:
+    """Curves of the six channels, each over its residual, if asked for."""
     views = []
     for k, (c, u) in enumerate(zip(CHANNELS, UNITS, strict=True)):
         view = curves(f"/wrench/{c}", f"{c} [{u}]", window, legend=k == 0)
-        if residual is not None:
+        if residual:
             title = f"{c} measured − simulated [{u}]"
-            reach = _reach(residual[:, k])
-            below = curves(f"/residual/{c}", title, window, reach, legend=False)
+            below = curves(f"/residual/{c}", title, window, legend=False)
             view = rr.blueprint.Vertical(view, below, row_shares=[1.6, 1.0])
         views.append(view)
     return rr.blueprint.Grid(*views, grid_columns=2, name=name)
 
 
-def curves(
-    origin: str, name: str, window: Window, reach: float | None = None, *, legend: bool = True
-) -> Any:
-    """Curves of which all of a window is in view at first; with a fixed range ± ``reach``."""
+def curves(origin: str, name: str, window: Window, *, legend: bool = True) -> Any:
+    """Curves of which all of a window is in view at first."""
     b = rr.blueprint
     axis = b.TimeAxis(link=b.components.LinkAxis.Independent, view_range=_all_of(*window))
     return b.TimeSeriesView(
         origin=origin,
         name=name,
         axis_x=axis,
-        axis_y=None if reach is None else b.ScalarAxis(range=(-reach, reach)),
         plot_legend=b.PlotLegend(corner=b.Corner2D.RightTop, visible=legend),
     )
 
@@ -147,8 +142,3 @@ def page(left: Any | None, right: Sequence[Any], timeline: str | None = TIME) ->
         b.BlueprintPanel(state="collapsed"),
         b.SelectionPanel(state="collapsed"),
     )
-
-
-def _reach(values: np.ndarray) -> float:
-    finite = np.abs(values[np.isfinite(values)])
-    return float(max(1.1 * np.quantile(finite, 0.999), 1e-6)) if finite.size else 1.0
