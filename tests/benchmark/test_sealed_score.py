@@ -105,7 +105,7 @@ def test_probabilities_beside_how_often_they_hold(family, tmp_path):
     html = found.html()
     text = re.sub(r"<script.*?</script>|<svg.*?</svg>", "", html, flags=re.DOTALL)
     assert "`" not in text and "<code>unknown</code>" in text
-    assert "Every first answer is right." in text and "<tbody>\n</tbody>" not in text
+    assert "<p>None.</p>" in text and "<tbody>\n</tbody>" not in text
 
 
 def test_a_score_names_the_commitments_but_not_the_seed(family, tmp_path, monkeypatch):

@@ -66,14 +66,12 @@ class Table:
     Attributes:
         title: with its number in the paper, if it has one.
         note: what to make of it.
-        empty: what a page says where there are no rows.
     """
 
     title: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
-    empty: str = "None."
 
     @classmethod
     def of(
@@ -96,7 +94,7 @@ class Table:
     def markdown(self) -> str:
         """A pipe table; a sentence where it has no rows."""
         if not self.rows:
-            return f"**{self.title}**\n\n{self.empty}"
+            return f"**{self.title}**\n\nNone."
         line = "| " + " | ".join(["---"] + ["---:"] * (len(self.columns) - 1)) + " |"
         cells = ([c.replace("|", r"\|") for c in row] for row in (self.columns, *self.rows))
         body = ["| " + " | ".join(row) + " |" for row in cells]

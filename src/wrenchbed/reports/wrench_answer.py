@@ -177,11 +177,7 @@ class WrenchAnswer(Answer):
         if self.distrusted or not closed:
             text = "Do not use twin.json yet: record more poses, "
             return f"{text}and diagnose both recordings together."
-        text = "Nothing more has to be recorded to name the cause. "
-        if self.only_rows:
-            text += "It acts on single rows. twin.json contains it; the mean readings of that "
-            return f"{text}simulator are the calibrated ones."
-        return f"{text}twin.json contains it."
+        return "Nothing more has to be recorded to name the cause. twin.json contains it."
 
     @property
     def black_box(self) -> str:

@@ -6,7 +6,6 @@ It says how good an entrant is, how far its probabilities hold, and how small an
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -150,5 +149,4 @@ def _wrong(rows: Sequence[CaseRow]) -> Table:
         error = claim.error.strip().split("\n")[-1][:80]
         lines.append([truth.case, names, size, answer, claim.sure, error])
     head = ["case", "truth", "gap", "said", "p", "error"]
-    table = Table.of("Wrong first answers", head, lines)
-    return replace(table, empty="Every first answer is right.")
+    return Table.of("Wrong first answers", head, lines)
